@@ -1,0 +1,78 @@
+# The three kinds of target in this tree: a library of a floor, a program, a test.
+include(GNUInstallDirs)
+
+# What RTPM's own sources are compiled with; never part of what an embedder inherits.
+add_library(rtpm_build_flags INTERFACE)
+target_compile_options(rtpm_build_flags INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wsign-conversion -Wnon-virtual-dtor
+  -Wold-style-cast -Wcast-align -Woverloaded-virtual -Wimplicit-fallthrough
+  $<$<BOOL:${RTPM_WERROR}>:-Werror>)
+if(RTPM_SANITIZE)
+  target_compile_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE} -fno-omit-frame-pointer)
+  target_link_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE})
+endif()
+
+if(PROJECT_IS_TOP_LEVEL)
+  set(CMAKE_RUNTIME_OUTPUT_DIRECTORY "${CMAKE_BINARY_DIR}/bin")
+endif()
+
+# rtpm_library(NAME part [SOURCES …] [PUBLIC targets…] [PRIVATE targets…])
+# Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without
+# sources is header-only. PUBLIC are the parts whose headers its own headers include: because a
+# target sees only what it links, an include that points up a floor does not compile.
+function(rtpm_library)
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "NAME" "SOURCES;PUBLIC;PRIVATE")
+  if(A_UNPARSED_ARGUMENTS OR NOT A_NAME)
+    message(FATAL_ERROR "rtpm_library: NAME is required and nothing unknown is taken; got '${ARGV}'")
+  endif()
+  set(target rtpm_${A_NAME})
+  if(A_SOURCES)
+    add_library(${target} STATIC ${A_SOURCES})
+    target_include_directories(${target} PUBLIC "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
+                                         PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}/src")
+    target_compile_features(${target} PUBLIC cxx_std_20)
+    target_link_libraries(${target} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:rtpm_build_flags>)
+    set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  else()
+    add_library(${target} INTERFACE)
+    target_include_directories(${target} INTERFACE "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>")
+    target_compile_features(${target} INTERFACE cxx_std_20)
+    target_link_libraries(${target} INTERFACE ${A_PUBLIC})
+  endif()
+  set_target_properties(${target} PROPERTIES EXPORT_NAME ${A_NAME})
+  add_library(rtpm::${A_NAME} ALIAS ${target})
+endfunction()
+
+# rtpm_program(NAME name SOURCES … LINK targets…): an executable in build/<preset>/bin.
+function(rtpm_program)
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "NAME" "SOURCES;LINK")
+  if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES)
+    message(FATAL_ERROR "rtpm_program: NAME and SOURCES are required; got '${ARGV}'")
+  endif()
+  add_executable(${A_NAME} ${A_SOURCES})
+  target_link_libraries(${A_NAME} PRIVATE ${A_LINK} rtpm_build_flags)
+  target_compile_features(${A_NAME} PRIVATE cxx_std_20)
+  set_target_properties(${A_NAME} PROPERTIES CXX_EXTENSIONS OFF)
+endfunction()
+
+# rtpm_test(NAME name SOURCES … LINK targets… LABEL unit|conformance|system|… [TIMEOUT seconds] [SERIAL])
+# A GoogleTest binary whose cases are each a ctest. SERIAL: cases take the machine for themselves.
+function(rtpm_test)
+  cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL" "NAME;LABEL;TIMEOUT" "SOURCES;LINK")
+  if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES OR NOT A_LABEL)
+    message(FATAL_ERROR "rtpm_test: NAME, SOURCES and LABEL are required; got '${ARGV}'")
+  endif()
+  if(NOT A_TIMEOUT)
+    set(A_TIMEOUT 60)
+  endif()
+  rtpm_program(NAME ${A_NAME} SOURCES ${A_SOURCES} LINK ${A_LINK} GTest::gtest_main)
+  set(serial "")
+  if(A_SERIAL)
+    set(serial RUN_SERIAL TRUE)
+  endif()
+  gtest_discover_tests(${A_NAME} TEST_PREFIX "${A_NAME}." DISCOVERY_MODE PRE_TEST
+    PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
+endfunction()
+if(RTPM_BUILD_TESTS)
+  include(GoogleTest)
+endif()

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <string_view>
+
+namespace rtpm::inline base {
+
+/// FNV-1a, 64 bits: for names and fingerprints, where nobody chooses the input to do harm.
+[[nodiscard]] constexpr std::uint64_t fnv1a_64(
+    std::string_view text, std::uint64_t basis = 0xcbf29ce484222325ULL) noexcept {
+  std::uint64_t hash = basis;
+  for (const char character : text) {
+    hash ^= static_cast<std::uint8_t>(character);
+    hash *= 0x100000001b3ULL;
+  }
+  return hash;
+}
+
+/// The secret of a keyed hash; draw it at random once per process.
+struct SipKey {
+  std::uint64_t low = 0;
+  std::uint64_t high = 0;
+};
+
+/// SipHash-2-4, 64 bits: a keyed hash that whoever lacks the key can't forge; for cookies.
+/// RT: alloc-free, about 20 ns for 40 bytes.   Source: Aumasson and Bernstein, 2012.
+[[nodiscard]] std::uint64_t siphash_2_4(SipKey key, std::span<const std::byte> bytes) noexcept;
+
+}  // namespace rtpm::inline base

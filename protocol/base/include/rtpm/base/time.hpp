@@ -1,0 +1,34 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+
+namespace rtpm::inline base {
+
+/// The unit of every span of time in RTPM.
+using Duration = std::chrono::nanoseconds;
+
+/// Names the time line of CLOCK_MONOTONIC. It has no now(): protocol code gets the time as an
+/// argument, and only rtpm::rt reads the clock.
+struct MonotonicClock {
+  using duration = Duration;
+  using rep = duration::rep;
+  using period = duration::period;
+  using time_point = std::chrono::time_point<MonotonicClock>;
+  static constexpr bool is_steady = true;
+};
+
+/// A point on this host's monotonic time line.
+using MonotonicTime = MonotonicClock::time_point;
+
+/// "Never": later than every other time.
+inline constexpr MonotonicTime kNever = MonotonicTime::max();
+
+[[nodiscard]] constexpr std::int64_t to_ns(MonotonicTime time) noexcept {
+  return time.time_since_epoch().count();
+}
+[[nodiscard]] constexpr MonotonicTime time_from_ns(std::int64_t ns) noexcept {
+  return MonotonicTime{Duration{ns}};
+}
+
+}  // namespace rtpm::inline base

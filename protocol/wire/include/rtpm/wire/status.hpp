@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+namespace rtpm::wire {
+
+/// The outcome that a REPLY or REFUSE frame carries. The numbers are the wire's and never change.
+/// Source: spec/hprotocol.md#hp-7.
+enum class Status : std::uint16_t {
+  kOk = 0,                   ///< The servant ran and its result is the payload.
+  kOverload = 1,             ///< Not run: a queue or table is full. Send less, or later.
+  kExpired = 2,              ///< Not run: the caller's time budget was over before the servant began.
+  kNoSuchMethod = 3,         ///< Not run: the object has no method of that id.
+  kNoSuchObject = 4,         ///< Not run: no object has that path or number.
+  kBadRequest = 5,           ///< Not run: the payload is not what the method takes.
+  kNotLeaseHolder = 6,       ///< Not run: somebody else holds the lease that the method needs.
+  kGone = 7,                 ///< Not run: the object was there and was taken away.
+  kServantFailed = 8,        ///< The servant ran and ended with a fault of its own.
+  kTooLarge = 9,             ///< A message is larger than the session's limit. On a reply: it ran.
+  kPriorityNotAllowed = 10,  ///< Not run: the priority is above the session's ceiling.
+  kWrongBand = 11,           ///< Not run: the priority is outside the session's band.
+  kUnknownSession = 12,      ///< The server has no such session (any more): handshake again.
+  kVersionUnsupported = 13,  ///< Handshake refused: no protocol version in common.
+  kBadLimits = 14,           ///< Handshake refused: a limit in it is absurd.
+  kWrongInterface = 15,      ///< Bind refused: the object has another interface.
+};
+inline constexpr std::uint16_t kStatusCount = 16;
+
+/// The status's name as the spec writes it, "unknown" for a number that has none.
+[[nodiscard]] std::string_view to_string(Status status) noexcept;
+
+}  // namespace rtpm::wire

@@ -1,0 +1,104 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/interface.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::rpc {
+
+/// What one call may state; every field has a default.
+struct CallOptions {
+  /// The call's priority; default: the calling thread's current_priority(), else the object's.
+  std::optional<Priority> priority{};
+  /// How long the caller waits, from now on; default: the method's, else the node's.
+  std::optional<Duration> deadline{};
+  /// Passed on to the servant, to follow one action across programs.
+  std::uint64_t trace_id = 0;
+};
+
+/// How a binding is made.
+struct BindOptions {
+  Transport transport = Transport::kAuto;
+  /// How long bind() may take, the registry's answer included.
+  Duration deadline = std::chrono::seconds{1};
+  /// The priorities that calls will have: a channel of each band is opened now, so that the first
+  /// call is as fast as the thousandth. Empty: the thread's current priority.
+  std::vector<Priority> warm_up{};
+};
+
+/// A reply's bytes and the call channel that holds them; the channel is given back when this ends,
+/// so do not keep it.
+/// Threads: one at a time.   RT: alloc-free.
+class ReplyLease {
+ public:
+  ReplyLease() noexcept = default;
+  ReplyLease(ReplyLease&& other) noexcept { *this = std::move(other); }
+  ReplyLease& operator=(ReplyLease&& other) noexcept {
+    std::swap(bytes_, other.bytes_);
+    std::swap(channel_, other.channel_);
+    return *this;
+  }
+  ~ReplyLease();
+
+  /// The reply's payload, aligned to 16 bytes; valid as long as this lives.
+  [[nodiscard]] ConstBytes bytes() const noexcept { return bytes_; }
+
+ private:
+  friend class Binding;
+  ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
+      : bytes_(bytes), channel_(channel) {}
+
+  ConstBytes bytes_{};
+  class CallChannel* channel_ = nullptr;
+};
+
+/// An object of some server, bound: what every generated stub holds.
+/// Ownership: refers to its node, which must outlive it.
+/// Threads: calls from any thread, several at once (each takes a call channel of its own).
+class Binding {
+ public:
+  /// Binds `target`, a URL "rtpm://host:port/path" or a name for the node's resolver, checks that
+  /// the object has `interface`, and opens the channels of `options.warm_up`.   Set-up only.
+  /// Errors: no resolver, unknown name, nobody there, refused, or an interface that differs (the
+  /// text says in which method).
+  [[nodiscard]] static expected<Binding, SetupError> bind(Node& node, std::string_view target,
+                                                          const InterfaceDescriptor& interface,
+                                                          const BindOptions& options = {});
+  Binding(Binding&&) noexcept;
+  Binding& operator=(Binding&&) noexcept;
+  ~Binding();
+
+  /// Calls `method` with the encoded `request` and waits for the reply, on this thread, without any
+  /// other. At most one run on the server, however often the network loses or repeats.
+  /// RT: alloc-free once the band of the priority is open; one send and one receive per try, plus
+  /// what the wait strategy needs to block.
+  /// Errors: as CallError says.
+  [[nodiscard]] expected<ReplyLease, CallError> call(const MethodDescriptor& method,
+                                                     ConstBytes request,
+                                                     const CallOptions& options = {}) noexcept;
+
+  /// Opens a channel of the band that serves each of `priorities`.   Set-up only.
+  [[nodiscard]] expected<void, SetupError> warm_up(std::span<const Priority> priorities);
+
+  /// Where the object is: "rtpm://host:port/path".
+  [[nodiscard]] std::string_view url() const noexcept;
+
+ private:
+  class Impl;
+  explicit Binding(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::rpc

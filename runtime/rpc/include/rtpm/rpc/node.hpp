@@ -1,0 +1,67 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rt/wait.hpp"
+
+namespace rtpm::rpc {
+
+/// Turns a name such as "lab/arm0" into the URL of the server that has it. rtpm::names has the
+/// implementation that asks the registry.
+class Resolver {
+ public:
+  Resolver() = default;
+  Resolver(const Resolver&) = delete;
+  Resolver& operator=(const Resolver&) = delete;
+  virtual ~Resolver() = default;
+  /// The URL "rtpm://host:port/path" for `name`.   Set-up only.
+  /// Errors: the registry does not answer, the name is not bound: in words, with the remedy.
+  [[nodiscard]] virtual expected<std::string, SetupError> resolve(std::string_view name) = 0;
+};
+
+/// Over what a binding sends its calls.
+enum class Transport : std::uint8_t {
+  kAuto,  ///< The best that reaches the server.
+  kUdp,
+  kTcp,
+};
+
+/// How a program calls others.
+struct NodeConfig {
+  rt::WaitConfig wait{};                     ///< How a caller waits for its reply.
+  Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
+  Transport transport = Transport::kAuto;    ///< For bindings that state none.
+  std::uint32_t channel_count_max = 64;      ///< Call channels per server and band: calls at a time.
+  std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
+};
+
+/// The calling side of a program: its identity towards servers and the channels to them. Bindings
+/// share it, so it must outlive them.
+/// Threads: bind and call from any thread; use() before the first bind.
+class Node {
+ public:
+  explicit Node(NodeConfig config = {});
+  Node(const Node&) = delete;
+  Node& operator=(const Node&) = delete;
+  ~Node();
+
+  /// Lets bindings by name ask `resolver`, which must outlive the node.   Set-up only.
+  void use(Resolver& resolver) noexcept;
+
+  [[nodiscard]] const NodeConfig& config() const noexcept;
+
+  class Impl;
+  [[nodiscard]] Impl& impl() noexcept { return *impl_; }
+
+ private:
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::rpc

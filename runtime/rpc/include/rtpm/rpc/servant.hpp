@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/interface.hpp"
+#include "rtpm/wire/status.hpp"
+
+namespace rtpm::rpc {
+
+/// What a servant's method may know of the call it serves. Valid during the call only.
+struct CallContext {
+  Priority priority;           ///< At which the method runs.
+  MonotonicTime deadline;      ///< After which nobody waits for the result.
+  MonotonicTime received;      ///< When the lane took the request up.
+  std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
+  std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.
+};
+
+/// How a dispatch ended; made by generated code.
+struct DispatchResult {
+  wire::Status status = wire::Status::kOk;
+  std::uint32_t reply_size = 0;  ///< Bytes of the reply buffer in use, from its begin.
+};
+
+/// An object that serves calls. Generated skeletons derive from it; people derive from those.
+class Servant {
+ public:
+  Servant() = default;
+  Servant(const Servant&) = delete;
+  Servant& operator=(const Servant&) = delete;
+  virtual ~Servant() = default;
+
+  [[nodiscard]] virtual const InterfaceDescriptor& interface() const noexcept = 0;
+
+  /// Runs the method `method_id` with `request` and writes its result at the begin of `reply`.
+  /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, live until it
+  /// returns and do not overlap.
+  /// Threads: every lane that serves the object calls it, so several at once where lanes differ.
+  /// RT: as the method that a person wrote; what it throws is counted and answered as
+  /// kServantFailed.
+  virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
+                                  const CallContext& context) = 0;
+};
+
+/// The wire's word for a servant's refusal.
+[[nodiscard]] constexpr wire::Status to_status(Refusal refusal) noexcept {
+  switch (refusal) {
+    case Refusal::kOverload: return wire::Status::kOverload;
+    case Refusal::kBadRequest: return wire::Status::kBadRequest;
+    case Refusal::kNotLeaseHolder: return wire::Status::kNotLeaseHolder;
+    case Refusal::kGone: return wire::Status::kGone;
+    case Refusal::kFailed: break;
+  }
+  return wire::Status::kServantFailed;
+}
+
+}  // namespace rtpm::rpc

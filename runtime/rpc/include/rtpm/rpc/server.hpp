@@ -1,0 +1,90 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/counters.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/servant.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/wait.hpp"
+
+namespace rtpm::rpc {
+
+/// Who decides at which priority an object's methods run.
+enum class PriorityModel : std::uint8_t {
+  kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
+  kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
+};
+
+/// How an object is served.
+struct ObjectOptions {
+  PriorityModel model = PriorityModel::kClientPropagated;
+  Priority priority = 0;  ///< Declared, or the default for callers without one.
+};
+
+/// One lane: one thread with its own socket that serves the priorities from `low` up to where the
+/// next lane begins.
+struct LaneConfig {
+  std::string name;            ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
+  Priority low = 0;            ///< The lowest priority it serves. One lane must begin at 0.
+  Priority priority = 0;       ///< At which it waits and receives; raised to `low` if below.
+  rt::WaitConfig wait{};       ///< How it waits for traffic.
+  std::vector<int> cpus{};     ///< To which it is confined; empty: all.
+};
+
+/// How a server is set up.
+struct ServerConfig {
+  std::string name = "server";      ///< Shown in errors and counters.
+  std::string host = "127.0.0.1";   ///< Numeric IPv4 address to serve; the LAN is an explicit choice.
+  std::uint16_t port = 0;           ///< The same number for UDP and TCP; 0: the system chooses.
+  std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  Priority ceiling = Priority::kHighest;       ///< The highest priority that sessions are granted.
+  std::uint32_t session_count_max = 256;       ///< Per lane and transport; more replace the longest idle.
+  std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
+};
+
+/// Serves objects to callers over UDP and TCP, each lane on a thread of its own.
+/// Threads: create, add, start and stop from one thread; counters() and url() from any.
+class Server {
+ public:
+  /// Opens the sockets; nothing is served before start().   Set-up only.
+  /// Errors: an address in use or not this host's, lanes that overlap or leave out 0.
+  [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
+
+  Server(const Server&) = delete;
+  Server& operator=(const Server&) = delete;
+  /// Stops.
+  virtual ~Server() = default;
+
+  /// Serves `servant` under `path` ("lab/arm0"), without leading slash, 1…200 bytes.
+  /// Ownership: `servant` must outlive stop().   Set-up only: before start().
+  /// Errors: a path in use or malformed, too many objects, a declared priority above the ceiling.
+  [[nodiscard]] virtual expected<void, SetupError> add(std::string_view path, Servant& servant,
+                                                       ObjectOptions options = {}) = 0;
+
+  /// Starts the lanes. From then on they allocate nothing.   Set-up only.
+  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  [[nodiscard]] virtual expected<void, SetupError> start() = 0;
+
+  /// Ends the lanes; calls that run are finished and answered first. May be called twice.
+  virtual void stop() noexcept = 0;
+
+  [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;
+  /// Where callers find the object: "rtpm://127.0.0.1:4711/lab/arm0".
+  [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
+  /// What was served and dropped so far, over all lanes.   RT: alloc-free.
+  [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;
+
+ protected:
+  Server() = default;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,167 @@
+#pragma once
+
+#include <flatbuffers/flatbuffers.h>
+
+#include <cstdint>
+#include <cstring>
+#include <type_traits>
+#include <utility>
+
+#include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/servant.hpp"
+
+/// What generated code is made of: the one place where RTPM's calls meet FlatBuffers' types.
+///
+/// A method's request and reply are each of one of three kinds (DESIGN: the payload rule):
+///   Empty   `rtpm.Empty`: no bytes;
+///   Struct  a table whose only field is a required struct: the bare struct, no verification walk;
+///   Table   any other table: a finished FlatBuffer, verified once when it arrives.
+namespace rtpm::rpc {
+
+/// A table that arrived in a reply; points into the call channel's buffer, which is given back when
+/// this ends: read what you need, do not keep it.
+template <class T>
+class TableReply {
+ public:
+  explicit TableReply(ReplyLease lease) noexcept : lease_(std::move(lease)) {}
+  [[nodiscard]] const T& operator*() const noexcept {
+    return *flatbuffers::GetRoot<T>(lease_.bytes().data());
+  }
+  [[nodiscard]] const T* operator->() const noexcept { return &**this; }
+
+ private:
+  ReplyLease lease_;
+};
+
+/// Lends a builder the memory it shall write in; what does not fit goes to the heap, so that an
+/// answer that grew too large ends as kTooLarge and not as a crash.
+class LentMemory final : public flatbuffers::Allocator {
+ public:
+  explicit LentMemory(MutableBytes memory) noexcept : memory_(memory) {}
+  std::uint8_t* allocate(std::size_t size) override {
+    if (!is_lent_ && size <= memory_.size()) {
+      is_lent_ = true;
+      return reinterpret_cast<std::uint8_t*>(memory_.data());
+    }
+    return new std::uint8_t[size];
+  }
+  void deallocate(std::uint8_t* memory, std::size_t) override {
+    if (reinterpret_cast<std::byte*>(memory) == memory_.data()) {
+      is_lent_ = false;
+    } else {
+      delete[] memory;
+    }
+  }
+
+ private:
+  MutableBytes memory_;
+  bool is_lent_ = false;
+};
+
+/// Builds a reply of table T in the lane's own buffer.
+/// RT: alloc-free while the reply fits that buffer.
+template <class T>
+class ReplyBuilder {
+ public:
+  explicit ReplyBuilder(MutableBytes memory) noexcept
+      : memory_(memory), lent_(memory), builder_(memory.size() & ~std::size_t{15}, &lent_) {}
+
+  /// The builder for strings, vectors and CreateT().
+  [[nodiscard]] flatbuffers::FlatBufferBuilder& builder() noexcept { return builder_; }
+  /// Completes the reply; call it once, last.
+  void finish(flatbuffers::Offset<T> root) {
+    builder_.Finish(root);
+    is_finished_ = true;
+  }
+
+  /// Moves the finished reply to the begin of the memory. For generated code.
+  [[nodiscard]] DispatchResult complete() noexcept {
+    if (!is_finished_) return {wire::Status::kServantFailed, 0};
+    const std::size_t size = builder_.GetSize();
+    if (size > memory_.size()) return {wire::Status::kTooLarge, 0};
+    // FlatBuffers writes downwards: the message stands at the end of the buffer, aligned there.
+    std::memmove(memory_.data(), builder_.GetBufferPointer(), size);
+    return {wire::Status::kOk, static_cast<std::uint32_t>(size)};
+  }
+
+ private:
+  MutableBytes memory_;
+  LentMemory lent_;
+  flatbuffers::FlatBufferBuilder builder_;
+  bool is_finished_ = false;
+};
+
+template <class T>
+[[nodiscard]] bool is_valid_table(ConstBytes bytes) noexcept {
+  if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;
+  flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(),
+                                 /*max_depth=*/32, /*max_tables=*/65536);
+  return verifier.VerifyBuffer<T>(nullptr);
+}
+
+/// Calls with an encoded request and takes a reply without content.
+[[nodiscard]] inline expected<void, CallError> call_for_nothing(Binding& binding,
+                                                                const MethodDescriptor& method,
+                                                                ConstBytes request,
+                                                                const CallOptions& options) noexcept {
+  auto reply = binding.call(method, request, options);
+  if (!reply) return unexpected{reply.error()};
+  if (!reply->bytes().empty()) return unexpected{CallError::kBadReply};
+  return {};
+}
+
+/// Calls with an encoded request and takes a reply that is a bare struct.
+template <class T>
+[[nodiscard]] expected<T, CallError> call_for_struct(Binding& binding,
+                                                     const MethodDescriptor& method,
+                                                     ConstBytes request,
+                                                     const CallOptions& options) noexcept {
+  static_assert(std::is_trivially_copyable_v<T>);
+  auto reply = binding.call(method, request, options);
+  if (!reply) return unexpected{reply.error()};
+  if (reply->bytes().size() != sizeof(T)) return unexpected{CallError::kBadReply};
+  T value;
+  std::memcpy(&value, reply->bytes().data(), sizeof value);
+  return value;
+}
+
+/// Calls with an encoded request and takes a reply that is a table.
+template <class T>
+[[nodiscard]] expected<TableReply<T>, CallError> call_for_table(Binding& binding,
+                                                                const MethodDescriptor& method,
+                                                                ConstBytes request,
+                                                                const CallOptions& options) noexcept {
+  auto reply = binding.call(method, request, options);
+  if (!reply) return unexpected{reply.error()};
+  if (!is_valid_table<T>(reply->bytes())) return unexpected{CallError::kBadReply};
+  return TableReply<T>{std::move(*reply)};
+}
+
+/// The bytes of a struct as they stand on the wire.
+template <class T>
+[[nodiscard]] ConstBytes struct_bytes(const T& value) noexcept {
+  static_assert(std::is_trivially_copyable_v<T> && FLATBUFFERS_LITTLEENDIAN);
+  return std::as_bytes(std::span<const T, 1>(&value, 1));
+}
+
+/// The bytes of a builder's finished table.
+[[nodiscard]] inline ConstBytes table_bytes(const flatbuffers::FlatBufferBuilder& builder) noexcept {
+  return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
+}
+
+/// Writes a servant's struct result as the reply.
+template <class T>
+[[nodiscard]] DispatchResult reply_with_struct(const Result<T>& result,
+                                               MutableBytes reply) noexcept {
+  if (!result) return {to_status(result.error()), 0};
+  if (sizeof(T) > reply.size()) return {wire::Status::kTooLarge, 0};
+  std::memcpy(reply.data(), &*result, sizeof(T));
+  return {wire::Status::kOk, static_cast<std::uint32_t>(sizeof(T))};
+}
+
+/// Answers for a servant's method that gives nothing back.
+[[nodiscard]] inline DispatchResult reply_with_nothing(const Result<void>& result) noexcept {
+  return {result ? wire::Status::kOk : to_status(result.error()), 0};
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,38 @@
+#pragma once
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::rt {
+
+/// Locks all present and future memory of the process and keeps freed heap mapped, so that no lane
+/// meets a page fault.   Set-up only.
+/// Errors: with kRequire, a memory-lock limit that is too small.
+[[nodiscard]] expected<void, RealtimeError> lock_memory(RealtimeMode mode);
+
+/// Says that the calling thread allocates nothing from here on. The thread itself is unchanged;
+/// the allocation guard that tests link looks at this and aborts on a breach.
+class NoAllocationScope {
+ public:
+  NoAllocationScope() noexcept;
+  NoAllocationScope(const NoAllocationScope&) = delete;
+  NoAllocationScope& operator=(const NoAllocationScope&) = delete;
+  ~NoAllocationScope();
+};
+
+/// True inside a NoAllocationScope of the calling thread.   RT: alloc-free.
+[[nodiscard]] bool is_allocation_forbidden() noexcept;
+
+/// Lifts the calling thread's scope for a stretch that is set-up by nature.
+class AllowAllocationScope {
+ public:
+  AllowAllocationScope() noexcept;
+  AllowAllocationScope(const AllowAllocationScope&) = delete;
+  AllowAllocationScope& operator=(const AllowAllocationScope&) = delete;
+  ~AllowAllocationScope();
+
+ private:
+  int depth_;
+};
+
+}  // namespace rtpm::rt

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+
+#include "rtpm/base/priority.hpp"
+
+namespace rtpm::rt {
+
+/// The SCHED_FIFO levels that RTPM uses. The top ones are left to the kernel's own threads
+/// (migration and watchdog run at 99, and nothing of ours may keep them waiting).
+inline constexpr int kNativeLowest = 1;
+inline constexpr int kNativeHighest = 89;
+
+/// The SCHED_FIFO level of a priority: linear, 0 → 1 … 32767 → 89, rounded down.
+/// RT: alloc-free.   Source: RT-CORBA's linear mapping, level = min + (max − min) · p / 32767.
+[[nodiscard]] constexpr int to_native(Priority priority) noexcept {
+  return kNativeLowest + (kNativeHighest - kNativeLowest) * priority.value() / Priority::kHighest;
+}
+
+/// The calling thread's priority, which its calls carry; none until it was set.   RT: alloc-free.
+[[nodiscard]] std::optional<Priority> current_priority() noexcept;
+
+/// Sets the calling thread's priority for its calls and, where the system allows, its SCHED_FIFO
+/// level; false where it does not (the calls carry the priority all the same).
+/// RT: alloc-free, at most one syscall, none when the level is already right.
+/// Source: RT-CORBA's RTCurrent::the_priority.
+bool set_current_priority(Priority priority) noexcept;
+
+}  // namespace rtpm::rt
+
+namespace rtpm {
+using rt::current_priority;
+using rt::set_current_priority;
+}  // namespace rtpm

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::rt {
+
+/// How a thread waits for something to arrive.
+enum class WaitStrategy : std::uint8_t {
+  kAdaptive,  ///< Spins for a bounded time, then blocks: fast while busy, idle when idle.
+  kBlock,     ///< Blocks at once: no wasted cycle, the wake-up's latency each time.
+  kSpin,      ///< Never blocks: least latency for a whole core, which must be the thread's own.
+};
+
+/// A wait strategy with its bound.
+struct WaitConfig {
+  WaitStrategy strategy = WaitStrategy::kAdaptive;
+  /// How long kAdaptive spins before it blocks. It covers a reply that comes at once (a loop-back
+  /// round trip is about 10 µs), not a pause between calls.
+  Duration spin = std::chrono::microseconds{50};
+};
+
+/// "adaptive", "block" or "spin".
+[[nodiscard]] std::string_view to_string(WaitStrategy strategy) noexcept;
+
+}  // namespace rtpm::rt
