@@ -49,7 +49,7 @@ class Latest {
       }
       if (version_.load(std::memory_order_relaxed) != before) continue;
       T value;
-      std::memcpy(&value, words.data(), sizeof value);
+      std::memcpy(static_cast<void*>(&value), words.data(), sizeof value);
       return value;
     }
     return std::nullopt;
