@@ -9,7 +9,7 @@ namespace rtpm::inline base {
 // Below 2^kSubBits every ns has its own bucket; above, each power of two is cut in kSubCount parts.
 int LatencyHistogram::bucket_of(std::uint64_t ns) noexcept {
   if (ns < kSubCount) return static_cast<int>(ns);
-  const int magnitude = std::bit_width(ns) - 1 - kSubBits;
+  const int magnitude = static_cast<int>(std::bit_width(ns)) - 1 - kSubBits;
   if (magnitude >= kMagnitudes) return kBucketCount - 1;
   const int sub = static_cast<int>(ns >> magnitude) - kSubCount;
   return kSubCount * (magnitude + 1) + sub;
@@ -32,7 +32,8 @@ void LatencyHistogram::record(Duration latency) noexcept {
 }
 
 void LatencyHistogram::merge(const LatencyHistogram& other) noexcept {
-  for (std::size_t i = 0; i < buckets_.size(); ++i) buckets_[i] += other.buckets_[i];
+  for (std::size_t i = 0; i < buckets_.size(); ++i)
+    buckets_[i] += other.buckets_[i];
   count_ += other.count_;
   sum_ += other.sum_;
   min_ = std::min(min_, other.min_);

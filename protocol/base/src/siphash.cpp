@@ -44,7 +44,8 @@ std::uint64_t siphash_2_4(SipKey key, std::span<const std::byte> bytes) noexcept
   }
   state.absorb(last);
   state.v2 ^= 0xff;
-  for (int i = 0; i < 4; ++i) state.round();
+  for (int i = 0; i < 4; ++i)
+    state.round();
   return state.v0 ^ state.v1 ^ state.v2 ^ state.v3;
 }
 

@@ -11,7 +11,7 @@ namespace rtpm::inline base {
 
 /// Aborts when `condition` is false: for bugs of ours or of the caller, never for what traffic,
 /// the operating system or a user can cause. It stays on in release builds.
-#define RTPM_ASSERT(condition, message)                                         \
-  (static_cast<bool>(condition)                                                 \
-       ? static_cast<void>(0)                                                   \
+#define RTPM_ASSERT(condition, message) \
+  (static_cast<bool>(condition)         \
+       ? static_cast<void>(0)           \
        : ::rtpm::assertion_failed(#condition, message, __FILE__, __LINE__))

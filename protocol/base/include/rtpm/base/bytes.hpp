@@ -34,7 +34,8 @@ template <std::unsigned_integral T>
 template <std::unsigned_integral T>
 inline void store_le(std::byte* to, T value) noexcept {
   if constexpr (std::endian::native == std::endian::big && sizeof(T) > 1) {
-    for (std::size_t i = 0; i < sizeof(T); ++i) to[i] = static_cast<std::byte>(value >> (8 * i));
+    for (std::size_t i = 0; i < sizeof(T); ++i)
+      to[i] = static_cast<std::byte>(value >> (8 * i));
   } else {
     std::memcpy(to, &value, sizeof value);
   }

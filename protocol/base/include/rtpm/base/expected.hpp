@@ -30,19 +30,21 @@ class [[nodiscard]] expected {
     std::construct_at(&value_);
   }
   template <class U = T>
-    requires(std::is_constructible_v<T, U &&> && !std::is_same_v<std::remove_cvref_t<U>, expected>)
-  // NOLINTNEXTLINE(google-explicit-constructor): a function that succeeds returns its value as is.
-  expected(U&& value) : has_value_(true) {
+  requires(std::is_constructible_v<T, U&&> && !std::is_same_v<std::remove_cvref_t<U>, expected>)
+      // NOLINTNEXTLINE(google-explicit-constructor): a function that succeeds returns its value as
+      // is.
+      expected(U&& value)
+      : has_value_(true) {
     std::construct_at(&value_, std::forward<U>(value));
   }
   template <class G>
-    requires std::is_constructible_v<E, G&&>
+  requires std::is_constructible_v<E, G&&>
   // NOLINTNEXTLINE(google-explicit-constructor): likewise for a function that fails.
   expected(unexpected<G> failure) : has_value_(false) {
     std::construct_at(&error_, std::move(failure.error));
   }
-  expected(const expected& other)
-    requires(std::is_copy_constructible_v<T> && std::is_copy_constructible_v<E>)
+  expected(const expected& other) requires(
+      std::is_copy_constructible_v<T>&& std::is_copy_constructible_v<E>)
       : has_value_(other.has_value_) {
     if (has_value_) {
       std::construct_at(&value_, other.value_);
@@ -110,7 +112,7 @@ class [[nodiscard]] expected<void, E> {
 
   expected() noexcept : has_value_(true), nothing_{} {}
   template <class G>
-    requires std::is_constructible_v<E, G&&>
+  requires std::is_constructible_v<E, G&&>
   // NOLINTNEXTLINE(google-explicit-constructor): a function that fails returns its error as is.
   expected(unexpected<G> failure) : has_value_(false) {
     std::construct_at(&error_, std::move(failure.error));
@@ -131,9 +133,7 @@ class [[nodiscard]] expected<void, E> {
 
   [[nodiscard]] bool has_value() const noexcept { return has_value_; }
   explicit operator bool() const noexcept { return has_value_; }
-  void value() const noexcept {
-    RTPM_ASSERT(has_value_, "the value of a failed result was read");
-  }
+  void value() const noexcept { RTPM_ASSERT(has_value_, "the value of a failed result was read"); }
   [[nodiscard]] E& error() noexcept { return check_error(), error_; }
   [[nodiscard]] const E& error() const noexcept { return check_error(), error_; }
 

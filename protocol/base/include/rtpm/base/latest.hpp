@@ -16,7 +16,7 @@ namespace rtpm::inline base {
 /// RT: write() is wait-free; read() repeats only while a write overlaps it, at most kReadAttemptMax
 /// times.
 template <class T>
-  requires std::is_trivially_copyable_v<T>
+requires std::is_trivially_copyable_v<T>
 class Latest {
  public:
   static constexpr int kReadAttemptMax = 1024;

@@ -14,8 +14,8 @@ namespace rtpm::inline base {
 /// Ownership: holds `Capacity` values in place.
 /// Threads: push() from one thread, pop() from one other.   RT: wait-free, alloc-free.
 template <class T, std::size_t Capacity>
-  requires(std::has_single_bit(Capacity) && std::is_nothrow_default_constructible_v<T>)
-class SpscRing {
+requires(std::has_single_bit(Capacity) &&
+         std::is_nothrow_default_constructible_v<T>) class SpscRing {
  public:
   /// False when the ring is full; the value is then unchanged and still the caller's.
   [[nodiscard]] bool push(T& value) noexcept {

@@ -9,21 +9,21 @@ namespace rtpm::wire {
 /// Why a frame was dropped. Each drop is counted under exactly one reason.
 /// Source: spec/hprotocol.md#hp-8.
 enum class DropReason : std::uint8_t {
-  kTooShort,         ///< Fewer bytes than a header.
-  kBadMagic,         ///< Not an H-Protocol frame.
-  kBadVersion,       ///< A version that is not spoken here.
-  kBadKind,          ///< A kind that no one, or not this side, receives.
-  kReservedSet,      ///< A reserved bit or byte is not zero.
-  kBadPriority,      ///< A priority above 32767.
-  kBadLength,        ///< A length that contradicts the bytes at hand or the limits.
-  kBadFragment,      ///< Fragment numbers that do not fit.
-  kBadPayload,       ///< A handshake payload that can't be read.
-  kBadCookie,        ///< A cookie that this server did not give to this address lately.
-  kUnknownSession,   ///< A session that is not here; answered so that the peer can tell.
-  kForeignAddress,   ///< A session used from another address than its own.
-  kStaleCall,        ///< A call that its session left behind: a late copy.
-  kDuplicateRunning, ///< A copy of a call that still runs.
-  kUnexpected,       ///< A well-formed frame that fits no state: a late or foreign answer.
+  kTooShort,          ///< Fewer bytes than a header.
+  kBadMagic,          ///< Not an H-Protocol frame.
+  kBadVersion,        ///< A version that is not spoken here.
+  kBadKind,           ///< A kind that no one, or not this side, receives.
+  kReservedSet,       ///< A reserved bit or byte is not zero.
+  kBadPriority,       ///< A priority above 32767.
+  kBadLength,         ///< A length that contradicts the bytes at hand or the limits.
+  kBadFragment,       ///< Fragment numbers that do not fit.
+  kBadPayload,        ///< A handshake payload that can't be read.
+  kBadCookie,         ///< A cookie that this server did not give to this address lately.
+  kUnknownSession,    ///< A session that is not here; answered so that the peer can tell.
+  kForeignAddress,    ///< A session used from another address than its own.
+  kStaleCall,         ///< A call that its session left behind: a late copy.
+  kDuplicateRunning,  ///< A copy of a call that still runs.
+  kUnexpected,        ///< A well-formed frame that fits no state: a late or foreign answer.
 };
 inline constexpr std::size_t kDropReasonCount = 15;
 
@@ -32,12 +32,12 @@ inline constexpr std::size_t kDropReasonCount = 15;
 
 /// What one side of the protocol took and dropped.
 struct FrameCounters {
-  std::uint64_t received_count = 0;             ///< Frames taken up, dropped ones included.
-  std::uint64_t duplicate_answered_count = 0;   ///< Copies answered from the reply cache.
-  std::uint64_t expired_count = 0;              ///< Calls not run because their time was over.
-  std::uint64_t refused_count = 0;              ///< Calls and sessions refused.
+  std::uint64_t received_count = 0;            ///< Frames taken up, dropped ones included.
+  std::uint64_t duplicate_answered_count = 0;  ///< Copies answered from the reply cache.
+  std::uint64_t expired_count = 0;             ///< Calls not run because their time was over.
+  std::uint64_t refused_count = 0;             ///< Calls and sessions refused.
   std::uint64_t session_opened_count = 0;
-  std::uint64_t session_evicted_count = 0;      ///< Sessions replaced by newer ones.
+  std::uint64_t session_evicted_count = 0;                ///< Sessions replaced by newer ones.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
 
   void drop(DropReason reason) noexcept { ++dropped[static_cast<std::size_t>(reason)]; }

@@ -8,16 +8,16 @@ namespace rtpm::wire {
 /// The outcome that a REPLY or REFUSE frame carries. The numbers are the wire's and never change.
 /// Source: spec/hprotocol.md#hp-7.
 enum class Status : std::uint16_t {
-  kOk = 0,                   ///< The servant ran and its result is the payload.
-  kOverload = 1,             ///< Not run: a queue or table is full. Send less, or later.
-  kExpired = 2,              ///< Not run: the caller's time budget was over before the servant began.
-  kNoSuchMethod = 3,         ///< Not run: the object has no method of that id.
-  kNoSuchObject = 4,         ///< Not run: no object has that path or number.
-  kBadRequest = 5,           ///< Not run: the payload is not what the method takes.
-  kNotLeaseHolder = 6,       ///< Not run: somebody else holds the lease that the method needs.
-  kGone = 7,                 ///< Not run: the object was there and was taken away.
-  kServantFailed = 8,        ///< The servant ran and ended with a fault of its own.
-  kTooLarge = 9,             ///< A message is larger than the session's limit. On a reply: it ran.
+  kOk = 0,              ///< The servant ran and its result is the payload.
+  kOverload = 1,        ///< Not run: a queue or table is full. Send less, or later.
+  kExpired = 2,         ///< Not run: the caller's time budget was over before the servant began.
+  kNoSuchMethod = 3,    ///< Not run: the object has no method of that id.
+  kNoSuchObject = 4,    ///< Not run: no object has that path or number.
+  kBadRequest = 5,      ///< Not run: the payload is not what the method takes.
+  kNotLeaseHolder = 6,  ///< Not run: somebody else holds the lease that the method needs.
+  kGone = 7,            ///< Not run: the object was there and was taken away.
+  kServantFailed = 8,   ///< The servant ran and ended with a fault of its own.
+  kTooLarge = 9,        ///< A message is larger than the session's limit. On a reply: it ran.
   kPriorityNotAllowed = 10,  ///< Not run: the priority is above the session's ceiling.
   kWrongBand = 11,           ///< Not run: the priority is outside the session's band.
   kUnknownSession = 12,      ///< The server has no such session (any more): handshake again.

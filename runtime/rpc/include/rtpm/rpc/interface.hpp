@@ -10,11 +10,11 @@ namespace rtpm::rpc {
 
 /// What generated code says of one method.
 struct MethodDescriptor {
-  std::uint16_t id = 0;            ///< `rtpm_id` in the schema, 1…65535.
-  std::string_view name{};         ///< As in the schema.
-  std::uint32_t fingerprint = 0;   ///< Of everything that both sides must agree on to call it.
-  bool is_idempotent = false;      ///< `rtpm_idempotent`: running it twice does no harm.
-  Duration default_deadline{0};    ///< `rtpm_deadline_us`; 0: the node's default.
+  std::uint16_t id = 0;           ///< `rtpm_id` in the schema, 1…65535.
+  std::string_view name{};        ///< As in the schema.
+  std::uint32_t fingerprint = 0;  ///< Of everything that both sides must agree on to call it.
+  bool is_idempotent = false;     ///< `rtpm_idempotent`: running it twice does no harm.
+  Duration default_deadline{0};   ///< `rtpm_deadline_us`; 0: the node's default.
 };
 
 /// What generated code says of one rpc_service. Every instance is a constant of static life.

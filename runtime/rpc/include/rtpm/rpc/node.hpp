@@ -35,10 +35,10 @@ enum class Transport : std::uint8_t {
 
 /// How a program calls others.
 struct NodeConfig {
-  rt::WaitConfig wait{};                     ///< How a caller waits for its reply.
+  rt::WaitConfig wait{};                                ///< How a caller waits for its reply.
   Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
-  Transport transport = Transport::kAuto;    ///< For bindings that state none.
-  std::uint32_t channel_count_max = 64;      ///< Call channels per server and band: calls at a time.
+  Transport transport = Transport::kAuto;               ///< For bindings that state none.
+  std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
   std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
 };
 

@@ -50,11 +50,16 @@ class Servant {
 /// The wire's word for a servant's refusal.
 [[nodiscard]] constexpr wire::Status to_status(Refusal refusal) noexcept {
   switch (refusal) {
-    case Refusal::kOverload: return wire::Status::kOverload;
-    case Refusal::kBadRequest: return wire::Status::kBadRequest;
-    case Refusal::kNotLeaseHolder: return wire::Status::kNotLeaseHolder;
-    case Refusal::kGone: return wire::Status::kGone;
-    case Refusal::kFailed: break;
+    case Refusal::kOverload:
+      return wire::Status::kOverload;
+    case Refusal::kBadRequest:
+      return wire::Status::kBadRequest;
+    case Refusal::kNotLeaseHolder:
+      return wire::Status::kNotLeaseHolder;
+    case Refusal::kGone:
+      return wire::Status::kGone;
+    case Refusal::kFailed:
+      break;
   }
   return wire::Status::kServantFailed;
 }

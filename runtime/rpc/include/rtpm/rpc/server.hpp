@@ -32,22 +32,24 @@ struct ObjectOptions {
 /// One lane: one thread with its own socket that serves the priorities from `low` up to where the
 /// next lane begins.
 struct LaneConfig {
-  std::string name;            ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
-  Priority low = 0;            ///< The lowest priority it serves. One lane must begin at 0.
-  Priority priority = 0;       ///< At which it waits and receives; raised to `low` if below.
-  rt::WaitConfig wait{};       ///< How it waits for traffic.
-  std::vector<int> cpus{};     ///< To which it is confined; empty: all.
+  std::string name;         ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
+  Priority low = 0;         ///< The lowest priority it serves. One lane must begin at 0.
+  Priority priority = 0;    ///< At which it waits and receives; raised to `low` if below.
+  rt::WaitConfig wait{};    ///< How it waits for traffic.
+  std::vector<int> cpus{};  ///< To which it is confined; empty: all.
 };
 
 /// How a server is set up.
 struct ServerConfig {
-  std::string name = "server";      ///< Shown in errors and counters.
-  std::string host = "127.0.0.1";   ///< Numeric IPv4 address to serve; the LAN is an explicit choice.
-  std::uint16_t port = 0;           ///< The same number for UDP and TCP; 0: the system chooses.
+  std::string name = "server";  ///< Shown in errors and counters.
+  std::string host =
+      "127.0.0.1";         ///< Numeric IPv4 address to serve; the LAN is an explicit choice.
+  std::uint16_t port = 0;  ///< The same number for UDP and TCP; 0: the system chooses.
   std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  Priority ceiling = Priority::kHighest;       ///< The highest priority that sessions are granted.
-  std::uint32_t session_count_max = 256;       ///< Per lane and transport; more replace the longest idle.
+  Priority ceiling = Priority::kHighest;  ///< The highest priority that sessions are granted.
+  std::uint32_t session_count_max =
+      256;  ///< Per lane and transport; more replace the longest idle.
   std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
 };
 

@@ -100,10 +100,9 @@ template <class T>
 }
 
 /// Calls with an encoded request and takes a reply without content.
-[[nodiscard]] inline expected<void, CallError> call_for_nothing(Binding& binding,
-                                                                const MethodDescriptor& method,
-                                                                ConstBytes request,
-                                                                const CallOptions& options) noexcept {
+[[nodiscard]] inline expected<void, CallError> call_for_nothing(
+    Binding& binding, const MethodDescriptor& method, ConstBytes request,
+    const CallOptions& options) noexcept {
   auto reply = binding.call(method, request, options);
   if (!reply) return unexpected{reply.error()};
   if (!reply->bytes().empty()) return unexpected{CallError::kBadReply};
@@ -127,10 +126,9 @@ template <class T>
 
 /// Calls with an encoded request and takes a reply that is a table.
 template <class T>
-[[nodiscard]] expected<TableReply<T>, CallError> call_for_table(Binding& binding,
-                                                                const MethodDescriptor& method,
-                                                                ConstBytes request,
-                                                                const CallOptions& options) noexcept {
+[[nodiscard]] expected<TableReply<T>, CallError> call_for_table(
+    Binding& binding, const MethodDescriptor& method, ConstBytes request,
+    const CallOptions& options) noexcept {
   auto reply = binding.call(method, request, options);
   if (!reply) return unexpected{reply.error()};
   if (!is_valid_table<T>(reply->bytes())) return unexpected{CallError::kBadReply};
@@ -145,7 +143,8 @@ template <class T>
 }
 
 /// The bytes of a builder's finished table.
-[[nodiscard]] inline ConstBytes table_bytes(const flatbuffers::FlatBufferBuilder& builder) noexcept {
+[[nodiscard]] inline ConstBytes table_bytes(
+    const flatbuffers::FlatBufferBuilder& builder) noexcept {
   return std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
 }
 

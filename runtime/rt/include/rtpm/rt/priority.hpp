@@ -22,9 +22,25 @@ inline constexpr int kNativeHighest = 89;
 
 /// Sets the calling thread's priority for its calls and, where the system allows, its SCHED_FIFO
 /// level; false where it does not (the calls carry the priority all the same).
-/// RT: alloc-free, at most one syscall, none when the level is already right.
+/// RT: alloc-free, at most one syscall, none when the level is already right. What was set by other
+/// means than RTPM's is not noticed.
 /// Source: RT-CORBA's RTCurrent::the_priority.
 bool set_current_priority(Priority priority) noexcept;
+
+/// Runs a stretch of the calling thread at another priority: a request at its own, inside a lane.
+/// RT: alloc-free; no syscall where the native level stays the same or the thread is time-shared,
+/// else one at each end.
+class ScopedPriority {
+ public:
+  explicit ScopedPriority(Priority priority) noexcept;
+  ScopedPriority(const ScopedPriority&) = delete;
+  ScopedPriority& operator=(const ScopedPriority&) = delete;
+  ~ScopedPriority();
+
+ private:
+  std::optional<Priority> previous_;
+  int previous_level_;
+};
 
 }  // namespace rtpm::rt
 

@@ -26,9 +26,9 @@ enum class RealtimeMode : std::uint8_t {
 
 /// How a thread is to run.
 struct ThreadConfig {
-  std::string name;                       ///< Shown by the system; at most 15 bytes are.
-  std::optional<Priority> priority{};     ///< SCHED_FIFO at its native level; none: time-shared.
-  std::vector<int> cpus{};                ///< To which it is confined; empty: all.
+  std::string name;                    ///< Shown by the system; at most 15 bytes are.
+  std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; none: time-shared.
+  std::vector<int> cpus{};             ///< To which it is confined; empty: all.
   RealtimeMode realtime = RealtimeMode::kPrefer;
 };
 
@@ -48,7 +48,8 @@ class Thread {
   ~Thread();
 
   /// Starts `body` with its name, scheduling and affinity already in force.
-  /// Errors: with kRequire, a right that the process lacks; a CPU that is not there; no thread left.
+  /// Errors: with kRequire, a right that the process lacks; a CPU that is not there; no thread
+  /// left.
   [[nodiscard]] static expected<Thread, RealtimeError> start(const ThreadConfig& config,
                                                              std::function<void()> body);
   void join() noexcept;

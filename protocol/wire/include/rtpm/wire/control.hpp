@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/priority.hpp"
+
+/// The calls to the session itself (service 0).   Source: spec/hprotocol.md#hp-6.
+namespace rtpm::wire {
+
+/// Asks for an object by its path.
+struct BindRequest {
+  std::string_view path{};        ///< "lab/arm0"
+  std::string_view interface {};  ///< "lab.Arm"
+  std::uint64_t fingerprint = 0;  ///< Of the client's view of the interface.
+};
+
+/// What the server says of the object. A list of its methods follows (see MethodList).
+struct BindReply {
+  static constexpr std::size_t kSize = 24;
+
+  std::uint32_t service = 0;            ///< The object's number, as long as the server runs.
+  bool is_server_declared = false;      ///< The object's priority counts, not the caller's.
+  Priority priority{};                  ///< Declared, or the default for callers without one.
+  std::uint64_t fingerprint = 0;        ///< Of the server's view of the interface.
+  std::uint16_t method_count = 0;       ///< Entries that follow.
+  bool is_method_list_complete = true;  ///< False where not all fitted the frame.
+};
+
+/// One entry of the list: 8 bytes on the wire.
+struct MethodEntry {
+  static constexpr std::size_t kSize = 8;
+  std::uint16_t id = 0;
+  std::uint32_t fingerprint = 0;
+};
+
+/// The encoded size, or 0 if a text is too long or `to` too small.   RT: alloc-free.
+[[nodiscard]] std::size_t encode(const BindRequest& request, MutableBytes to) noexcept;
+[[nodiscard]] std::optional<BindRequest> decode_bind_request(ConstBytes payload) noexcept;
+
+void encode(const BindReply& reply, MutableBytes to) noexcept;
+void encode(const MethodEntry& entry, MutableBytes to) noexcept;
+[[nodiscard]] std::optional<BindReply> decode_bind_reply(ConstBytes payload) noexcept;
+/// The entry number `index` of a payload that decode_bind_reply() took.
+[[nodiscard]] MethodEntry method_entry(ConstBytes bind_reply, std::uint16_t index) noexcept;
+
+}  // namespace rtpm::wire

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::wire {
+
+/// Proof that a client receives at the address it sends from.
+using Cookie = std::array<std::byte, 16>;
+
+/// The payload of HELLO.   Source: spec/hprotocol.md#hp-4.1.
+struct Hello {
+  static constexpr std::size_t kSize = 64;
+
+  std::uint16_t version_min = kVersion;  ///< The client speaks these versions,
+  std::uint16_t version_max = kVersion;  ///< both included.
+  std::uint32_t features = 0;            ///< No optional features exist yet.
+  std::uint64_t client_epoch = 0;        ///< Drawn anew at each start of the client.
+  std::uint64_t channel = 0;             ///< Tells the channels of one client apart.
+  std::uint64_t clock_domain = 0;        ///< Equal on both sides: one clock. 0: not known.
+  std::uint32_t message_size_max = 0;    ///< The largest message the client takes.
+  Cookie cookie{};                       ///< Zero at first.
+};
+
+/// The payload of WELCOME.   Source: spec/hprotocol.md#hp-4.3.
+struct Welcome {
+  static constexpr std::size_t kSize = 48;
+
+  std::uint16_t version = kVersion;
+  Band band{};         ///< The priorities that this session serves.
+  Priority ceiling{};  ///< Calls above are refused.
+  std::uint32_t features = 0;
+  std::uint16_t window = kCallWindow;  ///< Calls that may be open at a time.
+  std::uint64_t server_epoch = 0;      ///< Drawn anew at each start of the server.
+  std::uint64_t clock_domain = 0;
+  std::uint32_t message_size_max = 0;  ///< The largest message the server takes.
+};
+
+/// Write a payload at the begin of `to`, which must hold its kSize bytes.   RT: alloc-free.
+void encode(const Hello& hello, MutableBytes to) noexcept;
+void encode(const Welcome& welcome, MutableBytes to) noexcept;
+
+/// Read a payload; nothing if its size or reserved bytes are wrong.   RT: alloc-free.
+[[nodiscard]] std::optional<Hello> decode_hello(ConstBytes payload) noexcept;
+[[nodiscard]] std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept;
+
+}  // namespace rtpm::wire

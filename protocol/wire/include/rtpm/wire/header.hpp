@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstdint>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/wire/counters.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/status.hpp"
+
+namespace rtpm::wire {
+
+/// What a frame is.   Source: spec/hprotocol.md#hp-3.
+enum class FrameKind : std::uint8_t {
+  kHello = 1,    ///< Client → server: asks for a session.
+  kCookie = 2,   ///< Server → client: repeat the HELLO with this, to prove your address.
+  kWelcome = 3,  ///< Server → client: the session and its limits.
+  kRefuse = 4,   ///< Server → client: no session, or no such session.
+  kCall = 5,     ///< Client → server: run a method.
+  kReply = 6,    ///< Server → client: how it ended.
+  kClose = 7,    ///< Client → server: the session is not needed any more.
+};
+inline constexpr std::uint8_t kFrameKindLast = 7;
+
+/// Bits of Header::flags. All others are zero.
+inline constexpr std::uint16_t kFlagRepeated = 1;  ///< A copy of a frame sent before.
+inline constexpr std::uint16_t kFlagsKnown = kFlagRepeated;
+
+/// The 64 bytes at the begin of every frame.   Source: spec/hprotocol.md#hp-2.
+struct Header {
+  FrameKind kind = FrameKind::kCall;
+  Priority priority{};  ///< Of the call; it steers the frame to its lane.
+  std::uint16_t flags = 0;
+  std::uint64_t session = 0;  ///< Given by WELCOME; 0 before.
+  std::uint32_t call_id = 0;  ///< Counts a channel's calls, or its handshakes.
+  std::uint32_t service = 0;  ///< The object's number, given by a bind.
+  std::uint16_t method = 0;
+  Status status = Status::kOk;       ///< In replies and refusals.
+  std::uint32_t payload_size = 0;    ///< Bytes that follow this header.
+  std::uint16_t fragment_index = 0;  ///< 0: version 1.0 of this code sends whole messages.
+  std::uint16_t fragment_count = 1;
+  std::uint32_t message_size = 0;    ///< Bytes of the whole message; here: payload_size.
+  std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
+  std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.
+  std::uint64_t trace_id = 0;
+};
+
+/// Writes `header` in its wire form at the begin of `to`, which holds at least kHeaderSize bytes.
+/// RT: alloc-free, a few ns.
+void encode(const Header& header, std::byte* to) noexcept;
+
+/// Reads and checks the header at the begin of `bytes`, which may be anything. That payload_size
+/// bytes follow is for the caller to check: datagrams carry exactly one frame, streams many.
+/// RT: alloc-free, a few ns.
+/// Errors: the reason under which the frame is to be dropped and counted.
+[[nodiscard]] expected<Header, DropReason> decode(ConstBytes bytes) noexcept;
+
+/// As decode(), for a whole frame: exactly payload_size bytes follow the header.
+[[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
+
+/// "HELLO", "CALL", …
+[[nodiscard]] std::string_view to_string(FrameKind kind) noexcept;
+
+}  // namespace rtpm::wire

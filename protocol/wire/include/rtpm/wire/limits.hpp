@@ -1,0 +1,51 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+
+#include "rtpm/base/time.hpp"
+
+/// Every number of the protocol, each with its reason.   Source: spec/hprotocol.md#hp-9.
+namespace rtpm::wire {
+
+inline constexpr std::uint8_t kVersion = 1;
+
+/// One cache line, and a multiple of 16 so that the payload is aligned to 16 bytes.
+inline constexpr std::size_t kHeaderSize = 64;
+
+/// The largest frame in a datagram: Ethernet's 1500 bytes less IPv4 and UDP headers (28) and room
+/// for a tunnel's own header (64), so that no router has to fragment.
+inline constexpr std::size_t kDatagramFrameSizeMax = 1408;
+inline constexpr std::size_t kDatagramPayloadSizeMax = kDatagramFrameSizeMax - kHeaderSize;
+
+/// The bounds of what a side may state as its largest message on a stream.
+inline constexpr std::uint32_t kMessageSizeFloor = 1024;
+inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
+
+/// How many calls of one session the server remembers with their replies, hence how many may be
+/// open at a time. A power of two.
+inline constexpr std::uint16_t kCallWindow = 8;
+
+/// A session is not replaced before it was silent for so long. A caller repeats at least every
+/// kRetransmitIntervalMax, so one that waits is never silent that long.
+inline constexpr Duration kSessionIdleMin = std::chrono::seconds{30};
+
+/// A cookie is good for one to two such spans after it was given.
+inline constexpr Duration kCookieSpan = std::chrono::seconds{10};
+
+/// The first repetition of a call whose round trip was never measured comes after this.
+inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5};
+/// No repetition comes sooner: below, a busy server would be asked twice without need.
+inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
+/// No repetition comes later, however often it was doubled.
+inline constexpr Duration kRetransmitIntervalMax = std::chrono::seconds{1};
+
+/// Names: a path is 1…200 bytes, so that a bind fits every frame.
+inline constexpr std::size_t kPathSizeMax = 200;
+
+/// The service number of the session itself, and its methods.
+inline constexpr std::uint32_t kSessionService = 0;
+inline constexpr std::uint16_t kMethodBind = 1;
+
+}  // namespace rtpm::wire

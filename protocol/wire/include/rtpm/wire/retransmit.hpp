@@ -1,0 +1,39 @@
+#pragma once
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::wire {
+
+/// Decides when a call is repeated: after the round trip's smoothed mean and deviation, doubled
+/// with each repetition, within the bounds of limits.hpp.
+/// RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds.
+class RetransmitTimer {
+ public:
+  /// The call is sent for the first time.
+  void begin(MonotonicTime now) noexcept;
+  /// It was sent again.
+  void repeat(MonotonicTime now) noexcept;
+  /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
+  /// which copy was answered (Karn's rule).
+  void end(MonotonicTime now) noexcept;
+
+  /// When to repeat.
+  [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
+  /// How often the call was repeated.
+  [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
+  /// The smoothed round trip, 0 before the first measurement.
+  [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
+
+ private:
+  [[nodiscard]] Duration interval() const noexcept;
+
+  Duration smoothed_{0};
+  Duration deviation_{0};
+  Duration current_{0};
+  MonotonicTime sent_{};
+  MonotonicTime due_ = kNever;
+  int repeat_count_ = 0;
+};
+
+}  // namespace rtpm::wire

@@ -1,0 +1,236 @@
+#include "rtpm/wire/client_channel.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::wire {
+namespace {
+
+constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
+
+// What is left until `deadline`, rounded up so that a call with time left never states none.
+std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
+  if (deadline <= now) return 0;
+  const std::int64_t us = ((deadline - now).count() + 999) / 1000;
+  return static_cast<std::uint32_t>(
+      std::min<std::int64_t>(us, std::numeric_limits<std::uint32_t>::max()));
+}
+
+}  // namespace
+
+ClientChannel::ClientChannel(const ClientChannelConfig& config, MutableBytes buffer) noexcept
+    : config_(config), buffer_(buffer) {
+  RTPM_ASSERT(buffer.size() >= kHelloFrameSize, "a channel's buffer holds a HELLO");
+  RTPM_ASSERT(config.client_epoch != 0, "a client has an epoch");
+}
+
+void ClientChannel::reset() noexcept {
+  is_ready_ = false;
+  activity_ = Activity::kNone;
+  session_ = 0;
+}
+
+ConstBytes ClientChannel::open(Priority priority, MonotonicTime deadline,
+                               MonotonicTime now) noexcept {
+  reset();
+  activity_ = Activity::kHandshake;
+  hello_priority_ = priority;
+  ++handshake_number_;
+  deadline_ = deadline;
+  cookie_ = {};
+  hello_timer_.begin(now);
+  return hello_frame(now);
+}
+
+ConstBytes ClientChannel::hello_frame(MonotonicTime now) noexcept {
+  Header header;
+  header.kind = FrameKind::kHello;
+  header.priority = hello_priority_;
+  header.flags = hello_timer_.repeat_count() > 0 ? kFlagRepeated : std::uint16_t{0};
+  header.call_id = handshake_number_;
+  header.payload_size = header.message_size = Hello::kSize;
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(header, buffer_.data());
+  Hello hello;
+  hello.client_epoch = config_.client_epoch;
+  hello.channel = config_.channel;
+  hello.clock_domain = config_.clock_domain;
+  hello.message_size_max = config_.message_size_max;
+  hello.cookie = cookie_;
+  encode(hello, buffer_.subspan(kHeaderSize));
+  return buffer_.first(kHelloFrameSize);
+}
+
+expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameters,
+                                                 ConstBytes payload, MonotonicTime now) noexcept {
+  RTPM_ASSERT(is_ready_ && activity_ == Activity::kNone, "a channel carries one call at a time");
+  if (payload.size() > welcome_.message_size_max || payload.size() > buffer_.size() - kHeaderSize) {
+    return unexpected{Status::kTooLarge};
+  }
+  activity_ = Activity::kCall;
+  call_begun_ = now;
+  deadline_ = parameters.deadline;
+  call_.kind = FrameKind::kCall;
+  call_.priority = parameters.priority;
+  call_.flags = 0;
+  call_.session = session_;
+  // hp-5.1-1: the count goes on from session to session, so that no two calls share a number.
+  ++call_.call_id;
+  call_.service = parameters.service;
+  call_.method = parameters.method;
+  call_.trace_id = parameters.trace_id;
+  call_.payload_size = call_.message_size = static_cast<std::uint32_t>(payload.size());
+  if (!payload.empty()) {
+    std::memcpy(buffer_.data() + kHeaderSize, payload.data(), payload.size());
+  }
+  call_timer_.begin(now);
+  return stamp_call(now);
+}
+
+// hp-5.3-2: each copy states the time that is left when it is sent.
+ConstBytes ClientChannel::stamp_call(MonotonicTime now) noexcept {
+  call_.budget_us = budget_us(deadline_, now);
+  call_.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(call_, buffer_.data());
+  return buffer_.first(kHeaderSize + call_.payload_size);
+}
+
+ConstBytes ClientChannel::close(MonotonicTime now) noexcept {
+  Header header;
+  header.kind = FrameKind::kClose;
+  header.priority = hello_priority_;
+  header.session = session_;
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(header, buffer_.data());
+  reset();
+  return buffer_.first(kHeaderSize);
+}
+
+MonotonicTime ClientChannel::next_time() const noexcept {
+  switch (activity_) {
+    case Activity::kNone:
+      return kNever;
+    case Activity::kHandshake:
+      return std::min(deadline_, hello_timer_.due());
+    case Activity::kCall:
+      // hp-5.3-4: a stream repeats by itself.
+      return config_.medium == Medium::kStream ? deadline_ : std::min(deadline_, call_timer_.due());
+  }
+  return kNever;
+}
+
+ChannelEvent ClientChannel::on_time(MonotonicTime now) noexcept {
+  if (now < next_time()) return {};
+  const Activity activity = activity_;
+  if (now >= deadline_) {
+    activity_ = Activity::kNone;
+    return {ChannelEvent::Kind::kTimeout, Status::kOk, {}, {}};
+  }
+  if (activity == Activity::kHandshake) {
+    hello_timer_.repeat(now);
+    // On a stream the HELLO is on its way; only the deadline counts.
+    if (config_.medium == Medium::kStream) return {};
+    return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
+  }
+  call_timer_.repeat(now);
+  ++repeat_count_;
+  call_.flags = kFlagRepeated;
+  return {ChannelEvent::Kind::kSend, Status::kOk, stamp_call(now), {}};
+}
+
+ChannelEvent ClientChannel::drop(DropReason reason) noexcept {
+  counters_.drop(reason);
+  return {};
+}
+
+ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexcept {
+  ++counters_.received_count;
+  const auto header = decode_frame(frame);
+  if (!header) {
+    ChannelEvent event = drop(header.error());
+    if (config_.medium == Medium::kStream) event.kind = ChannelEvent::Kind::kBroken;
+    return event;
+  }
+  const ConstBytes payload = frame.subspan(kHeaderSize);
+  switch (header->kind) {
+    case FrameKind::kReply:
+      return on_reply(*header, payload, now);
+    case FrameKind::kCookie:
+      return on_cookie(payload, now);
+    case FrameKind::kWelcome:
+      return on_welcome(*header, payload, now);
+    case FrameKind::kRefuse:
+      return on_refuse(*header);
+    case FrameKind::kHello:
+    case FrameKind::kCall:
+    case FrameKind::kClose:
+      break;
+  }
+  return drop(DropReason::kBadKind);
+}
+
+// hp-5.1-3: a reply counts only if session, call, service and method are the current call's. A late
+// reply to an earlier call ends here.
+ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
+                                     MonotonicTime now) noexcept {
+  if (activity_ != Activity::kCall || header.session != session_ ||
+      header.call_id != call_.call_id || header.service != call_.service ||
+      header.method != call_.method) {
+    return drop(DropReason::kUnexpected);
+  }
+  activity_ = Activity::kNone;
+  call_timer_.end(now);
+  return {ChannelEvent::Kind::kReply, header.status, {}, payload};
+}
+
+// hp-4-3: an answer belongs to the handshake whose number it repeats; older ones are late.
+bool ClientChannel::is_of_this_handshake(const Header& header) const noexcept {
+  return activity_ == Activity::kHandshake && header.call_id == handshake_number_;
+}
+
+ChannelEvent ClientChannel::on_cookie(const Header& header, ConstBytes payload,
+                                      MonotonicTime now) noexcept {
+  if (!is_of_this_handshake(header) || config_.medium == Medium::kStream) {
+    return drop(DropReason::kUnexpected);
+  }
+  if (payload.size() != cookie_.size()) return drop(DropReason::kBadPayload);
+  std::ranges::copy(payload, cookie_.begin());
+  return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
+}
+
+ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
+                                       MonotonicTime now) noexcept {
+  if (!is_of_this_handshake(header)) return drop(DropReason::kUnexpected);
+  const auto welcome = decode_welcome(payload);
+  if (!welcome || header.session == 0 || !welcome->band.contains(hello_priority_)) {
+    return drop(DropReason::kBadPayload);
+  }
+  welcome_ = *welcome;
+  session_ = header.session;
+  is_ready_ = true;
+  activity_ = Activity::kNone;
+  hello_timer_.end(now);
+  return {ChannelEvent::Kind::kReady, Status::kOk, {}, {}};
+}
+
+ChannelEvent ClientChannel::on_refuse(const Header& header) noexcept {
+  if (is_of_this_handshake(header) && header.session == 0) {
+    activity_ = Activity::kNone;
+    return {ChannelEvent::Kind::kRefused, header.status, {}, {}};
+  }
+  if (activity_ != Activity::kCall || header.session != session_ ||
+      header.call_id != call_.call_id) {
+    return drop(DropReason::kUnexpected);
+  }
+  activity_ = Activity::kNone;
+  if (header.status == Status::kUnknownSession) {
+    is_ready_ = false;
+    return {ChannelEvent::Kind::kLost, header.status, {}, {}};
+  }
+  return {ChannelEvent::Kind::kReply, header.status, {}, {}};
+}
+
+}  // namespace rtpm::wire

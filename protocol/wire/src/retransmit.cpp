@@ -1,0 +1,40 @@
+#include "rtpm/wire/retransmit.hpp"
+
+#include <algorithm>
+
+namespace rtpm::wire {
+
+Duration RetransmitTimer::interval() const noexcept {
+  if (smoothed_ == Duration{0}) return kRetransmitIntervalFirst;
+  return std::clamp<Duration>(smoothed_ + 4 * deviation_, kRetransmitIntervalMin,
+                              kRetransmitIntervalMax);
+}
+
+void RetransmitTimer::begin(MonotonicTime now) noexcept {
+  sent_ = now;
+  repeat_count_ = 0;
+  current_ = interval();
+  due_ = now + current_;
+}
+
+void RetransmitTimer::repeat(MonotonicTime now) noexcept {
+  ++repeat_count_;
+  current_ = std::min<Duration>(2 * current_, kRetransmitIntervalMax);
+  due_ = now + current_;
+}
+
+void RetransmitTimer::end(MonotonicTime now) noexcept {
+  due_ = kNever;
+  if (repeat_count_ > 0) return;
+  const Duration sample = std::max(now - sent_, Duration{1});
+  if (smoothed_ == Duration{0}) {
+    smoothed_ = sample;
+    deviation_ = sample / 2;
+    return;
+  }
+  const Duration error = sample > smoothed_ ? sample - smoothed_ : smoothed_ - sample;
+  deviation_ += (error - deviation_) / 4;
+  smoothed_ = std::max(smoothed_ + (sample - smoothed_) / 8, Duration{1});
+}
+
+}  // namespace rtpm::wire

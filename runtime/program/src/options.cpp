@@ -1,0 +1,358 @@
+#include "rtpm/program/options.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstdlib>
+#include <utility>
+
+#include "command_line.hpp"
+#include "config_file.hpp"
+#include "rtpm/base/assert.hpp"
+#include "setting.hpp"
+
+namespace rtpm::program {
+namespace {
+
+constexpr std::string_view kConfigKey = "config";
+constexpr std::string_view kVariablePrefix = "RTPM_";
+
+struct Positional {
+  std::string name;
+  Setting setting;
+  Presence presence;
+};
+
+std::string variable_of(std::string_view key) {
+  std::string variable(kVariablePrefix);
+  for (const char character : key) {
+    const bool is_lower = character >= 'a' && character <= 'z';
+    variable +=
+        character == '-' ? '_' : static_cast<char>(is_lower ? character - 'a' + 'A' : character);
+  }
+  return variable;
+}
+
+bool is_key(std::string_view key) {
+  return !key.empty() && key.front() >= 'a' && key.front() <= 'z' &&
+         key.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789-") == std::string_view::npos;
+}
+
+/// One row of --help: `left` padded to a common width, then `right`.
+std::string help_row(std::string_view left, std::string_view right) {
+  constexpr std::size_t kWidth = 32;
+  std::string row = "  ";
+  row += left;
+  row +=
+      left.size() < kWidth ? std::string(kWidth - left.size(), ' ') : "\n" + std::string(34, ' ');
+  row += right;
+  return row + "\n";
+}
+
+/// The words that an enum's values have, for an option that is one of them.
+template <class Enum, std::size_t kCount>
+Setting enum_setting(Enum& value, const std::array<Enum, kCount>& values) {
+  std::vector<std::string> words;
+  for (const Enum candidate : values)
+    words.emplace_back(to_string(candidate));
+  return setting_of_choice(
+      words,
+      [&value, values](std::string_view word) {
+        for (const Enum candidate : values) {
+          if (to_string(candidate) == word) value = candidate;
+        }
+      },
+      [&value] { return std::string(to_string(value)); });
+}
+
+}  // namespace
+
+struct Options::Impl {
+  std::string name;
+  std::string description;
+  std::vector<Setting> settings{};
+  std::vector<std::string> sources{};  ///< Of each setting: where its value came from.
+  std::vector<Positional> positionals{};
+  std::string config_path{};
+
+  void add(std::string key, std::string help, Setting setting) {
+    RTPM_ASSERT(is_key(key), "a key is of lower-case letters, digits and '-'");
+    RTPM_ASSERT(key != "help" && key != "version" && key != "dump-config" && find(key) == nullptr,
+                "the key is already in use");
+    setting.key = std::move(key);
+    setting.help = std::move(help);
+    settings.push_back(std::move(setting));
+    sources.emplace_back("default");
+  }
+
+  Setting* find(std::string_view key) {
+    const auto found = std::find_if(settings.begin(), settings.end(),
+                                    [&](const Setting& setting) { return setting.key == key; });
+    return found == settings.end() ? nullptr : &*found;
+  }
+
+  /// Sets the variable; `origin` says in words where the text stands, `source` for --dump-config.
+  expected<void, UsageError> apply(Setting& setting, std::string_view text,
+                                   const std::string& origin, std::string source) {
+    if (!setting.read(text)) {
+      return unexpected{
+          UsageError{origin + " '" + std::string(text) + "' is not " + setting.expected}};
+    }
+    sources[static_cast<std::size_t>(&setting - settings.data())] = std::move(source);
+    return {};
+  }
+
+  expected<void, UsageError> apply_file(const std::string& path);
+  expected<void, UsageError> apply_environment(const CommandLine& command_line);
+  expected<void, UsageError> apply_flags(const CommandLine& command_line);
+  expected<void, UsageError> apply_positionals(const CommandLine& command_line);
+  expected<void, UsageError> apply_all(const CommandLine& command_line);
+  [[nodiscard]] std::string help_text() const;
+  [[nodiscard]] std::string dump_text();
+};
+
+expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
+  const auto lines = read_config_file(path);
+  if (!lines) return unexpected{UsageError{lines.error().text}};
+  std::vector<std::string> seen;
+  for (const ConfigLine& line : *lines) {
+    const std::string place = path + ":" + std::to_string(line.line);
+    Setting* const setting = line.key == kConfigKey ? nullptr : find(line.key);
+    if (setting == nullptr) {
+      std::vector<std::string> keys;
+      for (const Setting& candidate : settings) {
+        if (candidate.key != kConfigKey) keys.push_back(candidate.key);
+      }
+      return unexpected{
+          UsageError{place + ": unknown key '" + line.key + "'" + suggestion(line.key, keys)}};
+    }
+    if (std::find(seen.begin(), seen.end(), line.key) != seen.end()) {
+      return unexpected{UsageError{place + ": key '" + line.key + "' is given twice"}};
+    }
+    seen.push_back(line.key);
+    if (auto applied = apply(*setting, line.value, place + ": " + line.key, place); !applied) {
+      return applied;
+    }
+  }
+  return {};
+}
+
+expected<void, UsageError> Options::Impl::apply_environment(const CommandLine& command_line) {
+  for (Setting& setting : settings) {
+    const std::string variable = variable_of(setting.key);
+    const char* const text = std::getenv(variable.c_str());
+    // Another program may mean something else by the same name; a flag settles it, so a variable
+    // that does not count is not judged.
+    if (text == nullptr || command_line.find(setting.key) != nullptr) continue;
+    if (auto applied = apply(setting, text, variable, variable); !applied) return applied;
+  }
+  return {};
+}
+
+expected<void, UsageError> Options::Impl::apply_flags(const CommandLine& command_line) {
+  for (Setting& setting : settings) {
+    const std::string* const text = command_line.find(setting.key);
+    if (text == nullptr) continue;
+    const std::string flag = "--" + setting.key;
+    if (auto applied = apply(setting, *text, flag, flag); !applied) return applied;
+  }
+  return {};
+}
+
+expected<void, UsageError> Options::Impl::apply_positionals(const CommandLine& command_line) {
+  const std::vector<std::string>& given = command_line.positionals;
+  std::size_t next = 0;
+  for (Positional& positional : positionals) {
+    if (next == given.size()) {
+      if (positional.presence == Presence::kOptional) continue;
+      return unexpected{UsageError{"the argument " + positional.name + " is missing"}};
+    }
+    // A list takes its items one by one: here commas are part of them.
+    do {
+      static_cast<void>(positional.setting.read(given[next++]));
+    } while (positional.setting.is_list && next < given.size());
+  }
+  if (next < given.size()) {
+    return unexpected{UsageError{"unexpected argument '" + given[next] + "'"}};
+  }
+  return {};
+}
+
+expected<void, UsageError> Options::Impl::apply_all(const CommandLine& command_line) {
+  const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
+  const std::string* const config_flag = command_line.find(kConfigKey);
+  if (config_flag != nullptr || config_variable != nullptr) {
+    const std::string path = config_flag != nullptr ? *config_flag : config_variable;
+    if (auto applied = apply_file(path); !applied) return applied;
+  }
+  if (auto applied = apply_environment(command_line); !applied) return applied;
+  return apply_flags(command_line);
+}
+
+std::string Options::Impl::help_text() const {
+  std::string usage = "Usage: " + name + " [options]";
+  std::string arguments;
+  for (const Positional& positional : positionals) {
+    std::string shown = positional.name + (positional.setting.is_list ? "…" : "");
+    arguments += help_row(shown, positional.setting.help);
+    usage += positional.presence == Presence::kRequired ? " " + shown : " [" + shown + "]";
+  }
+  std::string text = name + ": " + description + "\n\n" + usage + "\n";
+  if (!arguments.empty()) text += "\nArguments:\n" + arguments;
+  text += "\nOptions:\n";
+  for (const Setting& setting : settings) {
+    const std::string value = setting.is_switch ? "" : " " + setting.placeholder;
+    const std::string now = setting.write();
+    const bool has_default = !setting.is_switch && !now.empty();
+    text +=
+        help_row("--" + setting.key + value, setting.help + (has_default ? " [" + now + "]" : ""));
+  }
+  text += help_row("--dump-config", "Print the configuration in force, as --config takes it");
+  text += help_row("--help, -h", "Print this");
+  text += help_row("--version", "Print the version");
+  text += "\nAn option can also stand in the environment (--dump-config shows what counts) as\n" +
+          std::string(kVariablePrefix) +
+          "KEY, and in the file as 'key = value'. A flag wins over the environment, the\n"
+          "environment over the file.\n";
+  return text;
+}
+
+std::string Options::Impl::dump_text() {
+  std::string text = "# " + name + " " RTPM_VERSION ": the configuration in force.\n";
+  std::vector<std::string> variables;
+  for (std::size_t i = 0; i < settings.size(); ++i) {
+    const Setting& setting = settings[i];
+    variables.push_back(variable_of(setting.key));
+    if (setting.key == kConfigKey) continue;
+    text += "\n# " + setting.help + " (" + sources[i] + ")\n";
+    text += setting.key + " = " + config_value_text(setting.write()) + "\n";
+  }
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    const std::string_view entry = *variable;
+    const std::string variable_name(entry.substr(0, entry.find('=')));
+    if (variable_name.starts_with(kVariablePrefix) &&
+        std::find(variables.begin(), variables.end(), variable_name) == variables.end()) {
+      text += "\n# " + variable_name + " in the environment is no key of this program.\n";
+    }
+  }
+  return text;
+}
+
+Options::Options(std::string name, std::string description)
+    : impl_(new Impl{.name = std::move(name), .description = std::move(description)}) {
+  impl_->add(std::string(kConfigKey), "Read options from FILE, one 'key = value' a line",
+             setting_of(impl_->config_path));
+  impl_->settings.back().placeholder = "FILE";
+}
+Options::~Options() = default;
+
+void Options::add(std::string key, std::string& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+void Options::add(std::string key, bool& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+void Options::add(std::string key, int& value, std::string help, Range<int> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
+void Options::add(std::string key, std::uint16_t& value, std::string help,
+                  Range<std::uint16_t> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
+void Options::add(std::string key, std::uint64_t& value, std::string help,
+                  Range<std::uint64_t> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
+void Options::add(std::string key, double& value, std::string help, Range<double> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
+void Options::add(std::string key, Duration& value, std::string help, Range<Duration> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
+void Options::add(std::string key, Priority& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+void Options::add(std::string key, std::vector<std::string>& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+
+void Options::add_choice(std::string key, std::string& value, std::vector<std::string> choices,
+                         std::string help) {
+  impl_->add(
+      std::move(key), std::move(help),
+      setting_of_choice(
+          choices, [&value](std::string_view word) { value = word; }, [&value] { return value; }));
+}
+
+void Options::add_positional(std::string name, std::string& value, std::string help,
+                             Presence presence) {
+  Setting setting = setting_of(value);
+  setting.help = std::move(help);
+  impl_->positionals.push_back({std::move(name), std::move(setting), presence});
+}
+
+void Options::add_positional(std::string name, std::vector<std::string>& value, std::string help,
+                             Presence presence) {
+  Setting setting = setting_of(value);
+  setting.help = std::move(help);
+  // The first given item replaces the default.
+  setting.read = [&value, is_default = true](std::string_view text) mutable {
+    if (std::exchange(is_default, false)) value.clear();
+    value.emplace_back(text);
+    return true;
+  };
+  impl_->positionals.push_back({std::move(name), std::move(setting), presence});
+}
+
+void Options::add_realtime(rt::RealtimeMode& mode) {
+  using enum rt::RealtimeMode;
+  impl_->add("realtime", "What to do where the system refuses real-time scheduling",
+             enum_setting(mode, std::array{kPrefer, kRequire, kOff}));
+}
+
+void Options::add_wait(rt::WaitConfig& wait) {
+  using enum rt::WaitStrategy;
+  impl_->add("wait", "How to wait for traffic: spin a while and then block, block, or spin",
+             enum_setting(wait.strategy, std::array{kAdaptive, kBlock, kSpin}));
+  impl_->add("spin", "How long an adaptive wait spins before it blocks",
+             setting_of(wait.spin, {Duration{0}, std::chrono::seconds{1}}));
+}
+
+void Options::add_registry(std::string& url) {
+  add("registry", url, "Where the registry of names is");
+  impl_->settings.back().placeholder = "URL";
+}
+
+std::optional<int> Options::parse(int argc, const char* const* argv) {
+  const std::vector<std::string_view> arguments(argv + std::min(argc, 1), argv + argc);
+  const auto command_line = parse_command_line(arguments, impl_->settings);
+  if (!command_line) return usage_error(command_line.error().text);
+  if (command_line->wants_help || command_line->wants_version) {
+    const std::string text =
+        command_line->wants_help ? impl_->help_text() : impl_->name + " " RTPM_VERSION "\n";
+    std::fputs(text.c_str(), stdout);
+    return 0;
+  }
+  if (const auto applied = impl_->apply_all(*command_line); !applied) {
+    return usage_error(applied.error().text);
+  }
+  if (command_line->wants_dump) {
+    std::fputs(impl_->dump_text().c_str(), stdout);
+    return 0;
+  }
+  if (const auto applied = impl_->apply_positionals(*command_line); !applied) {
+    return usage_error(applied.error().text);
+  }
+  return std::nullopt;
+}
+
+int Options::usage_error(std::string_view what) const {
+  std::string sentence = impl_->name + ": ";
+  sentence.append(what).append("; run '" + impl_->name + " --help' for what there is\n");
+  std::fputs(sentence.c_str(), stderr);
+  return 2;
+}
+
+}  // namespace rtpm::program

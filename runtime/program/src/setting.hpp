@@ -1,0 +1,45 @@
+#pragma once
+
+#include <functional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/program/options.hpp"
+
+namespace rtpm::program {
+
+/// One variable of a program with all that reading, writing and explaining it takes.
+struct Setting {
+  std::string key;
+  std::string help;
+  std::string placeholder;  ///< Stands for the value in --help: "NUMBER".
+  std::string expected;     ///< What a value must be: "a whole number from 0 to 65535".
+  bool is_switch = false;   ///< Its flag means true without a value.
+  bool is_list = false;     ///< Its flag may be repeated.
+  /// Sets the variable from text; false, and no change, if the text is not what is expected.
+  std::function<bool(std::string_view)> read{};
+  /// The variable as text that `read` takes.
+  std::function<std::string()> write{};
+};
+
+/// The setting for each type of variable, to which it refers.   Set-up only.
+[[nodiscard]] Setting setting_of(std::string& value);
+[[nodiscard]] Setting setting_of(bool& value);
+[[nodiscard]] Setting setting_of(int& value, Range<int> range);
+[[nodiscard]] Setting setting_of(std::uint16_t& value, Range<std::uint16_t> range);
+[[nodiscard]] Setting setting_of(std::uint64_t& value, Range<std::uint64_t> range);
+[[nodiscard]] Setting setting_of(double& value, Range<double> range);
+[[nodiscard]] Setting setting_of(Duration& value, Range<Duration> range);
+[[nodiscard]] Setting setting_of(Priority& value);
+[[nodiscard]] Setting setting_of(std::vector<std::string>& value);
+/// One of `choices`, as `read` and `write` know them.
+[[nodiscard]] Setting setting_of_choice(const std::vector<std::string>& choices,
+                                        std::function<void(std::string_view)> read,
+                                        std::function<std::string()> write);
+
+/// The candidate that most looks like `word`, if any looks like a slip of it.   Set-up only.
+[[nodiscard]] std::string nearest(std::string_view word,
+                                  const std::vector<std::string>& candidates);
+
+}  // namespace rtpm::program

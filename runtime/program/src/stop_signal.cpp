@@ -1,0 +1,71 @@
+#include "rtpm/program/stop_signal.hpp"
+
+#include <poll.h>
+#include <pthread.h>
+#include <sys/signalfd.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <csignal>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+
+namespace rtpm::program {
+namespace {
+
+/// Whether the descriptor became readable within `timeout`; none: wait for ever. What is readable
+/// is never read: the signal stays pending, and so every thread that asks sees it, now and later.
+bool is_pending(int signals, const timespec* timeout) noexcept {
+  pollfd wanted{.fd = signals, .events = POLLIN, .revents = 0};
+  return ppoll(&wanted, 1, timeout, nullptr) > 0;
+}
+
+}  // namespace
+
+StopSignal::StopSignal() {
+  sigset_t stop_signals;
+  sigemptyset(&stop_signals);
+  sigaddset(&stop_signals, SIGINT);
+  sigaddset(&stop_signals, SIGTERM);
+  pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
+  signals_ = signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK);
+  if (signals_ < 0) {
+    std::fprintf(stderr,
+                 "the system gives no descriptor to wait for SIGINT and SIGTERM (%s): close files, "
+                 "or raise the limit of open files (ulimit -n)\n",
+                 std::strerror(errno));
+    std::exit(1);
+  }
+}
+
+StopSignal::~StopSignal() {
+  close(signals_);
+}
+
+bool StopSignal::is_requested() const noexcept {
+  constexpr timespec kNow{};
+  return is_pending(signals_, &kNow);
+}
+
+void StopSignal::wait() const noexcept {
+  // Other signals, such as a debugger's, end the system call early.
+  while (!is_pending(signals_, nullptr)) {
+  }
+}
+
+bool StopSignal::wait_for(Duration duration) const noexcept {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point begin = Clock::now();
+  for (;;) {
+    const Duration left = std::max(Duration{0}, duration - (Clock::now() - begin));
+    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
+    const timespec timeout{.tv_sec = seconds.count(), .tv_nsec = (left - seconds).count()};
+    if (is_pending(signals_, &timeout)) return true;
+    if (left.count() == 0) return false;
+  }
+}
+
+}  // namespace rtpm::program

@@ -1,0 +1,52 @@
+#include "rtpm/rt/priority.hpp"
+
+#include <pthread.h>
+#include <sched.h>
+
+#include "native_level.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+thread_local std::optional<Priority> thread_priority;
+// The SCHED_FIFO level the thread is known to have; 0: not known, ask the system.
+thread_local int thread_level = 0;
+
+}  // namespace
+
+std::optional<Priority> current_priority() noexcept {
+  return thread_priority;
+}
+
+bool set_current_priority(Priority priority) noexcept {
+  thread_priority = priority;
+  return set_native_level(to_native(priority));
+}
+
+bool set_native_level(int level) noexcept {
+  if (thread_level == level) return true;
+  sched_param parameter{};
+  parameter.sched_priority = level;
+  if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) != 0) return false;
+  thread_level = level;
+  return true;
+}
+
+void note_thread_priority(Priority priority, bool is_fifo) noexcept {
+  thread_priority = priority;
+  thread_level = is_fifo ? to_native(priority) : 0;
+}
+
+ScopedPriority::ScopedPriority(Priority priority) noexcept
+    : previous_(thread_priority), previous_level_(thread_level) {
+  thread_priority = priority;
+  // A thread that runs time-shared stays so: its owner asked for that, or the system refused more.
+  if (previous_level_ != 0) set_native_level(to_native(priority));
+}
+
+ScopedPriority::~ScopedPriority() {
+  thread_priority = previous_;
+  if (previous_level_ != 0) set_native_level(previous_level_);
+}
+
+}  // namespace rtpm::rt

@@ -1,0 +1,161 @@
+#include "rtpm/rt/thread.hpp"
+
+#include <sched.h>
+#include <sys/resource.h>
+
+#include <atomic>
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <memory>
+#include <semaphore>
+#include <utility>
+
+#include "native_level.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/priority.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+constexpr std::size_t kStackSize = std::size_t{512} * 1024;
+
+std::string scheduling_text(const ThreadConfig& config, int level, int error) {
+  rlimit limit{};
+  getrlimit(RLIMIT_RTPRIO, &limit);
+  return "thread '" + config.name + "' can't run at SCHED_FIFO " + std::to_string(level) + " (" +
+         std::strerror(error) + "; the limit is " + std::to_string(limit.rlim_cur) +
+         "): its latency is not bounded. Remedy: give the user the right (a line '<user> - rtprio "
+         "90' in /etc/security/limits.conf, LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), "
+         "or say --realtime off.";
+}
+
+void warn_once(const std::string& text) {
+  static std::atomic<bool> is_told{false};
+  if (!is_told.exchange(true)) std::fprintf(stderr, "rtpm: warning: %s\n", text.c_str());
+}
+
+expected<void, RealtimeError> set_affinity(const ThreadConfig& config) {
+  if (config.cpus.empty()) return {};
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  std::string list;
+  for (const int cpu : config.cpus) {
+    if (cpu >= 0 && cpu < CPU_SETSIZE) CPU_SET(static_cast<std::size_t>(cpu), &cpus);
+    list += (list.empty() ? "" : ",") + std::to_string(cpu);
+  }
+  const int error = pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus);
+  if (error == 0) return {};
+  return unexpected{RealtimeError{"thread '" + config.name + "' can't be confined to CPU " + list +
+                                  " (" + std::strerror(error) +
+                                  "). Remedy: name CPUs that this machine has and the process may "
+                                  "use (see: nproc, taskset -p $$)."}};
+}
+
+}  // namespace
+
+std::string_view to_string(RealtimeMode mode) noexcept {
+  switch (mode) {
+    case RealtimeMode::kPrefer:
+      return "prefer";
+    case RealtimeMode::kRequire:
+      return "require";
+    case RealtimeMode::kOff:
+      return "off";
+  }
+  return "unknown";
+}
+
+expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) {
+  // The system takes at most 15 bytes; a longer name is cut rather than lost.
+  pthread_setname_np(pthread_self(), config.name.substr(0, 15).c_str());
+  if (auto confined = set_affinity(config); !confined) return confined;
+  if (!config.priority) return {};
+  if (config.realtime == RealtimeMode::kOff) {
+    note_thread_priority(*config.priority, false);
+    return {};
+  }
+  const int level = to_native(*config.priority);
+  sched_param parameter{};
+  parameter.sched_priority = level;
+  const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
+  note_thread_priority(*config.priority, error == 0);
+  if (error == 0) return {};
+  if (config.realtime == RealtimeMode::kRequire) {
+    return unexpected{RealtimeError{scheduling_text(config, level, error)}};
+  }
+  warn_once(scheduling_text(config, level, error));
+  return {};
+}
+
+namespace {
+
+// Handed from start() to the new thread, which answers through `outcome` and then runs the body.
+struct Launch {
+  ThreadConfig config;
+  std::function<void()> body;
+  expected<void, RealtimeError> outcome{};
+  std::binary_semaphore is_configured{0};
+};
+
+void* run_thread(void* argument) {
+  auto* launch = static_cast<Launch*>(argument);
+  launch->outcome = configure_this_thread(launch->config);
+  if (!launch->outcome) {
+    launch->is_configured.release();
+    return nullptr;
+  }
+  const std::function<void()> body = std::move(launch->body);
+  launch->is_configured.release();
+  body();
+  return nullptr;
+}
+
+}  // namespace
+
+expected<Thread, RealtimeError> Thread::start(const ThreadConfig& config,
+                                              std::function<void()> body) {
+  Launch launch{config, std::move(body)};
+  pthread_attr_t attributes;
+  pthread_attr_init(&attributes);
+  // With memory locked, the whole stack is resident: the system's 8 MiB would be waste.
+  pthread_attr_setstacksize(&attributes, kStackSize);
+  pthread_t handle{};
+  const int error = pthread_create(&handle, &attributes, run_thread, &launch);
+  pthread_attr_destroy(&attributes);
+  if (error != 0) {
+    return unexpected{RealtimeError{"thread '" + config.name + "' can't be started (" +
+                                    std::strerror(error) +
+                                    "). Remedy: raise the limit of processes (ulimit -u) or of "
+                                    "locked memory (ulimit -l)."}};
+  }
+  launch.is_configured.acquire();
+  Thread thread;
+  thread.handle_ = handle;
+  if (!launch.outcome) {
+    thread.join();
+    return unexpected{launch.outcome.error()};
+  }
+  return thread;
+}
+
+Thread::Thread(Thread&& other) noexcept : handle_(std::exchange(other.handle_, std::nullopt)) {}
+
+Thread& Thread::operator=(Thread&& other) noexcept {
+  join();
+  handle_ = std::exchange(other.handle_, std::nullopt);
+  return *this;
+}
+
+Thread::~Thread() {
+  join();
+}
+
+void Thread::join() noexcept {
+  if (!handle_) return;
+  RTPM_ASSERT(pthread_equal(*handle_, pthread_self()) == 0, "a thread can't wait for its own end");
+  pthread_join(*handle_, nullptr);
+  handle_.reset();
+}
+
+}  // namespace rtpm::rt
