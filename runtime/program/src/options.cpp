@@ -195,7 +195,7 @@ std::string Options::Impl::help_text() const {
   std::string usage = "Usage: " + name + " [options]";
   std::string arguments;
   for (const Positional& positional : positionals) {
-    std::string shown = positional.name + (positional.setting.is_list ? "…" : "");
+    std::string shown = positional.name + (positional.setting.is_list ? "..." : "");
     arguments += help_row(shown, positional.setting.help);
     usage += positional.presence == Presence::kRequired ? " " + shown : " [" + shown + "]";
   }
@@ -212,10 +212,9 @@ std::string Options::Impl::help_text() const {
   text += help_row("--dump-config", "Print the configuration in force, as --config takes it");
   text += help_row("--help, -h", "Print this");
   text += help_row("--version", "Print the version");
-  text += "\nAn option can also stand in the environment (--dump-config shows what counts) as\n" +
-          std::string(kVariablePrefix) +
-          "KEY, and in the file as 'key = value'. A flag wins over the environment, the\n"
-          "environment over the file.\n";
+  text +=
+      "\nAn option --some-key can also stand in the environment, as RTPM_SOME_KEY, and in the file, as\n"
+      "'some-key = value'. A flag wins over the environment, the environment over the file.\n";
   return text;
 }
 
@@ -245,6 +244,7 @@ Options::Options(std::string name, std::string description)
   impl_->add(std::string(kConfigKey), "Read options from FILE, one 'key = value' a line",
              setting_of(impl_->config_path));
   impl_->settings.back().placeholder = "FILE";
+  impl_->settings.back().expected = "the path of a file";
 }
 Options::~Options() = default;
 
@@ -323,6 +323,7 @@ void Options::add_wait(rt::WaitConfig& wait) {
 void Options::add_registry(std::string& url) {
   add("registry", url, "Where the registry of names is");
   impl_->settings.back().placeholder = "URL";
+  impl_->settings.back().expected = "a URL, rtpm://host:port/path";
 }
 
 std::optional<int> Options::parse(int argc, const char* const* argv) {

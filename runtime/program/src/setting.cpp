@@ -168,7 +168,7 @@ Setting setting_of(Priority& value) {
 
 Setting setting_of(std::vector<std::string>& value) {
   Setting setting;
-  setting.placeholder = "TEXT,…";
+  setting.placeholder = "TEXT,TEXT";
   setting.expected = "a list with commas, without empty items";
   setting.is_list = true;
   setting.read = [&value](std::string_view text) {

@@ -1,0 +1,420 @@
+#include "rtpm/program/options.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <functional>
+#include <map>
+
+namespace rtpm::program {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// What a run of parse() gave back, and what it printed.
+struct Outcome {
+  std::optional<int> exit_code;
+  std::string out;
+  std::string err;
+};
+
+/// One option of every kind.
+struct Values {
+  std::string host = "127.0.0.1";
+  std::uint16_t port = 7420;
+  int offset = 0;
+  std::uint64_t seed = 1;
+  double gain = 0.5;
+  bool verbose = false;
+  Duration period = 1ms;
+  Priority priority = 100;
+  std::vector<std::string> cases{"call", "bulk"};
+  std::string format = "table";
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  rt::WaitConfig wait{};
+  std::string registry = "rtpm://127.0.0.1:7420/rtpm/names";
+
+  friend bool operator==(const Values& left, const Values& right) {
+    const auto tie = [](const Values& v) {
+      return std::tie(v.host, v.port, v.offset, v.seed, v.gain, v.verbose, v.period, v.priority,
+                      v.cases, v.format, v.realtime, v.wait.strategy, v.wait.spin, v.registry);
+    };
+    return tie(left) == tie(right);
+  }
+};
+
+class OptionsTest : public testing::Test {
+ protected:
+  ~OptionsTest() override {
+    for (const auto& [name, value] : environment_)
+      unsetenv(name.c_str());
+    if (!path_.empty()) std::filesystem::remove(path_);
+  }
+
+  void set_variable(const std::string& name, const std::string& value) {
+    environment_[name] = value;
+    setenv(name.c_str(), value.c_str(), 1);
+  }
+
+  /// A file with `text`, that is gone after the test.
+  std::string file_with(const std::string& text) {
+    if (path_.empty()) {
+      path_ = testing::TempDir() + "options_test_XXXXXX";
+      const int file = mkstemp(path_.data());
+      EXPECT_GE(file, 0);
+      std::fclose(fdopen(file, "w"));
+    }
+    std::ofstream(path_) << text;
+    return path_;
+  }
+
+  Outcome parse(const std::vector<std::string>& arguments) {
+    return parse_into(values_, arguments, [](Options&) {});
+  }
+
+  static Outcome parse_into(Values& values, const std::vector<std::string>& arguments,
+                            const std::function<void(Options&)>& add_more) {
+    Options options("rtpm-test", "tries options");
+    options.add("host", values.host, "Address to serve");
+    options.add("port", values.port, "Port to serve");
+    options.add("offset", values.offset, "Offset in samples", {-10, 10});
+    options.add("seed", values.seed, "Seed of the simulation");
+    options.add("gain", values.gain, "Gain of the loop", {0.0, 1.0});
+    options.add("verbose", values.verbose, "Say more");
+    options.add("period", values.period, "Period of the loop", {1us, 1s});
+    options.add("priority", values.priority, "Priority of the calls");
+    options.add("cases", values.cases, "Cases to run");
+    options.add_choice("format", values.format, {"table", "json"}, "Form of the result");
+    options.add_realtime(values.realtime);
+    options.add_wait(values.wait);
+    options.add_registry(values.registry);
+    add_more(options);
+    std::vector<const char*> argv{"rtpm-test"};
+    for (const std::string& argument : arguments)
+      argv.push_back(argument.c_str());
+    Outcome outcome;
+    testing::internal::CaptureStdout();
+    testing::internal::CaptureStderr();
+    outcome.exit_code = options.parse(static_cast<int>(argv.size()), argv.data());
+    outcome.out = testing::internal::GetCapturedStdout();
+    outcome.err = testing::internal::GetCapturedStderr();
+    return outcome;
+  }
+
+  /// Expects an error that is one line and holds all of `parts`.
+  void expect_error(const std::vector<std::string>& arguments,
+                    const std::vector<std::string>& parts) {
+    const Outcome outcome = parse(arguments);
+    EXPECT_EQ(outcome.exit_code, 2);
+    EXPECT_EQ(outcome.out, "");
+    EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
+    EXPECT_TRUE(outcome.err.starts_with("rtpm-test: ")) << outcome.err;
+    EXPECT_NE(outcome.err.find("run 'rtpm-test --help'"), std::string::npos) << outcome.err;
+    for (const std::string& part : parts) {
+      EXPECT_NE(outcome.err.find(part), std::string::npos) << part << " in: " << outcome.err;
+    }
+  }
+
+  Values values_;
+
+ private:
+  std::map<std::string, std::string> environment_;
+  std::string path_;
+};
+
+Values changed_values() {
+  return {.host = "10.0.0.1",
+          .port = 1,
+          .offset = -3,
+          .seed = 18446744073709551615U,
+          .gain = 0.25,
+          .verbose = true,
+          .period = 800us,
+          .priority = 32767,
+          .cases = {"a", "b", "c"},
+          .format = "json",
+          .realtime = rt::RealtimeMode::kRequire,
+          .wait = {.strategy = rt::WaitStrategy::kSpin, .spin = 20us},
+          .registry = "rtpm://h:1/n"};
+}
+
+TEST_F(OptionsTest, KeepsDefaultsWhereNothingIsGiven) {
+  const Outcome outcome = parse({});
+  EXPECT_EQ(outcome.exit_code, std::nullopt);
+  EXPECT_EQ(outcome.out + outcome.err, "");
+  EXPECT_EQ(values_, Values{});
+}
+
+TEST_F(OptionsTest, TakesEveryKindFromFlags) {
+  const Outcome outcome = parse({"--host",
+                                 "10.0.0.1",
+                                 "--port=1",
+                                 "--offset",
+                                 "-3",
+                                 "--seed",
+                                 "18446744073709551615",
+                                 "--gain",
+                                 "0.25",
+                                 "--verbose",
+                                 "--period",
+                                 "800us",
+                                 "--priority",
+                                 "32767",
+                                 "--cases",
+                                 "a,b",
+                                 "--cases",
+                                 "c",
+                                 "--format",
+                                 "json",
+                                 "--realtime",
+                                 "require",
+                                 "--wait",
+                                 "spin",
+                                 "--spin",
+                                 "20us",
+                                 "--registry",
+                                 "rtpm://h:1/n"});
+  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
+  EXPECT_EQ(values_, changed_values());
+}
+
+TEST_F(OptionsTest, TakesEveryKindFromTheEnvironment) {
+  for (const auto& [name, value] :
+       std::map<std::string, std::string>{{"RTPM_HOST", "10.0.0.1"},
+                                          {"RTPM_PORT", "1"},
+                                          {"RTPM_OFFSET", "-3"},
+                                          {"RTPM_SEED", "18446744073709551615"},
+                                          {"RTPM_GAIN", "0.25"},
+                                          {"RTPM_VERBOSE", "true"},
+                                          {"RTPM_PERIOD", "800us"},
+                                          {"RTPM_PRIORITY", "32767"},
+                                          {"RTPM_CASES", "a, b,c"},
+                                          {"RTPM_FORMAT", "json"},
+                                          {"RTPM_REALTIME", "require"},
+                                          {"RTPM_WAIT", "spin"},
+                                          {"RTPM_SPIN", "20us"},
+                                          {"RTPM_REGISTRY", "rtpm://h:1/n"}}) {
+    set_variable(name, value);
+  }
+  const Outcome outcome = parse({});
+  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
+  EXPECT_EQ(values_, changed_values());
+}
+
+TEST_F(OptionsTest, TakesEveryKindFromAFile) {
+  const std::string path = file_with(
+      "# of the laboratory\r\n"
+      "host=10.0.0.1   # the arm's own net\r\n"
+      "\n"
+      "  port = 1\nseed = 18446744073709551615\noffset = -3\ngain = \"0.25\"\nverbose = true\n"
+      "period = 800us\npriority = 32767\ncases = a, b ,c\nformat = json\nrealtime = require\n"
+      "wait = spin\nspin = 20 us\nregistry = rtpm://h:1/n");
+  const Outcome outcome = parse({"--config", path});
+  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
+  EXPECT_EQ(values_, changed_values());
+}
+
+TEST_F(OptionsTest, LetsFlagsWinOverEnvironmentOverFile) {
+  const std::string path = file_with("port = 1\noffset = 1\ngain = 0.1\n");
+  set_variable("RTPM_PORT", "2");
+  set_variable("RTPM_OFFSET", "2");
+  const Outcome outcome = parse({"--port", "3", "--config", path});
+  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
+  EXPECT_EQ(values_.port, 3);
+  EXPECT_EQ(values_.offset, 2);
+  EXPECT_EQ(values_.gain, 0.1);
+}
+
+TEST_F(OptionsTest, FindsTheFileByTheEnvironmentToo) {
+  set_variable("RTPM_CONFIG", file_with("port = 5\n"));
+  EXPECT_EQ(parse({}).exit_code, std::nullopt);
+  EXPECT_EQ(values_.port, 5);
+}
+
+TEST_F(OptionsTest, LetsAFlagSwitchOff) {
+  set_variable("RTPM_VERBOSE", "true");
+  EXPECT_EQ(parse({"--verbose=false"}).exit_code, std::nullopt);
+  EXPECT_FALSE(values_.verbose);
+}
+
+TEST_F(OptionsTest, NamesAnUnknownFlagAndTheNearestKnown) {
+  expect_error({"--prot", "1"}, {"unknown flag '--prot'", "did you mean '--port'?"});
+  expect_error({"--priod=1ms"}, {"unknown flag '--priod'", "did you mean '--period'?"});
+  expect_error({"--dump-confg"}, {"did you mean '--dump-config'?"});
+  expect_error({"-p", "1"}, {"unknown flag '-p'"});
+  expect_error({"-port", "1"}, {"unknown flag '-port'", "did you mean '--port'?"});
+  const Outcome far = parse({"--zzzzzzzz"});
+  EXPECT_EQ(far.err.find("did you mean"), std::string::npos) << far.err;
+}
+
+TEST_F(OptionsTest, NamesAnUnknownKeyWithItsLine) {
+  const std::string path = file_with("port = 1\n\nperoid = 1ms\n");
+  expect_error({"--config", path}, {path + ":3: unknown key 'peroid'", "did you mean 'period'?"});
+  file_with("config = other\n");
+  expect_error({"--config", path}, {path + ":1: unknown key 'config'"});
+}
+
+TEST_F(OptionsTest, NamesWhatIsWrongWithALineOfTheFile) {
+  const std::string path = file_with("port\n");
+  expect_error({"--config", path}, {path + ":1: 'port' is not 'key = value'"});
+  file_with("= 1\n");
+  expect_error({"--config", path}, {":1: ", "is not 'key = value'"});
+  file_with("port = 1\nport = 1\n");
+  expect_error({"--config", path}, {":2: key 'port' is given twice"});
+  file_with("host = \"a\n");
+  expect_error({"--config", path}, {":1: ", "no closing quote"});
+  file_with("host = \"a\" b\n");
+  expect_error({"--config", path}, {":1: ", "after the closing quote"});
+  file_with("host = \"\\q\"\n");
+  expect_error({"--config", path}, {":1: ", "after a backslash"});
+  file_with("port = abc\n");
+  expect_error({"--config", path}, {":1: port 'abc' is not a whole number from 0 to 65535"});
+}
+
+TEST_F(OptionsTest, NamesAFileThatCannotBeRead) {
+  expect_error({"--config", "/nowhere/at all"},
+               {"cannot read the configuration file '/nowhere/at all'", "No such file"});
+  expect_error({"--config", "/"}, {"cannot read the configuration file '/'", "directory"});
+  const std::string path = file_with(std::string(2'000'000, '#'));
+  expect_error({"--config", path}, {"larger than 1 MiB"});
+}
+
+TEST_F(OptionsTest, NamesAWrongTypeOrRangeWithWhatWasExpected) {
+  expect_error({"--port", "abc"}, {"--port 'abc' is not a whole number from 0 to 65535"});
+  expect_error({"--port", "65536"}, {"--port '65536' is not a whole number from 0 to 65535"});
+  expect_error({"--port", "-1"}, {"--port '-1'"});
+  expect_error({"--port", "1.5"}, {"--port '1.5'"});
+  expect_error({"--port", " 1"}, {"--port ' 1'"});
+  expect_error({"--port="}, {"--port ''"});
+  expect_error({"--offset", "11"}, {"from -10 to 10"});
+  expect_error({"--seed", "18446744073709551616"}, {"from 0 to 18446744073709551615"});
+  expect_error({"--gain", "1.1"}, {"--gain '1.1' is not a number from 0 to 1"});
+  expect_error({"--gain", "nan"}, {"--gain 'nan'"});
+  expect_error({"--verbose=maybe"}, {"--verbose 'maybe' is not true or false"});
+  expect_error({"--period", "5"}, {"is not a time with a unit, such as 800us or 2s"});
+  expect_error({"--period", "2s"}, {"of at least 1us, of at most 1s"});
+  expect_error({"--priority", "32768"}, {"is not a priority, a whole number from 0"});
+  expect_error({"--cases", "a,,b"}, {"--cases 'a,,b' is not a list with commas"});
+  expect_error({"--format", "xml"}, {"--format 'xml' is not table or json"});
+  expect_error({"--realtime", "yes"}, {"is not prefer, require or off"});
+  expect_error({"--wait", "sleep"}, {"is not adaptive, block or spin"});
+  set_variable("RTPM_PORT", "http");
+  expect_error({}, {"RTPM_PORT 'http' is not a whole number"});
+}
+
+TEST_F(OptionsTest, DoesNotJudgeAVariableThatAFlagOverrules) {
+  set_variable("RTPM_PORT", "http");
+  EXPECT_EQ(parse({"--port", "1"}).exit_code, std::nullopt);
+}
+
+TEST_F(OptionsTest, NamesAFlagWithoutItsValueAndAFlagGivenTwice) {
+  expect_error({"--port"}, {"--port needs a value: a whole number from 0 to 65535"});
+  expect_error({"--port", "--verbose"}, {"--port needs a value"});
+  expect_error({"--port", "1", "--port", "2"}, {"--port is given twice"});
+}
+
+TEST_F(OptionsTest, LeavesVariablesOfOtherProgramsInPeace) {
+  set_variable("RTPM_OTHER_PROGRAMS_KEY", "1");
+  EXPECT_EQ(parse({}).exit_code, std::nullopt);
+  const Outcome dump = parse({"--dump-config"});
+  EXPECT_NE(dump.out.find("# RTPM_OTHER_PROGRAMS_KEY in the environment is no key"),
+            std::string::npos);
+}
+
+TEST_F(OptionsTest, DumpsAConfigurationThatReadsBackTheSame) {
+  Values values = changed_values();
+  values.host = "  # \"quoted\" \\ and a\ttab\n";
+  values.registry = "";
+  values.cases.clear();
+  values.gain = 0.1 + 0.2;
+  const Values wanted = values;
+  const Outcome dump = parse_into(values, {"--dump-config"}, [](Options&) {});
+  EXPECT_EQ(dump.exit_code, 0);
+  EXPECT_EQ(dump.err, "");
+  EXPECT_EQ(parse({"--config", file_with(dump.out)}).exit_code, std::nullopt) << dump.out;
+  EXPECT_EQ(values_, wanted) << dump.out;
+}
+
+TEST_F(OptionsTest, DumpsWhatIsInForceAndWhereItComesFrom) {
+  set_variable("RTPM_GAIN", "0.75");
+  const std::string path = file_with("offset = 2\n");
+  const Outcome dump = parse({"--port", "9", "--dump-config", "--config", path});
+  EXPECT_EQ(dump.exit_code, 0);
+  for (const char* const part :
+       {"(--port)\nport = 9\n", "(RTPM_GAIN)\ngain = 0.75\n", "(default)\nhost = 127.0.0.1\n"}) {
+    EXPECT_NE(dump.out.find(part), std::string::npos) << part << " in:\n" << dump.out;
+  }
+  EXPECT_NE(dump.out.find("(" + path + ":1)\noffset = 2\n"), std::string::npos) << dump.out;
+}
+
+TEST_F(OptionsTest, PrintsHelpAndVersion) {
+  for (const char* const flag : {"--help", "-h"}) {
+    const Outcome help = parse({flag});
+    EXPECT_EQ(help.exit_code, 0);
+    EXPECT_EQ(help.err, "");
+    for (const char* const part :
+         {"rtpm-test: tries options", "--port NUMBER", "Port to serve [7420]", "--verbose ",
+          "--realtime prefer|require|off", "--wait adaptive|block|spin", "--dump-config"}) {
+      EXPECT_NE(help.out.find(part), std::string::npos) << part << " in:\n" << help.out;
+    }
+  }
+  const Outcome version = parse({"--version"});
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_TRUE(version.out.starts_with("rtpm-test ")) << version.out;
+  EXPECT_GT(version.out.size(), std::string("rtpm-test \n").size()) << version.out;
+}
+
+TEST_F(OptionsTest, TakesPositionalsInOrderAndTheRestAsAList) {
+  std::string command;
+  std::vector<std::string> cases{"default"};
+  const auto add_more = [&](Options& options) {
+    options.add_positional("COMMAND", command, "What to do", Presence::kRequired);
+    options.add_positional("CASE", cases, "With what");
+  };
+  Outcome outcome =
+      parse_into(values_, {"run", "--port", "4", "a,b", "-1", "--", "--port"}, add_more);
+  EXPECT_EQ(outcome.exit_code, std::nullopt) << outcome.err;
+  EXPECT_EQ(command, "run");
+  EXPECT_EQ(cases, (std::vector<std::string>{"a,b", "-1", "--port"}));
+  EXPECT_EQ(values_.port, 4);
+
+  cases = {"default"};
+  EXPECT_EQ(parse_into(values_, {"list"}, add_more).exit_code, std::nullopt);
+  EXPECT_EQ(cases, std::vector<std::string>{"default"});
+
+  outcome = parse_into(values_, {}, add_more);
+  EXPECT_EQ(outcome.exit_code, 2);
+  EXPECT_NE(outcome.err.find("the argument COMMAND is missing"), std::string::npos) << outcome.err;
+  EXPECT_NE(parse_into(values_, {"--help"}, add_more).out.find("COMMAND [CASE...]"),
+            std::string::npos);
+}
+
+TEST_F(OptionsTest, RefusesAnArgumentThatNobodyTakes) {
+  expect_error({"stray"}, {"unexpected argument 'stray'"});
+}
+
+TEST_F(OptionsTest, LetsAProgramReportItsOwnFindings) {
+  const Options options("rtpm-test", "tries options");
+  testing::internal::CaptureStderr();
+  EXPECT_EQ(options.usage_error("no case is called 'x'"), 2);
+  EXPECT_EQ(testing::internal::GetCapturedStderr(),
+            "rtpm-test: no case is called 'x'; run 'rtpm-test --help' for what there is\n");
+}
+
+using OptionsDeathTest = OptionsTest;
+
+TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
+  int value = 0;
+  Options options("rtpm-test", "tries options");
+  options.add("key", value, "A key");
+  EXPECT_DEATH(options.add("key", value, "Again"), "in use");
+  EXPECT_DEATH(options.add("help", value, "Taken"), "in use");
+  EXPECT_DEATH(options.add("config", value, "Taken"), "in use");
+  EXPECT_DEATH(options.add("Key_2", value, "Malformed"), "lower-case");
+}
+
+}  // namespace
+}  // namespace rtpm::program
