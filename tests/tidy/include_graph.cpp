@@ -1,0 +1,179 @@
+#include "include_graph.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <regex>
+#include <set>
+#include <string>
+#include <string_view>
+
+namespace rtpm::tidy {
+namespace {
+
+/// A part of the house: where its files are, what its headers' folder under rtpm/ is called, and
+/// what it may include besides itself. Floor by floor, from the ground up.
+struct Part {
+  std::string_view folder;
+  std::string_view name;
+  std::vector<std::string_view> below;
+  bool may_include_everything = false;
+};
+
+const std::vector<Part>& parts() {
+  static const std::vector<Part> kParts{
+      {"protocol/base/", "base", {}},
+      {"protocol/wire/", "wire", {"base"}},
+      {"runtime/rt/", "rt", {"base"}},
+      {"runtime/transport/", "transport", {"base", "wire", "rt"}},
+      {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},
+      {"runtime/program/", "program", {"base", "rt"}},
+      {"registry/names/", "names", {"base", "wire", "rt", "transport", "rpc", "program"}},
+      {"registry/events/",
+       "events",
+       {"base", "wire", "rt", "transport", "rpc", "program", "names"}},
+      {"gvd/driver/", "driver", {"base"}},
+      {"gvd/", "gvd", {"base", "wire", "rt", "rpc", "program", "names", "driver"}},
+      {"devices/sim/", "device_sim", {"base", "driver"}},
+      {"devices/",
+       "",
+       {"base", "wire", "rt", "rpc", "program", "names", "driver", "gvd", "device_sim"}},
+      {"clients/",
+       "",
+       {"base", "wire", "rt", "rpc", "program", "names", "events", "driver", "gvd"}},
+      {"schema/", "schema", {}},
+      {"bench/", "", {}, true},
+      {"tests/", "", {}, true},
+  };
+  return kParts;
+}
+
+/// Headers of others and the parts that may know them; bench/ and tests/ may know all.
+struct Foreign {
+  std::regex header;
+  std::string_view what;
+  std::vector<std::string_view> folders;
+};
+
+const std::vector<Foreign>& foreigners() {
+  static const std::vector<Foreign> kForeigners{
+      {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
+      {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
+      {std::regex("CLI/.*"), "CLI11", {"runtime/program/src/"}},
+      {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
+      {std::regex("benchmark/.*"), "Google Benchmark", {}},
+      // program has the signals and the configuration file that every program shares.
+      {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
+                  "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
+       "the operating system",
+       {"runtime/rt/", "runtime/transport/", "runtime/program/src/"}},
+  };
+  return kForeigners;
+}
+
+bool is_under(std::string_view path, std::string_view folder) {
+  return path.starts_with(folder);
+}
+
+const Part* part_of(std::string_view path) {
+  for (const Part& part : parts()) {
+    if (is_under(path, part.folder)) return &part;
+  }
+  return nullptr;
+}
+
+std::string list_of(const Part& part) {
+  std::string list(part.name);
+  for (const std::string_view name : part.below) {
+    if (!list.empty()) list += ", ";
+    list += name;
+  }
+  return list;
+}
+
+struct Include {
+  std::string header;
+  bool is_quoted = false;
+};
+
+std::optional<Include> include_in(const std::string& line) {
+  static const std::regex kInclude(R"(^\s*#\s*include\s*([<"])([^>"]+)[>"])");
+  std::smatch match;
+  if (!std::regex_search(line, match, kInclude)) return std::nullopt;
+  return Include{match[2], match[1] == "\""};
+}
+
+/// What is wrong with `include` in a file of `part`, empty if nothing is.
+std::string check_own(const Part& part, std::string_view header) {
+  if (part.may_include_everything || !header.starts_with("rtpm/")) return {};
+  const std::string_view rest = header.substr(5);
+  const std::string_view wanted = rest.substr(0, rest.find('/'));
+  if (wanted == part.name) return {};
+  if (std::find(part.below.begin(), part.below.end(), wanted) != part.below.end()) return {};
+  return "includes " + std::string(header) + ", which is not below " + std::string(part.folder) +
+         "; it may include: " + list_of(part);
+}
+
+std::string check_foreign(const SourceFile& file, std::string_view header) {
+  for (const Foreign& foreign : foreigners()) {
+    if (!std::regex_match(header.begin(), header.end(), foreign.header)) continue;
+    const bool is_allowed =
+        std::any_of(foreign.folders.begin(), foreign.folders.end(),
+                    [&](std::string_view folder) { return is_under(file.path, folder); });
+    // The driver interface sees nothing but base, although the rest of gvd/ may use Eigen.
+    if (is_allowed && !is_under(file.path, "gvd/driver/")) return {};
+    return "includes " + std::string(header) + ", but " + std::string(foreign.what) +
+           " is not for " + file.path.substr(0, file.path.rfind('/') + 1);
+  }
+  return {};
+}
+
+/// A quoted header that is not RTPM's public one must be the part's own: beside the file or in the
+/// part's src/.
+std::string check_private(const SourceFile& file, const Part& part, std::string_view header,
+                          const std::set<std::string>& paths) {
+  if (header.starts_with("rtpm/")) return {};
+  const std::string beside = file.path.substr(0, file.path.rfind('/') + 1) + std::string(header);
+  if (paths.contains(beside)) return {};
+  const std::string suffix = "/" + std::string(header);
+  const bool is_in_part = std::any_of(paths.begin(), paths.end(), [&](const std::string& path) {
+    return is_under(path, part.folder) && path.ends_with(suffix);
+  });
+  if (is_in_part) return {};
+  return "includes \"" + std::string(header) + "\", which is no header of " +
+         std::string(part.folder) + "; generated and system headers go in <>";
+}
+
+}  // namespace
+
+std::vector<Fault> find_forbidden_includes(const std::vector<SourceFile>& files) {
+  std::vector<Fault> faults;
+  std::set<std::string> paths;
+  for (const SourceFile& file : files)
+    paths.insert(file.path);
+  for (const SourceFile& file : files) {
+    if (!is_cpp(file)) continue;
+    const Part* part = part_of(file.path);
+    if (part == nullptr) {
+      faults.push_back(file.path +
+                       ": is in no part of the house; name the part in "
+                       "tests/tidy/include_graph.cpp");
+      continue;
+    }
+    const std::vector<std::string> lines = lines_of(file.text);
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      const auto include = include_in(lines[i]);
+      if (!include) continue;
+      std::string wrong = check_own(*part, include->header);
+      if (wrong.empty() && !part->may_include_everything) {
+        wrong = check_foreign(file, include->header);
+        if (wrong.empty() && include->is_quoted) {
+          wrong = check_private(file, *part, include->header, paths);
+        }
+      }
+      if (!wrong.empty()) faults.push_back(fault_at(file, i, wrong));
+    }
+  }
+  return faults;
+}
+
+}  // namespace rtpm::tidy
