@@ -1,10 +1,11 @@
 # rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…])
 #
-# Makes the static library <name> from schemas: for each a.fbs, flatc generates the data types
-# (a_generated.h) and rtpmc the stubs and skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.cpp).
+# Makes the static library <name> from schemas: for each a.fbs, rtpmc generates the stubs and
+# skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.cpp) and flatc the data types (a_generated.h).
 # Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
 # file, so an edit there regenerates. INCLUDE: further folders for `include` in schemas; RTPM's own
-# folder of schemas is always searched. LINK: libraries generated from the included schemas.
+# folder of schemas is always searched. LINK: libraries generated from the included schemas; RTPM's
+# own, rtpm_idl, is always linked.
 set(RTPM_IDL_DIR "${CMAKE_CURRENT_LIST_DIR}/../schema/idl" CACHE INTERNAL "RTPM's own schemas")
 
 function(rtpm_generate)
@@ -22,12 +23,15 @@ function(rtpm_generate)
   set(generated "")
   foreach(schema IN LISTS A_SCHEMAS)
     cmake_path(ABSOLUTE_PATH schema BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
-    cmake_path(GET schema STEM stem)
+    cmake_path(GET schema STEM LAST_ONLY stem)
     set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.cpp" "${out}/${stem}_generated.h")
+    # rtpmc comes first because its errors are the better ones. flatc writes no file for a schema
+    # that declares no types of its own: the touch makes the one that CMake was promised.
     add_custom_command(
       OUTPUT ${files}
-      COMMAND "${RTPM_FLATC}" --cpp --cpp-std c++17 --scoped-enums --gen-object-api ${include_flags} -o "${out}" "${schema}"
       COMMAND rtpm::rtpmc ${include_flags} --cpp --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
+      COMMAND "${RTPM_FLATC}" --cpp --cpp-std c++17 --scoped-enums --gen-object-api ${include_flags} -o "${out}" "${schema}"
+      COMMAND "${CMAKE_COMMAND}" -E touch "${out}/${stem}_generated.h"
       DEPENDS "${schema}" rtpm::rtpmc
       DEPFILE "${out}/${stem}.d"
       COMMENT "rtpmc ${stem}.fbs"
@@ -37,5 +41,8 @@ function(rtpm_generate)
   add_library(${A_TARGET} STATIC ${generated})
   target_include_directories(${A_TARGET} SYSTEM PUBLIC "$<BUILD_INTERFACE:${out}>")
   target_link_libraries(${A_TARGET} PUBLIC rtpm::rpc ${A_LINK})
+  if(NOT A_TARGET STREQUAL "rtpm_idl")
+    target_link_libraries(${A_TARGET} PUBLIC rtpm_idl)
+  endif()
   set_target_properties(${A_TARGET} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
 endfunction()

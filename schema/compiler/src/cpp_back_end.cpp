@@ -1,0 +1,96 @@
+#include <cstddef>
+#include <filesystem>
+#include <map>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cpp_names.hpp"
+#include "cpp_writer.hpp"
+#include "rtpm/schema/back_end.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+using cpp::method_name;
+
+class CppBackEnd final : public BackEnd {
+ public:
+  explicit CppBackEnd(std::string compiler_version) : version_(std::move(compiler_version)) {}
+
+  [[nodiscard]] Diagnostics check(const Model& model) const override {
+    Diagnostics errors;
+    for (const NamespaceName& name : model.namespaces) {
+      if (!cpp::is_keyword(name.name)) continue;
+      errors.push_back({name.location, "namespace `" + name.name + "` is a keyword of C++",
+                        "choose another name: flatc's own code would not compile either",
+                        std::nullopt});
+    }
+    for (const Service& service : model.services) {
+      check_classes(model, service, errors);
+      check_members(service, errors);
+    }
+    return errors;
+  }
+
+  [[nodiscard]] std::vector<GeneratedFile> generate(const Model& model) const override {
+    return {{model.file_stem + ".rtpm.hpp", cpp::header(model, version_)},
+            {model.file_stem + ".rtpm.cpp", cpp::source(model, version_)}};
+  }
+
+ private:
+  /// The three generated classes must not be data types of the schema too.
+  static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
+    const auto report = [&](const std::string& name, std::string kind, const Location& place) {
+      Diagnostic error{service.location,
+                       "service `" + service.name + "` becomes the class `" + short_name(name) +
+                           "`, which is a " + kind + " of the schema too",
+                       "rename the service or the " + kind, std::nullopt};
+      if (place.line != 0) error.note = Note{place, "the " + kind + " is here"};
+      errors.push_back(std::move(error));
+    };
+    for (const char* suffix : {"Client", "Servant", "MethodId"}) {
+      const std::string name = service.name + suffix;
+      for (const Object& object : model.objects) {
+        if (object.name == name)
+          report(name, object.is_struct ? "struct" : "table", object.location);
+      }
+      for (const Enum& enumeration : model.enums) {
+        if (enumeration.name == name) report(name, enumeration.is_union ? "union" : "enum", {});
+      }
+    }
+  }
+
+  /// Two methods must not become the same member, by an underscore or by the `_encoded` form.
+  static void check_members(const Service& service, Diagnostics& errors) {
+    std::map<std::string, const Method*> members;
+    for (const Method& method : service.methods)
+      members.emplace(method.name, &method);
+    const auto check = [&](const Method& method, const std::string& member) {
+      const auto [other, is_new] = members.emplace(member, &method);
+      if (is_new || other->second == &method) return;
+      errors.push_back(
+          {other->second->location,
+           "method `" + other->second->name + "` is named as what `" + method.name +
+               "` becomes in C++",
+           "rename one of the two",
+           Note{method.location, "`" + method.name + "` becomes `" + member + "` too"}});
+    };
+    for (const Method& method : service.methods) {
+      const std::string name = method_name(service, method);
+      check(method, name);
+      if (method.request.kind == PayloadKind::kTable) check(method, name + "_encoded");
+    }
+  }
+
+  std::string version_;
+};
+
+}  // namespace
+
+std::unique_ptr<BackEnd> make_cpp_back_end(std::string compiler_version) {
+  return std::make_unique<CppBackEnd>(std::move(compiler_version));
+}
+
+}  // namespace rtpm::schema

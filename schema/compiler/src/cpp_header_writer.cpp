@@ -1,0 +1,218 @@
+#include <filesystem>
+#include <set>
+#include <string>
+
+#include "cpp_names.hpp"
+#include "cpp_writer.hpp"
+
+namespace rtpm::schema::cpp {
+namespace {
+
+constexpr const char* kOptions = "const ::rtpm::rpc::CallOptions& options = {}";
+
+/// The generated data types that the services use, as flatc names their files.
+std::string data_includes(const Model& model) {
+  std::set<std::string> stems;
+  const auto add = [&](std::size_t index) {
+    stems.insert(std::filesystem::path(model.objects[index].declaration_file).stem().string());
+  };
+  for (const Object& object : model.objects) {
+    // flatc writes types only for a file that declares some.
+    if (object.declaration_file == model.declaration_file) stems.insert(model.file_stem);
+  }
+  for (const Enum& enumeration : model.enums) {
+    if (enumeration.declaration_file == model.declaration_file) stems.insert(model.file_stem);
+  }
+  for (const Service& service : model.services) {
+    for (const Method& method : service.methods) {
+      for (const Payload* payload : {&method.request, &method.reply}) {
+        if (payload->kind != PayloadKind::kEmpty) add(payload->table);
+        if (payload->struct_index) add(*payload->struct_index);
+      }
+    }
+  }
+  std::string text;
+  for (const std::string& stem : stems)
+    text += "#include " + literal(stem + "_generated.h") + '\n';
+  return text;
+}
+
+std::string facts(const Method& method) {
+  std::string text = "Method " + std::to_string(method.id);
+  if (method.is_idempotent) text += ", idempotent";
+  if (method.deadline_us) {
+    text += ", waits " + std::to_string(*method.deadline_us) + " us if no deadline is given";
+  }
+  return text + '.';
+}
+
+constexpr const char* kRealTime = "RT: alloc-free once a channel of the priority's band is open.";
+
+std::string client_method(const Model& model, const Service& service, const Method& method) {
+  Function head{
+      .lead = "[[nodiscard]] ",
+      .result = client_result(model, method),
+      .name = method_name(service, method),
+      .parameters = {"const " + payload_type(model, method.request) + "& request", kOptions},
+      .tail = " noexcept;"};
+  const std::string docs = comment(method.documentation, "  ") + comment({facts(method)}, "  ");
+  if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
+  if (method.request.kind != PayloadKind::kTable) {
+    return docs + comment({kRealTime}, "  ") + function(head, "  ");
+  }
+  Function encoded = head;
+  encoded.name += "_encoded";
+  encoded.parameters.front() = "::rtpm::ConstBytes request";
+  const std::string table = payload_type(model, method.request);
+  head.parameters.front() = "const " + table + "T& request";
+  head.tail = ";";
+  return docs +
+         comment({"Set-up only, as the request is packed on the heap: in real time call",
+                  encoded.name + "()."},
+                 "  ") +
+         function(head, "  ") +
+         comment({"As " + head.name + "(), with a finished FlatBuffer of " + table.substr(2) + '.',
+                  kRealTime},
+                 "  ") +
+         function(encoded, "  ");
+}
+
+std::string client_class(const Model& model, const Service& service) {
+  const std::string name = short_name(service.name) + "Client";
+  std::string text = comment(service.documentation, "");
+  if (!service.documentation.empty()) text += "///\n";
+  text += comment(
+      {"The calling side of " + service.name + "; its calls fail as ::rtpm::rpc::CallError says.",
+       "Ownership: refers to the node it was bound with, which must outlive it.",
+       "Threads: calls from any thread, several at once."},
+      "");
+  text += "class " + name + " {\n public:\n";
+  text +=
+      "  [[nodiscard]] static const ::rtpm::rpc::InterfaceDescriptor& interface() noexcept;\n\n";
+  text += comment(
+      {"Binds `target`, a URL \"rtpm://host:port/path\" or a name for the node's resolver.   "
+       "Set-up only.",
+       "Errors: in words, with the remedy; an object of another interface is one."},
+      "  ");
+  text += "  [[nodiscard]] static ::rtpm::expected<" + name +
+          ", ::rtpm::rpc::SetupError> bind(\n"
+          "      ::rtpm::rpc::Node& node, ::std::string_view target,\n"
+          "      const ::rtpm::rpc::BindOptions& options = {});\n";
+  for (const Method& method : service.methods)
+    text += '\n' + client_method(model, service, method);
+  text +=
+      "\n  /// What the calls go through: to open more channels, or to ask where the object is.\n"
+      "  [[nodiscard]] ::rtpm::rpc::Binding& binding() noexcept { return binding_; }\n\n"
+      " private:\n"
+      "  explicit " +
+      name +
+      "(::rtpm::rpc::Binding binding) noexcept\n"
+      "      : binding_(::std::move(binding)) {}\n\n"
+      "  ::rtpm::rpc::Binding binding_;\n};\n";
+  return text;
+}
+
+std::string servant_method(const Model& model, const Service& service, const Method& method) {
+  Function head{.lead = "virtual ",
+                .result = servant_result(model, method),
+                .name = method_name(service, method),
+                .parameters = {},
+                .tail = " = 0;"};
+  Documentation lines = method.documentation;
+  lines.push_back(facts(method));
+  if (method.request.kind != PayloadKind::kEmpty) {
+    head.parameters.push_back("const " + payload_type(model, method.request) + "& request");
+  }
+  if (method.reply.kind == PayloadKind::kTable) {
+    head.parameters.push_back("::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
+                              ">& reply");
+    lines.push_back("Build the answer in `reply` and finish it once.");
+  }
+  head.parameters.push_back("const ::rtpm::rpc::CallContext& context");
+  return comment(lines, "  ") + function(head, "  ");
+}
+
+std::string servant_class(const Model& model, const Service& service) {
+  const std::string name = short_name(service.name) + "Servant";
+  std::string text = comment(service.documentation, "");
+  if (!service.documentation.empty()) text += "///\n";
+  text +=
+      comment({"The serving side of " + service.name + ": derive from it and write the methods.",
+               "A request is valid during the call only, and was checked against the schema.",
+               "Threads: every lane that serves the object calls it, so several at once where "
+               "lanes differ."},
+              "");
+  text += "class " + name + " : public ::rtpm::rpc::Servant {\n public:\n";
+  for (const Method& method : service.methods)
+    text += servant_method(model, service, method) + '\n';
+  text +=
+      "  [[nodiscard]] const ::rtpm::rpc::InterfaceDescriptor& interface() const noexcept "
+      "final;\n\n"
+      "  /// Runs the method with the number `method_id`; the server calls it.\n"
+      "  ::rtpm::rpc::DispatchResult dispatch(\n"
+      "      ::std::uint16_t method_id, ::rtpm::ConstBytes request, ::rtpm::MutableBytes reply,\n"
+      "      const ::rtpm::rpc::CallContext& context) final;\n};\n";
+  return text;
+}
+
+std::string method_ids(const Service& service) {
+  std::string text = "/// The numbers of the methods of " + service.name + " on the wire.\n";
+  text += "enum class " + short_name(service.name) + "MethodId : ::std::uint16_t {\n";
+  for (const Method& method : service.methods) {
+    text += "  " + method_name(service, method) + " = " + std::to_string(method.id) + ",\n";
+  }
+  return text + "};\n";
+}
+
+}  // namespace
+
+std::string banner(const Model& model, const std::string& compiler_version) {
+  return "// Generated by rtpmc " + compiler_version + " from " + model.file_stem +
+         ".fbs. Do not edit it: change the schema.\n";
+}
+
+std::string payload_type(const Model& model, const Payload& payload) {
+  switch (payload.kind) {
+    case PayloadKind::kEmpty:
+      return "::rtpm::rpc::Empty";
+    case PayloadKind::kStruct:
+      return type_name(model.objects[*payload.struct_index].name);
+    case PayloadKind::kTable:
+      break;
+  }
+  return type_name(model.objects[payload.table].name);
+}
+
+std::string client_result(const Model& model, const Method& method) {
+  std::string value = "void";
+  if (method.reply.kind == PayloadKind::kStruct) value = payload_type(model, method.reply);
+  if (method.reply.kind == PayloadKind::kTable) {
+    value = "::rtpm::rpc::TableReply<" + payload_type(model, method.reply) + '>';
+  }
+  return "::rtpm::expected<" + value + ", ::rtpm::rpc::CallError>";
+}
+
+std::string servant_result(const Model& model, const Method& method) {
+  const bool is_struct = method.reply.kind == PayloadKind::kStruct;
+  return "::rtpm::rpc::Result<" + (is_struct ? payload_type(model, method.reply) : "void") + '>';
+}
+
+std::string header(const Model& model, const std::string& compiler_version) {
+  std::string text = banner(model, compiler_version) + "#pragma once\n\n";
+  if (!model.services.empty())
+    text += "#include <cstdint>\n#include <string_view>\n#include <utility>\n\n";
+  text += data_includes(model);
+  if (model.services.empty()) return text;
+  text += "#include \"rtpm/rpc/generated.hpp\"\n";
+  for (const Service& service : model.services) {
+    const std::string scope = namespace_name(namespace_of(service.name));
+    text += '\n';
+    if (!scope.empty()) text += "namespace " + scope + " {\n\n";
+    text += method_ids(service) + '\n' + client_class(model, service) + '\n' +
+            servant_class(model, service);
+    if (!scope.empty()) text += "\n}  // namespace " + scope + '\n';
+  }
+  return text;
+}
+
+}  // namespace rtpm::schema::cpp

@@ -1,0 +1,143 @@
+#include "cpp_names.hpp"
+
+#include <algorithm>
+#include <array>
+#include <iterator>
+
+namespace rtpm::schema::cpp {
+namespace {
+
+// Of C++20, in alphabetical order.
+constexpr std::string_view kKeywords[] = {
+    "alignas",       "alignof",     "and",
+    "and_eq",        "asm",         "auto",
+    "bitand",        "bitor",       "bool",
+    "break",         "case",        "catch",
+    "char",          "char16_t",    "char32_t",
+    "char8_t",       "class",       "co_await",
+    "co_return",     "co_yield",    "compl",
+    "concept",       "const",       "const_cast",
+    "consteval",     "constexpr",   "constinit",
+    "continue",      "decltype",    "default",
+    "delete",        "do",          "double",
+    "dynamic_cast",  "else",        "enum",
+    "explicit",      "export",      "extern",
+    "false",         "float",       "for",
+    "friend",        "goto",        "if",
+    "inline",        "int",         "long",
+    "mutable",       "namespace",   "new",
+    "noexcept",      "not",         "not_eq",
+    "nullptr",       "operator",    "or",
+    "or_eq",         "private",     "protected",
+    "public",        "register",    "reinterpret_cast",
+    "requires",      "return",      "short",
+    "signed",        "sizeof",      "static",
+    "static_assert", "static_cast", "struct",
+    "switch",        "template",    "this",
+    "thread_local",  "throw",       "true",
+    "try",           "typedef",     "typeid",
+    "typename",      "union",       "unsigned",
+    "using",         "virtual",     "void",
+    "volatile",      "wchar_t",     "while",
+    "xor",           "xor_eq",
+};
+static_assert(std::is_sorted(std::begin(kKeywords), std::end(kKeywords)));
+
+// Where flatc's list of words that it gives an underscore differs from the keywords.
+constexpr std::array<std::string_view, 6> kOnlyFlatcEscapes{
+    "atomic_cancel", "atomic_commit", "atomic_noexcept", "import", "module", "synchronized"};
+constexpr std::array<std::string_view, 3> kFlatcLeaves{"char8_t", "consteval", "constinit"};
+
+template <class Names>
+bool contains(const Names& names, std::string_view name) {
+  return std::find(std::begin(names), std::end(names), name) != std::end(names);
+}
+
+}  // namespace
+
+bool is_keyword(std::string_view name) noexcept {
+  return std::binary_search(std::begin(kKeywords), std::end(kKeywords), name);
+}
+
+std::string method_name(const Service& service, const Method& method) {
+  constexpr std::array<std::string_view, 3> kOwn{"binding", "dispatch", "interface"};
+  const std::string class_stem = short_name(service.name);
+  const bool is_taken = is_keyword(method.name) || contains(kOwn, method.name) ||
+                        method.name == class_stem + "Client" ||
+                        method.name == class_stem + "Servant" ||
+                        method.name == class_stem + "MethodId";
+  return is_taken ? method.name + '_' : method.name;
+}
+
+std::string namespace_name(const std::string& namespace_with_dots) {
+  std::string name;
+  for (const char c : namespace_with_dots) {
+    if (c == '.') {
+      name += "::";
+    } else {
+      name += c;
+    }
+  }
+  return name;
+}
+
+std::string type_name(const std::string& qualified_name) {
+  const std::string own = short_name(qualified_name);
+  const bool is_escaped =
+      (is_keyword(own) && !contains(kFlatcLeaves, own)) || contains(kOnlyFlatcEscapes, own);
+  return "::" + namespace_name(qualified_name) + (is_escaped ? "_" : "");
+}
+
+std::string function(const Function& function, std::string_view indent) {
+  constexpr std::size_t kColumnMax = 100;
+  const std::string deeper = std::string(indent) + "    ";
+  std::string text = std::string(indent) + function.lead + function.result;
+  const bool fits = text.size() + 1 + function.name.size() + 1 <= kColumnMax;
+  text += (fits ? " " : '\n' + std::string(indent)) + function.name + '(';
+  std::string line;
+  for (const std::string& parameter : function.parameters) {
+    line += (line.empty() ? "" : ", ") + parameter;
+  }
+  if (deeper.size() + line.size() + 1 + function.tail.size() <= kColumnMax) {
+    return text + '\n' + deeper + line + ')' + function.tail + '\n';
+  }
+  std::string separator;
+  for (const std::string& parameter : function.parameters) {
+    text += separator + '\n' + deeper + parameter;
+    separator = ",";
+  }
+  return text + ')' + function.tail + '\n';
+}
+
+std::string hexadecimal(std::uint64_t value, std::size_t digits) {
+  std::string text(digits, '0');
+  for (auto digit = text.rbegin(); digit != text.rend(); ++digit, value >>= 4) {
+    *digit = "0123456789abcdef"[value & 0xF];
+  }
+  return "0x" + text;
+}
+
+std::string literal(std::string_view text) {
+  std::string quoted = "\"";
+  for (const char c : text) {
+    if (c == '"' || c == '\\') quoted += '\\';
+    quoted += c;
+  }
+  return quoted + '"';
+}
+
+std::string comment(const Documentation& lines, std::string_view indent) {
+  std::string text;
+  for (std::string line : lines) {
+    // A backslash at the end would make the next line of code part of the comment.
+    while (!line.empty() && (line.back() == '\\' || line.back() == ' ' || line.back() == '\t' ||
+                             line.back() == '\r')) {
+      line.pop_back();
+    }
+    const bool needs_space = !line.empty() && line.front() != ' ';
+    text += std::string(indent) + "///" + (needs_space ? " " : "") + line + '\n';
+  }
+  return text;
+}
+
+}  // namespace rtpm::schema::cpp

@@ -1,0 +1,215 @@
+#include <cstddef>
+#include <string>
+
+#include "cpp_names.hpp"
+#include "cpp_writer.hpp"
+
+namespace rtpm::schema::cpp {
+namespace {
+
+std::string status(const std::string& name) {
+  return "{::rtpm::wire::Status::" + name + ", 0}";
+}
+
+std::string descriptors(const Service& service, const std::string& compiler_version) {
+  const std::string stem = short_name(service.name);
+  std::string text =
+      "namespace {\n\nconstexpr ::rtpm::rpc::MethodDescriptor k" + stem + "Methods[] = {\n";
+  for (const Method& method : service.methods) {
+    text += "    {.id = " + std::to_string(method.id) + ",\n     .name = " + literal(method.name) +
+            ",\n     .fingerprint = " + hexadecimal(method.fingerprint, 8) +
+            ",\n     .is_idempotent = " + (method.is_idempotent ? "true" : "false") +
+            ",\n     .default_deadline = ::std::chrono::microseconds{" +
+            std::to_string(method.deadline_us.value_or(0)) + "}},\n";
+  }
+  text += "};\n\nconstexpr ::rtpm::rpc::InterfaceDescriptor k" + stem +
+          "Interface{\n    .name = " + literal(service.name) +
+          ",\n    .fingerprint = " + hexadecimal(service.fingerprint, 16) +
+          ",\n    .compiler_version = " + literal(compiler_version) + ",\n    .methods = k" + stem +
+          "Methods};\n\n}  // namespace\n";
+  return text;
+}
+
+/// The call of the runtime that sends `request` and takes the kind of reply.
+std::string call(const Model& model, const Service& service, std::size_t index,
+                 const std::string& request) {
+  const Method& method = service.methods[index];
+  std::string function = "nothing";
+  if (method.reply.kind == PayloadKind::kStruct) {
+    function = "struct<" + payload_type(model, method.reply) + '>';
+  } else if (method.reply.kind == PayloadKind::kTable) {
+    function = "table<" + payload_type(model, method.reply) + '>';
+  }
+  return "  return ::rtpm::rpc::call_for_" + function + "(\n      binding_, k" +
+         short_name(service.name) + "Methods[" + std::to_string(index) + "], " + request +
+         ", options);\n";
+}
+
+/// The definition of the method that sends `request`, an expression of its parameter.
+std::string sending_method(const Model& model, const Service& service, std::size_t index,
+                           Function head, const std::string& request) {
+  head.tail = " noexcept {";
+  return '\n' + function(head, "") + call(model, service, index, request) + "}\n";
+}
+
+std::string client_method(const Model& model, const Service& service, std::size_t index) {
+  const Method& method = service.methods[index];
+  const std::string type = payload_type(model, method.request);
+  Function head{
+      .lead = "",
+      .result = client_result(model, method),
+      .name = short_name(service.name) + "Client::" + method_name(service, method),
+      .parameters = {"const " + type + "& request", "const ::rtpm::rpc::CallOptions& options"},
+      .tail = " {"};
+  switch (method.request.kind) {
+    case PayloadKind::kEmpty:
+      head.parameters.front() = "const " + type + "& /*request*/";
+      return sending_method(model, service, index, head, "{}");
+    case PayloadKind::kStruct:
+      return sending_method(model, service, index, head, "::rtpm::rpc::struct_bytes(request)");
+    case PayloadKind::kTable:
+      break;
+  }
+  Function encoded = head;
+  encoded.name += "_encoded";
+  encoded.parameters.front() = "::rtpm::ConstBytes request";
+  head.parameters.front() = "const " + type + "T& request";
+  return '\n' + function(head, "") + "  ::flatbuffers::FlatBufferBuilder builder;\n" +
+         "  builder.Finish(" + type + "::Pack(builder, &request));\n  return this->" +
+         method_name(service, method) +
+         "_encoded(::rtpm::rpc::table_bytes(builder), options);\n}\n" +
+         sending_method(model, service, index, encoded, "request");
+}
+
+std::string client(const Model& model, const Service& service) {
+  const std::string stem = short_name(service.name);
+  const std::string name = stem + "Client";
+  std::string text = "\nconst ::rtpm::rpc::InterfaceDescriptor& " + name +
+                     "::interface() noexcept { return k" + stem +
+                     "Interface; }\n\n"
+                     "::rtpm::expected<" +
+                     name + ", ::rtpm::rpc::SetupError> " + name +
+                     "::bind(\n"
+                     "    ::rtpm::rpc::Node& node, ::std::string_view target, const "
+                     "::rtpm::rpc::BindOptions& options) {\n"
+                     "  auto binding = ::rtpm::rpc::Binding::bind(node, target, k" +
+                     stem +
+                     "Interface, options);\n"
+                     "  if (!binding) return ::rtpm::unexpected{::std::move(binding.error())};\n"
+                     "  return " +
+                     name + "{::std::move(*binding)};\n}\n";
+  for (std::size_t i = 0; i < service.methods.size(); ++i)
+    text += client_method(model, service, i);
+  return text;
+}
+
+/// The check of a request, before the method runs; nothing in it may be believed until then.
+std::string request_check(const Model& model, const Method& method) {
+  std::string wrong = "!request.empty()";
+  if (method.request.kind == PayloadKind::kStruct) {
+    wrong = "request.size() != sizeof(" + payload_type(model, method.request) + ')';
+  } else if (method.request.kind == PayloadKind::kTable) {
+    wrong = "!::rtpm::rpc::is_valid_table<" + payload_type(model, method.request) + ">(request)";
+  }
+  return "      if (" + wrong + ") {\n        return " + status("kBadRequest") + ";\n      }\n";
+}
+
+/// The argument that the request becomes, with the comma behind it.
+std::string argument(const Model& model, const Method& method) {
+  const std::string type = payload_type(model, method.request);
+  switch (method.request.kind) {
+    case PayloadKind::kEmpty:
+      return "";
+    case PayloadKind::kStruct:
+      return "view_struct<" + type + ">(request), ";
+    case PayloadKind::kTable:
+      break;
+  }
+  return "*::flatbuffers::GetRoot<" + type + ">(request.data()), ";
+}
+
+std::string dispatch_case(const Model& model, const Service& service, const Method& method) {
+  const std::string name = method_name(service, method);
+  std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
+                     request_check(model, method);
+  const std::string call = "this->" + name + '(' + argument(model, method);
+  switch (method.reply.kind) {
+    case PayloadKind::kEmpty:
+      return text + "      return ::rtpm::rpc::reply_with_nothing(\n          " + call +
+             "context));\n    }\n";
+    case PayloadKind::kStruct:
+      return text + "      return ::rtpm::rpc::reply_with_struct(\n          " + call +
+             "context), reply);\n    }\n";
+    case PayloadKind::kTable:
+      break;
+  }
+  return text + "      ::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
+         "> builder{reply};\n      const auto result =\n          " + call +
+         "builder, context);\n" +
+         "      if (!result) return {::rtpm::rpc::to_status(result.error()), 0};\n"
+         "      return builder.complete();\n    }\n";
+}
+
+std::string servant(const Model& model, const Service& service) {
+  const std::string stem = short_name(service.name);
+  bool uses_reply = false;
+  for (const Method& method : service.methods)
+    uses_reply |= method.reply.kind != PayloadKind::kEmpty;
+  std::string text =
+      "\nconst ::rtpm::rpc::InterfaceDescriptor& " + stem +
+      "Servant::interface() const noexcept {\n  return k" + stem +
+      "Interface;\n}\n\n"
+      "::rtpm::rpc::DispatchResult " +
+      stem +
+      "Servant::dispatch(\n"
+      "    ::std::uint16_t method_id, ::rtpm::ConstBytes request, " +
+      (uses_reply ? "::rtpm::MutableBytes reply" : "::rtpm::MutableBytes /*reply*/") +
+      ",\n    const ::rtpm::rpc::CallContext& context) {\n"
+      "  switch (static_cast<" +
+      stem + "MethodId>(method_id)) {\n";
+  for (const Method& method : service.methods)
+    text += dispatch_case(model, service, method);
+  return text + "  }\n  return " + status("kNoSuchMethod") + ";\n}\n";
+}
+
+/// A helper of the generated file, there if a request is a bare struct.
+std::string struct_view(const Model& model) {
+  bool is_needed = false;
+  for (const Service& service : model.services) {
+    for (const Method& method : service.methods) {
+      is_needed |= method.request.kind == PayloadKind::kStruct;
+    }
+  }
+  if (!is_needed) return {};
+  return "\nnamespace {\n\n"
+         "/// The struct that a request is, read in place: its size was checked, and a server "
+         "hands\n"
+         "/// requests over aligned to 16 bytes.\n"
+         "template <class T>\n"
+         "const T& view_struct(::rtpm::ConstBytes request) noexcept {\n"
+         "  static_assert(alignof(T) <= 16 && ::std::is_trivially_copyable_v<T>);\n"
+         "  RTPM_ASSERT(reinterpret_cast<::std::uintptr_t>(request.data()) % alignof(T) == 0,\n"
+         "              \"a request is not aligned to 16 bytes\");\n"
+         "  return *static_cast<const T*>(static_cast<const void*>(request.data()));\n"
+         "}\n\n}  // namespace\n";
+}
+
+}  // namespace
+
+std::string source(const Model& model, const std::string& compiler_version) {
+  std::string text =
+      banner(model, compiler_version) + "#include " + literal(model.file_stem + ".rtpm.hpp") + '\n';
+  if (model.services.empty()) return text;
+  text += "\n#include <chrono>\n#include <type_traits>\n" + struct_view(model);
+  for (const Service& service : model.services) {
+    const std::string scope = namespace_name(namespace_of(service.name));
+    text += '\n';
+    if (!scope.empty()) text += "namespace " + scope + " {\n";
+    text +=
+        descriptors(service, compiler_version) + client(model, service) + servant(model, service);
+    if (!scope.empty()) text += "\n}  // namespace " + scope + '\n';
+  }
+  return text;
+}
+
+}  // namespace rtpm::schema::cpp

@@ -1,0 +1,196 @@
+#include "rtpm/schema/fingerprint.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <functional>
+#include <set>
+#include <string_view>
+#include <vector>
+
+namespace rtpm::schema {
+namespace {
+
+/// FNV-1a, 64 bits.   Source: Fowler, Noll, Vo.
+std::uint64_t hash(std::string_view text) noexcept {
+  std::uint64_t value = 0xcbf29ce484222325ULL;
+  for (const char character : text) {
+    value ^= static_cast<std::uint8_t>(character);
+    value *= 0x100000001b3ULL;
+  }
+  return value;
+}
+
+std::string_view name_of(BaseType type) noexcept {
+  constexpr std::array<std::string_view, 18> kNames{
+      "none",  "union_type", "bool",  "int8",   "uint8",  "int16",  "uint16", "int32", "uint32",
+      "int64", "uint64",     "float", "double", "string", "vector", "object", "union", "array"};
+  const auto index = static_cast<std::size_t>(type);
+  return index < kNames.size() ? kNames[index] : "unknown";
+}
+
+std::string_view name_of(PayloadKind kind) noexcept {
+  switch (kind) {
+    case PayloadKind::kEmpty:
+      return "empty";
+    case PayloadKind::kStruct:
+      return "struct";
+    case PayloadKind::kTable:
+      break;
+  }
+  return "table";
+}
+
+/// The shortest text that reads back as the same number, on every machine.
+std::string to_text(double value) {
+  std::array<char, 64> buffer{};
+  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return error == std::errc{} ? std::string(buffer.data(), end) : std::string("?");
+}
+
+/// Whether an attribute of FlatBuffers changes what bytes mean.
+bool matters(const Attribute& attribute) noexcept {
+  return attribute.name == "nested_flatbuffer" || attribute.name == "flexbuffer" ||
+         attribute.name == "force_align";
+}
+
+/// Writes the types that are reached from a method, each once, by name.
+class TypeWriter {
+ public:
+  explicit TypeWriter(const Model& model) : model_(model) {}
+
+  void reach_object(std::size_t index) {
+    std::vector<std::size_t> open{index};
+    while (!open.empty()) {
+      const std::size_t at = open.back();
+      open.pop_back();
+      if (!objects_.insert(at).second) continue;
+      for (const Field& field : model_.objects[at].fields)
+        reach_type(field.type, open);
+    }
+  }
+
+  [[nodiscard]] std::string text() const {
+    std::vector<std::string> texts;
+    for (const std::size_t index : objects_)
+      texts.push_back(text_of(model_.objects[index]));
+    for (const std::size_t index : enums_)
+      texts.push_back(text_of(model_.enums[index]));
+    std::sort(texts.begin(), texts.end());
+    std::string all;
+    for (const std::string& text : texts)
+      all += text;
+    return all;
+  }
+
+ private:
+  void reach_type(const Type& type, std::vector<std::size_t>& open) {
+    if (!type.index) return;
+    if (type.base == BaseType::kObject || type.element == BaseType::kObject) {
+      open.push_back(*type.index);
+    } else if (enums_.insert(*type.index).second) {
+      for (const EnumValue& value : model_.enums[*type.index].values) {
+        if (value.union_type.base == BaseType::kObject) open.push_back(*value.union_type.index);
+      }
+    }
+  }
+
+  [[nodiscard]] std::string text_of(const Type& type) const {
+    std::string text(name_of(type.base));
+    if (type.base == BaseType::kVector || type.base == BaseType::kArray) {
+      text += '<' + std::string(name_of(type.element)) + '>';
+    }
+    if (type.base == BaseType::kArray) text += ':' + std::to_string(type.fixed_length);
+    if (!type.index) return text;
+    const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
+    return text + ' ' +
+           (is_object ? model_.objects[*type.index].name : model_.enums[*type.index].name);
+  }
+
+  [[nodiscard]] std::string text_of(const Object& object) const {
+    std::string text = object.is_struct
+                           ? "struct " + object.name + " size " + std::to_string(object.byte_size) +
+                                 " align " + std::to_string(object.alignment)
+                           : "table " + object.name;
+    text += " {\n";
+    for (const Field& field : object.fields) {
+      text += "  " + std::to_string(object.is_struct ? field.offset : field.id) + ' ' + field.name +
+              ": " + text_of(field.type);
+      if (!object.is_struct) text += rules_of(field);
+      text += '\n';
+    }
+    return text + "}\n";
+  }
+
+  [[nodiscard]] static std::string rules_of(const Field& field) {
+    std::string text;
+    if (field.is_required) text += " required";
+    if (field.is_optional) text += " optional";
+    if (field.is_deprecated) text += " deprecated";
+    if (field.is_key) text += " key";
+    if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
+      text += " = " + to_text(field.default_real);
+    } else if (field.type.base < BaseType::kFloat) {
+      text += " = " + std::to_string(field.default_integer);
+    }
+    for (const Attribute& attribute : field.attributes) {
+      if (matters(attribute)) text += ' ' + attribute.name + ':' + attribute.value;
+    }
+    return text;
+  }
+
+  [[nodiscard]] std::string text_of(const Enum& enumeration) const {
+    std::string text = (enumeration.is_union ? "union " : "enum ") + enumeration.name + ' ' +
+                       std::string(name_of(enumeration.underlying)) + " {\n";
+    for (const EnumValue& value : enumeration.values) {
+      text += "  " + value.name + " = " + std::to_string(value.value);
+      if (enumeration.is_union) text += ": " + text_of(value.union_type);
+      text += '\n';
+    }
+    return text + "}\n";
+  }
+
+  const Model& model_;
+  std::set<std::size_t> objects_{};
+  std::set<std::size_t> enums_{};
+};
+
+std::string text_of(const Model& model, const Payload& payload) {
+  return std::string(name_of(payload.kind)) + ' ' + model.objects[payload.table].name;
+}
+
+}  // namespace
+
+std::string canonical_text(const Model& model, const Method& method) {
+  TypeWriter types(model);
+  types.reach_object(method.request.table);
+  types.reach_object(method.reply.table);
+  return "method " + std::to_string(method.id) + ' ' + method.name +
+         (method.is_idempotent ? " idempotent" : "") + "\nrequest " +
+         text_of(model, method.request) + "\nreply " + text_of(model, method.reply) + '\n' +
+         types.text();
+}
+
+std::string canonical_text(const Model& model, const Service& service) {
+  std::vector<const Method*> methods;
+  for (const Method& method : service.methods)
+    methods.push_back(&method);
+  std::sort(methods.begin(), methods.end(),
+            [](const Method* a, const Method* b) { return a->id < b->id; });
+  std::string text = "service " + service.name + '\n';
+  for (const Method* method : methods)
+    text += canonical_text(model, *method);
+  return text;
+}
+
+void set_fingerprints(Model& model) {
+  for (Service& service : model.services) {
+    service.fingerprint = hash(canonical_text(model, service));
+    for (Method& method : service.methods) {
+      const std::uint64_t value = hash(canonical_text(model, method));
+      method.fingerprint = static_cast<std::uint32_t>(value ^ (value >> 32));
+    }
+  }
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,14 @@
+#include "rtpm/schema/model.hpp"
+
+namespace rtpm::schema {
+
+std::string short_name(const std::string& qualified_name) {
+  return qualified_name.substr(qualified_name.rfind('.') + 1);
+}
+
+std::string namespace_of(const std::string& qualified_name) {
+  const std::size_t dot = qualified_name.rfind('.');
+  return dot == std::string::npos ? std::string{} : qualified_name.substr(0, dot);
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,202 @@
+#include "reflection.hpp"
+
+#include <flatbuffers/reflection_generated.h>
+
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
+
+namespace rtpm::schema {
+namespace {
+
+// The model numbers the kinds as the reflection does, so that a cast is the conversion.
+static_assert(static_cast<int>(BaseType::kUnionType) == reflection::UType);
+static_assert(static_cast<int>(BaseType::kUint64) == reflection::ULong);
+static_assert(static_cast<int>(BaseType::kDouble) == reflection::Double);
+static_assert(static_cast<int>(BaseType::kObject) == reflection::Obj);
+static_assert(static_cast<int>(BaseType::kArray) == reflection::Array);
+
+std::string to_text(const flatbuffers::String* text) {
+  return text ? text->str() : std::string{};
+}
+
+Documentation read_documentation(
+    const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* lines) {
+  Documentation documentation;
+  if (lines == nullptr) return documentation;
+  for (const auto* line : *lines)
+    documentation.push_back(line->str());
+  return documentation;
+}
+
+std::vector<Attribute> read_attributes(
+    const flatbuffers::Vector<flatbuffers::Offset<reflection::KeyValue>>* pairs) {
+  std::vector<Attribute> attributes;
+  if (pairs == nullptr) return attributes;
+  for (const auto* pair : *pairs)
+    attributes.push_back({to_text(pair->key()), to_text(pair->value())});
+  return attributes;
+}
+
+BaseType to_base_type(reflection::BaseType type) {
+  return static_cast<BaseType>(type);
+}
+
+Type read_type(const reflection::Type* type) {
+  if (type == nullptr) return {};
+  Type result{.base = to_base_type(type->base_type()),
+              .element = to_base_type(type->element()),
+              .index = std::nullopt,
+              .fixed_length = type->fixed_length()};
+  if (type->index() >= 0) result.index = static_cast<std::size_t>(type->index());
+  return result;
+}
+
+Field read_field(const reflection::Field& field) {
+  return {.name = to_text(field.name()),
+          .type = read_type(field.type()),
+          .id = field.id(),
+          .offset = field.offset(),
+          .default_integer = field.default_integer(),
+          .default_real = field.default_real(),
+          .is_required = field.required(),
+          .is_optional = field.optional(),
+          .is_deprecated = field.deprecated(),
+          .is_key = field.key(),
+          .attributes = read_attributes(field.attributes()),
+          .documentation = read_documentation(field.documentation())};
+}
+
+Object read_object(const reflection::Object& object) {
+  Object result{.name = to_text(object.name()),
+                .is_struct = object.is_struct(),
+                .alignment = static_cast<std::size_t>(std::max(object.minalign(), 1)),
+                .byte_size = static_cast<std::size_t>(std::max(object.bytesize(), 0)),
+                .fields = {},
+                .attributes = read_attributes(object.attributes()),
+                .documentation = read_documentation(object.documentation()),
+                .declaration_file = to_text(object.declaration_file()),
+                .location = {}};
+  for (const auto* field : *object.fields())
+    result.fields.push_back(read_field(*field));
+  // The reflection has them by name, for its own search.
+  std::sort(result.fields.begin(), result.fields.end(),
+            [](const Field& a, const Field& b) { return a.id < b.id; });
+  return result;
+}
+
+Enum read_enum(const reflection::Enum& enumeration) {
+  Enum result{.name = to_text(enumeration.name()),
+              .is_union = enumeration.is_union(),
+              .underlying = to_base_type(enumeration.underlying_type()->base_type()),
+              .values = {},
+              .documentation = read_documentation(enumeration.documentation()),
+              .declaration_file = to_text(enumeration.declaration_file())};
+  for (const auto* value : *enumeration.values()) {
+    result.values.push_back({.name = to_text(value->name()),
+                             .value = value->value(),
+                             .union_type = read_type(value->union_type()),
+                             .documentation = read_documentation(value->documentation())});
+  }
+  return result;
+}
+
+/// Finds tables by name, for the requests and replies of methods.
+using ObjectIndex = std::unordered_map<std::string, std::size_t>;
+
+/// Nothing if a method's request or reply is not among `objects`.
+std::optional<Service> read_service(const reflection::Service& service,
+                                    const ObjectIndex& objects) {
+  Service result{.name = to_text(service.name()),
+                 .fingerprint = 0,
+                 .methods = {},
+                 .attributes = read_attributes(service.attributes()),
+                 .documentation = read_documentation(service.documentation()),
+                 .location = {}};
+  if (service.calls() == nullptr) return result;
+  for (const auto* call : *service.calls()) {
+    const auto request = objects.find(to_text(call->request()->name()));
+    const auto reply = objects.find(to_text(call->response()->name()));
+    if (request == objects.end() || reply == objects.end()) return std::nullopt;
+    Method method;
+    method.name = to_text(call->name());
+    method.request.table = request->second;
+    method.reply.table = reply->second;
+    method.attributes = read_attributes(call->attributes());
+    method.documentation = read_documentation(call->documentation());
+    result.methods.push_back(std::move(method));
+  }
+  return result;
+}
+
+bool is_index_valid(const Type& type, const Model& model) {
+  const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
+  if (!type.index) return !is_object;
+  return *type.index < (is_object ? model.objects.size() : model.enums.size());
+}
+
+/// Whether every type refers to something that is there: later code relies on it.
+bool is_closed(const Model& model) {
+  for (const Object& object : model.objects) {
+    for (const Field& field : object.fields) {
+      if (!is_index_valid(field.type, model)) return false;
+    }
+  }
+  for (const Enum& enumeration : model.enums) {
+    for (const EnumValue& value : enumeration.values) {
+      if (!is_index_valid(value.union_type, model)) return false;
+    }
+  }
+  return true;
+}
+
+}  // namespace
+
+std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
+                                     const std::string& declaration_file) {
+  // Generous limits: a type is visited once for every method that takes it.
+  flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
+                                 /*max_tables=*/1'000'000'000);
+  if (!reflection::VerifySchemaBuffer(verifier)) return std::nullopt;
+  const reflection::Schema& schema = *reflection::GetSchema(bytes.data());
+  Model model;
+  model.feature_bits = static_cast<std::uint64_t>(schema.advanced_features());
+  model.declaration_file = declaration_file;
+  ObjectIndex objects;
+  for (const auto* object : *schema.objects()) {
+    objects.emplace(to_text(object->name()), model.objects.size());
+    model.objects.push_back(read_object(*object));
+  }
+  for (const auto* enumeration : *schema.enums())
+    model.enums.push_back(read_enum(*enumeration));
+  if (!is_closed(model)) return std::nullopt;
+  if (schema.services() == nullptr) return model;
+  for (const auto* service : *schema.services()) {
+    if (to_text(service->declaration_file()) != declaration_file) continue;
+    std::optional<Service> result = read_service(*service, objects);
+    if (!result) return std::nullopt;
+    for (Method& method : result->methods) {
+      method.request = payload_of(model, method.request.table);
+      method.reply = payload_of(model, method.reply.table);
+    }
+    model.services.push_back(std::move(*result));
+  }
+  return model;
+}
+
+Payload payload_of(const Model& model, std::size_t table) {
+  const Object& object = model.objects[table];
+  if (object.fields.empty() && object.name == "rtpm.Empty") {
+    return {.kind = PayloadKind::kEmpty, .table = table, .struct_index = std::nullopt};
+  }
+  if (object.fields.size() == 1 && !object.is_struct) {
+    const Field& field = object.fields.front();
+    if (field.type.base == BaseType::kObject && field.is_required && !field.is_deprecated &&
+        model.objects[*field.type.index].is_struct) {
+      return {.kind = PayloadKind::kStruct, .table = table, .struct_index = field.type.index};
+    }
+  }
+  return {.kind = PayloadKind::kTable, .table = table, .struct_index = std::nullopt};
+}
+
+}  // namespace rtpm::schema
