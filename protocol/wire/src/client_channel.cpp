@@ -135,6 +135,11 @@ ChannelEvent ClientChannel::on_time(MonotonicTime now) noexcept {
     if (config_.medium == Medium::kStream) return {};
     return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
   }
+  return repeat(now);
+}
+
+ChannelEvent ClientChannel::repeat(MonotonicTime now) noexcept {
+  if (activity_ != Activity::kCall || config_.medium == Medium::kStream) return {};
   call_timer_.repeat(now);
   ++repeat_count_;
   call_.flags = kFlagRepeated;
@@ -159,7 +164,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
     case FrameKind::kReply:
       return on_reply(*header, payload, now);
     case FrameKind::kCookie:
-      return on_cookie(payload, now);
+      return on_cookie(*header, payload, now);
     case FrameKind::kWelcome:
       return on_welcome(*header, payload, now);
     case FrameKind::kRefuse:

@@ -155,6 +155,13 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
       session.last_heard = now;
       return &session;
     }
+    if (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer) {
+      // hp-4-4: a connection carries one session; a further HELLO on it begins that anew.
+      session.id = 0;
+      --session_count_;
+      best = &session;
+      break;
+    }
     if (session.id == 0) {
       if (best == nullptr || best->id != 0) best = &session;
     } else if (best == nullptr || (best->id != 0 && session.last_heard < best->last_heard)) {

@@ -213,7 +213,8 @@ std::string Options::Impl::help_text() const {
   text += help_row("--help, -h", "Print this");
   text += help_row("--version", "Print the version");
   text +=
-      "\nAn option --some-key can also stand in the environment, as RTPM_SOME_KEY, and in the file, as\n"
+      "\nAn option --some-key can also stand in the environment, as RTPM_SOME_KEY, and in the "
+      "file, as\n"
       "'some-key = value'. A flag wins over the environment, the environment over the file.\n";
   return text;
 }

@@ -74,6 +74,8 @@ class ClientChannel {
 
   [[nodiscard]] ChannelEvent on_frame(ConstBytes frame, MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent on_time(MonotonicTime now) noexcept;
+  /// Repeats the current call at once, without waiting for its time.
+  [[nodiscard]] ChannelEvent repeat(MonotonicTime now) noexcept;
   /// When on_time() has something to do, unless a frame comes first.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 

@@ -1,0 +1,117 @@
+#include "acceptor.hpp"
+
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/header.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// A client sends its HELLO as soon as it is connected; who has not by then holds a place in vain.
+constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
+
+}  // namespace
+
+Acceptor::Acceptor(transport::TcpListener listener, transport::Poller poller,
+                   std::uint32_t message_size_max) noexcept
+    : listener_(std::move(listener)),
+      poller_(std::move(poller)),
+      message_size_max_(message_size_max),
+      newcomers_(kNewcomerCountMax) {
+  const bool is_added = poller_.add(listener_.descriptor(), kListener);
+  RTPM_ASSERT(is_added, "a new poller takes a socket");
+}
+
+expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes) {
+  lanes_ = &lanes;
+  auto thread = rt::Thread::start({.name = "rtpm-accept"}, [this] { run(); });
+  if (!thread) return unexpected{thread.error()};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+void Acceptor::stop() noexcept {
+  is_stopping_.store(true, std::memory_order_release);
+  poller_.ring();
+  thread_.join();
+}
+
+void Acceptor::run() noexcept {
+  std::array<std::uint64_t, 64> ready{};
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    MonotonicTime until = kNever;
+    for (const Newcomer& newcomer : newcomers_) {
+      if (newcomer.socket.is_open()) until = std::min(until, newcomer.deadline);
+    }
+    const std::size_t count = poller_.wait(until, ready);
+    for (std::size_t i = 0; i < count; ++i) {
+      if (ready[i] == kListener) {
+        accept_one();
+      } else if (ready[i] != transport::Poller::kBell) {
+        place(newcomers_[ready[i]]);
+      }
+    }
+    drop_late(rt::now());
+    free_ended();
+  }
+}
+
+void Acceptor::accept_one() noexcept {
+  transport::Descriptor socket = listener_.accept();
+  if (!socket.is_open()) return;
+  const auto free =
+      std::ranges::find_if(newcomers_, [](const Newcomer& n) { return !n.socket.is_open(); });
+  // Too many that say nothing: the newest goes, and its client sees that at once.
+  if (free == newcomers_.end()) return;
+  // The poll shall wake us when the header, which has the priority, is there as a whole.
+  const int header_size = static_cast<int>(wire::kHeaderSize);
+  setsockopt(socket.number(), SOL_SOCKET, SO_RCVLOWAT, &header_size, sizeof header_size);
+  if (!poller_.add(socket.number(), static_cast<std::uint64_t>(free - newcomers_.begin()))) return;
+  free->socket = std::move(socket);
+  free->deadline = rt::now() + kFirstFramePatience;
+}
+
+// Hands the connection to its lane with nothing taken from it, or ends it.
+void Acceptor::place(Newcomer& newcomer) noexcept {
+  if (!newcomer.socket.is_open()) return;
+  transport::Descriptor socket = std::move(newcomer.socket);
+  newcomer.socket = {};
+  poller_.remove(socket.number());
+  std::array<std::byte, wire::kHeaderSize> first{};
+  const ssize_t size = recv(socket.number(), first.data(), first.size(), MSG_PEEK | MSG_DONTWAIT);
+  if (size <= 0) return;
+  // Garbage goes to the lowest lane, which counts it.
+  const auto header = wire::decode(ConstBytes(first).first(static_cast<std::size_t>(size)));
+  const Priority priority = header ? header->priority : Priority{0};
+  const int any_byte = 1;
+  setsockopt(socket.number(), SOL_SOCKET, SO_RCVLOWAT, &any_byte, sizeof any_byte);
+  transport::set_traffic_class(socket.number(), priority);
+  for (const auto& lane : *lanes_) {
+    if (!lane->band().contains(priority)) continue;
+    auto stream = std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_);
+    // A full lane leaves the stream here, where it ends.
+    static_cast<void>(lane->adopt(stream));
+    return;
+  }
+}
+
+void Acceptor::drop_late(MonotonicTime now) noexcept {
+  for (Newcomer& newcomer : newcomers_) {
+    if (!newcomer.socket.is_open() || newcomer.deadline > now) continue;
+    poller_.remove(newcomer.socket.number());
+    newcomer.socket = {};
+  }
+}
+
+void Acceptor::free_ended() noexcept {
+  for (const auto& lane : *lanes_) {
+    while (lane->take_back() != nullptr) {
+    }
+  }
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "lane.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/tcp.hpp"
+
+namespace rtpm::rpc {
+
+/// Takes TCP connections and hands each to the lane of the priority that its first frame states;
+/// and frees them when they ended. A time-shared thread of its own: nothing here is real-time.
+class Acceptor {
+ public:
+  Acceptor(transport::TcpListener listener, transport::Poller poller,
+           std::uint32_t message_size_max) noexcept;
+
+  [[nodiscard]] transport::Poller& bell() noexcept { return poller_; }
+  [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes);
+  void stop() noexcept;
+
+ private:
+  struct Newcomer {
+    transport::Descriptor socket;
+    MonotonicTime deadline{};
+  };
+  static constexpr std::uint64_t kListener = ~std::uint64_t{0} - 1;
+  static constexpr std::size_t kNewcomerCountMax = 64;
+
+  void run() noexcept;
+  void accept_one() noexcept;
+  void place(Newcomer& newcomer) noexcept;
+  void drop_late(MonotonicTime now) noexcept;
+  void free_ended() noexcept;
+
+  transport::TcpListener listener_;
+  transport::Poller poller_;
+  std::uint32_t message_size_max_;
+  std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;
+  std::vector<Newcomer> newcomers_;
+  std::atomic<bool> is_stopping_{false};
+  rt::Thread thread_;
+};
+
+}  // namespace rtpm::rpc

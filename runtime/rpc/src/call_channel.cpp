@@ -1,0 +1,161 @@
+#include "call_channel.hpp"
+
+#include <cstdio>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/socket.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+wire::Medium medium_of(Transport transport) noexcept {
+  return transport == Transport::kTcp ? wire::Medium::kStream : wire::Medium::kDatagram;
+}
+
+std::uint32_t message_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
+  return address.transport == Transport::kTcp
+             ? config.message_size_max
+             : static_cast<std::uint32_t>(wire::kDatagramPayloadSizeMax);
+}
+
+}  // namespace
+
+CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
+                         std::uint64_t client_epoch, std::uint64_t number,
+                         std::uint64_t clock_domain)
+    : address_(address),
+      config_(config),
+      buffer_(wire::kHeaderSize + message_size_of(address, config)),
+      wire_({medium_of(address.transport), client_epoch, number, clock_domain,
+             message_size_of(address, config)},
+            buffer_) {}
+
+CallChannel::~CallChannel() {
+  // The server would find out by itself, later; what fails here is of no more interest.
+  if (link_ && wire_.is_ready()) static_cast<void>(link_->send(wire_.close(rt::now())));
+}
+
+bool CallChannel::serves(Priority priority) const noexcept {
+  const std::uint32_t band = band_.load(std::memory_order_relaxed);
+  return (band >> 16) <= priority.value() && priority.value() <= (band & 0xffff);
+}
+
+void CallChannel::drop_link() noexcept {
+  wire_.reset();
+  // Freeing is set-up work like opening: it follows a broken connection, not a call.
+  const rt::AllowAllocationScope is_allowed;
+  link_.reset();
+}
+
+expected<void, CallError> CallChannel::open_link(Priority priority,
+                                                 MonotonicTime deadline) noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  auto link = address_.transport == Transport::kTcp
+                  ? transport::open_tcp_link(address_.host, address_.port, priority,
+                                             config_.message_size_max, deadline)
+                  : transport::open_udp_link(address_.host, address_.port, priority);
+  if (!link) return unexpected{CallError::kUnreachable};
+  link_ = std::move(*link);
+  return {};
+}
+
+expected<void, CallError> CallChannel::make_ready(Priority priority,
+                                                  MonotonicTime deadline) noexcept {
+  if (wire_.is_ready() && serves(priority)) return {};
+  if (!link_) {
+    if (auto opened = open_link(priority, deadline); !opened) return opened;
+  }
+  const MonotonicTime begin = rt::now();
+  if (!send(wire_.open(priority, deadline, begin))) {
+    drop_link();
+    return unexpected{CallError::kUnreachable};
+  }
+  switch (const wire::ChannelEvent event = wait_for_event(begin); event.kind) {
+    case wire::ChannelEvent::Kind::kReady: {
+      const Band band = wire_.welcome().band;
+      band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
+                  std::memory_order_relaxed);
+      return {};
+    }
+    case wire::ChannelEvent::Kind::kRefused:
+      return unexpected{event.status == wire::Status::kOverload ? CallError::kOverload
+                                                                : CallError::kRefused};
+    case wire::ChannelEvent::Kind::kTimeout:
+      return unexpected{CallError::kTimeout};
+    default:
+      break;
+  }
+  drop_link();
+  return unexpected{CallError::kUnreachable};
+}
+
+CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request) noexcept {
+  const MonotonicTime begin = rt::now();
+  const auto frame = wire_.call(parameters, request, begin);
+  if (!frame) return {.error = CallError::kTooLarge};
+  if (!send(*frame)) {
+    drop_link();
+    return {.error = CallError::kDisconnected};
+  }
+  switch (const wire::ChannelEvent event = wait_for_event(begin); event.kind) {
+    case wire::ChannelEvent::Kind::kReply:
+      return {CallOutcome::Kind::kReply, {}, event.status, event.payload};
+    case wire::ChannelEvent::Kind::kLost:
+      return {.kind = CallOutcome::Kind::kLost};
+    case wire::ChannelEvent::Kind::kTimeout:
+      return {.error = CallError::kTimeout};
+    default:
+      break;
+  }
+  drop_link();
+  return {.error = CallError::kDisconnected};
+}
+
+expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
+  auto sent = link_->send(frame);
+  // A datagram socket tells with the next send that nobody took an earlier frame; the frame at hand
+  // was not tried. If the server is still not there, the next receive will tell.
+  if (!sent && sent.error() == transport::IoError::kRefused) sent = link_->send(frame);
+  // No room for a datagram is as good as its loss: it is repeated in time.
+  if (!sent && link_->medium() == wire::Medium::kDatagram) return {};
+  return sent;
+}
+
+// Waits until the handshake or call that was just sent comes to an end. kNothing: the link broke.
+wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
+  const bool may_spin =
+      config_.wait.strategy == rt::WaitStrategy::kSpin ||
+      (config_.wait.strategy == rt::WaitStrategy::kAdaptive && config_.wait.spin > Duration{0});
+  const MonotonicTime spin_end =
+      config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
+  int refusal_count = 0;
+  bool is_spinning = may_spin;
+  while (true) {
+    if (!is_spinning) transport::wait_readable(link_->descriptor(), wire_.next_time());
+    const auto frame = link_->receive();
+    now = rt::now();
+    wire::ChannelEvent event;
+    if (frame) {
+      event = wire_.on_frame(*frame, now);
+    } else if (frame.error() == transport::IoError::kNothing) {
+      event = wire_.on_time(now);
+      is_spinning = may_spin && now < spin_end;
+    } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
+               wire_.is_ready()) {
+      // It may be the answer to an earlier frame, before the server was there again: ask once more.
+      event = wire_.repeat(now);
+    } else {
+      return {};
+    }
+    if (event.kind == wire::ChannelEvent::Kind::kBroken) return {};
+    if (event.kind == wire::ChannelEvent::Kind::kSend) {
+      if (!send(event.frame)) return {};
+    } else if (event.kind != wire::ChannelEvent::Kind::kNothing) {
+      return event;
+    }
+  }
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,95 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/wire/client_channel.hpp"
+
+namespace rtpm::rpc {
+
+/// Where a server is and over what it is reached.
+struct ServerAddress {
+  std::string host;
+  std::uint16_t port = 0;
+  Transport transport = Transport::kUdp;  ///< kUdp or kTcp.
+  friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
+};
+
+/// How a call ended on its channel.
+struct CallOutcome {
+  enum class Kind : std::uint8_t {
+    kReply,   ///< The server answered: `status`, `payload`.
+    kFailed,  ///< `error` says why there is no answer.
+    kLost,    ///< The server does not know the session any more: see Binding for what follows.
+  };
+  Kind kind = Kind::kFailed;
+  CallError error = CallError::kTimeout;
+  wire::Status status = wire::Status::kOk;
+  ConstBytes payload{};
+};
+
+/// A link and a session on it that carry one call at a time for whoever has taken it. The calling
+/// thread sends and receives itself: no other thread stands between it and its reply.
+/// Threads: try_take() from any; everything else by the thread that took it.
+class CallChannel {
+ public:
+  CallChannel(const ServerAddress& address, const NodeConfig& config, std::uint64_t client_epoch,
+              std::uint64_t number, std::uint64_t clock_domain);
+  /// Tells the server that the session ends, if there is one.
+  ~CallChannel();
+  CallChannel(const CallChannel&) = delete;
+  CallChannel& operator=(const CallChannel&) = delete;
+
+  /// True if it was free and is the caller's now.   RT: alloc-free.
+  [[nodiscard]] bool try_take() noexcept {
+    return !is_taken_.exchange(true, std::memory_order_acquire);
+  }
+  void release() noexcept { is_taken_.store(false, std::memory_order_release); }
+
+  /// Whether its session serves the priority; of the last handshake.   RT: alloc-free, any thread.
+  [[nodiscard]] bool serves(Priority priority) const noexcept;
+  /// No handshake has told yet which band it serves.
+  [[nodiscard]] bool is_new() const noexcept {
+    return band_.load(std::memory_order_relaxed) == kNoBand;
+  }
+
+  /// Has a session for `priority`, with a handshake if need be.
+  /// RT: alloc-free and without a syscall if there is one; else set-up.
+  [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
+                                                     MonotonicTime deadline) noexcept;
+  /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
+  /// RT: alloc-free.
+  [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters,
+                                 ConstBytes request) noexcept;
+
+  /// The epoch of the server that gave the session.
+  [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
+  /// When the last call was sent first.
+  [[nodiscard]] MonotonicTime call_begun() const noexcept { return wire_.call_begun(); }
+
+ private:
+  static constexpr std::uint32_t kNoBand = 0x0000'ffff;  // Its low end is above its high end.
+
+  [[nodiscard]] expected<void, CallError> open_link(Priority priority,
+                                                    MonotonicTime deadline) noexcept;
+  [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now) noexcept;
+  [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
+  void drop_link() noexcept;
+
+  const ServerAddress& address_;
+  const NodeConfig& config_;
+  std::atomic<bool> is_taken_{false};
+  std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
+  std::unique_ptr<transport::Link> link_;
+  std::vector<std::byte> buffer_;
+  wire::ClientChannel wire_;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,70 @@
+#include "endpoint.hpp"
+
+#include <mutex>
+
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// Numbers the channels of the whole program, so that each is told apart by servers.
+std::atomic<std::uint64_t> channel_serial{0};
+
+// The channel that this thread took last: most likely free and warm in its cache.
+struct Hint {
+  const Endpoint* endpoint = nullptr;
+  std::size_t index = 0;
+};
+thread_local Hint last_taken;
+
+}  // namespace
+
+Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
+                   std::uint64_t clock_domain)
+    : address_(std::move(address)),
+      config_(config),
+      client_epoch_(client_epoch),
+      clock_domain_(clock_domain),
+      channels_(config.channel_count_max) {}
+
+expected<CallChannel*, CallError> Endpoint::take(Priority priority) noexcept {
+  if (CallChannel* channel = take_existing(priority)) return channel;
+  return add();
+}
+
+CallChannel* Endpoint::take_existing(Priority priority) noexcept {
+  // SYNC POINT endpoint-channels: a counted channel is whole.
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  if (last_taken.endpoint == this && last_taken.index < count) {
+    CallChannel& channel = *channels_[last_taken.index];
+    if (channel.serves(priority) && channel.try_take()) return &channel;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    CallChannel& channel = *channels_[i];
+    if (!channel.serves(priority) || !channel.try_take()) continue;
+    last_taken = {this, i};
+    return &channel;
+  }
+  // One whose handshake never came through belongs to no band yet.
+  for (std::size_t i = 0; i < count; ++i) {
+    if (channels_[i]->is_new() && channels_[i]->try_take()) return channels_[i].get();
+  }
+  return nullptr;
+}
+
+expected<CallChannel*, CallError> Endpoint::add() noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  const std::lock_guard lock(adding_);
+  const std::size_t count = channel_count_.load(std::memory_order_relaxed);
+  if (count == channels_.size()) return unexpected{CallError::kNoChannel};
+  channels_[count] = std::make_unique<CallChannel>(address_, config_, client_epoch_,
+                                                   ++channel_serial, clock_domain_);
+  CallChannel* channel = channels_[count].get();
+  const bool is_taken = channel->try_take();
+  RTPM_ASSERT(is_taken, "nobody else knows a new channel");
+  // SYNC POINT endpoint-channels
+  channel_count_.store(count + 1, std::memory_order_release);
+  return channel;
+}
+
+}  // namespace rtpm::rpc

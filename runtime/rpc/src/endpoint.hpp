@@ -1,0 +1,40 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "call_channel.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rpc {
+
+/// One server as a node sees it: its address and the call channels to it, shared by all bindings.
+/// Threads: any, several at once.
+class Endpoint {
+ public:
+  Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
+           std::uint64_t clock_domain);
+
+  /// A free channel that serves `priority` or can be made to; it is the caller's until it releases
+  /// it. Opens one more if all are in use.
+  /// RT: alloc-free if one is free.   Errors: kNoChannel.
+  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority) noexcept;
+
+  [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }
+
+ private:
+  [[nodiscard]] CallChannel* take_existing(Priority priority) noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> add() noexcept;
+
+  ServerAddress address_;
+  const NodeConfig& config_;
+  std::uint64_t client_epoch_;
+  std::uint64_t clock_domain_;
+  std::vector<std::unique_ptr<CallChannel>> channels_;  ///< Sized once; filled from the front.
+  std::atomic<std::size_t> channel_count_{0};
+  rt::PiMutex adding_;
+};
+
+}  // namespace rtpm::rpc

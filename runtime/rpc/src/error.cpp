@@ -1,0 +1,48 @@
+#include "rtpm/rpc/error.hpp"
+
+namespace rtpm::rpc {
+
+std::string_view to_string(CallError error) noexcept {
+  switch (error) {
+    case CallError::kTimeout:
+      return "no reply came within the deadline; check that the server runs and is not overloaded";
+    case CallError::kExpired:
+      return "the deadline passed before the server could begin; allow more time";
+    case CallError::kOverload:
+      return "the server is overloaded; call less often or add a lane";
+    case CallError::kNoChannel:
+      return "every call channel is in use; raise NodeConfig::channel_count_max";
+    case CallError::kDisconnected:
+      return "the connection to the server broke; the next call connects again";
+    case CallError::kPeerRestarted:
+      return "the server restarted during the call; call again if a second run does no harm";
+    case CallError::kUnreachable:
+      return "nobody serves the address; check that the server runs";
+    case CallError::kRefused:
+      return "the server refused the session; check versions, limits and priority";
+    case CallError::kNoSuchMethod:
+      return "the object has no such method; generate client and server from the same schema";
+    case CallError::kNoSuchObject:
+      return "the object is not there any more; bind again";
+    case CallError::kBadRequest:
+      return "the server could not accept the request; check its values, and that client and "
+             "server "
+             "share the schema";
+    case CallError::kNotLeaseHolder:
+      return "somebody else holds the lease; acquire it first";
+    case CallError::kServantFailed:
+      return "the servant failed; the server's log says why";
+    case CallError::kTooLarge:
+      return "a message is too large for the session; use TCP or raise message_size_max";
+    case CallError::kPriorityNotAllowed:
+      return "the priority is above the server's ceiling; call at a lower one";
+    case CallError::kBadReply:
+      return "the reply is not what the schema says; generate client and server from the same "
+             "schema";
+    case CallError::kStopped:
+      return "the program is stopping";
+  }
+  return "unknown error";
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,241 @@
+#include "lane.hpp"
+
+#include <algorithm>
+#include <exception>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/rt/priority.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// While one source is busy the others are looked at after so many of its frames, so that no caller
+// is starved by another of the same band.
+constexpr std::uint32_t kStreakMax = 16;
+// While the hot source is silent the others are looked at every so many turns: a look costs about
+// as much as a receive.
+constexpr std::uint32_t kTurnsPerLook = 8;
+
+wire::ServerSessionsConfig datagram_config(wire::ServerSessionsConfig config) {
+  config.medium = wire::Medium::kDatagram;
+  config.message_size_max = static_cast<std::uint32_t>(wire::kDatagramPayloadSizeMax);
+  return config;
+}
+
+wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config) {
+  config.medium = wire::Medium::kStream;
+  // Another secret, so that a session number of one medium is none of the other's.
+  config.key.low = ~config.key.low;
+  return config;
+}
+
+}  // namespace
+
+Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller)
+    : config_(setup.config),
+      band_(setup.band),
+      objects_(*setup.objects),
+      acceptor_bell_(setup.acceptor_bell),
+      port_(std::move(port)),
+      poller_(std::move(poller)),
+      datagram_sessions_(datagram_config(setup.sessions)),
+      stream_sessions_(stream_config(setup.sessions)),
+      connections_(setup.sessions.session_count_max) {
+  const bool is_added = poller_.add(port_.descriptor(), kUdp);
+  RTPM_ASSERT(is_added, "a new poller takes a socket");
+  // On one CPU a spinning lane would only keep its callers from running.
+  if (rt::usable_cpu_count() == 1 && config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
+    config_.wait.strategy = rt::WaitStrategy::kBlock;
+  }
+}
+
+void Lane::run() noexcept {
+  const rt::NoAllocationScope no_allocation;
+  MonotonicTime spin_end = kNever;
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    if (turn()) {
+      spin_end = kNever;
+      continue;
+    }
+    publish();
+    if (config_.wait.strategy == rt::WaitStrategy::kSpin) continue;
+    if (config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
+      const MonotonicTime now = rt::now();
+      if (spin_end == kNever) spin_end = now + config_.wait.spin;
+      if (now < spin_end) continue;
+    }
+    spin_end = kNever;
+    static_cast<void>(look_around(kNever));
+  }
+  publish();
+}
+
+void Lane::stop() noexcept {
+  is_stopping_.store(true, std::memory_order_release);
+  poller_.ring();
+}
+
+bool Lane::adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept {
+  if (!arriving_.push(stream)) return false;
+  // SYNC POINT lane-arrivals: the connection is in the ring.
+  has_arrivals_.store(true, std::memory_order_release);
+  poller_.ring();
+  return true;
+}
+
+std::unique_ptr<transport::FrameStream> Lane::take_back() noexcept {
+  auto stream = leaving_.pop();
+  return stream ? std::move(*stream) : nullptr;
+}
+
+// One look for work; true if there was some.
+bool Lane::turn() noexcept {
+  // SYNC POINT lane-arrivals
+  if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
+  if (serve_one(hot_)) {
+    if (connection_count_ > 0 && ++streak_ >= kStreakMax) {
+      static_cast<void>(look_around(transport::Poller::kAlready));
+    }
+    return true;
+  }
+  if (connection_count_ == 0 || ++turn_count_ % kTurnsPerLook != 0) return false;
+  return look_around(transport::Poller::kAlready);
+}
+
+// Waits for any source and serves each that has something; true if one had.
+bool Lane::look_around(MonotonicTime until) noexcept {
+  streak_ = 0;
+  const std::size_t count = poller_.wait(until, ready_);
+  bool has_served = false;
+  for (std::size_t i = 0; i < count; ++i) {
+    const Source source = ready_[i];
+    if (source == transport::Poller::kBell || !serve_one(source)) continue;
+    has_served = true;
+    // It may have gone in the meantime; then the datagrams are as good a guess as any.
+    hot_ = source == kUdp || connections_[source].stream ? source : kUdp;
+  }
+  return has_served;
+}
+
+bool Lane::serve_one(Source source) noexcept {
+  return source == kUdp ? serve_datagram() : serve_stream(source);
+}
+
+bool Lane::serve_datagram() noexcept {
+  const auto datagram = port_.receive(datagram_);
+  if (!datagram) return false;
+  is_unpublished_ = true;
+  const wire::Verdict verdict =
+      datagram_sessions_.on_frame(datagram->bytes, datagram->peer, rt::now());
+  ConstBytes answer = verdict.frame;
+  if (verdict.action == wire::Verdict::Action::kDispatch) {
+    answer = run_request(datagram_sessions_, verdict.request);
+  }
+  if (!answer.empty() && !port_.send(datagram->peer, answer)) ++counters_.send_failure_count;
+  return true;
+}
+
+bool Lane::serve_stream(Source source) noexcept {
+  Connection& connection = connections_[source];
+  if (!connection.stream) return false;
+  const auto frame = connection.stream->receive();
+  if (!frame) {
+    if (frame.error() != transport::IoError::kNothing) retire(source);
+    return false;
+  }
+  is_unpublished_ = true;
+  const wire::Verdict verdict = stream_sessions_.on_frame(*frame, connection.peer, rt::now());
+  ConstBytes answer = verdict.frame;
+  if (verdict.action == wire::Verdict::Action::kDispatch) {
+    answer = run_request(stream_sessions_, verdict.request);
+  }
+  // A peer that does not take its replies is given up rather than waited for.
+  const bool is_sent =
+      answer.empty() || connection.stream->send(answer, transport::Poller::kAlready).has_value();
+  if (!is_sent) ++counters_.send_failure_count;
+  if (!is_sent || verdict.action == wire::Verdict::Action::kHangUp) retire(source);
+  // Frames that lie in the buffer already would wake no poll.
+  if (connection.stream && connection.stream->has_buffered()) hot_ = source;
+  return true;
+}
+
+ConstBytes Lane::run_request(wire::ServerSessions& sessions,
+                             const wire::Request& request) noexcept {
+  const MutableBytes reply = sessions.reply_buffer(request);
+  const DispatchResult result = dispatch(request, reply);
+  RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
+  return sessions.complete(request, result.status, result.reply_size, rt::now());
+}
+
+DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply) noexcept {
+  const wire::Header& header = request.header;
+  if (header.service == wire::kSessionService) {
+    if (header.method == wire::kMethodBind) return objects_.bind(request.payload, reply);
+    return {wire::Status::kNoSuchMethod, 0};
+  }
+  const Object* object = objects_.find(header.service);
+  if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
+  const bool is_declared = object->options.model == PriorityModel::kServerDeclared;
+  const Priority priority = is_declared ? object->options.priority : header.priority;
+  const CallContext context{priority, request.deadline, request.received, header.session,
+                            header.trace_id};
+  ++counters_.call_count;
+  const rt::ScopedPriority at_priority(priority);
+  try {
+    return object->servant->dispatch(header.method, request.payload, reply, context);
+  } catch (...) {
+    ++counters_.servant_failure_count;
+    return {wire::Status::kServantFailed, 0};
+  }
+}
+
+void Lane::adopt_waiting() noexcept {
+  has_arrivals_.store(false, std::memory_order_relaxed);
+  while (auto stream = arriving_.pop()) {
+    const auto place =
+        std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
+    const auto source = static_cast<Source>(place - connections_.begin());
+    if (place == connections_.end() || !poller_.add((*stream)->descriptor(), source)) {
+      // The lane is full: the connection ends, which its client sees at once.
+      const bool is_given = leaving_.push(*stream);
+      RTPM_ASSERT(is_given, "as many connections fit out as in");
+      acceptor_bell_->ring();
+      continue;
+    }
+    place->stream = std::move(*stream);
+    place->peer = {.high = ++connection_serial_};
+    ++connection_count_;
+    ++counters_.connection_count;
+    is_unpublished_ = true;
+  }
+}
+
+void Lane::retire(Source source) noexcept {
+  Connection& connection = connections_[source];
+  // Later the place is tried again: the acceptor takes connections back as they come.
+  poller_.remove(connection.stream->descriptor());
+  stream_sessions_.forget(connection.peer);
+  if (!leaving_.push(connection.stream)) {
+    // The acceptor is far behind. Freeing here breaks the rule against it, once, and no memory.
+    const rt::AllowAllocationScope is_allowed;
+    connection.stream.reset();
+  }
+  acceptor_bell_->ring();
+  --connection_count_;
+  ++counters_.connection_lost_count;
+  is_unpublished_ = true;
+  if (hot_ == source) hot_ = kUdp;
+}
+
+void Lane::publish() noexcept {
+  if (!is_unpublished_) return;
+  is_unpublished_ = false;
+  counters_.frames = datagram_sessions_.counters();
+  counters_.frames.add(stream_sessions_.counters());
+  published_.write(counters_);
+}
+
+}  // namespace rtpm::rpc

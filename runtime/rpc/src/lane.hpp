@@ -1,0 +1,103 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "object_table.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/ring.hpp"
+#include "rtpm/rpc/counters.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+/// What a lane is built from.
+struct LaneSetup {
+  LaneConfig config{};
+  Band band{};
+  wire::ServerSessionsConfig sessions{};  ///< For streams; datagrams differ in medium and size.
+  const ObjectTable* objects = nullptr;
+  transport::Poller* acceptor_bell = nullptr;  ///< Rung when a connection is given back.
+};
+
+/// The runtime of one lane: its sockets, its sessions and the loop that its thread runs. The thread
+/// that receives a request runs the servant and sends the reply.
+/// Threads: run() on the lane's thread; adopt() and take_back() from the acceptor; stop() and
+/// counters() from any.
+class Lane {
+ public:
+  Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
+
+  /// Serves until stop().   RT: alloc-free.
+  void run() noexcept;
+  void stop() noexcept;
+
+  /// Gives the lane an accepted connection; false if too many wait already.
+  [[nodiscard]] bool adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept;
+  /// A connection that ended, to be freed where freeing is allowed; or null.
+  [[nodiscard]] std::unique_ptr<transport::FrameStream> take_back() noexcept;
+
+  [[nodiscard]] const Band& band() const noexcept { return band_; }
+  [[nodiscard]] const LaneConfig& config() const noexcept { return config_; }
+  [[nodiscard]] const transport::UdpPort& port() const noexcept { return port_; }
+  [[nodiscard]] ServerCounters counters() const noexcept {
+    return published_.read().value_or(ServerCounters{});
+  }
+
+ private:
+  struct Connection {
+    std::unique_ptr<transport::FrameStream> stream;
+    wire::PeerAddress peer{};
+  };
+  /// Index into connections_, or kUdp.
+  using Source = std::uint64_t;
+  static constexpr Source kUdp = ~std::uint64_t{0} - 1;
+
+  [[nodiscard]] bool turn() noexcept;
+  [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
+  [[nodiscard]] bool serve_one(Source source) noexcept;
+  [[nodiscard]] bool serve_datagram() noexcept;
+  [[nodiscard]] bool serve_stream(Source source) noexcept;
+  [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
+                                       const wire::Request& request) noexcept;
+  [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply) noexcept;
+  void adopt_waiting() noexcept;
+  void retire(Source source) noexcept;
+  void publish() noexcept;
+
+  LaneConfig config_;
+  Band band_;
+  const ObjectTable& objects_;
+  transport::Poller* acceptor_bell_;
+  transport::UdpPort port_;
+  transport::Poller poller_;
+  wire::ServerSessions datagram_sessions_;
+  wire::ServerSessions stream_sessions_;
+  std::vector<Connection> connections_;
+  std::uint32_t connection_count_ = 0;
+  std::uint64_t connection_serial_ = 0;
+  Source hot_ = kUdp;  ///< Where the last frame came from: looked at first.
+  std::uint32_t turn_count_ = 0;
+  std::uint32_t streak_ = 0;  ///< Frames taken from hot_ without a look at the others.
+  bool is_unpublished_ = false;
+  ServerCounters counters_{};
+  alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};
+  alignas(64) std::array<std::uint64_t, 64> ready_{};
+
+  using Handover = SpscRing<std::unique_ptr<transport::FrameStream>, 128>;
+  Handover arriving_;
+  Handover leaving_;
+  std::atomic<bool> has_arrivals_{false};
+  std::atomic<bool> is_stopping_{false};
+  Latest<ServerCounters> published_;
+};
+
+}  // namespace rtpm::rpc

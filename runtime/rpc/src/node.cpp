@@ -1,0 +1,33 @@
+#include "rtpm/rpc/node.hpp"
+
+#include "node_impl.hpp"
+#include "rtpm/rt/host.hpp"
+
+namespace rtpm::rpc {
+
+Node::Impl::Impl(NodeConfig node_config)
+    : config(node_config), epoch_(rt::random_u64()), clock_domain_(rt::clock_domain()) {
+  // On one CPU a caller that spins only keeps the server from running.
+  if (rt::usable_cpu_count() == 1 && config.wait.strategy == rt::WaitStrategy::kAdaptive) {
+    config.wait.strategy = rt::WaitStrategy::kBlock;
+  }
+}
+
+Endpoint& Node::Impl::endpoint(const ServerAddress& address) {
+  const std::lock_guard lock(mutex_);
+  auto& endpoint = endpoints_[address];
+  if (!endpoint) endpoint = std::make_unique<Endpoint>(address, config, epoch_, clock_domain_);
+  return *endpoint;
+}
+
+Node::Node(NodeConfig config) : impl_(std::make_unique<Impl>(config)) {}
+Node::~Node() = default;
+
+void Node::use(Resolver& resolver) noexcept {
+  impl_->resolver = &resolver;
+}
+const NodeConfig& Node::config() const noexcept {
+  return impl_->config;
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+
+#include "endpoint.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rpc {
+
+class Node::Impl {
+ public:
+  explicit Impl(NodeConfig config);
+
+  /// The endpoint of the address, made at its first use.   Set-up only.
+  [[nodiscard]] Endpoint& endpoint(const ServerAddress& address);
+
+  NodeConfig config;
+  Resolver* resolver = nullptr;
+
+ private:
+  std::uint64_t epoch_;
+  std::uint64_t clock_domain_;
+  rt::PiMutex mutex_;
+  std::map<ServerAddress, std::unique_ptr<Endpoint>> endpoints_;
+};
+
+}  // namespace rtpm::rpc

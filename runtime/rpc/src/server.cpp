@@ -1,0 +1,202 @@
+#include "rtpm/rpc/server.hpp"
+
+#include <algorithm>
+
+#include "acceptor.hpp"
+#include "lane.hpp"
+#include "object_table.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+constexpr std::size_t kLaneCountMax = 64;
+
+// Sorts the lanes by band and completes what they leave open.
+expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
+  if (lanes.empty()) lanes.push_back({});
+  if (lanes.size() > kLaneCountMax) {
+    return setup_error("a server has at most " + std::to_string(kLaneCountMax) +
+                       " lanes. Remedy: give lanes wider bands.");
+  }
+  std::ranges::sort(lanes, {}, &LaneConfig::low);
+  if (lanes.front().low != Priority{0}) {
+    return setup_error("no lane serves the priorities below " +
+                       std::to_string(lanes.front().low.value()) +
+                       ". Remedy: let one lane begin at 0.");
+  }
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    const std::string low = std::to_string(lanes[i].low.value());
+    if (i + 1 < lanes.size() && lanes[i].low == lanes[i + 1].low) {
+      return setup_error("two lanes begin at priority " + low +
+                         ". Remedy: let each lane begin at a priority of its own.");
+    }
+    if (lanes[i].name.empty()) lanes[i].name = "lane-" + low;
+    lanes[i].priority = std::max(lanes[i].priority, lanes[i].low);
+  }
+  return lanes;
+}
+
+class ServerImpl final : public Server {
+ public:
+  explicit ServerImpl(ServerConfig config) : config_(std::move(config)) {}
+  ~ServerImpl() override { stop(); }
+
+  expected<void, SetupError> open();
+  expected<void, SetupError> add(std::string_view path, Servant& servant,
+                                 ObjectOptions options) override;
+  expected<void, SetupError> start() override;
+  void stop() noexcept override;
+  std::uint16_t port() const noexcept override { return port_; }
+  std::string url(std::string_view path) const override {
+    return "rtpm://" + config_.host + ":" + std::to_string(port_) + "/" + std::string(path);
+  }
+  ServerCounters counters() const noexcept override;
+
+ private:
+  expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
+  expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
+
+  ServerConfig config_;
+  std::uint16_t port_ = 0;
+  ObjectTable objects_;
+  std::unique_ptr<Acceptor> acceptor_;
+  std::vector<std::unique_ptr<Lane>> lanes_;
+  std::vector<rt::Thread> threads_;
+  bool is_started_ = false;
+};
+
+SetupError in_words(const ServerConfig& config, const std::string& text) {
+  return {"server '" + config.name + "': " + text};
+}
+
+expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std::uint16_t port) {
+  std::vector<transport::UdpPort> ports;
+  for (const LaneConfig& lane : config_.lanes) {
+    auto opened =
+        transport::UdpPort::open(config_.host, port, lane.priority, /*joins=*/!ports.empty());
+    if (!opened) return unexpected{in_words(config_, opened.error().text)};
+    ports.push_back(std::move(*opened));
+  }
+  return ports;
+}
+
+expected<void, SetupError> ServerImpl::open() {
+  auto lanes = checked_lanes(config_.lanes);
+  if (!lanes) return unexpected{in_words(config_, lanes.error().text)};
+  config_.lanes = std::move(*lanes);
+  // TCP and UDP share the number. Where the system chooses it for TCP, UDP may have it taken.
+  constexpr int kAttemptCount = 16;
+  for (int attempt = 1;; ++attempt) {
+    auto listener = transport::TcpListener::open(config_.host, config_.port);
+    if (!listener) return unexpected{in_words(config_, listener.error().text)};
+    auto ports = open_ports(listener->port());
+    if (!ports && config_.port == 0 && attempt < kAttemptCount) continue;
+    if (!ports) return unexpected{ports.error()};
+    auto poller = transport::Poller::open();
+    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    port_ = listener->port();
+    acceptor_ = std::make_unique<Acceptor>(std::move(*listener), std::move(*poller),
+                                           config_.message_size_max);
+    return make_lanes(std::move(*ports));
+  }
+}
+
+expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort> ports) {
+  std::vector<Priority> lows;
+  for (const LaneConfig& lane : config_.lanes)
+    lows.push_back(lane.low);
+  if (lows.size() > 1) {
+    if (auto steered = transport::steer(ports.front(), lows); !steered) {
+      return unexpected{in_words(config_, steered.error().text)};
+    }
+  }
+  LaneSetup setup;
+  setup.objects = &objects_;
+  setup.acceptor_bell = &acceptor_->bell();
+  setup.sessions.epoch = rt::random_u64();
+  setup.sessions.clock_domain = rt::clock_domain();
+  setup.sessions.ceiling = config_.ceiling;
+  setup.sessions.session_count_max = config_.session_count_max;
+  setup.sessions.message_size_max = config_.message_size_max;
+  for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
+    auto poller = transport::Poller::open();
+    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    const bool is_last = i + 1 == config_.lanes.size();
+    setup.config = config_.lanes[i];
+    setup.band = {lows[i],
+                  is_last ? Priority{Priority::kHighest} : Priority{lows[i + 1].value() - 1}};
+    setup.sessions.band = setup.band;
+    setup.sessions.key = {rt::random_u64(), rt::random_u64()};
+    lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
+  }
+  return {};
+}
+
+expected<void, SetupError> ServerImpl::add(std::string_view path, Servant& servant,
+                                           ObjectOptions options) {
+  RTPM_ASSERT(!is_started_, "objects are added before the server starts");
+  auto added = objects_.add(path, servant, options, config_.ceiling);
+  if (!added) return unexpected{in_words(config_, added.error().text)};
+  return {};
+}
+
+expected<void, SetupError> ServerImpl::start() {
+  RTPM_ASSERT(!is_started_, "a server starts once");
+  is_started_ = true;
+  if (auto locked = rt::lock_memory(config_.realtime); !locked) {
+    return unexpected{in_words(config_, locked.error().text)};
+  }
+  for (const auto& lane : lanes_) {
+    rt::ThreadConfig thread_config;
+    thread_config.name = lane->config().name;
+    thread_config.priority = lane->config().priority;
+    thread_config.cpus = lane->config().cpus;
+    thread_config.realtime = config_.realtime;
+    auto thread = rt::Thread::start(thread_config, [&lane = *lane] { lane.run(); });
+    if (!thread) {
+      stop();
+      return unexpected{in_words(config_, thread.error().text)};
+    }
+    threads_.push_back(std::move(*thread));
+  }
+  if (auto accepting = acceptor_->start(lanes_); !accepting) {
+    stop();
+    return unexpected{in_words(config_, accepting.error().text)};
+  }
+  return {};
+}
+
+void ServerImpl::stop() noexcept {
+  if (acceptor_) acceptor_->stop();
+  for (const auto& lane : lanes_)
+    lane->stop();
+  threads_.clear();
+}
+
+ServerCounters ServerImpl::counters() const noexcept {
+  ServerCounters sum;
+  for (const auto& lane : lanes_) {
+    const ServerCounters one = lane->counters();
+    sum.call_count += one.call_count;
+    sum.servant_failure_count += one.servant_failure_count;
+    sum.connection_count += one.connection_count;
+    sum.connection_lost_count += one.connection_lost_count;
+    sum.send_failure_count += one.send_failure_count;
+    sum.frames.add(one.frames);
+  }
+  return sum;
+}
+
+}  // namespace
+
+expected<std::unique_ptr<Server>, SetupError> Server::create(ServerConfig config) {
+  auto server = std::make_unique<ServerImpl>(std::move(config));
+  if (auto opened = server->open(); !opened) return unexpected{opened.error()};
+  return std::unique_ptr<Server>(std::move(server));
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <pthread.h>
+
+namespace rtpm::rt {
+
+/// A mutex with priority inheritance: who holds it runs at the priority of the most urgent waiter, so
+/// that a lower lane can't keep a higher one waiting behind a middle one. Works with
+/// std::lock_guard.
+/// Threads: any.   RT: alloc-free; no syscall while nobody else wants it.
+class PiMutex {
+ public:
+  PiMutex() noexcept;
+  PiMutex(const PiMutex&) = delete;
+  PiMutex& operator=(const PiMutex&) = delete;
+  ~PiMutex();
+  void lock() noexcept;
+  [[nodiscard]] bool try_lock() noexcept;
+  void unlock() noexcept;
+
+ private:
+  pthread_mutex_t mutex_;
+};
+
+}  // namespace rtpm::rt

@@ -1,0 +1,34 @@
+#include "rtpm/rt/pi_mutex.hpp"
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::rt {
+
+PiMutex::PiMutex() noexcept {
+  pthread_mutexattr_t attributes;
+  pthread_mutexattr_init(&attributes);
+  const int error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
+  RTPM_ASSERT(error == 0, "the system has mutexes with priority inheritance");
+  pthread_mutex_init(&mutex_, &attributes);
+  pthread_mutexattr_destroy(&attributes);
+}
+
+PiMutex::~PiMutex() {
+  pthread_mutex_destroy(&mutex_);
+}
+
+void PiMutex::lock() noexcept {
+  const int error = pthread_mutex_lock(&mutex_);
+  RTPM_ASSERT(error == 0, "a mutex is locked once per thread");
+}
+
+bool PiMutex::try_lock() noexcept {
+  return pthread_mutex_trylock(&mutex_) == 0;
+}
+
+void PiMutex::unlock() noexcept {
+  const int error = pthread_mutex_unlock(&mutex_);
+  RTPM_ASSERT(error == 0, "who locked a mutex unlocks it");
+}
+
+}  // namespace rtpm::rt

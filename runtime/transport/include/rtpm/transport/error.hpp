@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+namespace rtpm::transport {
+
+/// Why nothing was sent or received.
+enum class IoError : std::uint8_t {
+  kNothing,  ///< Nothing is there now. Wait, then try again.
+  kFull,     ///< The system's buffer is full; nothing was sent. On a stream: end the connection.
+  kRefused,  ///< The host answered that nobody has the port.
+  kClosed,   ///< The peer closed the stream, or it broke. Open another.
+  kFailed,   ///< The system refused for another reason.
+};
+
+/// Why set-up failed: one sentence that names the thing, the cause and the remedy.
+struct TransportError {
+  std::string text;
+};
+
+}  // namespace rtpm::transport

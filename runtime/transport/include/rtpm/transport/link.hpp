@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/error.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::transport {
+
+/// The client's end of a path to one server: frames go out and come in. Every transport implements
+/// it and passes the same conformance suite.
+/// Threads: one at a time.
+class Link {
+ public:
+  Link() = default;
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
+  virtual ~Link() = default;
+
+  /// Sends one whole frame. Ownership: `frame` is copied before return.
+  /// RT: alloc-free, one syscall; a stream whose buffer is full waits up to 100 ms for room.
+  [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
+
+  /// One whole frame if one is there. It is aligned to 16 bytes and valid until the next receive().
+  /// What a peer sent that is no frame is given as it is, for the protocol to count.
+  /// RT: alloc-free, at most one syscall, never blocks.
+  [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
+
+  /// For waiting until receive() may have something.
+  [[nodiscard]] virtual int descriptor() const noexcept = 0;
+  [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
+};
+
+/// Opens a link to host:port over UDP. Nothing is sent yet.   Set-up only.
+/// Errors: an unknown host, no descriptor left.
+[[nodiscard]] expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
+                                                                            std::uint16_t port,
+                                                                            Priority priority);
+
+/// Connects to host:port over TCP by `deadline`, for messages of up to `message_size_max` bytes.
+/// Set-up only.   Errors: an unknown host, nobody there, no answer in time, no descriptor left.
+[[nodiscard]] expected<std::unique_ptr<Link>, TransportError> open_tcp_link(
+    const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
+    MonotonicTime deadline);
+
+}  // namespace rtpm::transport

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/socket.hpp"
+
+namespace rtpm::transport {
+
+/// One wait for everything that may happen to a lane: its sockets and a bell that other threads
+/// ring.
+/// Threads: ring() from any, the rest from one.
+class Poller {
+ public:
+  static constexpr std::uint64_t kBell = ~std::uint64_t{0};
+  /// For wait(): only look.
+  static constexpr MonotonicTime kAlready = MonotonicTime::min();
+
+  /// Set-up only.   Errors: no descriptor left.
+  [[nodiscard]] static expected<Poller, TransportError> open();
+
+  /// Reports `descriptor` as `tag` (not kBell) while it can be read. False if the system refuses.
+  [[nodiscard]] bool add(int descriptor, std::uint64_t tag) noexcept;
+  void remove(int descriptor) noexcept;
+
+  /// Waits until something can be read, the bell rang, or `until` (kNever: for ever; kAlready: only
+  /// looks). Writes the tags and gives how many.   RT: alloc-free, one syscall.
+  [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<std::uint64_t> tags) noexcept;
+  /// RT: alloc-free, one syscall.
+  void ring() noexcept;
+
+ private:
+  Descriptor epoll_;
+  Descriptor bell_;
+};
+
+}  // namespace rtpm::transport

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <netinet/in.h>
+
+#include <cstdint>
+#include <string>
+#include <utility>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/error.hpp"
+
+namespace rtpm::transport {
+
+/// Owns a file descriptor and closes it.
+class Descriptor {
+ public:
+  Descriptor() noexcept = default;
+  explicit Descriptor(int number) noexcept : number_(number) {}
+  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  ~Descriptor();
+  [[nodiscard]] int number() const noexcept { return number_; }
+  [[nodiscard]] bool is_open() const noexcept { return number_ >= 0; }
+
+ private:
+  int number_ = -1;
+};
+
+/// The IPv4 address of a numeric address or host name.   Set-up only: may ask a name server.
+[[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
+                                                               std::uint16_t port);
+
+/// Has the network treat the socket's traffic by its priority: DSCP (EF for the top quarter, AF41,
+/// AF21, best effort below) and SO_PRIORITY 6, 4, 2, 0, which VLANs and queueing disciplines read.
+/// A system that refuses leaves the traffic best effort, which only a busy link shows.
+void set_traffic_class(int socket, Priority priority) noexcept;
+
+/// Blocks until the descriptor can be read (or written), or until `until`; false if it was the time
+/// or a signal.   RT: alloc-free, one syscall.
+bool wait_readable(int descriptor, MonotonicTime until) noexcept;
+bool wait_writable(int descriptor, MonotonicTime until) noexcept;
+
+}  // namespace rtpm::transport

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/transport/error.hpp"
+#include "rtpm/transport/socket.hpp"
+
+namespace rtpm::transport {
+
+/// A connected TCP socket that carries whole frames; either end uses it.
+/// Ownership: a receive buffer of one largest message, allocated when built.
+/// Threads: one at a time.   RT: send() and receive() are alloc-free, one syscall each.
+class FrameStream {
+ public:
+  FrameStream(Descriptor socket, std::uint32_t message_size_max);
+
+  /// Sends one whole frame; waits for room until `until` if the system's buffer is full.
+  [[nodiscard]] expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept;
+  /// One whole frame if it has arrived; valid until the next receive(), aligned to 16 bytes.
+  /// Bytes that can't be a frame of the stated size are given as they are.
+  [[nodiscard]] expected<ConstBytes, IoError> receive() noexcept;
+  /// Whether another whole frame lies in the buffer, which no poll would tell.
+  [[nodiscard]] bool has_buffered() const noexcept;
+  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
+
+ private:
+  /// The size of the frame at the buffer's begin, 0 if it has not arrived.
+  [[nodiscard]] std::size_t complete_size() const noexcept;
+  [[nodiscard]] MutableBytes buffer() noexcept;
+
+  struct alignas(64) CacheLine {
+    std::byte bytes[64];
+  };
+  Descriptor socket_;
+  std::vector<CacheLine> lines_;
+  std::size_t given_size_ = 0;  ///< Bytes at the begin that the caller has and will be done with.
+  std::size_t filled_size_ = 0;
+};
+
+}  // namespace rtpm::transport

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/transport/socket.hpp"
+
+namespace rtpm::transport {
+
+/// A listening TCP socket.   Set-up only, except accept(): not for lanes.
+class TcpListener {
+ public:
+  /// Port 0: the system chooses. Errors: the port is taken, the address is not this host's.
+  [[nodiscard]] static expected<TcpListener, TransportError> open(const std::string& host,
+                                                                  std::uint16_t port);
+  [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
+  /// The next connection, ready for FrameStream; not open if there is none.
+  [[nodiscard]] Descriptor accept() noexcept;
+
+ private:
+  TcpListener(Descriptor socket, std::uint16_t port) noexcept
+      : socket_(std::move(socket)), port_(port) {}
+  Descriptor socket_;
+  std::uint16_t port_;
+};
+
+/// Sets what every RTPM connection has: no delay by Nagle, keep-alive, an end after 3 s without
+/// acknowledgement, room for a full window of replies.
+void prepare_stream(int socket) noexcept;
+
+}  // namespace rtpm::transport

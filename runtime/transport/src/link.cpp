@@ -1,0 +1,136 @@
+#include "rtpm/transport/link.hpp"
+
+#include <netinet/ip.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+// How long a caller waits for a stream's buffer to take a frame before it gives the peer up.
+constexpr Duration kSendPatience = std::chrono::milliseconds{100};
+
+TransportError no_socket(const std::string& host, std::uint16_t port, int error) {
+  return {"no socket for a link to " + host + ":" + std::to_string(port) + " (" +
+          std::strerror(error) + "). Remedy: raise the limit of open files (ulimit -n)."};
+}
+
+class UdpLink final : public Link {
+ public:
+  explicit UdpLink(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+
+  expected<void, IoError> send(ConstBytes frame) noexcept override {
+    const ssize_t count =
+        ::send(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+    if (count >= 0) return {};
+    return unexpected{error_of(errno)};
+  }
+
+  expected<ConstBytes, IoError> receive() noexcept override {
+    const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), MSG_DONTWAIT);
+    if (count < 0) return unexpected{error_of(errno)};
+    return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
+  }
+
+  int descriptor() const noexcept override { return socket_.number(); }
+  wire::Medium medium() const noexcept override { return wire::Medium::kDatagram; }
+
+ private:
+  static IoError error_of(int error) noexcept {
+    switch (error) {
+      case EAGAIN:
+      case EINTR:
+        return IoError::kNothing;
+      case ENOBUFS:
+        return IoError::kFull;
+      case ECONNREFUSED:
+        return IoError::kRefused;
+      default:
+        return IoError::kFailed;
+    }
+  }
+
+  Descriptor socket_;
+  // One byte more than the largest frame, so that a larger datagram is noticed.
+  alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer_{};
+};
+
+class TcpLink final : public Link {
+ public:
+  TcpLink(Descriptor socket, std::uint32_t message_size_max)
+      : stream_(std::move(socket), message_size_max) {}
+
+  expected<void, IoError> send(ConstBytes frame) noexcept override {
+    return stream_.send(frame, rt::now() + kSendPatience);
+  }
+  expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
+  int descriptor() const noexcept override { return stream_.descriptor(); }
+  wire::Medium medium() const noexcept override { return wire::Medium::kStream; }
+
+ private:
+  FrameStream stream_;
+};
+
+// Waits until a connection that was begun is there; 0 or the error number.
+int finish_connecting(int socket, MonotonicTime deadline) noexcept {
+  while (!wait_writable(socket, deadline)) {
+    if (rt::now() >= deadline) return ETIMEDOUT;
+  }
+  int error = 0;
+  socklen_t size = sizeof error;
+  getsockopt(socket, SOL_SOCKET, SO_ERROR, &error, &size);
+  return error;
+}
+
+}  // namespace
+
+expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
+                                                              std::uint16_t port,
+                                                              Priority priority) {
+  const auto address = address_of(host, port);
+  if (!address) return unexpected{address.error()};
+  Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  // Connected, so that the system finds the route once and tells when nobody has the port.
+  if (!socket.is_open() || connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address),
+                                   sizeof *address) != 0) {
+    return unexpected{no_socket(host, port, errno)};
+  }
+  const int no_fragments = IP_PMTUDISC_DO;
+  setsockopt(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, &no_fragments, sizeof no_fragments);
+  set_traffic_class(socket.number(), priority);
+  return std::unique_ptr<Link>(std::make_unique<UdpLink>(std::move(socket)));
+}
+
+expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string& host,
+                                                              std::uint16_t port, Priority priority,
+                                                              std::uint32_t message_size_max,
+                                                              MonotonicTime deadline) {
+  const auto address = address_of(host, port);
+  if (!address) return unexpected{address.error()};
+  Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
+  set_traffic_class(socket.number(), priority);
+  prepare_stream(socket.number());
+  int error = 0;
+  if (connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) !=
+      0) {
+    error = errno == EINPROGRESS ? finish_connecting(socket.number(), deadline) : errno;
+  }
+  if (error != 0) {
+    return unexpected{TransportError{"nobody answers at TCP " + host + ":" + std::to_string(port) +
+                                     " (" + std::strerror(error) +
+                                     "). Remedy: start the server, or check host and port."}};
+  }
+  return std::unique_ptr<Link>(std::make_unique<TcpLink>(std::move(socket), message_size_max));
+}
+
+}  // namespace rtpm::transport

@@ -1,0 +1,74 @@
+#include "rtpm/transport/socket.hpp"
+
+#include <arpa/inet.h>
+#include <netdb.h>
+#include <netinet/ip.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::transport {
+
+Descriptor::~Descriptor() {
+  if (number_ >= 0) close(number_);
+}
+
+expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) == 1) return address;
+  addrinfo hints{};
+  hints.ai_family = AF_INET;
+  addrinfo* found = nullptr;
+  const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found);
+  if (error != 0 || found == nullptr) {
+    return unexpected{TransportError{"host '" + host + "' has no IPv4 address (" +
+                                     gai_strerror(error) +
+                                     "). Remedy: check the name, or give a numeric address."}};
+  }
+  address.sin_addr = reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr;
+  freeaddrinfo(found);
+  return address;
+}
+
+void set_traffic_class(int socket, Priority priority) noexcept {
+  constexpr int kDscpShift = 2;
+  struct Class {
+    int dscp;
+    int queue;
+  };
+  // By quarters of the range. SO_PRIORITY above 6 would need a privilege.
+  constexpr Class kClasses[] = {{0, 0}, {18, 2}, {34, 4}, {46, 6}};
+  const Class chosen = kClasses[priority.value() / ((Priority::kHighest + 1) / 4)];
+  const int type_of_service = chosen.dscp << kDscpShift;
+  // IP_TOS sets SO_PRIORITY as well, so it comes first.
+  setsockopt(socket, IPPROTO_IP, IP_TOS, &type_of_service, sizeof type_of_service);
+  setsockopt(socket, SOL_SOCKET, SO_PRIORITY, &chosen.queue, sizeof chosen.queue);
+}
+
+namespace {
+
+bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
+  pollfd entry{descriptor, events, 0};
+  if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
+  const Duration left = std::max(until - rt::now(), Duration{0});
+  timespec timeout{};
+  timeout.tv_sec = left.count() / 1'000'000'000;
+  timeout.tv_nsec = left.count() % 1'000'000'000;
+  return ppoll(&entry, 1, &timeout, nullptr) > 0;
+}
+
+}  // namespace
+
+bool wait_readable(int descriptor, MonotonicTime until) noexcept {
+  return wait_for(descriptor, POLLIN, until);
+}
+
+bool wait_writable(int descriptor, MonotonicTime until) noexcept {
+  return wait_for(descriptor, POLLOUT, until);
+}
+
+}  // namespace rtpm::transport

@@ -1,0 +1,78 @@
+#include "rtpm/transport/stream.hpp"
+
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <cstring>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/header.hpp"
+
+namespace rtpm::transport {
+
+FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
+    : socket_(std::move(socket)),
+      lines_((wire::kHeaderSize + message_size_max + sizeof(CacheLine) - 1) / sizeof(CacheLine)) {}
+
+MutableBytes FrameStream::buffer() noexcept {
+  return {lines_.front().bytes, lines_.size() * sizeof(CacheLine)};
+}
+
+std::size_t FrameStream::complete_size() const noexcept {
+  const ConstBytes filled(lines_.front().bytes, filled_size_);
+  if (filled.size() < wire::kHeaderSize) return 0;
+  const auto header = wire::decode(filled);
+  const std::size_t size = wire::kHeaderSize + (header ? header->payload_size : 0);
+  // What can't be a frame, or not one of ours, is given at once: nobody may make us wait for it.
+  if (!header || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
+  return filled.size() >= size ? size : 0;
+}
+
+bool FrameStream::has_buffered() const noexcept {
+  return filled_size_ > given_size_;
+}
+
+expected<ConstBytes, IoError> FrameStream::receive() noexcept {
+  if (given_size_ > 0) {
+    // Each frame begins at the buffer's begin, so that its payload is aligned.
+    filled_size_ -= given_size_;
+    if (filled_size_ > 0) {
+      std::memmove(buffer().data(), buffer().data() + given_size_, filled_size_);
+    }
+    given_size_ = 0;
+  }
+  std::size_t size = filled_size_ > 0 ? complete_size() : 0;
+  if (size == 0) {
+    const MutableBytes room = buffer().subspan(filled_size_);
+    const ssize_t count = recv(socket_.number(), room.data(), room.size(), MSG_DONTWAIT);
+    if (count == 0) return unexpected{IoError::kClosed};
+    if (count < 0) {
+      const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+      return unexpected{is_nothing ? IoError::kNothing : IoError::kClosed};
+    }
+    filled_size_ += static_cast<std::size_t>(count);
+    size = complete_size();
+    if (size == 0) return unexpected{IoError::kNothing};
+  }
+  given_size_ = size;
+  return ConstBytes(buffer().data(), size);
+}
+
+expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {
+  while (true) {
+    const ssize_t count =
+        ::send(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+    if (count >= 0) {
+      frame = frame.subspan(static_cast<std::size_t>(count));
+      if (frame.empty()) return {};
+      continue;
+    }
+    if (errno == EINTR) continue;
+    if (errno != EAGAIN && errno != EWOULDBLOCK) return unexpected{IoError::kClosed};
+    if (rt::now() >= until || !wait_writable(socket_.number(), until)) {
+      return unexpected{IoError::kFull};
+    }
+  }
+}
+
+}  // namespace rtpm::transport

@@ -1,0 +1,60 @@
+#include "rtpm/transport/tcp.hpp"
+
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+
+#include <cerrno>
+#include <cstring>
+
+namespace rtpm::transport {
+
+void prepare_stream(int socket) noexcept {
+  const int on = 1;
+  setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+  setsockopt(socket, SOL_SOCKET, SO_KEEPALIVE, &on, sizeof on);
+  const int idle_s = 5;
+  setsockopt(socket, IPPROTO_TCP, TCP_KEEPIDLE, &idle_s, sizeof idle_s);
+  const int interval_s = 1;
+  setsockopt(socket, IPPROTO_TCP, TCP_KEEPINTVL, &interval_s, sizeof interval_s);
+  const int unacknowledged_ms = 3000;
+  setsockopt(socket, IPPROTO_TCP, TCP_USER_TIMEOUT, &unacknowledged_ms, sizeof unacknowledged_ms);
+  const int buffer_size = 1 << 20;
+  setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer_size, sizeof buffer_size);
+}
+
+expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
+                                                        std::uint16_t port) {
+  const auto address = address_of(host, port);
+  if (!address) return unexpected{address.error()};
+  const std::string name = host + ":" + std::to_string(port);
+  Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open()) {
+    return unexpected{TransportError{"no TCP socket for " + name + " (" + std::strerror(errno) +
+                                     "). Remedy: raise the limit of open files (ulimit -n)."}};
+  }
+  // A server that restarts may take its port over from connections that are still ending.
+  const int on = 1;
+  setsockopt(socket.number(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
+  const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
+  if (bind(socket.number(), raw, sizeof *address) != 0 || listen(socket.number(), 128) != 0) {
+    const int error = errno;
+    const std::string remedy =
+        error == EADDRINUSE ? "Remedy: end the program that has it (ss -lptun), or choose another "
+                              "port; 0 lets the system choose."
+                            : "Remedy: give an address of this host, such as 127.0.0.1.";
+    return unexpected{TransportError{"TCP " + name + " can't be served (" + std::strerror(error) +
+                                     "). " + remedy}};
+  }
+  sockaddr_in bound{};
+  socklen_t size = sizeof bound;
+  getsockname(socket.number(), reinterpret_cast<sockaddr*>(&bound), &size);
+  return TcpListener(std::move(socket), ntohs(bound.sin_port));
+}
+
+Descriptor TcpListener::accept() noexcept {
+  Descriptor socket(accept4(socket_.number(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (socket.is_open()) prepare_stream(socket.number());
+  return socket;
+}
+
+}  // namespace rtpm::transport
