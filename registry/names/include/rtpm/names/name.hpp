@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+
+namespace rtpm::names {
+
+/// A name is 1 to 8 components with '/' between, each of 1 to 64 letters, digits, '.', '_' or '-',
+/// in all at most 200 bytes: "lab/arm0". A name is bound or a directory of longer names, never
+/// both.
+inline constexpr std::size_t kComponentSizeMax = 64;
+inline constexpr std::size_t kNameDepthMax = 8;
+inline constexpr std::size_t kNameSizeMax = 200;
+/// "rtpm://255.255.255.255:65535/" and a path of 200 bytes have room.
+inline constexpr std::size_t kUrlSizeMax = 256;
+inline constexpr std::size_t kInterfaceSizeMax = 128;
+
+/// The first component, counted from 0, that makes `name` malformed or carries it beyond a limit;
+/// nothing if the name is well-formed.   RT: alloc-free.
+[[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
+
+/// Whether `url` has the form rtpm://host:port/path in printable ASCII and at most kUrlSizeMax
+/// bytes. RT: alloc-free.
+[[nodiscard]] bool is_url(std::string_view url) noexcept;
+
+/// Whether `interface` is a qualified name, identifiers with '.' between.   RT: alloc-free.
+[[nodiscard]] bool is_interface(std::string_view interface) noexcept;
+
+/// The component of `name` with the number `index`, empty if there are fewer.   RT: alloc-free.
+[[nodiscard]] std::string_view component_of(std::string_view name, std::size_t index) noexcept;
+
+}  // namespace rtpm::names

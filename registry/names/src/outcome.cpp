@@ -1,0 +1,82 @@
+#include "rtpm/names/outcome.hpp"
+
+#include "rtpm/names/name.hpp"
+
+namespace rtpm::names {
+namespace {
+
+/// `text` in quotes, fit for a terminal whatever it holds.
+std::string quoted(std::string_view text) {
+  constexpr std::size_t kShownMax = 256;
+  std::string shown = "'";
+  for (const char character : text.substr(0, kShownMax)) {
+    shown += character >= ' ' && character < '\x7f' ? character : '?';
+  }
+  return shown + (text.size() > kShownMax ? "…'" : "'");
+}
+
+/// `name` up to and with the component `index`.
+std::string_view up_to(std::string_view name, std::size_t index) {
+  const std::string_view component = component_of(name, index);
+  if (component.empty()) return name;
+  return name.substr(0,
+                     static_cast<std::size_t>(component.data() - name.data()) + component.size());
+}
+
+std::string bad_name_text(std::string_view name, std::size_t index) {
+  if (name.empty()) return "the name is empty: give one such as lab/arm0";
+  const std::string which = "the name " + quoted(name);
+  if (index >= kNameDepthMax) {
+    return which + " has more than " + std::to_string(kNameDepthMax) + " components";
+  }
+  const std::string_view component = component_of(name, index);
+  if (component.size() <= kComponentSizeMax && up_to(name, index).size() > kNameSizeMax) {
+    return which + " is longer than " + std::to_string(kNameSizeMax) + " bytes";
+  }
+  return "component " + std::to_string(index + 1) + " of " + which + ", " + quoted(component) +
+         ", is not 1 to " + std::to_string(kComponentSizeMax) + " letters, digits, '.', '_' or '-'";
+}
+
+}  // namespace
+
+std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t component) {
+  const std::string it = "the name " + quoted(name);
+  const std::string place = quoted(up_to(name, component));
+  switch (outcome) {
+    case Outcome::kDone:
+      return it + " is done";
+    case Outcome::kBadName:
+      return bad_name_text(name, component);
+    case Outcome::kNotFound:
+      return it + " is not bound, nothing is at " + place +
+             ": check the spelling, and that its server runs and has the same registry";
+    case Outcome::kNotADirectory:
+      return it + " can't be there, because " + place + " is itself bound: choose another name";
+    case Outcome::kIsADirectory:
+      return it + " is no object, because longer names are bound below it: name one of these";
+    case Outcome::kAlreadyBound:
+      return it + " is held by another server: choose another name, or end that server";
+    case Outcome::kStaleEpoch:
+      return it + " is held by a later start of this server: leave it to that one";
+    case Outcome::kNotOwner:
+      return it + " is held by another server: bind it first";
+    case Outcome::kBadLease:
+      return "the lease for " + it + " is outside the registry's limits, by default 100ms to 1h";
+    case Outcome::kBadUrl:
+      return "the URL for " + it + " is not rtpm://host:port/path of at most " +
+             std::to_string(kUrlSizeMax) + " printable bytes";
+    case Outcome::kBadInterface:
+      return "the interface for " + it + " is not a qualified name such as lab.Arm of at most " +
+             std::to_string(kInterfaceSizeMax) + " bytes";
+    case Outcome::kBadOwner:
+      return "the owner of " + it + " is 0: give it a number";
+    case Outcome::kFull:
+      return it + " finds the registry full: unbind others, or start another registry";
+    case Outcome::kOwnerFull:
+      return it + " is one more than the registry lets one server hold: unbind others";
+  }
+  return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
+         ": the registry is newer than this program";
+}
+
+}  // namespace rtpm::names

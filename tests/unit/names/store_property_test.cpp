@@ -1,0 +1,230 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <random>
+
+#include "rtpm/names/store.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// What an operation gives: an outcome, a component, a list of names.
+struct Answer {
+  Outcome outcome = Outcome::kDone;
+  int component = 0;
+  std::vector<std::string> names{};
+  friend bool operator==(const Answer&, const Answer&) = default;
+  friend void PrintTo(const Answer& answer, std::ostream* out) {
+    *out << "outcome " << static_cast<int>(answer.outcome) << " at " << answer.component << ":";
+    for (const std::string& name : answer.names)
+      *out << ' ' << name;
+  }
+};
+
+/// The same semantics as the store's, by plain loops over a plain list.
+class Model {
+ public:
+  static constexpr std::size_t kCountMax = 6;
+  static constexpr std::size_t kCountPerOwnerMax = 4;
+
+  void advance(MonotonicTime now) {
+    std::erase_if(records_, [&](const Record& record) { return record.expires <= now; });
+  }
+
+  Answer bind(const Record& wished, bool replaces) {
+    Record* const held = find(wished.name);
+    if (held == nullptr) {
+      if (const Answer place = place_for(wished.name); place.outcome != Outcome::kDone)
+        return place;
+      if (records_.size() >= kCountMax) return {Outcome::kFull};
+    } else if (held->owner.id == wished.owner.id) {
+      if (wished.owner.epoch < held->owner.epoch) return about(Outcome::kStaleEpoch, wished.name);
+      *held = wished;
+      return {};
+    } else if (!replaces) {
+      return about(Outcome::kAlreadyBound, wished.name);
+    }
+    const auto count = std::count_if(records_.begin(), records_.end(), [&](const Record& record) {
+      return record.owner.id == wished.owner.id;
+    });
+    if (static_cast<std::size_t>(count) >= kCountPerOwnerMax) return {Outcome::kOwnerFull};
+    if (held != nullptr) {
+      *held = wished;
+    } else {
+      records_.push_back(wished);
+    }
+    return {};
+  }
+
+  Answer renew(const std::string& name, Owner owner, MonotonicTime expires) {
+    Record* const held = find(name);
+    if (held == nullptr) return missing(name);
+    if (held->owner == owner) {
+      held->expires = expires;
+      return {};
+    }
+    const bool is_earlier = held->owner.id == owner.id && owner.epoch < held->owner.epoch;
+    return about(is_earlier ? Outcome::kStaleEpoch : Outcome::kNotOwner, name);
+  }
+
+  Answer unbind(const std::string& name, Owner owner) {
+    Record* const held = find(name);
+    if (held == nullptr) return missing(name);
+    if (held->owner.id != owner.id) return about(Outcome::kNotOwner, name);
+    if (owner.epoch < held->owner.epoch) return about(Outcome::kStaleEpoch, name);
+    std::erase_if(records_, [&](const Record& record) { return record.name == name; });
+    return {};
+  }
+
+  Answer resolve(const std::string& name) {
+    const Record* const held = find(name);
+    if (held == nullptr) return missing(name);
+    return {.names = {held->name, held->url, std::to_string(to_ns(held->expires))}};
+  }
+
+  Answer list(const std::string& directory) {
+    Answer answer;
+    for (const Record& record : records_) {
+      if (directory.empty() || record.name == directory || is_below(record.name, directory)) {
+        answer.names.push_back(record.name);
+      }
+    }
+    std::sort(answer.names.begin(), answer.names.end());
+    return answer;
+  }
+
+ private:
+  static bool is_below(const std::string& name, const std::string& directory) {
+    return name.starts_with(directory + "/");
+  }
+  static int depth(const std::string& name) {
+    return static_cast<int>(std::count(name.begin(), name.end(), '/'));
+  }
+  static Answer about(Outcome outcome, const std::string& name) { return {outcome, depth(name)}; }
+
+  Record* find(const std::string& name) {
+    const auto found = std::find_if(records_.begin(), records_.end(),
+                                    [&](const Record& record) { return record.name == name; });
+    return found == records_.end() ? nullptr : &*found;
+  }
+
+  Answer place_for(const std::string& name) const {
+    for (const Record& record : records_) {
+      if (is_below(name, record.name)) return about(Outcome::kNotADirectory, record.name);
+    }
+    for (const Record& record : records_) {
+      if (is_below(record.name, name)) return about(Outcome::kIsADirectory, name);
+    }
+    return {};
+  }
+
+  Answer missing(const std::string& name) const {
+    if (const Answer place = place_for(name); place.outcome != Outcome::kDone) return place;
+    // The first component that no bound name shares.
+    for (std::size_t end = 0, component = 0; end != std::string::npos; ++component) {
+      end = name.find('/', end + 1);
+      const std::string upto = name.substr(0, end);
+      const bool is_shared =
+          std::any_of(records_.begin(), records_.end(),
+                      [&](const Record& record) { return is_below(record.name, upto); });
+      if (!is_shared) return {Outcome::kNotFound, static_cast<int>(component)};
+    }
+    ADD_FAILURE() << name << " is neither there nor missing";
+    return {};
+  }
+
+  std::vector<Record> records_;
+};
+
+template <class T>
+Answer answer_of(const expected<T, Refusal>& result) {
+  if (!result) return {result.error().outcome, result.error().component};
+  return {};
+}
+
+class StoreProperty : public testing::TestWithParam<unsigned> {
+ protected:
+  template <std::size_t kCount>
+  const char* pick(const std::array<const char*, kCount>& choices) {
+    return choices[below(kCount)];
+  }
+  std::size_t below(std::size_t bound) {
+    return std::uniform_int_distribution<std::size_t>(0, bound - 1)(random_);
+  }
+  Owner random_owner() { return {.id = 1 + below(3), .epoch = 1 + below(3)}; }
+  std::string random_name() {
+    // Few names of few components, so that they meet; '-' sorts before '/', '0' after it.
+    return pick(std::array{"a", "a/a", "a/b", "a/b/c", "a-b", "a0", "b", "b/a", "b/a/a"});
+  }
+
+  std::mt19937 random_{GetParam()};
+};
+
+TEST_P(StoreProperty, BehavesAsTheModel) {
+  Store store(
+      {.name_count_max = Model::kCountMax, .name_count_per_owner_max = Model::kCountPerOwnerMax});
+  Model model;
+  MonotonicTime now{};
+  for (int step = 0; step < 2000; ++step) {
+    now += below(4) == 0 ? Duration{below(400'000'000)} : Duration{0};
+    model.advance(now);
+    const std::string name = random_name();
+    const Owner owner = random_owner();
+    const Duration lease = 100ms + Duration{below(2'000'000'000)};
+    const std::string url = "rtpm://h:1/" + std::to_string(step);
+    SCOPED_TRACE(testing::Message() << "step " << step << ", name " << name << ", owner "
+                                    << owner.id << '.' << owner.epoch);
+    switch (below(7)) {
+      case 0:
+      case 1:
+      case 2: {
+        const bool replaces = below(4) == 0;
+        const Store::Wish wish{name, url, "lab.Arm", owner, lease};
+        const auto result = replaces ? store.rebind(wish, now) : store.bind(wish, now);
+        ASSERT_EQ(answer_of(result),
+                  model.bind({name, url, "lab.Arm", owner, now + lease}, replaces));
+        break;
+      }
+      case 3:
+        ASSERT_EQ(answer_of(store.renew(name, owner, lease, now)),
+                  model.renew(name, owner, now + lease));
+        break;
+      case 4:
+        ASSERT_EQ(answer_of(store.unbind(name, owner, now)), model.unbind(name, owner));
+        break;
+      case 5: {
+        const auto result = store.resolve(name, now);
+        Answer answer = answer_of(result);
+        if (result) {
+          answer.names = {(*result)->name, (*result)->url,
+                          std::to_string(to_ns((*result)->expires))};
+        }
+        ASSERT_EQ(answer, model.resolve(name));
+        break;
+      }
+      default: {
+        const std::string directory = below(3) == 0 ? "" : name;
+        Answer listed;
+        std::string after;
+        for (bool is_last = false; !is_last;) {
+          const auto page = store.list(directory, after, 1 + below(3), now);
+          ASSERT_TRUE(page);
+          for (const Record* record : page->records)
+            listed.names.push_back(record->name);
+          is_last = page->is_last;
+          if (!listed.names.empty()) after = listed.names.back();
+        }
+        ASSERT_EQ(listed, model.list(directory));
+        ASSERT_EQ(store.size(), model.list("").names.size());
+      }
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Seeds, StoreProperty, testing::Range(0U, 50U));
+
+}  // namespace
+}  // namespace rtpm::names

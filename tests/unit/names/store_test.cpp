@@ -1,0 +1,325 @@
+#include "rtpm/names/store.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdio>
+#include <set>
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Owner kArm{.id = 1, .epoch = 10};
+constexpr Owner kArmRestarted{.id = 1, .epoch = 11};
+constexpr Owner kArmBefore{.id = 1, .epoch = 9};
+constexpr Owner kStranger{.id = 2, .epoch = 99};
+
+constexpr MonotonicTime at(Duration time) {
+  return MonotonicTime{time};
+}
+
+Store::Wish wish(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
+  return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
+}
+
+/// What an operation gave, in a form that tests compare and print.
+struct Ending {
+  Outcome outcome = Outcome::kDone;
+  int component = 0;
+  friend bool operator==(const Ending&, const Ending&) = default;
+  friend void PrintTo(const Ending& ending, std::ostream* out) {
+    *out << outcome_text(ending.outcome, "name", 0) << " at component " << ending.component;
+  }
+};
+template <class T>
+Ending ending_of(const expected<T, Refusal>& result) {
+  return result ? Ending{} : Ending{result.error().outcome, result.error().component};
+}
+constexpr Ending kDone{};
+
+class StoreTest : public testing::Test {
+ protected:
+  void bind_all(std::initializer_list<const char*> names, Owner owner = kArm) {
+    for (const char* const name : names) {
+      EXPECT_EQ(ending_of(store_.bind(wish(name, owner), at(0s))), kDone) << name;
+    }
+  }
+  std::vector<std::string> names_of(std::string_view directory, std::string_view after = {},
+                                    std::size_t count_max = 1000, MonotonicTime now = at(0s)) {
+    const auto page = store_.list(directory, after, count_max, now);
+    std::vector<std::string> names;
+    if (page) {
+      for (const Record* record : page->records)
+        names.push_back(record->name);
+    }
+    return names;
+  }
+
+  Store store_;
+};
+
+TEST_F(StoreTest, GivesBackWhatWasBound) {
+  const Store::Wish arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
+  ASSERT_EQ(ending_of(store_.bind(arm, at(1s))), kDone);
+  const auto record = store_.resolve("lab/arm0", at(2s));
+  ASSERT_TRUE(record);
+  EXPECT_EQ((*record)->name, arm.name);
+  EXPECT_EQ((*record)->url, arm.url);
+  EXPECT_EQ((*record)->interface, arm.interface);
+  EXPECT_EQ((*record)->owner, kArm);
+  EXPECT_EQ((*record)->expires, at(4s));
+}
+
+TEST_F(StoreTest, ForgetsANameWhenItsLeaseEnds) {
+  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 2s), at(0s)));
+  EXPECT_TRUE(store_.resolve("lab/arm0", at(2s - 1ns)));
+  EXPECT_EQ(ending_of(store_.resolve("lab/arm0", at(2s))), (Ending{Outcome::kNotFound, 0}));
+  EXPECT_EQ(ending_of(store_.renew("lab/arm0", kArm, 2s, at(2s))), (Ending{Outcome::kNotFound, 0}));
+  EXPECT_EQ(store_.size(), 0U);
+  EXPECT_EQ(ending_of(store_.bind(wish("lab/arm0", kStranger), at(2s))), kDone);
+}
+
+TEST_F(StoreTest, KeepsANameThatIsRenewed) {
+  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 2s), at(0s)));
+  ASSERT_TRUE(store_.renew("lab/arm0", kArm, 3s, at(1s)));
+  EXPECT_TRUE(store_.resolve("lab/arm0", at(4s - 1ns)));
+  EXPECT_FALSE(store_.resolve("lab/arm0", at(4s)));
+}
+
+TEST_F(StoreTest, MayShortenALeaseByRenewing) {
+  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 1h), at(0s)));
+  ASSERT_TRUE(store_.renew("lab/arm0", kArm, 1s, at(0s)));
+  EXPECT_FALSE(store_.resolve("lab/arm0", at(1s)));
+}
+
+// Who may do what to a name that kArm holds: one row for each owner and operation.
+struct OwnershipCase {
+  const char* description;
+  Owner owner;
+  Outcome bind;
+  Outcome rebind;
+  Outcome renew;
+  Outcome unbind;
+};
+
+class Ownership : public testing::TestWithParam<OwnershipCase> {};
+
+TEST_P(Ownership, DecidesWhoMayDoWhat) {
+  const OwnershipCase& row = GetParam();
+  const auto held = [] {
+    auto store = std::make_unique<Store>();
+    EXPECT_TRUE(store->bind(wish("lab/arm0", kArm, 2s), at(0s)));
+    return store;
+  };
+  const auto ending = [](Outcome outcome) {
+    return Ending{outcome, outcome == Outcome::kDone ? 0 : 1};
+  };
+  const auto expect_holder = [&](Store& store, Outcome outcome, const auto& result) {
+    ASSERT_EQ(ending_of(result), ending(outcome)) << row.description;
+    if (!result) {
+      ASSERT_NE(result.error().holder, nullptr);
+      EXPECT_EQ(result.error().holder->owner, kArm);
+    }
+    static_cast<void>(store);
+  };
+  const Store::Wish theirs = wish("lab/arm0", row.owner, 5s);
+  auto store = held();
+  expect_holder(*store, row.bind, store->bind(theirs, at(1s)));
+  EXPECT_EQ(store->resolve("lab/arm0", at(1s)).value()->owner,
+            row.bind == Outcome::kDone ? row.owner : kArm);
+  store = held();
+  expect_holder(*store, row.rebind, store->rebind(theirs, at(1s)));
+  EXPECT_EQ(store->resolve("lab/arm0", at(1s)).value()->owner,
+            row.rebind == Outcome::kDone ? row.owner : kArm);
+  store = held();
+  expect_holder(*store, row.renew, store->renew("lab/arm0", row.owner, 5s, at(1s)));
+  EXPECT_EQ(store->resolve("lab/arm0", at(1s)).value()->expires,
+            row.renew == Outcome::kDone ? at(6s) : at(2s));
+  store = held();
+  expect_holder(*store, row.unbind, store->unbind("lab/arm0", row.owner, at(1s)));
+  EXPECT_EQ(store->resolve("lab/arm0", at(1s)).has_value(), row.unbind != Outcome::kDone);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Owners, Ownership,
+    testing::Values(OwnershipCase{"the same start", kArm, Outcome::kDone, Outcome::kDone,
+                                  Outcome::kDone, Outcome::kDone},
+                    OwnershipCase{"a later start", kArmRestarted, Outcome::kDone, Outcome::kDone,
+                                  Outcome::kNotOwner, Outcome::kDone},
+                    OwnershipCase{"an earlier start", kArmBefore, Outcome::kStaleEpoch,
+                                  Outcome::kStaleEpoch, Outcome::kStaleEpoch, Outcome::kStaleEpoch},
+                    OwnershipCase{"a stranger", kStranger, Outcome::kAlreadyBound, Outcome::kDone,
+                                  Outcome::kNotOwner, Outcome::kNotOwner}));
+
+TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
+  ASSERT_TRUE(store_.bind(wish("lab/arm0"), at(0s)));
+  Store::Wish moved = wish("lab/arm0", kArmRestarted);
+  moved.url = "rtpm://127.0.0.1:4712/object";
+  ASSERT_TRUE(store_.bind(moved, at(1s)));
+  EXPECT_EQ(store_.resolve("lab/arm0", at(1s)).value()->url, moved.url);
+  EXPECT_EQ(store_.size(), 1U);
+}
+
+TEST_F(StoreTest, TellsTheOwnerThatLostANameToARebind) {
+  ASSERT_TRUE(store_.bind(wish("lab/arm0"), at(0s)));
+  ASSERT_TRUE(store_.rebind(wish("lab/arm0", kStranger), at(0s)));
+  const auto renewed = store_.renew("lab/arm0", kArm, 2s, at(1s));
+  ASSERT_EQ(ending_of(renewed), (Ending{Outcome::kNotOwner, 1}));
+  EXPECT_EQ(renewed.error().holder->owner, kStranger);
+}
+
+TEST_F(StoreTest, SaysWhichComponentIsMissing) {
+  bind_all({"lab/arm0", "lab/left/arm1"});
+  EXPECT_EQ(ending_of(store_.resolve("hall/arm0", at(0s))), (Ending{Outcome::kNotFound, 0}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/arm9", at(0s))), (Ending{Outcome::kNotFound, 1}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/left/arm9", at(0s))), (Ending{Outcome::kNotFound, 2}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/arm", at(0s))), (Ending{Outcome::kNotFound, 1}));
+  EXPECT_EQ(ending_of(store_.resolve("la", at(0s))), (Ending{Outcome::kNotFound, 0}));
+  EXPECT_EQ(ending_of(store_.resolve("lab", at(0s))), (Ending{Outcome::kIsADirectory, 0}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/left", at(0s))), (Ending{Outcome::kIsADirectory, 1}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/arm0/x/y", at(0s))),
+            (Ending{Outcome::kNotADirectory, 1}));
+  EXPECT_EQ(ending_of(store_.unbind("lab/arm9", kArm, at(0s))), (Ending{Outcome::kNotFound, 1}));
+}
+
+TEST_F(StoreTest, LetsANameBeBoundOrADirectoryButNotBoth) {
+  bind_all({"lab/arm0"});
+  EXPECT_EQ(ending_of(store_.bind(wish("lab/arm0/tip"), at(0s))),
+            (Ending{Outcome::kNotADirectory, 1}));
+  EXPECT_EQ(ending_of(store_.bind(wish("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
+  EXPECT_EQ(ending_of(store_.rebind(wish("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
+  bind_all({"lab/arm01", "la"});
+  // A directory ends with its last name.
+  ASSERT_TRUE(store_.unbind("lab/arm0", kArm, at(0s)));
+  ASSERT_TRUE(store_.unbind("lab/arm01", kArm, at(0s)));
+  EXPECT_TRUE(store_.bind(wish("lab"), at(0s)));
+}
+
+TEST_F(StoreTest, RefusesWhatIsMalformed) {
+  const auto bind = [&](auto change) {
+    Store::Wish bad = wish("lab/arm0");
+    change(bad);
+    return ending_of(store_.bind(bad, at(0s)));
+  };
+  EXPECT_EQ(bind([](auto& w) { w.name = "lab/arm 0"; }), (Ending{Outcome::kBadName, 1}));
+  EXPECT_EQ(bind([](auto& w) { w.name = ""; }), (Ending{Outcome::kBadName, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.url = "http://h:1/p"; }), (Ending{Outcome::kBadUrl, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.interface = "Arm 2"; }), (Ending{Outcome::kBadInterface, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.owner.id = 0; }), (Ending{Outcome::kBadOwner, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.lease = 100ms - 1ns; }), (Ending{Outcome::kBadLease, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.lease = 1h + 1ns; }), (Ending{Outcome::kBadLease, 0}));
+  EXPECT_EQ(bind([](auto& w) { w.lease = -1ns; }), (Ending{Outcome::kBadLease, 0}));
+  EXPECT_EQ(store_.size(), 0U);
+  EXPECT_EQ(bind([](auto& w) { w.lease = 1h; }), kDone);
+  EXPECT_EQ(ending_of(store_.renew("lab/arm0", kArm, Duration::max(), at(0s))),
+            (Ending{Outcome::kBadLease, 0}));
+  EXPECT_EQ(ending_of(store_.renew("lab//", kArm, 1s, at(0s))), (Ending{Outcome::kBadName, 1}));
+  EXPECT_EQ(ending_of(store_.resolve("lab/\xff", at(0s))), (Ending{Outcome::kBadName, 1}));
+  EXPECT_EQ(ending_of(store_.unbind("/", kArm, at(0s))), (Ending{Outcome::kBadName, 0}));
+  EXPECT_EQ(ending_of(store_.list("lab/", "", 9, at(0s))), (Ending{Outcome::kBadName, 1}));
+  EXPECT_EQ(ending_of(store_.list("lab", "a b", 9, at(0s))), (Ending{Outcome::kBadName, 0}));
+}
+
+TEST(StoreLimits, RefusesMoreNamesThanItMayHold) {
+  Store store({.name_count_max = 3, .name_count_per_owner_max = 2});
+  ASSERT_TRUE(store.bind(wish("a"), at(0s)));
+  ASSERT_TRUE(store.bind(wish("b"), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(wish("c"), at(0s))), (Ending{Outcome::kOwnerFull, 0}));
+  ASSERT_TRUE(store.bind(wish("c", kStranger), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}), at(0s))), (Ending{Outcome::kFull, 0}));
+  // What is held can still be renewed, bound again and taken over.
+  EXPECT_EQ(ending_of(store.bind(wish("a"), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.rebind(wish("a", kStranger), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.rebind(wish("b", kStranger), at(0s))),
+            (Ending{Outcome::kOwnerFull, 0}));
+  // The room of a name that is gone is free again, for the registry and for its owner.
+  ASSERT_TRUE(store.unbind("c", kStranger, at(0s)));
+  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}, 1h), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(wish("e", kArm), at(2s))), kDone);
+  EXPECT_EQ(store.size(), 2U);
+}
+
+TEST_F(StoreTest, ListsWhatIsAtOrBelowADirectory) {
+  bind_all({"lab/arm0", "lab/left/arm1", "lab-2/arm", "lab.x", "hall/eye", "lab0/arm"});
+  EXPECT_EQ(names_of(""), (std::vector<std::string>{"hall/eye", "lab-2/arm", "lab.x", "lab/arm0",
+                                                    "lab/left/arm1", "lab0/arm"}));
+  EXPECT_EQ(names_of("lab"), (std::vector<std::string>{"lab/arm0", "lab/left/arm1"}));
+  EXPECT_EQ(names_of("lab/left"), std::vector<std::string>{"lab/left/arm1"});
+  EXPECT_EQ(names_of("lab.x"), std::vector<std::string>{"lab.x"});
+  EXPECT_EQ(names_of("la"), std::vector<std::string>{});
+  EXPECT_EQ(names_of("lab", "lab/arm0"), std::vector<std::string>{"lab/left/arm1"});
+  EXPECT_EQ(names_of("lab", "a"), (std::vector<std::string>{"lab/arm0", "lab/left/arm1"}));
+  EXPECT_EQ(names_of("lab", "z"), std::vector<std::string>{});
+  EXPECT_EQ(names_of("lab.x", "lab.x"), std::vector<std::string>{});
+  EXPECT_EQ(names_of("", "", 1000, at(2s)), std::vector<std::string>{});
+}
+
+TEST_F(StoreTest, ABoundNameIsAListOfItselfAlone) {
+  bind_all({"lab/arm", "lab/arm-2", "lab/arm.old"});
+  EXPECT_EQ(names_of("lab/arm"), std::vector<std::string>{"lab/arm"});
+  EXPECT_EQ(names_of("lab/arm", "lab/arm"), std::vector<std::string>{});
+  EXPECT_TRUE(store_.list("lab/arm", "", 1, at(0s))->is_last);
+}
+
+TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
+  Store store({.name_count_per_owner_max = 1000});
+  std::set<std::string> staying;
+  for (int i = 0; i < 500; ++i) {
+    std::array<char, 32> name{};
+    std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);
+    ASSERT_TRUE(store.bind(wish(name.data()), at(0s)));
+    if (i % 7 != 0) staying.insert(name.data());
+  }
+  std::set<std::string> seen;
+  std::string after;
+  int page_count = 0;
+  for (bool is_last = false; !is_last; ++page_count) {
+    const auto page = store.list("lab", after, 13, at(0s));
+    ASSERT_TRUE(page);
+    ASSERT_LE(page->records.size(), 13U);
+    for (const Record* record : page->records) {
+      EXPECT_GT(record->name, after);
+      EXPECT_TRUE(seen.insert(record->name).second) << record->name;
+    }
+    is_last = page->is_last;
+    after = *seen.rbegin();
+    // Some that were not yet seen go, some come; the last seen one goes, too.
+    for (int i = 0; i < 500; i += 7) {
+      std::array<char, 32> name{};
+      std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);
+      static_cast<void>(store.unbind(name.data(), kArm, at(0s)));
+    }
+    ASSERT_TRUE(store.bind(wish("lab/" + std::to_string(page_count) + "-new"), at(0s)));
+  }
+  EXPECT_GE(page_count, static_cast<int>(staying.size()) / 13);
+  for (const std::string& name : staying)
+    EXPECT_TRUE(seen.contains(name)) << name;
+}
+
+TEST_F(StoreTest, KnowsTheLastPageEvenWhenItIsFull) {
+  bind_all({"a", "b", "c", "d"});
+  EXPECT_FALSE(store_.list("", "", 3, at(0s))->is_last);
+  EXPECT_TRUE(store_.list("", "", 4, at(0s))->is_last);
+  EXPECT_TRUE(store_.list("", "b", 2, at(0s))->is_last);
+}
+
+TEST(OutcomeText, NamesTheComponentAndTheRemedy) {
+  EXPECT_NE(outcome_text(Outcome::kNotFound, "lab/arm0/tip", 1).find("nothing is at 'lab/arm0'"),
+            std::string::npos);
+  EXPECT_NE(outcome_text(Outcome::kBadName, "lab/arm 0", 1)
+                .find("component 2 of the name 'lab/arm 0', 'arm 0'"),
+            std::string::npos);
+  EXPECT_NE(outcome_text(Outcome::kBadName, "1/2/3/4/5/6/7/8/9", 8).find("more than 8 components"),
+            std::string::npos);
+  EXPECT_NE(outcome_text(Outcome::kBadName, "", 0).find("empty"), std::string::npos);
+  EXPECT_NE(outcome_text(Outcome::kNotADirectory, "lab/arm0/tip", 1).find("'lab/arm0' is itself"),
+            std::string::npos);
+  // What others chose does not reach the terminal as it is.
+  EXPECT_EQ(outcome_text(Outcome::kNotFound, "\x1b[2J\n", 0).find('\x1b'), std::string::npos);
+  EXPECT_NE(outcome_text(static_cast<Outcome>(200), "a", 0).find("unknown outcome 200"),
+            std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtpm::names
