@@ -50,7 +50,7 @@ void encode(const Header& header, std::byte* to) noexcept {
   store_le(to + kAtTraceId, header.trace_id);
 }
 
-// Obeys hp-2-1 … hp-2-8: the order of the checks is the spec's, so that a frame with several
+// Obeys hp-2-1 to hp-2-4: the order of the checks is the spec's, so that a frame with several
 // faults is counted alike everywhere.
 expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   if (bytes.size() < kHeaderSize) return unexpected{DropReason::kTooShort};
