@@ -14,6 +14,17 @@ wire::Medium medium_of(Transport transport) noexcept {
   return transport == Transport::kTcp ? wire::Medium::kStream : wire::Medium::kDatagram;
 }
 
+CallError error_of_refusal(wire::Status status) noexcept {
+  switch (status) {
+    case wire::Status::kOverload:
+      return CallError::kOverload;
+    case wire::Status::kVersionUnsupported:
+      return CallError::kVersionUnsupported;
+    default:
+      return CallError::kRefused;
+  }
+}
+
 std::uint32_t message_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
   return address.transport == Transport::kTcp
              ? config.message_size_max
@@ -80,8 +91,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
       return {};
     }
     case wire::ChannelEvent::Kind::kRefused:
-      return unexpected{event.status == wire::Status::kOverload ? CallError::kOverload
-                                                                : CallError::kRefused};
+      return unexpected{error_of_refusal(event.status)};
     case wire::ChannelEvent::Kind::kTimeout:
       return unexpected{CallError::kTimeout};
     default:

@@ -19,7 +19,9 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kUnreachable:
       return "nobody serves the address; check that the server runs";
     case CallError::kRefused:
-      return "the server refused the session; check versions, limits and priority";
+      return "the server refused the session; check the limits and priority that it asked for";
+    case CallError::kVersionUnsupported:
+      return "client and server have no protocol version in common; update the older of the two";
     case CallError::kNoSuchMethod:
       return "the object has no such method; generate client and server from the same schema";
     case CallError::kNoSuchObject:

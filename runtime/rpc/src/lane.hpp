@@ -69,6 +69,8 @@ class Lane {
   [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
                                        const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply) noexcept;
+  [[nodiscard]] DispatchResult run_servant(Servant& servant, const wire::Request& request,
+                                           MutableBytes reply, const CallContext& context) noexcept;
   void adopt_waiting() noexcept;
   void retire(Source source) noexcept;
   void publish() noexcept;

@@ -37,11 +37,14 @@ void note_thread_priority(Priority priority, bool is_fifo) noexcept {
   thread_level = is_fifo ? to_native(priority) : 0;
 }
 
+void adopt_priority(Priority priority) noexcept {
+  thread_priority = priority;
+  if (thread_level != 0) set_native_level(to_native(priority));
+}
+
 ScopedPriority::ScopedPriority(Priority priority) noexcept
     : previous_(thread_priority), previous_level_(thread_level) {
-  thread_priority = priority;
-  // A thread that runs time-shared stays so: its owner asked for that, or the system refused more.
-  if (previous_level_ != 0) set_native_level(to_native(priority));
+  adopt_priority(priority);
 }
 
 ScopedPriority::~ScopedPriority() {

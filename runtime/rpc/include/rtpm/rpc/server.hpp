@@ -34,7 +34,7 @@ struct ObjectOptions {
 struct LaneConfig {
   std::string name;         ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
   Priority low = 0;         ///< The lowest priority it serves. One lane must begin at 0.
-  Priority priority = 0;    ///< At which it waits and receives; raised to `low` if below.
+  Priority priority = 0;    ///< At least at which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};    ///< How it waits for traffic.
   std::vector<int> cpus{};  ///< To which it is confined; empty: all.
 };

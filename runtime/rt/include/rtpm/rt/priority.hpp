@@ -27,6 +27,11 @@ inline constexpr int kNativeHighest = 89;
 /// Source: RT-CORBA's RTCurrent::the_priority.
 bool set_current_priority(Priority priority) noexcept;
 
+/// Lets the calling thread go on at another priority, as set_current_priority() does, but leaves a
+/// time-shared thread time-shared: its owner asked for that, or the system refused more.
+/// RT: alloc-free; no syscall where the native level stays the same, else one.
+void adopt_priority(Priority priority) noexcept;
+
 /// Runs a stretch of the calling thread at another priority: a request at its own, inside a lane.
 /// RT: alloc-free; no syscall where the native level stays the same or the thread is time-shared,
 /// else one at each end.
