@@ -11,21 +11,22 @@ namespace rtpm::rpc {
 /// Why a call gave no result. "Not run" errors promise that the servant did not run, so that a
 /// caller may repeat even a call that must not run twice.
 enum class CallError : std::uint8_t {
-  kTimeout,         ///< No reply within the deadline; it may have run. Check the peer and the load.
-  kExpired,         ///< Not run: the deadline passed before the servant began. Allow more time.
-  kOverload,        ///< Not run: the server's lane is full. Call less often, or add a lane.
-  kNoChannel,       ///< Not run: every call channel is in use. Raise NodeConfig::channel_count_max.
-  kDisconnected,    ///< The connection broke; it may have run. The next call connects again.
-  kPeerRestarted,   ///< The server restarted in mid-call; it may have run. The next call binds
-                    ///< again.
-  kUnreachable,     ///< Not run: nobody serves the address. Check that the server runs.
-  kRefused,         ///< Not run: the server refused the session (version, limits or priority).
-  kNoSuchMethod,    ///< Not run: the object lacks the method. Client and server schemas differ.
-  kNoSuchObject,    ///< Not run: the object is not there (any more). Bind again.
-  kBadRequest,      ///< Not run: the server could not read the request. Schemas differ.
-  kNotLeaseHolder,  ///< Not run: somebody else holds the lease. Acquire it first.
-  kServantFailed,   ///< The servant ran and failed. The server's log says why.
-  kTooLarge,        ///< The request (not run) or the reply (run) exceeds the session's limit.
+  kTimeout,        ///< No reply within the deadline; it may have run. Check the peer and the load.
+  kExpired,        ///< Not run: the deadline passed before the servant began. Allow more time.
+  kOverload,       ///< Not run: the server's lane is full. Call less often, or add a lane.
+  kNoChannel,      ///< Not run: every call channel is in use. Raise NodeConfig::channel_count_max.
+  kDisconnected,   ///< The connection broke; it may have run. The next call connects again.
+  kPeerRestarted,  ///< The server restarted in mid-call; it may have run. The next call binds
+                   ///< again.
+  kUnreachable,    ///< Not run: nobody serves the address. Check that the server runs.
+  kRefused,        ///< Not run: the server refused the session (its limits or priority).
+  kVersionUnsupported,  ///< Not run: no protocol version in common. Update the older side.
+  kNoSuchMethod,        ///< Not run: the object lacks the method. Client and server schemas differ.
+  kNoSuchObject,        ///< Not run: the object is not there (any more). Bind again.
+  kBadRequest,          ///< Not run: the server could not read the request. Schemas differ.
+  kNotLeaseHolder,      ///< Not run: somebody else holds the lease. Acquire it first.
+  kServantFailed,       ///< The servant ran and failed. The server's log says why.
+  kTooLarge,            ///< The request (not run) or the reply (run) exceeds the session's limit.
   kPriorityNotAllowed,  ///< Not run: above the ceiling granted to this session. Call at a lower
                         ///< one.
   kBadReply,            ///< It ran, but the reply is not what the schema says. Schemas differ.
