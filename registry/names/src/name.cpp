@@ -1,8 +1,8 @@
 #include "rtpm/names/name.hpp"
 
 #include <algorithm>
-#include <charconv>
-#include <system_error>
+
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -26,12 +26,6 @@ bool is_identifier(std::string_view text) noexcept {
          });
 }
 
-bool is_port(std::string_view text) noexcept {
-  std::uint16_t port = 0;
-  const auto read = std::from_chars(text.data(), text.data() + text.size(), port);
-  return read.ec == std::errc{} && read.ptr == text.data() + text.size() && port > 0;
-}
-
 }  // namespace
 
 std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept {
@@ -49,18 +43,8 @@ std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept 
   return static_cast<std::uint8_t>(kNameDepthMax);
 }
 
-bool is_url(std::string_view url) noexcept {
-  constexpr std::string_view kScheme = "rtpm://";
-  if (url.size() > kUrlSizeMax || !url.starts_with(kScheme)) return false;
-  if (!std::all_of(url.begin(), url.end(), [](char c) { return c > ' ' && c < '\x7f'; })) {
-    return false;
-  }
-  const std::string_view rest = url.substr(kScheme.size());
-  const std::size_t slash = rest.find('/');
-  if (slash == std::string_view::npos || slash + 1 == rest.size()) return false;
-  const std::string_view authority = rest.substr(0, slash);
-  const std::size_t colon = authority.rfind(':');
-  return colon != std::string_view::npos && colon > 0 && is_port(authority.substr(colon + 1));
+bool is_url(std::string_view url) {
+  return url.size() <= kUrlSizeMax && wire::parse_url(url).has_value();
 }
 
 bool is_interface(std::string_view interface) noexcept {

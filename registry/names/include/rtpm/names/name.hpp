@@ -21,9 +21,8 @@ inline constexpr std::size_t kInterfaceSizeMax = 128;
 /// nothing if the name is well-formed.   RT: alloc-free.
 [[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
 
-/// Whether `url` has the form rtpm://host:port/path in printable ASCII and at most kUrlSizeMax
-/// bytes. RT: alloc-free.
-[[nodiscard]] bool is_url(std::string_view url) noexcept;
+/// Whether `url` has the form rtpm://host:port/path and at most kUrlSizeMax bytes.   Set-up only.
+[[nodiscard]] bool is_url(std::string_view url);
 
 /// Whether `interface` is a qualified name, identifiers with '.' between.   RT: alloc-free.
 [[nodiscard]] bool is_interface(std::string_view interface) noexcept;

@@ -37,7 +37,8 @@ class Registration {
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;
-  /// Takes the name away, if the registry answers within 200 ms; else the lease ends by itself.
+  /// Takes the name away, if the registry answers within 200 ms; else the lease ends by itself. A
+  /// renewal that is under way is waited for, a third of the lease and 1 s at most.
   ~Registration();
 
   /// Whether the registry had the name when it was last asked.

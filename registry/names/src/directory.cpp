@@ -1,0 +1,221 @@
+#include "rtpm/names/directory.hpp"
+
+#include <mutex>
+#include <utility>
+
+#include "idl.hpp"
+#include "rtpm/rpc/tables.hpp"
+
+namespace rtpm::names {
+namespace {
+
+std::string text_of(const flatbuffers::String* text) {
+  return text == nullptr ? std::string() : text->str();
+}
+
+NameEntry entry_of(const Entry& entry) {
+  return {text_of(entry.name()), text_of(entry.url()), text_of(entry.interface()),
+          duration_of(entry.lease_left_ns())};
+}
+
+DirectoryError refused(const Answer& answer, std::string_view name) {
+  return {.outcome = outcome_of(answer),
+          .text = outcome_text(outcome_of(answer), name, answer.component())};
+}
+
+/// One request in a builder of its own.
+struct Request {
+  flatbuffers::FlatBufferBuilder builder{512};
+  template <class T>
+  [[nodiscard]] ConstBytes finished(flatbuffers::Offset<T> root) {
+    builder.Finish(root);
+    return rpc::table_bytes(builder);
+  }
+  [[nodiscard]] flatbuffers::Offset<flatbuffers::String> text(std::string_view value) {
+    return builder.CreateString(value.data(), value.size());
+  }
+};
+
+}  // namespace
+
+class Directory::Impl {
+ public:
+  Impl(rpc::Node& node, std::string registry_url, Duration deadline)
+      : node_(node), registry_url_(std::move(registry_url)), deadline_(deadline) {}
+
+  [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
+
+  /// Runs `operation` with the bound client; what it returns is a result or a CallError.
+  template <class Operation>
+  auto ask(Operation operation)
+      -> expected<typename std::invoke_result_t<Operation, NamesClient&>::value_type,
+                  DirectoryError> {
+    auto client = bound_client();
+    if (!client) return unexpected{std::move(client.error())};
+    auto reply = operation(**client);
+    if (!reply) return unexpected{no_result(reply.error())};
+    return std::move(*reply);
+  }
+
+  [[nodiscard]] rpc::CallOptions options() const { return {.deadline = deadline_}; }
+
+  [[nodiscard]] expected<void, DirectoryError> bind(const Store::Wish& wish, bool replaces) {
+    Request request;
+    const OwnerId owner = id_of(wish.owner);
+    const auto name = request.text(wish.name);
+    const auto url = request.text(wish.url);
+    const auto interface = request.text(wish.interface);
+    const ConstBytes bytes = request.finished(
+        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(wish.lease)));
+    const auto reply = ask([&](NamesClient& client) {
+      return replaces ? client.rebind_encoded(bytes, options())
+                      : client.bind_encoded(bytes, options());
+    });
+    if (!reply) return unexpected{reply.error()};
+    const BindReply& answer = **reply;
+    if (outcome_of(*answer.answer()) == Outcome::kDone) return {};
+    DirectoryError error = refused(*answer.answer(), wish.name);
+    error.holder_url = text_of(answer.holder_url());
+    error.holder_lease_left = duration_of(answer.holder_lease_left_ns());
+    if (!error.holder_url.empty()) error.text += " (it leads to " + error.holder_url + ")";
+    return unexpected{std::move(error)};
+  }
+
+ private:
+  /// The client, bound on first use; once bound it stays, for its binding finds a registry that
+  /// restarted by itself. Callers that meet before that bind side by side, lest one wait for the
+  /// deadlines of others.
+  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client() {
+    {
+      const std::lock_guard lock(mutex_);
+      if (client_) return &*client_;
+    }
+    auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline_});
+    if (!client) return unexpected{no_answer(client.error().text)};
+    const std::lock_guard lock(mutex_);
+    if (!client_) client_.emplace(std::move(*client));
+    return &*client_;
+  }
+
+  [[nodiscard]] DirectoryError no_result(rpc::CallError cause) const {
+    const std::string_view text = rpc::to_string(cause);
+    switch (cause) {
+      case rpc::CallError::kTimeout:
+      case rpc::CallError::kExpired:
+      case rpc::CallError::kDisconnected:
+      case rpc::CallError::kUnreachable:
+        return no_answer(text);
+      default:
+        break;
+    }
+    DirectoryError error;
+    error.text = "the registry at " + registry_url_ + " did not do it: ";
+    error.text.append(text);
+    return error;
+  }
+
+  [[nodiscard]] DirectoryError no_answer(std::string_view cause) const {
+    DirectoryError error;
+    error.text = "no registry answers at " + registry_url_ +
+                 ": start rtpm-registryd, or give --registry URL (";
+    error.text.append(cause).append(")");
+    return error;
+  }
+
+  rpc::Node& node_;
+  std::string registry_url_;
+  Duration deadline_;
+  std::mutex mutex_;  ///< Of client_; no real-time thread comes here.
+  std::optional<NamesClient> client_;
+};
+
+Directory::Directory(rpc::Node& node, std::string registry_url, Duration deadline)
+    : impl_(std::make_unique<Impl>(node, std::move(registry_url), deadline)) {}
+Directory::Directory(Directory&&) noexcept = default;
+Directory& Directory::operator=(Directory&&) noexcept = default;
+Directory::~Directory() = default;
+
+const std::string& Directory::registry_url() const noexcept {
+  return impl_->registry_url();
+}
+
+expected<void, DirectoryError> Directory::bind(const Store::Wish& wish) {
+  return impl_->bind(wish, /*replaces=*/false);
+}
+expected<void, DirectoryError> Directory::rebind(const Store::Wish& wish) {
+  return impl_->bind(wish, /*replaces=*/true);
+}
+
+expected<void, DirectoryError> Directory::renew(std::string_view name, Owner owner,
+                                                Duration lease) {
+  Request request;
+  const OwnerId id = id_of(owner);
+  const ConstBytes bytes =
+      request.finished(CreateRenewRequest(request.builder, request.text(name), &id, ns_of(lease)));
+  const auto answer = impl_->ask(
+      [&](NamesClient& client) { return client.renew_encoded(bytes, impl_->options()); });
+  if (!answer) return unexpected{answer.error()};
+  if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
+  return {};
+}
+
+expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name) {
+  Request request;
+  const ConstBytes bytes =
+      request.finished(CreateResolveRequest(request.builder, request.text(name)));
+  const auto reply = impl_->ask(
+      [&](NamesClient& client) { return client.resolve_encoded(bytes, impl_->options()); });
+  if (!reply) return unexpected{reply.error()};
+  const ResolveReply& found = **reply;
+  if (outcome_of(*found.answer()) != Outcome::kDone) {
+    return unexpected{refused(*found.answer(), name)};
+  }
+  if (found.entry() == nullptr) {
+    return unexpected{DirectoryError{.text = "the registry at " + registry_url() +
+                                             " answers without an entry: it is not an RTPM one"}};
+  }
+  return entry_of(*found.entry());
+}
+
+expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner) {
+  Request request;
+  const OwnerId id = id_of(owner);
+  const ConstBytes bytes =
+      request.finished(CreateUnbindRequest(request.builder, request.text(name), &id));
+  const auto answer = impl_->ask(
+      [&](NamesClient& client) { return client.unbind_encoded(bytes, impl_->options()); });
+  if (!answer) return unexpected{answer.error()};
+  if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
+  return {};
+}
+
+expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_view directory) {
+  std::vector<NameEntry> entries;
+  for (;;) {
+    Request request;
+    const std::string after = entries.empty() ? std::string() : entries.back().name;
+    const auto directory_text = request.text(directory);
+    const auto after_text = request.text(after);
+    const ConstBytes bytes =
+        request.finished(CreateListRequest(request.builder, directory_text, after_text));
+    const auto reply = impl_->ask(
+        [&](NamesClient& client) { return client.list_encoded(bytes, impl_->options()); });
+    if (!reply) return unexpected{reply.error()};
+    const ListReply& page = **reply;
+    if (outcome_of(*page.answer()) != Outcome::kDone) {
+      return unexpected{refused(*page.answer(), directory)};
+    }
+    const std::size_t before = entries.size();
+    if (page.entries() != nullptr) {
+      for (const Entry* entry : *page.entries()) {
+        // Only what goes on in order is taken, so that no registry can keep this busy for ever.
+        if (entries.empty() || entries.back().name < entry->name()->string_view()) {
+          entries.push_back(entry_of(*entry));
+        }
+      }
+    }
+    if (page.is_last() || entries.size() == before) return entries;
+  }
+}
+
+}  // namespace rtpm::names

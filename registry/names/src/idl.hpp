@@ -1,0 +1,54 @@
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+
+#include "names.rtpm.hpp"
+#include "rtpm/names/store.hpp"
+
+/// Between the library's types and those that the IDL generates.
+namespace rtpm::names {
+
+/// Nanoseconds that came from outside, held within what a Duration can be.
+[[nodiscard]] inline Duration duration_of(std::uint64_t ns) noexcept {
+  constexpr auto kMax = static_cast<std::uint64_t>(Duration::max().count());
+  return Duration{static_cast<Duration::rep>(std::min(ns, kMax))};
+}
+
+/// A negative time is 0 on the wire, which the registry refuses as a lease.
+[[nodiscard]] inline std::uint64_t ns_of(Duration duration) noexcept {
+  return static_cast<std::uint64_t>(std::max(duration, Duration{0}).count());
+}
+
+[[nodiscard]] inline OwnerId id_of(Owner owner) noexcept {
+  return {owner.id, owner.epoch};
+}
+[[nodiscard]] inline Owner owner_of(const OwnerId& id) noexcept {
+  return {id.id(), id.epoch()};
+}
+
+[[nodiscard]] inline Outcome outcome_of(const Answer& answer) noexcept {
+  return static_cast<Outcome>(answer.outcome());
+}
+[[nodiscard]] inline Answer answer_of(Outcome outcome, std::uint8_t component = 0) noexcept {
+  return {static_cast<OutcomeCode>(outcome), component};
+}
+
+// The two lists of outcomes are one.
+static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);
+static_assert(static_cast<Outcome>(OutcomeCode::BadName) == Outcome::kBadName);
+static_assert(static_cast<Outcome>(OutcomeCode::NotFound) == Outcome::kNotFound);
+static_assert(static_cast<Outcome>(OutcomeCode::NotADirectory) == Outcome::kNotADirectory);
+static_assert(static_cast<Outcome>(OutcomeCode::IsADirectory) == Outcome::kIsADirectory);
+static_assert(static_cast<Outcome>(OutcomeCode::AlreadyBound) == Outcome::kAlreadyBound);
+static_assert(static_cast<Outcome>(OutcomeCode::StaleEpoch) == Outcome::kStaleEpoch);
+static_assert(static_cast<Outcome>(OutcomeCode::NotOwner) == Outcome::kNotOwner);
+static_assert(static_cast<Outcome>(OutcomeCode::BadLease) == Outcome::kBadLease);
+static_assert(static_cast<Outcome>(OutcomeCode::BadUrl) == Outcome::kBadUrl);
+static_assert(static_cast<Outcome>(OutcomeCode::BadInterface) == Outcome::kBadInterface);
+static_assert(static_cast<Outcome>(OutcomeCode::BadOwner) == Outcome::kBadOwner);
+static_assert(static_cast<Outcome>(OutcomeCode::Full) == Outcome::kFull);
+static_assert(static_cast<Outcome>(OutcomeCode::OwnerFull) == Outcome::kOwnerFull);
+static_assert(OutcomeCode::MAX == OutcomeCode::OwnerFull);
+
+}  // namespace rtpm::names

@@ -1,0 +1,37 @@
+#include <algorithm>
+#include <string_view>
+
+#include "rtpm/base/hash.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+
+namespace rtpm::names {
+namespace {
+
+/// When this start of the program first asked. The monotonic clock tells starts on one host apart
+/// in their order, and the clock's own identity is part of the owner's id.
+std::uint64_t epoch_of_this_start() {
+  static const auto kEpoch = static_cast<std::uint64_t>(to_ns(rt::now()));
+  return kEpoch;
+}
+
+/// Whose clock that is; drawn at random where the system does not tell, and then nobody is taken
+/// for an earlier start of another.
+std::uint64_t clock_identity() {
+  static const std::uint64_t kIdentity =
+      rt::clock_domain() != 0 ? rt::clock_domain() : rt::random_u64();
+  return kIdentity;
+}
+
+}  // namespace
+
+Owner owner_of(std::string_view url) {
+  // Up to the path: all objects of one server have one owner.
+  const std::size_t authority = url.find("://") == std::string_view::npos ? 0 : url.find("://") + 3;
+  const std::string_view server = url.substr(0, url.find('/', authority));
+  const std::uint64_t id = fnv1a_64(server, clock_identity());
+  return {.id = std::max<std::uint64_t>(id, 1), .epoch = epoch_of_this_start()};
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,150 @@
+#include "rtpm/names/registration.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <cstdio>
+#include <mutex>
+#include <utility>
+
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// How long a registration waits for the lease of a dead holder to end.
+constexpr Duration kHolderWaitMax = 5s;
+/// How long the registry may take to unbind at the end of a registration.
+constexpr Duration kUnbindDeadline = 200ms;
+/// How long it may take to bind at the begin.
+constexpr Duration kBindDeadline = 1s;
+
+void report_to_standard_error(std::string_view sentence) {
+  std::fprintf(stderr, "%.*s\n", static_cast<int>(sentence.size()), sentence.data());
+}
+
+bool is_held_by_another(const DirectoryError& error) {
+  return error.outcome == Outcome::kAlreadyBound || error.outcome == Outcome::kStaleEpoch;
+}
+
+}  // namespace
+
+class Registration::Impl {
+ public:
+  Impl(rpc::Node& node, std::string registry_url, std::string name, std::string url,
+       std::string interface, Duration lease, Report report)
+      : node_(node),
+        registry_url_(std::move(registry_url)),
+        name_(std::move(name)),
+        url_(std::move(url)),
+        interface_(std::move(interface)),
+        owner_(owner_of(url_)),
+        lease_(lease),
+        report_(report ? std::move(report) : report_to_standard_error) {}
+
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() {
+    if (!thread_.is_running()) return;
+    {
+      const std::lock_guard lock(mutex_);
+      is_ending_ = true;
+    }
+    ending_.notify_all();
+    thread_.join();
+    if (!is_bound_) return;
+    // If nobody answers, the lease ends by itself; there is nothing else to do about it.
+    static_cast<void>(Directory(node_, registry_url_, kUnbindDeadline).unbind(name_, owner_));
+  }
+
+  /// Binds for the first time, past the lease of a holder that may be dead.
+  [[nodiscard]] expected<void, rpc::SetupError> begin() {
+    Directory directory(node_, registry_url_, kBindDeadline);
+    auto bound = bind(directory);
+    if (!bound && is_held_by_another(bound.error()) &&
+        bound.error().holder_lease_left <= kHolderWaitMax) {
+      rt::sleep_until(rt::now() + bound.error().holder_lease_left + 1ms);
+      bound = bind(directory);
+    }
+    if (!bound) return rpc::setup_error(std::move(bound.error().text));
+    is_bound_ = true;
+    auto thread = rt::Thread::start({.name = "rtpm-lease", .realtime = rt::RealtimeMode::kOff},
+                                    [this] { keep(); });
+    if (!thread) return rpc::setup_error(std::move(thread.error().text));
+    thread_ = std::move(*thread);
+    return {};
+  }
+
+  [[nodiscard]] bool is_bound() const noexcept { return is_bound_; }
+
+ private:
+  [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory) const {
+    return directory.bind({name_, url_, interface_, owner_, lease_});
+  }
+
+  /// Renews every third of the lease until the end, and gives each renewal that long: so a registry
+  /// that answers at all in that lease is heard before the name is lost.
+  void keep() {
+    const Duration period = lease_ / 3;
+    Directory directory(node_, registry_url_, std::min(period, kBindDeadline));
+    MonotonicTime next = rt::now();
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      next = std::max(next + period, rt::now());
+      if (ending_.wait_for(lock, next - rt::now(), [this] { return is_ending_; })) return;
+      lock.unlock();
+      keep_once(directory);
+      lock.lock();
+    }
+  }
+
+  void keep_once(Directory& directory) {
+    auto kept = directory.renew(name_, owner_, lease_);
+    // The registry answered that we don't hold the name: it restarted, our lease ended while nobody
+    // could reach it, or somebody took the name. Binding sorts these out.
+    if (!kept && kept.error().outcome) kept = bind(directory);
+    const bool was_bound = is_bound_.exchange(kept.has_value());
+    if (was_bound && !kept) {
+      report_("the name '" + name_ + "' is lost, trying on: " + kept.error().text);
+    } else if (!was_bound && kept) {
+      report_("the name '" + name_ + "' is bound again at " + registry_url_);
+    }
+  }
+
+  rpc::Node& node_;
+  const std::string registry_url_;
+  const std::string name_;
+  const std::string url_;
+  const std::string interface_;
+  const Owner owner_;
+  const Duration lease_;
+  const Report report_;
+  std::atomic<bool> is_bound_ = false;
+  // Plain ones: only the creating thread and the time-shared renewing thread meet here.
+  std::mutex mutex_;
+  std::condition_variable ending_;
+  bool is_ending_ = false;
+  rt::Thread thread_;
+};
+
+expected<std::unique_ptr<Registration>, rpc::SetupError> Registration::create(
+    rpc::Node& node, std::string registry_url, std::string name, std::string url,
+    std::string interface, Duration lease, Report report) {
+  auto impl = std::make_unique<Impl>(node, std::move(registry_url), std::move(name), std::move(url),
+                                     std::move(interface), lease, std::move(report));
+  if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
+  return std::unique_ptr<Registration>(new Registration(std::move(impl)));
+}
+
+Registration::Registration(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Registration::~Registration() = default;
+
+bool Registration::is_bound() const noexcept {
+  return impl_->is_bound();
+}
+
+}  // namespace rtpm::names
