@@ -1,0 +1,79 @@
+#include "lever_driver.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lab {
+namespace {
+
+using rtpm::driver::ExchangeStatus;
+
+constexpr double kForceMax_newton = 4.0;
+constexpr double kCount_m = 25e-6;  // The way of one encoder count.
+
+}  // namespace
+
+// STEP 2: say what the device is. People and programs choose by it, and the safety filter takes its
+// limits from it, so give what the maker guarantees, not what it can do for a moment.
+rtpm::driver::Descriptor LeverDriver::describe() const {
+  rtpm::driver::Descriptor descriptor;
+  descriptor.device_class = rtpm::driver::DeviceClass::kHaptic;
+  descriptor.model = "Example lever";
+  descriptor.serial = "lever-1";
+  descriptor.frame = "lever/base";
+  descriptor.axes = {{.name = "x", .is_sensed = true, .is_actuated = true}};
+  descriptor.buttons = {"trigger"};
+  descriptor.limits.force_newton_max = kForceMax_newton;
+  descriptor.limits.damping_newton_s_per_m = 1.0;
+  descriptor.limits.stiffness_newton_per_m_max = 600;
+  descriptor.workspace = {{-0.05, 0, 0}, {0.05, 0, 0}};
+  descriptor.rate_hz = 1000;
+  descriptor.position_resolution_m = kCount_m;
+  return descriptor;
+}
+
+// STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but gives
+// up by itself. Say in words what is wrong and what to do.
+rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::configure(
+    const rtpm::driver::DriverConfig& config) {
+  if (config.period <= rtpm::Duration{0}) {
+    return rtpm::driver::driver_error("the lever needs a period above zero; set --rate");
+  }
+  return {};
+}
+
+// STEP 4: make it ready, and allocate everything that exchange() uses.
+rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::activate() {
+  hardware_.emplace();
+  return {};
+}
+
+// STEP 5: one cycle. Write the command, read the state, translate to SI units and to the frame that
+// the descriptor names. No allocation, no lock, no wait longer than a fraction of the period. What
+// the hardware says is untrusted: check lengths and ranges, and answer kCorrupt for what is wrong.
+ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
+                                     rtpm::driver::Sample& sample) noexcept {
+  if (!hardware_ || !hardware_->is_plugged_in) return ExchangeStatus::kGone;
+  const bool has_force = command.mode == rtpm::driver::CommandMode::kForce;
+  const double wanted_newton = has_force ? command.wrench.force_newton.x : 0.0;
+  // The safety filter has been here before, but what drives a motor checks for itself.
+  hardware_->motor_newton = std::isfinite(wanted_newton)
+                                ? std::clamp(wanted_newton, -kForceMax_newton, kForceMax_newton)
+                                : 0.0;
+
+  sample.host_time = command.cycle_time;
+  sample.pose.position_m = {hardware_->encoder_count * kCount_m, 0, 0};
+  sample.wrench_applied.force_newton = {hardware_->motor_newton, 0, 0};
+  const std::uint32_t buttons = hardware_->is_button_down ? 1 : 0;
+  if (buttons != sample.buttons) ++sample.button_edges[0];
+  sample.buttons = buttons;
+  if (hardware_->motor_newton != wanted_newton) {
+    sample.faults.set(rtpm::driver::Fault::kDeviceSaturated);
+  }
+  return ExchangeStatus::kOk;
+}
+
+// STEP 6: motors off first, then close. It must work for a device that was pulled out, too.
+void LeverDriver::deactivate() noexcept { hardware_.reset(); }
+
+}  // namespace lab

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+
+#include "rtpm/driver/driver.hpp"
+
+namespace lab {
+
+/// A lever with one axis, one motor and one button: the template of a driver. Copy it, then go
+/// through STEP 1 to STEP 6. Its "hardware" is the struct LeverHardware, so that it runs as it is
+/// and passes the conformance suite.
+class LeverDriver final : public rtpm::driver::Driver {
+ public:
+  [[nodiscard]] rtpm::driver::Descriptor describe() const override;
+  [[nodiscard]] rtpm::expected<void, rtpm::driver::DriverError> configure(
+      const rtpm::driver::DriverConfig& config) override;
+  [[nodiscard]] rtpm::expected<void, rtpm::driver::DriverError> activate() override;
+  [[nodiscard]] rtpm::driver::ExchangeStatus exchange(
+      const rtpm::driver::Command& command, rtpm::driver::Sample& sample) noexcept override;
+  void deactivate() noexcept override;
+
+ private:
+  /// STEP 1: the handle of your device, and the buffers that exchange() needs, all allocated before
+  /// it runs.
+  struct LeverHardware {
+    int encoder_count = 0;
+    double motor_newton = 0;
+    bool is_button_down = false;
+    bool is_plugged_in = true;
+  };
+
+  std::optional<LeverHardware> hardware_{};
+};
+
+}  // namespace lab

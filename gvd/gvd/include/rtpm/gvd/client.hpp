@@ -1,0 +1,92 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/driver/sample.hpp"
+#include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::gvd {
+
+/// How a client uses a device.
+struct DeviceClientOptions {
+  rpc::BindOptions bind{};
+  /// How long each command stands without a newer one. Ten cycles of a 1 kHz loop: a short hiccup
+  /// goes unfelt, a dead loop is off soon after.
+  Duration hold = std::chrono::milliseconds{10};
+};
+
+/// A device anywhere, used as if it were here: the paper's GVDClient. Reading is open to all;
+/// commanding needs the lease, which one client has at a time.
+///
+///     auto arm = DeviceClient::open(node, "lab/arm0");
+///     if (!arm || !arm->acquire()) return …;
+///     while (running) {
+///       const auto sample = arm->read({.priority = 24000, .deadline = 800us});
+///       if (sample) arm->set_force(force_for(sample->pose.position_m), {.priority = 24000});
+///     }
+///
+/// Ownership: refers to its node, which must outlive it. Ends by giving the lease back.
+/// Threads: read() and set_force() from any, several at once; the rest from one.
+class DeviceClient {
+ public:
+  /// Binds `device`, a name for the node's resolver or a URL, and asks what it is.   Set-up only.
+  /// Errors: as rpc::Binding::bind(); a device that does not answer.
+  [[nodiscard]] static expected<DeviceClient, rpc::SetupError> open(
+      rpc::Node& node, std::string_view device, const DeviceClientOptions& options = {});
+  DeviceClient(DeviceClient&&) noexcept;
+  DeviceClient& operator=(DeviceClient&&) noexcept;
+  ~DeviceClient();
+
+  /// What the device is and can, as it said when it was opened.
+  [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
+  /// Where it is: "rtpm://host:port/path".
+  [[nodiscard]] std::string_view url() const noexcept;
+  /// Its own worst case: how long after the last command its force is zero, its period included.
+  [[nodiscard]] Duration force_end() const noexcept;
+
+  /// The device's newest sample.   RT: as rpc::Binding::call().
+  /// Errors: as CallError; kNoSuchObject while the device has no sample yet.
+  [[nodiscard]] expected<driver::Sample, rpc::CallError> read(
+      const rpc::CallOptions& options = {}) noexcept;
+  /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
+  /// RT: as rpc::Binding::call().
+  /// Errors: as CallError; kNotLeaseHolder: acquire() first, or the lease was lost meanwhile;
+  /// kNoSuchObject: the device is not active; kBadRequest: a component is not finite, or another
+  /// thread's newer command came first; kOverload: another thread commands at this instant.
+  [[nodiscard]] expected<void, rpc::CallError> set_force(
+      const driver::Vector3& force_newton, const rpc::CallOptions& options = {}) noexcept;
+  /// Likewise force and torque.
+  [[nodiscard]] expected<void, rpc::CallError> set_wrench(
+      const driver::Wrench& wrench, const rpc::CallOptions& options = {}) noexcept;
+
+  /// Takes the right to command; if somebody else has it, tries again for `patience`, which covers
+  /// a predecessor that died without giving it back.   Set-up only.
+  /// Errors: as CallError; kNotLeaseHolder: somebody else has it still.
+  [[nodiscard]] expected<void, rpc::CallError> acquire(
+      Duration patience = std::chrono::seconds{2});
+  /// Keeps the lease without a command; commands keep it by themselves.   Set-up only.
+  [[nodiscard]] expected<void, rpc::CallError> renew();
+  /// Gives the lease back; the device takes the force away.   Set-up only.
+  expected<void, rpc::CallError> release();
+  /// Ends a latched fault.   Set-up only.   Errors: as CallError; kNotLeaseHolder.
+  [[nodiscard]] expected<void, rpc::CallError> recover();
+  /// Takes the device into operation; the outcome shows in the samples' lifecycle.   Set-up only.
+  /// Errors: as CallError; kNotLeaseHolder.
+  [[nodiscard]] expected<void, rpc::CallError> activate();
+  /// Takes it out of operation, likewise.   Set-up only.   Errors: as CallError; kNotLeaseHolder.
+  [[nodiscard]] expected<void, rpc::CallError> deactivate();
+
+ private:
+  class Impl;
+  explicit DeviceClient(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::gvd

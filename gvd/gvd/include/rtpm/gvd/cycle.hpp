@@ -1,0 +1,178 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/hash.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/driver.hpp"
+#include "rtpm/gvd/lease.hpp"
+#include "rtpm/gvd/mailbox.hpp"
+#include "rtpm/gvd/safety.hpp"
+#include "rtpm/rpc/error.hpp"
+
+namespace rtpm::gvd {
+
+/// Is told, in one sentence each, what happens to a device: lost, back, not to be activated.
+/// Threads: report() runs on the device's thread, outside its real-time part.
+class DeviceListener {
+ public:
+  DeviceListener() = default;
+  DeviceListener(const DeviceListener&) = delete;
+  DeviceListener& operator=(const DeviceListener&) = delete;
+  virtual ~DeviceListener() = default;
+  virtual void report(std::string_view text) = 0;
+};
+
+/// How a device is run.
+struct CycleConfig {
+  Duration period = std::chrono::milliseconds{1};      ///< Of the device's loop.
+  Duration lease = std::chrono::seconds{1};            ///< How long a silent holder keeps the lease.
+  Duration retry = std::chrono::milliseconds{500};     ///< Between tries to reach a lost device.
+  std::uint32_t bad_cycle_max = 20;  ///< So many late or corrupt cycles in a row count as gone.
+  /// What the safety filter allows; nothing: the defaults with the device's own limits.
+  std::optional<SafetyConfig> safety{};
+  DeviceListener* listener = nullptr;  ///< If there is one, it must outlive the device's server.
+};
+
+/// A command as a client states it.
+struct ForceCommand {
+  std::uint64_t lease = Lease::kNobody;
+  std::uint32_t sequence = 0;
+  Duration hold{0};  ///< Shortened to SafetyConfig::hold_max.
+  driver::Wrench wrench{};
+};
+
+/// What the holder of the lease may ask of a device.
+enum class Transition : std::uint8_t {
+  kNone = 0,
+  kActivate,
+  kDeactivate,
+};
+
+/// What happened so far on the device's side.
+struct DeviceCounters {
+  std::uint64_t cycle_count = 0;
+  std::uint64_t missed_count = 0;        ///< Cycles left out because the thread was late.
+  std::uint64_t late_count = 0;          ///< Exchanges without new data.
+  std::uint64_t corrupt_count = 0;       ///< Exchanges with unreadable data.
+  std::uint64_t gone_count = 0;          ///< Times that the device was lost.
+  std::uint64_t command_count = 0;       ///< Commands accepted.
+  std::uint64_t foreign_command_count = 0;   ///< Refused: not from the lease's holder.
+  std::uint64_t old_command_count = 0;       ///< Refused: older than the newest.
+  std::uint64_t hasty_command_count = 0;     ///< Refused: met another command in the same instant.
+  std::uint64_t lease_expired_count = 0;
+  SafetyCounters safety{};
+};
+
+/// The share of good ones among the last 100 cycles.   Ownership: a value.   RT: alloc-free.
+class SuccessRate {
+ public:
+  void record(bool is_good) noexcept;
+  [[nodiscard]] float share() const noexcept;
+
+ private:
+  static constexpr std::size_t kWindow = 100;
+  std::array<bool, kWindow> is_good_{};
+  std::size_t count_ = 0;
+  std::size_t good_count_ = 0;
+};
+
+/// One device's loop without its thread and clock: what happens in a cycle, and how the threads of
+/// the world outside reach it without ever waiting for it.
+/// Ownership: refers to its driver, which must outlive it.
+/// Threads: what stands under "device's thread" from one thread; the rest from any.
+class DeviceCycle {
+ public:
+  DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key);
+
+  // The device's thread.
+
+  /// Configures and activates the device.   Set-up only.
+  /// Errors: as the driver's.
+  [[nodiscard]] expected<void, driver::DriverError> begin(MonotonicTime now);
+  /// One cycle: takes the newest command through the safety filter to the device and publishes its
+  /// sample. `missed_count` cycles were left out before this one.
+  /// RT: alloc-free, no syscall of its own; the driver's exchange() does what it does.
+  void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
+  /// True when the device is to change its state, which maintain() then does.   RT: alloc-free.
+  [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
+  /// Activates, deactivates, or tries again to reach a lost device; may take seconds.   Set-up only.
+  void maintain(MonotonicTime now);
+  /// Deactivates the device for good: no force.   Set-up only.
+  void end(MonotonicTime now) noexcept;
+
+  // Any thread.
+
+  /// Leaves `command`, which came at `received`, for the next cycle.   RT: alloc-free, no wait.
+  /// Errors: as the service's method `command` says in device.fbs.
+  [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
+                                         MonotonicTime received) noexcept;
+  /// Leaves a wish for the next maintain().   RT: alloc-free, no wait.
+  /// Errors: kNotLeaseHolder.
+  [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
+  /// Leaves the wish to end a latched fault.   RT: alloc-free, no wait.
+  /// Errors: kNotLeaseHolder.
+  [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
+  [[nodiscard]] Lease& lease() noexcept { return lease_; }
+  /// The newest sample; nothing before the first cycle.   RT: alloc-free.
+  [[nodiscard]] std::optional<driver::Sample> newest() const noexcept {
+    return published_.read();
+  }
+  [[nodiscard]] DeviceCounters counters() const noexcept;
+  [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }
+  [[nodiscard]] driver::Lifecycle lifecycle() const noexcept {
+    return lifecycle_.load(std::memory_order_acquire);
+  }
+
+ private:
+  struct HeldCommand {
+    std::uint64_t lease = Lease::kNobody;
+    std::uint32_t sequence = 0;
+    WrenchCommand command{};
+  };
+
+  [[nodiscard]] std::optional<WrenchCommand> command_of(std::uint64_t holder) noexcept;
+  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
+  [[nodiscard]] expected<void, driver::DriverError> open();
+  void lose() noexcept;
+  void rest(MonotonicTime now) noexcept;
+  void publish() noexcept;
+  void report(std::string_view text) const;
+
+  driver::Driver& driver_;
+  CycleConfig config_;
+  Lease lease_;
+  SafetyFilter filter_;
+
+  // Between the threads.
+  Mailbox<HeldCommand> mailbox_{};
+  Latest<driver::Sample> published_{};
+  Latest<DeviceCounters> published_counters_{};
+  std::atomic<Transition> wanted_{Transition::kNone};
+  std::atomic<bool> is_recovery_wanted_{false};
+  std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
+  std::atomic<std::uint64_t> command_count_{0};
+  std::atomic<std::uint64_t> foreign_command_count_{0};
+  std::atomic<std::uint64_t> old_command_count_{0};
+  std::atomic<std::uint64_t> hasty_command_count_{0};
+
+  // The device's thread's own.
+  driver::Sample sample_{};
+  HeldCommand held_{};
+  std::uint64_t last_holder_ = Lease::kNobody;
+  SuccessRate success_{};
+  DeviceCounters counters_{};
+  std::uint32_t bad_cycle_count_ = 0;
+  bool is_to_close_ = false;
+  MonotonicTime retry_at_{};
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,71 @@
+#include "servant.hpp"
+
+#include "rtpm/rt/memory.hpp"
+#include "wire.hpp"
+
+namespace rtpm::gvd {
+namespace {
+
+rpc::Result<void> for_holder(bool is_holder) noexcept {
+  if (!is_holder) return unexpected{rpc::Refusal::kNotLeaseHolder};
+  return {};
+}
+
+}  // namespace
+
+rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>& reply,
+                                          const rpc::CallContext&) {
+  // A client asks this once, when it binds, and not in its loop.
+  const rt::AllowAllocationScope set_up;
+  const SafetyConfig& safety = cycle_.safety();
+  reply.finish(to_wire(descriptor_, period_, safety.hold_max, safety.ramp, reply.builder()));
+  return {};
+}
+
+rpc::Result<device::Sample> DeviceServant::read(const rpc::CallContext&) {
+  const auto sample = cycle_.newest();
+  if (!sample) return unexpected{rpc::Refusal::kGone};
+  return to_wire(*sample);
+}
+
+rpc::Result<void> DeviceServant::command(const device::Command& request,
+                                         const rpc::CallContext& context) {
+  ForceCommand command;
+  command.lease = request.lease();
+  command.sequence = request.sequence();
+  command.hold = std::chrono::microseconds{request.hold_us()};
+  command.wrench = {from_wire(request.force_newton()), from_wire(request.torque_newton_metre())};
+  return cycle_.submit(command, context.received);
+}
+
+rpc::Result<device::Lease> DeviceServant::acquire(const rpc::CallContext&) {
+  Lease& lease = cycle_.lease();
+  const auto id = lease.acquire();
+  if (!id) return unexpected{rpc::Refusal::kNotLeaseHolder};
+  const auto duration = std::chrono::duration_cast<std::chrono::microseconds>(lease.duration());
+  return device::Lease{*id, static_cast<std::uint64_t>(duration.count())};
+}
+
+rpc::Result<void> DeviceServant::renew(const device::Holder& request, const rpc::CallContext&) {
+  return for_holder(cycle_.lease().renew(request.lease()));
+}
+
+rpc::Result<void> DeviceServant::release(const device::Holder& request, const rpc::CallContext&) {
+  return for_holder(cycle_.lease().release(request.lease()));
+}
+
+rpc::Result<void> DeviceServant::recover(const device::Holder& request, const rpc::CallContext&) {
+  return cycle_.request_recovery(request.lease());
+}
+
+rpc::Result<void> DeviceServant::activate(const device::Holder& request,
+                                          const rpc::CallContext&) {
+  return cycle_.request(request.lease(), Transition::kActivate);
+}
+
+rpc::Result<void> DeviceServant::deactivate(const device::Holder& request,
+                                            const rpc::CallContext&) {
+  return cycle_.request(request.lease(), Transition::kDeactivate);
+}
+
+}  // namespace rtpm::gvd

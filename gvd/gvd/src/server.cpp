@@ -1,0 +1,157 @@
+#include "rtpm/gvd/server.hpp"
+
+#include <atomic>
+#include <cmath>
+#include <future>
+#include <random>
+#include <string>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "servant.hpp"
+
+namespace rtpm::gvd {
+namespace {
+
+constexpr Duration kPeriodMin = std::chrono::microseconds{20};
+constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
+
+SipKey random_key() {
+  std::random_device random;
+  const auto word = [&random] {
+    return (std::uint64_t{random()} << 32) | std::uint64_t{random()};
+  };
+  return {word(), word()};
+}
+
+expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
+  const std::string device = "the driver of \"" + descriptor.model + "\"";
+  if (descriptor.model.empty() || descriptor.serial.empty() || descriptor.frame.empty()) {
+    return rpc::setup_error(device + " leaves model, serial or frame empty; it must name all three");
+  }
+  if (descriptor.buttons.size() > driver::kButtonCountMax ||
+      descriptor.analogs.size() > driver::kAnalogCountMax) {
+    return rpc::setup_error(device + " has more buttons or analog inputs than a sample holds");
+  }
+  const driver::Workspace& workspace = descriptor.workspace;
+  if (workspace.low_m.x > workspace.high_m.x || workspace.low_m.y > workspace.high_m.y ||
+      workspace.low_m.z > workspace.high_m.z) {
+    return rpc::setup_error(device + " has a workspace whose low corner is above its high one");
+  }
+  return {};
+}
+
+}  // namespace
+
+class DeviceServer::Impl {
+ public:
+  Impl(std::unique_ptr<driver::Driver> driver, driver::Descriptor descriptor,
+       DeviceServerConfig config)
+      : driver_(std::move(driver)),
+        descriptor_(std::move(descriptor)),
+        config_(std::move(config)),
+        cycle_(*driver_, config_.cycle, random_key()),
+        servant_(cycle_, descriptor_, config_.cycle.period) {}
+
+  expected<void, rpc::SetupError> start() {
+    RTPM_ASSERT(!thread_.is_running(), "a device server starts once");
+    std::promise<expected<void, driver::DriverError>> begun;
+    auto outcome = begun.get_future();
+    is_stopping_.store(false, std::memory_order_relaxed);
+    auto thread = rt::Thread::start(config_.thread, [this, &begun] {
+      auto began = cycle_.begin(rt::now());
+      const bool is_active = began.has_value();
+      // The first sample is there before anybody can ask for it.
+      if (is_active) cycle_.run(rt::now(), 0);
+      begun.set_value(std::move(began));
+      // From here on `begun` may be gone.
+      if (is_active) loop();
+    });
+    if (!thread) return rpc::setup_error(thread.error().text);
+    const auto began = outcome.get();
+    if (!began) {
+      thread->join();
+      return rpc::setup_error(began.error().text);
+    }
+    thread_ = std::move(*thread);
+    return {};
+  }
+
+  void stop() noexcept {
+    if (!thread_.is_running()) return;
+    is_stopping_.store(true, std::memory_order_relaxed);
+    thread_.join();
+  }
+
+  [[nodiscard]] DeviceServant& servant() noexcept { return servant_; }
+  [[nodiscard]] const driver::Descriptor& descriptor() const noexcept { return descriptor_; }
+  [[nodiscard]] const DeviceCycle& cycle() const noexcept { return cycle_; }
+
+ private:
+  /// The device's thread: one cycle per period on an absolute time line, so that a late wake-up
+  /// does not shift the ones after it.
+  void loop() noexcept {
+    const rt::NoAllocationScope no_allocation;
+    const Duration period = config_.cycle.period;
+    MonotonicTime due = rt::now();
+    std::uint32_t missed_count = 0;
+    while (!is_stopping_.load(std::memory_order_relaxed)) {
+      rt::sleep_until(due);
+      const MonotonicTime begin = rt::now();
+      cycle_.run(begin, std::exchange(missed_count, 0));
+      if (cycle_.needs_maintenance(begin)) {
+        const rt::AllowAllocationScope set_up;
+        cycle_.maintain(begin);
+        due = rt::now();
+      }
+      due += period;
+      // A cycle whose time is over already is left out and counted, never made up for in a burst.
+      if (const Duration behind = rt::now() - due; behind > Duration{0}) {
+        const auto skipped = behind / period + 1;
+        due += skipped * period;
+        missed_count = static_cast<std::uint32_t>(skipped);
+      }
+    }
+    const rt::AllowAllocationScope set_down;
+    cycle_.end(rt::now());
+  }
+
+  std::unique_ptr<driver::Driver> driver_;
+  driver::Descriptor descriptor_;
+  DeviceServerConfig config_;
+  DeviceCycle cycle_;
+  DeviceServant servant_;
+  std::atomic<bool> is_stopping_{false};
+  rt::Thread thread_{};
+};
+
+expected<std::unique_ptr<DeviceServer>, rpc::SetupError> DeviceServer::create(
+    std::unique_ptr<driver::Driver> driver, DeviceServerConfig config) {
+  RTPM_ASSERT(driver != nullptr, "a device server needs a driver");
+  const Duration period = config.cycle.period;
+  if (period < kPeriodMin || period > kPeriodMax) {
+    return rpc::setup_error("the device's period is " + std::to_string(period.count()) +
+                            " ns; it must be 20 µs to 100 ms (10 to 50000 Hz)");
+  }
+  driver::Descriptor descriptor = driver->describe();
+  if (auto checked = check(descriptor); !checked) return unexpected{checked.error()};
+  const SafetyConfig safety =
+      config.cycle.safety.value_or(SafetyConfig::for_device(descriptor.limits));
+  if (auto checked = safety.check(); !checked) return unexpected{checked.error()};
+  return std::unique_ptr<DeviceServer>(new DeviceServer(
+      std::make_unique<Impl>(std::move(driver), std::move(descriptor), std::move(config))));
+}
+
+DeviceServer::DeviceServer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+DeviceServer::~DeviceServer() { impl_->stop(); }
+expected<void, rpc::SetupError> DeviceServer::start() { return impl_->start(); }
+void DeviceServer::stop() noexcept { impl_->stop(); }
+rpc::Servant& DeviceServer::servant() noexcept { return impl_->servant(); }
+const driver::Descriptor& DeviceServer::descriptor() const noexcept { return impl_->descriptor(); }
+std::optional<driver::Sample> DeviceServer::newest() const noexcept {
+  return impl_->cycle().newest();
+}
+DeviceCounters DeviceServer::counters() const noexcept { return impl_->cycle().counters(); }
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <device.rtpm.hpp>
+
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/driver/sample.hpp"
+
+/// Between the driver's vocabulary and the schema's.
+namespace rtpm::gvd {
+
+[[nodiscard]] device::Vector3 to_wire(const driver::Vector3& vector) noexcept;
+[[nodiscard]] driver::Vector3 from_wire(const device::Vector3& vector) noexcept;
+
+/// RT: alloc-free.
+[[nodiscard]] device::Sample to_wire(const driver::Sample& sample) noexcept;
+/// A lifecycle that this program does not know yet reads as kFault.   RT: alloc-free.
+[[nodiscard]] driver::Sample from_wire(const device::Sample& sample) noexcept;
+
+/// RT: allocates only in `builder`.
+[[nodiscard]] flatbuffers::Offset<device::Description> to_wire(
+    const driver::Descriptor& descriptor, Duration period, Duration hold_max, Duration ramp,
+    flatbuffers::FlatBufferBuilder& builder);
+/// Set-up only.
+[[nodiscard]] driver::Descriptor from_wire(const device::Description& description);
+
+}  // namespace rtpm::gvd

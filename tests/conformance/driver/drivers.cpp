@@ -1,0 +1,37 @@
+#include "drivers.hpp"
+
+#include <fstream>
+#include <string>
+#include <utility>
+
+#include "lever_driver.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/device_sim/sim_driver.hpp"
+
+namespace rtpm::test {
+namespace {
+
+std::unique_ptr<driver::Driver> make_sim(device_sim::SimConfig config) {
+  auto sim = device_sim::SimDriver::create(std::move(config));
+  RTPM_ASSERT(sim.has_value(), "the simulated arm could not be made");
+  return std::move(*sim);
+}
+
+std::string recorded_hand() {
+  const std::string path = "driver_conformance_hand.csv";
+  std::ofstream(path) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1.5,0,0.02,0.02\n";
+  return path;
+}
+
+}  // namespace
+
+std::vector<DriverUnderTest> drivers_under_test() {
+  return {
+      {"SimHeld", [] { return make_sim({}); }},
+      {"SimFree", [] { return make_sim({.is_held = false}); }},
+      {"SimRecorded", [] { return make_sim({.hand_file = recorded_hand()}); }},
+      {"Template", [] { return std::make_unique<lab::LeverDriver>(); }},
+  };
+}
+
+}  // namespace rtpm::test

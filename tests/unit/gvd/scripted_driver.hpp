@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::gvd::test {
+
+/// A device of the test's making: it does what `script` says and remembers what it was told.
+class ScriptedDriver final : public driver::Driver {
+ public:
+  using Script = std::function<driver::ExchangeStatus(const driver::Command&, driver::Sample&)>;
+
+  [[nodiscard]] driver::Descriptor describe() const override {
+    driver::Descriptor descriptor;
+    descriptor.device_class = driver::DeviceClass::kHaptic;
+    descriptor.model = "scripted";
+    descriptor.serial = "s-1";
+    descriptor.frame = "scripted/base";
+    descriptor.axes = {{"x", true, true}};
+    descriptor.buttons = {"left", "right"};
+    descriptor.analogs = {{"grip", "N", 0, 10}};
+    descriptor.limits = {8, 0.5, 500, 1.5};
+    descriptor.workspace = {{-1, -2, -3}, {1, 2, 3}};
+    descriptor.position_resolution_m = 1e-5;
+    return descriptor;
+  }
+  [[nodiscard]] expected<void, driver::DriverError> configure(
+      const driver::DriverConfig&) override {
+    ++configure_count;
+    if (!configure_error.empty()) return driver::driver_error(configure_error);
+    return {};
+  }
+  [[nodiscard]] expected<void, driver::DriverError> activate() override {
+    is_active = true;
+    return {};
+  }
+  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
+                                                driver::Sample& sample) noexcept override {
+    ++exchange_count;
+    last_command = command;
+    sample.host_time = command.cycle_time;
+    sample.wrench_applied = command.wrench;
+    return script ? script(command, sample) : driver::ExchangeStatus::kOk;
+  }
+  void deactivate() noexcept override { is_active = false; }
+
+  Script script{};
+  std::string configure_error{};
+  driver::Command last_command{};
+  int configure_count = 0;
+  int exchange_count = 0;
+  bool is_active = false;
+};
+
+}  // namespace rtpm::gvd::test
