@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::bench {
+
+/// Six doubles, as in the paper.
+inline constexpr std::size_t kPayloadSize = 48;
+
+/// One calling thread's connection to a server: what all contenders of a case have in common.
+/// Threads: one.
+class Caller {
+ public:
+  Caller() = default;
+  Caller(const Caller&) = delete;
+  Caller& operator=(const Caller&) = delete;
+  virtual ~Caller() = default;
+
+  /// Sends 48 bytes and waits until the server has sent them back; fails, with the reason, if it
+  /// did not within a second or they differ.   RT: alloc-free when it succeeds.
+  [[nodiscard]] virtual expected<void, std::string> echo() = 0;
+  /// As echo(), but the server computes for `duration` first.
+  [[nodiscard]] virtual expected<void, std::string> work(Duration duration) = 0;
+};
+
+/// Computes, without sleeping, until `duration` has passed: the work of both servers.
+void compute_for(Duration duration) noexcept;
+
+}  // namespace rtpm::bench

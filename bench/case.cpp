@@ -1,0 +1,25 @@
+#include "case.hpp"
+
+#include <array>
+#include <cstdio>
+
+namespace rtpm::bench {
+
+std::span<const Case> cases() {
+  static constexpr std::array<Case, 3> kCases{{
+      {"call", "48-byte calls one after the other, beside raw sockets with the same wait",
+       run_call},
+      {"paced", "48-byte calls at a fixed rate, timed from when each was due", run_paced},
+      {"isolation",
+       "a 1 kHz caller of high priority while low-priority callers saturate the server",
+       run_isolation},
+  }};
+  return kCases;
+}
+
+void say_not_measured(std::string_view what, std::string_view why) {
+  std::fprintf(stderr, "rtpm-bench: %.*s: %.*s\n", static_cast<int>(what.size()), what.data(),
+               static_cast<int>(why.size()), why.data());
+}
+
+}  // namespace rtpm::bench

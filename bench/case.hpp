@@ -1,0 +1,30 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "report.hpp"
+#include "rtpm/base/expected.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// What rtpm-bench can run. A case adds its results to the report one by one and says on standard
+/// error what it could not measure; it gives back whether it measured everything asked.
+struct Case {
+  std::string_view name;
+  std::string_view description;
+  bool (*run)(const Settings& settings, Report& report);
+};
+
+[[nodiscard]] std::span<const Case> cases();
+
+bool run_call(const Settings& settings, Report& report);
+bool run_paced(const Settings& settings, Report& report);
+bool run_isolation(const Settings& settings, Report& report);
+
+/// "rtpm-bench: <what>: <why>" on standard error.
+void say_not_measured(std::string_view what, std::string_view why);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "report.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// Watches, over a run, what spoils figures and is nobody's fault: time that a hypervisor took away
+/// (steal), and real-time threads that had to wait for their CPU all the same, which is what the
+/// kernel's real-time throttling looks like from inside.
+/// Threads: one.   Set-up only: it reads /proc, so outside of timed stretches.
+class DisturbanceWatch {
+ public:
+  /// Watches the machine, this process and `servers` from now on.
+  explicit DisturbanceWatch(std::vector<pid_t> servers);
+
+  /// What happened since: fields steal_percent and held_off_ms, and a mark for each that matters to
+  /// a result whose longest latency is `longest_us`.
+  void finish(Result& result, double longest_us) const;
+
+ private:
+  struct CpuTime {
+    std::uint64_t stolen = 0;
+    std::uint64_t total = 0;
+  };
+  [[nodiscard]] static CpuTime read_cpu_time();
+  /// Nanoseconds that each measured real-time thread waited, ready to run, for a CPU.
+  [[nodiscard]] std::map<pid_t, std::uint64_t> read_run_delays() const;
+
+  std::vector<pid_t> processes_;
+  CpuTime cpu_time_;
+  std::map<pid_t, std::uint64_t> run_delays_;
+};
+
+/// The machine as far as it matters for latencies, for the JSON and in words.
+struct Environment {
+  JsonObject json;
+  std::string text;
+};
+[[nodiscard]] Environment describe_environment(const Placement& placement, bool is_realtime);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,182 @@
+#include "duel.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <sstream>
+#include <utility>
+
+#include "floor.hpp"
+#include "rtpm_side.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+/// How low-priority callers and their lane wait: under load there is always work, and while there
+/// is none they shall be out of the way.
+constexpr rt::WaitConfig kLowWait{.strategy = rt::WaitStrategy::kBlock};
+
+expected<std::string, std::string> set_up_floor(const DuelConfig& config) {
+  std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
+                                      .priority = kHighPriority,
+                                      .wait = config.wait,
+                                      .cpu = config.placement.server_cpu}};
+  if (config.low_caller_count > 0) {
+    lanes.push_back({.name = "floor-low",
+                     .priority = kLowPriority,
+                     .wait = kLowWait,
+                     .cpu = config.placement.server_cpu,
+                     .connection_count = config.low_caller_count});
+  }
+  const auto ports = start_floor_server(config.carrier, lanes, config.realtime);
+  if (!ports) return unexpected{ports.error()};
+  std::string text;
+  for (const std::uint16_t port : *ports)
+    text += std::to_string(port) + " ";
+  return text;
+}
+
+expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
+  const std::vector<int> cpus{config.placement.server_cpu};
+  const rpc::LaneConfig high{.name = "rtpm-high",
+                             .low = config.low_caller_count > 0 ? kHighBand : Priority{0},
+                             .priority = kHighPriority,
+                             .wait = config.wait,
+                             .cpus = cpus};
+  if (config.low_caller_count == 0) return start_rtpm_server({high}, config.realtime);
+  const rpc::LaneConfig low{
+      .name = "rtpm-low", .low = 0, .priority = kLowPriority, .wait = kLowWait, .cpus = cpus};
+  return start_rtpm_server({low, high}, config.realtime);
+}
+
+}  // namespace
+
+struct Duel::Impl {
+  DuelConfig config;
+  ServerProcess floor_server;
+  ServerProcess rtpm_server;
+  std::uint16_t floor_high_port = 0;
+  std::uint16_t floor_low_port = 0;
+  std::unique_ptr<rpc::Node> high_node;
+  std::unique_ptr<rpc::Node> low_node;
+  std::optional<Side> turn{};
+
+  [[nodiscard]] const ServerProcess& server_of(Side side) const {
+    return side == Side::kRtpm ? rtpm_server : floor_server;
+  }
+};
+
+expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& config) {
+  if (config.wait.strategy == rt::WaitStrategy::kSpin &&
+      config.placement.client_cpu == config.placement.server_cpu) {
+    return unexpected{
+        std::string("callers and servers that spin need two CPUs, and this process "
+                    "may use one only; use --wait adaptive or --wait block")};
+  }
+  // Each is stopped before the other starts: a spinning server would not let the other's threads on
+  // their CPU.
+  auto floor_server = ServerProcess::start([&] { return set_up_floor(config); });
+  if (!floor_server) return unexpected{floor_server.error()};
+  floor_server->pause();
+  auto rtpm_server = ServerProcess::start([&] { return set_up_rtpm(config); });
+  if (!rtpm_server) return unexpected{rtpm_server.error()};
+  rtpm_server->pause();
+  auto impl = std::make_unique<Impl>(Impl{.config = config,
+                                          .floor_server = std::move(*floor_server),
+                                          .rtpm_server = std::move(*rtpm_server),
+                                          .high_node = make_node(config.carrier, config.wait),
+                                          .low_node = make_node(config.carrier, kLowWait)});
+  std::istringstream ports(impl->floor_server.address());
+  ports >> impl->floor_high_port >> impl->floor_low_port;
+  return std::unique_ptr<Duel>(new Duel(std::move(impl)));
+}
+
+Duel::Duel(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+
+Duel::~Duel() = default;
+
+void Duel::take_turn(Side side) {
+  if (impl_->turn == side) return;
+  end_turn();
+  impl_->server_of(side).resume();
+  impl_->turn = side;
+}
+
+void Duel::end_turn() {
+  if (impl_->turn) impl_->server_of(*impl_->turn).pause();
+  impl_->turn.reset();
+}
+
+expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
+  if (impl_->turn == Side::kFloor) {
+    return connect_floor_caller(impl_->config.carrier, impl_->floor_high_port, impl_->config.wait);
+  }
+  return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
+}
+
+expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
+  if (impl_->turn == Side::kFloor) {
+    return connect_floor_caller(impl_->config.carrier, impl_->floor_low_port, kLowWait);
+  }
+  return connect_rtpm_caller(*impl_->low_node, impl_->rtpm_server.address(), kLowPriority);
+}
+
+std::vector<pid_t> Duel::server_ids() const {
+  return {impl_->floor_server.id(), impl_->rtpm_server.id()};
+}
+
+expected<void, std::string> run_as_caller(
+    const DuelConfig& config, const std::function<expected<void, std::string>()>& body) {
+  expected<void, std::string> outcome;
+  auto thread = rt::Thread::start({.name = "bench-caller",
+                                   .priority = kHighPriority,
+                                   .cpus = {config.placement.client_cpu},
+                                   .realtime = config.realtime},
+                                  [&] { outcome = body(); });
+  if (!thread) return unexpected{thread.error().text};
+  thread->join();
+  return outcome;
+}
+
+std::string title_of(std::string_view case_name, const DuelConfig& config) {
+  return std::string(case_name) + ", " + std::string(to_string(config.carrier)) + ", " +
+         std::string(rt::to_string(config.wait.strategy)) + " wait, " +
+         std::to_string(kPayloadSize) + " bytes";
+}
+
+void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,
+                    const Samples& rtpm, const Samples& floor) {
+  JsonObject& json = result.json;
+  json.add("case", case_name);
+  json.add("transport", to_string(config.carrier));
+  json.add("wait", rt::to_string(config.wait.strategy));
+  json.add("payload", static_cast<std::int64_t>(kPayloadSize));
+  json.add("n", static_cast<std::int64_t>(rtpm.count()));
+  json.add("rounds", rtpm.round_count());
+  const Percentiles rtpm_values = rtpm.percentiles();
+  const Percentiles floor_values = floor.percentiles();
+  add_percentiles(json, "", rtpm_values);
+  add_percentiles(json, "floor_", floor_values);
+  Percentiles ratios;
+  const auto add_ratio = [&](double percent, const std::string& name, double& shown) {
+    const Ratio ratio = ratio_at(rtpm, floor, percent);
+    json.add("ratio_" + name, ratio.median);
+    json.add("ratio_" + name + "_low", ratio.low);
+    json.add("ratio_" + name + "_high", ratio.high);
+    shown = ratio.median;
+  };
+  add_ratio(50, "p50", ratios.p50);
+  add_ratio(90, "p90", ratios.p90);
+  add_ratio(99, "p99", ratios.p99);
+  add_ratio(99.9, "p999", ratios.p999);
+  if (floor_values.p9999 > 0) ratios.p9999 = rtpm_values.p9999 / floor_values.p9999;
+  if (floor_values.max > 0) ratios.max = rtpm_values.max / floor_values.max;
+  result.rows.push_back({"RTPM", rtpm_values});
+  result.rows.push_back({"raw floor", floor_values});
+  result.rows.push_back({"ratio (no unit)", ratios});
+}
+
+double longest_us(const Result& result) {
+  return std::max(result.rows.at(0).values.max, result.rows.at(1).values.max);
+}
+
+}  // namespace rtpm::bench

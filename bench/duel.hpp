@@ -1,0 +1,75 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "caller.hpp"
+#include "report.hpp"
+#include "rtpm/base/expected.hpp"
+#include "samples.hpp"
+#include "server_process.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// Who is measured.
+enum class Side : std::uint8_t { kRtpm, kFloor };
+inline constexpr Side kBothSides[] = {Side::kRtpm, Side::kFloor};
+
+/// What the two sides have in common.
+struct DuelConfig {
+  Carrier carrier = Carrier::kUdp;
+  rt::WaitConfig wait{};     ///< Of the measured callers and their lane.
+  int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
+  Placement placement{};
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// An RTPM server and a raw one, each in its own process, with the same wait strategy, scheduling
+/// and CPU, to be measured by turns in one run. Only the one whose turn it is runs; the other is
+/// stopped. Make it before this process starts a thread. Threads: one at a time, connect() from
+/// several.   Set-up only, but for take_turn().
+class Duel {
+ public:
+  [[nodiscard]] static expected<std::unique_ptr<Duel>, std::string> start(const DuelConfig& config);
+  ~Duel();
+
+  /// Lets `side`'s server run until the next turn.
+  void take_turn(Side side);
+  /// Stops both servers, so that the CPUs rest.
+  void end_turn();
+
+  /// A caller of high priority, to the server whose turn it is.
+  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high();
+  /// A caller of low priority, which blocks while it waits.
+  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low();
+
+  [[nodiscard]] std::vector<pid_t> server_ids() const;
+
+ private:
+  struct Impl;
+  explicit Duel(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+/// Runs `body` to its end on a thread as a measured caller has it: high priority, on the clients'
+/// CPU. Gives back what the body gives.
+[[nodiscard]] expected<void, std::string> run_as_caller(
+    const DuelConfig& config, const std::function<expected<void, std::string>()>& body);
+
+/// "call, udp, adaptive wait": how results are headed.
+[[nodiscard]] std::string title_of(std::string_view case_name, const DuelConfig& config);
+
+/// Adds the fields and rows that every result has: case, transport, wait, payload, n, both sides'
+/// distributions and their ratios.
+void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,
+                    const Samples& rtpm, const Samples& floor);
+
+/// The largest latency that either side showed in a result that add_comparison() began.
+[[nodiscard]] double longest_us(const Result& result);
+
+}  // namespace rtpm::bench

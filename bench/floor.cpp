@@ -1,0 +1,271 @@
+#include "floor.hpp"
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+constexpr Duration kTimeout = std::chrono::seconds{1};
+
+using Frame = std::array<std::byte, kFloorFrameSize>;
+
+/// Owns a socket.
+class Socket {
+ public:
+  explicit Socket(int handle = -1) noexcept : handle_(handle) {}
+  Socket(Socket&& other) noexcept : handle_(std::exchange(other.handle_, -1)) {}
+  Socket& operator=(Socket&& other) noexcept {
+    std::swap(handle_, other.handle_);
+    return *this;
+  }
+  ~Socket() {
+    if (handle_ >= 0) close(handle_);
+  }
+  [[nodiscard]] int handle() const noexcept { return handle_; }
+  [[nodiscard]] int release() noexcept { return std::exchange(handle_, -1); }
+
+ private:
+  int handle_;
+};
+
+sockaddr_in loopback(std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  return address;
+}
+
+std::string system_text(std::string_view what) {
+  return "the raw floor's " + std::string(what) + " failed: " + std::strerror(errno);
+}
+
+Socket open_socket(Carrier carrier) {
+  return Socket(socket(AF_INET, carrier == Carrier::kUdp ? SOCK_DGRAM : SOCK_STREAM, 0));
+}
+
+void send_at_once(int handle) {
+  const int on = 1;
+  setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+}
+
+/// Receives with a wait strategy. A stream may give less than a frame.
+class Receiver {
+ public:
+  /// `give_up`: after which a spinning receiver fails; one that blocks has its socket's time-out.
+  Receiver(int handle, const rt::WaitConfig& wait, Duration give_up) noexcept
+      : handle_(handle), strategy_(wait.strategy) {
+    if (strategy_ == rt::WaitStrategy::kAdaptive) spin_ = wait.spin;
+    if (strategy_ == rt::WaitStrategy::kSpin) spin_ = give_up;
+  }
+
+  /// @return the bytes received, or -1 with errno set as recv() does.
+  ssize_t receive(Frame& frame, sockaddr_in* from) const noexcept {
+    if (spin_ > Duration{0}) {
+      const MonotonicTime end = spin_ == Duration::max() ? kNever : rt::now() + spin_;
+      do {
+        const ssize_t got = take(frame, from, MSG_DONTWAIT);
+        if (got >= 0 || (errno != EAGAIN && errno != EINTR)) return got;
+      } while (end == kNever || rt::now() < end);
+      if (strategy_ == rt::WaitStrategy::kSpin) return -1;
+    }
+    return take(frame, from, 0);
+  }
+
+ private:
+  ssize_t take(Frame& frame, sockaddr_in* from, int flags) const noexcept {
+    if (from == nullptr) return recv(handle_, frame.data(), frame.size(), flags);
+    socklen_t from_size = sizeof *from;
+    return recvfrom(handle_, frame.data(), frame.size(), flags, reinterpret_cast<sockaddr*>(from),
+                    &from_size);
+  }
+
+  int handle_;
+  rt::WaitStrategy strategy_;
+  Duration spin_{0};
+};
+
+/// Completes a frame of which a stream gave `got` bytes.
+bool receive_rest(int handle, Frame& frame, ssize_t got) noexcept {
+  while (got > 0 && static_cast<std::size_t>(got) < kFloorFrameSize) {
+    const auto have = static_cast<std::size_t>(got);
+    const ssize_t more = recv(handle, frame.data() + have, kFloorFrameSize - have, MSG_WAITALL);
+    if (more <= 0) return false;
+    got += more;
+  }
+  return got > 0;
+}
+
+void compute_as_asked(const Frame& frame) noexcept {
+  const auto duration_ns = load_le<std::uint64_t>(frame.data());
+  if (duration_ns != 0) compute_for(Duration{static_cast<Duration::rep>(duration_ns)});
+}
+
+// ---- serving ------------------------------------------------------------------------------------
+
+void serve_udp(int handle, const rt::WaitConfig& wait) noexcept {
+  const Receiver receiver(handle, wait, Duration::max());
+  Frame frame{};
+  sockaddr_in from{};
+  for (;;) {
+    const ssize_t size = receiver.receive(frame, &from);
+    if (size < 0) continue;
+    compute_as_asked(frame);
+    sendto(handle, frame.data(), static_cast<std::size_t>(size), 0,
+           reinterpret_cast<const sockaddr*>(&from), sizeof from);
+  }
+}
+
+bool serve_tcp_frame(int handle, Frame& frame, ssize_t got) noexcept {
+  if (got <= 0 || !receive_rest(handle, frame, got)) return false;
+  compute_as_asked(frame);
+  return send(handle, frame.data(), frame.size(), MSG_NOSIGNAL) > 0;
+}
+
+void serve_tcp_one(int handle, const rt::WaitConfig& wait) noexcept {
+  const Receiver receiver(handle, wait, Duration::max());
+  Frame frame{};
+  while (serve_tcp_frame(handle, frame, receiver.receive(frame, nullptr))) {
+  }
+}
+
+void serve_tcp_many(std::vector<pollfd> connections) noexcept {
+  Frame frame{};
+  while (poll(connections.data(), connections.size(), -1) > 0) {
+    for (pollfd& connection : connections) {
+      if (connection.revents == 0) continue;
+      const ssize_t got = recv(connection.fd, frame.data(), frame.size(), 0);
+      // A negative number tells poll() to leave a connection that ended alone.
+      if (!serve_tcp_frame(connection.fd, frame, got)) connection.fd = -1;
+    }
+  }
+}
+
+void serve_tcp(int listener, const FloorLaneConfig& lane) noexcept {
+  std::vector<Socket> sockets;
+  std::vector<pollfd> connections;
+  for (int i = 0; i < lane.connection_count; ++i) {
+    sockets.emplace_back(accept(listener, nullptr, nullptr));
+    send_at_once(sockets.back().handle());
+    connections.push_back({.fd = sockets.back().handle(), .events = POLLIN, .revents = 0});
+  }
+  if (connections.size() == 1) {
+    serve_tcp_one(connections.front().fd, lane.wait);
+  } else {
+    serve_tcp_many(std::move(connections));
+  }
+}
+
+/// Opens a lane's socket and starts its thread; gives back its port. Neither is ever closed: the
+/// process is a server until it ends.
+expected<std::uint16_t, std::string> start_lane(Carrier carrier, const FloorLaneConfig& lane,
+                                                rt::RealtimeMode realtime) {
+  const int handle = open_socket(carrier).release();
+  sockaddr_in address = loopback(0);
+  socklen_t size = sizeof address;
+  auto* const generic = reinterpret_cast<sockaddr*>(&address);
+  if (bind(handle, generic, size) != 0 || getsockname(handle, generic, &size) != 0 ||
+      (carrier == Carrier::kTcp && listen(handle, 64) != 0)) {
+    return unexpected{system_text("socket")};
+  }
+  auto thread = rt::Thread::start(
+      {.name = lane.name, .priority = lane.priority, .cpus = {lane.cpu}, .realtime = realtime},
+      [handle, carrier, lane] {
+        carrier == Carrier::kUdp ? serve_udp(handle, lane.wait) : serve_tcp(handle, lane);
+      });
+  if (!thread) return unexpected{thread.error().text};
+  static auto& started = *new std::vector<rt::Thread>;
+  started.push_back(std::move(*thread));
+  return ntohs(address.sin_port);
+}
+
+// ---- calling ------------------------------------------------------------------------------------
+
+class FloorCaller final : public Caller {
+ public:
+  FloorCaller(Carrier carrier, Socket socket, const rt::WaitConfig& wait)
+      : carrier_(carrier), socket_(std::move(socket)), receiver_(socket_.handle(), wait, kTimeout) {
+    for (std::size_t i = wire::kHeaderSize; i < sent_.size(); ++i) {
+      sent_[i] = static_cast<std::byte>(i);
+    }
+  }
+
+  expected<void, std::string> echo() override { return exchange(); }
+
+  expected<void, std::string> work(Duration duration) override {
+    store_le(sent_.data(), static_cast<std::uint64_t>(duration.count()));
+    auto outcome = exchange();
+    store_le(sent_.data(), std::uint64_t{0});
+    return outcome;
+  }
+
+ private:
+  expected<void, std::string> exchange() {
+    if (send(socket_.handle(), sent_.data(), sent_.size(), MSG_NOSIGNAL) < 0) {
+      return unexpected{system_text("send")};
+    }
+    const ssize_t got = receiver_.receive(received_, nullptr);
+    if (got < 0 || (carrier_ == Carrier::kTcp && !receive_rest(socket_.handle(), received_, got))) {
+      return unexpected{system_text("receive")};
+    }
+    if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+    return {};
+  }
+
+  Carrier carrier_;
+  Socket socket_;
+  Receiver receiver_;
+  Frame sent_{};
+  Frame received_{};
+};
+
+}  // namespace
+
+void compute_for(Duration duration) noexcept {
+  const MonotonicTime end = rt::now() + duration;
+  while (rt::now() < end) {
+  }
+}
+
+expected<std::vector<std::uint16_t>, std::string> start_floor_server(
+    Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime) {
+  std::vector<std::uint16_t> ports;
+  for (const FloorLaneConfig& lane : lanes) {
+    const auto port = start_lane(carrier, lane, realtime);
+    if (!port) return unexpected{port.error()};
+    ports.push_back(*port);
+  }
+  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text};
+  return ports;
+}
+
+expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(Carrier carrier,
+                                                                    std::uint16_t port,
+                                                                    const rt::WaitConfig& wait) {
+  Socket socket = open_socket(carrier);
+  const sockaddr_in address = loopback(port);
+  if (connect(socket.handle(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    return unexpected{system_text("connect")};
+  }
+  if (carrier == Carrier::kTcp) send_at_once(socket.handle());
+  // Nothing waits without end: a blocked receive gives up, too.
+  const timeval timeout{.tv_sec = kTimeout.count() / 1'000'000'000, .tv_usec = 0};
+  setsockopt(socket.handle(), SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
+  return std::unique_ptr<Caller>(std::make_unique<FloorCaller>(carrier, std::move(socket), wait));
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "caller.hpp"
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "settings.hpp"
+
+/// The raw floor: what the sockets themselves cost. A program of system calls alone that moves the
+/// same bytes as RTPM's frames (its 64-byte header and the payload) with the same wait strategy,
+/// scheduling and placement. It has no sessions, deadlines, retransmission or priorities beyond its
+/// threads' own.
+namespace rtpm::bench {
+
+inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
+
+/// One thread of a raw server with one socket.
+struct FloorLaneConfig {
+  std::string name;
+  Priority priority{};
+  rt::WaitConfig wait{};
+  int cpu = 0;
+  int connection_count = 1;  ///< TCP: how many callers will connect, each once.
+};
+
+/// Starts a raw echo server in this process, one thread and one port per lane, which serves until
+/// the process ends. A frame whose first eight bytes are not zero asks it to compute for that many
+/// nanoseconds first. Gives back the lanes' ports, in order.   Set-up only.
+[[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
+    Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
+
+/// Connects a raw caller to a lane's port.   Set-up only.
+[[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
+    Carrier carrier, std::uint16_t port, const rt::WaitConfig& wait);
+
+}  // namespace rtpm::bench

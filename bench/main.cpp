@@ -1,0 +1,173 @@
+#include <algorithm>
+#include <cstdio>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "case.hpp"
+#include "disturbance.hpp"
+#include "report.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+/// The command line as people write it, before it is checked.
+struct Arguments {
+  std::string verb;
+  std::vector<std::string> cases;
+  std::vector<std::string> transports{"udp", "tcp"};
+  std::vector<std::string> waits{"adaptive"};
+  std::vector<std::string> low_callers{"0", "1", "4"};
+  bool is_json = false;
+};
+
+void add_options(program::Options& options, Arguments& arguments, Settings& settings) {
+  options.add_positional("VERB", arguments.verb, "list, or run followed by cases",
+                         program::Presence::kRequired);
+  options.add_positional("CASE", arguments.cases, "what to run; `list` says which there are");
+  options.add("json", arguments.is_json, "print one JSON object per result");
+  options.add("transport", arguments.transports, "udp, tcp or both");
+  options.add("wait", arguments.waits,
+              "how callers and lanes wait: adaptive, block, spin, or several");
+  options.add("spin", settings.spin, "how long the adaptive wait spins");
+  options.add("samples", settings.sample_count,
+              "calls per side and result; 0: 100000 for call, 10000 for paced and isolation",
+              {0, 100'000'000});
+  options.add("rounds", settings.round_count, "parts of a run, of which the medians are shown",
+              {1, 1000});
+  options.add("rate", settings.rate_hz, "calls per second of paced and isolation", {1, 100'000});
+  options.add("low-callers", arguments.low_callers,
+              "numbers of low-priority callers for isolation");
+  options.add("work", settings.work, "how long each low-priority call computes",
+              {std::chrono::microseconds{1}, std::chrono::seconds{1}});
+  options.add_realtime(settings.realtime);
+}
+
+std::optional<Carrier> carrier_of(const std::string& text) {
+  if (text == "udp") return Carrier::kUdp;
+  if (text == "tcp") return Carrier::kTcp;
+  return std::nullopt;
+}
+
+std::optional<rt::WaitStrategy> wait_of(const std::string& text) {
+  for (const auto strategy :
+       {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
+    if (text == rt::to_string(strategy)) return strategy;
+  }
+  return std::nullopt;
+}
+
+std::optional<int> caller_count_of(const std::string& text) {
+  const bool is_number = !text.empty() && text.size() <= 2 &&
+                         std::all_of(text.begin(), text.end(),
+                                     [](char digit) { return digit >= '0' && digit <= '9'; });
+  if (!is_number || std::stoi(text) > 64) return std::nullopt;
+  return std::stoi(text);
+}
+
+/// Turns every text of a list into what it means.
+/// @return the first that means nothing, or nothing if all do.
+template <class T, class Parse>
+std::optional<std::string> translate(const std::vector<std::string>& texts, std::vector<T>& values,
+                                     Parse parse) {
+  values.clear();
+  for (const std::string& text : texts) {
+    const auto value = parse(text);
+    if (!value) return text;
+    values.push_back(*value);
+  }
+  if (values.empty()) return "";
+  return std::nullopt;
+}
+
+/// What is wrong with the arguments, or nothing; the rest of `settings` is set.
+std::optional<std::string> check(const Arguments& arguments, Settings& settings) {
+  if (const auto wrong = translate(arguments.transports, settings.carriers, carrier_of)) {
+    return "--transport takes udp, tcp or both, not '" + *wrong + "'";
+  }
+  if (const auto wrong = translate(arguments.waits, settings.waits, wait_of)) {
+    return "--wait takes adaptive, block and spin, not '" + *wrong + "'";
+  }
+  if (const auto wrong =
+          translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {
+    return "--low-callers takes numbers from 0 to 64, not '" + *wrong + "'";
+  }
+  if (arguments.verb == "list") {
+    if (!arguments.cases.empty()) return "list takes no case, but got '" + arguments.cases[0] + "'";
+    return std::nullopt;
+  }
+  if (arguments.verb != "run")
+    return "there is no verb '" + arguments.verb + "', only list and run";
+  std::string names;
+  for (const Case& known : cases())
+    names += (names.empty() ? "" : ", ") + std::string(known.name);
+  if (arguments.cases.empty()) return "run needs at least one case of " + names;
+  for (const std::string& name : arguments.cases) {
+    if (std::none_of(cases().begin(), cases().end(),
+                     [&](const Case& known) { return known.name == name; })) {
+      return "there is no case '" + name + "', only " + names;
+    }
+  }
+  return std::nullopt;
+}
+
+int list() {
+  for (const Case& known : cases()) {
+    std::printf("%-12.*s %.*s\n", static_cast<int>(known.name.size()), known.name.data(),
+                static_cast<int>(known.description.size()), known.description.data());
+  }
+  return 0;
+}
+
+/// Finds out, on a thread that ends at once, whether the run may have SCHED_FIFO; if not, says so
+/// once here instead of in every server process.
+/// @return nothing if the run cannot be as asked.
+std::optional<bool> settle_realtime(Settings& settings) {
+  if (settings.realtime == rt::RealtimeMode::kOff) return false;
+  const auto thread = rt::Thread::start(
+      {.name = "bench-probe", .priority = kHighPriority, .realtime = rt::RealtimeMode::kRequire},
+      [] {});
+  if (thread) return true;
+  say_not_measured(settings.realtime == rt::RealtimeMode::kRequire ? "error" : "warning",
+                   thread.error().text);
+  if (settings.realtime == rt::RealtimeMode::kRequire) return std::nullopt;
+  settings.realtime = rt::RealtimeMode::kOff;
+  return false;
+}
+
+int run(const Arguments& arguments, Settings settings) {
+  const auto is_realtime = settle_realtime(settings);
+  if (!is_realtime) return 1;
+  if (auto locked = rt::lock_memory(settings.realtime); !locked) {
+    say_not_measured("error", locked.error().text);
+    return 1;
+  }
+  const Environment environment = describe_environment(choose_placement(), *is_realtime);
+  Report report(arguments.is_json ? Report::Form::kJsonLines : Report::Form::kTable,
+                environment.json, environment.text);
+  bool is_complete = true;
+  for (const std::string& name : arguments.cases) {
+    for (const Case& known : cases()) {
+      if (known.name == name) is_complete = known.run(settings, report) && is_complete;
+    }
+  }
+  return is_complete ? 0 : 1;
+}
+
+}  // namespace
+}  // namespace rtpm::bench
+
+int main(int argc, char** argv) {
+  using namespace rtpm::bench;
+  rtpm::program::Options options(
+      "rtpm-bench", "Measures RTPM beside the raw sockets below it, in one interleaved run.");
+  Arguments arguments;
+  Settings settings;
+  add_options(options, arguments, settings);
+  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+  if (const auto wrong = check(arguments, settings)) return options.usage_error(*wrong);
+  return arguments.verb == "list" ? list() : run(arguments, settings);
+}

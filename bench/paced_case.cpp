@@ -1,0 +1,108 @@
+#include <algorithm>
+#include <array>
+
+#include "case.hpp"
+#include "disturbance.hpp"
+#include "duel.hpp"
+#include "paced_calls.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+constexpr std::uint64_t kSampleCountDefault = 10'000;
+/// How long one side calls before the other's turn.
+constexpr double kTurnS = 0.5;
+constexpr int kWarmUpCount = 5;
+
+struct Contender {
+  Side side;
+  std::unique_ptr<Caller> caller;
+  Samples samples;
+};
+using Contenders = std::array<Contender, 2>;
+
+expected<void, std::string> measure_turn(Duel& duel, Contender& contender, Duration period,
+                                         std::size_t count) {
+  duel.take_turn(contender.side);
+  if (!contender.caller) {
+    auto caller = duel.connect_high();
+    if (!caller) return unexpected{caller.error()};
+    contender.caller = std::move(*caller);
+  }
+  for (int i = 0; i < kWarmUpCount; ++i) {
+    if (auto called = contender.caller->echo(); !called) return called;
+  }
+  return call_paced(*contender.caller, period, count, CountFrom::kDue, contender.samples);
+}
+
+expected<void, std::string> measure(Duel& duel, Contenders& contenders, double rate_hz,
+                                    std::size_t count_per_round) {
+  const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
+  const auto turn_size = std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * rate_hz));
+  for (int round = 0; round < contenders[0].samples.round_count(); ++round) {
+    for (Contender& contender : contenders)
+      contender.samples.begin_round(round);
+    for (std::size_t done = 0; done < count_per_round; done += turn_size) {
+      const std::size_t count = std::min(turn_size, count_per_round - done);
+      for (Contender& contender : contenders) {
+        if (auto measured = measure_turn(duel, contender, period, count); !measured) {
+          return measured;
+        }
+      }
+      std::swap(contenders[0], contenders[1]);
+    }
+  }
+  duel.end_turn();
+  return {};
+}
+
+expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
+  auto duel = Duel::start(config);
+  if (!duel) return unexpected{duel.error()};
+  const std::uint64_t count =
+      settings.sample_count == 0 ? kSampleCountDefault : settings.sample_count;
+  const auto count_per_round = static_cast<std::size_t>(
+      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+  Contenders contenders{
+      Contender{Side::kRtpm, nullptr, Samples(settings.round_count, count_per_round)},
+      Contender{Side::kFloor, nullptr, Samples(settings.round_count, count_per_round)}};
+  Result result{.title = title_of("paced", config) + ", " + short_text(settings.rate_hz) + " Hz"};
+  const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
+    const DisturbanceWatch watch((*duel)->server_ids());
+    if (auto done = measure(**duel, contenders, settings.rate_hz, count_per_round); !done) {
+      return done;
+    }
+    const bool is_swapped = contenders[0].side == Side::kFloor;
+    add_comparison(result, "paced", config, contenders[is_swapped ? 1 : 0].samples,
+                   contenders[is_swapped ? 0 : 1].samples);
+    result.json.add("rate_hz", settings.rate_hz);
+    watch.finish(result, longest_us(result));
+    return {};
+  });
+  if (!measured) return unexpected{measured.error()};
+  return result;
+}
+
+}  // namespace
+
+bool run_paced(const Settings& settings, Report& report) {
+  bool is_complete = true;
+  for (const Carrier carrier : settings.carriers) {
+    for (const rt::WaitStrategy strategy : settings.waits) {
+      const DuelConfig config{.carrier = carrier,
+                              .wait = {.strategy = strategy, .spin = settings.spin},
+                              .placement = choose_placement(),
+                              .realtime = settings.realtime};
+      const auto result = measure_one(settings, config);
+      if (result) {
+        report.add(*result);
+      } else {
+        say_not_measured(title_of("paced", config), result.error());
+        is_complete = false;
+      }
+    }
+  }
+  return is_complete;
+}
+
+}  // namespace rtpm::bench

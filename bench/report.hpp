@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "samples.hpp"
+
+namespace rtpm::bench {
+
+/// A JSON object under construction, its members in the order of adding.
+class JsonObject {
+ public:
+  void add(std::string_view key, std::string_view value);
+  void add(std::string_view key, const char* value) { add(key, std::string_view(value)); }
+  void add(std::string_view key, bool value);
+  void add(std::string_view key, std::int64_t value);
+  void add(std::string_view key, int value) { add(key, std::int64_t{value}); }
+  /// Three decimals; a number that is none becomes null.
+  void add(std::string_view key, double value);
+  void add(std::string_view key, const std::vector<std::string>& values);
+  void add(std::string_view key, const JsonObject& value);
+
+  [[nodiscard]] std::string text() const { return "{" + members_ + "}"; }
+
+ private:
+  void add_raw(std::string_view key, std::string_view json);
+  std::string members_;
+};
+
+/// One line of a result's table for people.
+struct Row {
+  std::string name;
+  Percentiles values;
+};
+
+/// What a case found, for people and for programs.
+struct Result {
+  std::string title{};               ///< For people: the case and what it varied.
+  std::vector<Row> rows{};           ///< For people: distributions, one below the other.
+  std::vector<std::string> notes{};  ///< For people: further findings, a sentence each.
+  std::vector<std::string> marks{};  ///< What disturbed the run; programs get them, too.
+  JsonObject json{};                 ///< For programs.
+};
+
+/// Prints results as they come, so that an interrupted run keeps what it has.
+class Report {
+ public:
+  enum class Form : std::uint8_t { kTable, kJsonLines };
+  Report(Form form, JsonObject environment, std::string environment_text);
+
+  void add(const Result& result);
+  [[nodiscard]] int result_count() const noexcept { return result_count_; }
+
+ private:
+  Form form_;
+  JsonObject environment_;
+  std::string environment_text_;
+  int result_count_ = 0;
+};
+
+/// Adds "<prefix>p50_us" … "<prefix>max_us".
+void add_percentiles(JsonObject& json, std::string_view prefix, const Percentiles& values);
+
+/// A number with three significant places or so: "9.87", "123".
+[[nodiscard]] std::string short_text(double value);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,43 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <functional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+
+namespace rtpm::bench {
+
+/// A server in a process of its own, as in real use. It is forked, so make it before this process
+/// starts a thread. It ends with this object, or with this process however that ends.
+/// Threads: one at a time.   Set-up only, but for pause() and resume().
+class ServerProcess {
+ public:
+  /// What the new process does: set the server up and give back where it is reached, or why it
+  /// could not be set up. The server's threads serve until the process is ended.
+  using SetUp = std::function<expected<std::string, std::string>()>;
+
+  [[nodiscard]] static expected<ServerProcess, std::string> start(const SetUp& set_up);
+  ServerProcess(ServerProcess&& other) noexcept;
+  ServerProcess& operator=(ServerProcess&& other) noexcept;
+  ~ServerProcess();
+
+  /// What the set-up gave back.
+  [[nodiscard]] const std::string& address() const noexcept { return address_; }
+  [[nodiscard]] pid_t id() const noexcept { return id_; }
+
+  /// Takes the server off its CPU and brings it back. Two servers that spin on one CPU would starve
+  /// each other; so the one that is not measured is stopped.   RT: two syscalls.
+  void pause() const noexcept;
+  void resume() const noexcept;
+
+ private:
+  ServerProcess(pid_t id, std::string address) : id_(id), address_(std::move(address)) {}
+
+  pid_t id_ = -1;
+  std::string address_;
+};
+
+}  // namespace rtpm::bench

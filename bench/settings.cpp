@@ -1,0 +1,23 @@
+#include "settings.hpp"
+
+#include <sched.h>
+
+namespace rtpm::bench {
+
+std::string_view to_string(Carrier carrier) noexcept {
+  return carrier == Carrier::kUdp ? "udp" : "tcp";
+}
+
+Placement choose_placement() {
+  cpu_set_t usable;
+  CPU_ZERO(&usable);
+  sched_getaffinity(0, sizeof usable, &usable);
+  std::vector<int> cpus;
+  for (int cpu = 0; cpu < CPU_SETSIZE && cpus.size() < 2; ++cpu) {
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &usable)) cpus.push_back(cpu);
+  }
+  if (cpus.empty()) return {};
+  return {.client_cpu = cpus.front(), .server_cpu = cpus.back()};
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/wait.hpp"
+
+namespace rtpm::bench {
+
+/// What carries the bytes, for RTPM and for the raw floor alike.
+enum class Carrier : std::uint8_t { kUdp, kTcp };
+[[nodiscard]] std::string_view to_string(Carrier carrier) noexcept;
+
+/// What a run is asked to do; every case reads its part.
+struct Settings {
+  std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp};
+  std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
+  Duration spin = rt::WaitConfig{}.spin;  ///< How long the adaptive wait spins.
+  std::uint64_t sample_count = 0;         ///< Per contender and result; 0: the case's own.
+  int round_count = 5;                    ///< Of which the medians are reported.
+  double rate_hz = 1000;                  ///< Of callers that keep a pace.
+  std::vector<int> low_caller_counts{0, 1, 4};
+  Duration work = std::chrono::microseconds{200};  ///< Of one low-priority call.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// The priorities of the measured caller with its lane, and of the load with its own.
+inline constexpr Priority kHighPriority{24000};
+inline constexpr Priority kLowPriority{1000};
+/// Where the high lane begins.
+inline constexpr Priority kHighBand{16000};
+
+/// Where the two sides run: callers on one CPU, servers on another, so that a wake-up costs the
+/// same in every run. On a machine with a single CPU both are that one.
+struct Placement {
+  int client_cpu = 0;
+  int server_cpu = 0;
+};
+/// The first two CPUs that this process may use.   Set-up only.
+[[nodiscard]] Placement choose_placement();
+
+}  // namespace rtpm::bench
