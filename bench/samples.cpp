@@ -13,7 +13,8 @@ double to_us(Duration duration) {
 double percentile_of(std::vector<Duration> samples, double percent) {
   if (samples.empty()) return 0;
   const double share = percent / 100.0 * static_cast<double>(samples.size());
-  const auto rank = static_cast<std::size_t>(std::max(1.0, std::ceil(share)));
+  // 99.9 % of 1000 is 999, also where binary fractions make it a little more.
+  const auto rank = static_cast<std::size_t>(std::max(1.0, std::ceil(share - 1e-6)));
   const auto at = samples.begin() + static_cast<std::ptrdiff_t>(std::min(rank, samples.size()) - 1);
   std::nth_element(samples.begin(), at, samples.end());
   return to_us(*at);

@@ -31,6 +31,7 @@ const std::vector<Part>& parts() {
       {"registry/events/",
        "events",
        {"base", "wire", "rt", "transport", "rpc", "program", "names"}},
+      {"registry/daemon/", "", {"base", "wire", "rt", "transport", "rpc", "program", "names"}},
       {"gvd/driver/", "driver", {"base"}},
       {"gvd/", "gvd", {"base", "wire", "rt", "rpc", "program", "names", "driver"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
@@ -131,7 +132,7 @@ std::string check_foreign(const SourceFile& file, std::string_view header) {
 /// part's src/.
 std::string check_private(const SourceFile& file, const Part& part, std::string_view header,
                           const std::set<std::string>& paths) {
-  if (header.starts_with("rtpm/")) return {};
+  if (header.starts_with("rtpm/") || header.ends_with(".rtpm.hpp")) return {};
   const std::string beside = file.path.substr(0, file.path.rfind('/') + 1) + std::string(header);
   if (paths.contains(beside)) return {};
   const std::string suffix = "/" + std::string(header);
@@ -140,7 +141,7 @@ std::string check_private(const SourceFile& file, const Part& part, std::string_
   });
   if (is_in_part) return {};
   return "includes \"" + std::string(header) + "\", which is no header of " +
-         std::string(part.folder) + "; generated and system headers go in <>";
+         std::string(part.folder);
 }
 
 }  // namespace

@@ -56,7 +56,7 @@ const std::vector<Rule>& rules() {
       {"function", std::regex(R"(\bstd::function\b)"), Reads::kCode, realtime_folders(),
        "it may allocate; take a template, a reference or an interface"},
       {"atomic-wait",
-       std::regex(R"(\.(wait|notify_one|notify_all)\(|->notify_(one|all)\()"),
+       std::regex(R"((\.|->)notify_(one|all)\()"),
        Reads::kCode,
        {"protocol/", "runtime/transport/", "runtime/rpc/"},
        "std::atomic::wait does not work across processes; use a futex or an eventfd"},
@@ -88,11 +88,25 @@ bool is_in(const SourceFile& file, const std::vector<std::string_view>& folders)
                      [&](std::string_view folder) { return file.path.starts_with(folder); });
 }
 
-/// The CMakeLists.txt that would name a source: of its folder or of one above.
+constexpr std::string_view kListName = "CMakeLists.txt";
+
+/// Whether a CMakeLists.txt above adds the folder of this one, "" being the root's.
+bool is_added_by_cmake(const SourceFile& list, const std::vector<SourceFile>& files) {
+  const std::string folder = list.path.substr(0, list.path.size() - kListName.size());
+  return folder.empty() || std::any_of(files.begin(), files.end(), [&](const SourceFile& above) {
+           if (!above.path.ends_with(kListName) || above.path == list.path) return false;
+           const std::size_t size = above.path.size() - kListName.size();
+           if (!folder.starts_with(above.path.substr(0, size))) return false;
+           const std::string rest = folder.substr(size, folder.size() - size - 1);
+           return above.text.find("add_subdirectory(" + rest + ")") != std::string::npos;
+         });
+}
+
+/// Whether the CMakeLists.txt of its folder, or of one above, names a source.
 bool is_named_by_cmake(const SourceFile& file, const std::vector<SourceFile>& files) {
   for (const SourceFile& list : files) {
-    if (!list.path.ends_with("CMakeLists.txt")) continue;
-    const std::string folder = list.path.substr(0, list.path.size() - 14);
+    if (!list.path.ends_with(kListName)) continue;
+    const std::string folder = list.path.substr(0, list.path.size() - kListName.size());
     if (!file.path.starts_with(folder)) continue;
     if (list.text.find(file.path.substr(folder.size())) != std::string::npos) return true;
   }
@@ -176,6 +190,9 @@ std::vector<Fault> find_banned_words(const std::vector<SourceFile>& files,
 std::vector<Fault> find_misshapen_files(const std::vector<SourceFile>& files) {
   std::vector<Fault> faults;
   for (const SourceFile& file : files) {
+    if (file.path.ends_with(kListName) && !is_added_by_cmake(file, files)) {
+      faults.push_back(fault_at(file, 0, "no CMakeLists.txt above adds this folder"));
+    }
     if (!is_cpp(file)) continue;
     const std::size_t line_count = lines_of(file.text).size();
     if (line_count > kFileLineMax) {

@@ -22,8 +22,8 @@ struct Exemption {
 [[nodiscard]] std::vector<Fault> find_banned_words(const std::vector<SourceFile>& files,
                                                    const std::vector<Exemption>& excused);
 
-/// Headers without `#pragma once` or with `using namespace`, files that grew past 800 lines, and
-/// sources that no CMakeLists.txt names.
+/// Headers without `#pragma once` or with `using namespace`, files that grew past 800 lines,
+/// sources that no CMakeLists.txt names, and folders that none adds.
 [[nodiscard]] std::vector<Fault> find_misshapen_files(const std::vector<SourceFile>& files);
 
 /// Tests whose body asserts nothing.

@@ -147,6 +147,9 @@ TEST(Files, OutOfShapeAreFound) {
   for (int i = 0; i < 800; ++i)
     long_text += "//\n";
   const auto faults = find_misshapen_files({
+      {"CMakeLists.txt", "add_subdirectory(runtime)"},
+      {"runtime/CMakeLists.txt", "add_subdirectory(rt)"},
+      {"runtime/rpc/CMakeLists.txt", ""},
       {"runtime/rt/CMakeLists.txt", "rtpm_library(NAME rt SOURCES src/named.cpp)"},
       {"runtime/rt/src/named.cpp", ""},
       {"runtime/rt/src/orphan.cpp", ""},
@@ -154,7 +157,8 @@ TEST(Files, OutOfShapeAreFound) {
       {"runtime/rt/src/greedy.hpp", "#pragma once\nusing namespace std;\n"},
       {"runtime/rt/src/long.hpp", long_text},
   });
-  EXPECT_EQ(faults.size(), 4u);
+  EXPECT_EQ(faults.size(), 5u);
+  expect_fault(faults, "runtime/rpc/CMakeLists.txt:1:", "no CMakeLists.txt above");
   expect_fault(faults, "runtime/rt/src/orphan.cpp:1:", "no CMakeLists.txt");
   expect_fault(faults, "runtime/rt/src/bare.hpp:1:", "#pragma once");
   expect_fault(faults, "runtime/rt/src/greedy.hpp:2:", "using namespace");

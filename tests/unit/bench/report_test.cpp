@@ -1,0 +1,68 @@
+#include "report.hpp"
+
+#include <gtest/gtest.h>
+
+#include <limits>
+#include <string>
+
+namespace rtpm::bench {
+namespace {
+
+TEST(JsonObject, KeepsTheOrderAndTheTypesOfItsMembers) {
+  JsonObject inner;
+  inner.add("cpu_count", 2);
+  JsonObject json;
+  json.add("case", "call");
+  json.add("n", std::int64_t{100'000});
+  json.add("p50_us", 6.5707);
+  json.add("virtualised", true);
+  json.add("marks", std::vector<std::string>{"a", "b"});
+  json.add("environment", inner);
+  EXPECT_EQ(json.text(), R"({"case": "call", "n": 100000, "p50_us": 6.571, "virtualised": true, )"
+                         R"("marks": ["a", "b"], "environment": {"cpu_count": 2}})");
+}
+
+TEST(JsonObject, EscapesWhatJsonDoesNotTakeAsItIs) {
+  JsonObject json;
+  json.add("text", "a\"b\\c\n");
+  EXPECT_EQ(json.text(), R"({"text": "a\"b\\c\u000a"})");
+}
+
+TEST(JsonObject, HasNoWordForANumberThatIsNone) {
+  JsonObject json;
+  json.add("ratio", std::numeric_limits<double>::quiet_NaN());
+  EXPECT_EQ(json.text(), R"({"ratio": null})");
+}
+
+TEST(Report, PrintsOneJsonObjectALineWithMarksAndEnvironment) {
+  JsonObject environment;
+  environment.add("kernel", "6.1");
+  Report report(Report::Form::kJsonLines, environment, "a machine");
+  Result result{.title = "call", .marks = {"disturbed"}};
+  result.json.add("case", "call");
+  testing::internal::CaptureStdout();
+  report.add(result);
+  report.add(result);
+  const std::string line =
+      R"({"case": "call", "marks": ["disturbed"], "environment": {"kernel": "6.1"}})"
+      "\n";
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), line + line);
+  EXPECT_EQ(report.result_count(), 2);
+}
+
+TEST(Report, PrintsTheMachineOnceAndATablePerResult) {
+  Report report(Report::Form::kTable, {}, "a machine");
+  Result result{.title = "call, udp", .notes = {"a note"}, .marks = {"disturbed"}};
+  result.rows.push_back({"RTPM", {.p50 = 6.571, .p90 = 12.34, .p99 = 123.4}});
+  testing::internal::CaptureStdout();
+  report.add(result);
+  report.add(result);
+  const std::string text = testing::internal::GetCapturedStdout();
+  EXPECT_EQ(text.find("a machine"), 0u);
+  EXPECT_EQ(text.find("a machine", 1), std::string::npos);
+  EXPECT_NE(text.find("RTPM                        6.57      12.3       123"), std::string::npos);
+  EXPECT_NE(text.find("  a note\n  ! disturbed\n"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtpm::bench
