@@ -156,7 +156,11 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   const auto header = decode_frame(frame);
   if (!header) {
     ChannelEvent event = drop(header.error());
-    if (config_.medium == Medium::kStream) event.kind = ChannelEvent::Kind::kBroken;
+    if (config_.medium == Medium::kStream) {
+      // hp-8-2: nobody knows where the next frame begins.
+      reset();
+      event.kind = ChannelEvent::Kind::kBroken;
+    }
     return event;
   }
   const ConstBytes payload = frame.subspan(kHeaderSize);

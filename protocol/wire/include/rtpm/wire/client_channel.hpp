@@ -43,7 +43,7 @@ struct ChannelEvent {
     kRefused,  ///< The handshake was refused with `status`.
     kLost,     ///< The server does not know the session: handshake again.
     kTimeout,  ///< The deadline of the handshake or call passed.
-    kBroken,   ///< Stream only: not our protocol; end the connection.
+    kBroken,   ///< Stream only: not our protocol; end the connection. The session is gone.
   };
   Kind kind = Kind::kNothing;
   Status status = Status::kOk;
