@@ -59,14 +59,19 @@ std::optional<BindReply> decode_bind_reply(ConstBytes payload) noexcept {
   reply.service = reader.take<std::uint32_t>();
   const auto priority = reader.take<std::uint16_t>();
   const auto flags = reader.take<std::uint8_t>();
-  (void)reader.take<std::uint8_t>();
+  bool is_reserved_zero = reader.take_zeros(1);
   reply.fingerprint = reader.take<std::uint64_t>();
   reply.method_count = reader.take<std::uint16_t>();
-  (void)reader.take_bytes(6);
-  if (!reader.ok() || !Priority::is_valid(priority) || (flags & ~kBindFlagsKnown) != 0 ||
-      reply.service == kSessionService ||
+  is_reserved_zero = reader.take_zeros(6) && is_reserved_zero;
+  if (!reader.ok() || !is_reserved_zero || !Priority::is_valid(priority) ||
+      (flags & ~kBindFlagsKnown) != 0 || reply.service == kSessionService ||
       reader.left() != reply.method_count * MethodEntry::kSize) {
     return std::nullopt;
+  }
+  for (std::uint16_t i = 0; i < reply.method_count; ++i) {
+    (void)reader.take<std::uint16_t>();
+    if (!reader.take_zeros(2)) return std::nullopt;
+    (void)reader.take<std::uint32_t>();
   }
   reply.priority = Priority{priority};
   reply.is_server_declared = (flags & kBindServerDeclared) != 0;

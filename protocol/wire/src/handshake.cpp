@@ -7,12 +7,6 @@
 namespace rtpm::wire {
 namespace {
 
-// Reads a reserved stretch, which must be zero.
-[[nodiscard]] bool take_zeros(ByteReader& reader, std::size_t count) noexcept {
-  const ConstBytes bytes = reader.take_bytes(count);
-  return std::all_of(bytes.begin(), bytes.end(), [](std::byte b) { return b == std::byte{0}; });
-}
-
 [[nodiscard]] std::optional<Priority> take_priority(ByteReader& reader) noexcept {
   const auto value = reader.take<std::uint16_t>();
   if (!Priority::is_valid(value)) return std::nullopt;
@@ -47,9 +41,9 @@ std::optional<Hello> decode_hello(ConstBytes payload) noexcept {
   hello.channel = reader.take<std::uint64_t>();
   hello.clock_domain = reader.take<std::uint64_t>();
   hello.message_size_max = reader.take<std::uint32_t>();
-  const bool is_first_zero = take_zeros(reader, 4);
+  const bool is_first_zero = reader.take_zeros(4);
   std::ranges::copy(reader.take_bytes(hello.cookie.size()), hello.cookie.begin());
-  const bool is_second_zero = take_zeros(reader, 8);
+  const bool is_second_zero = reader.take_zeros(8);
   if (!is_first_zero || !is_second_zero || hello.client_epoch == 0) return std::nullopt;
   return hello;
 }
@@ -80,11 +74,11 @@ std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
   const auto ceiling = take_priority(reader);
   welcome.features = reader.take<std::uint32_t>();
   welcome.window = reader.take<std::uint16_t>();
-  const bool is_first_zero = take_zeros(reader, 2);
+  const bool is_first_zero = reader.take_zeros(2);
   welcome.server_epoch = reader.take<std::uint64_t>();
   welcome.clock_domain = reader.take<std::uint64_t>();
   welcome.message_size_max = reader.take<std::uint32_t>();
-  const bool is_second_zero = take_zeros(reader, 12);
+  const bool is_second_zero = reader.take_zeros(12);
   if (!low || !high || !ceiling || *low > *high || !is_first_zero || !is_second_zero ||
       welcome.version != kVersion || welcome.window == 0 || welcome.server_epoch == 0) {
     return std::nullopt;

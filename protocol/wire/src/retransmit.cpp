@@ -13,7 +13,7 @@ Duration RetransmitTimer::interval() const noexcept {
 void RetransmitTimer::begin(MonotonicTime now) noexcept {
   sent_ = now;
   repeat_count_ = 0;
-  current_ = interval();
+  current_ = std::max(interval(), backed_off_);
   due_ = now + current_;
 }
 
@@ -25,6 +25,9 @@ void RetransmitTimer::repeat(MonotonicTime now) noexcept {
 
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
+  // Without this a round trip that grew beyond the wait would never be measured again: each call
+  // would be repeated, so none would count.
+  backed_off_ = repeat_count_ > 0 ? current_ : Duration{0};
   if (repeat_count_ > 0) return;
   const Duration sample = std::max(now - sent_, Duration{1});
   if (smoothed_ == Duration{0}) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <bit>
 #include <concepts>
 #include <cstddef>
@@ -62,6 +63,11 @@ class ByteReader {
     const ConstBytes field = bytes_.subspan(offset_, count);
     offset_ += count;
     return field;
+  }
+  /// Takes a reserved stretch of `count` bytes; whether it is there and zero as it has to be.
+  [[nodiscard]] bool take_zeros(std::size_t count) noexcept {
+    const ConstBytes field = take_bytes(count);
+    return ok_ && std::ranges::all_of(field, [](std::byte b) { return b == std::byte{0}; });
   }
   /// A view of text stored as a u16 length and that many bytes.
   [[nodiscard]] std::string_view take_text() noexcept {

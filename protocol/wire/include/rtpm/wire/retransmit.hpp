@@ -15,7 +15,7 @@ class RetransmitTimer {
   /// It was sent again.
   void repeat(MonotonicTime now) noexcept;
   /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
-  /// which copy was answered (Karn's rule).
+  /// which copy was answered (Karn's rule); the doubled wait then holds for the next call, too.
   void end(MonotonicTime now) noexcept;
 
   /// When to repeat.
@@ -31,6 +31,7 @@ class RetransmitTimer {
   Duration smoothed_{0};
   Duration deviation_{0};
   Duration current_{0};
+  Duration backed_off_{0};  ///< The wait at the end of the last call, if that was repeated.
   MonotonicTime sent_{};
   MonotonicTime due_ = kNever;
   int repeat_count_ = 0;
