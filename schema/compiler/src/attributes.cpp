@@ -2,7 +2,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <iterator>
 #include <vector>
+
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -35,28 +38,30 @@ constexpr std::string_view kFlatbuffersAttributes[] = {
     "private",
 };
 
-/// Letters to add, remove or change to make one word of the other (Levenshtein's distance).
-std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
-  for (std::size_t j = 0; j <= b.size(); ++j)
-    row[j] = j;
-  for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
-    row[0] = i;
-    for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t change = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({change, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
+/// The attribute, RTPM's or FlatBuffers', that somebody who wrote `name` most likely meant.
+std::string similar_attribute(std::string_view name) {
+  std::vector<std::string_view> names(std::begin(kFlatbuffersAttributes),
+                                      std::end(kFlatbuffersAttributes));
+  for (const KnownAttribute& known : kKnownAttributes)
+    names.push_back(known.name);
+  return most_similar(name, names);
 }
 
 }  // namespace
 
-bool is_known_attribute(std::string_view name) noexcept {
-  return std::any_of(kKnownAttributes.begin(), kKnownAttributes.end(),
-                     [name](const KnownAttribute& known) { return known.name == name; });
+const KnownAttribute* find_attribute(std::string_view name) noexcept {
+  const auto found =
+      std::find_if(kKnownAttributes.begin(), kKnownAttributes.end(),
+                   [name](const KnownAttribute& known) { return known.name == name; });
+  return found == kKnownAttributes.end() ? nullptr : &*found;
+}
+
+std::string value_hint(std::string_view name) {
+  const KnownAttribute* known = find_attribute(name);
+  if (known == nullptr) return {};
+  if (known->max == 0) return "write `" + std::string(name) + "` alone, or leave it out";
+  return "write `" + std::string(name) + ": N` with a whole number from 1 to " +
+         std::to_string(known->max) + " in decimal digits";
 }
 
 bool is_flatbuffers_attribute(std::string_view name) noexcept {
@@ -64,26 +69,9 @@ bool is_flatbuffers_attribute(std::string_view name) noexcept {
          std::end(kFlatbuffersAttributes);
 }
 
-std::string_view similar_attribute(std::string_view name) {
-  // A third of the letters wrong is the most that still looks like a slip of the finger.
-  std::size_t best = name.size() / 3 + 1;
-  std::string_view found;
-  const auto consider = [&](std::string_view candidate) {
-    const std::size_t distance = edit_distance(name, candidate);
-    if (distance == 0 || distance >= best) return;
-    best = distance;
-    found = candidate;
-  };
-  for (const KnownAttribute& known : kKnownAttributes)
-    consider(known.name);
-  for (const std::string_view candidate : kFlatbuffersAttributes)
-    consider(candidate);
-  return found;
-}
-
 std::string unknown_attribute_hint(std::string_view name) {
-  if (const std::string_view similar = similar_attribute(name); !similar.empty()) {
-    return "did you mean `" + std::string(similar) + "`?";
+  if (const std::string similar = similar_attribute(name); !similar.empty()) {
+    return "did you mean `" + similar + "`?";
   }
   if (!name.starts_with("rtpm_")) {
     return "an attribute of a tool of yours must be declared: attribute \"" + std::string(name) +

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "attributes.hpp"
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -24,7 +25,6 @@ constexpr std::uint64_t kKnownFeatureBits = 0xF;
 constexpr std::size_t kAlignmentMax = 16;
 
 constexpr std::uint32_t kMethodIdMax = 65535;
-constexpr std::uint32_t kDeadlineMax_us = 3'600'000'000;  // An hour.
 
 /// The number that all of `text` is, in decimal digits; nothing if it is none or larger than 2⁶⁴
 /// - 1.
@@ -75,20 +75,17 @@ class Checker {
       for (Object& object : model_.objects) {
         if (object.name == type.name) object.location = source_.locate(type.at);
       }
+      for (Enum& enumeration : model_.enums) {
+        if (enumeration.name == type.name) enumeration.location = source_.locate(type.at);
+      }
     }
   }
 
   void check_misplaced(const OtherAttribute& other) {
     if (!other.use.name.starts_with("rtpm_")) return;
-    if (!is_known_attribute(other.use.name)) {
-      report(other.use.at, "unknown attribute `" + other.use.name + "`",
-             unknown_attribute_hint(other.use.name));
-      return;
-    }
-    const auto known = std::find_if(kKnownAttributes.begin(), kKnownAttributes.end(),
-                                    [&](const auto& k) { return k.name == other.use.name; });
-    report(other.use.at, "`" + other.use.name + "` has no effect on " + other.owner,
-           "it belongs on " + std::string(known->place) + "; remove it here");
+    const KnownAttribute* known = find_attribute(other.use.name);
+    check_no_effect(other.use, other.owner,
+                    known ? "it belongs on " + std::string(known->place) + "; remove it here" : "");
   }
 
   /// Into the order of the text: the reflection has the services by name.
@@ -105,8 +102,11 @@ class Checker {
   void check_service(Service& service, const ServiceOutline& outline) {
     service.location = source_.locate(outline.at);
     for (const AttributeUse& use : outline.attributes) {
-      check_no_effect(use, "a service", "it belongs on its methods, one by one");
+      check_no_effect(
+          use, "a service",
+          is_known_attribute(use.name) ? "it belongs on its methods, one by one" : "remove it");
     }
+    missing_id_count_ = 0;
     const std::string of_service = " of service `" + service.name + "`";
     for (std::size_t i = 0; i < service.methods.size(); ++i) {
       check_method(service, i, outline.methods[i], of_service);
@@ -114,8 +114,12 @@ class Checker {
     check_clashes(service, outline);
   }
 
+  /// An attribute of RTPM or FlatBuffers that says nothing where it stands; those of other tools
+  /// are their own affair.
   void check_no_effect(const AttributeUse& use, const std::string& place, const std::string& hint) {
-    if (use.name.starts_with("rtpm_") || is_flatbuffers_attribute(use.name)) {
+    if (use.name.starts_with("rtpm_") && !is_known_attribute(use.name)) {
+      report(use.at, "unknown attribute `" + use.name + "`", unknown_attribute_hint(use.name));
+    } else if (is_known_attribute(use.name) || is_flatbuffers_attribute(use.name)) {
       report(use.at, "`" + use.name + "` has no effect on " + place, hint);
     }
   }
@@ -135,27 +139,19 @@ class Checker {
     if (!seen.contains("rtpm_id")) {
       report(outline.at, "method `" + method.name + "`" + of_service + " has no rtpm_id",
              "give it a number that no method of the service ever had: (rtpm_id: " +
-                 std::to_string(free_id(service)) + ")");
+                 std::to_string(free_id(service) + missing_id_count_++) + ")");
     }
     check_payload(method.request, outline.request_at, "request", outline.request);
     check_payload(method.reply, outline.reply_at, "reply", outline.reply);
   }
 
   void check_attribute(Method& method, const AttributeUse& use) {
-    if (use.name == "rtpm_id") {
-      if (const auto id = number_of(use, kMethodIdMax)) method.id = static_cast<std::uint16_t>(*id);
-    } else if (use.name == "rtpm_deadline_us") {
-      if (const auto us = number_of(use, kDeadlineMax_us)) {
-        method.deadline_us = static_cast<std::uint32_t>(*us);
-      }
-    } else if (use.name == "rtpm_idempotent") {
-      method.is_idempotent = true;
-      if (use.value) {
-        report(use.value_at, "`rtpm_idempotent` takes no value",
-               "write rtpm_idempotent alone, or leave it out");
-      }
-    } else if (use.name.starts_with("rtpm_")) {
-      report(use.at, "unknown attribute `" + use.name + "`", unknown_attribute_hint(use.name));
+    if (const KnownAttribute* known = find_attribute(use.name)) {
+      const std::optional<std::uint64_t> number = value_of(use, *known);
+      if (!number) return;
+      if (use.name == "rtpm_id") method.id = static_cast<std::uint16_t>(*number);
+      if (use.name == "rtpm_deadline_us") method.deadline_us = static_cast<std::uint32_t>(*number);
+      if (use.name == "rtpm_idempotent") method.is_idempotent = true;
     } else {
       const bool has_counterpart = is_known_attribute("rtpm_" + use.name);
       check_no_effect(use, "a method",
@@ -163,18 +159,21 @@ class Checker {
     }
   }
 
-  /// The attribute's number from 1 to `max`; reports what is none.
-  std::optional<std::uint64_t> number_of(const AttributeUse& use, std::uint32_t max) {
-    const std::string range = "a whole number from 1 to " + std::to_string(max);
-    if (!use.value) {
-      report(use.at, "`" + use.name + "` needs a value",
-             "write (" + use.name + ": N) with " + range);
+  /// The attribute's number, 1 for one that takes none; reports a value that is wrong or lacks.
+  std::optional<std::uint64_t> value_of(const AttributeUse& use, const KnownAttribute& known) {
+    if (known.max == 0) {
+      if (!use.value) return 1;
+      report(use.value_at, "`" + use.name + "` takes no value", value_hint(use.name));
       return std::nullopt;
     }
-    const std::optional<std::uint64_t> value = to_number(*use.value);
-    if (value && *value >= 1 && *value <= max) return value;
-    report(use.value_at, "`" + use.name + "` is " + range + ", not `" + *use.value + "`",
-           "write it in decimal digits, such as " + use.name + ": 1");
+    if (!use.value) {
+      report(use.at, "`" + use.name + "` needs a value", value_hint(use.name));
+      return std::nullopt;
+    }
+    const std::optional<std::uint64_t> number = to_number(*use.value);
+    if (number && *number >= 1 && *number <= known.max) return number;
+    report(use.value_at, "`" + *use.value + "` is no value for `" + use.name + "`",
+           value_hint(use.name));
     return std::nullopt;
   }
 
@@ -220,12 +219,10 @@ class Checker {
     // FlatBuffers' parser says so itself, but not of a struct that is defined behind the service.
     if (object.is_struct) {
       report(span, "a " + role + " must be a table, and `" + type + "` is a struct",
-             "wrap it: `table " + type + "Message { value:" + type +
-                 " (required); }`; on the wire that is the bare struct, so it costs nothing");
+             wrap_struct_hint(type));
       return;
     }
-    std::set<std::size_t> seen;
-    if (const Object* aligned = find_overaligned(payload.table, seen)) {
+    if (const Object* aligned = find_overaligned(payload.table)) {
       report(span,
              "`" + aligned->name + "`, which is part of this " + role + ", is aligned to " +
                  std::to_string(aligned->alignment) + " bytes",
@@ -234,15 +231,14 @@ class Checker {
   }
 
   /// A struct aligned to more than a payload is, among all that is reached from `index`.
-  const Object* find_overaligned(std::size_t index, std::set<std::size_t>& seen) const {
+  [[nodiscard]] const Object* find_overaligned(std::size_t index) const {
+    std::set<std::size_t> seen;
     std::vector<std::size_t> open{index};
     while (!open.empty()) {
-      const Object& object = model_.objects[open.back()];
-      if (!seen.insert(open.back()).second) {
-        open.pop_back();
-        continue;
-      }
+      const std::size_t at = open.back();
       open.pop_back();
+      if (!seen.insert(at).second) continue;
+      const Object& object = model_.objects[at];
       if (object.alignment > kAlignmentMax) return &object;
       for (const Field& field : object.fields) {
         if (!field.type.index) continue;
@@ -262,6 +258,7 @@ class Checker {
   const SourceFile& source_;
   const Outline& text_;
   Diagnostics errors_{};
+  std::uint32_t missing_id_count_ = 0;  // In the service at hand, so that each gets its own hint.
 };
 
 }  // namespace

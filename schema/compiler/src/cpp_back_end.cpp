@@ -1,7 +1,4 @@
-#include <cstddef>
-#include <filesystem>
 #include <map>
-#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,6 +6,7 @@
 #include "cpp_names.hpp"
 #include "cpp_writer.hpp"
 #include "rtpm/schema/back_end.hpp"
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -42,10 +40,11 @@ class CppBackEnd final : public BackEnd {
  private:
   /// The three generated classes must not be data types of the schema too.
   static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
-    const auto report = [&](const std::string& name, std::string kind, const Location& place) {
+    const auto report = [&](const std::string& name, const std::string& kind,
+                            const Location& place) {
       Diagnostic error{service.location,
                        "service `" + service.name + "` becomes the class `" + short_name(name) +
-                           "`, which is a " + kind + " of the schema too",
+                           "`, which is " + with_article(kind) + " of the schema too",
                        "rename the service or the " + kind, std::nullopt};
       if (place.line != 0) error.note = Note{place, "the " + kind + " is here"};
       errors.push_back(std::move(error));
@@ -53,11 +52,12 @@ class CppBackEnd final : public BackEnd {
     for (const char* suffix : {"Client", "Servant", "MethodId"}) {
       const std::string name = service.name + suffix;
       for (const Object& object : model.objects) {
-        if (object.name == name)
-          report(name, object.is_struct ? "struct" : "table", object.location);
+        if (object.name != name) continue;
+        report(name, object.is_struct ? "struct" : "table", object.location);
       }
       for (const Enum& enumeration : model.enums) {
-        if (enumeration.name == name) report(name, enumeration.is_union ? "union" : "enum", {});
+        if (enumeration.name != name) continue;
+        report(name, enumeration.is_union ? "union" : "enum", enumeration.location);
       }
     }
   }

@@ -67,7 +67,7 @@ std::string client_method(const Model& model, const Service& service, const Meth
   head.parameters.front() = "const " + table + "T& request";
   head.tail = ";";
   return docs +
-         comment({"Set-up only, as the request is packed on the heap: in real time call",
+         comment({"Set-up only: it packs the request on the heap; in real time call " +
                   encoded.name + "()."},
                  "  ") +
          function(head, "  ") +
@@ -88,11 +88,12 @@ std::string client_class(const Model& model, const Service& service) {
       "");
   text += "class " + name + " {\n public:\n";
   text +=
+      "  /// What the calls assume of the object.\n"
       "  [[nodiscard]] static const ::rtpm::rpc::InterfaceDescriptor& interface() noexcept;\n\n";
   text += comment(
-      {"Binds `target`, a URL \"rtpm://host:port/path\" or a name for the node's resolver.   "
-       "Set-up only.",
-       "Errors: in words, with the remedy; an object of another interface is one."},
+      {"Binds `target`, a URL \"rtpm://host:port/path\" or a name for the node's resolver.",
+       "Set-up only.   Errors: in words, with the remedy; that the object has another interface",
+       "is one of them, and its text says in which method."},
       "  ");
   text += "  [[nodiscard]] static ::rtpm::expected<" + name +
           ", ::rtpm::rpc::SetupError> bind(\n"
@@ -102,13 +103,13 @@ std::string client_class(const Model& model, const Service& service) {
     text += '\n' + client_method(model, service, method);
   text +=
       "\n  /// What the calls go through: to open more channels, or to ask where the object is.\n"
-      "  [[nodiscard]] ::rtpm::rpc::Binding& binding() noexcept { return binding_; }\n\n"
+      "  [[nodiscard]] ::rtpm::rpc::Binding& binding() noexcept { return rtpm_binding_; }\n\n"
       " private:\n"
       "  explicit " +
       name +
       "(::rtpm::rpc::Binding binding) noexcept\n"
-      "      : binding_(::std::move(binding)) {}\n\n"
-      "  ::rtpm::rpc::Binding binding_;\n};\n";
+      "      : rtpm_binding_(::std::move(binding)) {}\n\n"
+      "  ::rtpm::rpc::Binding rtpm_binding_;\n};\n";
   return text;
 }
 
@@ -139,6 +140,7 @@ std::string servant_class(const Model& model, const Service& service) {
   text +=
       comment({"The serving side of " + service.name + ": derive from it and write the methods.",
                "A request is valid during the call only, and was checked against the schema.",
+               "RT: as the methods are written; a lane's thread runs them.",
                "Threads: every lane that serves the object calls it, so several at once where "
                "lanes differ."},
               "");

@@ -60,7 +60,8 @@ bool is_keyword(std::string_view name) noexcept {
 }
 
 std::string method_name(const Service& service, const Method& method) {
-  constexpr std::array<std::string_view, 3> kOwn{"binding", "dispatch", "interface"};
+  constexpr std::array<std::string_view, 4> kOwn{"binding", "dispatch", "interface",
+                                                 "rtpm_binding_"};
   const std::string class_stem = short_name(service.name);
   const bool is_taken = is_keyword(method.name) || contains(kOwn, method.name) ||
                         method.name == class_stem + "Client" ||
@@ -90,16 +91,24 @@ std::string type_name(const std::string& qualified_name) {
 
 std::string function(const Function& function, std::string_view indent) {
   constexpr std::size_t kColumnMax = 100;
-  const std::string deeper = std::string(indent) + "    ";
-  std::string text = std::string(indent) + function.lead + function.result;
-  const bool fits = text.size() + 1 + function.name.size() + 1 <= kColumnMax;
-  text += (fits ? " " : '\n' + std::string(indent)) + function.name + '(';
-  std::string line;
+  const std::string margin(indent);
+  const std::string deeper = margin + "    ";
+  std::string parameters;
   for (const std::string& parameter : function.parameters) {
-    line += (line.empty() ? "" : ", ") + parameter;
+    parameters += (parameters.empty() ? "" : ", ") + parameter;
   }
-  if (deeper.size() + line.size() + 1 + function.tail.size() <= kColumnMax) {
-    return text + '\n' + deeper + line + ')' + function.tail + '\n';
+  std::string text = margin + function.lead + function.result;
+  const std::string rest = function.name + '(' + parameters + ')' + function.tail + '\n';
+  if (text.size() + rest.size() <= kColumnMax) return text + ' ' + rest;
+  if (text.size() + 1 + function.name.size() + 1 > kColumnMax) {
+    text += '\n' + margin;
+    if (margin.size() + rest.size() <= kColumnMax + 1) return text + rest;
+  } else {
+    text += ' ';
+  }
+  text += function.name + '(';
+  if (deeper.size() + parameters.size() + 1 + function.tail.size() <= kColumnMax) {
+    return text + '\n' + deeper + parameters + ')' + function.tail + '\n';
   }
   std::string separator;
   for (const std::string& parameter : function.parameters) {

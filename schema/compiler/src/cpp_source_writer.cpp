@@ -40,7 +40,7 @@ std::string call(const Model& model, const Service& service, std::size_t index,
   } else if (method.reply.kind == PayloadKind::kTable) {
     function = "table<" + payload_type(model, method.reply) + '>';
   }
-  return "  return ::rtpm::rpc::call_for_" + function + "(\n      binding_, k" +
+  return "  return ::rtpm::rpc::call_for_" + function + "(\n      rtpm_binding_, k" +
          short_name(service.name) + "Methods[" + std::to_string(index) + "], " + request +
          ", options);\n";
 }
@@ -85,8 +85,8 @@ std::string client(const Model& model, const Service& service) {
   const std::string stem = short_name(service.name);
   const std::string name = stem + "Client";
   std::string text = "\nconst ::rtpm::rpc::InterfaceDescriptor& " + name +
-                     "::interface() noexcept { return k" + stem +
-                     "Interface; }\n\n"
+                     "::interface() noexcept {\n  return k" + stem +
+                     "Interface;\n}\n\n"
                      "::rtpm::expected<" +
                      name + ", ::rtpm::rpc::SetupError> " + name +
                      "::bind(\n"
@@ -114,38 +114,38 @@ std::string request_check(const Model& model, const Method& method) {
   return "      if (" + wrong + ") {\n        return " + status("kBadRequest") + ";\n      }\n";
 }
 
-/// The argument that the request becomes, with the comma behind it.
+/// The line that makes `argument` of the request, if the method takes one.
 std::string argument(const Model& model, const Method& method) {
   const std::string type = payload_type(model, method.request);
+  const std::string lead = "      const auto& argument = ";
   switch (method.request.kind) {
     case PayloadKind::kEmpty:
       return "";
     case PayloadKind::kStruct:
-      return "view_struct<" + type + ">(request), ";
+      return lead + "view_struct<" + type + ">(request);\n";
     case PayloadKind::kTable:
       break;
   }
-  return "*::flatbuffers::GetRoot<" + type + ">(request.data()), ";
+  return lead + "*::flatbuffers::GetRoot<" + type + ">(request.data());\n";
 }
 
 std::string dispatch_case(const Model& model, const Service& service, const Method& method) {
   const std::string name = method_name(service, method);
-  std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
-                     request_check(model, method);
-  const std::string call = "this->" + name + '(' + argument(model, method);
+  const std::string call =
+      "this->" + name + (method.request.kind == PayloadKind::kEmpty ? "(" : "(argument, ");
+  const std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
+                           request_check(model, method) + argument(model, method);
   switch (method.reply.kind) {
     case PayloadKind::kEmpty:
-      return text + "      return ::rtpm::rpc::reply_with_nothing(\n          " + call +
-             "context));\n    }\n";
+      return text + "      return ::rtpm::rpc::reply_with_nothing(" + call + "context));\n    }\n";
     case PayloadKind::kStruct:
-      return text + "      return ::rtpm::rpc::reply_with_struct(\n          " + call +
+      return text + "      return ::rtpm::rpc::reply_with_struct(" + call +
              "context), reply);\n    }\n";
     case PayloadKind::kTable:
       break;
   }
   return text + "      ::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
-         "> builder{reply};\n      const auto result =\n          " + call +
-         "builder, context);\n" +
+         "> builder{reply};\n      const auto result = " + call + "builder, context);\n" +
          "      if (!result) return {::rtpm::rpc::to_status(result.error()), 0};\n"
          "      return builder.complete();\n    }\n";
 }

@@ -2,6 +2,8 @@
 // (it reads one word ahead) and its words are for those who know it. Here each message is put in
 // RTPM's words, at the word that it is about. A message that is not known here is shown as it is.
 #include <algorithm>
+#include <cstdlib>
+#include <iterator>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -10,9 +12,21 @@
 #include "attributes.hpp"
 #include "parser.hpp"
 #include "tokens.hpp"
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
+
+constexpr const char* kWrapHint =
+    "wrap it in a table of its own, or use rtpm.Empty where there is nothing to say";
+
+bool is_scalar_name(std::string_view name) {
+  static constexpr std::string_view kScalars[] = {
+      "bool",   "byte",  "ubyte",  "short",   "ushort",  "int",    "uint",   "long",
+      "ulong",  "float", "double", "int8",    "uint8",   "int16",  "uint16", "int32",
+      "uint32", "int64", "uint64", "float32", "float64", "string", "void"};
+  return std::find(std::begin(kScalars), std::end(kScalars), name) != std::end(kScalars);
+}
 
 /// An error with what is needed to find its place.
 class Translation {
@@ -24,14 +38,20 @@ class Translation {
       ++at_;
   }
 
-  Diagnostic translate() {
-    if (auto known = unknown_attribute()) return *std::move(known);
-    if (auto known = empty_service()) return *std::move(known);
-    if (auto known = not_a_table()) return *std::move(known);
-    if (auto known = undefined_type()) return *std::move(known);
-    if (auto known = missing_include()) return *std::move(known);
-    if (auto known = already_exists()) return *std::move(known);
-    if (auto known = unexpected_word()) return *std::move(known);
+  Diagnostic translate() const {
+    using Rule = std::optional<Diagnostic> (Translation::*)() const;
+    // The first rule that knows the message speaks; the general ones stand last.
+    static constexpr Rule kRules[] = {
+        &Translation::unknown_attribute, &Translation::attribute_value,
+        &Translation::empty_service,     &Translation::method_form,
+        &Translation::not_a_table,       &Translation::undefined_type,
+        &Translation::missing_include,   &Translation::already_exists,
+        &Translation::text_error,        &Translation::missing_end,
+        &Translation::unexpected_word,
+    };
+    for (const Rule rule : kRules) {
+      if (auto diagnostic = (this->*rule)()) return *std::move(diagnostic);
+    }
     return as_it_is();
   }
 
@@ -41,73 +61,127 @@ class Translation {
     if (!error_.message.starts_with(prefix)) return std::nullopt;
     return error_.message.substr(prefix.size());
   }
+  [[nodiscard]] bool is(std::string_view message) const { return error_.message == message; }
   [[nodiscard]] Diagnostic at(Span span, std::string message, std::string hint) const {
     return {source_.locate(span), std::move(message), std::move(hint), std::nullopt};
   }
-  /// The last word before the error (itself included) with this text, else the error's own word.
+  [[nodiscard]] Diagnostic here(std::string message, std::string hint) const {
+    return at(tokens_[at_].span(), std::move(message), std::move(hint));
+  }
+  /// The word that stands `count` words before the error's.
+  [[nodiscard]] const Token& before(std::size_t count) const {
+    return tokens_[at_ >= count ? at_ - count : 0];
+  }
+  /// The last word with this text, up to the error's own; the error's own if there is none.
   [[nodiscard]] std::size_t find_back(std::string_view text) const {
     for (std::size_t i = at_ + 1; i-- > 0;) {
       if (tokens_[i].value() == text) return i;
     }
     return at_;
   }
-  [[nodiscard]] const Token& before(std::size_t count) const {
-    return tokens_[at_ >= count ? at_ - count : 0];
+  /// The innermost bracket of this kind that is open at the word `from`.
+  [[nodiscard]] std::optional<std::size_t> open_bracket(std::string_view open,
+                                                        std::string_view close,
+                                                        std::size_t from) const {
+    std::size_t closed = 0;
+    for (std::size_t i = from + 1; i-- > 0;) {
+      if (tokens_[i].is(close)) ++closed;
+      if (tokens_[i].is(open) && closed-- == 0) return i;
+    }
+    return std::nullopt;
+  }
+  [[nodiscard]] bool is_in_service() const {
+    const auto brace = open_bracket("{", "}", at_);
+    for (std::size_t i = brace.value_or(0); i-- > 0;) {
+      if (tokens_[i].is(";") || tokens_[i].is("}")) return false;
+      if (tokens_[i].is("rpc_service")) return true;
+    }
+    return false;
   }
 
-  std::optional<Diagnostic> unknown_attribute() const {
+  [[nodiscard]] std::optional<Diagnostic> unknown_attribute() const {
     const auto name = after("user define attributes must be declared before use: ");
     if (!name) return std::nullopt;
-    const std::string hint =
-        is_known_attribute(*name)
-            ? "write `include \"rtpm.fbs\";` at the top: it declares RTPM's attributes"
-            : unknown_attribute_hint(*name);
-    return at(tokens_[at_].span(), "unknown attribute `" + *name + "`", hint);
+    return here("unknown attribute `" + *name + '`',
+                is_known_attribute(*name)
+                    ? "write `include \"rtpm.fbs\";` at the top: it declares RTPM's attributes"
+                    : unknown_attribute_hint(*name));
   }
 
-  std::optional<Diagnostic> empty_service() const {
-    if (error_.message != "expecting: identifier instead got: }" || !before(1).is("{")) {
+  /// FlatBuffers takes whole numbers below 2³¹ and strings as values of attributes.
+  [[nodiscard]] std::optional<Diagnostic> attribute_value() const {
+    const bool is_kind = after("Cannot assign token starting with").has_value();
+    if (!is_kind && !after("invalid number: ")) return std::nullopt;
+    // At the value, or behind it at the comma or parenthesis.
+    const std::size_t value =
+        tokens_[at_].kind == TokenKind::kPunctuation && at_ > 0 ? at_ - 1 : at_;
+    const auto parenthesis = open_bracket("(", ")", value);
+    if (value < 2 || !parenthesis || *parenthesis > value || !tokens_[value - 1].is(":")) {
       return std::nullopt;
     }
-    // Behind the service's name there may be attributes, so look back to the begin of the
-    // statement.
-    for (std::size_t i = at_ - 1; i-- > 0;) {
-      if (tokens_[i].is(";") || tokens_[i].is("}")) break;
+    const std::string name(tokens_[value - 2].value());
+    const std::string hint = value_hint(name);
+    return at(tokens_[value].span(),
+              '`' + std::string(tokens_[value].text) + "` is no value for `" + name + '`',
+              hint.empty() ? "a value is a string or a whole number below 2147483648" : hint);
+  }
+
+  [[nodiscard]] std::optional<Diagnostic> empty_service() const {
+    if (!is("expecting: identifier instead got: }") || !before(1).is("{") || at_ < 2) {
+      return std::nullopt;
+    }
+    // Behind the service's name there may be attributes, so look back to the statement's begin.
+    for (std::size_t i = at_ - 1; i-- > 0 && !tokens_[i].is(";") && !tokens_[i].is("}");) {
       if (!tokens_[i].is("rpc_service")) continue;
-      return at(
-          tokens_[i + 1].span(),
-          "service `" + std::string(tokens_[i + 1].text) + "` has no methods",
-          "give it a method, such as `ping(rtpm.Empty):rtpm.Empty (rtpm_id: 1);`, or remove it");
+      return at(tokens_[i + 1].span(),
+                "service `" + std::string(tokens_[i + 1].text) + "` has no methods",
+                "write one, such as `ping(rtpm.Empty):rtpm.Empty (rtpm_id: 1);`, or remove it");
+    }
+    return std::nullopt;
+  }
+
+  /// A method is `name(Request):Reply (attributes);`, and people try other forms.
+  [[nodiscard]] std::optional<Diagnostic> method_form() const {
+    if (!is_in_service()) return std::nullopt;
+    if (is("expecting: identifier instead got: )") && before(1).is("(")) {
+      return here("a method has exactly one request, and there is none",
+                  "write rtpm.Empty where there is nothing to say");
+    }
+    if (is("expecting: ) instead got: ,")) {
+      return here("a method has exactly one request, and there are more",
+                  "make them the fields of one table");
+    }
+    if (is("expecting: : instead got: ;") || is("expecting: : instead got: (")) {
+      return here("a method has a reply, and there is none",
+                  "write `:rtpm.Empty` if it says nothing");
+    }
+    if (is("expecting: identifier instead got: [")) {
+      return here("a request or reply must be a table, not a vector", kWrapHint);
     }
     return std::nullopt;
   }
 
   /// The parser has read `name(Request):Reply` and one word more.
-  std::optional<Diagnostic> not_a_table() const {
-    if (error_.message != "rpc request and response types must be tables") return std::nullopt;
-    const auto [reply, reply_span] = type_before(at_);
+  [[nodiscard]] std::optional<Diagnostic> not_a_table() const {
+    if (!is("rpc request and response types must be tables")) return std::nullopt;
     std::size_t colon = at_;
-    while (colon > 0 && !tokens_[colon].is(":"))
+    while (colon > 1 && !tokens_[colon].is(":"))
       --colon;
-    const auto [request, request_span] = type_before(colon > 0 ? colon - 1 : 0);
+    const auto [request, request_span] = type_before(colon - 1);
     const std::string request_kind = parsed_.kind_of(request);
-    const bool is_request = request_kind != "table" && !request_kind.empty();
-    return not_a_table_at(is_request ? request_span : reply_span, is_request ? "request" : "reply",
-                          is_request ? request : reply,
-                          is_request ? request_kind : parsed_.kind_of(reply));
+    if (!request_kind.empty() && request_kind != "table") {
+      return not_a_table_at(request_span, "request", request, request_kind);
+    }
+    const auto [reply, reply_span] = type_before(at_);
+    return not_a_table_at(reply_span, "reply", reply, parsed_.kind_of(reply));
   }
 
   [[nodiscard]] Diagnostic not_a_table_at(Span span, const std::string& role,
                                           const std::string& type, const std::string& kind) const {
-    const std::string hint =
-        kind == "struct"
-            ? "wrap it: `table " + type + "Message { value:" + type +
-                  " (required); }`; on the wire that is the bare struct, so it costs nothing"
-            : "wrap it in a table of its own, or use rtpm.Empty where there is nothing to say";
     return at(span,
               "a " + role + " must be a table, and `" + type + "` is " +
-                  (kind == "enum" ? "an " : "a ") + (kind.empty() ? "different type" : kind),
-              hint);
+                  (kind.empty() ? "none" : with_article(kind)),
+              kind == "struct" ? wrap_struct_hint(type) : kWrapHint);
   }
 
   /// The type's name that ends right before token `end`, dots included.
@@ -122,118 +196,166 @@ class Translation {
     return {name, {offset, end > begin ? tokens_[end - 1].end() - offset : 0}};
   }
 
-  /// Found at the end of all files; the message says in which one and on which line the type is
-  /// used.
-  std::optional<Diagnostic> undefined_type() const {
+  /// Found at the end of all files; the message says in which one and on which line it is used.
+  [[nodiscard]] std::optional<Diagnostic> undefined_type() const {
     const auto rest = after("type referenced but not defined (check namespace): ");
     if (!rest) return std::nullopt;
     constexpr std::string_view kOrigin = ", originally at: ";
     const std::size_t origin = rest->find(kOrigin);
     const std::string name = rest->substr(0, origin);
-    std::string file = source_.path();
-    std::size_t line = 0;
+    Location location{.file = source_.path()};
     if (origin != std::string::npos) {
       const std::string place = rest->substr(origin + kOrigin.size());
       const std::size_t colon = place.rfind(':');
-      file = place.substr(0, colon);
-      line = static_cast<std::size_t>(std::atol(place.c_str() + colon + 1));
+      const char* line = place.c_str() + (colon == std::string::npos ? place.size() : colon + 1);
+      location = place_of_type(name, place.substr(0, colon),
+                               static_cast<std::size_t>(std::strtoul(line, nullptr, 10)));
     }
-    static constexpr std::string_view kScalars[] = {
-        "bool",  "byte",   "ubyte",  "short",  "ushort",  "int",     "uint",  "long",
-        "ulong", "float",  "double", "string", "int8",    "uint8",   "int16", "uint16",
-        "int32", "uint32", "int64",  "uint64", "float32", "float64", "void"};
-    const bool is_scalar =
-        std::find(std::begin(kScalars), std::end(kScalars), name) != std::end(kScalars);
-    Diagnostic diagnostic;
-    diagnostic.location = place_of_type(name, file, line);
-    diagnostic.message = is_scalar ? "a request or reply must be a table, not `" + name + "`"
-                                   : "type `" + name + "` is not defined";
-    diagnostic.hint =
-        is_scalar ? "wrap it in a table of its own, or use rtpm.Empty where there is nothing to say"
-                  : "check the spelling, the namespace, and that its file is included";
+    if (is_scalar_name(name)) {
+      return Diagnostic{location, "a request or reply must be a table, not `" + name + '`',
+                        kWrapHint, std::nullopt};
+    }
+    // The parser takes tables and structs in any order, enums and unions not.
+    if (const std::string kind = parsed_.kind_of(name); kind == "enum" || kind == "union") {
+      return Diagnostic{location, kind + " `" + name + "` is used before it is defined",
+                        "move the " + kind + " above its first use", std::nullopt};
+    }
+    std::string hint = "check the spelling, the namespace, and that its file is included";
     if (name == "rtpm.Empty" || name == "Empty") {
-      diagnostic.hint = "write `include \"rtpm.fbs\";` at the top and `rtpm.Empty` here";
+      hint = "write `include \"rtpm.fbs\";` at the top and `rtpm.Empty` here";
+    } else if (const std::string similar = parsed_.similar_type(name); !similar.empty()) {
+      hint = "did you mean `" + similar + "`?";
     }
-    return diagnostic;
+    return Diagnostic{location, "type `" + name + "` is not defined", hint, std::nullopt};
   }
 
+  /// Where `name` is used on `line` of `file`, or last before: having read one word ahead, the
+  /// parser may have been a line further on.
   [[nodiscard]] Location place_of_type(const std::string& name, const std::string& file,
                                        std::size_t line) const {
     const auto other = file == source_.path() ? std::nullopt : SourceFile::read(file);
     const SourceFile& source = other ? *other : source_;
-    const std::vector<Token> tokens = tokenize(source);
-    const std::string last = name.substr(name.rfind('.') + 1);
-    const Token* found = nullptr;
-    for (const Token& token : tokens) {
-      if (!token.is_identifier() || !token.is(last)) continue;
-      const std::size_t token_line = source.locate(token.span()).line;
-      // The parser had read one word ahead, so its line may be one further on than the type's.
-      if (line == 0 || token_line <= line) found = &token;
+    const std::string first_part = name.substr(0, name.find('.'));
+    std::optional<Location> found;
+    for (const Token& token : tokenize(source)) {
+      if (!token.is(first_part) ||
+          !std::string_view(source.text()).substr(token.offset).starts_with(name)) {
+        continue;
+      }
+      const Location location = source.locate({token.offset, name.size()});
+      if (location.line > line) break;
+      if (!found || location.line != found->line) found = location;
     }
-    return found ? source.locate(found->span()) : Location{.file = file};
+    return found.value_or(Location{.file = file});
   }
 
-  std::optional<Diagnostic> missing_include() const {
+  [[nodiscard]] std::optional<Diagnostic> missing_include() const {
     auto name = after("unable to load include file: ");
     if (!name) name = after("unable to locate include file: ");
     if (!name) return std::nullopt;
-    return at(tokens_[find_back(*name)].span(), "cannot find the included file \"" + *name + "\"",
-              "it is searched in the folder of this file and in those given with -I");
+    std::string hint = "it is searched in the folder of this file and in those given with -I";
+    if (*name == "rtpm.fbs") hint += "; RTPM's own schemas are in its folder schema/idl";
+    return at(tokens_[find_back(*name)].span(), "cannot find the included file \"" + *name + '"',
+              hint);
   }
 
-  std::optional<Diagnostic> already_exists() const {
-    for (const std::string_view kind :
-         {"service", "rpc", "field", "datatype", "enum", "enum value"}) {
+  [[nodiscard]] std::optional<Diagnostic> already_exists() const {
+    using Kind = std::pair<std::string_view, std::string_view>;
+    for (const auto& [kind, word] :
+         {Kind{"service", "service"}, Kind{"rpc", "method"}, Kind{"field", "field"},
+          Kind{"datatype", "type"}, Kind{"enum", "enum"}, Kind{"enum value", "value"}}) {
       const auto name = after(std::string(kind) + " already exists: ");
       if (!name) continue;
       const std::string last = name->substr(name->rfind('.') + 1);
-      const std::size_t second = find_definition(last, kind);
-      Diagnostic diagnostic =
-          at(tokens_[second].span(),
-             (kind == "rpc" ? "method" : std::string(kind)) + " `" + last + "` is there twice",
-             "rename or remove one of the two");
-      return diagnostic;
+      return at(tokens_[find_definition(last, kind)].span(),
+                std::string(word) + " `" + last + "` is there twice",
+                "rename or remove one of the two");
     }
     return std::nullopt;
   }
 
-  /// The last definition of `name` before the error: for a data type its use inside its own braces
+  /// The last definition of `name` before the error: of a data type, a use inside its own braces
   /// must not be taken for it.
   [[nodiscard]] std::size_t find_definition(std::string_view name, std::string_view kind) const {
     if (kind != "datatype" && kind != "enum") return find_back(name);
     for (std::size_t i = at_ + 1; i-- > 1;) {
-      const bool follows_keyword = tokens_[i - 1].is("table") || tokens_[i - 1].is("struct") ||
-                                   tokens_[i - 1].is("enum") || tokens_[i - 1].is("union");
-      if (tokens_[i].is(name) && follows_keyword) return i;
+      const Token& keyword = tokens_[i - 1];
+      if (tokens_[i].is(name) && (keyword.is("table") || keyword.is("struct") ||
+                                  keyword.is("enum") || keyword.is("union"))) {
+        return i;
+      }
     }
     return find_back(name);
   }
 
-  std::optional<Diagnostic> unexpected_word() const {
+  /// What cannot even be cut into words.
+  [[nodiscard]] std::optional<Diagnostic> text_error() const {
+    if (is("input file is empty")) {
+      return Diagnostic{Location{.file = source_.path()}, "the schema is empty",
+                        "write at least a table, a struct, an enum or an rpc_service",
+                        std::nullopt};
+    }
+    if (is("illegal character in string constant")) {
+      return here("the string does not end on its line", "close it with a quotation mark");
+    }
+    if (!after("illegal character: ")) return std::nullopt;
+    // The parser has gone behind the byte, which may be the first of several of a character.
+    const std::size_t cursor = source_.offset_of(error_.line, error_.column_byte);
+    const std::size_t begin = cursor > 0 ? cursor - 1 : 0;
+    std::size_t end = cursor;
+    while (end < source_.text().size() && (source_.text()[end] & 0xC0) == 0x80)
+      ++end;
+    return at({begin, end - begin},
+              "`" + source_.text().substr(begin, end - begin) + "` cannot stand here",
+              "a name is made of the letters a to z and A to Z, digits and `_`");
+  }
+
+  [[nodiscard]] std::optional<Diagnostic> missing_end() const {
+    if (!error_.message.starts_with("expecting: ")) return std::nullopt;
+    if (is("expecting: ; instead got: end of file") || !error_.message.ends_with("end of file")) {
+      if (!after("expecting: ; instead got: ")) return std::nullopt;
+      const Token& last = error_.message.ends_with("end of file") ? before(0) : before(1);
+      return at({last.end(), 0}, "expected `;` behind `" + std::string(last.text) + '`', "");
+    }
+    Diagnostic diagnostic =
+        at({before(0).end(), 0}, "the file ends in the middle of something", "");
+    if (const auto brace = open_bracket("{", "}", at_)) {
+      diagnostic.note = Note{source_.locate(tokens_[*brace].span()), "this `{` is not closed"};
+    }
+    return diagnostic;
+  }
+
+  [[nodiscard]] std::optional<Diagnostic> unexpected_word() const {
+    const std::string found = '`' + std::string(tokens_[at_].text) + '`';
+    if (is("declaration expected")) {
+      static constexpr std::string_view kDeclarations[] = {
+          "namespace", "table",     "struct",          "enum",           "union",  "rpc_service",
+          "attribute", "root_type", "file_identifier", "file_extension", "include"};
+      const std::string similar = most_similar(tokens_[at_].text, kDeclarations);
+      return here("expected a declaration, found " + found,
+                  similar.empty() ? "declarations are table, struct, enum, union and rpc_service"
+                                  : "did you mean `" + similar + "`?");
+    }
     const auto rest = after("expecting: ");
     if (!rest) return std::nullopt;
-    constexpr std::string_view kGot = " instead got: ";
-    const std::size_t got = rest->find(kGot);
-    if (got == std::string::npos) return std::nullopt;
-    std::string wanted = rest->substr(0, got);
+    std::string wanted = rest->substr(0, rest->find(" instead got: "));
     if (wanted.size() == 1) wanted = '`' + wanted + '`';
     if (wanted == "identifier") wanted = "a name";
-    const Token& token = tokens_[at_];
-    const std::string found = token.kind == TokenKind::kEnd || rest->ends_with("end of file")
-                                  ? "the end of the file"
-                                  : '`' + std::string(token.text) + '`';
-    return at(token.span(), "expected " + wanted + ", found " + found, "");
+    return here("expected " + wanted + ", found " + found, "");
   }
 
   [[nodiscard]] Diagnostic as_it_is() const {
-    // Many messages end with the name that they are about: point at it if it was just read.
-    const std::size_t colon = error_.message.rfind(": ");
-    std::size_t index = at_;
-    if (colon != std::string::npos) {
-      const std::size_t named = find_back(error_.message.substr(colon + 2));
-      if (at_ - named <= 12) index = named;
+    // Many messages name what they are about, in quotes or at the end: point at it if it was just
+    // read.
+    const std::string& message = error_.message;
+    std::string name;
+    if (const std::size_t quote = message.find('"'); quote != std::string::npos) {
+      name = message.substr(quote + 1, message.find('"', quote + 1) - quote - 1);
+    } else if (const std::size_t colon = message.rfind(": "); colon != std::string::npos) {
+      name = message.substr(colon + 2);
     }
-    return at(tokens_[index].span(), error_.message, "");
+    const std::size_t named = find_back(name);
+    return at(tokens_[at_ - named <= 12 ? named : at_].span(), message, "");
   }
 
   const RawError& error_;

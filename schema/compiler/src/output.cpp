@@ -1,11 +1,10 @@
 #include "rtpm/schema/output.hpp"
 
-#include <unistd.h>
-
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
 #include <filesystem>
+#include <random>
 #include <system_error>
 
 namespace rtpm::schema {
@@ -22,9 +21,9 @@ class TemporaryFiles {
       std::remove(path.c_str());
   }
 
-  /// A name beside `path` that no other run of the compiler uses at the same time.
+  /// A name beside `path`, at random: another run of the compiler may be at work beside this one.
   std::string add(const std::string& path) {
-    return paths_.emplace_back(path + ".tmp" + std::to_string(::getpid()));
+    return paths_.emplace_back(path + ".tmp" + std::to_string(std::random_device{}()));
   }
 
  private:

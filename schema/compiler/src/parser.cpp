@@ -6,7 +6,11 @@
 #include <algorithm>
 #include <charconv>
 #include <memory>
+#include <string_view>
 #include <utility>
+
+#include "tokens.hpp"
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -48,6 +52,16 @@ class FailedParser final : public ParsedSoFar {
     }
   }
 
+  [[nodiscard]] std::string similar_type(const std::string& type) const override {
+    std::vector<std::string_view> names;
+    for (const auto* object : parser_.structs_.vec) {
+      if (!object->predecl) names.push_back(object->name);
+    }
+    for (const auto* enumeration : parser_.enums_.vec)
+      names.push_back(enumeration->name);
+    return most_similar(type, names);
+  }
+
  private:
   const flatbuffers::Parser& parser_;
 };
@@ -75,12 +89,31 @@ RawError take_apart(const flatbuffers::Parser& parser) {
   return error;
 }
 
+/// Where the file that the error is in was included.
+std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const std::string& file) {
+  for (const auto& [includer, included_files] : parser.files_included_per_file_) {
+    for (const flatbuffers::IncludedFile& included : included_files) {
+      if (included.filename != file) continue;
+      const auto source = SourceFile::read(includer);
+      if (!source) return std::nullopt;
+      for (const Token& token : tokenize(*source)) {
+        if (token.kind == TokenKind::kString && token.value() == included.schema_name) {
+          return Note{source->locate(token.span()), "it is included here"};
+        }
+      }
+    }
+  }
+  return std::nullopt;
+}
+
 Diagnostic describe_failure(const flatbuffers::Parser& parser, const SourceFile& main_source) {
   const RawError error = take_apart(parser);
   const std::string& file = parser.file_being_parsed_;
   if (file != main_source.path()) {
     if (const auto included = SourceFile::read(file)) {
-      return translate(error, *included, FailedParser(parser));
+      Diagnostic diagnostic = translate(error, *included, FailedParser(parser));
+      if (!diagnostic.note) diagnostic.note = place_of_include(parser, file);
+      return diagnostic;
     }
   }
   return translate(error, main_source, FailedParser(parser));

@@ -36,8 +36,12 @@ class ParsedSoFar {
   ParsedSoFar(const ParsedSoFar&) = delete;
   ParsedSoFar& operator=(const ParsedSoFar&) = delete;
   virtual ~ParsedSoFar() = default;
-  /// "table", "struct" or "enum" for a type's name as written at the error, empty if unknown.
+  /// "table", "struct", "enum" or "union" for a type's name as written at the error, empty if
+  /// there is none.
   [[nodiscard]] virtual std::string kind_of(const std::string& type) const = 0;
+  /// The defined type that somebody who wrote `type` most likely meant, empty if none looks like
+  /// it.
+  [[nodiscard]] virtual std::string similar_type(const std::string& type) const = 0;
 };
 
 /// Says FlatBuffers' error in RTPM's words, points at the word that is wrong, and adds a hint.

@@ -91,7 +91,8 @@ Enum read_enum(const reflection::Enum& enumeration) {
               .underlying = to_base_type(enumeration.underlying_type()->base_type()),
               .values = {},
               .documentation = read_documentation(enumeration.documentation()),
-              .declaration_file = to_text(enumeration.declaration_file())};
+              .declaration_file = to_text(enumeration.declaration_file()),
+              .location = {}};
   for (const auto* value : *enumeration.values()) {
     result.values.push_back({.name = to_text(value->name()),
                              .value = value->value(),

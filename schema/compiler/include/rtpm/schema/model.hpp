@@ -93,6 +93,7 @@ struct Enum {
   std::vector<EnumValue> values{};  ///< By value.
   Documentation documentation{};
   std::string declaration_file{};
+  Location location{};  ///< Known for what the compiled file itself declares.
 };
 
 /// How a request or reply stands on the wire.

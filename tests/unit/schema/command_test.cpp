@@ -1,0 +1,184 @@
+#include "command_line.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "rtpm/schema/output.hpp"
+#include "scratch_folder.hpp"
+
+// rtpmc as a program: what it takes, writes, says and ends with.
+namespace rtpm::schema {
+namespace {
+
+namespace fs = std::filesystem;
+using test::read_file;
+using test::ScratchFolder;
+
+const std::string kGood =
+    "include \"rtpm.fbs\";\nnamespace lab;\n"
+    "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty (rtpm_id: 1); }\n";
+const std::string kBad =
+    "include \"rtpm.fbs\";\nnamespace lab;\n"
+    "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty; }\n";
+
+struct Outcome {
+  int exit_code = -1;
+  std::string output{};
+  std::string errors{};
+};
+
+std::string quoted(const std::string& text) {
+  return '\'' + text + '\'';
+}
+
+/// Runs rtpmc in `folder` with `arguments`, which a shell reads.
+Outcome run(const ScratchFolder& folder, const std::string& arguments) {
+  const std::string output = (folder.path() / "stdout.txt").string();
+  const std::string errors = (folder.path() / "stderr.txt").string();
+  const int status =
+      std::system(("cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_RTPMC) + ' ' +
+                   arguments + " > " + quoted(output) + " 2> " + quoted(errors))
+                      .c_str());
+  Outcome result{WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(output),
+                 read_file(errors)};
+  fs::remove(output);
+  fs::remove(errors);
+  return result;
+}
+
+const std::string kIdl = "-I " + quoted(RTPM_IDL_FOLDER) + ' ';
+
+std::vector<std::string> names_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  if (!fs::exists(folder)) return names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    names.push_back(entry.path().filename().string());
+  }
+  return names;
+}
+
+TEST(Rtpmc, WritesTheTwoFilesIntoANewFolderWithSpaces) {
+  const ScratchFolder folder;
+  folder.write("a dir/my arm.fbs", kGood);
+  const Outcome result = run(folder, kIdl + "--cpp -o 'out dir/deep' 'a dir/my arm.fbs'");
+  EXPECT_EQ(result.exit_code, 0) << result.errors;
+  EXPECT_EQ(result.errors, "");
+  EXPECT_EQ(names_in(folder.path() / "out dir/deep").size(), 2u);
+  const std::string header = read_file(folder.path() / "out dir/deep/my arm.rtpm.hpp");
+  EXPECT_NE(header.find("class ArmClient"), std::string::npos);
+  EXPECT_NE(read_file(folder.path() / "out dir/deep/my arm.rtpm.cpp").find(RTPM_VERSION),
+            std::string::npos);
+}
+
+TEST(Rtpmc, SchemaErrorIsOneAndLeavesNoFile) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kBad);
+  const Outcome result = run(folder, kIdl + "--cpp -o out --depfile out/arm.d arm.fbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.errors.starts_with("arm.fbs:3:19: error: method `stop`")) << result.errors;
+  EXPECT_TRUE(names_in(folder.path() / "out").empty());
+}
+
+TEST(Rtpmc, SchemaErrorLeavesTheOldFilesAsTheyWere) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  ASSERT_EQ(run(folder, kIdl + "--cpp -o out arm.fbs").exit_code, 0);
+  const std::string before = read_file(folder.path() / "out/arm.rtpm.hpp");
+  folder.write("arm.fbs", kBad);
+  EXPECT_EQ(run(folder, kIdl + "--cpp -o out arm.fbs").exit_code, 1);
+  EXPECT_EQ(read_file(folder.path() / "out/arm.rtpm.hpp"), before);
+  EXPECT_EQ(names_in(folder.path() / "out").size(), 2u);
+}
+
+TEST(Rtpmc, MissingSchemaIsNamed) {
+  const ScratchFolder folder;
+  const Outcome result = run(folder, "--cpp -o out none.fbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.errors.starts_with("none.fbs: error: cannot read the schema: No such file"))
+      << result.errors;
+  fs::create_directory(folder.path() / "folder.fbs");
+  EXPECT_NE(run(folder, "--cpp -o out folder.fbs").errors.find("is a folder"), std::string::npos);
+}
+
+TEST(Rtpmc, UnwritableOutputLeavesNothingBehind) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  folder.write("out", "a file where a folder should be");
+  Outcome result = run(folder, kIdl + "--cpp -o out arm.fbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.errors.starts_with("rtpmc: error: cannot")) << result.errors;
+
+  // The second of the two files cannot be written: then the first is not there either.
+  fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
+  result = run(folder, kIdl + "--cpp -o half arm.fbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_EQ(names_in(folder.path() / "half"), std::vector<std::string>{"arm.rtpm.cpp"});
+}
+
+TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
+  const ScratchFolder folder;
+  folder.write("in c/base.fbs", "namespace lab; table Base { x:int; }");
+  folder.write("arm.fbs", "include \"base.fbs\";\n" + kGood);
+  const Outcome result = run(folder, kIdl + "-I 'in c' --cpp -o 'o ut' --depfile arm.d arm.fbs");
+  ASSERT_EQ(result.exit_code, 0) << result.errors;
+  const std::string text = read_file(folder.path() / "arm.d");
+  EXPECT_TRUE(text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs")) << text;
+  EXPECT_NE(text.find("in\\ c/base.fbs"), std::string::npos) << text;
+  EXPECT_NE(text.find("rtpm.fbs"), std::string::npos) << text;
+}
+
+TEST(Rtpmc, DependencyFileEscapesWhatMakeWouldRead) {
+  EXPECT_EQ(dependency_text({"a b", "c"}, {"$x", "#y", "d\\e"}),
+            "a\\ b c: \\\n  $$x \\\n  \\#y \\\n  d\\\\e\n");
+}
+
+TEST(Rtpmc, HelpAndVersionAnswer) {
+  const ScratchFolder folder;
+  const Outcome help = run(folder, "--help");
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_TRUE(help.output.starts_with("usage: rtpmc")) << help.output;
+  const Outcome version = run(folder, "--version");
+  EXPECT_EQ(version.exit_code, 0);
+  EXPECT_EQ(version.output, std::string("rtpmc ") + RTPM_VERSION + '\n');
+}
+
+TEST(Rtpmc, WrongCommandLineIsOneSentenceAndTwo) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  const std::vector<std::pair<std::string, std::string>> wrong{
+      {"--cpp -o out --pyhton arm.fbs", "unknown flag `--pyhton`: rtpmc --help lists"},
+      {"--cpp -o out", "no schema is given: add a FILE.fbs"},
+      {"-o out arm.fbs", "no language is given: add --cpp"},
+      {"--cpp arm.fbs", "no output folder is given: add -o OUT"},
+      {"--cpp -o out a.fbs b.fbs", "two schemas are given"},
+      {"--cpp arm.fbs -o", "`-o` needs a path behind it"},
+      {"--cpp -o a -o b arm.fbs", "`-o` is given twice"},
+      {"--cpp -o out -I", "`-I` needs a path behind it"},
+  };
+  for (const auto& [arguments, sentence] : wrong) {
+    const Outcome result = run(folder, arguments);
+    EXPECT_EQ(result.exit_code, 2) << arguments;
+    EXPECT_TRUE(result.errors.starts_with("rtpmc: error: " + sentence)) << result.errors;
+    EXPECT_EQ(std::count(result.errors.begin(), result.errors.end(), '\n'), 1) << result.errors;
+  }
+  EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
+TEST(Rtpmc, IncludeFlagMayStandAlone) {
+  const char* const arguments[] = {"-Ia", "-I",        "b", "--cpp", "-o",
+                                   "out", "--depfile", "d", "x.fbs"};
+  const auto parsed = read_command_line(arguments, "1");
+  const auto* command = std::get_if<Command>(&parsed);
+  ASSERT_NE(command, nullptr);
+  EXPECT_EQ(command->include_paths, (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(command->dependency_file, "d");
+  EXPECT_EQ(command->schema, "x.fbs");
+}
+
+}  // namespace
+}  // namespace rtpm::schema

@@ -1,0 +1,324 @@
+#include <flatbuffers/flatbuffers.h>
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cstddef>
+#include <cstring>
+#include <string>
+#include <string_view>
+#include <type_traits>
+
+#include "arm.rtpm.hpp"
+#include "global.rtpm.hpp"
+#include "nothing_own.rtpm.hpp"
+#include "shared.rtpm.hpp"
+#include "types_only.rtpm.hpp"
+
+// Code that rtpmc generated, at work: requests go into dispatch() as a lane would hand them over.
+namespace {
+
+using rtpm::ConstBytes;
+using rtpm::rpc::CallContext;
+using rtpm::rpc::CallError;
+using rtpm::rpc::CallOptions;
+using rtpm::rpc::DispatchResult;
+using rtpm::rpc::Refusal;
+using rtpm::rpc::ReplyBuilder;
+using rtpm::rpc::Result;
+using rtpm::wire::Status;
+
+/// An arm that remembers what it was told and answers with what can be recognised.
+class TestArm final : public lab::ArmServant {
+ public:
+  Result<void> release(const CallContext&) override { return note("release"); }
+  Result<lab::Position> get_position(const CallContext& context) override {
+    trace_id = context.trace_id;
+    ran = "get_position";
+    return lab::Position{1, 2, 3};
+  }
+  Result<void> last_recording(ReplyBuilder<lab::Recording>& reply, const CallContext&) override {
+    return answer("last", reply);
+  }
+  Result<void> set_force(const lab::Force& request, const CallContext&) override {
+    if (refusal) return rtpm::unexpected{*refusal};
+    force = request;
+    return note("set_force");
+  }
+  Result<lab::Position> exchange(const lab::Force& request, const CallContext&) override {
+    if (refusal) return rtpm::unexpected{*refusal};
+    ran = "exchange";
+    return lab::Position{request.x_newton() * 2, request.y_newton() * 2, request.z_newton() * 2};
+  }
+  Result<void> try_out(const lab::Force& request, ReplyBuilder<lab::Recording>& reply,
+                       const CallContext&) override {
+    force = request;
+    return answer("tried", reply);
+  }
+  Result<void> record(const lab::RecordRequest& request, const CallContext&) override {
+    title = request.title() ? request.title()->str() : "";
+    mode = request.mode();
+    return note("record");
+  }
+  Result<lab::Position> go_to_start(const lab::RecordRequest& request,
+                                    const CallContext&) override {
+    if (request.start() == nullptr) return rtpm::unexpected{Refusal::kBadRequest};
+    ran = "go_to_start";
+    return *request.start();
+  }
+  Result<void> replay(const lab::RecordRequest& request, ReplyBuilder<lab::Recording>& reply,
+                      const CallContext&) override {
+    if (refusal) return rtpm::unexpected{*refusal};
+    if (!is_answering) return {};
+    return answer(request.title()->str(), reply);
+  }
+  Result<void> delete_(const CallContext&) override { return note("delete"); }
+  Result<void> interface_(const CallContext&) override { return note("interface"); }
+  Result<void> dispatch_(const lab::RecordRequest&, const CallContext&) override {
+    return note("dispatch");
+  }
+  Result<void> binding_(const CallContext&) override { return note("binding"); }
+  Result<void> bind(const lab::RecordRequest&, const CallContext&) override { return note("bind"); }
+  Result<void> request(const lab::Force&, const CallContext&) override { return note("request"); }
+  Result<void> reply(ReplyBuilder<lab::Recording>& builder, const CallContext&) override {
+    return answer("reply", builder);
+  }
+  Result<void> context(const CallContext&) override { return note("context"); }
+  Result<void> std(const CallContext&) override { return note("std"); }
+  Result<void> rtpm(const CallContext&) override { return note("rtpm"); }
+  Result<void> lab(const ::lab::Force&, const CallContext&) override { return note("lab"); }
+
+  ::std::string ran{};
+  ::std::string title{};
+  ::lab::Mode mode{};
+  ::lab::Force force{};
+  ::std::uint64_t trace_id = 0;
+  ::std::optional<Refusal> refusal{};
+  bool is_answering = true;
+  std::size_t answer_size = 0;
+
+ private:
+  Result<void> note(::std::string_view name) {
+    ran = name;
+    return {};
+  }
+  Result<void> answer(const ::std::string& text, ReplyBuilder<::lab::Recording>& reply) {
+    const ::std::string padded = text + ::std::string(answer_size, '.');
+    auto& builder = reply.builder();
+    reply.finish(::lab::CreateRecording(builder, builder.CreateString(padded)));
+    return note(text);
+  }
+};
+
+/// A servant and the buffers that a lane would lend it.
+class Generated : public testing::Test {
+ protected:
+  DispatchResult call(lab::ArmMethodId method, ConstBytes request = {}) {
+    std::memcpy(request_.data(), request.data(), request.size());
+    return arm_.dispatch(static_cast<std::uint16_t>(method),
+                         ConstBytes{request_.data(), request.size()}, reply_, context());
+  }
+  DispatchResult call(lab::ArmMethodId method, const lab::RecordRequestT& request) {
+    flatbuffers::FlatBufferBuilder builder;
+    builder.Finish(lab::RecordRequest::Pack(builder, &request));
+    return call(method, rtpm::rpc::table_bytes(builder));
+  }
+  static CallContext context() {
+    return {.priority = 0, .deadline = rtpm::kNever, .received = {}, .trace_id = 77};
+  }
+  lab::Position position() const {
+    lab::Position value;
+    std::memcpy(&value, reply_.data(), sizeof value);
+    return value;
+  }
+  const lab::Recording& recording(const DispatchResult& result) const {
+    EXPECT_TRUE(rtpm::rpc::is_valid_table<lab::Recording>({reply_.data(), result.reply_size}));
+    return *flatbuffers::GetRoot<lab::Recording>(reply_.data());
+  }
+
+  TestArm arm_;
+  alignas(16) std::array<std::byte, 512> request_{};
+  alignas(16) std::array<std::byte, 512> reply_{};
+};
+
+lab::RecordRequestT make_request(const std::string& title) {
+  lab::RecordRequestT request;
+  request.title = title;
+  return request;
+}
+
+const lab::Force kForce{0.5, -1, 2};
+
+TEST_F(Generated, EmptyRequestEmptyReply) {
+  const DispatchResult result = call(lab::ArmMethodId::release);
+  EXPECT_EQ(result.status, Status::kOk);
+  EXPECT_EQ(result.reply_size, 0u);
+  EXPECT_EQ(arm_.ran, "release");
+}
+
+TEST_F(Generated, EmptyRequestStructReplyIsTheBareStruct) {
+  const DispatchResult result = call(lab::ArmMethodId::get_position);
+  EXPECT_EQ(result.status, Status::kOk);
+  EXPECT_EQ(result.reply_size, sizeof(lab::Position));
+  EXPECT_EQ(result.reply_size, 24u);
+  EXPECT_EQ(position().z_m(), 3);
+  EXPECT_EQ(arm_.trace_id, 77u);
+}
+
+TEST_F(Generated, EmptyRequestTableReply) {
+  const DispatchResult result = call(lab::ArmMethodId::last_recording);
+  EXPECT_EQ(result.status, Status::kOk);
+  EXPECT_EQ(recording(result).title()->str(), "last");
+}
+
+TEST_F(Generated, StructRequestEmptyReply) {
+  const DispatchResult result = call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(kForce));
+  EXPECT_EQ(result.status, Status::kOk);
+  EXPECT_EQ(result.reply_size, 0u);
+  EXPECT_EQ(arm_.force.y_newton(), -1);
+}
+
+TEST_F(Generated, StructRequestStructReply) {
+  EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(kForce)).status, Status::kOk);
+  EXPECT_EQ(position().z_m(), 4);
+}
+
+TEST_F(Generated, StructRequestTableReply) {
+  const DispatchResult result = call(lab::ArmMethodId::try_out, rtpm::rpc::struct_bytes(kForce));
+  EXPECT_EQ(recording(result).title()->str(), "tried");
+  EXPECT_EQ(arm_.force.x_newton(), 0.5);
+}
+
+TEST_F(Generated, TableRequestEmptyReply) {
+  EXPECT_EQ(call(lab::ArmMethodId::record, make_request("take 1")).status, Status::kOk);
+  EXPECT_EQ(arm_.title, "take 1");
+  EXPECT_EQ(arm_.mode, lab::Mode::Hold);
+}
+
+TEST_F(Generated, TableRequestStructReply) {
+  lab::RecordRequestT request = make_request("");
+  request.start = std::make_unique<lab::Position>(7, 8, 9);
+  EXPECT_EQ(call(lab::ArmMethodId::go_to_start, request).status, Status::kOk);
+  EXPECT_EQ(position().y_m(), 8);
+}
+
+TEST_F(Generated, TableRequestTableReply) {
+  const DispatchResult result = call(lab::ArmMethodId::replay, make_request("again"));
+  EXPECT_EQ(result.status, Status::kOk);
+  EXPECT_EQ(recording(result).title()->str(), "again");
+}
+
+TEST_F(Generated, NamesThatCppHasTakenRun) {
+  const std::pair<lab::ArmMethodId, const char*> empty[] = {
+      {lab::ArmMethodId::delete_, "delete"},   {lab::ArmMethodId::interface_, "interface"},
+      {lab::ArmMethodId::binding_, "binding"}, {lab::ArmMethodId::context, "context"},
+      {lab::ArmMethodId::std, "std"},          {lab::ArmMethodId::rtpm, "rtpm"},
+      {lab::ArmMethodId::reply, "reply"},
+  };
+  for (const auto& [method, name] : empty) {
+    EXPECT_EQ(call(method).status, Status::kOk);
+    EXPECT_EQ(arm_.ran, name);
+  }
+  EXPECT_EQ(call(lab::ArmMethodId::lab, rtpm::rpc::struct_bytes(kForce)).status, Status::kOk);
+  EXPECT_EQ(arm_.ran, "lab");
+  EXPECT_EQ(call(lab::ArmMethodId::dispatch_, make_request("x")).status, Status::kOk);
+  EXPECT_EQ(arm_.ran, "dispatch");
+}
+
+TEST_F(Generated, UnknownMethodIsAnswered) {
+  for (const int id : {0, 10, 100, 111, 65534}) {
+    const DispatchResult result = call(static_cast<lab::ArmMethodId>(id));
+    EXPECT_EQ(result.status, Status::kNoSuchMethod) << id;
+    EXPECT_EQ(result.reply_size, 0u);
+  }
+  EXPECT_EQ(arm_.ran, "");
+}
+
+TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
+  const std::array<std::byte, 25> bytes{};
+  for (const std::size_t size : {0u, 1u, 23u, 25u}) {
+    EXPECT_EQ(call(lab::ArmMethodId::set_force, {bytes.data(), size}).status, Status::kBadRequest);
+  }
+  EXPECT_EQ(call(lab::ArmMethodId::release, {bytes.data(), 1}).status, Status::kBadRequest);
+  EXPECT_EQ(call(lab::ArmMethodId::get_position, {bytes.data(), 16}).status, Status::kBadRequest);
+  EXPECT_EQ(arm_.ran, "");
+}
+
+TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
+  std::array<std::byte, 32> garbage;
+  garbage.fill(std::byte{0xEE});
+  for (const std::size_t size : {0u, 3u, 4u, 32u}) {
+    EXPECT_EQ(call(lab::ArmMethodId::record, {garbage.data(), size}).status, Status::kBadRequest);
+  }
+  EXPECT_EQ(arm_.ran, "");
+}
+
+TEST_F(Generated, RefusalsBecomeTheirStatus) {
+  const std::pair<Refusal, Status> refusals[] = {
+      {Refusal::kOverload, Status::kOverload},
+      {Refusal::kBadRequest, Status::kBadRequest},
+      {Refusal::kNotLeaseHolder, Status::kNotLeaseHolder},
+      {Refusal::kGone, Status::kGone},
+      {Refusal::kFailed, Status::kServantFailed}};
+  for (const auto& [refusal, status] : refusals) {
+    arm_.refusal = refusal;
+    EXPECT_EQ(call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(kForce)).status, status);
+    EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(kForce)).status, status);
+    const DispatchResult result = call(lab::ArmMethodId::replay, make_request("x"));
+    EXPECT_EQ(result.status, status);
+    EXPECT_EQ(result.reply_size, 0u);
+  }
+}
+
+TEST_F(Generated, ReplyThatWasNotFinishedIsAFailure) {
+  arm_.is_answering = false;
+  EXPECT_EQ(call(lab::ArmMethodId::replay, make_request("x")).status, Status::kServantFailed);
+}
+
+TEST_F(Generated, ReplyThatIsTooLargeIsSaidSo) {
+  arm_.answer_size = 4096;
+  EXPECT_EQ(call(lab::ArmMethodId::last_recording).status, Status::kTooLarge);
+  alignas(16) std::array<std::byte, 16> small{};
+  EXPECT_EQ(arm_.dispatch(2, {}, small, context()).status, Status::kTooLarge);
+}
+
+TEST(GeneratedDescriptor, SaysWhatTheSchemaSays) {
+  const auto& interface = lab::ArmClient::interface();
+  EXPECT_EQ(interface.name, "lab.Arm");
+  EXPECT_EQ(interface.compiler_version, RTPM_VERSION);
+  EXPECT_NE(interface.fingerprint, 0u);
+  ASSERT_EQ(interface.methods.size(), 20u);
+  EXPECT_EQ(interface.methods[0].name, "release");
+  EXPECT_TRUE(interface.methods[0].is_idempotent);
+  EXPECT_EQ(interface.methods[1].id, 2);
+  EXPECT_EQ(interface.methods[1].default_deadline, std::chrono::microseconds{800});
+  EXPECT_EQ(interface.methods[2].default_deadline, rtpm::Duration{0});
+  EXPECT_EQ(interface.methods[9].name, "delete");
+  EXPECT_EQ(&TestArm{}.interface(), &interface);
+}
+
+TEST(GeneratedDescriptor, ServicesInNamespacesOfTheirOwnAreThere) {
+  EXPECT_EQ(lab::safety::BrakeClient::interface().name, "lab.safety.Brake");
+  EXPECT_EQ(lab::safety::log::ArchiveClient::interface().name, "lab.safety.log.Archive");
+  EXPECT_EQ(HouseClient::interface().name, "House");
+  EXPECT_EQ(static_cast<int>(HouseMethodId::look), 1);
+}
+
+// The client's side, as people write it: these are the types that a call has.
+using lab::ArmClient;
+template <class T>
+using Reply = rtpm::expected<T, CallError>;
+static_assert(
+    std::is_same_v<decltype(std::declval<ArmClient&>().get_position({}, {.priority = 24000})),
+                   Reply<lab::Position>>);
+static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().release()), Reply<void>>);
+static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().set_force(kForce)), Reply<void>>);
+static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay(lab::RecordRequestT{})),
+                             Reply<rtpm::rpc::TableReply<lab::Recording>>>);
+static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay_encoded(ConstBytes{})),
+                             Reply<rtpm::rpc::TableReply<lab::Recording>>>);
+static_assert(noexcept(std::declval<ArmClient&>().set_force(kForce)));
+static_assert(noexcept(std::declval<ArmClient&>().replay_encoded(ConstBytes{})));
+static_assert(!noexcept(std::declval<ArmClient&>().replay(lab::RecordRequestT{})));
+static_assert(std::is_nothrow_move_constructible_v<ArmClient>);
+
+}  // namespace

@@ -1,0 +1,142 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "rtpm/schema/back_end.hpp"
+#include "rtpm/schema/compile.hpp"
+#include "scratch_folder.hpp"
+
+// What rtpmc writes and says is compared with files that people review: schema/goldens holds the
+// generated code, schema/goldens/errors the texts of the errors. After a wanted change, write them
+// anew with RTPM_UPDATE_GOLDENS=1 and review the difference.
+namespace rtpm::schema {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr const char* kUpdate = "RTPM_UPDATE_GOLDENS";
+
+/// Schemas are named without folder, as a person would name them: so the texts are the same
+/// wherever the project lies.
+class InFolder {
+ public:
+  explicit InFolder(const fs::path& folder) : before_(fs::current_path()) {
+    fs::current_path(folder);
+  }
+  InFolder(const InFolder&) = delete;
+  InFolder& operator=(const InFolder&) = delete;
+  ~InFolder() { fs::current_path(before_); }
+
+ private:
+  fs::path before_;
+};
+
+std::vector<std::string> schemas_in(const fs::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : fs::directory_iterator(folder)) {
+    if (entry.path().extension() == ".fbs") names.push_back(entry.path().filename().string());
+  }
+  std::sort(names.begin(), names.end());
+  return names;
+}
+
+/// The first lines in which the two differ.
+std::string difference(const std::string& golden, const std::string& now) {
+  std::istringstream golden_stream(golden);
+  std::istringstream now_stream(now);
+  std::string golden_line;
+  std::string now_line;
+  std::string text;
+  int shown = 0;
+  for (int line = 1; shown < 10; ++line) {
+    const bool has_golden = static_cast<bool>(std::getline(golden_stream, golden_line));
+    const bool has_now = static_cast<bool>(std::getline(now_stream, now_line));
+    if (!has_golden && !has_now) break;
+    if (has_golden && has_now && golden_line == now_line) continue;
+    text += "line " + std::to_string(line) + '\n';
+    if (has_golden) text += "  - " + golden_line + '\n';
+    if (has_now) text += "  + " + now_line + '\n';
+    ++shown;
+  }
+  return text;
+}
+
+void expect_golden(const fs::path& golden, const std::string& now) {
+  if (std::getenv(kUpdate) != nullptr) {
+    std::ofstream(golden, std::ios::binary) << now;
+    return;
+  }
+  const std::string before = test::read_file(golden);
+  EXPECT_TRUE(before == now) << golden.filename().string() << " (-) is not what rtpmc gives (+):\n"
+                             << difference(before, now) << "If the change is wanted, run `"
+                             << kUpdate
+                             << "=1 bin/schema_test --gtest_filter='Golden*'` and review the files "
+                                "that git shows as changed.";
+}
+
+CompileResult compile_here(const std::string& file) {
+  CompileResult result = compile({.file = file, .include_paths = {RTPM_IDL_FOLDER}});
+  if (!result.model) return result;
+  result.errors = make_cpp_back_end("0.0.0")->check(*result.model);
+  if (!result.errors.empty()) result.model.reset();
+  return result;
+}
+
+TEST(Golden, GeneratedCodeIsAsReviewed) {
+  const InFolder folder(RTPM_GOLDEN_FOLDER);
+  const std::vector<std::string> schemas = schemas_in(".");
+  ASSERT_GE(schemas.size(), 5u);
+  for (const std::string& schema : schemas) {
+    const CompileResult result = compile_here(schema);
+    ASSERT_TRUE(result.model) << render(result.errors);
+    for (const GeneratedFile& file : make_cpp_back_end("0.0.0")->generate(*result.model)) {
+      expect_golden(file.name + ".golden", file.text);
+    }
+  }
+}
+
+TEST(Golden, ErrorsSayWhatWasReviewed) {
+  const InFolder folder(fs::path(RTPM_GOLDEN_FOLDER) / "errors");
+  const std::vector<std::string> schemas = schemas_in(".");
+  ASSERT_GE(schemas.size(), 40u);
+  for (const std::string& schema : schemas) {
+    const CompileResult result = compile_here(schema);
+    EXPECT_FALSE(result.model) << schema << " is taken without an error";
+    expect_golden(fs::path(schema).replace_extension(".txt"), render(result.errors));
+  }
+}
+
+TEST(Golden, NoFileIsLeftOver) {
+  for (const auto& entry : fs::recursive_directory_iterator(RTPM_GOLDEN_FOLDER)) {
+    fs::path path = entry.path();
+    if (path.extension() == ".golden")
+      path.replace_extension().replace_extension().replace_extension(".fbs");
+    if (path.extension() == ".txt") path.replace_extension(".fbs");
+    EXPECT_TRUE(fs::exists(path)) << entry.path() << " has no schema beside it: delete it";
+  }
+}
+
+// The promise of the format, without which a caret would point anywhere.
+TEST(Golden, EveryErrorOfALineMarksIt) {
+  const InFolder folder(fs::path(RTPM_GOLDEN_FOLDER) / "errors");
+  for (const std::string& schema : schemas_in(".")) {
+    for (const Diagnostic& error : compile_here(schema).errors) {
+      if (error.location.line == 0) continue;
+      EXPECT_GE(error.location.column, 1u) << render(error);
+      EXPECT_NE(render(error).find('^'), std::string::npos) << render(error);
+      EXPECT_NE(test::read_file(error.location.file).find(error.location.line_text),
+                std::string::npos)
+          << render(error);
+    }
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::schema

@@ -1,0 +1,77 @@
+#include "reflection.hpp"
+
+#include <flatbuffers/idl.h>
+#include <flatbuffers/reflection_generated.h>
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "checker.hpp"
+#include "outline.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+const std::string kText =
+    "namespace lab; table Request { x:int; }\n"
+    "rpc_service Arm { call(Request):Request; }\n";
+
+std::vector<std::uint8_t> reflection_bytes() {
+  flatbuffers::IDLOptions options;
+  options.project_root = "/";
+  flatbuffers::Parser parser(options);
+  EXPECT_TRUE(parser.Parse(kText.c_str(), nullptr, "/lab/arm.fbs")) << parser.error_;
+  parser.Serialize();
+  const std::uint8_t* bytes = parser.builder_.GetBufferPointer();
+  return {bytes, bytes + parser.builder_.GetSize()};
+}
+
+/// The declaration file's name as FlatBuffers states it.
+constexpr const char* kFile = "//lab/arm.fbs";
+
+TEST(Reflection, IsRead) {
+  const auto model = read_reflection(reflection_bytes(), kFile);
+  ASSERT_TRUE(model);
+  ASSERT_EQ(model->services.size(), 1u);
+  EXPECT_EQ(model->services[0].name, "lab.Arm");
+}
+
+TEST(Reflection, ServicesOfOtherFilesAreLeftOut) {
+  const auto model = read_reflection(reflection_bytes(), "//lab/leg.fbs");
+  ASSERT_TRUE(model);
+  EXPECT_TRUE(model->services.empty());
+}
+
+TEST(Reflection, FeaturesThatNobodyKnowsAreRefused) {
+  std::vector<std::uint8_t> bytes = reflection_bytes();
+  auto model = read_reflection(bytes, kFile);
+  ASSERT_TRUE(model);
+  model->feature_bits = 0x10;
+  const SourceFile source("arm.fbs", kText);
+  const Diagnostics errors = check(*model, source, outline(source));
+  ASSERT_FALSE(errors.empty());
+  EXPECT_NE(errors[0].message.find("features of FlatBuffers that this rtpmc does not know"),
+            std::string::npos);
+}
+
+// A .bfbs may come from anywhere: whatever is in it, reading ends with an answer.
+TEST(Reflection, DamagedBytesAreRefusedOrRead) {
+  const std::vector<std::uint8_t> good = reflection_bytes();
+  int refused = 0;
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    for (const unsigned flip : {0x01u, 0x80u, 0xFFu}) {
+      std::vector<std::uint8_t> bad = good;
+      bad[i] = static_cast<std::uint8_t>(bad[i] ^ flip);
+      if (!read_reflection(bad, kFile)) ++refused;
+    }
+  }
+  EXPECT_GT(refused, 0);
+  for (std::size_t size = 0; size < good.size(); ++size) {
+    EXPECT_FALSE(read_reflection({good.data(), size}, kFile) && size < 16) << size;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::schema
