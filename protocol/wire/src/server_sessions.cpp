@@ -224,11 +224,16 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
       store_le<std::uint16_t>(frame + 6, kFlagRepeated);
       return {Verdict::Action::kSend, ConstBytes(frame, slot.frame_size), {}};
     }
-    if (!is_newer(header.call_id, slot.call_id)) return drop(DropReason::kStaleCall);
-    // The window is the client's promise; a call whose place is still taken breaks it.
-    if (slot.state == Slot::State::kRunning) return refuse(header, Status::kOverload, now);
+    // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
+    // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
+    const bool is_new = is_newer(header.call_id, slot.newest_call_id);
+    if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
+    slot.newest_call_id = header.call_id;
+    if (!is_new || slot.state == Slot::State::kRunning) {
+      return refuse(header, Status::kOverload, now);
+    }
   }
-  slot = {Slot::State::kRunning, header.call_id, 0};
+  slot = {Slot::State::kRunning, header.call_id, header.call_id, 0};
 
   Request request{header, payload, {}, now, session_index, slot_index};
   if (payload.size() > config_.message_size_max) {

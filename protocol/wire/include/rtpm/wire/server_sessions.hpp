@@ -86,6 +86,7 @@ class ServerSessions {
     enum class State : std::uint8_t { kEmpty, kRunning, kDone };
     State state = State::kEmpty;
     std::uint32_t call_id = 0;
+    std::uint32_t newest_call_id = 0;  ///< Later than call_id: it was refused, as this one ran.
     std::uint32_t frame_size = 0;
   };
   struct Session {
