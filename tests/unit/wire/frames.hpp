@@ -1,0 +1,97 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <ostream>
+#include <random>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/wire/client_channel.hpp"
+#include "rtpm/wire/header.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+/// What the tests of the protocol build and take apart frames with.
+namespace rtpm::wire {
+
+inline void PrintTo(DropReason reason, std::ostream* out) {
+  *out << to_string(reason);
+}
+inline void PrintTo(Status status, std::ostream* out) {
+  *out << to_string(status);
+}
+inline void PrintTo(FrameKind kind, std::ostream* out) {
+  *out << to_string(kind);
+}
+
+namespace test {
+
+using Bytes = std::vector<std::byte>;
+
+/// A point on the tests' time line, which begins well after 0 as a host's does.
+[[nodiscard]] constexpr MonotonicTime at(Duration since_begin) noexcept {
+  return time_from_ns(1'000'000'000'000) + since_begin;
+}
+
+[[nodiscard]] inline Bytes copy_of(ConstBytes bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+[[nodiscard]] inline Bytes bytes_of(std::string_view text) {
+  return copy_of(std::as_bytes(std::span(text)));
+}
+
+/// A whole frame: `header` with its sizes set to those of `payload`, and the payload. The block is
+/// exactly as long as the frame, so that a sanitizer sees a read past its end.
+[[nodiscard]] inline Bytes frame_of(Header header, ConstBytes payload = {}) {
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
+  Bytes frame(kHeaderSize);
+  encode(header, frame.data());
+  frame.insert(frame.end(), payload.begin(), payload.end());
+  frame.shrink_to_fit();
+  return frame;
+}
+
+/// The header of a frame that the code under test made; fails the test if it is malformed.
+[[nodiscard]] inline Header header_of(ConstBytes frame) {
+  const auto header = decode_frame(frame);
+  EXPECT_TRUE(header) << "malformed: " << to_string(header.error());
+  return header ? *header : Header{};
+}
+
+[[nodiscard]] inline Bytes payload_of(ConstBytes frame) {
+  return frame.size() < kHeaderSize ? Bytes{} : copy_of(frame.subspan(kHeaderSize));
+}
+
+using Random = std::mt19937_64;
+
+[[nodiscard]] inline Bytes random_bytes(Random& random, std::size_t size) {
+  Bytes bytes(size);
+  for (std::byte& byte : bytes)
+    byte = static_cast<std::byte>(random());
+  return bytes;
+}
+
+[[nodiscard]] inline Header random_header(Random& random) {
+  Header header;
+  header.kind = static_cast<FrameKind>(1 + random() % kFrameKindLast);
+  header.priority = Priority{static_cast<int>(random() % (Priority::kHighest + 1))};
+  header.flags = random() % 2 == 0 ? std::uint16_t{0} : kFlagRepeated;
+  header.session = random();
+  header.call_id = static_cast<std::uint32_t>(random());
+  header.service = static_cast<std::uint32_t>(random());
+  header.method = static_cast<std::uint16_t>(random());
+  header.status = static_cast<Status>(random() % kStatusCount);
+  header.budget_us = static_cast<std::uint32_t>(random());
+  header.sender_time_ns = random();
+  header.trace_id = random();
+  return header;
+}
+
+}  // namespace test
+}  // namespace rtpm::wire

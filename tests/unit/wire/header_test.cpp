@@ -1,0 +1,261 @@
+#include "rtpm/wire/header.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <string>
+
+#include "frames.hpp"
+
+namespace rtpm::wire {
+namespace {
+
+using namespace test;
+
+/// The reason for which `frame` is dropped; none if it is taken.
+std::optional<DropReason> reason_for(ConstBytes frame) {
+  const auto header = decode_frame(frame);
+  if (header) return std::nullopt;
+  return header.error();
+}
+
+void expect_same(const Header& a, const Header& b) {
+  EXPECT_EQ(a.kind, b.kind);
+  EXPECT_EQ(a.priority, b.priority);
+  EXPECT_EQ(a.flags, b.flags);
+  EXPECT_EQ(a.session, b.session);
+  EXPECT_EQ(a.call_id, b.call_id);
+  EXPECT_EQ(a.service, b.service);
+  EXPECT_EQ(a.method, b.method);
+  EXPECT_EQ(a.status, b.status);
+  EXPECT_EQ(a.payload_size, b.payload_size);
+  EXPECT_EQ(a.fragment_index, b.fragment_index);
+  EXPECT_EQ(a.fragment_count, b.fragment_count);
+  EXPECT_EQ(a.message_size, b.message_size);
+  EXPECT_EQ(a.budget_us, b.budget_us);
+  EXPECT_EQ(a.sender_time_ns, b.sender_time_ns);
+  EXPECT_EQ(a.trace_id, b.trace_id);
+}
+
+TEST(Header, ComesBackAsItWasWritten) {
+  Random random(1);
+  for (int round = 0; round < 2000; ++round) {
+    Header header = random_header(random);
+    const Bytes payload = random_bytes(random, random() % 100);
+    header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
+    const auto read = decode_frame(frame_of(header, payload));
+    ASSERT_TRUE(read);
+    expect_same(*read, header);
+  }
+}
+
+TEST(Header, TakesTheEndsOfEachRange) {
+  for (const int priority : {Priority::kLowest, Priority::kHighest}) {
+    Header header;
+    header.priority = Priority{priority};
+    const auto read = decode_frame(frame_of(header));
+    ASSERT_TRUE(read);
+    EXPECT_EQ(read->priority, Priority{priority});
+  }
+  Header header;
+  header.payload_size = header.message_size = kMessageSizeCeiling;
+  Bytes bytes(kHeaderSize);
+  encode(header, bytes.data());
+  EXPECT_TRUE(decode(bytes)) << "the largest message begins well";
+  EXPECT_EQ(reason_for(bytes), DropReason::kBadLength) << "but the header alone is no frame";
+}
+
+/// One way to break a frame, and the reason under which it is then dropped. In the order in which
+/// the fields are to be checked (hp-2-1).
+struct Break {
+  const char* what;
+  DropReason reason;
+  void (*apply)(Bytes& frame);
+};
+
+void set_u16(Bytes& frame, std::size_t offset, std::uint16_t value) {
+  store_le(frame.data() + offset, value);
+}
+void set_u32(Bytes& frame, std::size_t offset, std::uint32_t value) {
+  store_le(frame.data() + offset, value);
+}
+
+const std::vector<Break>& breaks() {
+  static const std::vector<Break> kBreaks{
+      {"the magic's first byte", DropReason::kBadMagic, [](Bytes& f) { f[0] = std::byte{'h'}; }},
+      {"the magic's second byte", DropReason::kBadMagic, [](Bytes& f) { f[1] = std::byte{'p'}; }},
+      {"version 0", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{0}; }},
+      {"version 2", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{2}; }},
+      {"kind 0", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{0}; }},
+      {"kind 8", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{8}; }},
+      {"priority 32768", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 32768); }},
+      {"priority 65535", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 65535); }},
+      {"flag 1", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 2); }},
+      {"flag 15", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 0x8000); }},
+      {"the first reserved byte", DropReason::kReservedSet, [](Bytes& f) { set_u32(f, 44, 1); }},
+      {"the last reserved byte", DropReason::kReservedSet,
+       [](Bytes& f) { set_u32(f, 44, 0x8000'0000); }},
+      {"a payload above 16 MiB", DropReason::kBadLength,
+       [](Bytes& f) { set_u32(f, 28, kMessageSizeCeiling + 1); }},
+      {"a payload of 4 GiB", DropReason::kBadLength, [](Bytes& f) { set_u32(f, 28, 0xffff'ffff); }},
+      {"fragment 1", DropReason::kBadFragment, [](Bytes& f) { set_u16(f, 32, 1); }},
+      {"no fragment", DropReason::kBadFragment, [](Bytes& f) { set_u16(f, 34, 0); }},
+      {"two fragments", DropReason::kBadFragment, [](Bytes& f) { set_u16(f, 34, 2); }},
+      {"a larger message", DropReason::kBadFragment, [](Bytes& f) { set_u32(f, 36, 17); }},
+  };
+  return kBreaks;
+}
+
+TEST(Header, IsDroppedForTheFieldThatIsBroken) {
+  const Bytes good = frame_of({}, bytes_of("sixteen bytes of"));
+  ASSERT_EQ(reason_for(good), std::nullopt);
+  for (const Break& one : breaks()) {
+    Bytes frame = good;
+    one.apply(frame);
+    EXPECT_EQ(reason_for(frame), one.reason) << one.what;
+  }
+}
+
+// hp-2-1: so that a frame with several faults is counted alike everywhere.
+TEST(Header, IsDroppedForTheFirstOfSeveralFaults) {
+  const Bytes good = frame_of({}, bytes_of("sixteen bytes of"));
+  for (std::size_t first = 0; first < breaks().size(); ++first) {
+    for (std::size_t second = first + 1; second < breaks().size(); ++second) {
+      Bytes frame = good;
+      breaks()[second].apply(frame);
+      breaks()[first].apply(frame);
+      const DropReason later = breaks()[second].reason;
+      const auto reason = reason_for(frame);
+      EXPECT_TRUE(reason == breaks()[first].reason || breaks()[first].reason == later)
+          << breaks()[first].what << " and " << breaks()[second].what;
+    }
+  }
+}
+
+TEST(Header, IsTooShortBelow64BytesWhateverTheyAre) {
+  const Bytes good = frame_of({});
+  for (std::size_t size = 0; size < kHeaderSize; ++size) {
+    const Bytes cut(good.begin(), good.begin() + static_cast<std::ptrdiff_t>(size));
+    EXPECT_EQ(reason_for(cut), DropReason::kTooShort) << size;
+  }
+  EXPECT_EQ(reason_for({}), DropReason::kTooShort);
+}
+
+// hp-2-3
+TEST(Frame, IsOfBadLengthUnlessThePayloadIsAllThatFollows) {
+  Bytes frame = frame_of({}, bytes_of("payload"));
+  frame.push_back(std::byte{0});
+  EXPECT_EQ(reason_for(frame), DropReason::kBadLength);
+  frame.resize(frame.size() - 2);
+  EXPECT_EQ(reason_for(frame), DropReason::kBadLength);
+  EXPECT_TRUE(decode(frame)) << "on a stream more bytes may follow or be on their way";
+}
+
+/// Bytes that are taken must be the very bytes that encoding what was read gives: two byte strings
+/// never mean the same header, and no bit goes unread.
+void check_bytes(const Bytes& bytes) {
+  const auto header = decode_frame(bytes);
+  if (!header) return;
+  ASSERT_EQ(bytes.size(), kHeaderSize + header->payload_size);
+  Bytes again(kHeaderSize);
+  encode(*header, again.data());
+  ASSERT_TRUE(std::equal(again.begin(), again.end(), bytes.begin()));
+}
+
+TEST(Frame, OfRandomBytesIsNeverTakenWrongly) {
+  Random random(2);
+  int taken_count = 0;
+  for (int round = 0; round < 20'000; ++round) {
+    Bytes bytes = random_bytes(random, random() % 200);
+    check_bytes(bytes);
+    // Most random bytes fail at the magic: help them over it, and over ever more of the checks.
+    bytes = frame_of(random_header(random), bytes);
+    const std::size_t change_count = random() % 3;
+    for (std::size_t i = 0; i < change_count; ++i) {
+      bytes[random() % bytes.size()] = static_cast<std::byte>(random());
+    }
+    if (random() % 4 == 0) bytes.resize(random() % (bytes.size() + 3));
+    bytes.shrink_to_fit();
+    check_bytes(bytes);
+    taken_count += reason_for(bytes) ? 0 : 1;
+  }
+  EXPECT_GT(taken_count, 1000) << "the test must reach both outcomes";
+  EXPECT_LT(taken_count, 19'000);
+}
+
+TEST(Frame, WithAnyOneBitTurnedIsDroppedOrReadDifferently) {
+  Random random(3);
+  const Bytes good = frame_of(random_header(random), random_bytes(random, 5));
+  for (std::size_t bit = 0; bit < kHeaderSize * 8; ++bit) {
+    Bytes frame = good;
+    frame[bit / 8] ^= static_cast<std::byte>(1u << (bit % 8));
+    check_bytes(frame);
+  }
+}
+
+TEST(Names, AreTheSpecs) {
+  constexpr std::array<std::string_view, kDropReasonCount> kReasons{
+      "too_short",       "bad_magic",       "bad_version",  "bad_kind",          "reserved_set",
+      "bad_priority",    "bad_length",      "bad_fragment", "bad_payload",       "bad_cookie",
+      "unknown_session", "foreign_address", "stale_call",   "duplicate_running", "unexpected"};
+  for (std::size_t i = 0; i < kReasons.size(); ++i) {
+    EXPECT_EQ(to_string(static_cast<DropReason>(i)), kReasons[i]);
+  }
+  EXPECT_EQ(to_string(static_cast<DropReason>(kDropReasonCount)), "unknown");
+  constexpr std::array<std::string_view, kStatusCount> kStatuses{"ok",
+                                                                 "overload",
+                                                                 "expired",
+                                                                 "no_such_method",
+                                                                 "no_such_object",
+                                                                 "bad_request",
+                                                                 "not_lease_holder",
+                                                                 "gone",
+                                                                 "servant_failed",
+                                                                 "too_large",
+                                                                 "priority_not_allowed",
+                                                                 "wrong_band",
+                                                                 "unknown_session",
+                                                                 "version_unsupported",
+                                                                 "bad_limits",
+                                                                 "wrong_interface"};
+  for (std::size_t i = 0; i < kStatuses.size(); ++i) {
+    EXPECT_EQ(to_string(static_cast<Status>(i)), kStatuses[i]);
+  }
+  EXPECT_EQ(to_string(static_cast<Status>(kStatusCount)), "unknown");
+  constexpr std::array<std::string_view, kFrameKindLast> kKinds{
+      "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL", "REPLY", "CLOSE"};
+  for (std::size_t i = 0; i < kKinds.size(); ++i) {
+    EXPECT_EQ(to_string(static_cast<FrameKind>(i + 1)), kKinds[i]);
+  }
+  EXPECT_EQ(to_string(FrameKind{}), "unknown");
+}
+
+TEST(Counters, AddUpEachForItself) {
+  FrameCounters one;
+  one.received_count = 1;
+  one.duplicate_answered_count = 2;
+  one.expired_count = 3;
+  one.refused_count = 4;
+  one.session_opened_count = 5;
+  one.session_evicted_count = 6;
+  for (std::size_t i = 0; i < kDropReasonCount; ++i) {
+    for (std::size_t count = 0; count <= i; ++count)
+      one.drop(static_cast<DropReason>(i));
+  }
+  FrameCounters sum = one;
+  sum.add(one);
+  EXPECT_EQ(sum.received_count, 2u);
+  EXPECT_EQ(sum.duplicate_answered_count, 4u);
+  EXPECT_EQ(sum.expired_count, 6u);
+  EXPECT_EQ(sum.refused_count, 8u);
+  EXPECT_EQ(sum.session_opened_count, 10u);
+  EXPECT_EQ(sum.session_evicted_count, 12u);
+  for (std::size_t i = 0; i < kDropReasonCount; ++i) {
+    EXPECT_EQ(sum.dropped_for(static_cast<DropReason>(i)), 2 * (i + 1));
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::wire

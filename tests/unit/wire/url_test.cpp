@@ -1,0 +1,85 @@
+#include "rtpm/wire/url.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::wire {
+namespace {
+
+struct GoodUrl {
+  std::string text;
+  std::string host;
+  std::uint16_t port;
+  std::string path;
+};
+
+class GoodUrls : public testing::TestWithParam<GoodUrl> {};
+
+TEST_P(GoodUrls, AreTakenApart) {
+  EXPECT_TRUE(is_url(GetParam().text));
+  const auto url = parse_url(GetParam().text);
+  ASSERT_TRUE(url);
+  EXPECT_EQ(url->host, GetParam().host);
+  EXPECT_EQ(url->port, GetParam().port);
+  EXPECT_EQ(url->path, GetParam().path);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Url, GoodUrls,
+    testing::Values(GoodUrl{"rtpm://127.0.0.1:7420/rtpm/names", "127.0.0.1", 7420, "rtpm/names"},
+                    GoodUrl{"rtpm://robot-7.lab.example:1/a", "robot-7.lab.example", 1, "a"},
+                    GoodUrl{"rtpm://host_a:65535/A.b-c_d/9", "host_a", 65535, "A.b-c_d/9"},
+                    GoodUrl{"rtpm://h:80/" + std::string(kPathSizeMax, 'p'), "h", 80,
+                            std::string(kPathSizeMax, 'p')}));
+
+class BadUrls : public testing::TestWithParam<std::string> {};
+
+TEST_P(BadUrls, AreNotTaken) {
+  EXPECT_FALSE(parse_url(GetParam()));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Url, BadUrls,
+    testing::Values("", "rtpm", "rtpm://", "rtpm:///", "rtpm://h", "rtpm://h/p", "rtpm://h:1",
+                    "rtpm://h:1/", "rtpm://:1/p", "rtpm://h:/p", "rtpm://h:0/p", "rtpm://h:65536/p",
+                    "rtpm://h:99999999999/p", "rtpm://h:-1/p", "rtpm://h:+1/p", "rtpm://h: 1/p",
+                    "rtpm://h:1 /p", "rtpm://h:0x10/p", "rtpm://h:1a/p", "rtpm://h:1:2/p",
+                    "RTPM://h:1/p", "http://h:1/p", " rtpm://h:1/p", "rtpm://h:1//p",
+                    "rtpm://h:1/p/", "rtpm://h:1/a//b", "rtpm://h:1/a b", "rtpm://h:1/a?b",
+                    "rtpm://h:1/\xc3\xa4", "rtpm://a b:1/p", "rtpm://[::1]:1/p", "rtpm://u@h:1/p",
+                    "rtpm://h:1/" + std::string(kPathSizeMax + 1, 'p'),
+                    std::string("rtpm://h:1/a\0b", 14), std::string("rtpm://h\0:1/a", 13)));
+
+TEST(Url, IsToldFromAName) {
+  EXPECT_TRUE(is_url("rtpm://h:1/p"));
+  EXPECT_TRUE(is_url("http://h:1/p")) << "so that its text is about the URL and not about a name";
+  EXPECT_FALSE(is_url("lab/arm0"));
+  EXPECT_FALSE(is_url(""));
+}
+
+TEST(Path, IsComponentsPartedBySingleSlashes) {
+  for (const char* good : {"a", "lab/arm0", "A/b/C/9", "a.b", "-", "_", ".", ".."}) {
+    EXPECT_TRUE(is_valid_path(good)) << good;
+  }
+  for (const char* bad : {"", "/", "/a", "a/", "a//b", "a b", "a\n", "a:b", "a%b", "a\\b", "a+b"}) {
+    EXPECT_FALSE(is_valid_path(bad)) << bad;
+  }
+  EXPECT_TRUE(is_valid_path(std::string(kPathSizeMax, 'a')));
+  EXPECT_FALSE(is_valid_path(std::string(kPathSizeMax + 1, 'a')));
+  EXPECT_FALSE(is_valid_path(std::string_view("a\0b", 3)));
+}
+
+// Each of the 256 bytes alone: the alphabet is exactly the spec's (hp-10).
+TEST(Path, HasTheSpecsAlphabet) {
+  const std::string alphabet = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";
+  for (int c = 0; c < 256; ++c) {
+    const std::string text(1, static_cast<char>(c));
+    EXPECT_EQ(is_valid_path(text), alphabet.find(text) != alphabet.npos) << c;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::wire
