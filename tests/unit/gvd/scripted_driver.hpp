@@ -7,7 +7,7 @@
 
 #include "rtpm/driver/driver.hpp"
 
-namespace rtpm::gvd::test {
+namespace rtpm::test {
 
 /// A device of the test's making: it does what `script` says and remembers what it was told.
 class ScriptedDriver final : public driver::Driver {
@@ -56,4 +56,4 @@ class ScriptedDriver final : public driver::Driver {
   bool is_active = false;
 };
 
-}  // namespace rtpm::gvd::test
+}  // namespace rtpm::test

@@ -1,0 +1,71 @@
+// The program of the paper's Figure 5, line by line where it can be: opens a haptic device, reads a
+// position at a high priority and another at a low one, sends a force back; beside it, a consumer
+// prints the device's position at its own pace.
+#include <cstdio>
+#include <string>
+
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace {
+
+using rtpm::driver::Sample;
+using rtpm::driver::Vector3;
+
+/// Overrides the push() operation of the consumer, as in the paper.
+class PositionPrinter final : public rtpm::gvd::SampleSink {
+ public:
+  void push(const Sample& sample) override {
+    const Vector3& at = sample.pose.position_m;
+    std::printf("new position = %+.4f %+.4f %+.4f m\n", at.x, at.y, at.z);
+    std::fflush(stdout);
+  }
+};
+
+/// A soft spring to the middle in x, and some lift in y.
+Vector3 calculate_force(double x_m, double y_m) { return {-40 * x_m, 0.2 - 10 * y_m, 0}; }
+
+int fail(const std::string& text) {
+  std::fprintf(stderr, "rtpm-figure5: %s\n", text.c_str());
+  return 1;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  std::string device = "lab/arm0";
+  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  rtpm::program::Options options("rtpm-figure5", "the paper's Figure 5: one device, two ways to use it");
+  options.add("device", device, "The device's name, or its URL");
+  options.add_registry(registry);
+  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+
+  const rtpm::program::StopSignal stop;
+  rtpm::rpc::Node node;
+  rtpm::names::RegistryResolver resolver(node, registry);
+  node.use(resolver);
+
+  auto arm = rtpm::gvd::DeviceClient::open(node, device);  // start device
+  if (!arm) return fail(arm.error().text);
+  if (auto acquired = arm->acquire(); !acquired) {
+    return fail("no right to command " + device + ": " + std::string(to_string(acquired.error())));
+  }
+  PositionPrinter printer;
+  auto consumer = rtpm::gvd::DeviceConsumer::start(node, device, {.rate_hz = 2}, printer);
+  if (!consumer) return fail(consumer.error().text);
+
+  while (!stop.wait_for(std::chrono::milliseconds{5})) {
+    const auto x = arm->read({.priority = 3});
+    const auto y = arm->read({.priority = 1});
+    if (!x || !y) return fail(device + " was lost");
+    const Vector3 force = calculate_force(x->pose.position_m.x, y->pose.position_m.y);
+    if (const auto sent = arm->set_force(force); !sent) {
+      return fail("the force did not arrive: " + std::string(to_string(sent.error())));
+    }
+  }
+  return 0;  // The consumer stops and the device is closed by themselves.
+}

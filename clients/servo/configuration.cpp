@@ -1,0 +1,83 @@
+#include "configuration.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+
+#include "rtpm/names/defaults.hpp"
+#include "rtpm/program/options.hpp"
+
+namespace rtpm::servo {
+namespace {
+
+/// What a wall chosen here keeps away from its bound.
+constexpr double kShareOfBound = 0.75;
+
+std::string shown(double number) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.4g", number);
+  return text.data();
+}
+
+}  // namespace
+
+std::optional<int> read_configuration(int argc, const char* const* argv,
+                                      Configuration& configuration) {
+  configuration.registry = names::kDefaultRegistryUrl;
+  program::Options options(
+      "rtpm-servo", "renders a virtual wall on a haptic device and measures every cycle of its loop");
+  options.add("device", configuration.device, "The device's name, or its URL");
+  options.add_registry(configuration.registry);
+  options.add("seconds", configuration.seconds, "How long to run; 0: until Ctrl-C", {0, 1e6});
+  options.add("rate", configuration.rate_hz, "Cycles per second, in Hz", {10, 10000});
+  options.add("priority", configuration.priority, "Of the loop and its calls");
+  options.add("stiffness", configuration.wall.stiffness_newton_per_m,
+              "Of the wall, in N/m; 0: three quarters of what is passive at this rate", {0, 1e6});
+  options.add("damping", configuration.wall.damping_newton_s_per_m, "Of the wall, in N s/m",
+              {0, 1e4});
+  options.add("face", configuration.wall.face_m, "Where the wall's face is, z in metre", {-1, 1});
+  options.add("hold", configuration.hold, "How long each force stands without a newer one");
+  options.add("deadline", configuration.deadline, "How long one call may take",
+              {std::chrono::microseconds{100}, std::chrono::seconds{1}});
+  options.add("patience", configuration.patience,
+              "How long calls may fail in a row before the device counts as lost");
+  options.add("recover", configuration.is_recovery, "End a latched fault of the device first");
+  options.add_choice("live", configuration.live, {"rewrite", "lines", "off"},
+                     "The line that shows the loop while it runs");
+  options.add_realtime(configuration.realtime);
+  options.add_wait(configuration.wait);
+  return options.parse(argc, argv);
+}
+
+expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
+                                            const driver::Descriptor& device) {
+  const bool has_force_z =
+      std::any_of(device.axes.begin(), device.axes.end(),
+                  [](const driver::Axis& axis) { return axis.name == "z" && axis.is_actuated; });
+  if (!has_force_z || device.limits.force_newton_max <= 0) {
+    return rpc::setup_error(configuration.device + " is a " + std::string(to_string(device.device_class)) +
+                            " device without force along z; choose a haptic device with --device");
+  }
+  const auto device_period = std::chrono::duration_cast<Duration>(
+      std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
+  Wall wall = configuration.wall;
+  const double bound =
+      std::min(stiffness_bound(device.limits.damping_newton_s_per_m, wall.damping_newton_s_per_m,
+                               configuration.period(), device_period),
+               device.limits.stiffness_newton_per_m_max);
+  if (bound <= 0) {
+    return rpc::setup_error("a wall of --damping " + shown(wall.damping_newton_s_per_m) +
+                            " N s/m leaves nothing of the device's own " +
+                            shown(device.limits.damping_newton_s_per_m) +
+                            " N s/m to keep it passive; lower it");
+  }
+  if (wall.stiffness_newton_per_m > bound) {
+    return rpc::setup_error("a wall of --stiffness " + shown(wall.stiffness_newton_per_m) +
+                            " N/m would buzz: at this rate up to " + shown(bound) +
+                            " N/m is passive; lower it, or raise --rate");
+  }
+  if (wall.stiffness_newton_per_m <= 0) wall.stiffness_newton_per_m = kShareOfBound * bound;
+  return wall;
+}
+
+}  // namespace rtpm::servo

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/wait.hpp"
+#include "wall.hpp"
+
+namespace rtpm::servo {
+
+/// Everything that can be said to rtpm-servo.
+struct Configuration {
+  std::string device = "lab/arm0";
+  std::string registry{};
+  double seconds = 10;  ///< 0: until SIGINT or SIGTERM.
+  double rate_hz = 1000;
+  Priority priority = 24000;
+  Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
+  Duration hold = std::chrono::milliseconds{10};
+  Duration deadline = std::chrono::milliseconds{10};
+  Duration patience = std::chrono::seconds{1};
+  bool is_recovery = false;
+  std::string live = "rewrite";  ///< "rewrite", "lines" or "off".
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  rt::WaitConfig wait{};
+
+  [[nodiscard]] Duration period() const noexcept {
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
+  }
+};
+
+/// Reads file, environment and flags into `configuration`; as program::Options::parse().
+[[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
+                                                    Configuration& configuration);
+
+/// The wall to render on this device: as configured, or of three quarters of its bound, at most what
+/// the device says it bears, where no stiffness is given.   Set-up only.
+/// Errors: a device that gives no force along z; a stiffness above the bound: the text names it.
+[[nodiscard]] expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
+                                                          const driver::Descriptor& device);
+
+}  // namespace rtpm::servo

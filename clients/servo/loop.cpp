@@ -1,0 +1,91 @@
+#include "loop.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::servo {
+
+expected<void, rt::RealtimeError> Loop::start() {
+  call_.priority = config_.thread.priority;
+  call_.deadline = config_.deadline;
+  auto thread = rt::Thread::start(config_.thread, [this] { run(); });
+  if (!thread) return unexpected{thread.error()};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+void Loop::run() noexcept {
+  const rt::NoAllocationScope no_allocation;
+  const Duration period = config_.period;
+  const MonotonicTime begin = rt::now() + period;
+  const MonotonicTime end = config_.duration > Duration{0} ? begin + config_.duration : kNever;
+  MonotonicTime due = begin;
+  while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && due < end) {
+    rt::sleep_until(due);
+    run_cycle(due);
+    due += period;
+    // Absolute times: a late cycle does not shift the next ones. Those whose time is over already
+    // are left out, and this one missed its deadline.
+    if (const Duration behind = rt::now() - due; behind > Duration{0}) {
+      const auto left_out = behind / period;
+      statistics_.missed_count += static_cast<std::uint64_t>(left_out) + 1;
+      due += left_out * period;
+    }
+  }
+  is_over_.store(true, std::memory_order_release);
+}
+
+void Loop::run_cycle(MonotonicTime due) noexcept {
+  const MonotonicTime begun = rt::now();
+  statistics_.lateness.record(begun - due);
+  ++statistics_.cycle_count;
+
+  const auto sample = device_.read(call_);
+  const MonotonicTime read = rt::now();
+  record_call(statistics_.read, read - begun);
+  if (!sample) return fail(sample.error(), read);
+
+  const driver::Vector3 force = config_.wall.force_newton(*sample);
+  const MonotonicTime computed = rt::now();
+  const auto sent = device_.set_force(force, call_);
+  const MonotonicTime done = rt::now();
+  record_call(statistics_.command, done - computed);
+  if (!sent) return fail(sent.error(), done);
+  failing_since_.reset();
+
+  Duration latency = done - begun;
+  statistics_.cycle.record(latency);
+  if (latency <= kPaperCycle) ++statistics_.cycle_within_paper_count;
+  static_cast<void>(cycles_.push(latency));  // Full: nobody looks, and only the display lacks it.
+
+  view_.sample = *sample;
+  view_.force_newton = force;
+  view_.depth_m = config_.wall.depth_m(*sample);
+  view_.cycle_count = statistics_.cycle_count;
+  view_.failed_count = statistics_.failed_count;
+  if (view_.depth_m > 0) ++statistics_.contact_count;
+  statistics_.force_newton_max = std::max(statistics_.force_newton_max, std::abs(force.z));
+  live_.write(view_);
+}
+
+void Loop::record_call(LatencyHistogram& histogram, Duration latency) noexcept {
+  histogram.record(latency);
+  ++statistics_.call_count;
+  if (latency <= kPaperCall) ++statistics_.call_within_paper_count;
+}
+
+void Loop::fail(rpc::CallError error, MonotonicTime now) noexcept {
+  ++statistics_.failed_count;
+  view_.failed_count = statistics_.failed_count;
+  live_.write(view_);
+  if (!failing_since_) failing_since_ = now;
+  // Without the lease no call will succeed any more; all else may pass.
+  const bool is_hopeless = error == rpc::CallError::kNotLeaseHolder;
+  if (is_hopeless || now - *failing_since_ >= config_.patience) loss_ = error;
+}
+
+}  // namespace rtpm::servo

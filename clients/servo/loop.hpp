@@ -1,0 +1,110 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/histogram.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/ring.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "wall.hpp"
+
+namespace rtpm::servo {
+
+/// The paper's best case: what most of its calls on one node took.
+inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
+/// The paper's specification of a haptic process: 1 kHz.
+inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
+
+/// What a run measured.
+struct Statistics {
+  LatencyHistogram read{};      ///< One call each: from before it until its reply.
+  LatencyHistogram command{};
+  LatencyHistogram cycle{};     ///< Both calls and the wall between them.
+  LatencyHistogram lateness{};  ///< From when a cycle was due until it began.
+  std::uint64_t cycle_count = 0;
+  std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were left out.
+  std::uint64_t failed_count = 0;   ///< Calls that failed.
+  std::uint64_t contact_count = 0;  ///< Cycles inside the wall.
+  std::uint64_t call_count = 0;
+  std::uint64_t call_within_paper_count = 0;   ///< Calls within kPaperCall.
+  std::uint64_t cycle_within_paper_count = 0;  ///< Cycles within kPaperCycle.
+  double force_newton_max = 0;                 ///< The greatest force commanded.
+};
+
+/// What the loop does at the moment, for display.
+struct Live {
+  driver::Sample sample{};
+  driver::Vector3 force_newton{};
+  double depth_m = 0;
+  std::uint64_t cycle_count = 0;
+  std::uint64_t failed_count = 0;
+};
+
+/// How the loop runs.
+struct LoopConfig {
+  Wall wall{};
+  Duration period = std::chrono::milliseconds{1};
+  Duration duration{0};  ///< 0: until stop().
+  Duration deadline = std::chrono::milliseconds{10};
+  Duration patience = std::chrono::seconds{1};
+  rt::ThreadConfig thread{.name = "servo"};
+};
+
+/// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it, at
+/// a steady rate on a thread of its own. The thread prints nothing and allocates nothing; another
+/// one shows what it leaves in live().
+/// Ownership: refers to the device, which must outlive it. Some 100 KiB: not for a stack.
+/// Threads: start, join and statistics() from one thread; live(), next_cycle() from one other;
+/// stop() from any.
+class Loop {
+ public:
+  Loop(gvd::DeviceClient& device, const LoopConfig& config) noexcept
+      : device_(device), config_(config) {}
+
+  /// Starts the thread.   Set-up only.
+  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  [[nodiscard]] expected<void, rt::RealtimeError> start();
+  /// Lets the loop end after its cycle.   RT: alloc-free.
+  void stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
+  /// Waits for the loop's end.   Set-up only.
+  void join() noexcept { thread_.join(); }
+  [[nodiscard]] bool is_running() const noexcept {
+    return !is_over_.load(std::memory_order_acquire);
+  }
+
+  [[nodiscard]] std::optional<Live> live() const noexcept { return live_.read(); }
+  /// The next cycle's latency that was not asked for yet.
+  [[nodiscard]] std::optional<Duration> next_cycle() noexcept { return cycles_.pop(); }
+
+  /// What was measured; after join().
+  [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
+  /// Why the loop gave up; nothing if it did not. After join().
+  [[nodiscard]] std::optional<rpc::CallError> loss() const noexcept { return loss_; }
+
+ private:
+  void run() noexcept;
+  void run_cycle(MonotonicTime due) noexcept;
+  void record_call(LatencyHistogram& histogram, Duration latency) noexcept;
+  void fail(rpc::CallError error, MonotonicTime now) noexcept;
+
+  gvd::DeviceClient& device_;
+  LoopConfig config_;
+  rpc::CallOptions call_{};
+  Statistics statistics_{};
+  Live view_{};
+  std::optional<MonotonicTime> failing_since_{};
+  std::optional<rpc::CallError> loss_{};
+  Latest<Live> live_{};
+  SpscRing<Duration, 8192> cycles_{};
+  std::atomic<bool> is_stopping_{false};
+  std::atomic<bool> is_over_{false};
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::servo

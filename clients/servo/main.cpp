@@ -1,0 +1,146 @@
+// rtpm-servo: the haptic servo of the paper's §3.1. It renders a virtual wall on a haptic device,
+// wherever that is, and measures every cycle.
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "configuration.hpp"
+#include "loop.hpp"
+#include "report.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::servo {
+namespace {
+
+constexpr int kSetUpFailed = 1;
+constexpr int kDeviceLost = 3;
+
+int fail(int exit_code, std::string_view text) {
+  std::fprintf(stderr, "rtpm-servo: %.*s\n", static_cast<int>(text.size()), text.data());
+  return exit_code;
+}
+
+/// Shows the loop until it ends, or ends it when that is wished: the only place that prints while it
+/// runs, on a time-shared thread.
+void watch(Loop& loop, const program::StopSignal& stop, const std::string& live) {
+  const bool is_rewriting = live == "rewrite";
+  const Duration pause =
+      is_rewriting ? Duration{std::chrono::milliseconds{100}} : Duration{std::chrono::seconds{1}};
+  const auto cycles = std::make_unique<LatencyHistogram>();
+  const MonotonicTime begin = rt::now();
+  MonotonicTime next = begin + pause;
+  while (loop.is_running()) {
+    if (stop.wait_for(std::chrono::milliseconds{20})) loop.stop();
+    while (const auto cycle = loop.next_cycle()) cycles->record(*cycle);
+    const MonotonicTime now = rt::now();
+    const auto view = loop.live();
+    if (live == "off" || now < next || !view) continue;
+    next = now + pause;
+    const std::string text = live_text(*view, *cycles, now - begin);
+    std::printf(is_rewriting ? "\r\033[K%s" : "%s\n", text.c_str());
+    std::fflush(stdout);
+  }
+  if (is_rewriting) std::printf("\n");
+}
+
+expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
+                                                         const Configuration& configuration) {
+  gvd::DeviceClientOptions options;
+  options.bind.warm_up = {configuration.priority};
+  options.hold = configuration.hold;
+  auto device = gvd::DeviceClient::open(node, configuration.device, options);
+  if (!device) return unexpected{device.error()};
+  if (auto acquired = device->acquire(); !acquired) {
+    const bool is_taken = acquired.error() == rpc::CallError::kNotLeaseHolder;
+    return rpc::setup_error(
+        configuration.device +
+        (is_taken ? " is commanded by somebody else; end that client, or choose another --device"
+                  : " can't be commanded: " + std::string(to_string(acquired.error()))));
+  }
+  if (configuration.is_recovery) {
+    if (auto recovered = device->recover(); !recovered) {
+      return rpc::setup_error(configuration.device + " does not recover: " +
+                              std::string(to_string(recovered.error())));
+    }
+  }
+  return device;
+}
+
+/// Whether the device will obey: active and without a fault that holds its force back.
+expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
+                                             const Configuration& configuration) {
+  const auto sample = device.read();
+  if (!sample) {
+    return rpc::setup_error(configuration.device + " can't be read: " +
+                            std::string(to_string(sample.error())));
+  }
+  if (sample->lifecycle != driver::Lifecycle::kActive) {
+    return rpc::setup_error(configuration.device + " is " +
+                            std::string(driver::to_string(sample->lifecycle)) +
+                            ", not active; see what its rtpm-deviced says");
+  }
+  if (sample->faults.has(driver::Fault::kCommandNotFinite) && !configuration.is_recovery) {
+    return rpc::setup_error(configuration.device +
+                            " holds its force back since a command was not finite; say --recover");
+  }
+  return {};
+}
+
+int serve(const Configuration& configuration) {
+  const program::StopSignal stop;
+  if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
+    return fail(kSetUpFailed, locked.error().text);
+  }
+  rpc::Node node({.wait = configuration.wait});
+  names::RegistryResolver resolver(node, configuration.registry);
+  node.use(resolver);
+  auto device = open_device(node, configuration);
+  if (!device) return fail(kSetUpFailed, device.error().text);
+  if (auto checked = check_device(*device, configuration); !checked) {
+    return fail(kSetUpFailed, checked.error().text);
+  }
+  const auto wall = choose_wall(configuration, device->descriptor());
+  if (!wall) return fail(kSetUpFailed, wall.error().text);
+
+  LoopConfig config;
+  config.wall = *wall;
+  config.period = configuration.period();
+  config.duration = std::chrono::duration_cast<Duration>(
+      std::chrono::duration<double>(configuration.seconds));
+  config.deadline = configuration.deadline;
+  config.patience = configuration.patience;
+  config.thread.priority = configuration.priority;
+  config.thread.realtime = configuration.realtime;
+  const auto loop = std::make_unique<Loop>(*device, config);
+  std::printf("%s at %s: a wall of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
+              configuration.device.c_str(), std::string(device->url()).c_str(),
+              wall->stiffness_newton_per_m, wall->damping_newton_s_per_m, configuration.rate_hz);
+  std::fflush(stdout);
+  if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text);
+  watch(*loop, stop, configuration.live);
+  loop->join();
+  std::printf("\n%s", table_text(loop->statistics()).c_str());
+  std::fflush(stdout);
+  if (const auto loss = loop->loss()) {
+    return fail(kDeviceLost, configuration.device + " was lost: " + std::string(to_string(*loss)));
+  }
+  static_cast<void>(device->release());
+  return 0;
+}
+
+}  // namespace
+}  // namespace rtpm::servo
+
+int main(int argc, char** argv) {
+  rtpm::servo::Configuration configuration;
+  if (const auto exit_code = rtpm::servo::read_configuration(argc, argv, configuration)) {
+    return *exit_code;
+  }
+  return rtpm::servo::serve(configuration);
+}

@@ -1,0 +1,26 @@
+#include "wall.hpp"
+
+#include <algorithm>
+
+namespace rtpm::servo {
+
+double Wall::depth_m(const driver::Sample& sample) const noexcept {
+  return std::max(0.0, face_m - sample.pose.position_m.z);
+}
+
+driver::Vector3 Wall::force_newton(const driver::Sample& sample) const noexcept {
+  const double depth = depth_m(sample);
+  if (depth <= 0) return {};
+  const double out_newton =
+      stiffness_newton_per_m * depth - damping_newton_s_per_m * sample.twist.linear_m_per_s.z;
+  return {0, 0, std::max(0.0, out_newton)};
+}
+
+double stiffness_bound(double device_damping_newton_s_per_m, double wall_damping_newton_s_per_m,
+                       Duration loop_period, Duration device_period) noexcept {
+  const double delay_s = std::chrono::duration<double>(loop_period).count() / 2 +
+                         2 * std::chrono::duration<double>(device_period).count();
+  return std::max(0.0, device_damping_newton_s_per_m - wall_damping_newton_s_per_m) / delay_s;
+}
+
+}  // namespace rtpm::servo

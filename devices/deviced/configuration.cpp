@@ -1,0 +1,73 @@
+#include "configuration.hpp"
+
+#include "rtpm/names/defaults.hpp"
+
+namespace rtpm::deviced {
+namespace {
+
+void add_device(program::Options& options, Configuration& configuration) {
+  options.add("name", configuration.name, "Under which clients find the device");
+  options.add_choice("device", configuration.device, {"sim"}, "Which driver: sim, a simulated arm");
+  options.add("hand", configuration.hand,
+              "sim: a recorded hand, a CSV file of t_s,x_m,y_m,z_m, played there and back");
+  options.add("free", configuration.is_free, "sim: no hand holds the arm");
+  options.add("seed", configuration.seed, "sim: fixes the tremor of the hand");
+  options.add("rate", configuration.rate_hz, "Cycles of the device's loop per second, in Hz",
+              {10, 50000});
+  options.add("device-priority", configuration.device_priority,
+              "Of the device's own thread, above every caller's");
+}
+
+void add_service(program::Options& options, Configuration& configuration) {
+  options.add("host", configuration.host,
+              "Numeric IPv4 address to serve and to be found at; one of the network's opens it to "
+              "the network");
+  options.add("port", configuration.port, "Port to serve, UDP and TCP; 0: any");
+  options.add_registry(configuration.registry);
+  options.add("high", configuration.high,
+              "Calls from this priority on have a lane of their own, for haptic loops");
+  options.add_realtime(configuration.realtime);
+  options.add_wait(configuration.wait);
+}
+
+void add_safety(program::Options& options, Configuration& configuration) {
+  constexpr program::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
+  options.add("force-max", configuration.force_max_newton,
+              "Greatest force in newton; 0: all that the device gives", {0, 1000});
+  options.add("hold-max", configuration.hold_max, "Longest life of one command", kUpTo10s);
+  options.add("ramp", configuration.ramp, "From full force to none when commands stop", kUpTo10s);
+  options.add("soft-start", configuration.soft_start, "From none to full force", kUpTo10s);
+  options.add("lease", configuration.lease, "How long a silent client keeps the right to command",
+              {std::chrono::milliseconds{10}, std::chrono::hours{1}});
+}
+
+}  // namespace
+
+std::optional<int> read_configuration(int argc, const char* const* argv,
+                                      Configuration& configuration) {
+  configuration.registry = names::kDefaultRegistryUrl;
+  program::Options options("rtpm-deviced",
+                           "hosts a device: runs its driver and serves it under a name");
+  add_device(options, configuration);
+  add_service(options, configuration);
+  add_safety(options, configuration);
+  if (const auto exit_code = options.parse(argc, argv)) return exit_code;
+  if (configuration.host == "0.0.0.0") {
+    return options.usage_error(
+        "--host 0.0.0.0 is no address that a client could be told; give the one of this host by "
+        "which clients reach it");
+  }
+  if (configuration.high == Priority::kLowest) {
+    return options.usage_error("--high 0 leaves no priority to the lane of the rest; give 1 to 32767");
+  }
+  if (configuration.device_priority <= configuration.high) {
+    return options.usage_error(
+        "--device-priority is not above --high, so callers could delay the device; raise it");
+  }
+  if (configuration.is_free && !configuration.hand.empty()) {
+    return options.usage_error("--free and --hand contradict each other; give one of them");
+  }
+  return std::nullopt;
+}
+
+}  // namespace rtpm::deviced

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/rt/wait.hpp"
+
+namespace rtpm::deviced {
+
+/// Everything that can be said to rtpm-deviced.
+struct Configuration {
+  std::string name = "lab/arm0";
+  std::string device = "sim";
+  std::string hand{};      ///< A recorded hand; empty: the one that presses by itself.
+  bool is_free = false;    ///< Nobody holds the arm.
+  std::uint64_t seed = 1;
+  double rate_hz = 1000;
+  std::string host = "127.0.0.1";
+  std::uint16_t port = 0;
+  std::string registry{};
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  rt::WaitConfig wait{};
+  Priority high = 16384;       ///< Where the lane of haptic loops begins.
+  Priority device_priority = 30000;
+  double force_max_newton = 0;  ///< 0: what the device gives.
+  Duration hold_max = std::chrono::milliseconds{100};
+  Duration ramp = std::chrono::milliseconds{20};
+  Duration soft_start = std::chrono::milliseconds{200};
+  Duration lease = std::chrono::seconds{1};
+};
+
+/// The registry's URL that stands for "serve without a registry".
+inline constexpr const char* kNoRegistry = "none";
+
+/// Reads file, environment and flags into `configuration`; as program::Options::parse().
+[[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
+                                                    Configuration& configuration);
+
+}  // namespace rtpm::deviced

@@ -1,0 +1,134 @@
+// rtpm-deviced: hosts a device. It runs the device's driver in a real-time loop, serves it to
+// callers in two lanes, and binds its name at the registry.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <string_view>
+#include <utility>
+
+#include "configuration.hpp"
+#include "rtpm/device_sim/sim_driver.hpp"
+#include "rtpm/gvd/server.hpp"
+#include "rtpm/names/registration.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+
+namespace rtpm::deviced {
+namespace {
+
+/// Says on standard error what happens to the device.
+class Reporter final : public gvd::DeviceListener {
+ public:
+  void report(std::string_view text) override {
+    std::fprintf(stderr, "rtpm-deviced: %.*s\n", static_cast<int>(text.size()), text.data());
+  }
+};
+
+int fail(std::string_view text) {
+  Reporter{}.report(text);
+  return 1;
+}
+
+/// The last component of a name, for what belongs to this device alone: "arm0" of "lab/arm0".
+std::string short_name(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+
+expected<std::unique_ptr<driver::Driver>, driver::DriverError> make_driver(
+    const Configuration& configuration) {
+  device_sim::SimConfig sim;
+  sim.is_held = !configuration.is_free;
+  sim.hand_file = configuration.hand;
+  sim.seed = configuration.seed;
+  sim.serial = "sim-" + short_name(configuration.name);
+  sim.frame = short_name(configuration.name) + "/base";
+  auto made = device_sim::SimDriver::create(std::move(sim));
+  if (!made) return unexpected{made.error()};
+  return std::unique_ptr<driver::Driver>(std::move(*made));
+}
+
+gvd::DeviceServerConfig device_config(const Configuration& configuration,
+                                      const driver::Descriptor& descriptor, Reporter& reporter) {
+  gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor.limits);
+  if (configuration.force_max_newton > 0) {
+    safety.force_newton_max = std::min(safety.force_newton_max, configuration.force_max_newton);
+  }
+  safety.hold_max = configuration.hold_max;
+  safety.ramp = configuration.ramp;
+  safety.soft_start = configuration.soft_start;
+  gvd::DeviceServerConfig config;
+  config.cycle.period = std::chrono::duration_cast<Duration>(
+      std::chrono::duration<double>(1.0 / configuration.rate_hz));
+  config.cycle.lease = configuration.lease;
+  config.cycle.safety = safety;
+  config.cycle.listener = &reporter;
+  config.thread.name = "device";
+  config.thread.priority = configuration.device_priority;
+  config.thread.realtime = configuration.realtime;
+  return config;
+}
+
+/// Two lanes: haptic loops wait as the configuration says and are never behind anything else; the
+/// rest (displays, tools, set-up) blocks and costs nothing while it is idle.
+rpc::ServerConfig server_config(const Configuration& configuration) {
+  rpc::ServerConfig config;
+  config.name = configuration.name;
+  config.host = configuration.host;
+  config.port = configuration.port;
+  config.realtime = configuration.realtime;
+  config.lanes = {{.name = "lane-rest", .wait = {.strategy = rt::WaitStrategy::kBlock}},
+                  {.name = "lane-haptic",
+                   .low = configuration.high,
+                   .priority = configuration.high,
+                   .wait = configuration.wait}};
+  return config;
+}
+
+int serve(const Configuration& configuration) {
+  const program::StopSignal stop;
+  auto driver = make_driver(configuration);
+  if (!driver) return fail(driver.error().text);
+  Reporter reporter;
+  const driver::Descriptor descriptor = (*driver)->describe();
+  auto device = gvd::DeviceServer::create(std::move(*driver),
+                                          device_config(configuration, descriptor, reporter));
+  if (!device) return fail(device.error().text);
+  auto server = rpc::Server::create(server_config(configuration));
+  if (!server) return fail(server.error().text);
+  gvd::DeviceServer& served = **device;
+  if (auto added = (*server)->add(configuration.name, served.servant()); !added) {
+    return fail(added.error().text);
+  }
+  if (auto started = served.start(); !started) return fail(started.error().text);
+  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+
+  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  const std::string url = (*server)->url(configuration.name);
+  std::unique_ptr<names::Registration> registration;
+  if (configuration.registry != kNoRegistry) {
+    auto bound = names::Registration::create(node, configuration.registry, configuration.name, url,
+                                             std::string(served.servant().interface().name));
+    if (!bound) return fail(bound.error().text);
+    registration = std::move(*bound);
+  }
+  std::printf("serving %s at %s\n", configuration.name.c_str(), url.c_str());
+  std::fflush(stdout);
+
+  stop.wait();
+  // The name first, so that nobody finds what is about to end; then the calls, then the device.
+  registration.reset();
+  (*server)->stop();
+  served.stop();
+  return 0;
+}
+
+}  // namespace
+}  // namespace rtpm::deviced
+
+int main(int argc, char** argv) {
+  rtpm::deviced::Configuration configuration;
+  if (const auto exit_code = rtpm::deviced::read_configuration(argc, argv, configuration)) {
+    return *exit_code;
+  }
+  return rtpm::deviced::serve(configuration);
+}

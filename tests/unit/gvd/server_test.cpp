@@ -1,0 +1,369 @@
+#include "rtpm/gvd/server.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <cmath>
+#include <limits>
+#include <string>
+
+#include "rtpm/device_sim/sim_driver.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/test/alloc_guard.hpp"
+#include "scripted_driver.hpp"
+
+/// A device served and used in one process, over the loop-back network.
+namespace rtpm::gvd {
+namespace {
+
+using driver::ExchangeStatus;
+using driver::Fault;
+using driver::Lifecycle;
+using rpc::CallError;
+using std::chrono::milliseconds;
+using std::chrono::seconds;
+
+DeviceServerConfig off_realtime() {
+  DeviceServerConfig config;
+  config.thread.realtime = rt::RealtimeMode::kOff;
+  return config;
+}
+
+/// Waits, for 10 s at most, until `condition` holds.
+template <class Condition>
+bool eventually(Condition condition) {
+  const MonotonicTime until = rt::now() + seconds{10};
+  while (!condition()) {
+    if (rt::now() > until) return false;
+    rt::sleep_until(rt::now() + milliseconds{1});
+  }
+  return true;
+}
+
+class Served : public ::testing::Test {
+ protected:
+  void serve(std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = off_realtime()) {
+    auto device = DeviceServer::create(std::move(driver), std::move(config));
+    ASSERT_TRUE(device) << device.error().text;
+    device_ = std::move(*device);
+    auto server = rpc::Server::create(
+        {.lanes = {{.name = "low"}, {.name = "high", .low = 16384, .priority = 16384}},
+         .realtime = rt::RealtimeMode::kOff});
+    ASSERT_TRUE(server) << server.error().text;
+    server_ = std::move(*server);
+    ASSERT_TRUE(server_->add("lab/arm0", device_->servant()));
+    const auto device_started = device_->start();
+    ASSERT_TRUE(device_started) << device_started.error().text;
+    ASSERT_TRUE(server_->start());
+    url_ = server_->url("lab/arm0");
+  }
+  void serve_sim() {
+    auto sim = device_sim::SimDriver::create({});
+    ASSERT_TRUE(sim);
+    serve(std::move(*sim));
+  }
+  DeviceClient open() {
+    auto client = DeviceClient::open(node_, url_);
+    RTPM_ASSERT(client.has_value(), "the device could not be opened");
+    return std::move(*client);
+  }
+  /// Sends `newton` along x every cycle until `condition` holds.
+  template <class Condition>
+  bool command_until(DeviceClient& client, double newton, Condition condition) {
+    return eventually([&] {
+      static_cast<void>(client.set_force({newton, 0, 0}));
+      return condition();
+    });
+  }
+
+  std::unique_ptr<DeviceServer> device_;
+  std::unique_ptr<rpc::Server> server_;
+  std::string url_;
+  rpc::Node node_{{.default_deadline = seconds{5}}};
+};
+
+/// Commands must arrive within their hold on a machine that is busy with other tests.
+rpc::CallOptions patient() {
+  rpc::CallOptions options;
+  options.deadline = seconds{5};
+  return options;
+}
+
+TEST_F(Served, IsDescribedAcrossTheNetworkAsItIs) {
+  serve(std::make_unique<test::ScriptedDriver>());
+  const driver::Descriptor local = device_->descriptor();
+  const DeviceClient client = open();
+  const driver::Descriptor& remote = client.descriptor();
+  EXPECT_EQ(remote.device_class, local.device_class);
+  EXPECT_EQ(remote.model, "scripted");
+  EXPECT_EQ(remote.serial, "s-1");
+  EXPECT_EQ(remote.frame, "scripted/base");
+  ASSERT_EQ(remote.axes.size(), 1u);
+  EXPECT_EQ(remote.axes[0].name, "x");
+  EXPECT_TRUE(remote.axes[0].is_actuated);
+  EXPECT_EQ(remote.buttons, local.buttons);
+  ASSERT_EQ(remote.analogs.size(), 1u);
+  EXPECT_EQ(remote.analogs[0].unit, "N");
+  EXPECT_EQ(remote.analogs[0].high, 10);
+  EXPECT_EQ(remote.limits.force_newton_max, 8);
+  EXPECT_EQ(remote.limits.torque_newton_metre_max, 0.5);
+  EXPECT_EQ(remote.limits.stiffness_newton_per_m_max, 500);
+  EXPECT_EQ(remote.limits.damping_newton_s_per_m, 1.5);
+  EXPECT_EQ(remote.workspace.high_m, (driver::Vector3{1, 2, 3}));
+  EXPECT_EQ(remote.position_resolution_m, 1e-5);
+  EXPECT_NEAR(remote.rate_hz, 1000, 1e-6);
+  EXPECT_EQ(client.url(), url_);
+  EXPECT_EQ(client.force_end(), milliseconds{31}) << "hold, ramp and one period";
+}
+
+TEST_F(Served, EveryFieldOfASampleArrives) {
+  auto scripted = std::make_unique<test::ScriptedDriver>();
+  scripted->script = [](const driver::Command& command, driver::Sample& sample) {
+    sample.host_time = command.cycle_time;
+    sample.device_time = Duration{77};
+    sample.pose = {{1, 2, 3}, {0.5, 0.5, -0.5, 0.5}};
+    sample.twist = {{4, 5, 6}, {7, 8, 9}};
+    sample.wrench_applied = {{10, 11, 12}, {13, 14, 15}};
+    for (std::size_t i = 0; i < driver::kAnalogCountMax; ++i) {
+      sample.analogs[i] = static_cast<float>(i) + 0.5F;
+    }
+    for (std::size_t i = 0; i < driver::kButtonCountMax; ++i) {
+      sample.button_edges[i] = static_cast<std::uint16_t>(1000 + i);
+    }
+    sample.buttons = 0x8001;
+    sample.faults.set(Fault::kOutsideWorkspace);
+    return ExchangeStatus::kOk;
+  };
+  serve(std::move(scripted));
+  DeviceClient client = open();
+  const auto sample = client.read(patient());
+  ASSERT_TRUE(sample) << to_string(sample.error());
+  EXPECT_GT(sample->sequence, 0u);
+  EXPECT_GT(sample->host_time, MonotonicTime{});
+  EXPECT_LE(sample->host_time, rt::now());
+  EXPECT_EQ(sample->device_time, Duration{77});
+  EXPECT_EQ(sample->pose.position_m, (driver::Vector3{1, 2, 3}));
+  EXPECT_EQ(sample->pose.orientation, (driver::Quaternion{0.5, 0.5, -0.5, 0.5}));
+  EXPECT_EQ(sample->twist.linear_m_per_s, (driver::Vector3{4, 5, 6}));
+  EXPECT_EQ(sample->twist.angular_rad_per_s, (driver::Vector3{7, 8, 9}));
+  EXPECT_EQ(sample->wrench_applied.force_newton, (driver::Vector3{10, 11, 12}));
+  EXPECT_EQ(sample->wrench_applied.torque_newton_metre, (driver::Vector3{13, 14, 15}));
+  EXPECT_EQ(sample->analogs[7], 7.5F);
+  EXPECT_EQ(sample->button_edges[0], 1000);
+  EXPECT_EQ(sample->button_edges[15], 1015);
+  EXPECT_EQ(sample->buttons, 0x8001u);
+  EXPECT_TRUE(sample->faults.has(Fault::kOutsideWorkspace));
+  EXPECT_EQ(sample->lifecycle, Lifecycle::kActive);
+  EXPECT_GT(sample->success_rate, 0);
+}
+
+TEST_F(Served, SamplesGoOnAndOn) {
+  serve_sim();
+  DeviceClient client = open();
+  const auto first = client.read(patient());
+  ASSERT_TRUE(first);
+  EXPECT_TRUE(eventually([&] {
+    const auto next = client.read(patient());
+    return next && next->sequence > first->sequence + 20;
+  }));
+}
+
+TEST_F(Served, AForceReachesTheDeviceAndEndsWithTheLease) {
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  ASSERT_TRUE(command_until(client, 3, [&] {
+    return std::abs(device_->newest()->wrench_applied.force_newton.x - 3) < 0.01;
+  }));
+  ASSERT_TRUE(client.release());
+  EXPECT_TRUE(eventually([&] {
+    return device_->newest()->wrench_applied.force_newton.x == 0;
+  }));
+  EXPECT_FALSE(device_->newest()->faults.has(Fault::kCommandLost)) << "it was given back in order";
+}
+
+TEST_F(Served, AClientThatFallsSilentLosesForceAndThenTheLease) {
+  DeviceServerConfig config = off_realtime();
+  config.cycle.lease = milliseconds{200};
+  auto sim = device_sim::SimDriver::create({});
+  ASSERT_TRUE(sim);
+  serve(std::move(*sim), config);
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  ASSERT_TRUE(command_until(
+      client, 3, [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
+  EXPECT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandLost); }));
+  EXPECT_TRUE(eventually([&] { return device_->counters().lease_expired_count == 1; }));
+  EXPECT_EQ(device_->newest()->wrench_applied.force_newton.x, 0);
+  const auto late = client.set_force({1, 0, 0}, patient());
+  ASSERT_FALSE(late);
+  EXPECT_EQ(late.error(), CallError::kNotLeaseHolder);
+}
+
+TEST_F(Served, OneClientCommandsAtATimeAndAllRead) {
+  serve_sim();
+  DeviceClient holder = open();
+  DeviceClient other = open();
+  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
+  ASSERT_TRUE(holder.acquire());
+  const auto refused = other.acquire(Duration{0});
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.deactivate().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.recover().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_TRUE(other.read(patient()));
+  EXPECT_TRUE(holder.set_force({1, 0, 0}, patient()));
+  ASSERT_TRUE(holder.release());
+  EXPECT_TRUE(other.acquire());
+  EXPECT_GE(device_->counters().foreign_command_count, 2u);
+}
+
+TEST_F(Served, AClientGivesTheLeaseBackAtItsEnd) {
+  serve_sim();
+  {
+    DeviceClient client = open();
+    ASSERT_TRUE(client.acquire());
+  }
+  DeviceClient next = open();
+  EXPECT_TRUE(next.acquire(Duration{0}));
+}
+
+TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  const auto refused = client.set_force({std::numeric_limits<double>::quiet_NaN(), 0, 0}, patient());
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error(), CallError::kBadRequest);
+  ASSERT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandNotFinite); }));
+  ASSERT_TRUE(client.recover());
+  EXPECT_TRUE(command_until(
+      client, 3, [&] { return device_->newest()->wrench_applied.force_newton.x > 1; }));
+}
+
+TEST_F(Served, IsTakenOutOfAndIntoOperation) {
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  ASSERT_TRUE(client.deactivate());
+  const auto is_in = [&](Lifecycle lifecycle) {
+    const auto sample = client.read(patient());
+    return sample && sample->lifecycle == lifecycle;
+  };
+  ASSERT_TRUE(eventually([&] { return is_in(Lifecycle::kInactive); }));
+  EXPECT_EQ(client.set_force({1, 0, 0}, patient()).error(), CallError::kNoSuchObject);
+  ASSERT_TRUE(client.activate());
+  EXPECT_TRUE(eventually([&] { return is_in(Lifecycle::kActive); }));
+}
+
+TEST_F(Served, ReadsAndCommandsAllocateNothingOnEitherSide) {
+  if (!test::is_alloc_guard_active()) GTEST_SKIP() << test::kAllocGuardInactive;
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  ASSERT_TRUE(client.read(patient()));
+  ASSERT_TRUE(client.set_force({1, 0, 0}, patient()));
+  const test::CountBreachesOnly counting;
+  const std::uint64_t before = test::allocation_breach_count();
+  {
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < 200; ++i) {
+      static_cast<void>(client.read(patient()));
+      static_cast<void>(client.set_force({1, 0, 0}, patient()));
+    }
+  }
+  EXPECT_EQ(test::allocation_breach_count(), before);
+}
+
+TEST_F(Served, StoppingTakesTheForceAway) {
+  auto scripted = std::make_unique<test::ScriptedDriver>();
+  const test::ScriptedDriver& watched = *scripted;
+  serve(std::move(scripted));
+  device_->stop();
+  EXPECT_FALSE(watched.is_active);
+  EXPECT_EQ(device_->newest()->lifecycle, Lifecycle::kFinalized);
+  device_->stop();
+}
+
+TEST(DeviceServer, SaysWhyADeviceCantBeSetUp) {
+  auto scripted = std::make_unique<test::ScriptedDriver>();
+  scripted->configure_error = "the cable is out; plug it in";
+  auto device = DeviceServer::create(std::move(scripted), off_realtime());
+  ASSERT_TRUE(device);
+  const auto started = (*device)->start();
+  ASSERT_FALSE(started);
+  EXPECT_EQ(started.error().text, "the cable is out; plug it in");
+}
+
+TEST(DeviceServer, RefusesAPeriodOrSafetyThatCantBe) {
+  DeviceServerConfig config = off_realtime();
+  config.cycle.period = Duration{0};
+  const auto timeless = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
+  ASSERT_FALSE(timeless);
+  EXPECT_NE(timeless.error().text.find("period"), std::string::npos);
+  config = off_realtime();
+  config.cycle.safety = SafetyConfig{};
+  config.cycle.safety->force_newton_max = -1;
+  const auto unsafe = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
+  ASSERT_FALSE(unsafe);
+  EXPECT_NE(unsafe.error().text.find("force_newton_max"), std::string::npos);
+}
+
+class Collector final : public SampleSink {
+ public:
+  void push(const driver::Sample& sample) override {
+    if (sample.sequence <= last_sequence) is_in_order = false;
+    last_sequence = sample.sequence;
+    ++count;
+  }
+  std::atomic<int> count{0};
+  std::atomic<bool> is_in_order{true};
+  std::uint64_t last_sequence = 0;
+};
+
+TEST_F(Served, AConsumerReceivesNewSamplesAtItsOwnPace) {
+  serve_sim();
+  Collector collector;
+  auto consumer = DeviceConsumer::start(node_, url_, {.rate_hz = 200}, collector);
+  ASSERT_TRUE(consumer) << consumer.error().text;
+  EXPECT_TRUE(eventually([&] { return collector.count > 10; }));
+  consumer->stop();
+  const int count = collector.count;
+  EXPECT_TRUE(collector.is_in_order);
+  EXPECT_EQ(consumer->counters().pushed_count, static_cast<std::uint64_t>(count));
+  EXPECT_FALSE(consumer->last_error());
+}
+
+TEST_F(Served, AConsumerCountsWhatFailsAndGoesOn) {
+  serve_sim();
+  Collector collector;
+  auto consumer = DeviceConsumer::start(node_, url_, {.rate_hz = 1000}, collector);
+  ASSERT_TRUE(consumer);
+  EXPECT_TRUE(eventually([&] { return collector.count > 0; }));
+  server_->stop();
+  EXPECT_TRUE(eventually([&] { return consumer->counters().failed_count > 0; }));
+  EXPECT_TRUE(consumer->last_error());
+}
+
+TEST_F(Served, AConsumerRefusesARateThatCantBe) {
+  Collector collector;
+  const auto consumer = DeviceConsumer::start(node_, "x", {.rate_hz = 0}, collector);
+  ASSERT_FALSE(consumer);
+  EXPECT_EQ(consumer.error().text, "a consumer's rate is 0.1 to 10000 Hz");
+}
+
+TEST_F(Served, ADeviceThatIsNotThereIsAnErrorInWords) {
+  const auto client = DeviceClient::open(node_, "rtpm://127.0.0.1:9/lab/arm0");
+  ASSERT_FALSE(client);
+  EXPECT_GT(client.error().text.size(), 20u);
+}
+
+}  // namespace
+}  // namespace rtpm::gvd

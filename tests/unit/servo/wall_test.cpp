@@ -1,0 +1,126 @@
+#include "wall.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "configuration.hpp"
+
+namespace rtpm::servo {
+namespace {
+
+using std::chrono::milliseconds;
+
+driver::Sample sample_at(double z_m, double velocity_m_per_s) {
+  driver::Sample sample;
+  sample.pose.position_m = {0.01, -0.02, z_m};
+  sample.twist.linear_m_per_s = {0, 0, velocity_m_per_s};
+  return sample;
+}
+
+driver::Descriptor arm() {
+  driver::Descriptor descriptor;
+  descriptor.device_class = driver::DeviceClass::kHaptic;
+  descriptor.axes = {{"x", true, true}, {"y", true, true}, {"z", true, true}};
+  descriptor.limits = {9, 0, 1667, 2.5};
+  return descriptor;
+}
+
+TEST(Wall, PushesOutOnlyAndAlongZOnly) {
+  const Wall wall{.face_m = 0.005, .stiffness_newton_per_m = 500, .damping_newton_s_per_m = 2};
+  EXPECT_EQ(wall.force_newton(sample_at(0.006, -1)), driver::Vector3{}) << "outside";
+  EXPECT_NEAR(wall.force_newton(sample_at(0.003, 0)).z, 1.0, 1e-12);
+  EXPECT_NEAR(wall.force_newton(sample_at(0.003, -0.1)).z, 1.2, 1e-12) << "going in";
+  EXPECT_NEAR(wall.force_newton(sample_at(0.003, 0.1)).z, 0.8, 1e-12) << "coming out";
+  EXPECT_EQ(wall.force_newton(sample_at(0.003, 10)).z, 0) << "it never pulls";
+  EXPECT_EQ(wall.force_newton(sample_at(0.003, 0)).x, 0);
+  EXPECT_NEAR(wall.depth_m(sample_at(0.003, 0)), 0.002, 1e-12);
+}
+
+TEST(StiffnessBound, FollowsItsFormula) {
+  // (2.5 − 0.5) / (0.5 ms + 2 ms)
+  EXPECT_NEAR(stiffness_bound(2.5, 0.5, milliseconds{1}, milliseconds{1}), 800, 1e-9);
+  EXPECT_NEAR(stiffness_bound(2.5, 0.5, milliseconds{10}, milliseconds{1}), 2.0 / 0.007, 1e-9);
+  EXPECT_EQ(stiffness_bound(2.5, 3, milliseconds{1}, milliseconds{1}), 0);
+}
+
+/// Lets a mass fall into the wall over a loop with the delays that stiffness_bound() counts; gives
+/// the greatest rebound speed over the speed of the impact.
+double rebound(const Wall& wall, double device_damping) {
+  constexpr double kMass_kg = 0.15;
+  constexpr double kPeriod_s = 0.001;
+  constexpr int kSliceCount = 50;
+  double z_m = 0.002;
+  double velocity = -0.05;
+  double applied_newton = 0;
+  double fastest_out = 0;
+  driver::Sample measured = sample_at(z_m, velocity);
+  driver::Vector3 waiting{};
+  for (int cycle = 0; cycle < 4000; ++cycle) {
+    // The device takes the force of the last cycle and measures; the loop sees the former sample.
+    applied_newton = waiting.z;
+    waiting = wall.force_newton(measured);
+    measured = sample_at(z_m, velocity);
+    for (int slice = 0; slice < kSliceCount; ++slice) {
+      const double newton = applied_newton - device_damping * velocity;
+      velocity += newton / kMass_kg * kPeriod_s / kSliceCount;
+      z_m += velocity * kPeriod_s / kSliceCount;
+    }
+    fastest_out = std::max(fastest_out, std::abs(velocity));
+    if (z_m > 0.02) break;
+    if (std::abs(velocity) > 10) break;
+  }
+  return fastest_out / 0.05;
+}
+
+TEST(StiffnessBound, KeepsAWallPassiveAndIsExceededAtOnesPeril) {
+  const double bound = stiffness_bound(2.5, 0, milliseconds{1}, milliseconds{1});
+  EXPECT_LE(rebound({.stiffness_newton_per_m = 0.75 * bound}, 2.5), 1.0)
+      << "nothing leaves the wall faster than it came";
+  EXPECT_GT(rebound({.stiffness_newton_per_m = 20 * bound}, 2.5), 1.5)
+      << "the test can see a wall that feeds energy back";
+}
+
+TEST(ChooseWall, TakesThreeQuartersOfTheBound) {
+  Configuration configuration;
+  const auto wall = choose_wall(configuration, arm());
+  ASSERT_TRUE(wall) << wall.error().text;
+  EXPECT_NEAR(wall->stiffness_newton_per_m, 600, 1e-9);
+  configuration.rate_hz = 100;
+  EXPECT_LT(choose_wall(configuration, arm())->stiffness_newton_per_m, 300)
+      << "a slower loop renders a softer wall";
+}
+
+TEST(ChooseWall, NeverExceedsWhatTheDeviceBears) {
+  driver::Descriptor soft = arm();
+  soft.limits.stiffness_newton_per_m_max = 100;
+  EXPECT_NEAR(choose_wall({}, soft)->stiffness_newton_per_m, 75, 1e-9);
+}
+
+TEST(ChooseWall, RefusesAWallThatWouldBuzzAndNamesTheBound) {
+  Configuration configuration;
+  configuration.wall.stiffness_newton_per_m = 5000;
+  const auto wall = choose_wall(configuration, arm());
+  ASSERT_FALSE(wall);
+  EXPECT_EQ(wall.error().text,
+            "a wall of --stiffness 5000 N/m would buzz: at this rate up to 800 N/m is passive; "
+            "lower it, or raise --rate");
+  configuration.wall = {.stiffness_newton_per_m = 100, .damping_newton_s_per_m = 3};
+  const auto damped = choose_wall(configuration, arm());
+  ASSERT_FALSE(damped);
+  EXPECT_NE(damped.error().text.find("--damping 3 "), std::string::npos) << damped.error().text;
+}
+
+TEST(ChooseWall, RefusesADeviceWithoutForce) {
+  driver::Descriptor tracker;
+  tracker.device_class = driver::DeviceClass::kTracker;
+  const auto wall = choose_wall({}, tracker);
+  ASSERT_FALSE(wall);
+  EXPECT_EQ(wall.error().text,
+            "lab/arm0 is a tracker device without force along z; choose a haptic device with "
+            "--device");
+}
+
+}  // namespace
+}  // namespace rtpm::servo
