@@ -14,7 +14,7 @@ constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 // What is left until `deadline`, rounded up so that a call with time left never states none.
 std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
   if (deadline <= now) return 0;
-  const std::int64_t us = ((deadline - now).count() + 999) / 1000;
+  const std::int64_t us = std::chrono::ceil<std::chrono::microseconds>(deadline - now).count();
   return static_cast<std::uint32_t>(
       std::min<std::int64_t>(us, std::numeric_limits<std::uint32_t>::max()));
 }
@@ -226,6 +226,8 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
 }
 
 ChannelEvent ClientChannel::on_refuse(const Header& header) noexcept {
+  // hp-4.4-3: taken for an answer it would say that a method ran.
+  if (header.status == Status::kOk) return drop(DropReason::kUnexpected);
   if (is_of_this_handshake(header) && header.session == 0) {
     activity_ = Activity::kNone;
     return {ChannelEvent::Kind::kRefused, header.status, {}, {}};
