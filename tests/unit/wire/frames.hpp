@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <ostream>
@@ -27,6 +28,15 @@ inline void PrintTo(Status status, std::ostream* out) {
 }
 inline void PrintTo(FrameKind kind, std::ostream* out) {
   *out << to_string(kind);
+}
+inline void PrintTo(Verdict::Action action, std::ostream* out) {
+  static constexpr std::array<std::string_view, 4> kNames{"nothing", "send", "dispatch", "hang up"};
+  *out << kNames[static_cast<std::size_t>(action)];
+}
+inline void PrintTo(ChannelEvent::Kind kind, std::ostream* out) {
+  static constexpr std::array<std::string_view, 8> kNames{"nothing", "send", "ready",   "reply",
+                                                          "refused", "lost", "timeout", "broken"};
+  *out << kNames[static_cast<std::size_t>(kind)];
 }
 
 namespace test {
