@@ -11,7 +11,8 @@ namespace {
 
 constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 
-// What is left until `deadline`, rounded up so that a call with time left never states none.
+// What is left until `deadline`, rounded up so that a call with time left never states none
+// (hp-5.4-1).
 std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
   if (deadline <= now) return 0;
   const std::int64_t us = std::chrono::ceil<std::chrono::microseconds>(deadline - now).count();
@@ -38,7 +39,7 @@ ConstBytes ClientChannel::open(Priority priority, MonotonicTime deadline,
   reset();
   activity_ = Activity::kHandshake;
   hello_priority_ = priority;
-  ++handshake_number_;
+  ++handshake_number_;  // hp-4-2: an answer to an earlier handshake is told apart by it.
   deadline_ = deadline;
   cookie_ = {};
   hello_timer_.begin(now);
@@ -66,6 +67,7 @@ ConstBytes ClientChannel::hello_frame(MonotonicTime now) noexcept {
 
 expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameters,
                                                  ConstBytes payload, MonotonicTime now) noexcept {
+  // hp-4-1, hp-4.3-2: one open call is within every window.
   RTPM_ASSERT(is_ready_ && activity_ == Activity::kNone, "a channel carries one call at a time");
   if (payload.size() > welcome_.message_size_max || payload.size() > buffer_.size() - kHeaderSize) {
     return unexpected{Status::kTooLarge};
@@ -178,6 +180,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
     case FrameKind::kClose:
       break;
   }
+  // hp-3-1: only a server receives these.
   return drop(DropReason::kBadKind);
 }
 
@@ -207,6 +210,7 @@ ChannelEvent ClientChannel::on_cookie(const Header& header, ConstBytes payload,
   }
   if (payload.size() != cookie_.size()) return drop(DropReason::kBadPayload);
   std::ranges::copy(payload, cookie_.begin());
+  // hp-4.2-3
   return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
 }
 
@@ -214,6 +218,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
                                        MonotonicTime now) noexcept {
   if (!is_of_this_handshake(header)) return drop(DropReason::kUnexpected);
   const auto welcome = decode_welcome(payload);
+  // hp-4.3-1: a session that could not carry a single call is none.
   if (!welcome || header.session == 0 || !welcome->band.contains(hello_priority_)) {
     return drop(DropReason::kBadPayload);
   }
@@ -238,6 +243,7 @@ ChannelEvent ClientChannel::on_refuse(const Header& header) noexcept {
   }
   activity_ = Activity::kNone;
   if (header.status == Status::kUnknownSession) {
+    // Whether the call may be sent again is for the caller to judge (hp-5.5-2).
     is_ready_ = false;
     return {ChannelEvent::Kind::kLost, header.status, {}, {}};
   }

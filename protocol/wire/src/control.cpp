@@ -53,6 +53,7 @@ void encode(const MethodEntry& entry, MutableBytes to) noexcept {
   RTPM_ASSERT(writer.ok(), "a method entry has its size");
 }
 
+// hp-6.1-5
 std::optional<BindReply> decode_bind_reply(ConstBytes payload) noexcept {
   ByteReader reader(payload);
   BindReply reply;

@@ -50,8 +50,8 @@ void encode(const Header& header, std::byte* to) noexcept {
   store_le(to + kAtTraceId, header.trace_id);
 }
 
-// Obeys hp-2-1 to hp-2-4: the order of the checks is the spec's, so that a frame with several
-// faults is counted alike everywhere.
+// Obeys hp-2-1, hp-2-2 and hp-2-4: the order of the checks is the spec's, so that a frame with
+// several faults is counted alike everywhere.
 expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   if (bytes.size() < kHeaderSize) return unexpected{DropReason::kTooShort};
   const std::byte* from = bytes.data();
@@ -89,6 +89,7 @@ expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   return header;
 }
 
+// hp-2-3: a datagram is one frame and nothing else.
 expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept {
   auto header = decode(frame);
   if (header && header->payload_size != frame.size() - kHeaderSize) {

@@ -19,6 +19,7 @@ void RetransmitTimer::begin(MonotonicTime now) noexcept {
 
 void RetransmitTimer::repeat(MonotonicTime now) noexcept {
   ++repeat_count_;
+  // hp-5.3-3: the server may forget a session that is silent for long.
   current_ = std::min<Duration>(2 * current_, kRetransmitIntervalMax);
   due_ = now + current_;
 }

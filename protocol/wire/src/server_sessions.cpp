@@ -51,6 +51,7 @@ std::byte* ServerSessions::frame_of(std::uint32_t session_index,
   return frames_[(session_index * std::size_t{kCallWindow} + slot_index) * lines_per_frame].bytes;
 }
 
+// hp-8-1
 Verdict ServerSessions::drop(DropReason reason) noexcept {
   counters_.drop(reason);
   return {};
@@ -81,6 +82,7 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
     case FrameKind::kReply:
       break;
   }
+  // hp-3-1: only a client receives these.
   return drop(DropReason::kBadKind);
 }
 
@@ -102,6 +104,7 @@ Verdict ServerSessions::on_hello(const Header& header, ConstBytes payload, const
                                  MonotonicTime now) noexcept {
   const auto hello = decode_hello(payload);
   if (!hello) return drop(DropReason::kBadPayload);
+  // hp-4.1-2, hp-4.1-3: what can't be served is refused before it costs more.
   if (hello->version_min > kVersion || hello->version_max < kVersion) {
     return refuse(header, Status::kVersionUnsupported, now);
   }
@@ -147,7 +150,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
                                                       const PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
   // Linear, because handshakes are rare and a table of 256 is small. The copy of a HELLO whose
-  // WELCOME was lost finds the session that it opened.
+  // WELCOME was lost finds the session that it opened (hp-4.1-4).
   Session* best = nullptr;
   for (Session& session : sessions_) {
     if (session.id != 0 && session.peer == peer && session.client_epoch == hello.client_epoch &&
@@ -169,6 +172,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
     }
   }
   if (best->id != 0) {
+    // hp-5.5-1: a client that still repeats a call relies on its session.
     if (now - best->last_heard < kSessionIdleMin) return nullptr;
     ++counters_.session_evicted_count;
     --session_count_;
@@ -205,9 +209,11 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
                                 MonotonicTime now) noexcept {
   Session* session = find(header.session);
   if (session == nullptr) {
+    // hp-4.4-1: the client shall see at once that this is another life of the server.
     counters_.drop(DropReason::kUnknownSession);
     return refuse(header, Status::kUnknownSession, now);
   }
+  // hp-5.1-4: the address was proven for this session, and no other was.
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   session->last_heard = now;
 
@@ -226,6 +232,7 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
     }
     // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
     // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
+    // Of what the session left behind nobody waits any more (hp-5.2-2).
     const bool is_new = is_newer(header.call_id, slot.newest_call_id);
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
@@ -252,6 +259,7 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
   if (session->has_our_clock && header.sender_time_ns <= static_cast<std::uint64_t>(to_ns(now))) {
     request.deadline = time_from_ns(static_cast<std::int64_t>(header.sender_time_ns)) + budget;
   }
+  // hp-5.4-3: what is late here is late for its caller, too.
   if (request.deadline <= now) {
     ++counters_.expired_count;
     return refuse_call(request, Status::kExpired, now);
@@ -259,6 +267,7 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
   return {Verdict::Action::kDispatch, {}, request};
 }
 
+// hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike.
 Verdict ServerSessions::refuse_call(const Request& request, Status status,
                                     MonotonicTime now) noexcept {
   if (status != Status::kExpired) ++counters_.refused_count;
@@ -279,6 +288,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
               "a request is completed once");
   RTPM_ASSERT(payload_size + kHeaderSize <= reply_frame_size_max_, "a reply fits its buffer");
   std::byte* frame = frame_of(request.session_index, request.slot_index);
+  // hp-5.1-2: what is not set here is repeated from the call.
   Header header = request.header;
   header.kind = FrameKind::kReply;
   header.flags = 0;
@@ -292,6 +302,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
   return {frame, slot.frame_size};
 }
 
+// hp-4.5-1: a CLOSE with a forged address must not end what another opened.
 void ServerSessions::on_close(const Header& header, const PeerAddress& peer) noexcept {
   Session* session = find(header.session);
   if (session == nullptr || !(session->peer == peer)) {

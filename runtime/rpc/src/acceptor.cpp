@@ -75,7 +75,7 @@ void Acceptor::accept_one() noexcept {
   free->deadline = rt::now() + kFirstFramePatience;
 }
 
-// Hands the connection to its lane with nothing taken from it, or ends it.
+// Hands the connection to its lane (hp-11-2) with nothing taken from it, or ends it.
 void Acceptor::place(Newcomer& newcomer) noexcept {
   if (!newcomer.socket.is_open()) return;
   transport::Descriptor socket = std::move(newcomer.socket);

@@ -157,7 +157,7 @@ BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
     return result;
   }
   if (reply->fingerprint != interface.fingerprint) {
-    // A server may have more methods than we know; those that we know must be the same.
+    // hp-6.1-2: a server may have more methods than we know; those that we know must be the same.
     result.differing_method = first_difference(interface, *reply, outcome.payload);
     if (result.differing_method != nullptr) {
       result.status = wire::Status::kWrongInterface;
@@ -180,6 +180,7 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
   for (int round = 0; round < kRoundCountMax; ++round) {
     auto now_bound = bound.read();
     RTPM_ASSERT(now_bound.has_value(), "a binding was bound before its first call");
+    // hp-6.1-3
     const Priority priority =
         now_bound->is_server_declared || !wanted ? now_bound->priority : *wanted;
     auto taken = endpoint.take(priority);
@@ -205,8 +206,8 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
       return ReplyLease(outcome.payload, channel.keep());
     }
     if (outcome.kind == CallOutcome::Kind::kFailed) return unexpected{outcome.error};
-    // hp-5.5: the session is gone. The same server forgets only sessions that were silent for long,
-    // so it has not seen this call; a restarted one may have run it in its former life.
+    // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
+    // long, so it has not seen this call; a restarted one may have run it in its former life.
     const MonotonicTime begun = channel->call_begun();
     if (method.is_idempotent) continue;
     if (auto ready = channel->make_ready(priority, deadline); !ready) {

@@ -12,7 +12,7 @@
 namespace rtpm::transport {
 namespace {
 
-// Where the header's priority stands; little-endian, while classic BPF loads big-endian.
+// Where the header's priority stands (hp-11-2); little-endian, while classic BPF loads big-endian.
 constexpr std::uint32_t kPriorityLowByte = 4;
 constexpr std::uint32_t kPriorityHighByte = 5;
 

@@ -7,7 +7,7 @@
 namespace rtpm::wire {
 
 /// Why a frame was dropped. Each drop is counted under exactly one reason.
-/// Source: spec/hprotocol.md#hp-8.
+/// Source: spec/hprotocol.md#hp-8, hp-8-1.
 enum class DropReason : std::uint8_t {
   kTooShort,          ///< Fewer bytes than a header.
   kBadMagic,          ///< Not an H-Protocol frame.

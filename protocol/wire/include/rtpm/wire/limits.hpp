@@ -27,8 +27,8 @@ inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
 /// open at a time. A power of two.
 inline constexpr std::uint16_t kCallWindow = 8;
 
-/// A session is not replaced before it was silent for so long. A caller repeats at least every
-/// kRetransmitIntervalMax, so one that waits is never silent that long.
+/// A session is not replaced before it was silent for so long (hp-5.5-1). A caller repeats at least
+/// every kRetransmitIntervalMax, so one that waits is never silent that long.
 inline constexpr Duration kSessionIdleMin = std::chrono::seconds{30};
 
 /// A cookie is good for one to two such spans after it was given.
@@ -38,7 +38,7 @@ inline constexpr Duration kCookieSpan = std::chrono::seconds{10};
 inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5};
 /// No repetition comes sooner: below, a busy server would be asked twice without need.
 inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
-/// No repetition comes later, however often it was doubled.
+/// No repetition comes later, however often it was doubled (hp-5.3-3).
 inline constexpr Duration kRetransmitIntervalMax = std::chrono::seconds{1};
 
 /// Names: a path is 1…200 bytes, so that a bind fits every frame.

@@ -91,6 +91,7 @@ class ReplyBuilder {
   bool is_finished_ = false;
 };
 
+/// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4).
 template <class T>
 [[nodiscard]] bool is_valid_table(ConstBytes bytes) noexcept {
   if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;
