@@ -42,6 +42,7 @@ TEST_F(ClientCalls, CarryWhatTheyAreGiven) {
   EXPECT_EQ(channel_.call_begun(), at(1ms));
 }
 
+// hp-5.4-1
 TEST_F(ClientCalls, StateTheirBudgetWithinItsRange) {
   const auto budget_of = [this](MonotonicTime deadline) {
     const auto frame = channel_.call(parameters(deadline), {}, at(0s));

@@ -108,6 +108,7 @@ const std::vector<Break>& breaks() {
   return kBreaks;
 }
 
+// hp-2-2, hp-2-4
 TEST(Header, IsDroppedForTheFieldThatIsBroken) {
   const Bytes good = frame_of({}, bytes_of("sixteen bytes of"));
   ASSERT_EQ(reason_for(good), std::nullopt);

@@ -182,6 +182,7 @@ TEST_F(ServerCalls, BeyondTheWindowAreNeverRunOnceRefused) {
   EXPECT_EQ(call(1 + 2 * kCallWindow).action, Action::kDispatch) << "the next one is run";
 }
 
+// hp-4.4-1
 TEST_F(ServerCalls, OfAnUnknownSessionAreRefusedSoThatTheClientSees) {
   Peer stranger = peer_;
   for (const std::uint64_t session : {std::uint64_t{0}, peer_.session + 1, peer_.session ^ 1 << 20,
@@ -210,6 +211,7 @@ TEST_F(ServerCalls, FromAnotherAddressAreDropped) {
   EXPECT_EQ(call(1).action, Action::kDispatch) << "the session's own address goes on";
 }
 
+// hp-5.1-5
 TEST_F(ServerCalls, OutsideTheBandAreRefused) {
   ServerSessionsConfig config = server_config();
   config.band = {100, 200};
@@ -230,6 +232,7 @@ TEST_F(ServerCalls, OutsideTheBandAreRefused) {
             Action::kDispatch);
 }
 
+// hp-5.1-5
 TEST_F(ServerCalls, AboveTheCeilingAreRefused) {
   ServerSessionsConfig config = server_config();
   config.ceiling = 150;
@@ -243,6 +246,7 @@ TEST_F(ServerCalls, AboveTheCeilingAreRefused) {
                  Status::kPriorityNotAllowed);
 }
 
+// hp-5.1-5
 TEST_F(ServerCalls, LargerThanTheLimitAreRefused) {
   const std::string largest(kDatagramPayloadSizeMax, 'x');
   EXPECT_EQ(receive(peer_.call_frame(1, largest)).action, Action::kDispatch);
