@@ -1,0 +1,282 @@
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "history.hpp"
+#include "network.hpp"
+#include "scheduler.hpp"
+#include "sim_client.hpp"
+#include "sim_server.hpp"
+
+// Whole conversations of the protocol on a simulated network and clock: the shipped code, no
+// socket. One seed makes one history; a seed that fails says how to see it again.
+namespace rtpm::sim {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::DropReason;
+
+constexpr NetworkProfile kQuietNetwork{.delay_min = 20us, .delay_max = 40us};
+
+/// What all seeds together came across, so that nobody trusts a simulation in which nothing
+/// happens.
+struct Coverage {
+  wire::FrameCounters frames{};
+  std::uint64_t done_count = 0;
+  std::uint64_t not_run_count = 0;
+  std::uint64_t may_have_run_count = 0;
+  std::uint64_t lost_count = 0;
+};
+
+/// One server, some clients and a network, all of a seed.
+class Conversation {
+ public:
+  Conversation(std::uint64_t seed, bool is_told) : random_(seed), history_(is_told) {
+    const bool is_lane = random_.chance(700);
+    server_.emplace(scheduler_, random_, network_, history_, server_profile(is_lane));
+    const auto client_count = static_cast<std::uint32_t>(random_.between(1, 5));
+    for (std::uint32_t number = 1; number <= client_count; ++number) {
+      clients_.push_back(std::make_unique<SimClient>(scheduler_, random_, network_, history_,
+                                                     client_profile(number, is_lane)));
+    }
+  }
+
+  void play() {
+    network_.set_profile(network_profile());
+    server_->start();
+    for (const auto& client : clients_)
+      client->start();
+    plan_disasters();
+    plan_garbage();
+    const MonotonicTime end = scheduler_.now() + 1h;
+    while (!are_all_done() && scheduler_.step(end)) {
+    }
+    if (are_all_done()) make_peace();
+    history_.finish();
+  }
+
+  [[nodiscard]] const History& history() const { return history_; }
+  /// Clients whose call in peace did not come through.
+  [[nodiscard]] int stuck_count() const { return stuck_count_; }
+  void add_to(Coverage& coverage) const {
+    coverage.frames.add(server_->counters());
+    coverage.done_count += history_.count(Outcome::kDone);
+    coverage.not_run_count += history_.count(Outcome::kNotRun);
+    coverage.may_have_run_count += history_.count(Outcome::kMayHaveRun);
+    for (const auto& client : clients_)
+      coverage.lost_count += client->lost_count();
+  }
+
+ private:
+  ServerProfile server_profile(bool is_lane) {
+    ServerProfile profile;
+    profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
+    profile.is_lane = is_lane;
+    // Long enough in a deferring server that a client leaves a whole window of calls behind.
+    profile.service_max = random_.chance(300) ? 100ms : random_.chance(500) ? 5ms : 50us;
+    return profile;
+  }
+
+  ClientProfile client_profile(std::uint32_t number, bool is_lane) {
+    ClientProfile profile;
+    profile.number = number;
+    if (random_.chance(500)) {
+      profile.clock_domain = kServerClock;
+    } else {
+      profile.clock_domain = random_.between(std::uint64_t{0}, std::uint64_t{1});
+      profile.clock_offset = random_.between(Duration{-900s}, Duration{100'000s});
+    }
+    profile.deadline_min = 500us;
+    profile.deadline_max = random_.chance(500) ? Duration{20ms} : Duration{3s};
+    profile.pause_max = random_.chance(500) ? Duration{1ms} : Duration{2s};
+    // A deferring server must end a call before its session is closed, which no client can know.
+    profile.close_per_mille = is_lane && random_.chance(300) ? 200 : 0;
+    return profile;
+  }
+
+  NetworkProfile network_profile() {
+    NetworkProfile profile = kQuietNetwork;
+    if (random_.chance(100)) return profile;
+    profile.lost_per_mille = random_.between(0, 300);
+    profile.doubled_per_mille = random_.between(0, 300);
+    profile.late_per_mille = random_.between(0, 100);
+    profile.delay_max = random_.between(profile.delay_min, Duration{5ms});
+    profile.late_max = random_.chance(300) ? Duration{60s} : Duration{50ms};
+    return profile;
+  }
+
+  void plan_disasters() {
+    MonotonicTime when = scheduler_.now();
+    for (auto count = random_.between(0, 3); count > 0; --count) {
+      when += random_.between(Duration{1ms}, Duration{20s});
+      scheduler_.at(when, [this] { server_->kill(); });
+      when += random_.between(Duration{1us}, random_.chance(500) ? Duration{10ms} : Duration{2s});
+      scheduler_.at(when, [this] { server_->start(); });
+    }
+    for (auto count = random_.between(0, 2); count > 0; --count) {
+      when += random_.between(Duration{1ms}, Duration{20s});
+      scheduler_.at(when, [this] { network_.set_partitioned(true); });
+      when += random_.between(Duration{1ms}, Duration{5s});
+      scheduler_.at(when, [this] { network_.set_partitioned(false); });
+    }
+  }
+
+  /// Strangers send noise to everybody.
+  void plan_garbage() {
+    for (int i = 0; i < 50; ++i) {
+      scheduler_.after(random_.between(Duration{0}, Duration{20s}), [this] {
+        Bytes noise(random_.between(0, 200));
+        for (std::byte& byte : noise)
+          byte = static_cast<std::byte>(random_.between(0, 255));
+        const auto client = static_cast<std::uint32_t>(random_.between(1, clients_.size()));
+        network_.send(9, random_.chance(500) ? kServerPort : 10'000 + client, noise);
+      });
+    }
+  }
+
+  [[nodiscard]] bool are_all_done() const {
+    return std::ranges::all_of(clients_, [](const auto& client) { return client->is_done(); });
+  }
+
+  /// When all disasters are over and the late copies have come, every client gets through.
+  void make_peace() {
+    network_.set_profile(kQuietNetwork);
+    network_.set_partitioned(false);
+    run_for(150s);
+    for (const auto& client : clients_) {
+      // The first call may only learn that the server is another one.
+      for (int attempt = 0; attempt < 2; ++attempt) {
+        client->call_once_more(10s);
+        run_for(20s);
+        if (client->last_outcome() == Outcome::kDone) break;
+      }
+      if (client->last_outcome() != Outcome::kDone) ++stuck_count_;
+      // So long that its session may be replaced by the next one's.
+      run_for(wire::kSessionIdleMin + 1s);
+    }
+  }
+
+  void run_for(Duration duration) {
+    const MonotonicTime end = scheduler_.now() + duration;
+    while (scheduler_.step(end)) {
+    }
+  }
+
+  Random random_;
+  Scheduler scheduler_;
+  History history_;
+  Network network_{scheduler_, random_, kQuietNetwork};
+  std::optional<SimServer> server_;
+  std::vector<std::unique_ptr<SimClient>> clients_;
+  int stuck_count_ = 0;
+};
+
+/// Plays the seed and fails the test if a promise was broken; gives the history's hash.
+std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage) {
+  Conversation conversation(seed, is_told);
+  conversation.play();
+  conversation.add_to(coverage);
+  const std::vector<std::string>& faults = conversation.history().faults();
+  if (!faults.empty() || conversation.stuck_count() > 0) {
+    ADD_FAILURE() << "seed " << seed << ": "
+                  << (faults.empty() ? "a client is stuck" : faults.front()) << "; see it with\n"
+                  << "  RTPM_SEED=" << seed << " sim_test --gtest_filter=Calls.*";
+  }
+  return conversation.history().hash();
+}
+
+/// The one seed that the environment asks for.
+std::optional<std::uint64_t> wanted_seed() {
+  const char* const text = std::getenv("RTPM_SEED");
+  if (text == nullptr) return std::nullopt;
+  return std::strtoull(text, nullptr, 10);
+}
+
+TEST(Calls, KeepThePromisesWhateverTheNetworkDoes) {
+  Coverage coverage;
+  if (const auto seed = wanted_seed()) {
+    play(*seed, /*is_told=*/true, coverage);
+    return;
+  }
+  constexpr std::uint64_t kSeedCount = 300;
+  for (std::uint64_t seed = 1; seed <= kSeedCount && !testing::Test::HasFailure(); ++seed) {
+    play(seed, /*is_told=*/false, coverage);
+  }
+  if (testing::Test::HasFailure()) return;
+  EXPECT_GT(coverage.done_count, 1000u);
+  EXPECT_GT(coverage.not_run_count, 100u);
+  EXPECT_GT(coverage.may_have_run_count, 100u);
+  EXPECT_GT(coverage.lost_count, 10u);
+  EXPECT_GT(coverage.frames.duplicate_answered_count, 100u);
+  EXPECT_GT(coverage.frames.expired_count, 100u);
+  EXPECT_GT(coverage.frames.refused_count, 100u);
+  EXPECT_GT(coverage.frames.session_evicted_count, 10u);
+  for (const DropReason reason :
+       {DropReason::kTooShort, DropReason::kBadMagic, DropReason::kUnknownSession,
+        DropReason::kStaleCall, DropReason::kDuplicateRunning}) {
+    EXPECT_GT(coverage.frames.dropped_for(reason), 10u) << to_string(reason);
+  }
+}
+
+TEST(Calls, AreTheSameForTheSameSeed) {
+  Coverage coverage;
+  for (std::uint64_t seed = 1; seed <= 5; ++seed) {
+    EXPECT_EQ(play(seed, false, coverage), play(seed, false, coverage));
+  }
+}
+
+// The checker itself: a history that breaks a promise is found out.
+TEST(History, FindsEveryBrokenPromise) {
+  const auto fault_of = [](auto tell) {
+    History history(/*is_told=*/false);
+    tell(history);
+    history.finish();
+    return history.faults().empty() ? std::string() : history.faults().front();
+  };
+  const MonotonicTime now = time_from_ns(0);
+  const auto begin = [&](History& h, bool is_idempotent = false) {
+    return h.begin(now, 1, is_idempotent, now + 1s);
+  };
+  EXPECT_EQ(fault_of([&](History& h) {
+              const auto token = begin(h);
+              h.reply(now, token, token, h.run(now, token));
+              h.end(now, token, Outcome::kDone, "");
+            }),
+            "");
+  EXPECT_EQ(fault_of([&](History& h) {
+              const auto token = begin(h, true);
+              h.run(now, token);
+              h.run(now, token);
+              h.end(now, token, Outcome::kDone, "");
+            }),
+            "");
+  EXPECT_EQ(fault_of([&](History& h) {
+              const auto token = begin(h);
+              h.run(now, token);
+              h.run(now, token);
+            }),
+            "call 1 of client 1 ran twice");
+  EXPECT_EQ(fault_of([&](History& h) { h.run(now + 2s, begin(h)); }),
+            "call 1 of client 1 was begun after its deadline");
+  EXPECT_EQ(fault_of([&](History& h) {
+              const auto token = begin(h);
+              h.reply(now, token, token + 1, h.run(now, token));
+            }),
+            "call 1 of client 1 got the reply of call 2 of client 1");
+  EXPECT_EQ(fault_of([&](History& h) {
+              const auto token = begin(h);
+              h.end(now, token, Outcome::kNotRun, "");
+              h.run(now, token);
+            }),
+            "call 1 of client 1 ran, though its caller was told that it did not");
+  EXPECT_EQ(fault_of([&](History& h) { h.end(now, begin(h), Outcome::kDone, ""); }),
+            "call 1 of client 1 did not run, though its caller was told that it did");
+  EXPECT_EQ(fault_of([&](History& h) { begin(h); }), "call 1 of client 1 never ended");
+}
+
+}  // namespace
+}  // namespace rtpm::sim

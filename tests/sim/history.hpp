@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/wire/status.hpp"
+
+namespace rtpm::sim {
+
+/// What a caller was told at the end of its call.
+enum class Outcome : std::uint8_t {
+  kOpen,        ///< Nothing yet.
+  kDone,        ///< It ran; here is its result.
+  kNotRun,      ///< It did not run and never will.
+  kMayHaveRun,  ///< Nobody knows.
+};
+
+/// All that happened, checked against what the protocol promises: a call runs at most once, a reply
+/// is its own call's, "not run" means not run, and nothing is begun after its deadline.
+class History {
+ public:
+  using Token = std::uint64_t;
+
+  explicit History(bool is_told) : is_told_(is_told) {}
+
+  /// A caller begins a call, which must not run twice unless it is idempotent, nor be begun after
+  /// `deadline` (kNever: the server's clock is another one, so that it can't know).
+  [[nodiscard]] Token begin(MonotonicTime now, std::uint32_t client, bool is_idempotent,
+                            MonotonicTime deadline);
+  /// The servant runs the call; gives how often it has.
+  std::uint32_t run(MonotonicTime now, Token token);
+  /// The call's reply is here and says that it answers `replied`, run for the `run_number`th time.
+  void reply(MonotonicTime now, Token token, Token replied, std::uint32_t run_number);
+  void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
+  /// Something else worth telling.
+  void note(MonotonicTime now, const std::string& what);
+  /// After all: checks what could not be checked before.
+  void finish();
+
+  [[nodiscard]] const std::vector<std::string>& faults() const noexcept { return faults_; }
+  [[nodiscard]] std::uint64_t count(Outcome outcome) const;
+  /// Equal for equal histories.
+  [[nodiscard]] std::uint64_t hash() const noexcept { return hash_; }
+
+ private:
+  struct Call {
+    bool is_idempotent = false;
+    MonotonicTime deadline{};
+    Outcome outcome = Outcome::kOpen;
+    std::uint32_t run_count = 0;
+  };
+  void fault(MonotonicTime now, Token token, const std::string& what);
+
+  bool is_told_;
+  std::map<Token, Call> calls_;
+  std::vector<std::string> faults_;
+  std::uint64_t hash_ = 0;
+};
+
+}  // namespace rtpm::sim

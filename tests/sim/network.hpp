@@ -1,0 +1,50 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/wire/cookie.hpp"
+#include "scheduler.hpp"
+
+namespace rtpm::sim {
+
+using Bytes = std::vector<std::byte>;
+
+/// What the network does to datagrams.
+struct NetworkProfile {
+  std::uint64_t lost_per_mille = 0;
+  std::uint64_t doubled_per_mille = 0;
+  std::uint64_t late_per_mille = 0;  ///< These come up to `late_max` later.
+  Duration delay_min{};
+  Duration delay_max{};
+  Duration late_max{};
+};
+
+/// Carries datagrams between addresses: loses, doubles, delays and so reorders them.
+class Network {
+ public:
+  using Receiver = std::function<void(const Bytes& frame, const wire::PeerAddress& from)>;
+
+  Network(Scheduler& scheduler, Random& random, const NetworkProfile& profile)
+      : scheduler_(scheduler), random_(random), profile_(profile) {}
+
+  /// From now on `receiver` gets what is sent to `port`; null: nobody does.
+  void listen(std::uint32_t port, Receiver receiver) { receivers_[port] = std::move(receiver); }
+  void send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame);
+
+  void set_profile(const NetworkProfile& profile) { profile_ = profile; }
+  void set_partitioned(bool is_partitioned) { is_partitioned_ = is_partitioned; }
+
+ private:
+  [[nodiscard]] Duration delay();
+
+  Scheduler& scheduler_;
+  Random& random_;
+  NetworkProfile profile_;
+  bool is_partitioned_ = false;
+  std::map<std::uint32_t, Receiver> receivers_;
+};
+
+}  // namespace rtpm::sim

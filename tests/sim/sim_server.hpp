@@ -1,0 +1,62 @@
+#pragma once
+
+#include <deque>
+#include <memory>
+#include <optional>
+
+#include "history.hpp"
+#include "network.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::sim {
+
+inline constexpr std::uint32_t kServerPort = 4711;
+inline constexpr std::uint64_t kServerClock = 0xc10c;
+
+/// How a simulated server works.
+struct ServerProfile {
+  std::uint32_t session_count_max = 8;
+  /// True: as a lane does, which takes up no frame while a servant runs. False: frames are taken up
+  /// while calls run, as a server with deferred replies would; the protocol allows both.
+  bool is_lane = true;
+  Duration service_max{};                ///< The longest that a servant runs.
+  std::uint64_t failing_per_mille = 20;  ///< Calls that the servant runs and fails.
+  std::size_t queue_max = 64;            ///< Datagrams in the socket's buffer.
+};
+
+/// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
+/// can be killed and started anew.
+class SimServer {
+ public:
+  SimServer(Scheduler& scheduler, Random& random, Network& network, History& history,
+            const ServerProfile& profile);
+
+  void start();
+  void kill();
+  [[nodiscard]] wire::FrameCounters counters() const;
+
+ private:
+  struct Datagram {
+    Bytes frame;
+    wire::PeerAddress from;
+  };
+  void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
+  void take_up(const Datagram& datagram);
+  void serve_next();
+  void run(const wire::Request& request, const wire::PeerAddress& from);
+  void finish(const wire::Request& request, const wire::PeerAddress& from, History::Token token,
+              std::uint32_t run_number, wire::Status status);
+
+  Scheduler& scheduler_;
+  Random& random_;
+  Network& network_;
+  History& history_;
+  ServerProfile profile_;
+  std::unique_ptr<wire::ServerSessions> sessions_;
+  std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
+  bool is_busy_ = false;
+  std::deque<Datagram> queue_;
+  wire::FrameCounters former_lives_{};
+};
+
+}  // namespace rtpm::sim
