@@ -1,0 +1,65 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::test {
+
+/// A program that a test runs, with what it prints. Its environment is the test's without RTPM_…
+/// variables; its standard input is empty. It is killed with this object at the latest.
+/// Threads: one.
+class Process {
+ public:
+  /// How a program ended.
+  struct End {
+    std::optional<int> exit_code{};  ///< Nothing if a signal ended it.
+    std::string output;
+    std::string errors;
+  };
+
+  /// Starts `command`, the program's path first. A program that can't be started ends the test
+  /// binary: it was not built.
+  explicit Process(const std::vector<std::string>& command);
+  Process(Process&& other) noexcept;
+  Process& operator=(Process&& other) noexcept;
+  ~Process();
+
+  /// Reads on until standard output has `text`; false if it ends, or `patience` is over, before.
+  [[nodiscard]] bool wait_for_output(std::string_view text, Duration patience);
+  /// Waits until it ends; nothing if it does not within `patience`.
+  [[nodiscard]] std::optional<End> wait(Duration patience);
+  void send_signal(int signal) const;
+
+  /// What it printed so far, as far as it was read.
+  [[nodiscard]] const std::string& output() const noexcept { return output_.text; }
+  [[nodiscard]] const std::string& errors() const noexcept { return errors_.text; }
+
+ private:
+  /// One end of a pipe and what came through it.
+  struct Stream {
+    int handle = -1;
+    std::string text;
+  };
+  void read_for(Duration patience);
+  static void take(Stream& stream);
+  void release() noexcept;
+
+  pid_t id_ = -1;
+  Stream output_{};
+  Stream errors_{};
+};
+
+/// Runs `command` to its end; nothing if that does not come within `patience`.
+[[nodiscard]] std::optional<Process::End> run(const std::vector<std::string>& command,
+                                              Duration patience);
+
+/// How many lines `text` has.
+[[nodiscard]] int line_count(std::string_view text);
+
+}  // namespace rtpm::test
