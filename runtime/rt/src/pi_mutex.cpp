@@ -7,6 +7,8 @@ namespace rtpm::rt {
 PiMutex::PiMutex() noexcept {
   pthread_mutexattr_t attributes;
   pthread_mutexattr_init(&attributes);
+  // Checked, because the plain kind answers its own mistakes by waiting for ever.
+  pthread_mutexattr_settype(&attributes, PTHREAD_MUTEX_ERRORCHECK);
   const int error = pthread_mutexattr_setprotocol(&attributes, PTHREAD_PRIO_INHERIT);
   RTPM_ASSERT(error == 0, "the system has mutexes with priority inheritance");
   pthread_mutex_init(&mutex_, &attributes);

@@ -39,12 +39,21 @@ expected<void, RealtimeError> set_affinity(const ThreadConfig& config) {
   if (config.cpus.empty()) return {};
   cpu_set_t cpus;
   CPU_ZERO(&cpus);
+  bool is_possible = true;
   std::string list;
   for (const int cpu : config.cpus) {
-    if (cpu >= 0 && cpu < CPU_SETSIZE) CPU_SET(static_cast<std::size_t>(cpu), &cpus);
+    if (cpu >= 0 && cpu < CPU_SETSIZE) {
+      CPU_SET(static_cast<std::size_t>(cpu), &cpus);
+    } else {
+      is_possible = false;
+    }
     list += (list.empty() ? "" : ",") + std::to_string(cpu);
   }
-  const int error = pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus);
+  int error = is_possible ? pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus) : EINVAL;
+  // The system leaves out, without a word, those that the machine has not.
+  cpu_set_t granted;
+  if (error == 0) error = pthread_getaffinity_np(pthread_self(), sizeof granted, &granted);
+  if (error == 0 && !CPU_EQUAL(&cpus, &granted)) error = EINVAL;
   if (error == 0) return {};
   return unexpected{RealtimeError{"thread '" + config.name + "' can't be confined to CPU " + list +
                                   " (" + std::strerror(error) +
@@ -120,6 +129,11 @@ expected<Thread, RealtimeError> Thread::start(const ThreadConfig& config,
   pthread_attr_init(&attributes);
   // With memory locked, the whole stack is resident: the system's 8 MiB would be waste.
   pthread_attr_setstacksize(&attributes, kStackSize);
+  // Else it would begin, and without a priority of its own stay, at its starter's level.
+  const sched_param time_shared{};
+  pthread_attr_setinheritsched(&attributes, PTHREAD_EXPLICIT_SCHED);
+  pthread_attr_setschedpolicy(&attributes, SCHED_OTHER);
+  pthread_attr_setschedparam(&attributes, &time_shared);
   pthread_t handle{};
   const int error = pthread_create(&handle, &attributes, run_thread, &launch);
   pthread_attr_destroy(&attributes);

@@ -36,7 +36,7 @@ struct LaneConfig {
   Priority low = 0;         ///< The lowest priority it serves. One lane must begin at 0.
   Priority priority = 0;    ///< At least at which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};    ///< How it waits for traffic.
-  std::vector<int> cpus{};  ///< To which it is confined; empty: all.
+  std::vector<int> cpus{};  ///< To which it is confined; empty: the starter's.
 };
 
 /// How a server is set up.

@@ -28,7 +28,7 @@ enum class RealtimeMode : std::uint8_t {
 struct ThreadConfig {
   std::string name;                    ///< Shown by the system; at most 15 bytes are.
   std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; none: time-shared.
-  std::vector<int> cpus{};             ///< To which it is confined; empty: all.
+  std::vector<int> cpus{};             ///< To which it is confined; empty: its starter's.
   RealtimeMode realtime = RealtimeMode::kPrefer;
 };
 
