@@ -1,0 +1,98 @@
+#pragma once
+
+#include <pthread.h>
+#include <sched.h>
+#include <unistd.h>
+
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/rt/clock.hpp"
+
+/// What the operating system itself says of a thread, for tests that do not take RTPM's word.
+namespace rtpm::test {
+
+/// How the calling thread is scheduled by the system.
+struct Scheduling {
+  int policy = 0;
+  int level = 0;
+  friend bool operator==(Scheduling, Scheduling) = default;
+  friend void PrintTo(Scheduling scheduling, std::ostream* out) {
+    *out << (scheduling.policy == SCHED_FIFO ? "FIFO " : "policy ")
+         << (scheduling.policy == SCHED_FIFO ? scheduling.level : scheduling.policy);
+  }
+};
+inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
+[[nodiscard]] constexpr Scheduling fifo(int level) noexcept {
+  return {SCHED_FIFO, level};
+}
+
+[[nodiscard]] inline Scheduling scheduling_of_this_thread() {
+  Scheduling scheduling;
+  sched_param parameter{};
+  pthread_getschedparam(pthread_self(), &scheduling.policy, &parameter);
+  scheduling.level = parameter.sched_priority;
+  return scheduling;
+}
+
+[[nodiscard]] inline std::string name_of_this_thread() {
+  std::array<char, 16> name{};
+  pthread_getname_np(pthread_self(), name.data(), name.size());
+  return name.data();
+}
+
+[[nodiscard]] inline std::vector<int> cpus_of_this_thread() {
+  cpu_set_t set;
+  CPU_ZERO(&set);
+  pthread_getaffinity_np(pthread_self(), sizeof set, &set);
+  std::vector<int> cpus;
+  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &set)) cpus.push_back(cpu);
+  }
+  return cpus;
+}
+
+/// The SCHED_FIFO level at which thread `id` runs at this moment, what it inherited from a waiter
+/// included; 0 or less: it is time-shared.
+[[nodiscard]] inline int effective_level(pid_t id) {
+  std::ifstream file("/proc/self/task/" + std::to_string(id) + "/stat");
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  // Behind the name in parentheses, which may contain anything, the priority is the 16th word.
+  std::istringstream words(text.substr(text.rfind(')') + 1));
+  std::string word;
+  for (int i = 0; i < 16; ++i)
+    words >> word;
+  return -std::stoi(word) - 1;
+}
+
+/// Whether threads of this process may run at SCHED_FIFO up to RTPM's highest level.
+[[nodiscard]] inline bool has_realtime_right() {
+  bool has_right = false;
+  std::thread([&] {
+    sched_param parameter{};
+    parameter.sched_priority = 89;
+    has_right = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) == 0;
+  }).join();
+  return has_right;
+}
+inline constexpr const char* kNoRealtimeRight =
+    "no right to SCHED_FIFO here: run as root, with CAP_SYS_NICE, or with an rtprio limit of 90";
+
+/// Waits until `is_so()`; false if it did not come true for so long that something is wrong.
+template <class Condition>
+[[nodiscard]] bool await(Condition is_so, Duration patience = std::chrono::seconds{20}) {
+  const MonotonicTime end = rt::now() + patience;
+  while (!is_so()) {
+    if (rt::now() >= end) return false;
+    rt::sleep_until(rt::now() + std::chrono::microseconds{500});
+  }
+  return true;
+}
+
+}  // namespace rtpm::test

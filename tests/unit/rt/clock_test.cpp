@@ -1,0 +1,110 @@
+#include "rtpm/rt/clock.hpp"
+
+#include <gtest/gtest.h>
+#include <pthread.h>
+#include <signal.h>
+
+#include <atomic>
+#include <ctime>
+#include <thread>
+
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/wait.hpp"
+#include "rtpm/test/child.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+using namespace std::chrono_literals;
+
+MonotonicTime system_time() {
+  timespec time{};
+  clock_gettime(CLOCK_MONOTONIC, &time);
+  return time_from_ns(time.tv_sec * 1'000'000'000 + time.tv_nsec);
+}
+
+TEST(Clock, IsTheSystemsMonotonicOne) {
+  for (int i = 0; i < 1000; ++i) {
+    const MonotonicTime before = system_time();
+    const MonotonicTime between = now();
+    const MonotonicTime after = system_time();
+    ASSERT_LE(before, between);
+    ASSERT_LE(between, after);
+  }
+}
+
+TEST(SleepUntil, DoesNotEndBeforeItsTime) {
+  for (const Duration span : {1ns, 100'000ns, 2'000'000ns}) {
+    const MonotonicTime end = now() + span;
+    sleep_until(end);
+    EXPECT_GE(now(), end);
+  }
+}
+
+TEST(SleepUntil, EndsAtOnceWhereItsTimeHasPassed) {
+  sleep_until(now() - 1h);
+  sleep_until(time_from_ns(0));
+  sleep_until(MonotonicTime::min());
+  EXPECT_GT(now(), time_from_ns(0)) << "and it ended";
+}
+
+void do_nothing(int) {}
+
+TEST(SleepUntil, GoesOnThroughSignals) {
+  struct sigaction action {};
+  action.sa_handler = do_nothing;
+  struct sigaction former {};
+  sigaction(SIGUSR1, &action, &former);
+  std::atomic<bool> has_begun{false};
+  std::atomic<bool> has_ended{false};
+  const MonotonicTime end = now() + 50ms;
+  bool is_early = true;
+  std::thread sleeper([&] {
+    has_begun = true;
+    sleep_until(end);
+    is_early = now() < end;
+    has_ended = true;
+  });
+  ASSERT_TRUE(test::await([&] { return has_begun.load(); }));
+  while (!has_ended) {
+    pthread_kill(sleeper.native_handle(), SIGUSR1);
+    sleep_until(now() + 1ms);
+  }
+  sleeper.join();
+  sigaction(SIGUSR1, &former, nullptr);
+  EXPECT_FALSE(is_early);
+}
+
+TEST(Host, SharesItsClockDomainBetweenProcesses) {
+  const std::uint64_t domain = clock_domain();
+  EXPECT_NE(domain, 0u);
+  EXPECT_EQ(clock_domain(), domain);
+  const test::ChildResult child = test::run_in_child([] { return std::to_string(clock_domain()); });
+  EXPECT_EQ(child.said, std::to_string(domain));
+}
+
+TEST(Host, DrawsRandomNumbers) {
+  EXPECT_NE(random_u64(), random_u64());
+  EXPECT_NE(random_u64(), 0u);
+}
+
+TEST(Host, CountsTheCpusThatTheThreadMayUse) {
+  EXPECT_EQ(usable_cpu_count(), static_cast<int>(test::cpus_of_this_thread().size()));
+  std::thread([] {
+    cpu_set_t one;
+    CPU_ZERO(&one);
+    CPU_SET(static_cast<std::size_t>(test::cpus_of_this_thread().front()), &one);
+    pthread_setaffinity_np(pthread_self(), sizeof one, &one);
+    EXPECT_EQ(usable_cpu_count(), 1);
+  }).join();
+}
+
+TEST(WaitStrategy, HasTheNamesThatOptionsUse) {
+  EXPECT_EQ(to_string(WaitStrategy::kAdaptive), "adaptive");
+  EXPECT_EQ(to_string(WaitStrategy::kBlock), "block");
+  EXPECT_EQ(to_string(WaitStrategy::kSpin), "spin");
+}
+
+}  // namespace
+}  // namespace rtpm::rt

@@ -1,0 +1,137 @@
+#include "rtpm/rt/memory.hpp"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <string>
+#include <thread>
+
+#include "rtpm/test/child.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+constexpr bool kHasSanitizer = true;
+#else
+constexpr bool kHasSanitizer = false;
+#endif
+constexpr const char* kSanitizersLockNothing = "sanitizers make locking memory a no-op";
+
+/// The process's locked memory as the system counts it.
+std::size_t locked_kib() {
+  std::ifstream status("/proc/self/status");
+  std::string word;
+  while (status >> word) {
+    if (word != "VmLck:") continue;
+    std::size_t kib = 0;
+    status >> kib;
+    return kib;
+  }
+  return 0;
+}
+
+constexpr rlim_t kTooLittle = 64 * 1024;
+
+TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
+  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    const auto locked = lock_memory(RealtimeMode::kRequire);
+    if (!locked) return "refused: " + locked.error().text;
+    const std::size_t before = locked_kib();
+    const std::string block(4 << 20, 'x');
+    return before > 100 && locked_kib() >= before + (4 << 10) ? "" : "not locked";
+  });
+  if (child.said.starts_with("refused")) {
+    GTEST_SKIP() << "no right to lock memory here: run as root, or raise RLIMIT_MEMLOCK";
+  }
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0);
+}
+
+TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
+  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    test::drop_realtime_rights(kTooLittle);
+    const auto locked = lock_memory(RealtimeMode::kRequire);
+    return locked ? "locked" : locked.error().text;
+  });
+  for (const char* part :
+       {"can't be locked", "64 KiB", "Remedy", "RLIMIT_MEMLOCK", "ulimit -l", "--realtime off"}) {
+    EXPECT_NE(child.said.find(part), std::string::npos) << part << " in: " << child.said;
+  }
+  EXPECT_EQ(child.errors, "");
+}
+
+TEST(LockMemory, WarnsOnceWhenPreferred) {
+  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    test::drop_realtime_rights(kTooLittle);
+    for (int i = 0; i < 3; ++i) {
+      if (!lock_memory(RealtimeMode::kPrefer)) return "an error";
+    }
+    return "";
+  });
+  EXPECT_EQ(child.said, "");
+  const auto first = child.errors.find("warning: memory can't be locked");
+  EXPECT_NE(first, std::string::npos) << child.errors;
+  EXPECT_EQ(child.errors.find("warning", first + 1), std::string::npos) << child.errors;
+}
+
+TEST(LockMemory, DoesNotAskWhenOff) {
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    test::drop_realtime_rights(kTooLittle);
+    if (!lock_memory(RealtimeMode::kOff)) return "an error";
+    return locked_kib() == 0 ? "" : "locked";
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.errors, "");
+}
+
+TEST(NoAllocationScope, HoldsUntilTheOutermostEnds) {
+  EXPECT_FALSE(is_allocation_forbidden());
+  {
+    const NoAllocationScope outer;
+    EXPECT_TRUE(is_allocation_forbidden());
+    {
+      const NoAllocationScope inner;
+      EXPECT_TRUE(is_allocation_forbidden());
+    }
+    EXPECT_TRUE(is_allocation_forbidden());
+  }
+  EXPECT_FALSE(is_allocation_forbidden());
+}
+
+TEST(NoAllocationScope, IsTheThreadsOwn) {
+  const NoAllocationScope scope;
+  bool is_forbidden_there = true;
+  std::thread([&] { is_forbidden_there = is_allocation_forbidden(); }).join();
+  EXPECT_FALSE(is_forbidden_there);
+}
+
+TEST(AllowAllocationScope, LiftsAllScopesAndPutsThemBack) {
+  const NoAllocationScope outer;
+  const NoAllocationScope inner;
+  {
+    const AllowAllocationScope allowed;
+    EXPECT_FALSE(is_allocation_forbidden());
+    {
+      const NoAllocationScope forbidden_again;
+      EXPECT_TRUE(is_allocation_forbidden());
+    }
+    EXPECT_FALSE(is_allocation_forbidden());
+  }
+  EXPECT_TRUE(is_allocation_forbidden());
+}
+
+TEST(AllowAllocationScope, ChangesNothingWhereNothingIsForbidden) {
+  {
+    const AllowAllocationScope allowed;
+    EXPECT_FALSE(is_allocation_forbidden());
+  }
+  EXPECT_FALSE(is_allocation_forbidden());
+}
+
+}  // namespace
+}  // namespace rtpm::rt

@@ -1,0 +1,148 @@
+#include "rtpm/rt/priority.hpp"
+
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <thread>
+#include <utility>
+
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/test/child.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+using test::fifo;
+using test::kTimeShared;
+using test::scheduling_of_this_thread;
+
+/// Runs `body` on a thread of its own, which ends with whatever priority it has then.
+template <class Body>
+void on_a_thread(Body body) {
+  std::thread(body).join();
+}
+
+TEST(PriorityMapping, IsLinearFrom1To89RoundedDown) {
+  for (const auto& [priority, level] : {std::pair{0, 1},
+                                        {1, 1},
+                                        {372, 1},
+                                        {373, 2},
+                                        {16383, 44},
+                                        {16384, 45},
+                                        {32394, 87},
+                                        {32395, 88},
+                                        {32766, 88},
+                                        {32767, 89}}) {
+    EXPECT_EQ(to_native(priority), level) << priority;
+  }
+}
+
+TEST(PriorityMapping, KeepsTheOrderAndLeavesTheTopLevelsToTheKernel) {
+  int previous = to_native(0);
+  for (int priority = 0; priority <= Priority::kHighest; ++priority) {
+    const int level = to_native(priority);
+    ASSERT_GE(level, previous);
+    ASSERT_LE(level - previous, 1) << "no level is left out, at " << priority;
+    ASSERT_GE(level, 1);
+    ASSERT_LE(level, 89);
+    previous = level;
+  }
+}
+
+TEST(CurrentPriority, IsNoneUntilItIsSet) {
+  on_a_thread([] {
+    EXPECT_EQ(current_priority(), std::nullopt);
+    static_cast<void>(set_current_priority(100));
+    EXPECT_EQ(current_priority(), Priority{100});
+  });
+  on_a_thread([] { EXPECT_EQ(current_priority(), std::nullopt) << "each thread has its own"; });
+}
+
+TEST(CurrentPriority, IsTheThreadsFifoLevelWhereTheSystemAllows) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  on_a_thread([] {
+    for (const int priority : {0, 20'000, 32'767, 20'000, 0}) {
+      EXPECT_TRUE(set_current_priority(priority));
+      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(priority)));
+    }
+  });
+}
+
+TEST(CurrentPriority, IsCarriedByCallsEvenWhereTheSystemRefuses) {
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    test::drop_realtime_rights();
+    if (set_current_priority(20'000)) return "the system is said to have allowed it";
+    if (current_priority() != Priority{20'000}) return "the priority is lost";
+    if (scheduling_of_this_thread() != kTimeShared) return "the thread is not time-shared";
+    return "";
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0);
+  EXPECT_EQ(child.errors, "") << "the answer says it";
+}
+
+TEST(AdoptPriority, MovesAFifoThread) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  on_a_thread([] {
+    ASSERT_TRUE(set_current_priority(10'000));
+    adopt_priority(30'000);
+    EXPECT_EQ(current_priority(), Priority{30'000});
+    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(30'000)));
+  });
+}
+
+TEST(AdoptPriority, LeavesATimeSharedThreadTimeShared) {
+  on_a_thread([] {
+    adopt_priority(30'000);
+    EXPECT_EQ(current_priority(), Priority{30'000});
+    EXPECT_EQ(scheduling_of_this_thread(), kTimeShared);
+  });
+}
+
+TEST(ScopedPriority, HoldsForItsStretch) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  on_a_thread([] {
+    ASSERT_TRUE(set_current_priority(10'000));
+    {
+      const ScopedPriority outer(20'000);
+      EXPECT_EQ(current_priority(), Priority{20'000});
+      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(20'000)));
+      {
+        const ScopedPriority inner(5'000);
+        EXPECT_EQ(current_priority(), Priority{5'000});
+        EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(5'000)));
+      }
+      EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(20'000)));
+    }
+    EXPECT_EQ(current_priority(), Priority{10'000});
+    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(10'000)));
+  });
+}
+
+TEST(ScopedPriority, GivesBackWhatWasSetInside) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  on_a_thread([] {
+    ASSERT_TRUE(set_current_priority(10'000));
+    {
+      const ScopedPriority scope(20'000);
+      ASSERT_TRUE(set_current_priority(30'000));
+    }
+    EXPECT_EQ(current_priority(), Priority{10'000});
+    EXPECT_EQ(scheduling_of_this_thread(), fifo(to_native(10'000)));
+  });
+}
+
+TEST(ScopedPriority, LeavesATimeSharedThreadTimeShared) {
+  on_a_thread([] {
+    {
+      const ScopedPriority scope(20'000);
+      EXPECT_EQ(current_priority(), Priority{20'000});
+      EXPECT_EQ(scheduling_of_this_thread(), kTimeShared);
+    }
+    EXPECT_EQ(current_priority(), std::nullopt);
+  });
+}
+
+}  // namespace
+}  // namespace rtpm::rt
