@@ -27,7 +27,9 @@ class PositionPrinter final : public rtpm::gvd::SampleSink {
 };
 
 /// A soft spring to the middle in x, and some lift in y.
-Vector3 calculate_force(double x_m, double y_m) { return {-40 * x_m, 0.2 - 10 * y_m, 0}; }
+Vector3 calculate_force(double x_m, double y_m) {
+  return {-40 * x_m, 0.2 - 10 * y_m, 0};
+}
 
 int fail(const std::string& text) {
   std::fprintf(stderr, "rtpm-figure5: %s\n", text.c_str());
@@ -39,7 +41,8 @@ int fail(const std::string& text) {
 int main(int argc, char** argv) {
   std::string device = "lab/arm0";
   std::string registry{rtpm::names::kDefaultRegistryUrl};
-  rtpm::program::Options options("rtpm-figure5", "the paper's Figure 5: one device, two ways to use it");
+  rtpm::program::Options options("rtpm-figure5",
+                                 "the paper's Figure 5: one device, two ways to use it");
   options.add("device", device, "The device's name, or its URL");
   options.add_registry(registry);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;

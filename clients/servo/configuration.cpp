@@ -25,7 +25,8 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
   configuration.registry = names::kDefaultRegistryUrl;
   program::Options options(
-      "rtpm-servo", "renders a virtual wall on a haptic device and measures every cycle of its loop");
+      "rtpm-servo",
+      "renders a virtual wall on a haptic device and measures every cycle of its loop");
   options.add("device", configuration.device, "The device's name, or its URL");
   options.add_registry(configuration.registry);
   options.add("seconds", configuration.seconds, "How long to run; 0: until Ctrl-C", {0, 1e6});
@@ -55,7 +56,8 @@ expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
       std::any_of(device.axes.begin(), device.axes.end(),
                   [](const driver::Axis& axis) { return axis.name == "z" && axis.is_actuated; });
   if (!has_force_z || device.limits.force_newton_max <= 0) {
-    return rpc::setup_error(configuration.device + " is a " + std::string(to_string(device.device_class)) +
+    return rpc::setup_error(configuration.device + " is a " +
+                            std::string(to_string(device.device_class)) +
                             " device without force along z; choose a haptic device with --device");
   }
   const auto device_period = std::chrono::duration_cast<Duration>(

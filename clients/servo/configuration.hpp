@@ -39,9 +39,9 @@ struct Configuration {
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 
-/// The wall to render on this device: as configured, or of three quarters of its bound, at most what
-/// the device says it bears, where no stiffness is given.   Set-up only.
-/// Errors: a device that gives no force along z; a stiffness above the bound: the text names it.
+/// The wall to render on this device: as configured, or of three quarters of its bound, at most
+/// what the device says it bears, where no stiffness is given.   Set-up only. Errors: a device that
+/// gives no force along z; a stiffness above the bound: the text names it.
 [[nodiscard]] expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
                                                           const driver::Descriptor& device);
 

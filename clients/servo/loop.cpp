@@ -46,15 +46,15 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
 
   const auto sample = device_.read(call_);
   const MonotonicTime read = rt::now();
-  record_call(statistics_.read, read - begun);
   if (!sample) return fail(sample.error(), read);
+  record_call(statistics_.read, read - begun);
 
   const driver::Vector3 force = config_.wall.force_newton(*sample);
   const MonotonicTime computed = rt::now();
   const auto sent = device_.set_force(force, call_);
   const MonotonicTime done = rt::now();
-  record_call(statistics_.command, done - computed);
   if (!sent) return fail(sent.error(), done);
+  record_call(statistics_.command, done - computed);
   failing_since_.reset();
 
   Duration latency = done - begun;
@@ -79,6 +79,7 @@ void Loop::record_call(LatencyHistogram& histogram, Duration latency) noexcept {
 }
 
 void Loop::fail(rpc::CallError error, MonotonicTime now) noexcept {
+  ++statistics_.call_count;
   ++statistics_.failed_count;
   view_.failed_count = statistics_.failed_count;
   live_.write(view_);

@@ -21,19 +21,20 @@ inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
 /// The paper's specification of a haptic process: 1 kHz.
 inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 
-/// What a run measured.
+/// What a run measured. Failed calls are counted, and are in no histogram: a call that is refused
+/// at once is not a fast one.
 struct Statistics {
-  LatencyHistogram read{};      ///< One call each: from before it until its reply.
+  LatencyHistogram read{};  ///< One call each: from before it until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};     ///< Both calls and the wall between them.
-  LatencyHistogram lateness{};  ///< From when a cycle was due until it began.
-  std::uint64_t cycle_count = 0;
+  LatencyHistogram cycle{};         ///< Both calls and the wall between them.
+  LatencyHistogram lateness{};      ///< From when a cycle was due until it began.
+  std::uint64_t cycle_count = 0;    ///< Cycles begun.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were left out.
-  std::uint64_t failed_count = 0;   ///< Calls that failed.
   std::uint64_t contact_count = 0;  ///< Cycles inside the wall.
-  std::uint64_t call_count = 0;
-  std::uint64_t call_within_paper_count = 0;   ///< Calls within kPaperCall.
-  std::uint64_t cycle_within_paper_count = 0;  ///< Cycles within kPaperCycle.
+  std::uint64_t call_count = 0;     ///< Calls begun.
+  std::uint64_t failed_count = 0;   ///< Calls that failed.
+  std::uint64_t call_within_paper_count = 0;   ///< Calls that succeeded within kPaperCall.
+  std::uint64_t cycle_within_paper_count = 0;  ///< Cycles that succeeded within kPaperCycle.
   double force_newton_max = 0;                 ///< The greatest force commanded.
 };
 
@@ -56,12 +57,11 @@ struct LoopConfig {
   rt::ThreadConfig thread{.name = "servo"};
 };
 
-/// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it, at
-/// a steady rate on a thread of its own. The thread prints nothing and allocates nothing; another
-/// one shows what it leaves in live().
-/// Ownership: refers to the device, which must outlive it. Some 100 KiB: not for a stack.
-/// Threads: start, join and statistics() from one thread; live(), next_cycle() from one other;
-/// stop() from any.
+/// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
+/// at a steady rate on a thread of its own. The thread prints nothing and allocates nothing;
+/// another one shows what it leaves in live(). Ownership: refers to the device, which must outlive
+/// it. Some 100 KiB: not for a stack. Threads: start, join and statistics() from one thread;
+/// live(), next_cycle() from one other; stop() from any.
 class Loop {
  public:
   Loop(gvd::DeviceClient& device, const LoopConfig& config) noexcept

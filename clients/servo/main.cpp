@@ -26,8 +26,8 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// Shows the loop until it ends, or ends it when that is wished: the only place that prints while it
-/// runs, on a time-shared thread.
+/// Shows the loop until it ends, or ends it when that is wished: the only place that prints while
+/// it runs, on a time-shared thread.
 void watch(Loop& loop, const program::StopSignal& stop, const std::string& live) {
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
@@ -37,7 +37,8 @@ void watch(Loop& loop, const program::StopSignal& stop, const std::string& live)
   MonotonicTime next = begin + pause;
   while (loop.is_running()) {
     if (stop.wait_for(std::chrono::milliseconds{20})) loop.stop();
-    while (const auto cycle = loop.next_cycle()) cycles->record(*cycle);
+    while (const auto cycle = loop.next_cycle())
+      cycles->record(*cycle);
     const MonotonicTime now = rt::now();
     const auto view = loop.live();
     if (live == "off" || now < next || !view) continue;
@@ -65,8 +66,8 @@ expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
   }
   if (configuration.is_recovery) {
     if (auto recovered = device->recover(); !recovered) {
-      return rpc::setup_error(configuration.device + " does not recover: " +
-                              std::string(to_string(recovered.error())));
+      return rpc::setup_error(configuration.device +
+                              " does not recover: " + std::string(to_string(recovered.error())));
     }
   }
   return device;
@@ -77,8 +78,8 @@ expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
                                              const Configuration& configuration) {
   const auto sample = device.read();
   if (!sample) {
-    return rpc::setup_error(configuration.device + " can't be read: " +
-                            std::string(to_string(sample.error())));
+    return rpc::setup_error(configuration.device +
+                            " can't be read: " + std::string(to_string(sample.error())));
   }
   if (sample->lifecycle != driver::Lifecycle::kActive) {
     return rpc::setup_error(configuration.device + " is " +
@@ -111,8 +112,8 @@ int serve(const Configuration& configuration) {
   LoopConfig config;
   config.wall = *wall;
   config.period = configuration.period();
-  config.duration = std::chrono::duration_cast<Duration>(
-      std::chrono::duration<double>(configuration.seconds));
+  config.duration =
+      std::chrono::duration_cast<Duration>(std::chrono::duration<double>(configuration.seconds));
   config.deadline = configuration.deadline;
   config.patience = configuration.patience;
   config.thread.priority = configuration.priority;

@@ -36,11 +36,10 @@ std::string row(const char* name, const LatencyHistogram& histogram) {
 
 std::string live_text(const Live& live, const LatencyHistogram& cycles, Duration since_start) {
   const driver::Vector3& at = live.sample.pose.position_m;
-  std::string line =
-      text("%6.1f s  at %+6.1f %+6.1f %+6.1f mm  force %5.2f N  %-7s  cycle p50 %5.1f us",
-           std::chrono::duration<double>(since_start).count(), at.x * 1e3, at.y * 1e3, at.z * 1e3,
-           live.force_newton.z, live.depth_m > 0 ? "contact" : "free",
-           to_us(cycles.percentile(50)));
+  std::string line = text(
+      "%6.1f s  at %+6.1f %+6.1f %+6.1f mm  force %5.2f N  %-7s  cycle p50 %5.1f us",
+      std::chrono::duration<double>(since_start).count(), at.x * 1e3, at.y * 1e3, at.z * 1e3,
+      live.force_newton.z, live.depth_m > 0 ? "contact" : "free", to_us(cycles.percentile(50)));
   if (live.failed_count > 0) {
     line += text("  failed calls %llu", static_cast<unsigned long long>(live.failed_count));
   }
@@ -49,26 +48,27 @@ std::string live_text(const Live& live, const LatencyHistogram& cycles, Duration
 }
 
 std::string table_text(const Statistics& statistics) {
-  std::string table =
-      text("  %-24s %8s %8s %8s %8s %8s %8s\n", "latency in us", "p50", "p90", "p99", "p99.9",
-           "p99.99", "max");
+  std::string table = text("  %-24s %8s %8s %8s %8s %8s %8s\n", "latency in us", "p50", "p90",
+                           "p99", "p99.9", "p99.99", "max");
   table += row("one call: read", statistics.read);
   table += row("one call: command", statistics.command);
   table += row("one cycle of two calls", statistics.cycle);
   table += row("begun late by", statistics.lateness);
-  table += text("  cycles %llu   missed deadlines %llu   failed calls %llu   in contact %.0f %%   "
-                "greatest force %.2f N\n",
-                static_cast<unsigned long long>(statistics.cycle_count),
-                static_cast<unsigned long long>(statistics.missed_count),
-                static_cast<unsigned long long>(statistics.failed_count),
-                percent(statistics.contact_count, statistics.cycle_count),
-                statistics.force_newton_max);
+  table += text(
+      "  cycles %llu   missed deadlines %llu   failed calls %llu   in contact %.0f %%   "
+      "greatest force %.2f N\n",
+      static_cast<unsigned long long>(statistics.cycle_count),
+      static_cast<unsigned long long>(statistics.missed_count),
+      static_cast<unsigned long long>(statistics.failed_count),
+      percent(statistics.contact_count, statistics.cycle_count), statistics.force_newton_max);
   table += text("\n  The paper, one node, single calls of 48 bytes:      here\n");
-  table += text("    91 %% of calls took 58 us (Timesys)               %.1f %% of calls within 58 us\n",
-                percent(statistics.call_within_paper_count, statistics.call_count));
-  table += text("    99.8 %% of calls within 1 ms (Linux, Windows)     %.2f %% of whole cycles within "
-                "1 ms\n",
-                percent(statistics.cycle_within_paper_count, statistics.cycle_count));
+  table +=
+      text("    91 %% of calls took 58 us (Timesys)               %.1f %% of calls within 58 us\n",
+           percent(statistics.call_within_paper_count, statistics.call_count));
+  table += text(
+      "    99.8 %% of calls within 1 ms (Linux, Windows)     %.2f %% of whole cycles within "
+      "1 ms\n",
+      percent(statistics.cycle_within_paper_count, statistics.cycle_count));
   table += "    A network between the nodes added about 110 us to a call, at most 200 us.\n";
   return table;
 }

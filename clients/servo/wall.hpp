@@ -24,8 +24,8 @@ struct Wall {
 ///
 ///     K < (b − B) / (loop_period / 2 + 2 · device_period)
 ///
-/// A force stands for one period of the loop, half of one on average; before that, the sample may be
-/// one period of the device old, and the force may wait one for its cycle. The time of the calls
+/// A force stands for one period of the loop, half of one on average; before that, the sample may
+/// be one period of the device old, and the force may wait one for its cycle. The time of the calls
 /// themselves, some tens of µs, is small beside these. Above the bound the wall buzzes, which the
 /// hand must damp or the safety filter stop.
 /// In N/m; 0 when the wall's damping eats all that the device has.

@@ -58,7 +58,8 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
         "which clients reach it");
   }
   if (configuration.high == Priority::kLowest) {
-    return options.usage_error("--high 0 leaves no priority to the lane of the rest; give 1 to 32767");
+    return options.usage_error(
+        "--high 0 leaves no priority to the lane of the rest; give 1 to 32767");
   }
   if (configuration.device_priority <= configuration.high) {
     return options.usage_error(

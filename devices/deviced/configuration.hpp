@@ -16,8 +16,8 @@ namespace rtpm::deviced {
 struct Configuration {
   std::string name = "lab/arm0";
   std::string device = "sim";
-  std::string hand{};      ///< A recorded hand; empty: the one that presses by itself.
-  bool is_free = false;    ///< Nobody holds the arm.
+  std::string hand{};    ///< A recorded hand; empty: the one that presses by itself.
+  bool is_free = false;  ///< Nobody holds the arm.
   std::uint64_t seed = 1;
   double rate_hz = 1000;
   std::string host = "127.0.0.1";
@@ -25,7 +25,7 @@ struct Configuration {
   std::string registry{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rt::WaitConfig wait{};
-  Priority high = 16384;       ///< Where the lane of haptic loops begins.
+  Priority high = 16384;  ///< Where the lane of haptic loops begins.
   Priority device_priority = 30000;
   double force_max_newton = 0;  ///< 0: what the device gives.
   Duration hold_max = std::chrono::milliseconds{100};

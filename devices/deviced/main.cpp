@@ -32,7 +32,9 @@ int fail(std::string_view text) {
 }
 
 /// The last component of a name, for what belongs to this device alone: "arm0" of "lab/arm0".
-std::string short_name(const std::string& name) { return name.substr(name.rfind('/') + 1); }
+std::string short_name(const std::string& name) {
+  return name.substr(name.rfind('/') + 1);
+}
 
 expected<std::unique_ptr<driver::Driver>, driver::DriverError> make_driver(
     const Configuration& configuration) {

@@ -30,7 +30,8 @@ void Arm::step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept
   const Duration span = std::clamp(elapsed, Duration{0}, kStepMax);
   const double span_s = std::chrono::duration<double>(span).count();
   const auto slice_count = static_cast<int>(std::ceil(span_s / kSlice_s));
-  for (int slice = 0; slice < slice_count; ++slice) step_slice(span_s / slice_count);
+  for (int slice = 0; slice < slice_count; ++slice)
+    step_slice(span_s / slice_count);
 }
 
 void Arm::step_slice(double slice_s) noexcept {
@@ -38,14 +39,13 @@ void Arm::step_slice(double slice_s) noexcept {
   // The new velocity solves m (v' − v) / dt = F + hand(x + dt v', v') − b v', so that neither a
   // stiff hand nor a long slice can pump energy in.
   double resistance = config_.mass_kg + slice_s * config_.damping_newton_s_per_m;
-  Eigen::Vector3d impulse =
-      config_.mass_kg * motion_.velocity_m_per_s + slice_s * applied_newton_;
+  Eigen::Vector3d impulse = config_.mass_kg * motion_.velocity_m_per_s + slice_s * applied_newton_;
   Eigen::Vector3d velocity = impulse / resistance;
   if (hand_) {
     const Motion wish = hand_->wish_at(time_s_);
     const HandConfig& hand = hand_->config();
-    const double grip = slice_s * hand.damping_newton_s_per_m +
-                        slice_s * slice_s * hand.stiffness_newton_per_m;
+    const double grip =
+        slice_s * hand.damping_newton_s_per_m + slice_s * slice_s * hand.stiffness_newton_per_m;
     const Eigen::Vector3d pull =
         hand.stiffness_newton_per_m * (wish.position_m - motion_.position_m) +
         hand.damping_newton_s_per_m * wish.velocity_m_per_s;

@@ -17,9 +17,9 @@ Eigen::Vector3d to_eigen(const driver::Vector3& vector) noexcept {
   return {vector.x, vector.y, vector.z};
 }
 
-/// The stiffest wall that a loop inside the device may render. A position is one period old when its
-/// force acts, and the force then stands for a period, half of one on average.
-/// Source: Colgate's condition for sampled walls, b > K · (T / 2 + delay).
+/// The stiffest wall that a loop inside the device may render. A position is one period old when
+/// its force acts, and the force then stands for a period, half of one on average. Source:
+/// Colgate's condition for sampled walls, b > K · (T / 2 + delay).
 double stiffness_max_of(const ArmConfig& arm) noexcept {
   return arm.damping_newton_s_per_m / (1.5 / kRateHz);
 }
@@ -106,8 +106,8 @@ driver::ExchangeStatus SimDriver::exchange(const driver::Command& command,
 
   const Eigen::Vector3d position_m = arm_->measured_position_m();
   sample.host_time = command.cycle_time;
-  sample.device_time = std::chrono::duration_cast<Duration>(
-      std::chrono::duration<double>(arm_->time_s()));
+  sample.device_time =
+      std::chrono::duration_cast<Duration>(std::chrono::duration<double>(arm_->time_s()));
   sample.pose = {to_driver(position_m), {}};
   sample.twist = {to_driver(velocity_.update(position_m, arm_->time_s())), {}};
   sample.wrench_applied = {to_driver(arm_->applied_newton()), {}};
@@ -118,6 +118,8 @@ driver::ExchangeStatus SimDriver::exchange(const driver::Command& command,
   return driver::ExchangeStatus::kOk;
 }
 
-void SimDriver::deactivate() noexcept { arm_.reset(); }
+void SimDriver::deactivate() noexcept {
+  arm_.reset();
+}
 
 }  // namespace rtpm::device_sim

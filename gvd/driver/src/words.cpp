@@ -8,30 +8,42 @@ namespace rtpm::driver {
 
 std::string_view to_string(Lifecycle lifecycle) noexcept {
   switch (lifecycle) {
-    case Lifecycle::kUnconfigured: return "unconfigured";
-    case Lifecycle::kInactive: return "inactive";
-    case Lifecycle::kActive: return "active";
-    case Lifecycle::kFault: return "fault";
-    case Lifecycle::kFinalized: return "finalized";
+    case Lifecycle::kUnconfigured:
+      return "unconfigured";
+    case Lifecycle::kInactive:
+      return "inactive";
+    case Lifecycle::kActive:
+      return "active";
+    case Lifecycle::kFault:
+      return "fault";
+    case Lifecycle::kFinalized:
+      return "finalized";
   }
   return "unknown";
 }
 
 std::string_view to_string(DeviceClass device_class) noexcept {
   switch (device_class) {
-    case DeviceClass::kHaptic: return "haptic";
-    case DeviceClass::kTracker: return "tracker";
-    case DeviceClass::kInput: return "input";
+    case DeviceClass::kHaptic:
+      return "haptic";
+    case DeviceClass::kTracker:
+      return "tracker";
+    case DeviceClass::kInput:
+      return "input";
   }
   return "unknown";
 }
 
 std::string_view to_string(ExchangeStatus status) noexcept {
   switch (status) {
-    case ExchangeStatus::kOk: return "ok";
-    case ExchangeStatus::kLate: return "late";
-    case ExchangeStatus::kCorrupt: return "corrupt";
-    case ExchangeStatus::kGone: return "gone";
+    case ExchangeStatus::kOk:
+      return "ok";
+    case ExchangeStatus::kLate:
+      return "late";
+    case ExchangeStatus::kCorrupt:
+      return "corrupt";
+    case ExchangeStatus::kGone:
+      return "gone";
   }
   return "unknown";
 }

@@ -74,6 +74,8 @@ ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
 }
 
 // STEP 6: motors off first, then close. It must work for a device that was pulled out, too.
-void LeverDriver::deactivate() noexcept { hardware_.reset(); }
+void LeverDriver::deactivate() noexcept {
+  hardware_.reset();
+}
 
 }  // namespace lab

@@ -6,6 +6,15 @@
 
 namespace lab {
 
+/// STEP 1: the handle of your device, and the buffers that exchange() needs, all allocated before
+/// it runs.
+struct LeverHardware {
+  int encoder_count = 0;
+  double motor_newton = 0;
+  bool is_button_down = false;
+  bool is_plugged_in = true;
+};
+
 /// A lever with one axis, one motor and one button: the template of a driver. Copy it, then go
 /// through STEP 1 to STEP 6. Its "hardware" is the struct LeverHardware, so that it runs as it is
 /// and passes the conformance suite.
@@ -20,15 +29,6 @@ class LeverDriver final : public rtpm::driver::Driver {
   void deactivate() noexcept override;
 
  private:
-  /// STEP 1: the handle of your device, and the buffers that exchange() needs, all allocated before
-  /// it runs.
-  struct LeverHardware {
-    int encoder_count = 0;
-    double motor_newton = 0;
-    bool is_button_down = false;
-    bool is_plugged_in = true;
-  };
-
   std::optional<LeverHardware> hardware_{};
 };
 

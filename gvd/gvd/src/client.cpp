@@ -14,7 +14,9 @@ namespace {
 
 constexpr Duration kAcquireRetry = std::chrono::milliseconds{20};
 
-Duration from_us(std::uint32_t us) noexcept { return std::chrono::microseconds{us}; }
+Duration from_us(std::uint32_t us) noexcept {
+  return std::chrono::microseconds{us};
+}
 
 }  // namespace
 
@@ -37,8 +39,7 @@ class DeviceClient::Impl {
   expected<void, rpc::CallError> set_wrench(const driver::Wrench& wrench,
                                             const rpc::CallOptions& options) noexcept {
     const auto hold_us = std::chrono::duration_cast<std::chrono::microseconds>(hold_).count();
-    const device::Command command{to_wire(wrench.force_newton),
-                                  to_wire(wrench.torque_newton_metre),
+    const device::Command command{to_wire(wrench.force_newton), to_wire(wrench.torque_newton_metre),
                                   lease_.load(std::memory_order_relaxed),
                                   sequence_.fetch_add(1, std::memory_order_relaxed),
                                   static_cast<std::uint32_t>(hold_us)};
@@ -75,8 +76,7 @@ class DeviceClient::Impl {
   std::atomic<std::uint32_t> sequence_{1};
 };
 
-expected<DeviceClient, rpc::SetupError> DeviceClient::open(rpc::Node& node,
-                                                           std::string_view device,
+expected<DeviceClient, rpc::SetupError> DeviceClient::open(rpc::Node& node, std::string_view device,
                                                            const DeviceClientOptions& options) {
   auto stub = device::DeviceClient::bind(node, device, options.bind);
   if (!stub) return unexpected{stub.error()};
@@ -99,9 +99,15 @@ DeviceClient::DeviceClient(DeviceClient&&) noexcept = default;
 DeviceClient& DeviceClient::operator=(DeviceClient&&) noexcept = default;
 DeviceClient::~DeviceClient() = default;
 
-const driver::Descriptor& DeviceClient::descriptor() const noexcept { return impl_->descriptor_; }
-std::string_view DeviceClient::url() const noexcept { return impl_->stub_.binding().url(); }
-Duration DeviceClient::force_end() const noexcept { return impl_->force_end_; }
+const driver::Descriptor& DeviceClient::descriptor() const noexcept {
+  return impl_->descriptor_;
+}
+std::string_view DeviceClient::url() const noexcept {
+  return impl_->stub_.binding().url();
+}
+Duration DeviceClient::force_end() const noexcept {
+  return impl_->force_end_;
+}
 
 expected<driver::Sample, rpc::CallError> DeviceClient::read(
     const rpc::CallOptions& options) noexcept {
@@ -123,8 +129,12 @@ expected<void, rpc::CallError> DeviceClient::set_wrench(const driver::Wrench& wr
 expected<void, rpc::CallError> DeviceClient::acquire(Duration patience) {
   return impl_->acquire(patience);
 }
-expected<void, rpc::CallError> DeviceClient::renew() { return impl_->stub_.renew(impl_->holder()); }
-expected<void, rpc::CallError> DeviceClient::release() { return impl_->release(); }
+expected<void, rpc::CallError> DeviceClient::renew() {
+  return impl_->stub_.renew(impl_->holder());
+}
+expected<void, rpc::CallError> DeviceClient::release() {
+  return impl_->release();
+}
 expected<void, rpc::CallError> DeviceClient::recover() {
   return impl_->stub_.recover(impl_->holder());
 }

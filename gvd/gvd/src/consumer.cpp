@@ -86,8 +86,10 @@ class DeviceConsumer::Impl {
   rt::Thread thread_{};
 };
 
-expected<DeviceConsumer, rpc::SetupError> DeviceConsumer::start(
-    rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config, SampleSink& sink) {
+expected<DeviceConsumer, rpc::SetupError> DeviceConsumer::start(rpc::Node& node,
+                                                                std::string_view device,
+                                                                const DeviceConsumerConfig& config,
+                                                                SampleSink& sink) {
   if (!(config.rate_hz >= kRateMin_hz && config.rate_hz <= kRateMax_hz)) {
     return rpc::setup_error("a consumer's rate is 0.1 to 10000 Hz");
   }
@@ -105,7 +107,9 @@ DeviceConsumer::DeviceConsumer(DeviceConsumer&&) noexcept = default;
 DeviceConsumer& DeviceConsumer::operator=(DeviceConsumer&&) noexcept = default;
 DeviceConsumer::~DeviceConsumer() = default;
 
-void DeviceConsumer::stop() noexcept { impl_->stop(); }
+void DeviceConsumer::stop() noexcept {
+  impl_->stop();
+}
 
 DeviceConsumerCounters DeviceConsumer::counters() const noexcept {
   return {impl_->pushed_count_.load(std::memory_order_relaxed),

@@ -94,8 +94,8 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   command.sequence = counters_.cycle_count;
   command.cycle_time = now;
   command.wrench = filter_.step(now, newest);
-  command.mode = command.wrench == driver::Wrench{} ? driver::CommandMode::kOff
-                                                    : driver::CommandMode::kForce;
+  command.mode =
+      command.wrench == driver::Wrench{} ? driver::CommandMode::kOff : driver::CommandMode::kForce;
   command.deadline = filter_.zero_at();
   const ExchangeStatus status = exchange(command);
   if (status == ExchangeStatus::kGone || bad_cycle_count_ > config_.bad_cycle_max) {
@@ -129,7 +129,8 @@ ExchangeStatus DeviceCycle::exchange(const driver::Command& command) noexcept {
       ++counters_.corrupt_count;
       ++bad_cycle_count_;
       break;
-    case ExchangeStatus::kGone: break;
+    case ExchangeStatus::kGone:
+      break;
   }
   return status;
 }
@@ -223,8 +224,8 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
   }
   if (lifecycle() != Lifecycle::kActive) return unexpected{rpc::Refusal::kGone};
   const Duration hold = std::clamp(command.hold, Duration{0}, safety().hold_max);
-  const HeldCommand next{command.lease, command.sequence,
-                         {command.wrench, received, received + hold}};
+  const HeldCommand next{
+      command.lease, command.sequence, {command.wrench, received, received + hold}};
   bool is_old = false;
   const bool was_put = mailbox_.put([&](const HeldCommand& last) -> std::optional<HeldCommand> {
     is_old = last.lease == next.lease && !is_newer(next.sequence, last.sequence);

@@ -24,8 +24,7 @@ bool Lease::renew(std::uint64_t id) noexcept {
 }
 
 bool Lease::release(std::uint64_t id) noexcept {
-  return id != kNobody &&
-         holder_.compare_exchange_strong(id, kNobody, std::memory_order_acq_rel);
+  return id != kNobody && holder_.compare_exchange_strong(id, kNobody, std::memory_order_acq_rel);
 }
 
 std::uint64_t Lease::step(MonotonicTime now) noexcept {
@@ -43,6 +42,8 @@ std::uint64_t Lease::step(MonotonicTime now) noexcept {
   return current;
 }
 
-void Lease::revoke() noexcept { holder_.store(kNobody, std::memory_order_release); }
+void Lease::revoke() noexcept {
+  holder_.store(kNobody, std::memory_order_release);
+}
 
 }  // namespace rtpm::gvd

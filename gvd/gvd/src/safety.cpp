@@ -191,7 +191,9 @@ void SafetyFilter::recover() noexcept {
   reset();
 }
 
-void SafetyFilter::rearm() noexcept { gain_ = 0; }
+void SafetyFilter::rearm() noexcept {
+  gain_ = 0;
+}
 
 void SafetyFilter::reset() noexcept {
   go_off();

@@ -58,8 +58,7 @@ rpc::Result<void> DeviceServant::recover(const device::Holder& request, const rp
   return cycle_.request_recovery(request.lease());
 }
 
-rpc::Result<void> DeviceServant::activate(const device::Holder& request,
-                                          const rpc::CallContext&) {
+rpc::Result<void> DeviceServant::activate(const device::Holder& request, const rpc::CallContext&) {
   return cycle_.request(request.lease(), Transition::kActivate);
 }
 

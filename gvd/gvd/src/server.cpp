@@ -19,16 +19,15 @@ constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
 
 SipKey random_key() {
   std::random_device random;
-  const auto word = [&random] {
-    return (std::uint64_t{random()} << 32) | std::uint64_t{random()};
-  };
+  const auto word = [&random] { return (std::uint64_t{random()} << 32) | std::uint64_t{random()}; };
   return {word(), word()};
 }
 
 expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
   const std::string device = "the driver of \"" + descriptor.model + "\"";
   if (descriptor.model.empty() || descriptor.serial.empty() || descriptor.frame.empty()) {
-    return rpc::setup_error(device + " leaves model, serial or frame empty; it must name all three");
+    return rpc::setup_error(device +
+                            " leaves model, serial or frame empty; it must name all three");
   }
   if (descriptor.buttons.size() > driver::kButtonCountMax ||
       descriptor.analogs.size() > driver::kAnalogCountMax) {
@@ -106,11 +105,11 @@ class DeviceServer::Impl {
         due = rt::now();
       }
       due += period;
-      // A cycle whose time is over already is left out and counted, never made up for in a burst.
-      if (const Duration behind = rt::now() - due; behind > Duration{0}) {
-        const auto skipped = behind / period + 1;
-        due += skipped * period;
-        missed_count = static_cast<std::uint32_t>(skipped);
+      // Cycles whose whole period is over are left out and counted, never made up for in a burst.
+      if (const Duration behind = rt::now() - due; behind >= period) {
+        const auto left_out = behind / period;
+        due += left_out * period;
+        missed_count = static_cast<std::uint32_t>(left_out);
       }
     }
     const rt::AllowAllocationScope set_down;
@@ -144,14 +143,26 @@ expected<std::unique_ptr<DeviceServer>, rpc::SetupError> DeviceServer::create(
 }
 
 DeviceServer::DeviceServer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
-DeviceServer::~DeviceServer() { impl_->stop(); }
-expected<void, rpc::SetupError> DeviceServer::start() { return impl_->start(); }
-void DeviceServer::stop() noexcept { impl_->stop(); }
-rpc::Servant& DeviceServer::servant() noexcept { return impl_->servant(); }
-const driver::Descriptor& DeviceServer::descriptor() const noexcept { return impl_->descriptor(); }
+DeviceServer::~DeviceServer() {
+  impl_->stop();
+}
+expected<void, rpc::SetupError> DeviceServer::start() {
+  return impl_->start();
+}
+void DeviceServer::stop() noexcept {
+  impl_->stop();
+}
+rpc::Servant& DeviceServer::servant() noexcept {
+  return impl_->servant();
+}
+const driver::Descriptor& DeviceServer::descriptor() const noexcept {
+  return impl_->descriptor();
+}
 std::optional<driver::Sample> DeviceServer::newest() const noexcept {
   return impl_->cycle().newest();
 }
-DeviceCounters DeviceServer::counters() const noexcept { return impl_->cycle().counters(); }
+DeviceCounters DeviceServer::counters() const noexcept {
+  return impl_->cycle().counters();
+}
 
 }  // namespace rtpm::gvd

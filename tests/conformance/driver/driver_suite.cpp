@@ -25,7 +25,9 @@ using std::chrono::milliseconds;
 
 constexpr Duration kPeriod = milliseconds{1};
 
-double length(const Vector3& v) { return std::hypot(v.x, v.y, v.z); }
+double length(const Vector3& v) {
+  return std::hypot(v.x, v.y, v.z);
+}
 bool is_finite(const Vector3& v) {
   return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z);
 }
@@ -208,8 +210,8 @@ TEST_P(DriverConformance, StartsAgainAfterItsEnd) {
 
 TEST_P(DriverConformance, SurvivesPausesAndRepeatedTimes) {
   start();
-  for (const Duration pause : {Duration{0}, Duration{1}, Duration{milliseconds{50}},
-                               Duration{std::chrono::hours{1}}}) {
+  for (const Duration pause :
+       {Duration{0}, Duration{1}, Duration{milliseconds{50}}, Duration{std::chrono::hours{1}}}) {
     now_ += pause - kPeriod;
     static_cast<void>(exchange(CommandMode::kForce, {{1, 0, 0}, {}}));
     ASSERT_TRUE(is_finite(sample_.pose.position_m));

@@ -12,7 +12,9 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-MonotonicTime at(Duration time) { return MonotonicTime{seconds{1000}} + time; }
+MonotonicTime at(Duration time) {
+  return MonotonicTime{seconds{1000}} + time;
+}
 
 TEST(Lease, HasOneHolderAtATime) {
   Lease lease{seconds{1}, {1, 2}};
@@ -107,7 +109,8 @@ TEST(Lease, GoesToOneOfManyThreads) {
         if (lease.acquire()) ++winner_count;
       });
     }
-    for (std::thread& thread : threads) thread.join();
+    for (std::thread& thread : threads)
+      thread.join();
     EXPECT_EQ(winner_count, 1);
   }
 }

@@ -67,10 +67,12 @@ TEST(Mailbox, NeverTearsOrGoesBackBetweenManyWritersAndOneReader) {
     const auto taken = mailbox.take();
     if (!taken) continue;
     ASSERT_GT(taken->number, newest);
-    for (const std::uint64_t copy : taken->copies) ASSERT_EQ(copy, taken->number);
+    for (const std::uint64_t copy : taken->copies)
+      ASSERT_EQ(copy, taken->number);
     newest = taken->number;
   }
-  for (std::thread& writer : writers) writer.join();
+  for (std::thread& writer : writers)
+    writer.join();
 }
 
 }  // namespace

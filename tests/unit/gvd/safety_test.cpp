@@ -20,9 +20,13 @@ using std::chrono::seconds;
 constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
-double length(const Vector3& v) { return std::hypot(v.x, v.y, v.z); }
+double length(const Vector3& v) {
+  return std::hypot(v.x, v.y, v.z);
+}
 
-MonotonicTime at(Duration time) { return MonotonicTime{seconds{1000}} + time; }
+MonotonicTime at(Duration time) {
+  return MonotonicTime{seconds{1000}} + time;
+}
 
 SafetyConfig config() {
   SafetyConfig config;
@@ -87,9 +91,11 @@ TEST(Safety, RisesNoFasterThanTheRateByTheTimeThatReallyWentBy) {
   SafetyFilter filter{slow};
   const auto command = [](Duration now) { return force(8, 0, 0, now, milliseconds{10}); };
   static_cast<void>(filter.step(at(Duration{0}), command(Duration{0})));
-  EXPECT_NEAR(filter.step(at(milliseconds{1}), command(milliseconds{1})).force_newton.x, 0.1, 1e-12);
+  EXPECT_NEAR(filter.step(at(milliseconds{1}), command(milliseconds{1})).force_newton.x, 0.1,
+              1e-12);
   EXPECT_TRUE(filter.faults().has(Fault::kForceRateLimited));
-  EXPECT_NEAR(filter.step(at(milliseconds{5}), command(milliseconds{5})).force_newton.x, 0.5, 1e-12);
+  EXPECT_NEAR(filter.step(at(milliseconds{5}), command(milliseconds{5})).force_newton.x, 0.5,
+              1e-12);
   // After a pause of the thread it does not jump: ten milliseconds count at most.
   EXPECT_NEAR(filter.step(at(seconds{2}), command(seconds{2})).force_newton.x, 1.5, 1e-12);
 }
@@ -190,8 +196,8 @@ TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
 class HostileSafety : public ::testing::TestWithParam<unsigned> {};
 
 double wild_number(std::mt19937& random) {
-  static const std::vector<double> kWild{0.0,   -0.0,   1e-320, 1e308, -1e308, 1.7e308,
-                                         9.0,   -9.0,   1e-9,   kNan,  kInfinity, -kInfinity};
+  static const std::vector<double> kWild{0.0, -0.0, 1e-320, 1e308, -1e308,    1.7e308,
+                                         9.0, -9.0, 1e-9,   kNan,  kInfinity, -kInfinity};
   if (random() % 3 == 0) return kWild[random() % kWild.size()];
   return std::uniform_real_distribution<double>(-20, 20)(random);
 }
@@ -217,7 +223,8 @@ TEST_P(HostileSafety, NothingGetsTheForceBeyondItsLimitsOrPastItsBound) {
       newest.reset();
     }
     if (random() % 30 == 0) filter.recover();
-    if (newest) bound = std::min(newest->deadline, newest->received + limits.hold_max) + limits.ramp;
+    if (newest)
+      bound = std::min(newest->deadline, newest->received + limits.hold_max) + limits.ramp;
     if (!newest) bound = std::min(bound, now + limits.ramp);
 
     const Wrench output = filter.step(now, newest);
@@ -229,8 +236,8 @@ TEST_P(HostileSafety, NothingGetsTheForceBeyondItsLimitsOrPastItsBound) {
     }
     const double rise = length(output.force_newton) - length(before.force_newton);
     ASSERT_LE(rise, limits.force_newton_per_s_max * 0.010 + 1e-9);
-    ASSERT_LE(rise, limits.force_newton_per_s_max *
-                            std::chrono::duration<double>(elapsed).count() + 1e-9);
+    ASSERT_LE(rise, limits.force_newton_per_s_max * std::chrono::duration<double>(elapsed).count() +
+                        1e-9);
     before = output;
   }
 }

@@ -181,9 +181,7 @@ TEST_F(Served, AForceReachesTheDeviceAndEndsWithTheLease) {
     return std::abs(device_->newest()->wrench_applied.force_newton.x - 3) < 0.01;
   }));
   ASSERT_TRUE(client.release());
-  EXPECT_TRUE(eventually([&] {
-    return device_->newest()->wrench_applied.force_newton.x == 0;
-  }));
+  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
   EXPECT_FALSE(device_->newest()->faults.has(Fault::kCommandLost)) << "it was given back in order";
 }
 
@@ -195,8 +193,8 @@ TEST_F(Served, AClientThatFallsSilentLosesForceAndThenTheLease) {
   serve(std::move(*sim), config);
   DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
-  ASSERT_TRUE(command_until(
-      client, 3, [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
+  ASSERT_TRUE(command_until(client, 3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
   EXPECT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandLost); }));
   EXPECT_TRUE(eventually([&] { return device_->counters().lease_expired_count == 1; }));
   EXPECT_EQ(device_->newest()->wrench_applied.force_newton.x, 0);
@@ -239,13 +237,14 @@ TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
   serve_sim();
   DeviceClient client = open();
   ASSERT_TRUE(client.acquire());
-  const auto refused = client.set_force({std::numeric_limits<double>::quiet_NaN(), 0, 0}, patient());
+  const auto refused =
+      client.set_force({std::numeric_limits<double>::quiet_NaN(), 0, 0}, patient());
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error(), CallError::kBadRequest);
   ASSERT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandNotFinite); }));
   ASSERT_TRUE(client.recover());
-  EXPECT_TRUE(command_until(
-      client, 3, [&] { return device_->newest()->wrench_applied.force_newton.x > 1; }));
+  EXPECT_TRUE(command_until(client, 3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x > 1; }));
 }
 
 TEST_F(Served, IsTakenOutOfAndIntoOperation) {

@@ -21,7 +21,8 @@ TEST(LiveText, ShowsPositionForceContactAndLatency) {
   live.force_newton = {0, 0, 2.7};
   live.depth_m = 0.0045;
   const auto cycles = std::make_unique<LatencyHistogram>();
-  for (int i = 0; i < 100; ++i) cycles->record(microseconds{40});
+  for (int i = 0; i < 100; ++i)
+    cycles->record(microseconds{40});
   const std::string text = live_text(live, *cycles, milliseconds{2500});
   EXPECT_TRUE(has(text, "2.5 s")) << text;
   EXPECT_TRUE(has(text, "+12.3")) << text;
@@ -52,11 +53,11 @@ TEST(TableText, HasARowForEachMeasureAndThePapersFigures) {
   statistics->call_within_paper_count = 1001;
   statistics->cycle_within_paper_count = 1000;
   const std::string text = table_text(*statistics);
-  for (const char* part : {"p50", "p99.99", "one call: read", "one call: command",
-                           "one cycle of two calls", "begun late by", "7000.0",
-                           "cycles 1001   missed deadlines 2   failed calls 0",
-                           "50.0 % of calls within 58 us", "99.90 % of whole cycles within 1 ms",
-                           "110 us", "200 us"}) {
+  for (const char* part :
+       {"p50", "p99.99", "one call: read", "one call: command", "one cycle of two calls",
+        "begun late by", "7000.0", "cycles 1001   missed deadlines 2   failed calls 0",
+        "50.0 % of calls within 58 us", "99.90 % of whole cycles within 1 ms", "110 us",
+        "200 us"}) {
     EXPECT_TRUE(has(text, part)) << part << " is not in\n" << text;
   }
 }

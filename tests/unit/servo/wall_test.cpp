@@ -45,41 +45,36 @@ TEST(StiffnessBound, FollowsItsFormula) {
   EXPECT_EQ(stiffness_bound(2.5, 3, milliseconds{1}, milliseconds{1}), 0);
 }
 
-/// Lets a mass fall into the wall over a loop with the delays that stiffness_bound() counts; gives
-/// the greatest rebound speed over the speed of the impact.
-double rebound(const Wall& wall, double device_damping) {
+/// Presses a mass against the wall with 1 N, over a loop with the delays that stiffness_bound()
+/// counts; gives the fastest motion of the fourth second, in m/s: nothing once it rests.
+double buzz(const Wall& wall, double device_damping) {
   constexpr double kMass_kg = 0.15;
-  constexpr double kPeriod_s = 0.001;
+  constexpr double kSlice_s = 0.00002;
   constexpr int kSliceCount = 50;
   double z_m = 0.002;
   double velocity = -0.05;
-  double applied_newton = 0;
-  double fastest_out = 0;
+  double fastest = 0;
   driver::Sample measured = sample_at(z_m, velocity);
   driver::Vector3 waiting{};
   for (int cycle = 0; cycle < 4000; ++cycle) {
     // The device takes the force of the last cycle and measures; the loop sees the former sample.
-    applied_newton = waiting.z;
+    const double applied_newton = waiting.z;
     waiting = wall.force_newton(measured);
     measured = sample_at(z_m, velocity);
     for (int slice = 0; slice < kSliceCount; ++slice) {
-      const double newton = applied_newton - device_damping * velocity;
-      velocity += newton / kMass_kg * kPeriod_s / kSliceCount;
-      z_m += velocity * kPeriod_s / kSliceCount;
+      velocity += (applied_newton - 1.0 - device_damping * velocity) / kMass_kg * kSlice_s;
+      z_m += velocity * kSlice_s;
     }
-    fastest_out = std::max(fastest_out, std::abs(velocity));
-    if (z_m > 0.02) break;
-    if (std::abs(velocity) > 10) break;
+    if (cycle >= 3000) fastest = std::max(fastest, std::abs(velocity));
   }
-  return fastest_out / 0.05;
+  return fastest;
 }
 
-TEST(StiffnessBound, KeepsAWallPassiveAndIsExceededAtOnesPeril) {
+TEST(StiffnessBound, KeepsAWallQuietAndIsExceededAtOnesPeril) {
   const double bound = stiffness_bound(2.5, 0, milliseconds{1}, milliseconds{1});
-  EXPECT_LE(rebound({.stiffness_newton_per_m = 0.75 * bound}, 2.5), 1.0)
-      << "nothing leaves the wall faster than it came";
-  EXPECT_GT(rebound({.stiffness_newton_per_m = 20 * bound}, 2.5), 1.5)
-      << "the test can see a wall that feeds energy back";
+  EXPECT_LT(buzz({.stiffness_newton_per_m = 0.75 * bound}, 2.5), 0.001);
+  EXPECT_GT(buzz({.stiffness_newton_per_m = 1.5 * bound}, 2.5), 0.05)
+      << "above it, the wall feeds energy back for ever";
 }
 
 TEST(ChooseWall, TakesThreeQuartersOfTheBound) {

@@ -30,7 +30,8 @@ TEST(Arm, MovesAsNewtonSays) {
   ArmConfig config;
   config.damping_newton_s_per_m = 0.1;
   Arm arm{config};
-  for (int ms = 0; ms < 50; ++ms) arm.step({0.3, 0, 0}, milliseconds{1});
+  for (int ms = 0; ms < 50; ++ms)
+    arm.step({0.3, 0, 0}, milliseconds{1});
   // Hardly damped: v = F t / m, x = F t² / 2 m.
   EXPECT_NEAR(arm.motion().velocity_m_per_s.x(), 0.3 * 0.05 / config.mass_kg, 0.005);
   EXPECT_NEAR(arm.motion().position_m.x(), 0.3 * 0.05 * 0.05 / 2 / config.mass_kg, 0.0002);
@@ -41,13 +42,15 @@ TEST(Arm, ReachesTheSpeedWhereDampingEqualsForce) {
   ArmConfig config;
   config.workspace = {{-10, -10, -10}, {10, 10, 10}};
   Arm arm{config};
-  for (int ms = 0; ms < 1000; ++ms) arm.step({0, 1, 0}, milliseconds{1});
+  for (int ms = 0; ms < 1000; ++ms)
+    arm.step({0, 1, 0}, milliseconds{1});
   EXPECT_NEAR(arm.motion().velocity_m_per_s.y(), 1 / config.damping_newton_s_per_m, 1e-4);
 }
 
 TEST(Arm, NeverGainsEnergyByItself) {
   Arm arm{ArmConfig{}};
-  for (int ms = 0; ms < 20; ++ms) arm.step({5, -3, 2}, milliseconds{1});
+  for (int ms = 0; ms < 20; ++ms)
+    arm.step({5, -3, 2}, milliseconds{1});
   double last_joule = kinetic_joule(arm);
   EXPECT_GT(last_joule, 0.01);
   for (const Duration step : {Duration{microseconds{100}}, Duration{milliseconds{1}},
@@ -63,8 +66,8 @@ TEST(Arm, InAStiffHandNeverGainsEnergyWhateverTheStep) {
     HandConfig held;
     held.stiffness_newton_per_m = stiffness;
     held.force_newton_max = 1e9;
-    for (const Duration step : {Duration{microseconds{10}}, Duration{milliseconds{1}},
-                                Duration{milliseconds{20}}}) {
+    for (const Duration step :
+         {Duration{microseconds{10}}, Duration{milliseconds{1}}, Duration{milliseconds{20}}}) {
       Arm arm{ArmConfig{}, hand_at(0, 0, 0, held)};
       arm.step({9, 0, 0}, milliseconds{20});
       const auto energy = [&] {
@@ -83,7 +86,8 @@ TEST(Arm, IsPulledToTheHand) {
   Arm arm{ArmConfig{}, hand_at(0.01, -0.02, 0.03)};
   EXPECT_TRUE(arm.motion().position_m.isApprox(Eigen::Vector3d(0.01, -0.02, 0.03)))
       << "it begins where the hand is";
-  for (int ms = 0; ms < 2000; ++ms) arm.step({1.5, 0, 0}, milliseconds{1});
+  for (int ms = 0; ms < 2000; ++ms)
+    arm.step({1.5, 0, 0}, milliseconds{1});
   // Motor and hand in balance: 1.5 N over 300 N/m.
   EXPECT_NEAR(arm.motion().position_m.x(), 0.01 + 1.5 / 300, 1e-5);
   EXPECT_NEAR(arm.hand_newton().x(), -1.5, 1e-3);
@@ -110,7 +114,8 @@ TEST(Arm, SaturatesAndKeepsTheDirection) {
     arm.step(wish, milliseconds{1});
     EXPECT_TRUE(arm.is_saturated());
     EXPECT_NEAR(arm.applied_newton().norm(), 9, 1e-9);
-    EXPECT_TRUE(arm.applied_newton().normalized().isApprox(Eigen::Vector3d(0.6, -0.64, 0.48), 1e-9));
+    EXPECT_TRUE(
+        arm.applied_newton().normalized().isApprox(Eigen::Vector3d(0.6, -0.64, 0.48), 1e-9));
   }
 }
 
@@ -126,7 +131,8 @@ TEST(Arm, TakesACommandThatIsNoNumberAsNone) {
 
 TEST(Arm, StopsAtItsStops) {
   Arm arm{ArmConfig{}};
-  for (int ms = 0; ms < 1000; ++ms) arm.step({9, 9, -9}, milliseconds{1});
+  for (int ms = 0; ms < 1000; ++ms)
+    arm.step({9, 9, -9}, milliseconds{1});
   EXPECT_TRUE(arm.is_at_stop());
   EXPECT_EQ(arm.motion().position_m, Eigen::Vector3d(0.1, 0.1, -0.1));
   arm.step(kNoForce, milliseconds{1});

@@ -113,8 +113,7 @@ TEST(SimDriver, RefusesSettingsThatAreNoArm) {
   config.arm.mass_kg = 0;
   const auto weightless = SimDriver::create(config);
   ASSERT_FALSE(weightless);
-  EXPECT_EQ(weightless.error().text,
-            "the simulated arm's mass_kg must be a number above zero");
+  EXPECT_EQ(weightless.error().text, "the simulated arm's mass_kg must be a number above zero");
 }
 
 TEST(SimDriver, FallsFreeWithoutAHand) {

@@ -23,10 +23,10 @@ std::string error_of(const std::string& text) {
 }
 
 TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
-  for (const char* text : {"t_s,x_m,y_m,z_m\n0,0,0,0\n1,0.01,0.02,0.03\n",
-                           "0,0,0,0\n1,0.01,0.02,0.03",
-                           "\xef\xbb\xbf# by hand\r\n t_s , x_m,y_m , z_m\r\n\r\n 0, 0 ,0,0\r\n"
-                           "1,+0.01,2e-2,.03\r\n"}) {
+  for (const char* text :
+       {"t_s,x_m,y_m,z_m\n0,0,0,0\n1,0.01,0.02,0.03\n", "0,0,0,0\n1,0.01,0.02,0.03",
+        "\xef\xbb\xbf# by hand\r\n t_s , x_m,y_m , z_m\r\n\r\n 0, 0 ,0,0\r\n"
+        "1,+0.01,2e-2,.03\r\n"}) {
     const auto trajectory = parse(text);
     ASSERT_TRUE(trajectory) << trajectory.error().text;
     EXPECT_EQ(trajectory->point_count(), 2u);
@@ -80,7 +80,8 @@ TEST(Trajectory, ToleratesAbsurdTimes) {
 
 TEST(TrajectoryErrors, NameFileLineAndWhatIsWrong) {
   EXPECT_EQ(error_of(""), "hand.csv:1: no points; give lines of t_s,x_m,y_m,z_m");
-  EXPECT_EQ(error_of("t_s,x_m,y_m,z_m\n\n"), "hand.csv:2: no points; give lines of t_s,x_m,y_m,z_m");
+  EXPECT_EQ(error_of("t_s,x_m,y_m,z_m\n\n"),
+            "hand.csv:2: no points; give lines of t_s,x_m,y_m,z_m");
   EXPECT_EQ(error_of("0,0,0,0\n1,0,0\n"),
             "hand.csv:2: expected four numbers separated by commas, t_s,x_m,y_m,z_m, and found "
             "fewer");

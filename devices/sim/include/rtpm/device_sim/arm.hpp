@@ -1,8 +1,8 @@
 #pragma once
 
-#include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <Eigen/Core>
 #include <optional>
 
 #include "rtpm/base/time.hpp"
@@ -21,8 +21,8 @@ struct ArmConfig {
   driver::Workspace workspace{{-0.10, -0.10, -0.10}, {0.10, 0.10, 0.10}};
 };
 
-/// A point mass in three directions that motors and, if there is one, a hand push, between the stops
-/// of its workspace. It reads no clock: its time is the sum of the steps that it was given.
+/// A point mass in three directions that motors and, if there is one, a hand push, between the
+/// stops of its workspace. It reads no clock: its time is the sum of the steps that it was given.
 /// Ownership: a value.   Threads: one at a time.   RT: alloc-free.
 class Arm {
  public:

@@ -14,16 +14,16 @@ namespace rtpm::device_sim {
 struct SimConfig {
   ArmConfig arm{};
   HandConfig hand{};
-  bool is_held = true;             ///< False: no hand, only the motors move it.
-  std::string hand_file{};         ///< A recorded hand (Trajectory says how); empty: PressingPath.
-  std::uint64_t seed = 1;          ///< Of PressingPath.
+  bool is_held = true;      ///< False: no hand, only the motors move it.
+  std::string hand_file{};  ///< A recorded hand (Trajectory says how); empty: PressingPath.
+  std::uint64_t seed = 1;   ///< Of PressingPath.
   std::string serial = "sim-1";
   std::string frame = "arm0/base";
 };
 
-/// A simulated haptic arm of three degrees of freedom behind the driver interface. The same commands
-/// at the same cycle times give the same samples, bit for bit.
-/// Ownership, threads and real-time class: as driver::Driver says. exchange() never waits.
+/// A simulated haptic arm of three degrees of freedom behind the driver interface. The same
+/// commands at the same cycle times give the same samples, bit for bit. Ownership, threads and
+/// real-time class: as driver::Driver says. exchange() never waits.
 class SimDriver final : public driver::Driver {
  public:
   /// Checks the settings and reads the recording.   Set-up only.

@@ -21,11 +21,11 @@ struct Motion {
 
 /// A recorded path: positions over time, straight lines between them.
 ///
-/// As a file it is text, one point per line, "t_s,x_m,y_m,z_m": seconds and metres, at any rate, the
-/// times growing from line to line. Spaces, empty lines and lines that begin with # are skipped. The
-/// first line may be the header "t_s,x_m,y_m,z_m"; anything else that is not four numbers is an
-/// error. At most kPointCountMax points.
-/// Ownership: a value.   Threads: reading is safe from several.
+/// As a file it is text, one point per line, "t_s,x_m,y_m,z_m": seconds and metres, at any rate,
+/// the times growing from line to line. Spaces, empty lines and lines that begin with # are
+/// skipped. The first line may be the header "t_s,x_m,y_m,z_m"; anything else that is not four
+/// numbers is an error. At most kPointCountMax points. Ownership: a value.   Threads: reading is
+/// safe from several.
 class Trajectory {
  public:
   static constexpr std::size_t kPointCountMax = 10'000'000;

@@ -27,7 +27,7 @@ enum class ExchangeStatus : std::uint8_t {
   kOk,       ///< The sample is new and whole, the command was delivered.
   kLate,     ///< No new data within the cycle: the sample is as it was. Go on.
   kCorrupt,  ///< The data was unreadable and was dropped: the sample is as it was. Go on.
-  kGone,     ///< The device does not answer any more: deactivate, then configure and activate again.
+  kGone,  ///< The device does not answer any more: deactivate, then configure and activate again.
 };
 /// "ok", "late", "corrupt", "gone".
 [[nodiscard]] std::string_view to_string(ExchangeStatus status) noexcept;
@@ -38,9 +38,9 @@ struct DriverConfig {
   Duration period = std::chrono::milliseconds{1};
 };
 
-/// One device: what a driver author writes, and all that RTPM knows of the hardware. The paper calls
-/// it the RT Data Access layer. It sees no network: the same driver runs under the device server and
-/// in a local loop.
+/// One device: what a driver author writes, and all that RTPM knows of the hardware. The paper
+/// calls it the RT Data Access layer. It sees no network: the same driver runs under the device
+/// server and in a local loop.
 ///
 /// The order of calls, repeated as often as needed:
 ///
@@ -61,7 +61,8 @@ class Driver {
   /// What the device is; the same answer every time, in every state.   Set-up only.
   [[nodiscard]] virtual Descriptor describe() const = 0;
 
-  /// Opens the device and gives it its settings; may take seconds. No force yet.   Set-up only.
+  /// Opens the device and gives it its settings; may take seconds, but gives up by
+  /// itself. No force yet.   Set-up only.
   /// Errors: not plugged in, no right to open it, wrong firmware: in words, with the remedy.
   [[nodiscard]] virtual expected<void, DriverError> configure(const DriverConfig& config) = 0;
 

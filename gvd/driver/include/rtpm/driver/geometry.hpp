@@ -3,8 +3,9 @@
 #include <type_traits>
 
 /// The quantities that a device measures and applies: SI units, in the device's own frame, which is
-/// right-handed and named in the descriptor (Descriptor::frame). Unless a descriptor says otherwise:
-/// x to the operator's right, y up, z towards the operator, origin in the middle of the workspace.
+/// right-handed and named in the descriptor (Descriptor::frame). Unless a descriptor says
+/// otherwise: x to the operator's right, y up, z towards the operator, origin in the middle of the
+/// workspace.
 namespace rtpm::driver {
 
 struct Vector3 {

@@ -32,11 +32,12 @@ enum class Fault : std::uint32_t {
   kDeviceGone = 1u << 2,        ///< The device does not answer any more.
   kDeviceSaturated = 1u << 3,   ///< The actuators gave less force than was asked for.
   kOutsideWorkspace = 1u << 4,  ///< The end effector is at or beyond the workspace's edge.
-  kCommandNotFinite = 1u << 8,  ///< Latched: a command had a NaN or infinity. No force till recover.
-  kCommandLost = 1u << 9,       ///< The commands stopped: the force went to zero until the next.
-  kForceClamped = 1u << 10,     ///< This cycle's command was above the force or torque limit.
-  kForceRateLimited = 1u << 11, ///< This cycle's command rose faster than the limit allows.
-  kSoftStart = 1u << 12,        ///< The force is still rising to what is commanded.
+  kCommandNotFinite =
+      1u << 8,               ///< Latched: a command had a NaN or infinity. No force till recover.
+  kCommandLost = 1u << 9,    ///< The commands stopped: the force went to zero until the next.
+  kForceClamped = 1u << 10,  ///< This cycle's command was above the force or torque limit.
+  kForceRateLimited = 1u << 11,  ///< This cycle's command rose faster than the limit allows.
+  kSoftStart = 1u << 12,         ///< The force is still rising to what is commanded.
 };
 
 /// A set of faults.

@@ -69,8 +69,7 @@ class DeviceClient {
   /// Takes the right to command; if somebody else has it, tries again for `patience`, which covers
   /// a predecessor that died without giving it back.   Set-up only.
   /// Errors: as CallError; kNotLeaseHolder: somebody else has it still.
-  [[nodiscard]] expected<void, rpc::CallError> acquire(
-      Duration patience = std::chrono::seconds{2});
+  [[nodiscard]] expected<void, rpc::CallError> acquire(Duration patience = std::chrono::seconds{2});
   /// Keeps the lease without a command; commands keep it by themselves.   Set-up only.
   [[nodiscard]] expected<void, rpc::CallError> renew();
   /// Gives the lease back; the device takes the force away.   Set-up only.

@@ -26,9 +26,9 @@ struct DeviceConsumerConfig {
 
 /// What a consumer received so far.
 struct DeviceConsumerCounters {
-  std::uint64_t pushed_count = 0;    ///< Samples handed to the sink.
-  std::uint64_t unchanged_count = 0; ///< Looks that found no newer sample.
-  std::uint64_t failed_count = 0;    ///< Looks that failed.
+  std::uint64_t pushed_count = 0;     ///< Samples handed to the sink.
+  std::uint64_t unchanged_count = 0;  ///< Looks that found no newer sample.
+  std::uint64_t failed_count = 0;     ///< Looks that failed.
 };
 
 /// Takes samples: what a display or a logger implements, as in the paper's Figure 5.
@@ -38,24 +38,25 @@ class SampleSink {
   SampleSink(const SampleSink&) = delete;
   SampleSink& operator=(const SampleSink&) = delete;
   virtual ~SampleSink() = default;
-  /// Takes one sample. It may block or allocate as long as the consumer itself can bear: nobody else
-  /// waits for it.   Threads: the consumer's, one call at a time.
+  /// Takes one sample. It may block or allocate as long as the consumer itself can bear: nobody
+  /// else waits for it.   Threads: the consumer's, one call at a time.
   virtual void push(const driver::Sample& sample) = 0;
 };
 
 /// Receives a device's samples on a thread of its own, at its own rate and priority, and hands each
-/// new one to a sink's push(): the paper's GVDConsumer, for displays and loggers that must not slow a servo
-/// loop down. It asks the device's server for the newest sample at its rate; samples that came and
-/// went in between are not seen. A look that fails is counted, and the next one tries again.
-/// Ownership: refers to its node and its sink, which must outlive it.
-/// Threads: start and stop from one thread; the rest from any.
+/// new one to a sink's push(): the paper's GVDConsumer, for displays and loggers that must not slow
+/// a servo loop down. It asks the device's server for the newest sample at its rate; samples that
+/// came and went in between are not seen. A look that fails is counted, and the next one tries
+/// again. Ownership: refers to its node and its sink, which must outlive it. Threads: start and
+/// stop from one thread; the rest from any.
 class DeviceConsumer {
  public:
   /// Binds `device`, a name for the node's resolver or a URL, and starts.   Set-up only.
-  /// Errors: as rpc::Binding::bind(); a rate out of range; with RealtimeMode::kRequire, a right that
-  /// the process lacks.
+  /// Errors: as rpc::Binding::bind(); a rate out of range; with RealtimeMode::kRequire, a right
+  /// that the process lacks.
   [[nodiscard]] static expected<DeviceConsumer, rpc::SetupError> start(
-      rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config, SampleSink& sink);
+      rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config,
+      SampleSink& sink);
   DeviceConsumer(DeviceConsumer&&) noexcept;
   DeviceConsumer& operator=(DeviceConsumer&&) noexcept;
   /// Stops.

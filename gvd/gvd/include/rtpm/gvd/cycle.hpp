@@ -33,9 +33,9 @@ class DeviceListener {
 
 /// How a device is run.
 struct CycleConfig {
-  Duration period = std::chrono::milliseconds{1};      ///< Of the device's loop.
-  Duration lease = std::chrono::seconds{1};            ///< How long a silent holder keeps the lease.
-  Duration retry = std::chrono::milliseconds{500};     ///< Between tries to reach a lost device.
+  Duration period = std::chrono::milliseconds{1};   ///< Of the device's loop.
+  Duration lease = std::chrono::seconds{1};         ///< How long a silent holder keeps the lease.
+  Duration retry = std::chrono::milliseconds{500};  ///< Between tries to reach a lost device.
   std::uint32_t bad_cycle_max = 20;  ///< So many late or corrupt cycles in a row count as gone.
   /// What the safety filter allows; nothing: the defaults with the device's own limits.
   std::optional<SafetyConfig> safety{};
@@ -60,14 +60,14 @@ enum class Transition : std::uint8_t {
 /// What happened so far on the device's side.
 struct DeviceCounters {
   std::uint64_t cycle_count = 0;
-  std::uint64_t missed_count = 0;        ///< Cycles left out because the thread was late.
-  std::uint64_t late_count = 0;          ///< Exchanges without new data.
-  std::uint64_t corrupt_count = 0;       ///< Exchanges with unreadable data.
-  std::uint64_t gone_count = 0;          ///< Times that the device was lost.
-  std::uint64_t command_count = 0;       ///< Commands accepted.
-  std::uint64_t foreign_command_count = 0;   ///< Refused: not from the lease's holder.
-  std::uint64_t old_command_count = 0;       ///< Refused: older than the newest.
-  std::uint64_t hasty_command_count = 0;     ///< Refused: met another command in the same instant.
+  std::uint64_t missed_count = 0;           ///< Cycles left out because the thread was late.
+  std::uint64_t late_count = 0;             ///< Exchanges without new data.
+  std::uint64_t corrupt_count = 0;          ///< Exchanges with unreadable data.
+  std::uint64_t gone_count = 0;             ///< Times that the device was lost.
+  std::uint64_t command_count = 0;          ///< Commands accepted.
+  std::uint64_t foreign_command_count = 0;  ///< Refused: not from the lease's holder.
+  std::uint64_t old_command_count = 0;      ///< Refused: older than the newest.
+  std::uint64_t hasty_command_count = 0;    ///< Refused: met another command in the same instant.
   std::uint64_t lease_expired_count = 0;
   SafetyCounters safety{};
 };
@@ -104,7 +104,8 @@ class DeviceCycle {
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
   /// True when the device is to change its state, which maintain() then does.   RT: alloc-free.
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
-  /// Activates, deactivates, or tries again to reach a lost device; may take seconds.   Set-up only.
+  /// Activates, deactivates, or tries again to reach a lost device; may take seconds.   Set-up
+  /// only.
   void maintain(MonotonicTime now);
   /// Deactivates the device for good: no force.   Set-up only.
   void end(MonotonicTime now) noexcept;
@@ -123,9 +124,7 @@ class DeviceCycle {
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nothing before the first cycle.   RT: alloc-free.
-  [[nodiscard]] std::optional<driver::Sample> newest() const noexcept {
-    return published_.read();
-  }
+  [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }
   [[nodiscard]] driver::Lifecycle lifecycle() const noexcept {

@@ -12,8 +12,8 @@ namespace rtpm::gvd {
 /// The right to command a device, which one client has at a time and loses when it is silent for
 /// too long. Its holder is known by a number that nobody else can guess.
 /// Ownership: a value, not copied.
-/// Threads: step() and revoke() from the device's thread, everything else from any.   RT: alloc-free
-/// and without waiting. It reads no clock.
+/// Threads: step() and revoke() from the device's thread, everything else from any.   RT:
+/// alloc-free and without waiting. It reads no clock.
 class Lease {
  public:
   /// The number that stands for "nobody".

@@ -11,27 +11,27 @@ namespace rtpm::gvd {
 /// Hands the newest value from any of several threads to one real-time thread. What was put and not
 /// taken is replaced: a state, not a queue.
 /// Ownership: holds three values in place.
-/// Threads: put() from any, take() from one.   RT: both alloc-free and without waiting. A put() that
-/// meets another one in progress gives up and says so; take() never fails because of a put().
+/// Threads: put() from any, take() from one.   RT: both alloc-free and without waiting. A put()
+/// that meets another one in progress gives up and says so; take() never fails because of a put().
 template <class T>
-  requires std::is_trivially_copyable_v<T>
+requires std::is_trivially_copyable_v<T>
 class Mailbox {
  public:
   /// Puts what `make` makes of the value last put; nothing is put when it makes nothing. Only one
   /// put runs at a time, so that `make` may compare and decide.
   /// False when another thread is putting at this very moment: drop the value or try again.
   template <class Make>
-    requires std::is_invocable_r_v<std::optional<T>, Make, const T&>
-  [[nodiscard]] bool put(Make make) noexcept {
+  requires std::is_invocable_r_v < std::optional<T>, Make,
+  const T& > [[nodiscard]] bool put(Make make) noexcept {
     // SYNC POINT mailbox-writer: one writer's doing is seen whole by the next.
     if (is_writing_.test_and_set(std::memory_order_acquire)) return false;
     if (const std::optional<T> value = make(last_put_)) {
       last_put_ = *value;
       slots_[back_] = *value;
       // SYNC POINT mailbox-value: whoever takes the slot sees its value whole.
-      back_ = static_cast<std::uint8_t>(middle_.exchange(static_cast<std::uint8_t>(back_ | kNew),
-                                                         std::memory_order_acq_rel) &
-                                        kIndexMask);
+      back_ = static_cast<std::uint8_t>(
+          middle_.exchange(static_cast<std::uint8_t>(back_ | kNew), std::memory_order_acq_rel) &
+          kIndexMask);
     }
     // SYNC POINT mailbox-writer
     is_writing_.clear(std::memory_order_release);
@@ -42,8 +42,8 @@ class Mailbox {
   [[nodiscard]] std::optional<T> take() noexcept {
     if ((middle_.load(std::memory_order_relaxed) & kNew) == 0) return std::nullopt;
     // SYNC POINT mailbox-value
-    front_ = static_cast<std::uint8_t>(middle_.exchange(front_, std::memory_order_acq_rel) &
-                                       kIndexMask);
+    front_ =
+        static_cast<std::uint8_t>(middle_.exchange(front_, std::memory_order_acq_rel) & kIndexMask);
     return slots_[front_];
   }
 

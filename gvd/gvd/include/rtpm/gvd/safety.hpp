@@ -14,9 +14,9 @@ namespace rtpm::gvd {
 
 /// What the safety filter allows. There is no way to turn the filter off.
 struct SafetyConfig {
-  double force_newton_max = 0;              ///< Length of the greatest force; 0: none at all.
-  double torque_newton_metre_max = 0;       ///< Likewise of the torque.
-  double force_newton_per_s_max = 1000;     ///< How fast the force may change.
+  double force_newton_max = 0;                ///< Length of the greatest force; 0: none at all.
+  double torque_newton_metre_max = 0;         ///< Likewise of the torque.
+  double force_newton_per_s_max = 1000;       ///< How fast the force may change.
   double torque_newton_metre_per_s_max = 50;  ///< How fast the torque may change.
   Duration hold_max = std::chrono::milliseconds{100};    ///< The longest life of one command.
   Duration ramp = std::chrono::milliseconds{20};         ///< From full force to none, once lost.
@@ -25,8 +25,8 @@ struct SafetyConfig {
   /// The defaults with the device's own limits.
   [[nodiscard]] static SafetyConfig for_device(const driver::Limits& limits) noexcept;
   /// Whether every value can be used.   Set-up only.
-  /// Errors: a limit that is negative or not finite, a time that is negative or above 10 s: the text
-  /// names it.
+  /// Errors: a limit that is negative or not finite, a time that is negative or above 10 s: the
+  /// text names it.
   [[nodiscard]] expected<void, rpc::SetupError> check() const;
 };
 
@@ -34,8 +34,8 @@ struct SafetyConfig {
 struct WrenchCommand {
   driver::Wrench wrench{};
   MonotonicTime received{};  ///< When it came.
-  /// From then on it counts as lost unless a newer one came; SafetyConfig::hold_max after `received`
-  /// at the latest.
+  /// From then on it counts as lost unless a newer one came; SafetyConfig::hold_max after
+  /// `received` at the latest.
   MonotonicTime deadline{};
 };
 
@@ -49,10 +49,12 @@ struct SafetyCounters {
 
 /// Stands between what clients command and what actuators do. In every cycle:
 ///
-/// - a NaN or infinity: no force at once, and none until recover(), however good later commands are;
+/// - a NaN or infinity: no force at once, and none until recover(), however good later commands
+/// are;
 /// - a wrench above a limit is shortened and keeps its direction;
 /// - force and torque change no faster than their rates allow, by the time that really went by;
-/// - soft start: after start, loss, recovery and a change of client the share of the command that is applied rises from
+/// - soft start: after start, loss, recovery and a change of client the share of the command that
+/// is applied rises from
 ///   nothing to all over `soft_start`;
 /// - the watchdog: at a command's deadline without a newer one, the force falls in a straight line
 ///   to zero within `ramp`, then is off.
@@ -96,10 +98,10 @@ class SafetyFilter {
   driver::Faults faults_{};
   std::optional<MonotonicTime> last_step_{};
   MonotonicTime zero_at_{};
-  double gain_ = 0;             ///< The share of the command that soft start lets through.
-  bool is_following_ = false;   ///< The last step had a command that was alive.
-  bool is_lost_ = false;        ///< The last command that was followed ran out.
-  bool is_latched_ = false;     ///< A command was not finite.
+  double gain_ = 0;            ///< The share of the command that soft start lets through.
+  bool is_following_ = false;  ///< The last step had a command that was alive.
+  bool is_lost_ = false;       ///< The last command that was followed ran out.
+  bool is_latched_ = false;    ///< A command was not finite.
 };
 
 }  // namespace rtpm::gvd

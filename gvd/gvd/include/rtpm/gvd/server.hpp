@@ -46,7 +46,8 @@ class DeviceServer {
 
   /// Configures and activates the device and starts its thread, which calls the driver alone from
   /// here on.   Set-up only.
-  /// Errors: the device can't be set up; with RealtimeMode::kRequire, a right that the process lacks.
+  /// Errors: the device can't be set up; with RealtimeMode::kRequire, a right that the process
+  /// lacks.
   [[nodiscard]] expected<void, rpc::SetupError> start();
 
   /// Takes the force away, deactivates the device and ends the thread; again is allowed. Stop the
