@@ -29,9 +29,10 @@ namespace {
 std::atomic<std::uint64_t> breach_count{0};
 std::atomic<int> count_only_depth{0};
 thread_local std::uint64_t allocation_count = 0;
-thread_local bool is_reporting = false;
 
 #ifndef RTPM_TEST_HAS_SANITIZER
+
+thread_local bool is_reporting = false;
 
 void print(std::string_view text) noexcept {
   [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), text.size());
