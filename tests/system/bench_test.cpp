@@ -1,0 +1,63 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "programs.hpp"
+
+// That rtpm-bench runs and says what it promises; what it measures is not judged here.
+namespace rtpm::system_test {
+namespace {
+
+TEST(Bench, ListsItsCases) {
+  const auto end = run_program("rtpm-bench", {"list"});
+  EXPECT_EQ(end.exit_code, 0);
+  for (const std::string_view name : {"call", "paced", "isolation"}) {
+    EXPECT_NE(("\n" + end.output).find("\n" + std::string(name)), std::string::npos) << name;
+  }
+}
+
+TEST(Bench, RefusesWhatItDoesNotHave) {
+  expect_one_sentence(run_program("rtpm-bench", {"run", "nothing"}), 2,
+                      {"there is no case 'nothing'", "call", "isolation"});
+  expect_one_sentence(run_program("rtpm-bench", {"run"}), 2, {"at least one case"});
+  expect_one_sentence(run_program("rtpm-bench", {"walk"}), 2, {"there is no verb 'walk'"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--wait", "sleep"}), 2,
+                      {"--wait", "'sleep'"});
+}
+
+TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
+  const auto end = run_program("rtpm-bench", {"run", "call", "--samples", "200", "--rounds", "2",
+                                              "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
+  for (const std::string_view field :
+       {R"("case": "call")", R"("transport": "udp")", R"("transport": "tcp")",
+        R"("wait": "adaptive")", R"("payload": 48)", R"("n": 200)", R"("p50_us": )",
+        R"("p90_us": )", R"("p99_us": )", R"("p999_us": )", R"("p9999_us": )", R"("max_us": )",
+        R"("floor_p50_us": )", R"("ratio_p50": )", R"("environment": {)"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
+  const auto end = run_program(
+      "rtpm-bench", {"run", "isolation", "--samples", "40", "--rounds", "2", "--low-callers", "2",
+                     "--transport", "udp", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 2) << "one idle, one with two low-priority callers";
+  for (const std::string_view field :
+       {R"("low_callers": 0)", R"("low_callers": 2)", R"("ratio_p999": )",
+        R"("loaded_over_idle_p99": )", R"("floor_loaded_over_idle_p99": )",
+        R"("low_growth_p50": )"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, WillNotSpinWhereThatStarvesTheLoad) {
+  const auto end = run_program("rtpm-bench", {"run", "isolation", "--wait", "spin", "--transport",
+                                              "udp", "--realtime", "off"});
+  expect_one_sentence(end, 1, {"isolation, udp, spin", "starve", "--wait adaptive"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test

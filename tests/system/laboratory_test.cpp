@@ -1,0 +1,109 @@
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <signal.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <string>
+
+#include "programs.hpp"
+
+namespace rtpm::system_test {
+namespace {
+
+/// Asks a program to end in order and checks that it does.
+void expect_orderly_end(Daemon& daemon) {
+  daemon.process.send_signal(SIGTERM);
+  const auto end = daemon.process.wait(kPatience);
+  ASSERT_TRUE(end) << daemon.url << " did not end on SIGTERM";
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+}
+
+TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
+  const auto end = run_servo({"--seconds", "2"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const std::string_view word : {"p50", "p99.99", "max", "missed"}) {
+    EXPECT_NE(end.output.find(word), std::string::npos) << word << " is not in:\n" << end.output;
+  }
+  expect_orderly_end(*device_);
+  expect_orderly_end(*registry_);
+}
+
+TEST_F(Laboratory, ARecordedHandMovesTheArm) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_hand.csv";
+  std::ofstream(file) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1,0,0.01,0.02\n";
+  const auto device =
+      start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
+                                    "off", "--name", "lab/arm1", "--hand", file.string()});
+  ASSERT_TRUE(device);
+  EXPECT_EQ(run_servo({"--seconds", "1", "--device", "lab/arm1"}).exit_code, 0);
+  std::filesystem::remove(file);
+}
+
+TEST_F(Laboratory, AClientKilledInMidCallLeavesTheServerServing) {
+  // The device frees itself of a silent client when that one's lease is over, so a successor may
+  // have to ask again.
+  for (int i = 0; i < 3; ++i) {
+    auto victim = start_servo(60);
+    ASSERT_TRUE(victim);
+    victim->send_signal(SIGKILL);
+    ASSERT_TRUE(victim->wait(kPatience));
+    const auto successor = run_servo_until_it_succeeds();
+    EXPECT_EQ(successor.exit_code, 0) << successor.errors;
+  }
+}
+
+TEST_F(Laboratory, ALostDeviceEndsTheLoopWithTheReason) {
+  auto servo = start_servo(60);
+  ASSERT_TRUE(servo);
+  device_->process.send_signal(SIGKILL);
+  const auto end = servo->wait(kPatience);
+  ASSERT_TRUE(end) << "it goes on without its device";
+  expect_one_sentence(*end, 3, {"lab/arm0"});
+}
+
+TEST_F(Laboratory, LoopsOutliveTheRegistryAndNamesComeBack) {
+  auto servo = start_servo(2);
+  ASSERT_TRUE(servo);
+  const std::string port = std::to_string(registry_->port());
+  registry_->process.send_signal(SIGKILL);
+  ASSERT_TRUE(registry_->process.wait(kPatience));
+  const auto end = servo->wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+
+  registry_ = start_daemon("rtpm-registryd", {"--port", port, "--realtime", "off"});
+  ASSERT_TRUE(registry_);
+  // The new registry is empty; the device binds its name again by itself.
+  const auto later = run_servo_until_it_succeeds();
+  EXPECT_EQ(later.exit_code, 0) << later.errors;
+}
+
+TEST_F(Laboratory, GarbageAtItsPortDoesNotStopAServer) {
+  const int handle = socket(AF_INET, SOCK_DGRAM, 0);
+  ASSERT_GE(handle, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(device_->port());
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  std::mt19937 random(7);
+  std::array<unsigned char, 1500> bytes{};
+  for (int i = 0; i < 2000; ++i) {
+    for (auto& byte : bytes)
+      byte = static_cast<unsigned char>(random());
+    const std::size_t size = random() % bytes.size();
+    sendto(handle, bytes.data(), size, 0, reinterpret_cast<const sockaddr*>(&address),
+           sizeof address);
+  }
+  close(handle);
+  const auto end = run_servo({"--seconds", "1"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+}
+
+}  // namespace
+}  // namespace rtpm::system_test

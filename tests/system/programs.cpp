@@ -1,0 +1,88 @@
+#include "programs.hpp"
+
+#include <signal.h>
+
+#include <algorithm>
+
+namespace rtpm::system_test {
+namespace {
+
+std::vector<std::string> command_of(std::string_view program, std::vector<std::string> arguments) {
+  arguments.insert(arguments.begin(), path_of(program));
+  return arguments;
+}
+
+}  // namespace
+
+std::string path_of(std::string_view program) {
+  return std::string(RTPM_PROGRAM_FOLDER) + "/" + std::string(program);
+}
+
+std::uint16_t Daemon::port() const {
+  const std::size_t colon = url.find(':', url.find("//"));
+  return static_cast<std::uint16_t>(std::stoi(url.substr(colon + 1)));
+}
+
+std::optional<Daemon> start_daemon(std::string_view program, std::vector<std::string> arguments) {
+  test::Process process(command_of(program, std::move(arguments)));
+  if (!process.wait_for_output("rtpm://", kPatience) || !process.wait_for_output("\n", kPatience)) {
+    ADD_FAILURE() << program << " does not serve: " << process.output() << process.errors();
+    return std::nullopt;
+  }
+  const std::string& output = process.output();
+  const std::size_t begin = output.find("rtpm://");
+  const std::string url = output.substr(begin, output.find_first_of(" \n", begin) - begin);
+  return Daemon{std::move(process), url};
+}
+
+test::Process::End run_program(std::string_view program, std::vector<std::string> arguments) {
+  auto end = test::run(command_of(program, std::move(arguments)), kPatience);
+  if (end) return std::move(*end);
+  ADD_FAILURE() << program << " did not end";
+  return {};
+}
+
+void expect_one_sentence(const test::Process::End& end, int exit_code,
+                         const std::vector<std::string_view>& words) {
+  EXPECT_EQ(end.exit_code, exit_code) << end.output << end.errors;
+  EXPECT_EQ(test::line_count(end.errors), 1) << end.errors;
+  for (const std::string_view word : words) {
+    EXPECT_NE(end.errors.find(word), std::string::npos)
+        << "'" << word << "' is not in: " << end.errors;
+  }
+}
+
+void Laboratory::SetUp() {
+  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+  ASSERT_TRUE(registry_);
+  device_ = start_daemon("rtpm-deviced",
+                         {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+  ASSERT_TRUE(device_);
+}
+
+test::Process::End Laboratory::run_servo(std::vector<std::string> arguments) const {
+  const std::vector<std::string> common{"--registry", registry_->url, "--live",
+                                        "off",        "--realtime",   "off"};
+  arguments.insert(arguments.begin(), common.begin(), common.end());
+  return run_program("rtpm-servo", std::move(arguments));
+}
+
+test::Process::End Laboratory::run_servo_until_it_succeeds() const {
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  test::Process::End end;
+  do {
+    end = run_servo({"--seconds", "0.2"});
+  } while (end.exit_code != 0 && std::chrono::steady_clock::now() < give_up);
+  return end;
+}
+
+std::optional<test::Process> Laboratory::start_servo(int seconds) const {
+  test::Process servo({path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off",
+                       "--live", "lines", "--seconds", std::to_string(seconds)});
+  // The first live line says that the loop runs.
+  if (servo.wait_for_output("\n", kPatience)) return servo;
+  ADD_FAILURE() << "rtpm-servo does not run: " << servo.errors();
+  return std::nullopt;
+}
+
+}  // namespace rtpm::system_test

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/test/process.hpp"
+
+/// RTPM's own programs, as tests of the whole system start them.
+namespace rtpm::system_test {
+
+/// Enough for a machine that is busy with other tests; nothing waits so long when all is well.
+inline constexpr Duration kPatience = std::chrono::seconds{30};
+
+[[nodiscard]] std::string path_of(std::string_view program);
+
+/// A program that said where it serves.
+struct Daemon {
+  test::Process process;
+  std::string url;
+  [[nodiscard]] std::uint16_t port() const;
+};
+
+/// Starts `program` and waits until it serves. Failing that, the test fails, and so must its
+/// caller.
+[[nodiscard]] std::optional<Daemon> start_daemon(std::string_view program,
+                                                 std::vector<std::string> arguments);
+
+/// Runs `program` to its end; the test fails if that does not come.
+[[nodiscard]] test::Process::End run_program(std::string_view program,
+                                             std::vector<std::string> arguments);
+
+/// Checks that a program ended with `exit_code` and one sentence on standard error, which has all
+/// of `words`.
+void expect_one_sentence(const test::Process::End& end, int exit_code,
+                         const std::vector<std::string_view>& words);
+
+/// A registry and a device server with the simulated arm, bound as lab/arm0.
+class Laboratory : public testing::Test {
+ protected:
+  void SetUp() override;
+
+  [[nodiscard]] test::Process::End run_servo(std::vector<std::string> arguments) const;
+  /// As run_servo(), again and again until it succeeds or patience is over; the last try's end.
+  [[nodiscard]] test::Process::End run_servo_until_it_succeeds() const;
+  /// Starts a force loop of `seconds` and returns when it runs. Failing that, the test fails, and
+  /// so must its caller.
+  [[nodiscard]] std::optional<test::Process> start_servo(int seconds) const;
+
+  std::optional<Daemon> registry_{};
+  std::optional<Daemon> device_{};
+};
+
+}  // namespace rtpm::system_test
