@@ -33,10 +33,14 @@ expected<void, TransportError> steer(const UdpPort& any_lane, std::span<const Pr
                                    statement(BPF_MISC | BPF_TAX, 0),
                                    statement(BPF_LD | BPF_B | BPF_ABS, kPriorityLowByte),
                                    statement(BPF_ALU | BPF_OR | BPF_X, 0)};
-  for (std::size_t lane = lane_lows.size() - 1; lane > 0; --lane) {
-    program.push_back({static_cast<std::uint16_t>(BPF_JMP | BPF_JGE | BPF_K), 0, 1,
-                       std::uint32_t{lane_lows[lane].value()}});
+  const auto send_from = [&program](std::uint32_t low, std::size_t lane) {
+    program.push_back({static_cast<std::uint16_t>(BPF_JMP | BPF_JGE | BPF_K), 0, 1, low});
     program.push_back(statement(BPF_RET | BPF_K, static_cast<std::uint32_t>(lane)));
+  };
+  // Nor has garbage whose priority is none any business with the most urgent lane.
+  send_from(Priority::kHighest + 1, 0);
+  for (std::size_t lane = lane_lows.size() - 1; lane > 0; --lane) {
+    send_from(lane_lows[lane].value(), lane);
   }
   program.push_back(statement(BPF_RET | BPF_K, 0));
   const sock_fprog filter{static_cast<std::uint16_t>(program.size()), program.data()};

@@ -18,8 +18,8 @@ MutableBytes FrameStream::buffer() noexcept {
   return {lines_.front().bytes, lines_.size() * sizeof(CacheLine)};
 }
 
-std::size_t FrameStream::complete_size() const noexcept {
-  const ConstBytes filled(lines_.front().bytes, filled_size_);
+std::size_t FrameStream::complete_size(std::size_t at) const noexcept {
+  const ConstBytes filled = ConstBytes(lines_.front().bytes, filled_size_).subspan(at);
   if (filled.size() < wire::kHeaderSize) return 0;
   const auto header = wire::decode(filled);
   const std::size_t size = wire::kHeaderSize + (header ? header->payload_size : 0);
@@ -29,7 +29,7 @@ std::size_t FrameStream::complete_size() const noexcept {
 }
 
 bool FrameStream::has_buffered() const noexcept {
-  return filled_size_ > given_size_;
+  return filled_size_ > given_size_ && complete_size(given_size_) > 0;
 }
 
 expected<ConstBytes, IoError> FrameStream::receive() noexcept {
@@ -41,7 +41,7 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
     }
     given_size_ = 0;
   }
-  std::size_t size = filled_size_ > 0 ? complete_size() : 0;
+  std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
   if (size == 0) {
     const MutableBytes room = buffer().subspan(filled_size_);
     const ssize_t count = recv(socket_.number(), room.data(), room.size(), MSG_DONTWAIT);
@@ -51,7 +51,7 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
       return unexpected{is_nothing ? IoError::kNothing : IoError::kClosed};
     }
     filled_size_ += static_cast<std::size_t>(count);
-    size = complete_size();
+    size = complete_size(0);
     if (size == 0) return unexpected{IoError::kNothing};
   }
   given_size_ = size;

@@ -27,8 +27,8 @@ class FrameStream {
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
  private:
-  /// The size of the frame at the buffer's begin, 0 if it has not arrived.
-  [[nodiscard]] std::size_t complete_size() const noexcept;
+  /// The size of the frame that begins at that place in the buffer, 0 if it has not arrived.
+  [[nodiscard]] std::size_t complete_size(std::size_t at) const noexcept;
   [[nodiscard]] MutableBytes buffer() noexcept;
 
   struct alignas(64) CacheLine {
