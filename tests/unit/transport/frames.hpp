@@ -1,0 +1,68 @@
+#pragma once
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <cstddef>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/transport/error.hpp"
+#include "rtpm/transport/socket.hpp"
+#include "rtpm/wire/header.hpp"
+
+/// What the tests of the transports send.
+namespace rtpm::transport {
+
+inline void PrintTo(IoError error, std::ostream* out) {
+  static constexpr std::array<const char*, 5> kNames{"nothing", "full", "refused", "closed",
+                                                     "failed"};
+  *out << kNames[static_cast<std::size_t>(error)];
+}
+
+namespace test {
+
+using Bytes = std::vector<std::byte>;
+
+[[nodiscard]] inline Bytes copy_of(ConstBytes bytes) {
+  return {bytes.begin(), bytes.end()};
+}
+
+/// A call of `priority` with a payload of `size` bytes that tell it from others.
+[[nodiscard]] inline Bytes frame_of(std::size_t size, Priority priority = 0,
+                                    std::uint32_t call_id = 1) {
+  wire::Header header;
+  header.priority = priority;
+  header.call_id = call_id;
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(size);
+  Bytes frame(wire::kHeaderSize + size);
+  wire::encode(header, frame.data());
+  for (std::size_t i = 0; i < size; ++i) {
+    frame[wire::kHeaderSize + i] = static_cast<std::byte>(call_id + i);
+  }
+  return frame;
+}
+
+/// Two ends of a stream, both non-blocking.
+[[nodiscard]] inline std::pair<Descriptor, Descriptor> stream_pair() {
+  std::array<int, 2> ends{-1, -1};
+  EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
+  return {Descriptor(ends[0]), Descriptor(ends[1])};
+}
+
+inline void write_all(const Descriptor& to, ConstBytes bytes) {
+  ASSERT_EQ(send(to.number(), bytes.data(), bytes.size(), MSG_NOSIGNAL),
+            static_cast<ssize_t>(bytes.size()));
+}
+
+inline void expect_text(const std::string& text, const std::vector<std::string>& parts) {
+  for (const std::string& part : parts) {
+    EXPECT_NE(text.find(part), text.npos) << "'" << part << "' is not in: " << text;
+  }
+}
+
+}  // namespace test
+}  // namespace rtpm::transport

@@ -1,0 +1,282 @@
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "frames.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+constexpr const char* kHere = "127.0.0.1";
+// A block of addresses that nobody has (RFC 5737).
+constexpr const char* kNobodysAddress = "192.0.2.1";
+
+/// A number whose UDP and TCP ports are free at this moment.
+std::uint16_t free_port() {
+  const auto listener = TcpListener::open(kHere, 0);
+  EXPECT_TRUE(listener);
+  return listener ? listener->port() : std::uint16_t{0};
+}
+
+UdpPort open_udp(std::uint16_t port, bool joins = false) {
+  auto opened = UdpPort::open(kHere, port, 0, joins);
+  EXPECT_TRUE(opened) << opened.error().text;
+  return std::move(*opened);
+}
+
+/// The next datagram, for which it waits.
+std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
+  Bytes buffer(room);
+  std::optional<Bytes> bytes;
+  static_cast<void>(rtpm::test::await([&] {
+    const auto datagram = port.receive(buffer);
+    if (datagram) bytes = copy_of(datagram->bytes);
+    return datagram.has_value();
+  }));
+  return bytes;
+}
+
+TEST(TcpListener, HasThePortThatItSays) {
+  const auto listener = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(listener);
+  EXPECT_NE(listener->port(), 0);
+  sockaddr_in address{};
+  socklen_t size = sizeof address;
+  getsockname(listener->descriptor(), reinterpret_cast<sockaddr*>(&address), &size);
+  EXPECT_EQ(ntohs(address.sin_port), listener->port());
+}
+
+TEST(TcpListener, SaysThatAPortIsBusyAndWhatToDo) {
+  const auto first = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(first);
+  const auto second = TcpListener::open(kHere, first->port());
+  ASSERT_FALSE(second);
+  expect_text(second.error().text,
+              {"TCP 127.0.0.1:" + std::to_string(first->port()), "Address already in use",
+               "Remedy: end the program that has it", "another port"});
+}
+
+TEST(TcpListener, SaysThatAnAddressIsNotThisHosts) {
+  const auto listener = TcpListener::open(kNobodysAddress, 0);
+  ASSERT_FALSE(listener);
+  expect_text(listener.error().text, {"TCP 192.0.2.1:0", "Remedy: give an address of this host"});
+}
+
+TEST(TcpListener, AcceptsWithoutWaiting) {
+  auto listener = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(listener);
+  EXPECT_FALSE(listener->accept().is_open()) << "nobody is there";
+  const auto link = open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s);
+  ASSERT_TRUE(link) << link.error().text;
+  ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
+  EXPECT_TRUE(listener->accept().is_open());
+}
+
+TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {
+  const std::uint16_t number = free_port();
+  const UdpPort first = open_udp(number);
+  const auto second = UdpPort::open(kHere, number, 0, /*joins=*/false);
+  ASSERT_FALSE(second) << "a second server would take half of the first one's traffic";
+  expect_text(second.error().text,
+              {"UDP 127.0.0.1:" + std::to_string(number), "Address already in use",
+               "Remedy: end the program that has it", "another port"});
+}
+
+TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
+  const std::uint16_t number = free_port();
+  const UdpPort first = open_udp(number);
+  EXPECT_TRUE(UdpPort::open(kHere, number, 0, /*joins=*/true));
+}
+
+TEST(UdpPort, IsFreeAgainWhenItsServerEnds) {
+  const std::uint16_t number = free_port();
+  { const UdpPort first = open_udp(number); }
+  EXPECT_TRUE(UdpPort::open(kHere, number, 0, /*joins=*/false));
+}
+
+TEST(UdpPort, SaysThatAnAddressIsNotThisHosts) {
+  const auto port = UdpPort::open(kNobodysAddress, 4711, 0, false);
+  ASSERT_FALSE(port);
+  expect_text(port.error().text, {"UDP 192.0.2.1:4711", "Remedy: give an address of this host"});
+}
+
+TEST(Host, WithoutAnAddressIsNamed) {
+  const auto address = address_of("", 1);
+  ASSERT_FALSE(address);
+  expect_text(address.error().text, {"host ''", "Remedy"});
+}
+
+TEST(UdpPort, AnswersWhereADatagramCameFrom) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  Bytes buffer(2000);
+  EXPECT_EQ(port.receive(buffer).error(), IoError::kNothing);
+  auto link = open_udp_link(kHere, number, 0);
+  ASSERT_TRUE(link);
+  const Bytes request = frame_of(48);
+  ASSERT_TRUE((*link)->send(request));
+  ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
+  const auto datagram = port.receive(buffer);
+  ASSERT_TRUE(datagram);
+  EXPECT_EQ(copy_of(datagram->bytes), request);
+
+  const Bytes reply = frame_of(20, 0, 2);
+  ASSERT_TRUE(port.send(datagram->peer, reply));
+  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
+  const auto received = (*link)->receive();
+  ASSERT_TRUE(received);
+  EXPECT_EQ(copy_of(*received), reply);
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(received->data()) % 16, 0u);
+}
+
+TEST(UdpPort, TellsItsPeersApart) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  std::vector<std::unique_ptr<Link>> links;
+  std::vector<wire::PeerAddress> peers;
+  for (int i = 0; i < 3; ++i) {
+    links.push_back(std::move(*open_udp_link(kHere, number, 0)));
+    ASSERT_TRUE(links.back()->send(frame_of(0)));
+    ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
+    Bytes buffer(2000);
+    peers.push_back(port.receive(buffer)->peer);
+  }
+  EXPECT_FALSE(peers[0] == peers[1]);
+  EXPECT_FALSE(peers[1] == peers[2]);
+  EXPECT_FALSE(peers[0] == peers[2]);
+}
+
+TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  auto link = open_udp_link(kHere, number, 0);
+  ASSERT_TRUE(link);
+  const Bytes too_large = frame_of(5000);
+  ASSERT_TRUE((*link)->send(too_large));
+  Bytes buffer(wire::kDatagramFrameSizeMax + 1);
+  ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
+  const auto datagram = port.receive(buffer);
+  ASSERT_TRUE(datagram);
+  EXPECT_EQ(wire::decode_frame(datagram->bytes).error(), wire::DropReason::kBadLength);
+
+  ASSERT_TRUE(port.send(datagram->peer, too_large));
+  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
+  const auto received = (*link)->receive();
+  ASSERT_TRUE(received);
+  EXPECT_EQ(wire::decode_frame(*received).error(), wire::DropReason::kBadLength);
+}
+
+TEST(UdpLink, SeesThatNobodyHasThePort) {
+  const auto link = open_udp_link(kHere, free_port(), 0);
+  ASSERT_TRUE(link) << "nothing is sent yet";
+  ASSERT_TRUE((*link)->send(frame_of(0)));
+  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
+  const auto received = (*link)->receive();
+  ASSERT_FALSE(received);
+  EXPECT_EQ(received.error(), IoError::kRefused);
+  EXPECT_EQ((*link)->receive().error(), IoError::kNothing) << "it is told once";
+}
+
+TEST(UdpLink, HearsNobodyButItsServer) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  auto link = open_udp_link(kHere, number, 0);
+  ASSERT_TRUE(link);
+  sockaddr_in own{};
+  socklen_t size = sizeof own;
+  getsockname((*link)->descriptor(), reinterpret_cast<sockaddr*>(&own), &size);
+  auto stranger = open_udp_link(kHere, ntohs(own.sin_port), 0);
+  ASSERT_TRUE(stranger);
+  ASSERT_TRUE((*stranger)->send(frame_of(1)));
+  ASSERT_TRUE((*link)->send(frame_of(2)));
+  ASSERT_TRUE(await_datagram(port));
+  EXPECT_EQ((*link)->receive().error(), IoError::kNothing);
+}
+
+TEST(TcpLink, SaysThatNobodyIsThere) {
+  const std::uint16_t number = free_port();
+  const auto link = open_tcp_link(kHere, number, 0, 1000, rt::now() + 20s);
+  ASSERT_FALSE(link);
+  expect_text(link.error().text, {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
+                                  "Connection refused", "Remedy"});
+}
+
+// A listener that takes nobody off its queue, which holds one: further ones get no answer.
+TEST(TcpLink, GivesUpAtItsDeadline) {
+  const Descriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  auto address = address_of(kHere, 0);
+  ASSERT_TRUE(address);
+  auto* raw = reinterpret_cast<sockaddr*>(&*address);
+  socklen_t size = sizeof *address;
+  ASSERT_EQ(bind(listener.number(), raw, size), 0);
+  ASSERT_EQ(listen(listener.number(), 0), 0);
+  getsockname(listener.number(), raw, &size);
+  const std::uint16_t number = ntohs(address->sin_port);
+  const auto in_the_queue = open_tcp_link(kHere, number, 0, 1000, rt::now() + 20s);
+  ASSERT_TRUE(in_the_queue);
+  const MonotonicTime deadline = rt::now() + 20ms;
+  const auto link = open_tcp_link(kHere, number, 0, 1000, deadline);
+  EXPECT_GE(rt::now(), deadline);
+  ASSERT_FALSE(link);
+  expect_text(link.error().text,
+              {"nobody answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
+}
+
+TEST(TcpLink, CarriesFramesBothWays) {
+  auto listener = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(listener);
+  auto link = open_tcp_link(kHere, listener->port(), 0, 100'000, rt::now() + 20s);
+  ASSERT_TRUE(link);
+  ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
+  FrameStream served(listener->accept(), 100'000);
+  const Bytes request = frame_of(100'000);
+  ASSERT_TRUE((*link)->send(request));
+  Bytes received;
+  ASSERT_TRUE(rtpm::test::await([&] {
+    const auto frame = served.receive();
+    if (frame) received = copy_of(*frame);
+    return frame.has_value();
+  }));
+  EXPECT_EQ(received, request);
+  ASSERT_TRUE(served.send(frame_of(3), rt::now() + 20s));
+  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
+  EXPECT_EQ(copy_of(*(*link)->receive()), frame_of(3));
+}
+
+// By quarters of the range: best effort, AF21, AF41, EF (hp-11).
+TEST(TrafficClass, FollowsThePriority) {
+  struct Row {
+    int priority, dscp, queue;
+  };
+  for (const Row row :
+       {Row{0, 0, 0}, Row{8191, 0, 0}, Row{8192, 18, 2}, Row{16383, 18, 2}, Row{16384, 34, 4},
+        Row{24575, 34, 4}, Row{24576, 46, 6}, Row{32767, 46, 6}}) {
+    const auto link = open_udp_link(kHere, 9, row.priority);
+    ASSERT_TRUE(link);
+    int type_of_service = -1;
+    int queue = -1;
+    socklen_t size = sizeof type_of_service;
+    getsockopt((*link)->descriptor(), IPPROTO_IP, IP_TOS, &type_of_service, &size);
+    getsockopt((*link)->descriptor(), SOL_SOCKET, SO_PRIORITY, &queue, &size);
+    EXPECT_EQ(type_of_service >> 2, row.dscp) << row.priority;
+    EXPECT_EQ(queue, row.queue) << row.priority;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::transport

@@ -1,0 +1,98 @@
+#include <gtest/gtest.h>
+
+#include <optional>
+#include <vector>
+
+#include "frames.hpp"
+#include "rtpm/test/os.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+
+// hp-11-2: the kernel hands each datagram to the socket of the lane that serves its priority.
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+class Lanes {
+ public:
+  explicit Lanes(const std::vector<Priority>& lows) {
+    const auto listener = TcpListener::open("127.0.0.1", 0);
+    number_ = listener->port();
+    for (const Priority low : lows) {
+      auto port = UdpPort::open("127.0.0.1", number_, low, !ports_.empty());
+      EXPECT_TRUE(port) << port.error().text;
+      ports_.push_back(std::move(*port));
+    }
+    const auto steered = steer(ports_.front(), lows);
+    EXPECT_TRUE(steered) << steered.error().text;
+    link_ = std::move(*open_udp_link("127.0.0.1", number_, 0));
+  }
+
+  /// The lane that gets the datagram; none if nobody does.
+  std::optional<std::size_t> lane_of(ConstBytes datagram) {
+    EXPECT_TRUE(link_->send(datagram));
+    std::optional<std::size_t> lane;
+    static_cast<void>(rtpm::test::await([&] {
+      for (std::size_t i = 0; i < ports_.size(); ++i) {
+        Bytes buffer(2000);
+        if (ports_[i].receive(buffer)) lane = i;
+      }
+      return lane.has_value();
+    }));
+    return lane;
+  }
+  std::optional<std::size_t> lane_of_priority(int priority) {
+    return lane_of(frame_of(48, priority));
+  }
+
+ private:
+  std::uint16_t number_ = 0;
+  std::vector<UdpPort> ports_;
+  std::unique_ptr<Link> link_;
+};
+
+TEST(Steering, GivesEachPriorityToTheLaneOfItsBand) {
+  Lanes lanes({0, 100, 255, 256, 20'000});
+  const std::vector<std::pair<int, std::size_t>> expected_lanes{
+      {0, 0},   {1, 0},      {99, 0},     {100, 1},    {101, 1},    {254, 1},   {255, 2},
+      {256, 3}, {19'999, 3}, {20'000, 4}, {20'001, 4}, {32'766, 4}, {32'767, 4}};
+  for (const auto& [priority, lane] : expected_lanes) {
+    EXPECT_EQ(lanes.lane_of_priority(priority), lane) << priority;
+  }
+}
+
+TEST(Steering, WorksForOneLane) {
+  Lanes lanes({0});
+  EXPECT_EQ(lanes.lane_of_priority(0), 0u);
+  EXPECT_EQ(lanes.lane_of_priority(Priority::kHighest), 0u);
+}
+
+TEST(Steering, WorksForTheMostLanes) {
+  std::vector<Priority> lows;
+  for (int i = 0; i < 64; ++i)
+    lows.push_back(i * 500);
+  Lanes lanes(lows);
+  for (int i = 0; i < 64; ++i) {
+    EXPECT_EQ(lanes.lane_of_priority(i * 500), static_cast<std::size_t>(i));
+    EXPECT_EQ(lanes.lane_of_priority(i * 500 + 499), static_cast<std::size_t>(i));
+  }
+}
+
+// Garbage is the least urgent thing there is.
+TEST(Steering, GivesWhatHasNoPriorityToTheLowestLane) {
+  Lanes lanes({0, 100, 20'000});
+  for (std::size_t size = 0; size < 6; ++size) {
+    EXPECT_EQ(lanes.lane_of(Bytes(size, std::byte{0xff})), 0u) << size << " bytes";
+  }
+  for (const int beyond : {32'768, 40'000, 65'535}) {
+    Bytes frame = frame_of(0);
+    store_le(frame.data() + 4, static_cast<std::uint16_t>(beyond));
+    EXPECT_EQ(lanes.lane_of(frame), 0u) << beyond;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::transport

@@ -1,0 +1,223 @@
+#include "rtpm/transport/stream.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <optional>
+#include <random>
+#include <thread>
+
+#include "frames.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+constexpr std::uint32_t kMessageSizeMax = 1000;
+
+class FrameStreamTest : public testing::Test {
+ protected:
+  FrameStreamTest() : FrameStreamTest(stream_pair()) {}
+
+  /// What receive() gives: a frame's bytes, or the reason why not.
+  expected<Bytes, IoError> receive() {
+    const auto frame = stream_.receive();
+    if (!frame) return unexpected{frame.error()};
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(frame->data()) % 16, 0u);
+    return copy_of(*frame);
+  }
+  void expect_nothing() {
+    const auto frame = receive();
+    ASSERT_FALSE(frame);
+    EXPECT_EQ(frame.error(), IoError::kNothing);
+  }
+  void expect_frame(const Bytes& expected_frame) {
+    const auto frame = receive();
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(*frame, expected_frame);
+  }
+
+  Descriptor far_;
+  FrameStream stream_;
+
+ private:
+  explicit FrameStreamTest(std::pair<Descriptor, Descriptor> ends)
+      : far_(std::move(ends.first)), stream_(std::move(ends.second), kMessageSizeMax) {}
+};
+
+TEST_F(FrameStreamTest, HasNothingUntilSomethingComes) {
+  expect_nothing();
+  EXPECT_FALSE(stream_.has_buffered());
+}
+
+TEST_F(FrameStreamTest, PutsTogetherWhatWasSplitAnywhere) {
+  const Bytes frame = frame_of(20);
+  for (std::size_t split = 1; split < frame.size(); ++split) {
+    write_all(far_, ConstBytes(frame).first(split));
+    expect_nothing();
+    write_all(far_, ConstBytes(frame).subspan(split));
+    expect_frame(frame);
+    expect_nothing();
+  }
+}
+
+TEST_F(FrameStreamTest, PutsTogetherSingleBytes) {
+  const Bytes frame = frame_of(20);
+  for (std::size_t i = 0; i + 1 < frame.size(); ++i) {
+    write_all(far_, ConstBytes(frame).subspan(i, 1));
+    expect_nothing();
+  }
+  write_all(far_, ConstBytes(frame).last(1));
+  expect_frame(frame);
+}
+
+TEST_F(FrameStreamTest, TakesApartWhatCameTogether) {
+  const Bytes first = frame_of(20, 0, 1);
+  const Bytes second = frame_of(0, 0, 2);
+  const Bytes third = frame_of(7, 0, 3);
+  Bytes all = first;
+  all.insert(all.end(), second.begin(), second.end());
+  all.insert(all.end(), third.begin(), third.end());
+  write_all(far_, all);
+  expect_frame(first);
+  EXPECT_TRUE(stream_.has_buffered());
+  expect_frame(second);
+  EXPECT_TRUE(stream_.has_buffered());
+  expect_frame(third);
+  EXPECT_FALSE(stream_.has_buffered());
+  expect_nothing();
+}
+
+// A poll tells when the rest comes, so it is nothing that would be overlooked.
+TEST_F(FrameStreamTest, CountsNoPartOfAFrameAsBuffered) {
+  const Bytes frame = frame_of(20);
+  for (const std::size_t part : {1u, 63u, 64u, 83u}) {
+    Bytes all = frame;
+    all.insert(all.end(), frame.begin(), frame.begin() + static_cast<std::ptrdiff_t>(part));
+    write_all(far_, all);
+    expect_frame(frame);
+    EXPECT_FALSE(stream_.has_buffered()) << part;
+    expect_nothing();
+    write_all(far_, ConstBytes(frame).subspan(part));
+    expect_frame(frame);
+  }
+}
+
+TEST_F(FrameStreamTest, TakesTheLargestMessage) {
+  const Bytes largest = frame_of(kMessageSizeMax);
+  write_all(far_, largest);
+  expect_frame(largest);
+}
+
+TEST_F(FrameStreamTest, GivesTheHeaderOfATooLargeMessageAtOnce) {
+  const Bytes frame = frame_of(kMessageSizeMax + 64);
+  write_all(far_, ConstBytes(frame).first(wire::kHeaderSize));
+  const auto given = receive();
+  ASSERT_TRUE(given) << "nobody may make us wait for what can't be taken";
+  const auto header = wire::decode_frame(*given);
+  ASSERT_FALSE(header);
+  EXPECT_EQ(header.error(), wire::DropReason::kBadLength);
+}
+
+TEST_F(FrameStreamTest, GivesGarbageAsItIs) {
+  const Bytes garbage(100, std::byte{0x55});
+  write_all(far_, garbage);
+  const auto given = receive();
+  ASSERT_TRUE(given);
+  EXPECT_EQ(given->size(), wire::kHeaderSize);
+  EXPECT_FALSE(wire::decode_frame(*given));
+}
+
+TEST_F(FrameStreamTest, GivesRandomTrafficInOrder) {
+  std::mt19937_64 random(1);
+  std::vector<Bytes> sent;
+  Bytes bytes;
+  for (std::uint32_t i = 0; i < 300; ++i) {
+    sent.push_back(frame_of(random() % (kMessageSizeMax + 1), 0, i));
+    bytes.insert(bytes.end(), sent.back().begin(), sent.back().end());
+  }
+  std::size_t received_count = 0;
+  std::size_t at = 0;
+  while (received_count < sent.size()) {
+    const std::size_t part = std::min<std::size_t>(random() % 3000, bytes.size() - at);
+    if (part > 0) write_all(far_, ConstBytes(bytes).subspan(at, part));
+    at += part;
+    while (true) {
+      const auto frame = receive();
+      if (!frame) break;
+      ASSERT_EQ(*frame, sent[received_count]);
+      ++received_count;
+    }
+  }
+  expect_nothing();
+}
+
+TEST_F(FrameStreamTest, TellsThatThePeerIsGoneAfterItsLastFrame) {
+  const Bytes frame = frame_of(20);
+  write_all(far_, frame);
+  write_all(far_, frame);
+  write_all(far_, ConstBytes(frame).first(30));
+  { const Descriptor closed = std::move(far_); }
+  expect_frame(frame);
+  expect_frame(frame);
+  const auto end = receive();
+  ASSERT_FALSE(end);
+  EXPECT_EQ(end.error(), IoError::kClosed);
+}
+
+TEST_F(FrameStreamTest, SendsWholeFrames) {
+  const Bytes frame = frame_of(kMessageSizeMax);
+  ASSERT_TRUE(stream_.send(frame, rt::now()));
+  FrameStream other(std::move(far_), kMessageSizeMax);
+  const auto given = other.receive();
+  ASSERT_TRUE(given);
+  EXPECT_EQ(copy_of(*given), frame);
+}
+
+/// Sends until the system's buffer is full; gives how much it took.
+std::size_t fill(FrameStream& stream) {
+  const Bytes frame = frame_of(kMessageSizeMax);
+  std::size_t size = 0;
+  while (true) {
+    const auto sent = stream.send(frame, MonotonicTime::min());
+    if (!sent) {
+      EXPECT_EQ(sent.error(), IoError::kFull);
+      return size;
+    }
+    size += frame.size();
+  }
+}
+
+TEST_F(FrameStreamTest, GivesUpWhenThereIsNoRoomInTime) {
+  EXPECT_GT(fill(stream_), 0u);
+  const MonotonicTime until = rt::now() + 5ms;
+  const auto sent = stream_.send(frame_of(10), until);
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kFull);
+  EXPECT_GE(rt::now(), until) << "it waited";
+}
+
+TEST_F(FrameStreamTest, WaitsForRoom) {
+  EXPECT_GT(fill(stream_), 0u);
+  std::thread reader([this] {
+    Bytes sink(1 << 20);
+    while (recv(far_.number(), sink.data(), sink.size(), MSG_DONTWAIT) > 0) {
+    }
+  });
+  EXPECT_TRUE(stream_.send(frame_of(10), rt::now() + 20s));
+  reader.join();
+}
+
+TEST_F(FrameStreamTest, SendsNothingToAPeerThatIsGone) {
+  { const Descriptor closed = std::move(far_); }
+  const auto sent = stream_.send(frame_of(10), rt::now() + 20s);
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kClosed);
+}
+
+}  // namespace
+}  // namespace rtpm::transport
