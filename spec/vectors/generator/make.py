@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Writes the vectors, or with --check says which of the files here are not what it would write."""
+
+import json
+import pathlib
+import sys
+
+sys.dont_write_bytecode = True
+
+import conversations
+import single_frames
+
+FOLDER = pathlib.Path(__file__).resolve().parent.parent
+
+
+def files():
+    yield 'constants.json', single_frames.constants()
+    yield 'headers-good.json', single_frames.headers_good()
+    yield 'headers-bad.json', single_frames.headers_bad()
+    yield 'hello.json', single_frames.hello()
+    yield 'cookie.json', single_frames.cookie()
+    yield 'welcome.json', single_frames.welcome()
+    yield 'bind-request.json', single_frames.bind_requests()
+    yield 'bind-reply.json', single_frames.bind_replies()
+    yield 'urls.json', single_frames.urls()
+    for conversation in conversations.conversations():
+        yield f'conversations/{conversation.name}.json', conversation.document()
+
+
+def lay_out(document):
+    """JSON with a line for each vector or step, so that a difference shows as few lines."""
+    parts = []
+    for key, value in document.items():
+        if isinstance(value, list) and value and key not in ('rules', 'roles'):
+            lines = ',\n  '.join(json.dumps(one, ensure_ascii=False) for one in value)
+            parts.append(f' {json.dumps(key)}: [\n  {lines}\n ]')
+        else:
+            parts.append(f' {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}')
+    return '{\n' + ',\n'.join(parts) + '\n}\n'
+
+
+def main():
+    is_check = sys.argv[1:] == ['--check']
+    if sys.argv[1:] and not is_check:
+        sys.exit('make.py takes no argument but --check')
+    wanted = {FOLDER / name: lay_out(document) for name, document in files()}
+    there = set(FOLDER.glob('*.json')) | set(FOLDER.glob('conversations/*.json'))
+    faults = []
+    for path in sorted(there | set(wanted)):
+        now = path.read_text() if path in there else None
+        if now == wanted.get(path):
+            continue
+        faults.append(str(path.relative_to(FOLDER)))
+        if is_check:
+            continue
+        if path in wanted:
+            path.write_text(wanted[path])
+        else:
+            path.unlink()
+    for fault in faults:
+        print(fault, 'differs from what make.py writes' if is_check else 'written')
+    sys.exit(1 if is_check and faults else 0)
+
+
+if __name__ == '__main__':
+    main()

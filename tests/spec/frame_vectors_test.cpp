@@ -1,0 +1,136 @@
+#include <gtest/gtest.h>
+
+#include <array>
+
+#include "rtpm/wire/client_channel.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+#include "vectors.hpp"
+
+// spec/vectors/headers-*.json and constants.json.
+namespace rtpm::spec {
+namespace {
+
+using wire::Medium;
+
+wire::Header header_of(const Json& vector) {
+  const Json& shown = vector.at("header");
+  wire::Header header;
+  header.kind = kind_named(shown.at("kind"));
+  header.priority = shown.at("priority").get<int>();
+  header.flags = shown.at("is_repeated").get<bool>() ? wire::kFlagRepeated : std::uint16_t{0};
+  header.session = wide_number(shown.at("session"));
+  header.call_id = shown.at("call_id");
+  header.service = shown.at("service");
+  header.method = shown.at("method");
+  header.status = status_named(shown.at("status"));
+  const std::size_t payload_size = vector.at("payload").get<std::string>().size() / 2;
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload_size);
+  header.budget_us = shown.at("budget_us");
+  header.sender_time_ns = wide_number(shown.at("sender_time_ns"));
+  header.trace_id = wide_number(shown.at("trace_id"));
+  return header;
+}
+
+TEST(HeaderVectors, GoodOnesAreTakenAsTheySay) {
+  const Json document = read_vectors("headers-good.json");
+  EXPECT_FALSE(document.at("vectors").empty());
+  for (const Json& vector : document.at("vectors")) {
+    SCOPED_TRACE(vector.at("name"));
+    const Bytes frame = bytes_of_hex(vector.at("hex"));
+    const auto header = wire::decode_frame(frame);
+    ASSERT_TRUE(header) << to_string(header.error());
+    EXPECT_EQ(hex_of(ConstBytes(frame).subspan(wire::kHeaderSize)), vector.at("payload"));
+    // Encoding gives each byte of a header one meaning, so equal bytes are equal fields.
+    Bytes shown(wire::kHeaderSize);
+    encode(header_of(vector), shown.data());
+    EXPECT_EQ(hex_of(shown), hex_of(ConstBytes(frame).first(wire::kHeaderSize)));
+    Bytes read(wire::kHeaderSize);
+    encode(*header, read.data());
+    EXPECT_EQ(hex_of(read), hex_of(shown));
+  }
+}
+
+/// What a side does with a frame that it is to drop.
+struct Outcome {
+  std::string dropped_as;
+  bool is_answered = false;
+  bool is_stream_ended = false;
+};
+
+Outcome at_a_server(const Bytes& frame, Medium medium) {
+  wire::ServerSessionsConfig config;
+  config.medium = medium;
+  config.epoch = 1;
+  wire::ServerSessions server(config);
+  const wire::Verdict verdict = server.on_frame(frame, {}, time_from_ns(1));
+  return {newly_dropped({}, server.counters()),
+          verdict.action == wire::Verdict::Action::kSend ||
+              verdict.action == wire::Verdict::Action::kDispatch,
+          verdict.action == wire::Verdict::Action::kHangUp};
+}
+
+Outcome at_a_client(const Bytes& frame, Medium medium) {
+  std::array<std::byte, 128> buffer{};
+  wire::ClientChannel client({.medium = medium, .client_epoch = 1}, buffer);
+  const wire::ChannelEvent event = client.on_frame(frame, time_from_ns(1));
+  return {newly_dropped({}, client.counters()),
+          event.kind != wire::ChannelEvent::Kind::kNothing &&
+              event.kind != wire::ChannelEvent::Kind::kBroken,
+          event.kind == wire::ChannelEvent::Kind::kBroken};
+}
+
+// hp-8-1: under this reason and no other; by both sides alike unless the vector names one.
+TEST(HeaderVectors, BadOnesAreDroppedForTheirReason) {
+  const Json document = read_vectors("headers-bad.json");
+  EXPECT_FALSE(document.at("vectors").empty());
+  for (const Json& vector : document.at("vectors")) {
+    const Bytes frame = bytes_of_hex(vector.at("hex"));
+    for (const std::string side : {"server", "client"}) {
+      if (vector.at("receiver") != "any" && vector.at("receiver") != side) continue;
+      for (const std::string medium : vector.at("medium")) {
+        SCOPED_TRACE(vector.at("name").get<std::string>() + " at a " + side + " of a " + medium);
+        const Outcome outcome = side == "server" ? at_a_server(frame, medium_named(medium))
+                                                 : at_a_client(frame, medium_named(medium));
+        EXPECT_EQ(outcome.dropped_as, vector.at("drop"));
+        EXPECT_FALSE(outcome.is_answered);
+        EXPECT_EQ(outcome.is_stream_ended, medium == "stream" && vector.at("ends_stream"));
+      }
+    }
+  }
+}
+
+template <class T>
+void expect_names(const Json& numbers, std::size_t count) {
+  EXPECT_EQ(numbers.size(), count);
+  for (const auto& [name, number] : numbers.items()) {
+    EXPECT_EQ(to_string(static_cast<T>(number.template get<int>())), name);
+  }
+}
+
+TEST(Constants, AreTheCodes) {
+  const Json constants = read_vectors("constants.json");
+  EXPECT_EQ(constants.at("version"), wire::kVersion);
+  EXPECT_EQ(constants.at("header_size"), wire::kHeaderSize);
+  expect_names<wire::FrameKind>(constants.at("kinds"), wire::kFrameKindLast);
+  expect_names<wire::Status>(constants.at("statuses"), wire::kStatusCount);
+  EXPECT_EQ(constants.at("flags"), (Json{{"repeated", wire::kFlagRepeated}}));
+  EXPECT_EQ(constants.at("session_service"), wire::kSessionService);
+  EXPECT_EQ(constants.at("method_bind"), wire::kMethodBind);
+
+  const auto us = [](Duration duration) { return duration.count() / 1000; };
+  const Json expected{{"datagram_frame_size_max", wire::kDatagramFrameSizeMax},
+                      {"datagram_payload_size_max", wire::kDatagramPayloadSizeMax},
+                      {"message_size_floor", wire::kMessageSizeFloor},
+                      {"message_size_ceiling", wire::kMessageSizeCeiling},
+                      {"call_window", wire::kCallWindow},
+                      {"session_idle_min_s", us(wire::kSessionIdleMin) / 1'000'000},
+                      {"cookie_span_s", us(wire::kCookieSpan) / 1'000'000},
+                      {"path_size_max", wire::kPathSizeMax},
+                      {"copy_interval_first_us", us(wire::kRetransmitIntervalFirst)},
+                      {"copy_interval_min_us", us(wire::kRetransmitIntervalMin)},
+                      {"copy_interval_max_us", us(wire::kRetransmitIntervalMax)}};
+  EXPECT_EQ(constants.at("limits"), expected);
+}
+
+}  // namespace
+}  // namespace rtpm::spec
