@@ -18,7 +18,7 @@ int LatencyHistogram::bucket_of(std::uint64_t ns) noexcept {
 std::uint64_t LatencyHistogram::upper_end_of(int bucket) noexcept {
   if (bucket < kSubCount) return static_cast<std::uint64_t>(bucket);
   const int magnitude = bucket / kSubCount - 1;
-  const auto sub = static_cast<std::uint64_t>(bucket % kSubCount + kSubCount);
+  const auto sub = static_cast<std::uint64_t>(bucket % kSubCount) + kSubCount;
   return ((sub + 1) << magnitude) - 1;
 }
 

@@ -31,8 +31,7 @@ class [[nodiscard]] expected {
   }
   template <class U = T>
   requires(std::is_constructible_v<T, U&&> && !std::is_same_v<std::remove_cvref_t<U>, expected>)
-      // NOLINTNEXTLINE(google-explicit-constructor): a function that succeeds returns its value as
-      // is.
+      // NOLINTNEXTLINE(google-explicit-constructor, bugprone-forwarding-reference-overload)
       expected(U&& value)
       : has_value_(true) {
     std::construct_at(&value_, std::forward<U>(value));
