@@ -51,15 +51,18 @@ struct Bound {
   bool is_server_declared = false;
 };
 
-// The first method of ours that the server has not, or has otherwise; null if all agree.
+// The first method of ours that the server has not, or has otherwise; null if all agree. What a
+// list that is not complete leaves out is not held against the server: a call will tell.
 const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
                                          const wire::BindReply& reply,
                                          ConstBytes payload) noexcept {
   for (const MethodDescriptor& method : ours.methods) {
-    bool is_same = false;
-    for (std::uint16_t i = 0; i < reply.method_count && !is_same; ++i) {
+    bool is_same = !reply.is_method_list_complete;
+    for (std::uint16_t i = 0; i < reply.method_count; ++i) {
       const wire::MethodEntry entry = wire::method_entry(payload, i);
-      is_same = entry.id == method.id && entry.fingerprint == method.fingerprint;
+      if (entry.id != method.id) continue;
+      is_same = entry.fingerprint == method.fingerprint;
+      break;
     }
     if (!is_same) return &method;
   }

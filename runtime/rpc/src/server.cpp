@@ -9,6 +9,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/limits.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -38,6 +39,20 @@ expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConf
     lanes[i].priority = std::max(lanes[i].priority, lanes[i].low);
   }
   return lanes;
+}
+
+expected<void, SetupError> check_limits(const ServerConfig& config) {
+  if (config.message_size_max < wire::kMessageSizeFloor ||
+      config.message_size_max > wire::kMessageSizeCeiling) {
+    return setup_error("message_size_max is " + std::to_string(config.message_size_max) +
+                       ". Remedy: choose " + std::to_string(wire::kMessageSizeFloor) + " to " +
+                       std::to_string(wire::kMessageSizeCeiling) + " bytes.");
+  }
+  if (config.session_count_max < 1 || config.session_count_max > 0xffff) {
+    return setup_error("session_count_max is " + std::to_string(config.session_count_max) +
+                       ". Remedy: choose 1 to 65535.");
+  }
+  return {};
 }
 
 class ServerImpl final : public Server {
@@ -85,6 +100,9 @@ expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std
 }
 
 expected<void, SetupError> ServerImpl::open() {
+  if (auto checked = check_limits(config_); !checked) {
+    return unexpected{in_words(config_, checked.error().text)};
+  }
   auto lanes = checked_lanes(config_.lanes);
   if (!lanes) return unexpected{in_words(config_, lanes.error().text)};
   config_.lanes = std::move(*lanes);

@@ -32,7 +32,7 @@ struct ObjectOptions {
 /// One lane: one thread with its own socket that serves the priorities from `low` up to where the
 /// next lane begins.
 struct LaneConfig {
-  std::string name;         ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
+  std::string name{};       ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
   Priority low = 0;         ///< The lowest priority it serves. One lane must begin at 0.
   Priority priority = 0;    ///< At least at which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};    ///< How it waits for traffic.
@@ -58,7 +58,8 @@ struct ServerConfig {
 class Server {
  public:
   /// Opens the sockets; nothing is served before start().   Set-up only.
-  /// Errors: an address in use or not this host's, lanes that overlap or leave out 0.
+  /// Errors: an address in use or not this host's, lanes that overlap or leave out 0, a limit that
+  /// is none of the protocol's.
   [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
 
   Server(const Server&) = delete;
