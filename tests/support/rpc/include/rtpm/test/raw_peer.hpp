@@ -1,0 +1,118 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/socket.hpp"
+#include "rtpm/wire/client_channel.hpp"
+#include "rtpm/wire/control.hpp"
+#include "rtpm/wire/header.hpp"
+
+namespace rtpm::test {
+
+using Bytes = std::vector<std::byte>;
+
+inline constexpr Duration kPatience = std::chrono::seconds{20};
+
+/// A client that sends what it is told to, frame by frame, right or wrong.
+class RawPeer {
+ public:
+  RawPeer(rpc::Transport transport, std::uint16_t port, Priority priority = 0)
+      : transport_(transport), priority_(priority) {
+    auto link =
+        transport == rpc::Transport::kTcp
+            ? transport::open_tcp_link("127.0.0.1", port, priority, 1 << 20, rt::now() + kPatience)
+            : transport::open_udp_link("127.0.0.1", port, priority);
+    EXPECT_TRUE(link) << link.error().text;
+    if (link) link_ = std::move(*link);
+  }
+
+  /// Shakes hands; false if the server refuses or does not answer.
+  [[nodiscard]] bool open() {
+    Bytes buffer(wire::kHeaderSize + 1024);
+    wire::ClientChannel channel({.medium = link_->medium(),
+                                 .client_epoch = rt::random_u64(),
+                                 .channel = 1,
+                                 .clock_domain = 0,
+                                 .message_size_max = 64 * 1024},
+                                buffer);
+    send(channel.open(priority_, rt::now() + kPatience, rt::now()));
+    while (true) {
+      const auto frame = receive(channel.next_time());
+      const wire::ChannelEvent event =
+          frame ? channel.on_frame(*frame, rt::now()) : channel.on_time(rt::now());
+      if (event.kind == wire::ChannelEvent::Kind::kSend) send(event.frame);
+      if (event.kind == wire::ChannelEvent::Kind::kReady) break;
+      if (event.kind != wire::ChannelEvent::Kind::kSend &&
+          event.kind != wire::ChannelEvent::Kind::kNothing) {
+        return false;
+      }
+    }
+    session_ = channel.session();
+    return true;
+  }
+
+  /// A call's frame; the object is number 1, the first that a server was given.
+  [[nodiscard]] Bytes call_frame(std::uint32_t call_id, std::uint16_t method,
+                                 std::string_view payload = {}, std::uint32_t service = 1) const {
+    wire::Header header;
+    header.kind = wire::FrameKind::kCall;
+    header.priority = priority_;
+    header.session = session_;
+    header.call_id = call_id;
+    header.service = service;
+    header.method = method;
+    header.budget_us = 60'000'000;
+    header.payload_size = header.message_size = static_cast<std::uint32_t>(payload.size());
+    Bytes frame(wire::kHeaderSize + payload.size());
+    wire::encode(header, frame.data());
+    std::ranges::copy(std::as_bytes(std::span(payload)), frame.begin() + wire::kHeaderSize);
+    return frame;
+  }
+
+  void send(ConstBytes bytes) { EXPECT_TRUE(link_->send(bytes)); }
+
+  /// The next frame; nothing if none came until then, or the connection ended.
+  [[nodiscard]] std::optional<Bytes> receive(MonotonicTime until = rt::now() + kPatience) {
+    while (true) {
+      const auto frame = link_->receive();
+      if (frame) return Bytes(frame->begin(), frame->end());
+      is_closed_ = frame.error() == transport::IoError::kClosed;
+      if (is_closed_ || rt::now() >= until) return std::nullopt;
+      static_cast<void>(transport::wait_readable(link_->descriptor(), until));
+    }
+  }
+  /// The header of the next frame that answers call `call_id`.
+  [[nodiscard]] std::optional<wire::Header> receive_answer(std::uint32_t call_id) {
+    while (const auto frame = receive()) {
+      const auto header = wire::decode_frame(*frame);
+      if (header && header->call_id == call_id && header->kind != wire::FrameKind::kWelcome &&
+          header->kind != wire::FrameKind::kCookie) {
+        return *header;
+      }
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
+  [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
+  [[nodiscard]] int descriptor() const noexcept { return link_->descriptor(); }
+  [[nodiscard]] rpc::Transport transport() const noexcept { return transport_; }
+
+ private:
+  rpc::Transport transport_;
+  Priority priority_;
+  std::unique_ptr<transport::Link> link_;
+  std::uint64_t session_ = 0;
+  bool is_closed_ = false;
+};
+
+}  // namespace rtpm::test

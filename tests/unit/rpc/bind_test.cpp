@@ -1,0 +1,224 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <set>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "fixture.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/limits.hpp"
+
+// What a person is told when a binding can't be had.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+std::string error_of(Node& node, const std::string& target,
+                     const InterfaceDescriptor& interface = echo::kInterface,
+                     Duration deadline = rtpm::test::kPatience) {
+  const auto bound = Binding::bind(node, target, interface, {.deadline = deadline});
+  return bound ? "" : bound.error().text;
+}
+
+std::uint16_t free_port() {
+  return transport::TcpListener::open("127.0.0.1", 0)->port();
+}
+
+class BindErrors : public testing::TestWithParam<Transport> {
+ protected:
+  Node node_{quiet_node(GetParam())};
+};
+
+INSTANTIATE_TEST_SUITE_P(Transports, BindErrors, testing::Values(Transport::kUdp, Transport::kTcp),
+                         [](const auto& row) {
+                           return row.param == Transport::kUdp ? "udp" : "tcp";
+                         });
+
+TEST_P(BindErrors, NameATargetThatIsNoUrl) {
+  expect_text(error_of(node_, "rtpm://127.0.0.1/echo"),
+              {"'rtpm://127.0.0.1/echo'", "no RTPM URL", "Remedy", "rtpm://host:port/path"});
+  expect_text(error_of(node_, "http://127.0.0.1:80/echo"), {"no RTPM URL", "Remedy"});
+}
+
+TEST_P(BindErrors, SayThatANameNeedsAResolver) {
+  expect_text(error_of(node_, "lab/arm0"), {"'lab/arm0'", "no registry", "Remedy", "Node::use"});
+}
+
+TEST_P(BindErrors, SayThatNobodyIsThere) {
+  const std::string port = std::to_string(free_port());
+  expect_text(error_of(node_, "rtpm://127.0.0.1:" + port + "/echo"),
+              {"'echo'", "rtpm://127.0.0.1:" + port, "nobody serves the address"});
+}
+
+TEST_P(BindErrors, SayThatTheObjectIsNotThere) {
+  const EchoServer server;
+  expect_text(
+      error_of(node_, server.server->url("other")),
+      {"no object 'other'", "rtpm://127.0.0.1:" + std::to_string(server.server->port()), "Remedy"});
+}
+
+TEST_P(BindErrors, SayWhatTheObjectIsInstead) {
+  const EchoServer server;
+  InterfaceDescriptor other = echo::kInterface;
+  other.name = "lab.Arm";
+  expect_text(error_of(node_, server.url(), other),
+              {"'echo'", "is a test.Echo", "not a lab.Arm", "Remedy"});
+}
+
+TEST_P(BindErrors, NameTheMethodThatDiffers) {
+  const EchoServer server;
+  auto methods = echo::kMethods;
+  methods[3].fingerprint ^= 1;
+  InterfaceDescriptor other = echo::kInterface;
+  other.fingerprint ^= 1;
+  other.methods = methods;
+  expect_text(error_of(node_, server.url(), other),
+              {"'echo'", "another test.Echo", "method 'fail' (id 4)", "Remedy", "same schema"});
+}
+
+TEST_P(BindErrors, NameTheMethodThatIsMissing) {
+  const EchoServer server;
+  std::vector<MethodDescriptor> methods(echo::kMethods.begin(), echo::kMethods.end());
+  methods.push_back({77, "newest", 1, false, {}});
+  InterfaceDescriptor newer = echo::kInterface;
+  newer.fingerprint ^= 1;
+  newer.methods = methods;
+  expect_text(error_of(node_, server.url(), newer), {"method 'newest' (id 77)", "Remedy"});
+}
+
+TEST_P(BindErrors, AreNoneWhereTheServerHasMoreMethods) {
+  const EchoServer server;
+  InterfaceDescriptor older = echo::kInterface;
+  older.fingerprint ^= 1;
+  older.methods = older.methods.first(2);
+  EXPECT_EQ(error_of(node_, server.url(), older), "");
+}
+
+TEST_P(BindErrors, SayThatEveryChannelIsInUse) {
+  const EchoServer server;
+  NodeConfig config = quiet_node(GetParam());
+  config.channel_count_max = 0;
+  Node node(config);
+  expect_text(error_of(node, server.url()), {"'echo'", "NodeConfig::channel_count_max"});
+}
+
+// Somebody has the port who says nothing.
+TEST(BindDeadline, EndsTheWaitForASilentServer) {
+  const std::uint16_t port = free_port();
+  const auto silent_udp = transport::UdpPort::open("127.0.0.1", port, 0, false);
+  const auto silent_tcp = transport::TcpListener::open("127.0.0.1", port);
+  ASSERT_TRUE(silent_udp);
+  ASSERT_TRUE(silent_tcp);
+  for (const Transport transport : {Transport::kUdp, Transport::kTcp}) {
+    Node node(quiet_node(transport));
+    const MonotonicTime begin = rt::now();
+    const std::string url = "rtpm://127.0.0.1:" + std::to_string(port) + "/echo";
+    expect_text(error_of(node, url, echo::kInterface, 20ms),
+                {"'echo'", std::to_string(port), "no reply came within the deadline"});
+    EXPECT_GE(rt::now() - begin, Duration{20ms});
+  }
+}
+
+// hp-4-6: the server speaks another version and says so.
+TEST(BindHandshake, SaysThatVersionsDiffer) {
+  const std::uint16_t number = free_port();
+  auto port = transport::UdpPort::open("127.0.0.1", number, 0, false);
+  ASSERT_TRUE(port);
+  std::thread stranger([&] {
+    Bytes buffer(2000);
+    ASSERT_TRUE(transport::wait_readable(port->descriptor(), rt::now() + rtpm::test::kPatience));
+    const auto hello = port->receive(buffer);
+    ASSERT_TRUE(hello);
+    wire::Header refusal = *wire::decode_frame(hello->bytes);
+    refusal.kind = wire::FrameKind::kRefuse;
+    refusal.status = wire::Status::kVersionUnsupported;
+    refusal.payload_size = refusal.message_size = 0;
+    Bytes frame(wire::kHeaderSize);
+    wire::encode(refusal, frame.data());
+    EXPECT_TRUE(port->send(hello->peer, frame));
+  });
+  Node node(quiet_node());
+  expect_text(error_of(node, "rtpm://127.0.0.1:" + std::to_string(number) + "/echo"),
+              {"no protocol version in common", "update"});
+  stranger.join();
+}
+
+/// A resolver that knows one name.
+class OneName final : public Resolver {
+ public:
+  explicit OneName(std::string url) : url_(std::move(url)) {}
+  expected<std::string, SetupError> resolve(std::string_view name) override {
+    if (name == "lab/echo") return url_;
+    return setup_error("name '" + std::string(name) + "' is not bound. Remedy: start its server.");
+  }
+
+ private:
+  std::string url_;
+};
+
+TEST(BindByName, AsksTheResolver) {
+  const EchoServer server;
+  OneName resolver(server.url());
+  Node node(quiet_node());
+  node.use(resolver);
+  auto bound = Binding::bind(node, "lab/echo", echo::kInterface);
+  ASSERT_TRUE(bound) << bound.error().text;
+  EXPECT_EQ(bound->url(), server.url());
+  EXPECT_EQ(error_of(node, "lab/other"),
+            "name 'lab/other' is not bound. Remedy: start its server.");
+}
+
+TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
+  OneName resolver("nonsense");
+  Node node(quiet_node());
+  node.use(resolver);
+  expect_text(error_of(node, "lab/echo"), {"'nonsense'", "no RTPM URL", "Remedy"});
+}
+
+// As many methods as no datagram's list holds: those beyond are taken on trust, and a call tells.
+TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
+  std::vector<MethodDescriptor> methods;
+  for (std::uint16_t id = 1; id <= 400; ++id)
+    methods.push_back({id, "method", id, false, {}});
+  struct Large final : Servant {
+    InterfaceDescriptor descriptor;
+    const InterfaceDescriptor& interface() const noexcept override { return descriptor; }
+    DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes, const CallContext&) override {
+      return {};
+    }
+  } servant;
+  servant.descriptor = {"test.Large", 1, "by hand", methods};
+  auto server = std::move(*Server::create(quiet_config()));
+  ASSERT_TRUE(server->add("large", servant));
+  ASSERT_TRUE(server->start());
+  Node node(quiet_node());
+  InterfaceDescriptor older{"test.Large", 2, "by hand", std::span(methods).first(399)};
+  EXPECT_EQ(error_of(node, server->url("large"), older), "");
+  methods[5].fingerprint = 77;
+  auto differing = methods;
+  servant.descriptor.methods = differing;
+  methods[5].fingerprint = 78;
+  expect_text(error_of(node, server->url("large"), older), {"method 'method' (id 6)"});
+  server->stop();
+}
+
+TEST(CallErrors, AreEachExplained) {
+  std::set<std::string_view> texts;
+  constexpr int kLast = static_cast<int>(CallError::kStopped);
+  for (int error = 0; error <= kLast; ++error) {
+    const std::string_view text = to_string(static_cast<CallError>(error));
+    EXPECT_FALSE(text.empty());
+    EXPECT_NE(text, "unknown error");
+    texts.insert(text);
+  }
+  EXPECT_EQ(texts.size(), static_cast<std::size_t>(kLast) + 1) << "each in its own words";
+  EXPECT_EQ(to_string(static_cast<CallError>(kLast + 1)), "unknown error");
+}
+
+}  // namespace
+}  // namespace rtpm::rpc

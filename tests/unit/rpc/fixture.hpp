@@ -1,0 +1,96 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/test/echo.hpp"
+#include "rtpm/test/raw_peer.hpp"
+
+/// A server with the echo servant, for the tests of what servers and bindings do by themselves.
+namespace rtpm::rpc {
+
+inline void PrintTo(CallError error, std::ostream* out) {
+  *out << to_string(error);
+}
+
+namespace test {
+
+namespace echo = rtpm::test::echo;
+using rtpm::test::await;
+using rtpm::test::Bytes;
+using rtpm::test::RawPeer;
+
+/// Lanes that block at once and are not real-time: what a test needs that is not about time.
+[[nodiscard]] inline LaneConfig quiet_lane(Priority low = 0) {
+  return {.low = low, .wait = {.strategy = rt::WaitStrategy::kBlock}};
+}
+[[nodiscard]] inline ServerConfig quiet_config(std::vector<LaneConfig> lanes = {quiet_lane()}) {
+  ServerConfig config;
+  config.name = "test";
+  config.lanes = std::move(lanes);
+  config.realtime = rt::RealtimeMode::kOff;
+  return config;
+}
+
+/// A started server of `config` with the servant under "echo".
+struct EchoServer {
+  explicit EchoServer(ServerConfig config = quiet_config(), ObjectOptions options = {}) {
+    auto created = Server::create(std::move(config));
+    EXPECT_TRUE(created) << created.error().text;
+    if (!created) return;
+    server = std::move(*created);
+    const auto added = server->add("echo", servant, options);
+    EXPECT_TRUE(added) << added.error().text;
+    const auto started = server->start();
+    EXPECT_TRUE(started) << started.error().text;
+  }
+  ~EchoServer() {
+    servant.gate().open();
+    if (server) server->stop();
+  }
+  EchoServer(const EchoServer&) = delete;
+  EchoServer& operator=(const EchoServer&) = delete;
+  [[nodiscard]] std::string url() const { return server->url("echo"); }
+
+  echo::Servant servant;
+  std::unique_ptr<Server> server;
+};
+
+[[nodiscard]] inline NodeConfig quiet_node(Transport transport = Transport::kUdp) {
+  NodeConfig config;
+  config.transport = transport;
+  config.wait.strategy = rt::WaitStrategy::kBlock;
+  config.default_deadline = rtpm::test::kPatience;
+  return config;
+}
+
+/// A binding to the server's echo; fails the test if there is none.
+[[nodiscard]] inline Binding bind_echo(Node& node, const EchoServer& server,
+                                       BindOptions options = {}) {
+  if (options.deadline == BindOptions{}.deadline) options.deadline = rtpm::test::kPatience;
+  auto bound = Binding::bind(node, server.url(), echo::kInterface, options);
+  EXPECT_TRUE(bound) << bound.error().text;
+  return std::move(*bound);
+}
+
+[[nodiscard]] inline ConstBytes bytes_of(std::string_view text) {
+  return std::as_bytes(std::span(text));
+}
+[[nodiscard]] inline std::string text_of(const ReplyLease& reply) {
+  return {reinterpret_cast<const char*>(reply.bytes().data()), reply.bytes().size()};
+}
+
+inline void expect_text(const std::string& text, const std::vector<std::string>& parts) {
+  for (const std::string& part : parts) {
+    EXPECT_NE(text.find(part), text.npos) << "'" << part << "' is not in: " << text;
+  }
+}
+
+}  // namespace test
+}  // namespace rtpm::rpc

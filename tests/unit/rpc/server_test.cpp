@@ -1,0 +1,207 @@
+#include "rtpm/rpc/server.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "fixture.hpp"
+#include "rtpm/test/child.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/url.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+
+/// The text with which the set-up fails; empty if it does not.
+std::string error_of(ServerConfig config) {
+  const auto server = Server::create(std::move(config));
+  return server ? "" : server.error().text;
+}
+
+TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
+  const auto server = Server::create(quiet_config());
+  ASSERT_TRUE(server);
+  EXPECT_NE((*server)->port(), 0);
+  EXPECT_EQ((*server)->url("lab/arm0"),
+            "rtpm://127.0.0.1:" + std::to_string((*server)->port()) + "/lab/arm0");
+  EXPECT_TRUE(wire::parse_url((*server)->url("lab/arm0")));
+  EXPECT_FALSE(transport::TcpListener::open("127.0.0.1", (*server)->port()));
+  EXPECT_FALSE(transport::UdpPort::open("127.0.0.1", (*server)->port(), 0, false));
+}
+
+TEST(ServerSetUp, SaysThatItsPortIsBusyAndWhatToDo) {
+  const auto first = Server::create(quiet_config());
+  ASSERT_TRUE(first);
+  ServerConfig config = quiet_config();
+  config.name = "second";
+  config.port = (*first)->port();
+  expect_text(error_of(config),
+              {"server 'second'", std::to_string(config.port), "Address already in use", "Remedy"});
+}
+
+TEST(ServerSetUp, SaysThatOnlyItsUdpPortIsBusy) {
+  std::uint16_t port = 0;
+  {
+    const auto listener = transport::TcpListener::open("127.0.0.1", 0);
+    ASSERT_TRUE(listener);
+    port = listener->port();
+  }
+  const auto taken = transport::UdpPort::open("127.0.0.1", port, 0, false);
+  ASSERT_TRUE(taken);
+  ServerConfig config = quiet_config();
+  config.port = port;
+  expect_text(error_of(config),
+              {"server 'test'", "UDP 127.0.0.1:" + std::to_string(port), "Remedy"});
+}
+
+TEST(ServerSetUp, SaysThatItsAddressIsNotThisHosts) {
+  ServerConfig config = quiet_config();
+  config.host = "192.0.2.1";
+  expect_text(error_of(config), {"server 'test'", "192.0.2.1", "Remedy"});
+}
+
+TEST(ServerSetUp, TakesLanesInAnyOrder) {
+  EXPECT_EQ(error_of(quiet_config({quiet_lane(20'000), quiet_lane(0), quiet_lane(100)})), "");
+}
+
+TEST(ServerSetUp, WantsAllPrioritiesServed) {
+  expect_text(error_of(quiet_config({quiet_lane(100), quiet_lane(200)})),
+              {"server 'test'", "below 100", "Remedy"});
+}
+
+TEST(ServerSetUp, WantsEachLaneToBeginElsewhere) {
+  expect_text(error_of(quiet_config({quiet_lane(0), quiet_lane(100), quiet_lane(100)})),
+              {"server 'test'", "100", "Remedy"});
+}
+
+TEST(ServerSetUp, HasALimitOfLanes) {
+  std::vector<LaneConfig> lanes;
+  for (int i = 0; i < 65; ++i)
+    lanes.push_back(quiet_lane(i));
+  expect_text(error_of(quiet_config(lanes)), {"server 'test'", "64 lanes", "Remedy"});
+}
+
+// What a person writes into a file is a person's mistake, and no bug.
+TEST(ServerSetUp, WantsItsLimitsWithinTheProtocols) {
+  for (const std::uint32_t bad :
+       {0u, wire::kMessageSizeFloor - 1, wire::kMessageSizeCeiling + 1, ~std::uint32_t{0}}) {
+    ServerConfig config = quiet_config();
+    config.message_size_max = bad;
+    expect_text(error_of(config), {"server 'test'", "message_size_max", std::to_string(bad), "1024",
+                                   "16777216", "Remedy"});
+  }
+  for (const std::uint32_t bad : {0u, 65'536u, ~std::uint32_t{0}}) {
+    ServerConfig config = quiet_config();
+    config.session_count_max = bad;
+    expect_text(error_of(config),
+                {"server 'test'", "session_count_max", std::to_string(bad), "65535", "Remedy"});
+  }
+  for (const std::uint32_t good : {wire::kMessageSizeFloor, wire::kMessageSizeCeiling}) {
+    ServerConfig config = quiet_config();
+    config.message_size_max = good;
+    config.session_count_max = 1;
+    EXPECT_EQ(error_of(config), "");
+  }
+}
+
+class ServerObjects : public testing::Test {
+ protected:
+  /// The text with which adding fails; empty if it does not.
+  std::string error_of_adding(const std::string& path, ObjectOptions options = {}) {
+    const auto added = server_->add(path, servant_, options);
+    return added ? "" : added.error().text;
+  }
+  static ServerConfig config() {
+    ServerConfig config = quiet_config();
+    config.ceiling = 20'000;
+    return config;
+  }
+
+  echo::Servant servant_;
+  std::unique_ptr<Server> server_ = std::move(*Server::create(config()));
+};
+
+TEST_F(ServerObjects, HaveWellFormedPaths) {
+  EXPECT_EQ(error_of_adding("lab/arm0"), "");
+  for (const std::string& bad : {std::string(), std::string("/lab"), std::string("lab//arm"),
+                                 std::string("lab arm"), std::string(201, 'p')}) {
+    expect_text(error_of_adding(bad), {"server 'test'", "'" + bad + "'", "malformed", "Remedy"});
+  }
+}
+
+TEST_F(ServerObjects, HavePathsOfTheirOwn) {
+  EXPECT_EQ(error_of_adding("lab/arm0"), "");
+  EXPECT_EQ(error_of_adding("lab/arm1"), "");
+  expect_text(error_of_adding("lab/arm0"), {"server 'test'", "'lab/arm0'", "in use", "Remedy"});
+}
+
+TEST_F(ServerObjects, StayBelowTheCeiling) {
+  EXPECT_EQ(error_of_adding("a", {.priority = 20'000}), "");
+  for (const PriorityModel model :
+       {PriorityModel::kClientPropagated, PriorityModel::kServerDeclared}) {
+    expect_text(error_of_adding("b", {.model = model, .priority = 20'001}),
+                {"server 'test'", "'b'", "20001", "20000", "Remedy"});
+  }
+}
+
+TEST_F(ServerObjects, AreLimitedInNumber) {
+  for (int i = 0; i < 1024; ++i)
+    ASSERT_EQ(error_of_adding("object" + std::to_string(i)), "");
+  expect_text(error_of_adding("one-more"), {"server 'test'", "'one-more'", "1024", "Remedy"});
+}
+
+TEST(ServerLife, MayEndWithoutABegin) {
+  const auto server = Server::create(quiet_config());
+  ASSERT_TRUE(server);
+  (*server)->stop();
+  (*server)->stop();
+  EXPECT_EQ((*server)->counters().call_count, 0u);
+}
+
+TEST(ServerLife, MayEndTwice) {
+  EchoServer server;
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  server.server->stop();
+  server.server->stop();
+  EXPECT_EQ(server.server->counters().call_count, 1u) << "the counters outlive the lanes";
+}
+
+TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    rtpm::test::drop_realtime_rights(RLIM_INFINITY);
+    ServerConfig config;
+    config.name = "strict";
+    config.realtime = rt::RealtimeMode::kRequire;
+    const auto server = Server::create(config);
+    if (!server) return server.error().text;
+    const auto started = (*server)->start();
+    return started ? "it started" : started.error().text;
+  });
+  expect_text(child.said, {"server 'strict'", "Remedy", "--realtime off"});
+  EXPECT_EQ(child.status, 0);
+}
+
+TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    rtpm::test::drop_realtime_rights();
+    ServerConfig config = quiet_config();
+    config.realtime = rt::RealtimeMode::kPrefer;
+    EchoServer server(config);
+    Node node(quiet_node());
+    Binding binding = bind_echo(node, server);
+    return binding.call(echo::kEcho, {}) ? "served" : "not served";
+  });
+  EXPECT_EQ(child.said, "served");
+  expect_text(child.errors, {"warning", "Remedy"});
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
