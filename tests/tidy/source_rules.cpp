@@ -102,15 +102,26 @@ bool is_added_by_cmake(const SourceFile& list, const std::vector<SourceFile>& fi
          });
 }
 
-/// Whether the CMakeLists.txt of its folder, or of one above, names a source.
-bool is_named_by_cmake(const SourceFile& file, const std::vector<SourceFile>& files) {
-  for (const SourceFile& list : files) {
-    if (!list.path.ends_with(kListName)) continue;
-    const std::string folder = list.path.substr(0, list.path.size() - kListName.size());
-    if (!file.path.starts_with(folder)) continue;
-    if (list.text.find(file.path.substr(folder.size())) != std::string::npos) return true;
+/// Whether `text` of a CMakeLists.txt names the source at `path`, in full or by a variable and the
+/// rest of its name: "${subject}_fuzz.cpp".
+bool names_source(const std::string& text, const std::string& path) {
+  if (text.find(path) != std::string::npos) return true;
+  static const std::regex kByVariable(R"(\$\{\w+\}([\w./]*\.cpp))");
+  for (std::sregex_iterator named(text.begin(), text.end(), kByVariable), end; named != end;
+       ++named) {
+    if (path.ends_with((*named)[1].str())) return true;
   }
   return false;
+}
+
+/// Whether the CMakeLists.txt of its folder, or of one above, names a source.
+bool is_named_by_cmake(const SourceFile& file, const std::vector<SourceFile>& files) {
+  return std::any_of(files.begin(), files.end(), [&](const SourceFile& list) {
+    if (!list.path.ends_with(kListName)) return false;
+    const std::string folder = list.path.substr(0, list.path.size() - kListName.size());
+    return file.path.starts_with(folder) &&
+           names_source(list.text, file.path.substr(folder.size()));
+  });
 }
 
 void check_header(const SourceFile& file, std::vector<Fault>& faults) {
