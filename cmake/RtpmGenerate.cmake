@@ -4,9 +4,10 @@
 # skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.cpp) and flatc the data types (a_generated.h).
 # Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
 # file, so an edit there regenerates. INCLUDE: further folders for `include` in schemas; RTPM's own
-# folder of schemas is always searched. LINK: libraries generated from the included schemas; RTPM's
-# own, rtpm_idl, is always linked.
-set(RTPM_IDL_DIR "${CMAKE_CURRENT_LIST_DIR}/../schema/idl" CACHE INTERNAL "RTPM's own schemas")
+# folder of schemas is always searched. An included schema must itself be among SCHEMAS, or in a
+# library that LINK names; RTPM's own, rtpm_idl, is always linked.
+cmake_path(SET RTPM_IDL_DIR NORMALIZE "${CMAKE_CURRENT_LIST_DIR}/../schema/idl")
+set(RTPM_IDL_DIR "${RTPM_IDL_DIR}" CACHE INTERNAL "RTPM's own schemas")
 
 function(rtpm_generate)
   cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET" "SCHEMAS;INCLUDE;LINK")

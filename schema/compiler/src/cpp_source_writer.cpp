@@ -172,7 +172,7 @@ std::string servant(const Model& model, const Service& service) {
   return text + "  }\n  return " + status("kNoSuchMethod") + ";\n}\n";
 }
 
-/// A helper of the generated file, there if a request is a bare struct.
+/// A function that the generated file has if a request is a bare struct.
 std::string struct_view(const Model& model) {
   bool is_needed = false;
   for (const Service& service : model.services) {

@@ -28,6 +28,25 @@ bool is_scalar_name(std::string_view name) {
   return std::find(std::begin(kScalars), std::end(kScalars), name) != std::end(kScalars);
 }
 
+/// A message that only needs other words; `@` stands for the word at the error.
+struct Wording {
+  std::string_view message{};  ///< Its begin.
+  std::string_view text{};
+  std::string_view hint{};
+};
+
+constexpr Wording kWordings[] = {
+    {"no root type set to parse json with", "expected a declaration, found @",
+     "a schema has no data in it"},
+    {"attribute name must be either identifier or string", "expected an attribute's name, found @",
+     "attributes are written (name: value, name)"},
+    {"illegal type syntax", "expected a type, found @", ""},
+    {"expecting: string constant", "expected a string, found @", "put it in quotation marks"},
+    {"must specify the underlying integer type for this enum", "the enum's integer type is missing",
+     "write `enum Name : ubyte`, or a larger type"},
+    {"Cannot assign token starting with", "@ is no value here", ""},
+};
+
 /// An error with what is needed to find its place.
 class Translation {
  public:
@@ -46,7 +65,8 @@ class Translation {
         &Translation::empty_service,     &Translation::method_form,
         &Translation::not_a_table,       &Translation::undefined_type,
         &Translation::missing_include,   &Translation::already_exists,
-        &Translation::text_error,        &Translation::missing_end,
+        &Translation::text_error,        &Translation::comment_error,
+        &Translation::reworded,          &Translation::missing_end,
         &Translation::unexpected_word,
     };
     for (const Rule rule : kRules) {
@@ -112,10 +132,10 @@ class Translation {
   [[nodiscard]] std::optional<Diagnostic> attribute_value() const {
     const bool is_kind = after("Cannot assign token starting with").has_value();
     if (!is_kind && !after("invalid number: ")) return std::nullopt;
-    // At the value, or behind it at the comma or parenthesis.
-    const std::size_t value =
-        tokens_[at_].kind == TokenKind::kPunctuation && at_ > 0 ? at_ - 1 : at_;
-    const auto parenthesis = open_bracket("(", ")", value);
+    // A number that is too large is noticed one word later, at the comma or parenthesis.
+    const bool is_behind = !is_kind && tokens_[at_].kind == TokenKind::kPunctuation && at_ > 0;
+    const std::size_t value = is_behind ? at_ - 1 : at_;
+    const auto parenthesis = open_bracket("(", ")", value > 0 ? value - 1 : 0);
     if (value < 2 || !parenthesis || *parenthesis > value || !tokens_[value - 1].is(":")) {
       return std::nullopt;
     }
@@ -308,6 +328,33 @@ class Translation {
     return at({begin, end - begin},
               "`" + source_.text().substr(begin, end - begin) + "` cannot stand here",
               "a name is made of the letters a to z and A to Z, digits and `_`");
+  }
+
+  /// Comments are no words, so their places are found in the text.
+  [[nodiscard]] std::optional<Diagnostic> comment_error() const {
+    const std::size_t cursor = source_.offset_of(error_.line, error_.column_byte);
+    if (is("end of file in comment")) {
+      const std::size_t begin = source_.text().rfind("/*");
+      return at({std::min(begin, cursor), 2}, "the comment does not end", "close it with `*/`");
+    }
+    if (is("a documentation comment should be on a line on its own")) {
+      const std::size_t begin = source_.text().rfind("///", cursor);
+      return at({std::min(begin, cursor), 3}, "a `///` comment must have a line of its own",
+                "move it above what it describes, or write `//`");
+    }
+    return std::nullopt;
+  }
+
+  [[nodiscard]] std::optional<Diagnostic> reworded() const {
+    for (const Wording& wording : kWordings) {
+      if (!error_.message.starts_with(wording.message)) continue;
+      std::string text(wording.text);
+      if (const std::size_t mark = text.find('@'); mark != std::string::npos) {
+        text.replace(mark, 1, '`' + std::string(tokens_[at_].text) + '`');
+      }
+      return here(std::move(text), std::string(wording.hint));
+    }
+    return std::nullopt;
   }
 
   [[nodiscard]] std::optional<Diagnostic> missing_end() const {

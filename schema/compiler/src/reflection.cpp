@@ -38,14 +38,17 @@ std::vector<Attribute> read_attributes(
   return attributes;
 }
 
-BaseType to_base_type(reflection::BaseType type) {
-  return static_cast<BaseType>(type);
+/// The kind in a type's slot `slot`, read as the number that it is: in bytes from elsewhere it may
+/// be none of the enumeration, which the reflection's own accessor must not be asked for.
+BaseType read_base_type(const reflection::Type& type, flatbuffers::voffset_t slot) {
+  const auto* table = reinterpret_cast<const flatbuffers::Table*>(&type);
+  return static_cast<BaseType>(table->GetField<std::uint8_t>(slot, reflection::None));
 }
 
 Type read_type(const reflection::Type* type) {
   if (type == nullptr) return {};
-  Type result{.base = to_base_type(type->base_type()),
-              .element = to_base_type(type->element()),
+  Type result{.base = read_base_type(*type, reflection::Type::VT_BASE_TYPE),
+              .element = read_base_type(*type, reflection::Type::VT_ELEMENT),
               .index = std::nullopt,
               .fixed_length = type->fixed_length()};
   if (type->index() >= 0) result.index = static_cast<std::size_t>(type->index());
@@ -88,7 +91,7 @@ Object read_object(const reflection::Object& object) {
 Enum read_enum(const reflection::Enum& enumeration) {
   Enum result{.name = to_text(enumeration.name()),
               .is_union = enumeration.is_union(),
-              .underlying = to_base_type(enumeration.underlying_type()->base_type()),
+              .underlying = read_type(enumeration.underlying_type()).base,
               .values = {},
               .documentation = read_documentation(enumeration.documentation()),
               .declaration_file = to_text(enumeration.declaration_file()),
@@ -130,7 +133,8 @@ std::optional<Service> read_service(const reflection::Service& service,
   return result;
 }
 
-bool is_index_valid(const Type& type, const Model& model) {
+bool is_valid(const Type& type, const Model& model) {
+  if (type.base > BaseType::kArray || type.element > BaseType::kArray) return false;
   const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
   if (!type.index) return !is_object;
   return *type.index < (is_object ? model.objects.size() : model.enums.size());
@@ -140,12 +144,12 @@ bool is_index_valid(const Type& type, const Model& model) {
 bool is_closed(const Model& model) {
   for (const Object& object : model.objects) {
     for (const Field& field : object.fields) {
-      if (!is_index_valid(field.type, model)) return false;
+      if (!is_valid(field.type, model)) return false;
     }
   }
   for (const Enum& enumeration : model.enums) {
     for (const EnumValue& value : enumeration.values) {
-      if (!is_index_valid(value.union_type, model)) return false;
+      if (!is_valid(value.union_type, model)) return false;
     }
   }
   return true;

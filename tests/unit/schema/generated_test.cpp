@@ -1,6 +1,7 @@
 #include <flatbuffers/flatbuffers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstring>
@@ -113,7 +114,7 @@ class TestArm final : public lab::ArmServant {
 class Generated : public testing::Test {
  protected:
   DispatchResult call(lab::ArmMethodId method, ConstBytes request = {}) {
-    std::memcpy(request_.data(), request.data(), request.size());
+    std::copy(request.begin(), request.end(), request_.begin());
     return arm_.dispatch(static_cast<std::uint16_t>(method),
                          ConstBytes{request_.data(), request.size()}, reply_, context());
   }
@@ -233,7 +234,6 @@ TEST_F(Generated, UnknownMethodIsAnswered) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-// hp-12-4
 TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   const std::array<std::byte, 25> bytes{};
   for (const std::size_t size : {0u, 1u, 23u, 25u}) {
@@ -244,7 +244,6 @@ TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-// hp-12-4
 TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
   std::array<std::byte, 32> garbage;
   garbage.fill(std::byte{0xEE});
