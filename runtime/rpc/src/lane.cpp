@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <utility>
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -44,6 +45,8 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       datagram_sessions_(datagram_config(setup.sessions)),
       stream_sessions_(stream_config(setup.sessions)),
       connections_(setup.sessions.session_count_max) {
+  // A connection that is served while it stands in the list may enter it a second time.
+  leftovers_.reserve(2 * connections_.size());
   const bool is_added = poller_.add(port_.descriptor(), kUdp);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
   // On one CPU a spinning lane would only keep its callers from running.
@@ -60,7 +63,6 @@ void Lane::run() noexcept {
       spin_end = kNever;
       continue;
     }
-    publish();
     if (config_.wait.strategy == rt::WaitStrategy::kSpin) continue;
     if (config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
       const MonotonicTime now = rt::now();
@@ -70,7 +72,6 @@ void Lane::run() noexcept {
     spin_end = kNever;
     static_cast<void>(look_around(kNever));
   }
-  publish();
 }
 
 void Lane::stop() noexcept {
@@ -108,8 +109,9 @@ bool Lane::turn() noexcept {
 // Waits for any source and serves each that has something; true if one had.
 bool Lane::look_around(MonotonicTime until) noexcept {
   streak_ = 0;
+  if (!leftovers_.empty()) until = transport::Poller::kAlready;
   const std::size_t count = poller_.wait(until, ready_);
-  bool has_served = false;
+  bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = ready_[i];
     if (source == transport::Poller::kBell || !serve_one(source)) continue;
@@ -120,8 +122,24 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   return has_served;
 }
 
+// Serves one frame of each connection that has some in its buffer.
+bool Lane::serve_leftovers() noexcept {
+  bool has_served = false;
+  const std::size_t count = leftovers_.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    const Source source = leftovers_[i];
+    connections_[source].has_leftovers = false;
+    if (serve_one(source)) has_served = true;
+  }
+  leftovers_.erase(leftovers_.begin(), leftovers_.begin() + static_cast<std::ptrdiff_t>(count));
+  return has_served;
+}
+
 bool Lane::serve_one(Source source) noexcept {
-  return source == kUdp ? serve_datagram() : serve_stream(source);
+  const bool has_served = source == kUdp ? serve_datagram() : serve_stream(source);
+  // Each time, because a lane that never rests is the one whose counters people want to see.
+  publish();
+  return has_served;
 }
 
 bool Lane::serve_datagram() noexcept {
@@ -157,8 +175,10 @@ bool Lane::serve_stream(Source source) noexcept {
       answer.empty() || connection.stream->send(answer, transport::Poller::kAlready).has_value();
   if (!is_sent) ++counters_.send_failure_count;
   if (!is_sent || verdict.action == wire::Verdict::Action::kHangUp) retire(source);
-  // Frames that lie in the buffer already would wake no poll.
-  if (connection.stream && connection.stream->has_buffered()) hot_ = source;
+  if (connection.stream && connection.stream->has_buffered()) {
+    hot_ = source;
+    if (!std::exchange(connection.has_leftovers, true)) leftovers_.push_back(source);
+  }
   return true;
 }
 
@@ -202,16 +222,16 @@ DispatchResult Lane::run_servant(Servant& servant, const wire::Request& request,
 }
 
 void Lane::adopt_waiting() noexcept {
-  has_arrivals_.store(false, std::memory_order_relaxed);
+  // An exchange, because a plain store could be seen by others after what the ring held before it:
+  // a connection that comes in between would be forgotten.
+  has_arrivals_.exchange(false, std::memory_order_acq_rel);
   while (auto stream = arriving_.pop()) {
     const auto place =
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
     if (place == connections_.end() || !poller_.add((*stream)->descriptor(), source)) {
       // The lane is full: the connection ends, which its client sees at once.
-      const bool is_given = leaving_.push(*stream);
-      RTPM_ASSERT(is_given, "as many connections fit out as in");
-      acceptor_bell_->ring();
+      give_back(*stream);
       continue;
     }
     place->stream = std::move(*stream);
@@ -227,16 +247,20 @@ void Lane::retire(Source source) noexcept {
   // Later the place is tried again: the acceptor takes connections back as they come.
   poller_.remove(connection.stream->descriptor());
   stream_sessions_.forget(connection.peer);
-  if (!leaving_.push(connection.stream)) {
-    // The acceptor is far behind. Freeing here breaks the rule against it, once, and no memory.
-    const rt::AllowAllocationScope is_allowed;
-    connection.stream.reset();
-  }
-  acceptor_bell_->ring();
+  give_back(connection.stream);
   --connection_count_;
   ++counters_.connection_lost_count;
   is_unpublished_ = true;
   if (hot_ == source) hot_ = kUdp;
+}
+
+void Lane::give_back(std::unique_ptr<transport::FrameStream>& stream) noexcept {
+  if (!leaving_.push(stream)) {
+    // The acceptor is far behind. Freeing here breaks the rule against it, once, and no memory.
+    const rt::AllowAllocationScope is_allowed;
+    stream.reset();
+  }
+  acceptor_bell_->ring();
 }
 
 void Lane::publish() noexcept {

@@ -56,6 +56,7 @@ class Lane {
   struct Connection {
     std::unique_ptr<transport::FrameStream> stream;
     wire::PeerAddress peer{};
+    bool has_leftovers = false;  ///< It stands in leftovers_.
   };
   /// Index into connections_, or kUdp.
   using Source = std::uint64_t;
@@ -64,6 +65,7 @@ class Lane {
   [[nodiscard]] bool turn() noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
+  [[nodiscard]] bool serve_leftovers() noexcept;
   [[nodiscard]] bool serve_datagram() noexcept;
   [[nodiscard]] bool serve_stream(Source source) noexcept;
   [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
@@ -73,6 +75,7 @@ class Lane {
                                            MutableBytes reply, const CallContext& context) noexcept;
   void adopt_waiting() noexcept;
   void retire(Source source) noexcept;
+  void give_back(std::unique_ptr<transport::FrameStream>& stream) noexcept;
   void publish() noexcept;
 
   LaneConfig config_;
@@ -84,6 +87,8 @@ class Lane {
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;
   std::vector<Connection> connections_;
+  /// Connections with whole frames in their buffers, which wake no poll. Sized once.
+  std::vector<Source> leftovers_;
   std::uint32_t connection_count_ = 0;
   std::uint64_t connection_serial_ = 0;
   Source hot_ = kUdp;  ///< Where the last frame came from: looked at first.

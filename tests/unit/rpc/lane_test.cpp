@@ -1,0 +1,170 @@
+#include "lane.hpp"
+
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+
+#include <array>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "fixture.hpp"
+#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+/// Keeps the server's lane busy until it is let go.
+class BusyLane {
+ public:
+  explicit BusyLane(EchoServer& server)
+      : server_(server), peer_(Transport::kUdp, server.server->port()) {
+    EXPECT_TRUE(peer_.open());
+    peer_.send(peer_.call_frame(1, echo::kHold.id));
+    EXPECT_TRUE(await([&] { return server_.servant.gate().inside_count() == 1; }));
+  }
+  void end() { server_.servant.gate().let_one_go(); }
+
+ private:
+  EchoServer& server_;
+  RawPeer peer_;
+};
+
+Bytes together(const std::vector<Bytes>& frames) {
+  Bytes all;
+  for (const Bytes& frame : frames)
+    all.insert(all.end(), frame.begin(), frame.end());
+  return all;
+}
+
+// What lies in a connection's buffer wakes no poll: a lane that turned to another connection in
+// between must come back to it before it sleeps.
+TEST(Lane, ServesAllFramesThatCameTogetherOnSeveralConnections) {
+  EchoServer server;
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (int i = 0; i < 3; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(Transport::kTcp, server.server->port()));
+    ASSERT_TRUE(peers.back()->open());
+  }
+  BusyLane busy(server);
+  for (const auto& peer : peers) {
+    peer->send(together({peer->call_frame(1, echo::kEcho.id, "first"),
+                         peer->call_frame(2, echo::kEcho.id, "second"),
+                         peer->call_frame(3, echo::kEcho.id, "third")}));
+  }
+  busy.end();
+  for (const auto& peer : peers) {
+    for (const std::uint32_t call_id : {1u, 2u, 3u}) {
+      const auto answer = peer->receive_answer(call_id);
+      ASSERT_TRUE(answer) << "call " << call_id;
+      EXPECT_EQ(answer->status, wire::Status::kOk);
+    }
+  }
+}
+
+// An overloaded server is the one that people look at.
+TEST(Lane, TellsItsCountersWhileItNeverRests) {
+  EchoServer server;
+  RawPeer peer(Transport::kUdp, server.server->port());
+  ASSERT_TRUE(peer.open());
+  echo::Gate& gate = server.servant.gate();
+  peer.send(peer.call_frame(1, echo::kHold.id));
+  for (std::uint32_t call_id = 1; call_id <= 5; ++call_id) {
+    ASSERT_TRUE(await([&] { return gate.inside_count() == 1; }));
+    EXPECT_TRUE(await([&] { return server.server->counters().call_count >= call_id - 1; }));
+    peer.send(peer.call_frame(call_id + 1, echo::kHold.id));
+    gate.let_one_go();
+    ASSERT_TRUE(peer.receive_answer(call_id));
+  }
+}
+
+/// A lane by itself, without an acceptor that would take connections back.
+class LaneAlone {
+ public:
+  explicit LaneAlone(std::uint32_t session_count_max, rt::WaitStrategy wait) {
+    LaneSetup setup;
+    setup.config.wait.strategy = wait;
+    setup.sessions.epoch = 1;
+    setup.sessions.session_count_max = session_count_max;
+    setup.sessions.message_size_max = 1024;
+    setup.objects = &objects_;
+    setup.acceptor_bell = &acceptor_bell_;
+    const auto listener = transport::TcpListener::open("127.0.0.1", 0);
+    lane_ = std::make_unique<Lane>(
+        setup,
+        std::move(*transport::UdpPort::open("127.0.0.1", listener->port(), 0, /*joins=*/false)),
+        std::move(*transport::Poller::open()));
+    thread_ = std::thread([this] { lane_->run(); });
+  }
+  ~LaneAlone() {
+    lane_->stop();
+    thread_.join();
+  }
+  LaneAlone(const LaneAlone&) = delete;
+  LaneAlone& operator=(const LaneAlone&) = delete;
+
+  /// Gives the lane a connection; the far end of it.
+  transport::Descriptor connect() {
+    std::array<int, 2> ends{};
+    EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
+    auto stream = std::make_unique<transport::FrameStream>(transport::Descriptor(ends[0]), 1024);
+    EXPECT_TRUE(await([&] { return lane_->adopt(stream); })) << "the lane takes nothing over";
+    return transport::Descriptor(ends[1]);
+  }
+  Lane& lane() { return *lane_; }
+
+ private:
+  ObjectTable objects_;
+  transport::Poller acceptor_bell_ = std::move(*transport::Poller::open());
+  std::unique_ptr<Lane> lane_;
+  std::thread thread_;
+};
+
+bool is_hung_up(const transport::Descriptor& far_end) {
+  std::byte byte{};
+  return recv(far_end.number(), &byte, 1, MSG_DONTWAIT) == 0;
+}
+
+// More connections than the lane has places for, and nobody who takes them back.
+TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
+  constexpr int kConnectionCount = 400;
+  LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
+  std::vector<transport::Descriptor> far_ends;
+  for (int i = 0; i < kConnectionCount; ++i)
+    far_ends.push_back(alone.connect());
+  EXPECT_TRUE(await([&] {
+    while (alone.lane().take_back() != nullptr) {
+    }
+    return std::ranges::count_if(far_ends, is_hung_up) == kConnectionCount - 1;
+  }));
+}
+
+TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
+  LaneAlone alone(/*session_count_max=*/8, rt::WaitStrategy::kSpin);
+  const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
+  for (int round = 0; round < 200; ++round) {
+    // Two in quick succession: the second comes while the lane takes over the first.
+    std::array far_ends{alone.connect(), alone.connect()};
+    for (const transport::Descriptor& far_end : far_ends) {
+      ASSERT_EQ(send(far_end.number(), garbage.data(), garbage.size(), MSG_NOSIGNAL),
+                static_cast<ssize_t>(garbage.size()));
+    }
+    // Only a lane that took it over ends a connection for its garbage.
+    ASSERT_TRUE(await([&] {
+      while (alone.lane().take_back() != nullptr) {
+      }
+      return std::ranges::all_of(far_ends, is_hung_up);
+    })) << "round "
+        << round;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
