@@ -12,16 +12,16 @@ namespace {
 /// When this start of the program first asked. The monotonic clock tells starts on one host apart
 /// in their order, and the clock's own identity is part of the owner's id.
 std::uint64_t epoch_of_this_start() {
-  static const auto kEpoch = static_cast<std::uint64_t>(to_ns(rt::now()));
-  return kEpoch;
+  static const auto epoch = static_cast<std::uint64_t>(to_ns(rt::now()));
+  return epoch;
 }
 
 /// Whose clock that is; drawn at random where the system does not tell, and then nobody is taken
 /// for an earlier start of another.
 std::uint64_t clock_identity() {
-  static const std::uint64_t kIdentity =
+  static const std::uint64_t identity =
       rt::clock_domain() != 0 ? rt::clock_domain() : rt::random_u64();
-  return kIdentity;
+  return identity;
 }
 
 }  // namespace

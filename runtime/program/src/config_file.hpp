@@ -21,7 +21,7 @@ struct ConfigError {
 };
 
 /// Longer files are refused, lest a wrong path fill the memory.
-inline constexpr std::size_t kConfigSizeMax = 1024 * 1024;
+inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 
 /// The lines of the file at `path`, in their order.   Set-up only.
 /// Errors: a file that can't be read, a line that is not `key = value`.

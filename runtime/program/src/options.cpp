@@ -52,9 +52,10 @@ std::string help_row(std::string_view left, std::string_view right) {
 }
 
 /// The words that an enum's values have, for an option that is one of them.
-template <class Enum, std::size_t kCount>
-Setting enum_setting(Enum& value, const std::array<Enum, kCount>& values) {
+template <class Enum, std::size_t Count>
+Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
   std::vector<std::string> words;
+  words.reserve(Count);
   for (const Enum candidate : values)
     words.emplace_back(to_string(candidate));
   return setting_of_choice(
@@ -279,8 +280,8 @@ void Options::add(std::string key, std::vector<std::string>& value, std::string 
   impl_->add(std::move(key), std::move(help), setting_of(value));
 }
 
-void Options::add_choice(std::string key, std::string& value, std::vector<std::string> choices,
-                         std::string help) {
+void Options::add_choice(std::string key, std::string& value,
+                         const std::vector<std::string>& choices, std::string help) {
   impl_->add(
       std::move(key), std::move(help),
       setting_of_choice(

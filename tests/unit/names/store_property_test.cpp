@@ -17,10 +17,11 @@ struct Answer {
   int component = 0;
   std::vector<std::string> names{};
   friend bool operator==(const Answer&, const Answer&) = default;
-  friend void PrintTo(const Answer& answer, std::ostream* out) {
-    *out << "outcome " << static_cast<int>(answer.outcome) << " at " << answer.component << ":";
+  friend std::ostream& operator<<(std::ostream& out, const Answer& answer) {
+    out << "outcome " << static_cast<int>(answer.outcome) << " at " << answer.component << ":";
     for (const std::string& name : answer.names)
-      *out << ' ' << name;
+      out << ' ' << name;
+    return out;
   }
 };
 
@@ -37,8 +38,7 @@ class Model {
   Answer bind(const Record& wished, bool replaces) {
     Record* const held = find(wished.name);
     if (held == nullptr) {
-      if (const Answer place = place_for(wished.name); place.outcome != Outcome::kDone)
-        return place;
+      if (Answer place = place_for(wished.name); place.outcome != Outcome::kDone) return place;
       if (records_.size() >= kCountMax) return {Outcome::kFull};
     } else if (held->owner.id == wished.owner.id) {
       if (wished.owner.epoch < held->owner.epoch) return about(Outcome::kStaleEpoch, wished.name);
@@ -122,7 +122,7 @@ class Model {
   }
 
   Answer missing(const std::string& name) const {
-    if (const Answer place = place_for(name); place.outcome != Outcome::kDone) return place;
+    if (Answer place = place_for(name); place.outcome != Outcome::kDone) return place;
     // The first component that no bound name shares.
     for (std::size_t end = 0, component = 0; end != std::string::npos; ++component) {
       end = name.find('/', end + 1);
@@ -147,9 +147,9 @@ Answer answer_of(const expected<T, Refusal>& result) {
 
 class StoreProperty : public testing::TestWithParam<unsigned> {
  protected:
-  template <std::size_t kCount>
-  const char* pick(const std::array<const char*, kCount>& choices) {
-    return choices[below(kCount)];
+  template <std::size_t Count>
+  const char* pick(const std::array<const char*, Count>& choices) {
+    return choices[below(Count)];
   }
   std::size_t below(std::size_t bound) {
     return std::uniform_int_distribution<std::size_t>(0, bound - 1)(random_);

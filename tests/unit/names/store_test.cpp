@@ -28,8 +28,8 @@ struct Ending {
   Outcome outcome = Outcome::kDone;
   int component = 0;
   friend bool operator==(const Ending&, const Ending&) = default;
-  friend void PrintTo(const Ending& ending, std::ostream* out) {
-    *out << outcome_text(ending.outcome, "name", 0) << " at component " << ending.component;
+  friend std::ostream& operator<<(std::ostream& out, const Ending& ending) {
+    return out << outcome_text(ending.outcome, "name", 0) << " at component " << ending.component;
   }
 };
 template <class T>

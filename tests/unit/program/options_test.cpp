@@ -48,7 +48,7 @@ struct Values {
 
 class OptionsTest : public testing::Test {
  protected:
-  ~OptionsTest() override {
+  void TearDown() override {
     for (const auto& [name, value] : environment_)
       unsetenv(name.c_str());
     if (!path_.empty()) std::filesystem::remove(path_);

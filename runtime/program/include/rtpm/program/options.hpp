@@ -67,7 +67,7 @@ class Options {
   void add(std::string key, Priority& value, std::string help);
   void add(std::string key, std::vector<std::string>& value, std::string help);
   /// Adds an option that is one of `choices`.
-  void add_choice(std::string key, std::string& value, std::vector<std::string> choices,
+  void add_choice(std::string key, std::string& value, const std::vector<std::string>& choices,
                   std::string help);
 
   /// Adds an argument that stands on the command line without a flag, in the order of adding; it

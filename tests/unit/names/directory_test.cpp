@@ -1,0 +1,290 @@
+#include "rtpm/names/directory.hpp"
+
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <thread>
+
+#include "names.rtpm.hpp"
+#include "registry_fixture.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/rt/priority.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Owner kArm{.id = 1, .epoch = 10};
+constexpr Owner kStranger{.id = 2, .epoch = 1};
+
+// Leases outlast every test, however slow its machine.
+Store::Wish wish(std::string_view name, Owner owner = kArm) {
+  return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, 1h};
+}
+
+void expect_part(const std::string& text, std::string_view part) {
+  EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is not in: " << text;
+}
+
+class DirectoryOver : public testing::TestWithParam<rpc::Transport> {
+ protected:
+  ServedRegistry registry_;
+  rpc::Node node_{{.transport = GetParam()}};
+  Directory directory_{node_, registry_.url()};
+};
+
+INSTANTIATE_TEST_SUITE_P(Transports, DirectoryOver,
+                         testing::Values(rpc::Transport::kUdp, rpc::Transport::kTcp),
+                         [](const auto& transport) {
+                           return transport.param == rpc::Transport::kUdp ? "Udp" : "Tcp";
+                         });
+
+TEST_P(DirectoryOver, BindsResolvesListsAndUnbinds) {
+  const Store::Wish arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 1h};
+  ASSERT_TRUE(directory_.bind(arm));
+  ASSERT_TRUE(directory_.bind(wish("hall/eye")));
+  const auto entry = directory_.resolve("lab/arm0");
+  ASSERT_TRUE(entry) << entry.error().text;
+  EXPECT_EQ(entry->name, arm.name);
+  EXPECT_EQ(entry->url, arm.url);
+  EXPECT_EQ(entry->interface, arm.interface);
+  EXPECT_GT(entry->lease_left, 0s);
+  EXPECT_LE(entry->lease_left, 1h);
+  const auto all = directory_.list();
+  ASSERT_TRUE(all) << all.error().text;
+  ASSERT_EQ(all->size(), 2U);
+  EXPECT_EQ(all->at(0).name, "hall/eye");
+  EXPECT_EQ(all->at(1).url, arm.url);
+  ASSERT_EQ(directory_.list("lab")->size(), 1U);
+  ASSERT_EQ(directory_.list("nowhere")->size(), 0U);
+  ASSERT_TRUE(directory_.renew("lab/arm0", kArm, 1h));
+  ASSERT_TRUE(directory_.unbind("lab/arm0", kArm));
+  EXPECT_FALSE(directory_.resolve("lab/arm0"));
+}
+
+TEST_P(DirectoryOver, TellsInWordsWhatTheRegistryRefused) {
+  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+
+  const auto taken = directory_.bind(wish("lab/arm0", kStranger));
+  ASSERT_FALSE(taken);
+  EXPECT_EQ(taken.error().outcome, Outcome::kAlreadyBound);
+  EXPECT_EQ(taken.error().holder_url, "rtpm://127.0.0.1:4711/object");
+  EXPECT_GT(taken.error().holder_lease_left, 0s);
+  expect_part(taken.error().text, "'lab/arm0' is held by another server");
+  expect_part(taken.error().text, "rtpm://127.0.0.1:4711/object");
+
+  const auto missing = directory_.resolve("lab/arm1/tip");
+  ASSERT_FALSE(missing);
+  EXPECT_EQ(missing.error().outcome, Outcome::kNotFound);
+  expect_part(missing.error().text, "nothing is at 'lab/arm1'");
+
+  EXPECT_EQ(directory_.renew("lab/arm0", kStranger, 1h).error().outcome, Outcome::kNotOwner);
+  EXPECT_EQ(directory_.unbind("lab/arm0", kStranger).error().outcome, Outcome::kNotOwner);
+  EXPECT_EQ(directory_.renew("lab/arm0", kArm, -1s).error().outcome, Outcome::kBadLease);
+  EXPECT_EQ(directory_.list("lab/").error().outcome, Outcome::kBadName);
+  EXPECT_EQ(directory_.bind({"a", "nonsense", "lab.Arm", kArm, 1h}).error().outcome,
+            Outcome::kBadUrl);
+  ASSERT_TRUE(directory_.rebind(wish("lab/arm0", kStranger)));
+  EXPECT_TRUE(directory_.unbind("lab/arm0", kStranger));
+}
+
+TEST_P(DirectoryOver, ListsHundredsOfTheLongestNames) {
+  const std::string prefix = std::string(64, 'p') + '/' + std::string(64, 'q') + '/';
+  const std::string url = "rtpm://255.255.255.255:65535/" + std::string(200, 'u');
+  const std::string interface(kInterfaceSizeMax, 'I');
+  std::vector<std::string> names;
+  for (int i = 100; i < 350; ++i) {
+    names.push_back(prefix + std::to_string(i) + std::string(61, 'x'));
+    const auto bound = directory_.bind({names.back(), url, interface, kArm, 1h});
+    ASSERT_TRUE(bound) << bound.error().text;
+  }
+  const auto listed = directory_.list(std::string(64, 'p'));
+  ASSERT_TRUE(listed) << listed.error().text;
+  ASSERT_EQ(listed->size(), names.size());
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    EXPECT_EQ(listed->at(i).name, names[i]);
+    EXPECT_EQ(listed->at(i).url, url);
+    EXPECT_EQ(listed->at(i).interface, interface);
+  }
+}
+
+TEST_P(DirectoryOver, FindsARegistryThatRestarted) {
+  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+  registry_.stop();
+  EXPECT_FALSE(directory_.resolve("lab/arm0"));
+  registry_.start();
+  const auto forgotten = directory_.resolve("lab/arm0");
+  ASSERT_FALSE(forgotten);
+  EXPECT_EQ(forgotten.error().outcome, Outcome::kNotFound) << forgotten.error().text;
+  EXPECT_TRUE(directory_.bind(wish("lab/arm0")));
+}
+
+TEST_P(DirectoryOver, SaysThatNoRegistryAnswers) {
+  const std::string url = unserved_url();
+  for (Directory directory(node_, url);
+       const auto& error :
+       {directory.resolve("lab/arm0").error(), directory.bind(wish("lab/arm0")).error()}) {
+    EXPECT_EQ(error.outcome, std::nullopt);
+    expect_part(error.text,
+                "no registry answers at " + url + ": start rtpm-registryd, or give --registry URL");
+  }
+}
+
+TEST_P(DirectoryOver, SaysThatTheUrlLeadsToNoRegistry) {
+  Directory directory(node_, registry_.server().url("another/object"));
+  const auto entry = directory.resolve("lab/arm0");
+  ASSERT_FALSE(entry);
+  expect_part(entry.error().text, "no object 'another/object'");
+}
+
+TEST_P(DirectoryOver, LetsANodeBindByName) {
+  RegistryResolver resolver(node_, registry_.url());
+  node_.use(resolver);
+  const std::string url = registry_.url();
+  ASSERT_TRUE(directory_.bind({"rtpm/registry", url, NamesClient::interface().name, kArm, 1h}));
+  auto client = NamesClient::bind(node_, "rtpm/registry");
+  ASSERT_TRUE(client) << client.error().text;
+  EXPECT_EQ(client->binding().url(), registry_.url());
+  ResolveRequestT request;
+  request.name = "rtpm/registry";
+  EXPECT_TRUE(client->resolve(request));
+
+  const auto unknown = NamesClient::bind(node_, "rtpm/registyr");
+  ASSERT_FALSE(unknown);
+  expect_part(unknown.error().text, "'rtpm/registyr' is not bound, nothing is at 'rtpm/registyr'");
+}
+
+TEST_P(DirectoryOver, AnswersAListInPagesThatFitADatagram) {
+  // Names of many lengths, so that pages end at many places.
+  for (std::size_t i = 0; i < 150; ++i) {
+    const std::string name = "n" + std::to_string(1000 + i) + std::string(i % 60, 'n');
+    const std::string url = "rtpm://h:1/" + std::string(1 + i * 7 % 190, 'u');
+    ASSERT_TRUE(directory_.bind({name, url, "I", kArm, 1h}));
+  }
+  auto client = NamesClient::bind(node_, registry_.url());
+  ASSERT_TRUE(client) << client.error().text;
+  std::string after;
+  std::size_t count = 0;
+  std::size_t largest = 0;
+  for (bool is_last = false; !is_last;) {
+    flatbuffers::FlatBufferBuilder builder;
+    builder.Finish(CreateListRequestDirect(builder, nullptr, after.c_str()));
+    const rpc::MethodDescriptor* list = nullptr;
+    for (const rpc::MethodDescriptor& method : NamesClient::interface().methods) {
+      if (method.name == "list") list = &method;
+    }
+    ASSERT_NE(list, nullptr);
+    auto reply = client->binding().call(*list, rpc::table_bytes(builder));
+    ASSERT_TRUE(reply) << rpc::to_string(reply.error());
+    ASSERT_LE(reply->bytes().size(), wire::kDatagramPayloadSizeMax);
+    ASSERT_TRUE(rpc::is_valid_table<ListReply>(reply->bytes()));
+    largest = std::max(largest, reply->bytes().size());
+    const auto* const page = flatbuffers::GetRoot<ListReply>(reply->bytes().data());
+    ASSERT_GT(page->entries()->size(), 0U);
+    count += page->entries()->size();
+    after = page->entries()->Get(page->entries()->size() - 1)->name()->str();
+    is_last = page->is_last();
+  }
+  EXPECT_EQ(count, 150U);
+  // A datagram is put to use, too.
+  EXPECT_GT(largest, wire::kDatagramPayloadSizeMax / 2);
+}
+
+TEST_P(DirectoryOver, RefusesRequestsThatAreNone) {
+  auto client = NamesClient::bind(node_, registry_.url());
+  ASSERT_TRUE(client) << client.error().text;
+  const std::vector<std::byte> garbage(200, std::byte{0xa5});
+  const auto expect_bad_request = [](const auto& reply) {
+    ASSERT_FALSE(reply);
+    EXPECT_EQ(reply.error(), rpc::CallError::kBadRequest);
+  };
+  for (const std::size_t size : {0U, 3U, 8U, 200U}) {
+    const ConstBytes request = ConstBytes(garbage).first(size);
+    expect_bad_request(client->bind_encoded(request));
+    expect_bad_request(client->renew_encoded(request));
+    expect_bad_request(client->resolve_encoded(request));
+    expect_bad_request(client->list_encoded(request));
+    expect_bad_request(client->unbind_encoded(request));
+  }
+  // A table that lacks what is required is none, either.
+  flatbuffers::FlatBufferBuilder builder;
+  builder.Finish(flatbuffers::Offset<BindRequest>(builder.EndTable(builder.StartTable())));
+  expect_bad_request(client->bind_encoded(rpc::table_bytes(builder)));
+  // Every byte that a name may not have is refused by the store, and the registry lives on.
+  ResolveRequestT request;
+  request.name = std::string("lab/\0\xff\x1b", 7);
+  const auto reply = client->resolve(request);
+  ASSERT_TRUE(reply);
+  EXPECT_EQ((*reply)->answer()->outcome(), OutcomeCode::BadName);
+  EXPECT_EQ((*reply)->answer()->component(), 1);
+  request.name = std::string(1000, '/');
+  EXPECT_EQ((*client->resolve(request))->answer()->outcome(), OutcomeCode::BadName);
+  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+}
+
+TEST(Directory, GivesUpOnARegistryThatIsSilent) {
+  // A socket that takes everything in and never answers.
+  const int silent = socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof address;
+  ASSERT_EQ(bind(silent, reinterpret_cast<sockaddr*>(&address), size), 0);
+  ASSERT_EQ(getsockname(silent, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  rpc::Node node({.transport = rpc::Transport::kUdp});
+  const std::string url = "rtpm://127.0.0.1:" + std::to_string(ntohs(address.sin_port)) + "/r";
+  Directory directory(node, url, 20ms);
+  const auto entry = directory.resolve("lab/arm0");
+  ASSERT_FALSE(entry);
+  expect_part(entry.error().text, "no registry answers at " + url);
+  close(silent);
+}
+
+TEST(Directory, ServesSeveralLanesAndCallersAtOnce) {
+  ServedRegistry registry({}, {{.name = "low"}, {.name = "high", .low = 16000}});
+  rpc::Node node;
+  Directory directory(node, registry.url());
+  std::vector<std::thread> callers;
+  callers.reserve(4);
+  for (int caller = 0; caller < 4; ++caller) {
+    callers.emplace_back([&directory, caller] {
+      // Two callers in either lane.
+      set_current_priority(Priority{caller * 10000});
+      for (int i = 0; i < 25; ++i) {
+        const std::string name = "caller" + std::to_string(caller) + "/" + std::to_string(i);
+        const auto bound = directory.bind(wish(name));
+        EXPECT_TRUE(bound) << bound.error().text;
+        EXPECT_TRUE(directory.resolve(name));
+      }
+    });
+  }
+  for (std::thread& caller : callers)
+    caller.join();
+  EXPECT_EQ(directory.list()->size(), 100U);
+}
+
+TEST(Directory, RefusesMoreNamesThanTheLimits) {
+  ServedRegistry registry({.name_count_max = 3, .name_count_per_owner_max = 2});
+  rpc::Node node;
+  Directory directory(node, registry.url());
+  ASSERT_TRUE(directory.bind(wish("a")));
+  ASSERT_TRUE(directory.bind(wish("b")));
+  EXPECT_EQ(directory.bind(wish("c")).error().outcome, Outcome::kOwnerFull);
+  ASSERT_TRUE(directory.bind(wish("c", kStranger)));
+  EXPECT_EQ(directory.bind(wish("d", {3, 1})).error().outcome, Outcome::kFull);
+}
+
+TEST(Owner, IsTheServerWhateverTheObject) {
+  const Owner owner = owner_of("rtpm://127.0.0.1:4711/lab/arm0");
+  EXPECT_NE(owner.id, 0U);
+  EXPECT_EQ(owner_of("rtpm://127.0.0.1:4711/lab/arm1"), owner);
+  EXPECT_NE(owner_of("rtpm://127.0.0.1:4712/lab/arm0").id, owner.id);
+  EXPECT_NE(owner_of("rtpm://127.0.0.2:4711/lab/arm0").id, owner.id);
+}
+
+}  // namespace
+}  // namespace rtpm::names

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/names/defaults.hpp"
+#include "rtpm/names/servant.hpp"
+#include "rtpm/rpc/server.hpp"
+
+namespace rtpm::names {
+
+/// A server with one object at the registry's path, which a test may end and start again at the
+/// same address.
+class ServedRegistry {
+ public:
+  explicit ServedRegistry(Limits limits = {}, std::vector<rpc::LaneConfig> lanes = {})
+      : limits_(limits), lanes_(std::move(lanes)) {
+    start();
+  }
+  /// Serves `servant` in a registry's place; it must outlive this.
+  explicit ServedRegistry(rpc::Servant& servant) : other_(&servant) { start(); }
+
+  void start() {
+    if (other_ == nullptr) servant_ = make_servant(limits_);
+    auto server = rpc::Server::create(
+        {.name = "registry", .port = port_, .lanes = lanes_, .realtime = rt::RealtimeMode::kOff});
+    ASSERT_TRUE(server) << server.error().text;
+    server_ = std::move(*server);
+    const auto added = server_->add(kRegistryPath, other_ != nullptr ? *other_ : *servant_);
+    ASSERT_TRUE(added) << added.error().text;
+    const auto started = server_->start();
+    ASSERT_TRUE(started) << started.error().text;
+    port_ = server_->port();
+  }
+  /// Ends the server with all its names.
+  void stop() {
+    server_.reset();
+    servant_.reset();
+  }
+
+  [[nodiscard]] std::string url() const {
+    return "rtpm://127.0.0.1:" + std::to_string(port_) + "/" + std::string(kRegistryPath);
+  }
+  [[nodiscard]] rpc::Server& server() { return *server_; }
+
+ private:
+  Limits limits_{};
+  std::vector<rpc::LaneConfig> lanes_{};
+  rpc::Servant* other_ = nullptr;
+  std::uint16_t port_ = 0;
+  std::unique_ptr<rpc::Servant> servant_;
+  std::unique_ptr<rpc::Server> server_;
+};
+
+/// A URL at which nobody serves: its port was free a moment ago.
+[[nodiscard]] inline std::string unserved_url() {
+  ServedRegistry registry;
+  registry.stop();
+  return registry.url();
+}
+
+}  // namespace rtpm::names
