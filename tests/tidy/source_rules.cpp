@@ -98,7 +98,9 @@ bool is_added_by_cmake(const SourceFile& list, const std::vector<SourceFile>& fi
            const std::size_t size = above.path.size() - kListName.size();
            if (!folder.starts_with(above.path.substr(0, size))) return false;
            const std::string rest = folder.substr(size, folder.size() - size - 1);
-           return above.text.find("add_subdirectory(" + rest + ")") != std::string::npos;
+           // Or a project of its own that a test builds.
+           return above.text.find("add_subdirectory(" + rest + ")") != std::string::npos ||
+                  above.text.find("_SOURCE_DIR}/" + rest + "\"") != std::string::npos;
          });
 }
 
