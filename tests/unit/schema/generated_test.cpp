@@ -234,6 +234,7 @@ TEST_F(Generated, UnknownMethodIsAnswered) {
   EXPECT_EQ(arm_.ran, "");
 }
 
+// hp-12-4
 TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   const std::array<std::byte, 25> bytes{};
   for (const std::size_t size : {0u, 1u, 23u, 25u}) {
@@ -244,6 +245,7 @@ TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   EXPECT_EQ(arm_.ran, "");
 }
 
+// hp-12-4
 TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
   std::array<std::byte, 32> garbage;
   garbage.fill(std::byte{0xEE});
