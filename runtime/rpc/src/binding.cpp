@@ -16,6 +16,12 @@
 namespace rtpm::rpc {
 namespace {
 
+// When a caller's patience ends, which may be longer than all time that is left.
+MonotonicTime deadline_after(Duration patience) noexcept {
+  const MonotonicTime now = rt::now();
+  return patience > kNever - now ? kNever : now + patience;
+}
+
 CallError error_of(wire::Status status) noexcept {
   switch (status) {
     case wire::Status::kOverload:
@@ -40,7 +46,9 @@ CallError error_of(wire::Status status) noexcept {
     default:
       break;
   }
-  return CallError::kRefused;
+  // A status of a later version may mean anything, so it promises nothing.
+  return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
+                                                                 : CallError::kBadReply;
 }
 
 // What a bind learned; true as long as the server's epoch is the same.
@@ -96,9 +104,19 @@ class Binding::Impl {
   [[nodiscard]] expected<ReplyLease, CallError> call(const MethodDescriptor& method,
                                                      ConstBytes request, const CallOptions& options,
                                                      MonotonicTime deadline) noexcept;
+  [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
+                                                  MonotonicTime deadline) noexcept;
   void remember(const Bound& value) noexcept {
     const std::lock_guard lock(writing);
     bound.write(value);
+  }
+  [[nodiscard]] Bound remembered() noexcept {
+    if (const auto value = bound.read()) return *value;
+    // We keep a less urgent thread from ending its write; waiting for it lends it our priority.
+    const std::lock_guard lock(writing);
+    const auto value = bound.read();
+    RTPM_ASSERT(value.has_value(), "a binding was bound before its first call");
+    return *value;
   }
 
   Endpoint& endpoint;
@@ -178,21 +196,21 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
                                                     MonotonicTime deadline) noexcept {
   const std::optional<Priority> wanted =
       options.priority ? options.priority : rt::current_priority();
-  // Each round follows a lost session, of which a server that keeps restarting could make many.
+  // Each round follows a lost session or connection, of which a server that keeps restarting could
+  // make many.
   constexpr int kRoundCountMax = 4;
   for (int round = 0; round < kRoundCountMax; ++round) {
-    auto now_bound = bound.read();
-    RTPM_ASSERT(now_bound.has_value(), "a binding was bound before its first call");
+    Bound now_bound = remembered();
     // hp-6.1-3
     const Priority priority =
-        now_bound->is_server_declared || !wanted ? now_bound->priority : *wanted;
+        now_bound.is_server_declared || !wanted ? now_bound.priority : *wanted;
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
     if (auto ready = channel->make_ready(priority, deadline); !ready) {
       return unexpected{ready.error()};
     }
-    if (channel->server_epoch() != now_bound->server_epoch) {
+    if (channel->server_epoch() != now_bound.server_epoch) {
       // Another life of the server: the object's number may be another's now (hp-6.1-4).
       const BindOutcome again = ask(*channel, priority, deadline);
       if (again.kind == CallOutcome::Kind::kLost) continue;
@@ -200,15 +218,18 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
         return unexpected{again.error};
       }
       remember(again.bound);
-      *now_bound = again.bound;
+      now_bound = again.bound;
     }
     const CallOutcome outcome = channel->call(
-        {now_bound->service, method.id, priority, options.trace_id, deadline}, request);
+        {now_bound.service, method.id, priority, options.trace_id, deadline}, request);
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
       return ReplyLease(outcome.payload, channel.keep());
     }
-    if (outcome.kind == CallOutcome::Kind::kFailed) return unexpected{outcome.error};
+    if (outcome.kind == CallOutcome::Kind::kFailed) {
+      if (outcome.error == CallError::kDisconnected && method.is_idempotent) continue;
+      return unexpected{outcome.error};
+    }
     // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
     // long, so it has not seen this call; a restarted one may have run it in its former life.
     const MonotonicTime begun = channel->call_begun();
@@ -217,12 +238,23 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
       return unexpected{ready.error() == CallError::kTimeout ? CallError::kTimeout
                                                              : CallError::kDisconnected};
     }
-    const bool is_same_server = channel->server_epoch() == now_bound->server_epoch;
+    const bool is_same_server = channel->server_epoch() == now_bound.server_epoch;
     if (!is_same_server || rt::now() - begun >= wire::kSessionIdleMin) {
       return unexpected{CallError::kPeerRestarted};
     }
   }
   return unexpected{CallError::kPeerRestarted};
+}
+
+expected<void, CallError> Binding::Impl::warm_up(std::span<const Priority> priorities,
+                                                 MonotonicTime deadline) noexcept {
+  for (const Priority priority : priorities) {
+    auto taken = endpoint.take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(priority, deadline); !ready) return ready;
+  }
+  return {};
 }
 
 namespace {
@@ -274,7 +306,7 @@ Transport chosen(const Node& node, const BindOptions& options) noexcept {
 expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
                                             const InterfaceDescriptor& interface,
                                             const BindOptions& options) {
-  const MonotonicTime deadline = rt::now() + options.deadline;
+  const MonotonicTime deadline = deadline_after(options.deadline);
   const auto url = resolve(node, target);
   if (!url) return unexpected{url.error()};
   const auto parts = wire::parse_url(*url);
@@ -312,7 +344,9 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   if (outcome.bound.is_server_declared || priorities.empty()) {
     priorities.push_back(outcome.bound.is_server_declared ? outcome.bound.priority : priority);
   }
-  if (auto warm = binding.warm_up(priorities); !warm) return unexpected{warm.error()};
+  if (auto warm = binding.impl_->warm_up(priorities, deadline); !warm) {
+    return setup_error(explain({.error = warm.error()}, interface, parts->path, *url));
+  }
   return binding;
 }
 
@@ -325,24 +359,13 @@ expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, Co
                                               const CallOptions& options) noexcept {
   const Duration patience = options.deadline.value_or(
       method.default_deadline > Duration{0} ? method.default_deadline : impl_->default_deadline);
-  return impl_->call(method, request, options, rt::now() + patience);
+  return impl_->call(method, request, options, deadline_after(patience));
 }
 
 expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {
-  const MonotonicTime deadline = rt::now() + impl_->default_deadline;
-  for (const Priority priority : priorities) {
-    auto taken = impl_->endpoint.take(priority);
-    if (!taken) {
-      return setup_error(
-          explain({.error = taken.error()}, impl_->interface, impl_->path, impl_->url));
-    }
-    TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(priority, deadline); !ready) {
-      return setup_error(
-          explain({.error = ready.error()}, impl_->interface, impl_->path, impl_->url));
-    }
-  }
-  return {};
+  const auto warm = impl_->warm_up(priorities, deadline_after(impl_->default_deadline));
+  if (warm) return {};
+  return setup_error(explain({.error = warm.error()}, impl_->interface, impl_->path, impl_->url));
 }
 
 std::string_view Binding::url() const noexcept {

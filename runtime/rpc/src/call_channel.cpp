@@ -149,6 +149,8 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
     wire::ChannelEvent event;
     if (frame) {
       event = wire_.on_frame(*frame, now);
+      // Frames that are none of ours may come without end; the deadline counts all the same.
+      if (event.kind == wire::ChannelEvent::Kind::kNothing) event = wire_.on_time(now);
     } else if (frame.error() == transport::IoError::kNothing) {
       event = wire_.on_time(now);
       is_spinning = may_spin && now < spin_end;

@@ -1,5 +1,6 @@
 #include "endpoint.hpp"
 
+#include <algorithm>
 #include <mutex>
 
 #include "rtpm/rt/memory.hpp"
@@ -25,11 +26,11 @@ Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_
       config_(config),
       client_epoch_(client_epoch),
       clock_domain_(clock_domain),
-      channels_(config.channel_count_max) {}
+      channels_(std::size_t{config.channel_count_max} * kBandCountMax) {}
 
 expected<CallChannel*, CallError> Endpoint::take(Priority priority) noexcept {
   if (CallChannel* channel = take_existing(priority)) return channel;
-  return add();
+  return add(priority);
 }
 
 CallChannel* Endpoint::take_existing(Priority priority) noexcept {
@@ -52,11 +53,20 @@ CallChannel* Endpoint::take_existing(Priority priority) noexcept {
   return nullptr;
 }
 
-expected<CallChannel*, CallError> Endpoint::add() noexcept {
+// How many channels the band of `priority` has, as far as its channels are known to be of it.
+std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noexcept {
+  return static_cast<std::size_t>(
+      std::count_if(channels_.begin(), channels_.begin() + static_cast<std::ptrdiff_t>(count),
+                    [&](const auto& c) { return c->serves(priority) || c->is_new(); }));
+}
+
+expected<CallChannel*, CallError> Endpoint::add(Priority priority) noexcept {
   const rt::AllowAllocationScope is_allowed;
   const std::lock_guard lock(adding_);
   const std::size_t count = channel_count_.load(std::memory_order_relaxed);
-  if (count == channels_.size()) return unexpected{CallError::kNoChannel};
+  if (count == channels_.size() || count_for(priority, count) >= config_.channel_count_max) {
+    return unexpected{CallError::kNoChannel};
+  }
   channels_[count] = std::make_unique<CallChannel>(address_, config_, client_epoch_,
                                                    ++channel_serial, clock_domain_);
   CallChannel* channel = channels_[count].get();

@@ -14,6 +14,9 @@ namespace rtpm::rpc {
 /// Threads: any, several at once.
 class Endpoint {
  public:
+  /// As many bands as a server of ours has lanes at most.
+  static constexpr std::size_t kBandCountMax = 64;
+
   Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
            std::uint64_t clock_domain);
 
@@ -26,7 +29,8 @@ class Endpoint {
 
  private:
   [[nodiscard]] CallChannel* take_existing(Priority priority) noexcept;
-  [[nodiscard]] expected<CallChannel*, CallError> add() noexcept;
+  [[nodiscard]] std::size_t count_for(Priority priority, std::size_t count) const noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority) noexcept;
 
   ServerAddress address_;
   const NodeConfig& config_;

@@ -9,7 +9,9 @@
 namespace rtpm::rpc {
 
 /// Why a call gave no result. "Not run" errors promise that the servant did not run, so that a
-/// caller may repeat even a call that must not run twice.
+/// caller may repeat even a call that must not run twice. (An idempotent method is called again by
+/// itself when the connection breaks or the server restarts; the error is then that of the last
+/// try.)
 enum class CallError : std::uint8_t {
   kTimeout,        ///< No reply within the deadline; it may have run. Check the peer and the load.
   kExpired,        ///< Not run: the deadline passed before the servant began. Allow more time.
@@ -29,7 +31,8 @@ enum class CallError : std::uint8_t {
   kTooLarge,            ///< The request (not run) or the reply (run) exceeds the session's limit.
   kPriorityNotAllowed,  ///< Not run: above the ceiling granted to this session. Call at a lower
                         ///< one.
-  kBadReply,            ///< It ran, but the reply is not what the schema says. Schemas differ.
+  kBadReply,            ///< It may have run; the reply is not what schema or protocol say. Schemas
+                        ///< differ, or the server is of a later version.
   kStopped,             ///< The node is stopping; it may have run.
 };
 
