@@ -70,6 +70,7 @@ TEST_P(BindErrors, SayWhatTheObjectIsInstead) {
               {"'echo'", "is a test.Echo", "not a lab.Arm", "Remedy"});
 }
 
+// hp-6.1-2
 TEST_P(BindErrors, NameTheMethodThatDiffers) {
   const EchoServer server;
   auto methods = echo::kMethods;
@@ -81,6 +82,7 @@ TEST_P(BindErrors, NameTheMethodThatDiffers) {
               {"'echo'", "another test.Echo", "method 'fail' (id 4)", "Remedy", "same schema"});
 }
 
+// hp-6.1-2
 TEST_P(BindErrors, NameTheMethodThatIsMissing) {
   const EchoServer server;
   std::vector<MethodDescriptor> methods(echo::kMethods.begin(), echo::kMethods.end());
@@ -91,6 +93,7 @@ TEST_P(BindErrors, NameTheMethodThatIsMissing) {
   expect_text(error_of(node_, server.url(), newer), {"method 'newest' (id 77)", "Remedy"});
 }
 
+// hp-6.1-2
 TEST_P(BindErrors, AreNoneWhereTheServerHasMoreMethods) {
   const EchoServer server;
   InterfaceDescriptor older = echo::kInterface;
