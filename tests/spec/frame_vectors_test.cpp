@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <fstream>
+#include <map>
+#include <regex>
 
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/server_sessions.hpp"
@@ -130,6 +133,27 @@ TEST(Constants, AreTheCodes) {
                       {"copy_interval_min_us", us(wire::kRetransmitIntervalMin)},
                       {"copy_interval_max_us", us(wire::kRetransmitIntervalMax)}};
   EXPECT_EQ(constants.at("limits"), expected);
+}
+
+/// The first two cells of each row of the tables in the page's section `anchor`, as name and
+/// number.
+std::map<std::string, int> numbers_on_the_page(const std::string& anchor) {
+  static const std::regex kRow(R"(^\| ([0-9]+) \| (\w+) \|.*)");
+  std::ifstream page(RTPM_SPEC_DIR "/hprotocol.md");
+  std::map<std::string, int> numbers;
+  bool is_inside = false;
+  for (std::string line; std::getline(page, line);) {
+    std::smatch cells;
+    if (line.starts_with("#")) is_inside = line.ends_with("{#" + anchor + "}");
+    if (is_inside && std::regex_match(line, cells, kRow)) numbers[cells[2]] = std::stoi(cells[1]);
+  }
+  return numbers;
+}
+
+TEST(Constants, AreThePages) {
+  const Json constants = read_vectors("constants.json");
+  EXPECT_EQ(Json(numbers_on_the_page("hp-3")), constants.at("kinds"));
+  EXPECT_EQ(Json(numbers_on_the_page("hp-7")), constants.at("statuses"));
 }
 
 }  // namespace
