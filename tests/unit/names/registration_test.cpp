@@ -193,13 +193,12 @@ TEST_F(RegistrationTest, SaysWhatIsWrongWithWhatItWasGiven) {
   expect_part(nowhere.error().text, "start rtpm-registryd, or give --registry URL");
 }
 
-/// A registry that binds once, and from then on has nothing but refusals.
-class RefusingRegistry final : public NamesServant {
+/// A registry that does or refuses what it is told to.
+class WilfulRegistry final : public NamesServant {
  public:
   rpc::Result<void> bind(const BindRequest&, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext&) override {
-    const bool is_first = bind_count.fetch_add(1) == 0;
-    const Answer answer{is_first ? OutcomeCode::Done : OutcomeCode::AlreadyBound, 0};
+    const Answer answer{is_refusing ? OutcomeCode::AlreadyBound : OutcomeCode::Done, 0};
     reply.finish(CreateBindReply(reply.builder(), &answer));
     return {};
   }
@@ -208,7 +207,8 @@ class RefusingRegistry final : public NamesServant {
     return unexpected{rpc::Refusal::kFailed};
   }
   rpc::Result<Answer> renew(const RenewRequest&, const rpc::CallContext&) override {
-    return Answer{OutcomeCode::NotOwner, 0};
+    ++renewal_count;
+    return Answer{is_refusing ? OutcomeCode::NotOwner : OutcomeCode::Done, 0};
   }
   rpc::Result<void> resolve(const ResolveRequest&, rpc::ReplyBuilder<ResolveReply>&,
                             const rpc::CallContext&) override {
@@ -222,19 +222,31 @@ class RefusingRegistry final : public NamesServant {
     return Answer{OutcomeCode::Done, 0};
   }
 
-  std::atomic<int> bind_count{0};
+  std::atomic<bool> is_refusing{false};
+  std::atomic<int> renewal_count{0};
 };
 
-TEST(Registration, ReportsALossOnceHoweverOftenItTries) {
-  RefusingRegistry servant;
+TEST(Registration, ReportsLossAndReturnOnceHoweverOftenItRenews) {
+  WilfulRegistry servant;
   ServedRegistry registry(servant);
+  const auto await_renewals = [&](int count) {
+    return await([&, end = servant.renewal_count + count] { return servant.renewal_count >= end; });
+  };
   rpc::Node node;
   Reports reports;
   const auto registration =
       Registration::create(node, registry.url(), kName, kUrl, kInterface, 100ms, reports.taker());
   ASSERT_TRUE(registration) << registration.error().text;
-  EXPECT_TRUE(await([&] { return servant.bind_count >= 6; }));
+  ASSERT_TRUE(await_renewals(2));
+  EXPECT_EQ(reports.await(0).size(), 0U);
+  servant.is_refusing = true;
   EXPECT_EQ(reports.await(1).size(), 1U);
+  ASSERT_TRUE(await_renewals(4));
+  EXPECT_EQ(reports.await(1).size(), 1U);
+  servant.is_refusing = false;
+  EXPECT_EQ(reports.await(2).size(), 2U);
+  ASSERT_TRUE(await_renewals(4));
+  EXPECT_EQ(reports.await(2).size(), 2U);
 }
 
 }  // namespace
