@@ -93,6 +93,8 @@ class Loop {
   void record_call(LatencyHistogram& histogram, Duration latency) noexcept;
   void fail(rpc::CallError error, MonotonicTime now) noexcept;
 
+  Latest<Live> live_{};
+  SpscRing<Duration, 8192> cycles_{};
   gvd::DeviceClient& device_;
   LoopConfig config_;
   rpc::CallOptions call_{};
@@ -100,8 +102,6 @@ class Loop {
   Live view_{};
   std::optional<MonotonicTime> failing_since_{};
   std::optional<rpc::CallError> loss_{};
-  Latest<Live> live_{};
-  SpscRing<Duration, 8192> cycles_{};
   std::atomic<bool> is_stopping_{false};
   std::atomic<bool> is_over_{false};
   rt::Thread thread_{};

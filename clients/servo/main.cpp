@@ -1,5 +1,7 @@
 // rtpm-servo: the haptic servo of the paper's §3.1. It renders a virtual wall on a haptic device,
 // wherever that is, and measures every cycle.
+#include <algorithm>
+#include <cstddef>
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -20,6 +22,7 @@ namespace {
 
 constexpr int kSetUpFailed = 1;
 constexpr int kDeviceLost = 3;
+constexpr std::size_t kLineSizeMax = 79;
 
 int fail(int exit_code, std::string_view text) {
   std::fprintf(stderr, "rtpm-servo: %.*s\n", static_cast<int>(text.size()), text.data());
@@ -43,7 +46,9 @@ void watch(Loop& loop, const program::StopSignal& stop, const std::string& live)
     const auto view = loop.live();
     if (live == "off" || now < next || !view) continue;
     next = now + pause;
-    const std::string text = live_text(*view, *cycles, now - begin);
+    std::string text = live_text(*view, *cycles, now - begin);
+    // A line that wraps can't be rewritten.
+    if (is_rewriting) text.resize(std::min(text.size(), kLineSizeMax));
     std::printf(is_rewriting ? "\r\033[K%s" : "%s\n", text.c_str());
     std::fflush(stdout);
   }

@@ -36,10 +36,10 @@ std::string row(const char* name, const LatencyHistogram& histogram) {
 
 std::string live_text(const Live& live, const LatencyHistogram& cycles, Duration since_start) {
   const driver::Vector3& at = live.sample.pose.position_m;
-  std::string line = text(
-      "%6.1f s  at %+6.1f %+6.1f %+6.1f mm  force %5.2f N  %-7s  cycle p50 %5.1f us",
-      std::chrono::duration<double>(since_start).count(), at.x * 1e3, at.y * 1e3, at.z * 1e3,
-      live.force_newton.z, live.depth_m > 0 ? "contact" : "free", to_us(cycles.percentile(50)));
+  std::string line = text("%6.1f s  at %+6.1f %+6.1f %+6.1f mm  force %5.2f N  %-7s  p50 %5.1f us",
+                          std::chrono::duration<double>(since_start).count(), at.x * 1e3,
+                          at.y * 1e3, at.z * 1e3, live.force_newton.z,
+                          live.depth_m > 0 ? "contact" : "free", to_us(cycles.percentile(50)));
   if (live.failed_count > 0) {
     line += text("  failed calls %llu", static_cast<unsigned long long>(live.failed_count));
   }

@@ -6,7 +6,7 @@
 namespace rtpm::device_sim {
 namespace {
 
-constexpr double kSlice_s = 0.001;
+constexpr double kSliceSeconds = 0.001;
 
 Eigen::Vector3d to_eigen(const driver::Vector3& vector) noexcept {
   return {vector.x, vector.y, vector.z};
@@ -29,7 +29,7 @@ void Arm::step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept
   }
   const Duration span = std::clamp(elapsed, Duration{0}, kStepMax);
   const double span_s = std::chrono::duration<double>(span).count();
-  const auto slice_count = static_cast<int>(std::ceil(span_s / kSlice_s));
+  const auto slice_count = static_cast<int>(std::ceil(span_s / kSliceSeconds));
   for (int slice = 0; slice < slice_count; ++slice)
     step_slice(span_s / slice_count);
 }

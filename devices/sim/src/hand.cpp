@@ -8,14 +8,14 @@ namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kPressHz = 0.5;
-constexpr double kPressMiddle_m = 0.005;
-constexpr double kPressReach_m = 0.020;
+constexpr double kPressMiddleMetres = 0.005;
+constexpr double kPressReachMetres = 0.020;
 constexpr double kFigureHz = 0.11;
-constexpr double kFigureReach_m = 0.025;
+constexpr double kFigureReachMetres = 0.025;
 constexpr double kTremorHz = 9.7;
-constexpr double kTremorReach_m = 0.0001;
-constexpr double kButtonPeriod_s = 2.0;
-constexpr double kButtonPress_s = 0.2;
+constexpr double kTremorReachMetres = 0.0001;
+constexpr double kButtonPeriodSeconds = 2.0;
+constexpr double kButtonPressSeconds = 0.2;
 
 /// A number in [0, 1) that `seed` and `index` fix.   Source: the finaliser of SplitMix64.
 double fraction_of(std::uint64_t seed, std::uint64_t index) noexcept {
@@ -42,13 +42,13 @@ PressingPath::PressingPath(std::uint64_t seed) noexcept
 
 Motion PressingPath::at(double time_s) const noexcept {
   Motion motion;
-  motion.position_m.z() = kPressMiddle_m;
+  motion.position_m.z() = kPressMiddleMetres;
   // It begins at the top of a stroke, away from the plane.
-  add_swing(motion, 2, kPressReach_m, kPressHz, time_s, kTurn / 4);
-  add_swing(motion, 0, kFigureReach_m, kFigureHz, time_s, 0);
-  add_swing(motion, 1, kFigureReach_m, 2 * kFigureHz, time_s, 0);
+  add_swing(motion, 2, kPressReachMetres, kPressHz, time_s, kTurn / 4);
+  add_swing(motion, 0, kFigureReachMetres, kFigureHz, time_s, 0);
+  add_swing(motion, 1, kFigureReachMetres, 2 * kFigureHz, time_s, 0);
   for (Eigen::Index axis = 0; axis < 3; ++axis) {
-    add_swing(motion, axis, kTremorReach_m, kTremorHz, time_s, tremor_phase_rad_[axis]);
+    add_swing(motion, axis, kTremorReachMetres, kTremorHz, time_s, tremor_phase_rad_[axis]);
   }
   return motion;
 }
@@ -60,7 +60,7 @@ Motion Hand::wish_at(double time_s) const noexcept {
 
 bool Hand::is_pressing_at(double time_s) const noexcept {
   return std::holds_alternative<PressingPath>(path_) &&
-         std::fmod(time_s, kButtonPeriod_s) < kButtonPress_s;
+         std::fmod(time_s, kButtonPeriodSeconds) < kButtonPressSeconds;
 }
 
 }  // namespace rtpm::device_sim

@@ -8,8 +8,8 @@ namespace {
 
 using rtpm::driver::ExchangeStatus;
 
-constexpr double kForceMax_newton = 4.0;
-constexpr double kCount_m = 25e-6;  // The way of one encoder count.
+constexpr double kForceMaxNewton = 4.0;
+constexpr double kCountMetres = 25e-6;  // The way of one encoder count.
 
 }  // namespace
 
@@ -23,12 +23,12 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
   descriptor.frame = "lever/base";
   descriptor.axes = {{.name = "x", .is_sensed = true, .is_actuated = true}};
   descriptor.buttons = {"trigger"};
-  descriptor.limits.force_newton_max = kForceMax_newton;
+  descriptor.limits.force_newton_max = kForceMaxNewton;
   descriptor.limits.damping_newton_s_per_m = 1.0;
   descriptor.limits.stiffness_newton_per_m_max = 600;
   descriptor.workspace = {{-0.05, 0, 0}, {0.05, 0, 0}};
   descriptor.rate_hz = 1000;
-  descriptor.position_resolution_m = kCount_m;
+  descriptor.position_resolution_m = kCountMetres;
   return descriptor;
 }
 
@@ -58,11 +58,11 @@ ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
   const double wanted_newton = has_force ? command.wrench.force_newton.x : 0.0;
   // The safety filter has been here before, but what drives a motor checks for itself.
   hardware_->motor_newton = std::isfinite(wanted_newton)
-                                ? std::clamp(wanted_newton, -kForceMax_newton, kForceMax_newton)
+                                ? std::clamp(wanted_newton, -kForceMaxNewton, kForceMaxNewton)
                                 : 0.0;
 
   sample.host_time = command.cycle_time;
-  sample.pose.position_m = {hardware_->encoder_count * kCount_m, 0, 0};
+  sample.pose.position_m = {hardware_->encoder_count * kCountMetres, 0, 0};
   sample.wrench_applied.force_newton = {hardware_->motor_newton, 0, 0};
   const std::uint32_t buttons = hardware_->is_button_down ? 1 : 0;
   if (buttons != sample.buttons) ++sample.button_edges[0];

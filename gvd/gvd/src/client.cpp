@@ -32,6 +32,9 @@ class DeviceClient::Impl {
   }
   ~Impl() { static_cast<void>(release()); }
 
+  [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
+  [[nodiscard]] const driver::Descriptor& descriptor() const noexcept { return descriptor_; }
+  [[nodiscard]] Duration force_end() const noexcept { return force_end_; }
   [[nodiscard]] device::Holder holder() const noexcept {
     return device::Holder{lease_.load(std::memory_order_relaxed)};
   }
@@ -68,6 +71,7 @@ class DeviceClient::Impl {
     return stub_.release(device::Holder{lease});
   }
 
+ private:
   device::DeviceClient stub_;
   driver::Descriptor descriptor_;
   Duration hold_;
@@ -100,18 +104,18 @@ DeviceClient& DeviceClient::operator=(DeviceClient&&) noexcept = default;
 DeviceClient::~DeviceClient() = default;
 
 const driver::Descriptor& DeviceClient::descriptor() const noexcept {
-  return impl_->descriptor_;
+  return impl_->descriptor();
 }
 std::string_view DeviceClient::url() const noexcept {
-  return impl_->stub_.binding().url();
+  return impl_->stub().binding().url();
 }
 Duration DeviceClient::force_end() const noexcept {
-  return impl_->force_end_;
+  return impl_->force_end();
 }
 
 expected<driver::Sample, rpc::CallError> DeviceClient::read(
     const rpc::CallOptions& options) noexcept {
-  const auto sample = impl_->stub_.read({}, options);
+  const auto sample = impl_->stub().read({}, options);
   if (!sample) return unexpected{sample.error()};
   return from_wire(*sample);
 }
@@ -130,19 +134,19 @@ expected<void, rpc::CallError> DeviceClient::acquire(Duration patience) {
   return impl_->acquire(patience);
 }
 expected<void, rpc::CallError> DeviceClient::renew() {
-  return impl_->stub_.renew(impl_->holder());
+  return impl_->stub().renew(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::release() {
   return impl_->release();
 }
 expected<void, rpc::CallError> DeviceClient::recover() {
-  return impl_->stub_.recover(impl_->holder());
+  return impl_->stub().recover(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::activate() {
-  return impl_->stub_.activate(impl_->holder());
+  return impl_->stub().activate(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::deactivate() {
-  return impl_->stub_.deactivate(impl_->holder());
+  return impl_->stub().deactivate(impl_->holder());
 }
 
 }  // namespace rtpm::gvd

@@ -10,8 +10,8 @@
 namespace rtpm::gvd {
 namespace {
 
-constexpr double kRateMin_hz = 0.1;
-constexpr double kRateMax_hz = 10000;
+constexpr double kRateMinHz = 0.1;
+constexpr double kRateMaxHz = 10000;
 /// How long stop() may wait for a consumer that sleeps.
 constexpr Duration kNapMax = std::chrono::milliseconds{100};
 constexpr int kNoError = -1;
@@ -40,10 +40,16 @@ class DeviceConsumer::Impl {
     if (thread_.is_running()) thread_.join();
   }
 
-  std::atomic<std::uint64_t> pushed_count_{0};
-  std::atomic<std::uint64_t> unchanged_count_{0};
-  std::atomic<std::uint64_t> failed_count_{0};
-  std::atomic<int> last_error_{kNoError};
+  [[nodiscard]] DeviceConsumerCounters counters() const noexcept {
+    return {pushed_count_.load(std::memory_order_relaxed),
+            unchanged_count_.load(std::memory_order_relaxed),
+            failed_count_.load(std::memory_order_relaxed)};
+  }
+  [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept {
+    const int error = last_error_.load(std::memory_order_relaxed);
+    if (error == kNoError) return std::nullopt;
+    return static_cast<rpc::CallError>(error);
+  }
 
  private:
   void loop() {
@@ -82,6 +88,10 @@ class DeviceConsumer::Impl {
   Priority priority_;
   SampleSink& sink_;
   std::uint64_t last_sequence_ = 0;
+  std::atomic<std::uint64_t> pushed_count_{0};
+  std::atomic<std::uint64_t> unchanged_count_{0};
+  std::atomic<std::uint64_t> failed_count_{0};
+  std::atomic<int> last_error_{kNoError};
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};
 };
@@ -90,7 +100,7 @@ expected<DeviceConsumer, rpc::SetupError> DeviceConsumer::start(rpc::Node& node,
                                                                 std::string_view device,
                                                                 const DeviceConsumerConfig& config,
                                                                 SampleSink& sink) {
-  if (!(config.rate_hz >= kRateMin_hz && config.rate_hz <= kRateMax_hz)) {
+  if (!(config.rate_hz >= kRateMinHz && config.rate_hz <= kRateMaxHz)) {
     return rpc::setup_error("a consumer's rate is 0.1 to 10000 Hz");
   }
   rpc::BindOptions bind;
@@ -112,15 +122,11 @@ void DeviceConsumer::stop() noexcept {
 }
 
 DeviceConsumerCounters DeviceConsumer::counters() const noexcept {
-  return {impl_->pushed_count_.load(std::memory_order_relaxed),
-          impl_->unchanged_count_.load(std::memory_order_relaxed),
-          impl_->failed_count_.load(std::memory_order_relaxed)};
+  return impl_->counters();
 }
 
 std::optional<rpc::CallError> DeviceConsumer::last_error() const noexcept {
-  const int error = impl_->last_error_.load(std::memory_order_relaxed);
-  if (error == kNoError) return std::nullopt;
-  return static_cast<rpc::CallError>(error);
+  return impl_->last_error();
 }
 
 }  // namespace rtpm::gvd

@@ -46,7 +46,7 @@ float SuccessRate::share() const noexcept {
 
 DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key)
     : driver_(driver),
-      config_(std::move(config)),
+      config_(config),
       lease_(config_.lease, lease_key),
       filter_(config_.safety ? *config_.safety
                              : SafetyConfig::for_device(driver.describe().limits)) {}

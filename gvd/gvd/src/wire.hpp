@@ -14,13 +14,13 @@ namespace rtpm::gvd {
 /// RT: alloc-free.
 [[nodiscard]] device::Sample to_wire(const driver::Sample& sample) noexcept;
 /// A lifecycle that this program does not know yet reads as kFault.   RT: alloc-free.
-[[nodiscard]] driver::Sample from_wire(const device::Sample& sample) noexcept;
+[[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
 
 /// RT: allocates only in `builder`.
 [[nodiscard]] flatbuffers::Offset<device::Description> to_wire(
     const driver::Descriptor& descriptor, Duration period, Duration hold_max, Duration ramp,
     flatbuffers::FlatBufferBuilder& builder);
 /// Set-up only.
-[[nodiscard]] driver::Descriptor from_wire(const device::Description& description);
+[[nodiscard]] driver::Descriptor from_wire(const device::Description& wire);
 
 }  // namespace rtpm::gvd

@@ -48,8 +48,8 @@ TEST(StiffnessBound, FollowsItsFormula) {
 /// Presses a mass against the wall with 1 N, over a loop with the delays that stiffness_bound()
 /// counts; gives the fastest motion of the fourth second, in m/s: nothing once it rests.
 double buzz(const Wall& wall, double device_damping) {
-  constexpr double kMass_kg = 0.15;
-  constexpr double kSlice_s = 0.00002;
+  constexpr double kMassKg = 0.15;
+  constexpr double kSliceSeconds = 0.00002;
   constexpr int kSliceCount = 50;
   double z_m = 0.002;
   double velocity = -0.05;
@@ -62,8 +62,8 @@ double buzz(const Wall& wall, double device_damping) {
     waiting = wall.force_newton(measured);
     measured = sample_at(z_m, velocity);
     for (int slice = 0; slice < kSliceCount; ++slice) {
-      velocity += (applied_newton - 1.0 - device_damping * velocity) / kMass_kg * kSlice_s;
-      z_m += velocity * kSlice_s;
+      velocity += (applied_newton - 1.0 - device_damping * velocity) / kMassKg * kSliceSeconds;
+      z_m += velocity * kSliceSeconds;
     }
     if (cycle >= 3000) fastest = std::max(fastest, std::abs(velocity));
   }
