@@ -436,6 +436,8 @@ def repeated_hello():
     c.welcome()
     c.hello('handshake', 'cookie', channel=2, says='another channel', **way)
     c.welcome(session='session2')
+    c.hello(0x7777, 'cookie', says='another number', **way)
+    c.welcome(0x7777, 'session3')
     c.call(1, 'session', way='network to server', address='client')
     c.server_runs(1, 1, 2, '', c.now + S)
     c.call(1, 'session2', way='network to server', address='client', says='of the other session')
