@@ -116,6 +116,8 @@ def headers_bad():
     broken('flags, then length', 'reserved_set', flags=2, payload_size=16 * MIB + 1)
     broken('reserved, then length', 'reserved_set', reserved=1, payload_size=16 * MIB + 1)
     broken('length, then fragments', 'bad_length', payload_size=16 * MIB + 1, fragment_index=1)
+    add('fragments, then the size of the datagram', 'bad_fragment',
+        frame('CALL', '01020304', payload_size=3, message_size=4), ['hp-2-3'], medium=['datagram'])
     add('all bytes ff', 'bad_magic', 'ff' * 64, ['hp-2-1'])
     add('all bytes 00', 'bad_magic', '00' * 64, ['hp-2-1'])
     return dict(subject='Frames that a receiver drops for their header, and the reason.',
@@ -181,8 +183,6 @@ def hello():
         vector('no limit', ['hp-4.1-2'], refused('bad_limits'), message_size_max=0),
         vector('one byte more than the largest limit', ['hp-4.1-2'], refused('bad_limits'),
                message_size_max=16 * MIB + 1),
-        vector('version before limits', ['hp-4.1-2'], refused('version_unsupported'),
-               version_min=2, version_max=2, message_size_max=0),
     ]
     bad = other_sizes(lay_out(HELLO, **GOOD_HELLO), ['hp-4.1-1'], dropped)
     bad += reserved_set(HELLO, GOOD_HELLO, ['hp-4.1-1', 'hp-8-1'], dropped)
@@ -232,6 +232,7 @@ def welcome():
         wrong('a band above the priority', band_low=24001),
         wrong('a band from high to low', band_low=24001, band_high=24000),
         wrong('an end of the band that is no priority', band_high=32768),
+        wrong('a ceiling that is no priority', ceiling=32768),
         wrong('a version that was not offered', version=2),
     ]
     return dict(subject='Payloads of WELCOME, to a client that asked for priority 24000; with the '
