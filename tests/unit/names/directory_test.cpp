@@ -194,6 +194,7 @@ TEST_P(DirectoryOver, AnswersAListInPagesThatFitADatagram) {
   EXPECT_GT(largest, wire::kDatagramPayloadSizeMax / 2);
 }
 
+// hp-12-4
 TEST_P(DirectoryOver, RefusesRequestsThatAreNone) {
   auto client = NamesClient::bind(node_, registry_.url());
   ASSERT_TRUE(client) << client.error().text;
