@@ -29,9 +29,6 @@ foreach(candidate flatbuffers::flatbuffers flatbuffers flatbuffers::flatbuffers_
 endforeach()
 
 rtpm_require(Eigen3 libeigen3-dev NO_MODULE)
-if(RTPM_BUILD_PROGRAMS OR RTPM_BUILD_BENCH OR RTPM_BUILD_TESTS)
-  rtpm_require(CLI11 libcli11-dev CONFIG)
-endif()
 if(RTPM_BUILD_TESTS)
   rtpm_require(GTest libgtest-dev)
   rtpm_require(nlohmann_json nlohmann-json3-dev CONFIG)

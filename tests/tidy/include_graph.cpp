@@ -59,7 +59,6 @@ const std::vector<Foreign>& foreigners() {
   static const std::vector<Foreign> kForeigners{
       {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
       {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
-      {std::regex("CLI/.*"), "CLI11", {"runtime/program/src/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("benchmark/.*"), "Google Benchmark", {}},
       // program has the signals and the configuration file that every program shares.

@@ -103,6 +103,13 @@ expected<void, SetupError> ServerImpl::open() {
   if (auto checked = check_limits(config_); !checked) {
     return unexpected{in_words(config_, checked.error().text)};
   }
+  if (config_.host == "0.0.0.0") {
+    // Callers are told this address, and nobody can call 0.0.0.0.
+    return unexpected{in_words(config_,
+                               "host 0.0.0.0 is no address that callers could use. "
+                               "Remedy: give this host's own address on the network to "
+                               "be served (see: ip addr).")};
+  }
   auto lanes = checked_lanes(config_.lanes);
   if (!lanes) return unexpected{in_words(config_, lanes.error().text)};
   config_.lanes = std::move(*lanes);
