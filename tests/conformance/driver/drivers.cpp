@@ -1,5 +1,7 @@
 #include "drivers.hpp"
 
+#include <gtest/gtest.h>
+
 #include <fstream>
 #include <string>
 #include <utility>
@@ -18,7 +20,7 @@ std::unique_ptr<driver::Driver> make_sim(device_sim::SimConfig config) {
 }
 
 std::string recorded_hand() {
-  const std::string path = "driver_conformance_hand.csv";
+  const std::string path = testing::TempDir() + "driver_conformance_hand.csv";
   std::ofstream(path) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1.5,0,0.02,0.02\n";
   return path;
 }
