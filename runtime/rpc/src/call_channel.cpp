@@ -142,9 +142,14 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
   bool is_spinning = may_spin;
+  bool may_have_more = false;
   while (true) {
-    if (!is_spinning) transport::wait_readable(link_->descriptor(), wire_.next_time());
+    if (!is_spinning && !may_have_more) {
+      transport::wait_readable(link_->descriptor(), wire_.next_time());
+    }
     const auto frame = link_->receive();
+    // What came together with this one lies in the link's buffer and would wake no poll.
+    may_have_more = frame.has_value();
     now = rt::now();
     wire::ChannelEvent event;
     if (frame) {

@@ -6,7 +6,7 @@
 #include <thread>
 #include <vector>
 
-#include "fixture.hpp"
+#include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"

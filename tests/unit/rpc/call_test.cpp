@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "fixture.hpp"
+#include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -125,6 +125,24 @@ TEST(Call, EndsAtItsDeadlineThroughAFloodOfForeignFrames) {
   EXPECT_GE(rt::now() - begin, Duration{50ms});
   ASSERT_FALSE(reply);
   EXPECT_EQ(reply.error(), CallError::kTimeout);
+}
+
+// A reply that came in one segment with another frame wakes no poll of its own.
+TEST(Call, FindsItsReplyBehindAForeignFrame) {
+  FakeServer server([](transport::FrameStream& stream, wire::Header header) {
+    header.kind = wire::FrameKind::kReply;
+    header.payload_size = header.message_size = 0;
+    Bytes both(2 * wire::kHeaderSize);
+    wire::encode(header, both.data() + wire::kHeaderSize);
+    --header.call_id;
+    wire::encode(header, both.data());
+    EXPECT_TRUE(stream.send(both, rt::now() + 10s));
+  });
+  Node node(quiet_node(Transport::kTcp));
+  Binding binding = bind_to(node, server);
+  const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
+  EXPECT_TRUE(binding.call(echo::kEchoOnce, {}, {.deadline = rtpm::test::kPatience}));
+  EXPECT_LT(rt::now(), deadline) << "it was found only when there was nothing left to wait for";
 }
 
 TEST(Call, IsBrokenByGarbageOnItsConnection) {

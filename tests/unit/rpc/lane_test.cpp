@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "fixture.hpp"
+#include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"

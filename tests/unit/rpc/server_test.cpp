@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
-#include "fixture.hpp"
 #include "rtpm/test/child.hpp"
+#include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"

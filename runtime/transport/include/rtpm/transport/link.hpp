@@ -32,7 +32,8 @@ class Link {
   /// RT: alloc-free, at most one syscall, never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
 
-  /// For waiting until receive() may have something.
+  /// For waiting, after receive() had nothing, until it may have something: frames that came
+  /// together wake one poll only.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
 };

@@ -12,7 +12,7 @@
 #include "rtpm/test/echo.hpp"
 #include "rtpm/test/raw_peer.hpp"
 
-/// A server with the echo servant, for the tests of what servers and bindings do by themselves.
+/// A server with the echo servant, and nodes and bindings for it.
 namespace rtpm::rpc {
 
 inline void PrintTo(CallError error, std::ostream* out) {
