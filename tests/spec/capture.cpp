@@ -174,7 +174,6 @@ void Capture::write(const std::string& path) const {
 std::string why_no_tshark() {
   const ScratchFolder folder;
   const std::string command = "tshark --version >" + folder.file("version") + " 2>/dev/null";
-  // NOLINTNEXTLINE(cert-env33-c): the command line is ours.
   if (std::system(command.c_str()) != 0) return "needs tshark (Debian package tshark)";
   const std::string version = text_of(folder.file("version"));
   return version.find("with Lua") == std::string::npos ? "needs a tshark that was built with Lua"
@@ -192,7 +191,6 @@ std::vector<Row> dissect(const Capture& capture, const std::vector<std::string>&
   for (const std::string& field : fields)
     command += " -e " + field;
   command += " 2>'" + folder.file("errors") + "' >'" + folder.file("rows") + "'";
-  // NOLINTNEXTLINE(cert-env33-c): the command line is ours.
   const int status = std::system(command.c_str());
   EXPECT_EQ(status, 0) << command;
   EXPECT_EQ(complaints_in(text_of(folder.file("errors"))), "");
