@@ -112,7 +112,7 @@ std::string function(const Function& function, std::string_view indent) {
   }
   std::string separator;
   for (const std::string& parameter : function.parameters) {
-    text += separator + '\n' + deeper + parameter;
+    text.append(separator).append(1, '\n').append(deeper).append(parameter);
     separator = ",";
   }
   return text + ')' + function.tail + '\n';

@@ -2,8 +2,10 @@
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
+#include <span>
 #include <string>
 #include <utility>
+#include <variant>
 #include <vector>
 
 #include "command_line.hpp"
@@ -11,9 +13,8 @@
 #include "rtpm/schema/compile.hpp"
 #include "rtpm/schema/output.hpp"
 
+namespace rtpm::schema {
 namespace {
-
-using namespace rtpm::schema;
 
 constexpr int kSchemaError = 1;
 constexpr int kUsageError = 2;
@@ -23,7 +24,7 @@ int fail(const Diagnostics& errors) {
   return kSchemaError;
 }
 
-int run(const Command& command) {
+int carry_out(const Command& command) {
   CompileResult result = compile({.file = command.schema, .include_paths = command.include_paths});
   if (!result.model) return fail(result.errors);
   const Model& model = *result.model;
@@ -47,10 +48,7 @@ int run(const Command& command) {
   return 0;
 }
 
-}  // namespace
-
-int main(int argc, char** argv) {
-  const std::vector<const char*> arguments(argv + (argc > 0 ? 1 : 0), argv + argc);
+int run(std::span<const char* const> arguments) {
   const auto parsed = read_command_line(arguments, RTPM_VERSION);
   if (const auto* error = std::get_if<UsageError>(&parsed)) {
     std::fprintf(stderr, "rtpmc: error: %s\n", error->text.c_str());
@@ -60,5 +58,13 @@ int main(int argc, char** argv) {
     std::fputs(answer->text.c_str(), stdout);
     return 0;
   }
-  return run(std::get<Command>(parsed));
+  return carry_out(std::get<Command>(parsed));
+}
+
+}  // namespace
+}  // namespace rtpm::schema
+
+int main(int argc, char** argv) {
+  const std::vector<const char*> arguments(argv + (argc > 0 ? 1 : 0), argv + argc);
+  return rtpm::schema::run(arguments);
 }

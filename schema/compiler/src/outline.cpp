@@ -131,13 +131,15 @@ class OutlineReader {
     const std::string name(token().text);
     outline_.types.push_back({kind, qualified(name), token().span()});
     next();
-    note_attributes(kind + " `" + name + "`");
+    const std::string owner = kind + " `" + name + "`";
+    note_attributes(owner);
     take("{");
     while (token().kind != TokenKind::kEnd && !take("}")) {
-      const std::string field(token().text);
+      std::string field_of_owner = "field `";
+      field_of_owner.append(token().text).append("` of ").append(owner);
       while (token().kind != TokenKind::kEnd && !token().is(";") && !token().is("("))
         next();
-      note_attributes("field `" + field + "` of " + kind + " `" + name + "`");
+      note_attributes(field_of_owner);
       take(";");
     }
   }

@@ -28,6 +28,10 @@ flatbuffers::IDLOptions parser_options() {
   return options;
 }
 
+std::string qualified(const std::string& scope, const std::string& name) {
+  return scope.empty() ? name : scope + '.' + name;
+}
+
 class FailedParser final : public ParsedSoFar {
  public:
   explicit FailedParser(const flatbuffers::Parser& parser) : parser_(parser) {}
@@ -39,7 +43,7 @@ class FailedParser final : public ParsedSoFar {
       scope = parser_.current_namespace_->GetFullyQualifiedName("");
     }
     while (true) {
-      const std::string name = scope.empty() ? type : scope + '.' + type;
+      const std::string name = qualified(scope, type);
       if (const auto* object = parser_.structs_.Lookup(name); object && !object->predecl) {
         return object->fixed ? "struct" : "table";
       }

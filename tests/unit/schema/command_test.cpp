@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rtpm/schema/output.hpp"
@@ -19,10 +20,10 @@ namespace fs = std::filesystem;
 using test::read_file;
 using test::ScratchFolder;
 
-const std::string kGood =
+constexpr std::string_view kGood =
     "include \"rtpm.fbs\";\nnamespace lab;\n"
     "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty (rtpm_id: 1); }\n";
-const std::string kBad =
+constexpr std::string_view kBad =
     "include \"rtpm.fbs\";\nnamespace lab;\n"
     "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty; }\n";
 
@@ -51,7 +52,9 @@ Outcome run(const ScratchFolder& folder, const std::string& arguments) {
   return result;
 }
 
-const std::string kIdl = "-I " + quoted(RTPM_IDL_FOLDER) + ' ';
+std::string idl_flag() {
+  return "-I " + quoted(RTPM_IDL_FOLDER) + ' ';
+}
 
 std::vector<std::string> names_in(const fs::path& folder) {
   std::vector<std::string> names;
@@ -65,7 +68,7 @@ std::vector<std::string> names_in(const fs::path& folder) {
 TEST(Rtpmc, WritesTheTwoFilesIntoANewFolderWithSpaces) {
   const ScratchFolder folder;
   folder.write("a dir/my arm.fbs", kGood);
-  const Outcome result = run(folder, kIdl + "--cpp -o 'out dir/deep' 'a dir/my arm.fbs'");
+  const Outcome result = run(folder, idl_flag() + "--cpp -o 'out dir/deep' 'a dir/my arm.fbs'");
   EXPECT_EQ(result.exit_code, 0) << result.errors;
   EXPECT_EQ(result.errors, "");
   EXPECT_EQ(names_in(folder.path() / "out dir/deep").size(), 2u);
@@ -78,7 +81,7 @@ TEST(Rtpmc, WritesTheTwoFilesIntoANewFolderWithSpaces) {
 TEST(Rtpmc, SchemaErrorIsOneAndLeavesNoFile) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kBad);
-  const Outcome result = run(folder, kIdl + "--cpp -o out --depfile out/arm.d arm.fbs");
+  const Outcome result = run(folder, idl_flag() + "--cpp -o out --depfile out/arm.d arm.fbs");
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_TRUE(result.errors.starts_with("arm.fbs:3:19: error: method `stop`")) << result.errors;
   EXPECT_TRUE(names_in(folder.path() / "out").empty());
@@ -87,10 +90,10 @@ TEST(Rtpmc, SchemaErrorIsOneAndLeavesNoFile) {
 TEST(Rtpmc, SchemaErrorLeavesTheOldFilesAsTheyWere) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
-  ASSERT_EQ(run(folder, kIdl + "--cpp -o out arm.fbs").exit_code, 0);
+  ASSERT_EQ(run(folder, idl_flag() + "--cpp -o out arm.fbs").exit_code, 0);
   const std::string before = read_file(folder.path() / "out/arm.rtpm.hpp");
   folder.write("arm.fbs", kBad);
-  EXPECT_EQ(run(folder, kIdl + "--cpp -o out arm.fbs").exit_code, 1);
+  EXPECT_EQ(run(folder, idl_flag() + "--cpp -o out arm.fbs").exit_code, 1);
   EXPECT_EQ(read_file(folder.path() / "out/arm.rtpm.hpp"), before);
   EXPECT_EQ(names_in(folder.path() / "out").size(), 2u);
 }
@@ -109,13 +112,13 @@ TEST(Rtpmc, UnwritableOutputLeavesNothingBehind) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   folder.write("out", "a file where a folder should be");
-  Outcome result = run(folder, kIdl + "--cpp -o out arm.fbs");
+  Outcome result = run(folder, idl_flag() + "--cpp -o out arm.fbs");
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_TRUE(result.errors.starts_with("rtpmc: error: cannot")) << result.errors;
 
   // The second of the two files cannot be written: then the first is not there either.
   fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
-  result = run(folder, kIdl + "--cpp -o half arm.fbs");
+  result = run(folder, idl_flag() + "--cpp -o half arm.fbs");
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(names_in(folder.path() / "half"), std::vector<std::string>{"arm.rtpm.cpp"});
 }
@@ -123,8 +126,9 @@ TEST(Rtpmc, UnwritableOutputLeavesNothingBehind) {
 TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
   const ScratchFolder folder;
   folder.write("in c/base.fbs", "namespace lab; table Base { x:int; }");
-  folder.write("arm.fbs", "include \"base.fbs\";\n" + kGood);
-  const Outcome result = run(folder, kIdl + "-I 'in c' --cpp -o 'o ut' --depfile arm.d arm.fbs");
+  folder.write("arm.fbs", "include \"base.fbs\";\n" + std::string(kGood));
+  const Outcome result =
+      run(folder, idl_flag() + "-I 'in c' --cpp -o 'o ut' --depfile arm.d arm.fbs");
   ASSERT_EQ(result.exit_code, 0) << result.errors;
   const std::string text = read_file(folder.path() / "arm.d");
   EXPECT_TRUE(text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs")) << text;

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "scratch_folder.hpp"
@@ -10,7 +11,7 @@
 namespace rtpm::schema {
 namespace {
 
-const std::string kSchema = R"(include "rtpm.fbs";
+constexpr std::string_view kSchema = R"(include "rtpm.fbs";
 namespace lab;
 enum Mode : ubyte { Free = 0, Hold = 1 }
 struct Force { x:double; y:double; }
@@ -34,13 +35,13 @@ rpc_service Arm {
 )";
 
 std::string with(const std::string& what, const std::string& instead) {
-  std::string text = kSchema;
+  std::string text(kSchema);
   const std::size_t at = text.find(what);
   EXPECT_NE(at, std::string::npos) << what;
   return text.replace(at, what.size(), instead);
 }
 
-Service service_of(const std::string& text) {
+Service service_of(std::string_view text) {
   Model model = test::model_of(text);
   return model.services.empty() ? Service{} : model.services.front();
 }
@@ -135,8 +136,8 @@ TEST(Fingerprint, DoesNotDependOnWhichFileDeclaresAType) {
   const test::ScratchFolder folder;
   const std::size_t service = kSchema.find("rpc_service");
   folder.write("types.fbs", kSchema.substr(0, service));
-  const std::string split =
-      "include \"rtpm.fbs\";\ninclude \"types.fbs\";\nnamespace lab;\n" + kSchema.substr(service);
+  const std::string split = "include \"rtpm.fbs\";\ninclude \"types.fbs\";\nnamespace lab;\n" +
+                            std::string(kSchema.substr(service));
   const auto result =
       compile({.file = folder.write("arm.fbs", split), .include_paths = {RTPM_IDL_FOLDER}});
   ASSERT_TRUE(result.model) << render(result.errors);

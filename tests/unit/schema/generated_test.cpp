@@ -21,7 +21,6 @@ namespace {
 using rtpm::ConstBytes;
 using rtpm::rpc::CallContext;
 using rtpm::rpc::CallError;
-using rtpm::rpc::CallOptions;
 using rtpm::rpc::DispatchResult;
 using rtpm::rpc::Refusal;
 using rtpm::rpc::ReplyBuilder;
@@ -137,6 +136,7 @@ class Generated : public testing::Test {
   }
 
   TestArm arm_;
+  lab::Force force_{0.5, -1, 2};
   alignas(16) std::array<std::byte, 512> request_{};
   alignas(16) std::array<std::byte, 512> reply_{};
 };
@@ -146,8 +146,6 @@ lab::RecordRequestT make_request(const std::string& title) {
   request.title = title;
   return request;
 }
-
-const lab::Force kForce{0.5, -1, 2};
 
 TEST_F(Generated, EmptyRequestEmptyReply) {
   const DispatchResult result = call(lab::ArmMethodId::release);
@@ -172,19 +170,19 @@ TEST_F(Generated, EmptyRequestTableReply) {
 }
 
 TEST_F(Generated, StructRequestEmptyReply) {
-  const DispatchResult result = call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(kForce));
+  const DispatchResult result = call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(force_));
   EXPECT_EQ(result.status, Status::kOk);
   EXPECT_EQ(result.reply_size, 0u);
   EXPECT_EQ(arm_.force.y_newton(), -1);
 }
 
 TEST_F(Generated, StructRequestStructReply) {
-  EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(kForce)).status, Status::kOk);
+  EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(force_)).status, Status::kOk);
   EXPECT_EQ(position().z_m(), 4);
 }
 
 TEST_F(Generated, StructRequestTableReply) {
-  const DispatchResult result = call(lab::ArmMethodId::try_out, rtpm::rpc::struct_bytes(kForce));
+  const DispatchResult result = call(lab::ArmMethodId::try_out, rtpm::rpc::struct_bytes(force_));
   EXPECT_EQ(recording(result).title()->str(), "tried");
   EXPECT_EQ(arm_.force.x_newton(), 0.5);
 }
@@ -219,7 +217,7 @@ TEST_F(Generated, NamesThatCppHasTakenRun) {
     EXPECT_EQ(call(method).status, Status::kOk);
     EXPECT_EQ(arm_.ran, name);
   }
-  EXPECT_EQ(call(lab::ArmMethodId::lab, rtpm::rpc::struct_bytes(kForce)).status, Status::kOk);
+  EXPECT_EQ(call(lab::ArmMethodId::lab, rtpm::rpc::struct_bytes(force_)).status, Status::kOk);
   EXPECT_EQ(arm_.ran, "lab");
   EXPECT_EQ(call(lab::ArmMethodId::dispatch_, make_request("x")).status, Status::kOk);
   EXPECT_EQ(arm_.ran, "dispatch");
@@ -234,7 +232,6 @@ TEST_F(Generated, UnknownMethodIsAnswered) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-// hp-12-4
 TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   const std::array<std::byte, 25> bytes{};
   for (const std::size_t size : {0u, 1u, 23u, 25u}) {
@@ -245,7 +242,6 @@ TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-// hp-12-4
 TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
   std::array<std::byte, 32> garbage;
   garbage.fill(std::byte{0xEE});
@@ -264,8 +260,8 @@ TEST_F(Generated, RefusalsBecomeTheirStatus) {
       {Refusal::kFailed, Status::kServantFailed}};
   for (const auto& [refusal, status] : refusals) {
     arm_.refusal = refusal;
-    EXPECT_EQ(call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(kForce)).status, status);
-    EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(kForce)).status, status);
+    EXPECT_EQ(call(lab::ArmMethodId::set_force, rtpm::rpc::struct_bytes(force_)).status, status);
+    EXPECT_EQ(call(lab::ArmMethodId::exchange, rtpm::rpc::struct_bytes(force_)).status, status);
     const DispatchResult result = call(lab::ArmMethodId::replay, make_request("x"));
     EXPECT_EQ(result.status, status);
     EXPECT_EQ(result.reply_size, 0u);
@@ -314,12 +310,13 @@ static_assert(
     std::is_same_v<decltype(std::declval<ArmClient&>().get_position({}, {.priority = 24000})),
                    Reply<lab::Position>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().release()), Reply<void>>);
-static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().set_force(kForce)), Reply<void>>);
+static_assert(
+    std::is_same_v<decltype(std::declval<ArmClient&>().set_force(lab::Force{})), Reply<void>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay(lab::RecordRequestT{})),
                              Reply<rtpm::rpc::TableReply<lab::Recording>>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay_encoded(ConstBytes{})),
                              Reply<rtpm::rpc::TableReply<lab::Recording>>>);
-static_assert(noexcept(std::declval<ArmClient&>().set_force(kForce)));
+static_assert(noexcept(std::declval<ArmClient&>().set_force(lab::Force{})));
 static_assert(noexcept(std::declval<ArmClient&>().replay_encoded(ConstBytes{})));
 static_assert(!noexcept(std::declval<ArmClient&>().replay(lab::RecordRequestT{})));
 static_assert(std::is_nothrow_move_constructible_v<ArmClient>);

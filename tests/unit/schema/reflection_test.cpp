@@ -14,7 +14,7 @@
 namespace rtpm::schema {
 namespace {
 
-const std::string kText =
+constexpr const char* kText =
     "namespace lab; table Request { x:int; }\n"
     "rpc_service Arm { call(Request):Request; }\n";
 
@@ -22,7 +22,7 @@ std::vector<std::uint8_t> reflection_bytes() {
   flatbuffers::IDLOptions options;
   options.project_root = "/";
   flatbuffers::Parser parser(options);
-  EXPECT_TRUE(parser.Parse(kText.c_str(), nullptr, "/lab/arm.fbs")) << parser.error_;
+  EXPECT_TRUE(parser.Parse(kText, nullptr, "/lab/arm.fbs")) << parser.error_;
   parser.Serialize();
   const std::uint8_t* bytes = parser.builder_.GetBufferPointer();
   return {bytes, bytes + parser.builder_.GetSize()};

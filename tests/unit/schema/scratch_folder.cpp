@@ -1,7 +1,7 @@
 #include "scratch_folder.hpp"
 
 #include <gtest/gtest.h>
-#include <stdlib.h>
+#include <unistd.h>
 
 #include <fstream>
 #include <iterator>
