@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <fstream>
 #include <string>
 #include <utility>
@@ -19,8 +20,11 @@ std::unique_ptr<driver::Driver> make_sim(device_sim::SimConfig config) {
   return std::move(*sim);
 }
 
+/// A recording of the running test's own, since tests run at the same time.
 std::string recorded_hand() {
-  const std::string path = testing::TempDir() + "driver_conformance_hand.csv";
+  std::string name = testing::UnitTest::GetInstance()->current_test_info()->name();
+  std::replace(name.begin(), name.end(), '/', '_');
+  std::string path = testing::TempDir() + "driver_conformance_" + name + ".csv";
   std::ofstream(path) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1.5,0,0.02,0.02\n";
   return path;
 }

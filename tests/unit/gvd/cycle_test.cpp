@@ -31,7 +31,7 @@ class Cycle : public ::testing::Test {
 
   void make(CycleConfig config) {
     config.listener = &listener_;
-    cycle_.emplace(driver_, std::move(config), SipKey{1, 2});
+    cycle_.emplace(driver_, config, SipKey{1, 2});
     ASSERT_TRUE(cycle_->begin(now_));
   }
   /// Lets `count` milliseconds go by.

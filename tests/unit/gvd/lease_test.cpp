@@ -104,6 +104,7 @@ TEST(Lease, GoesToOneOfManyThreads) {
     Lease lease{seconds{1}, {1, static_cast<std::uint64_t>(round)}};
     std::atomic<int> winner_count{0};
     std::vector<std::thread> threads;
+    threads.reserve(4);
     for (int i = 0; i < 4; ++i) {
       threads.emplace_back([&] {
         if (lease.acquire()) ++winner_count;

@@ -51,6 +51,7 @@ TEST(Mailbox, NeverTearsOrGoesBackBetweenManyWritersAndOneReader) {
   Mailbox<Letter> mailbox;
   constexpr std::uint64_t kLast = 20000;
   std::vector<std::thread> writers;
+  writers.reserve(3);
   for (int i = 0; i < 3; ++i) {
     writers.emplace_back([&] {
       std::uint64_t last_number = 0;

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <limits>
 #include <random>
-#include <vector>
 
 namespace rtpm::gvd {
 namespace {
@@ -196,8 +196,8 @@ TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
 class HostileSafety : public ::testing::TestWithParam<unsigned> {};
 
 double wild_number(std::mt19937& random) {
-  static const std::vector<double> kWild{0.0, -0.0, 1e-320, 1e308, -1e308,    1.7e308,
-                                         9.0, -9.0, 1e-9,   kNan,  kInfinity, -kInfinity};
+  constexpr std::array kWild{0.0, -0.0, 1e-320, 1e308, -1e308,    1.7e308,
+                             9.0, -9.0, 1e-9,   kNan,  kInfinity, -kInfinity};
   if (random() % 3 == 0) return kWild[random() % kWild.size()];
   return std::uniform_real_distribution<double>(-20, 20)(random);
 }

@@ -13,7 +13,7 @@ using std::chrono::microseconds;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-const Eigen::Vector3d kNoForce = Eigen::Vector3d::Zero();
+const Eigen::Vector3d no_force = Eigen::Vector3d::Zero();
 
 Hand hand_at(double x_m, double y_m, double z_m, const HandConfig& config = {}) {
   std::ostringstream text;
@@ -55,7 +55,7 @@ TEST(Arm, NeverGainsEnergyByItself) {
   EXPECT_GT(last_joule, 0.01);
   for (const Duration step : {Duration{microseconds{100}}, Duration{milliseconds{1}},
                               Duration{milliseconds{7}}, Duration{milliseconds{20}}}) {
-    arm.step(kNoForce, step);
+    arm.step(no_force, step);
     EXPECT_LE(kinetic_joule(arm), last_joule);
     last_joule = kinetic_joule(arm);
   }
@@ -75,7 +75,7 @@ TEST(Arm, InAStiffHandNeverGainsEnergyWhateverTheStep) {
       };
       const double begin_joule = energy();
       for (int i = 0; i < 500; ++i) {
-        arm.step(kNoForce, step);
+        arm.step(no_force, step);
         ASSERT_LE(energy(), begin_joule * (1 + 1e-9)) << stiffness << " N/m, step " << i;
       }
     }
@@ -123,7 +123,7 @@ TEST(Arm, TakesACommandThatIsNoNumberAsNone) {
   Arm arm{ArmConfig{}};
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
     arm.step({0, bad, 0}, milliseconds{1});
-    EXPECT_EQ(arm.applied_newton(), kNoForce);
+    EXPECT_EQ(arm.applied_newton(), no_force);
     EXPECT_TRUE(arm.is_saturated());
     EXPECT_TRUE(arm.motion().position_m.allFinite());
   }
@@ -135,15 +135,15 @@ TEST(Arm, StopsAtItsStops) {
     arm.step({9, 9, -9}, milliseconds{1});
   EXPECT_TRUE(arm.is_at_stop());
   EXPECT_EQ(arm.motion().position_m, Eigen::Vector3d(0.1, 0.1, -0.1));
-  arm.step(kNoForce, milliseconds{1});
-  EXPECT_EQ(arm.motion().velocity_m_per_s, kNoForce) << "a stop does not throw it back";
+  arm.step(no_force, milliseconds{1});
+  EXPECT_EQ(arm.motion().velocity_m_per_s, no_force) << "a stop does not throw it back";
 }
 
 TEST(Arm, TimeStandsStillInALongPauseAndNeverGoesBack) {
   Arm arm{ArmConfig{}};
-  arm.step(kNoForce, seconds{60});
+  arm.step(no_force, seconds{60});
   EXPECT_DOUBLE_EQ(arm.time_s(), 0.020);
-  arm.step(kNoForce, milliseconds{-5});
+  arm.step(no_force, milliseconds{-5});
   EXPECT_DOUBLE_EQ(arm.time_s(), 0.020);
 }
 
@@ -180,9 +180,9 @@ TEST(VelocityEstimator, IsExactForSteadyMotionAndCalmForASingleStep) {
 
 TEST(VelocityEstimator, IgnoresATimeThatDoesNotGrow) {
   VelocityEstimator estimator;
-  EXPECT_EQ(estimator.update({1, 0, 0}, 5), kNoForce);
-  EXPECT_EQ(estimator.update({2, 0, 0}, 5), kNoForce);
-  EXPECT_EQ(estimator.update({2, 0, 0}, 4), kNoForce);
+  EXPECT_EQ(estimator.update({1, 0, 0}, 5), no_force);
+  EXPECT_EQ(estimator.update({2, 0, 0}, 5), no_force);
+  EXPECT_EQ(estimator.update({2, 0, 0}, 4), no_force);
   EXPECT_NEAR(estimator.update({2, 0, 0}, 6).x(), 1, 1e-12);
 }
 

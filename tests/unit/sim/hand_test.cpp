@@ -23,11 +23,11 @@ TEST(PressingPath, PressesThroughThePlaneAgainAndAgain) {
 
 TEST(PressingPath, HasTheVelocityOfItsPosition) {
   const PressingPath path{7};
-  constexpr double kStep_s = 1e-6;
+  constexpr double kStepSeconds = 1e-6;
   for (double time_s = 0.01; time_s < 3; time_s += 0.037) {
     const Eigen::Vector3d slope =
-        (path.at(time_s + kStep_s).position_m - path.at(time_s - kStep_s).position_m) /
-        (2 * kStep_s);
+        (path.at(time_s + kStepSeconds).position_m - path.at(time_s - kStepSeconds).position_m) /
+        (2 * kStepSeconds);
     EXPECT_LT((slope - path.at(time_s).velocity_m_per_s).norm(), 1e-6) << "at " << time_s << " s";
   }
 }
