@@ -310,13 +310,14 @@ static_assert(
     std::is_same_v<decltype(std::declval<ArmClient&>().get_position({}, {.priority = 24000})),
                    Reply<lab::Position>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().release()), Reply<void>>);
-static_assert(
-    std::is_same_v<decltype(std::declval<ArmClient&>().set_force(lab::Force{})), Reply<void>>);
+static_assert(std::is_same_v<
+              decltype(std::declval<ArmClient&>().set_force(std::declval<const lab::Force&>())),
+              Reply<void>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay(lab::RecordRequestT{})),
                              Reply<rtpm::rpc::TableReply<lab::Recording>>>);
 static_assert(std::is_same_v<decltype(std::declval<ArmClient&>().replay_encoded(ConstBytes{})),
                              Reply<rtpm::rpc::TableReply<lab::Recording>>>);
-static_assert(noexcept(std::declval<ArmClient&>().set_force(lab::Force{})));
+static_assert(noexcept(std::declval<ArmClient&>().set_force(std::declval<const lab::Force&>())));
 static_assert(noexcept(std::declval<ArmClient&>().replay_encoded(ConstBytes{})));
 static_assert(!noexcept(std::declval<ArmClient&>().replay(lab::RecordRequestT{})));
 static_assert(std::is_nothrow_move_constructible_v<ArmClient>);

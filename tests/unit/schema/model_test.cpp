@@ -179,7 +179,8 @@ TEST(Checker, TakesALargeSchema) {
   std::string text = in_lab("");
   for (int s = 0; s < 200; ++s) {
     const std::string n = std::to_string(s);
-    text += "table Request" + n + " { name:string; value:int; }\nrpc_service Service" + n + " {\n";
+    text.append("table Request").append(n).append(" { name:string; value:int; }\n");
+    text.append("rpc_service Service").append(n).append(" {\n");
     for (int m = 1; m <= 10; ++m) {
       const std::string id = std::to_string(m);
       text.append("  m").append(id).append("(Request").append(n);
