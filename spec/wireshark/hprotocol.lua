@@ -1,4 +1,4 @@
--- A dissector of the H-Protocol, version 1, for Wireshark and tshark 3.6 or later.
+-- A dissector of the H-Protocol, version 1, for Wireshark and tshark 4.0.
 -- It follows hprotocol.md; README.md says how to install and use it.
 --
 -- The page's tables stand here as tables. What a later version adds is mostly an entry:
@@ -260,7 +260,8 @@ end
 
 -- A HELLO with another cookie is the next step of its handshake.
 local function note_hello(frame)
-  local cookie = frame.payload:len() >= 56 and frame.payload(40, 16):bytes():tohex() or ""
+  local is_there = frame.payload:len() >= HELLO.size
+  local cookie = is_there and frame.payload(40, 16):bytes():tohex() or frame.pinfo.number
   handshakes[handshake_key(frame)] = note_request(handshake_key(frame) .. "/" .. cookie, frame)
 end
 
@@ -548,6 +549,7 @@ local function dissect_frame(tvb, pinfo, tree, is_datagram)
   local branch = tree:add(rtpm, tvb())
   if tvb:len() < HEADER_SIZE and tvb:reported_len() >= HEADER_SIZE then
     branch:append_text(", cut by the capture")
+    pinfo.cols.info:append("cut by the capture")
     return tvb:len()
   end
   local reason = header_fault(tvb)
