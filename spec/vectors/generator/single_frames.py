@@ -254,7 +254,7 @@ def bind_requests():
         subject='Requests of the session\'s method 1, bind.',
         good=[vector('a path and an interface', 'lab/arm0', 'lab.Arm', 0x0123456789abcdef),
               vector('the longest path', 'p' * 200, 'lab.Arm', ONES_64),
-              vector('the registry of names', 'rtpm/names', 'rtpm.Names', 0)],
+              vector('the registry of names', 'rtpm/names', 'rtpm.names.Names', 0)],
         bad=[wrong('no byte at all', ''),
              wrong('no texts', usual[:16]),
              wrong('one byte less', usual[:-2]),
