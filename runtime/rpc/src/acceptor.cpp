@@ -22,7 +22,7 @@ Acceptor::Acceptor(transport::TcpListener listener, transport::Poller poller,
       poller_(std::move(poller)),
       message_size_max_(message_size_max),
       newcomers_(kNewcomerCountMax) {
-  const bool is_added = poller_.add(listener_.descriptor(), kListener);
+  const bool is_added = poller_.add(listener_->descriptor(), kListener);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
 }
 
@@ -38,6 +38,8 @@ void Acceptor::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
   poller_.ring();
   thread_.join();
+  listener_.reset();
+  newcomers_.clear();
 }
 
 void Acceptor::run() noexcept {
@@ -61,7 +63,7 @@ void Acceptor::run() noexcept {
 }
 
 void Acceptor::accept_one() noexcept {
-  transport::Descriptor socket = listener_.accept();
+  transport::Descriptor socket = listener_->accept();
   if (!socket.is_open()) return;
   const auto free =
       std::ranges::find_if(newcomers_, [](const Newcomer& n) { return !n.socket.is_open(); });

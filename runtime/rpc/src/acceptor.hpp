@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "lane.hpp"
@@ -21,6 +22,7 @@ class Acceptor {
 
   [[nodiscard]] transport::Poller& bell() noexcept { return poller_; }
   [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes);
+  /// Ends the thread and closes the port and the connections that no lane has yet.
   void stop() noexcept;
 
  private:
@@ -37,7 +39,7 @@ class Acceptor {
   void drop_late(MonotonicTime now) noexcept;
   void free_ended() noexcept;
 
-  transport::TcpListener listener_;
+  std::optional<transport::TcpListener> listener_;  ///< None once stopped.
   transport::Poller poller_;
   std::uint32_t message_size_max_;
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;

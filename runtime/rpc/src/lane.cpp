@@ -47,7 +47,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       connections_(setup.sessions.session_count_max) {
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
-  const bool is_added = poller_.add(port_.descriptor(), kUdp);
+  const bool is_added = poller_.add(port_->descriptor(), kUdp);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
@@ -77,6 +77,22 @@ void Lane::run() noexcept {
 void Lane::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
   poller_.ring();
+}
+
+void Lane::close() noexcept {
+  port_.reset();
+  while (arriving_.pop()) {
+  }
+  while (leaving_.pop()) {
+  }
+  for (Connection& connection : connections_) {
+    if (!connection.stream) continue;
+    connection.stream.reset();
+    ++counters_.connection_lost_count;
+    is_unpublished_ = true;
+  }
+  connection_count_ = 0;
+  publish();
 }
 
 bool Lane::adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept {
@@ -143,7 +159,7 @@ bool Lane::serve_one(Source source) noexcept {
 }
 
 bool Lane::serve_datagram() noexcept {
-  const auto datagram = port_.receive(datagram_);
+  const auto datagram = port_->receive(datagram_);
   if (!datagram) return false;
   is_unpublished_ = true;
   const wire::Verdict verdict =
@@ -152,7 +168,7 @@ bool Lane::serve_datagram() noexcept {
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = run_request(datagram_sessions_, verdict.request);
   }
-  if (!answer.empty() && !port_.send(datagram->peer, answer)) ++counters_.send_failure_count;
+  if (!answer.empty() && !port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
   return true;
 }
 

@@ -31,7 +31,7 @@ struct LaneSetup {
 /// The runtime of one lane: its sockets, its sessions and the loop that its thread runs. The thread
 /// that receives a request runs the servant and sends the reply.
 /// Threads: run() on the lane's thread; adopt() and take_back() from the acceptor; stop() and
-/// counters() from any.
+/// counters() from any; close() when no other thread uses it but for counters().
 class Lane {
  public:
   Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
@@ -39,6 +39,9 @@ class Lane {
   /// Serves until stop().   RT: alloc-free.
   void run() noexcept;
   void stop() noexcept;
+  /// After run() has ended: closes the sockets, so that callers see at once that nobody serves
+  /// them.
+  void close() noexcept;
 
   /// Gives the lane an accepted connection; false if too many wait already.
   [[nodiscard]] bool adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept;
@@ -47,7 +50,6 @@ class Lane {
 
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] const LaneConfig& config() const noexcept { return config_; }
-  [[nodiscard]] const transport::UdpPort& port() const noexcept { return port_; }
   [[nodiscard]] ServerCounters counters() const noexcept {
     return published_.read().value_or(ServerCounters{});
   }
@@ -82,7 +84,7 @@ class Lane {
   Band band_;
   const ObjectTable& objects_;
   transport::Poller* acceptor_bell_;
-  transport::UdpPort port_;
+  std::optional<transport::UdpPort> port_;  ///< None once closed.
   transport::Poller poller_;
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;

@@ -82,6 +82,7 @@ class ServerImpl final : public Server {
   std::vector<std::unique_ptr<Lane>> lanes_;
   std::vector<rt::Thread> threads_;
   bool is_started_ = false;
+  bool is_stopped_ = false;
 };
 
 SetupError in_words(const ServerConfig& config, const std::string& text) {
@@ -170,7 +171,7 @@ expected<void, SetupError> ServerImpl::add(std::string_view path, Servant& serva
 }
 
 expected<void, SetupError> ServerImpl::start() {
-  RTPM_ASSERT(!is_started_, "a server starts once");
+  RTPM_ASSERT(!is_started_ && !is_stopped_, "a server starts once, and not after its stop");
   is_started_ = true;
   if (auto locked = rt::lock_memory(config_.realtime); !locked) {
     return unexpected{in_words(config_, locked.error().text)};
@@ -196,10 +197,13 @@ expected<void, SetupError> ServerImpl::start() {
 }
 
 void ServerImpl::stop() noexcept {
+  is_stopped_ = true;
   if (acceptor_) acceptor_->stop();
   for (const auto& lane : lanes_)
     lane->stop();
   threads_.clear();
+  for (const auto& lane : lanes_)
+    lane->close();
 }
 
 ServerCounters ServerImpl::counters() const noexcept {

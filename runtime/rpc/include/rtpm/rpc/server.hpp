@@ -77,7 +77,8 @@ class Server {
   /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
   [[nodiscard]] virtual expected<void, SetupError> start() = 0;
 
-  /// Ends the lanes; calls that run are finished and answered first. May be called twice.
+  /// Ends the lanes; calls that run are finished and answered first. Then the sockets are closed,
+  /// so that callers who still wait are told at once. May be called twice.
   virtual void stop() noexcept = 0;
 
   [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;
