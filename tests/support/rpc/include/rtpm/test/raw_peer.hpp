@@ -47,6 +47,7 @@ class RawPeer {
     send(channel.open(priority_, rt::now() + kPatience, rt::now()));
     while (true) {
       const auto frame = receive(channel.next_time());
+      if (is_closed_) return false;
       const wire::ChannelEvent event =
           frame ? channel.on_frame(*frame, rt::now()) : channel.on_time(rt::now());
       if (event.kind == wire::ChannelEvent::Kind::kSend) send(event.frame);

@@ -1,0 +1,295 @@
+#include <algorithm>
+#include <array>
+#include <thread>
+#include <vector>
+
+#include "suite.hpp"
+
+// Calls that find their servant, and those that are told why they do not.
+namespace rtpm::rpc::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+std::string text_of_size(std::size_t size, std::uint32_t salt) {
+  std::string text(size, '\0');
+  for (std::size_t i = 0; i < size; ++i)
+    text[i] = static_cast<char>(salt + i * 7);
+  return text;
+}
+
+}  // namespace
+
+TEST_P(TransportSuite, CarriesMessagesOfAllSizes) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::vector<std::size_t> sizes{0, 1, 2, 15, 16, 17, 47, 48, 49, 63, 64, 65, 1000};
+  for (std::size_t size = 2000; size < message_size_max(); size *= 2)
+    sizes.push_back(size);
+  for (const std::size_t below : {2u, 1u, 0u})
+    sizes.push_back(message_size_max() - below);
+  std::uint32_t salt = 0;
+  for (const std::size_t size : sizes) {
+    const std::string text = text_of_size(size, ++salt);
+    const auto reply = binding.call(echo::kEcho, bytes_of(text));
+    ASSERT_TRUE(reply) << size << " bytes: " << to_string(reply.error());
+    EXPECT_EQ(text_of(*reply), text) << size << " bytes";
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(reply->bytes().data()) % 16, 0u);
+  }
+}
+
+TEST_P(TransportSuite, RefusesARequestThatIsTooLargeWithoutRunningIt) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const std::string text(message_size_max() + 1, 'x');
+  expect_error(binding.call(echo::kEcho, bytes_of(text)), CallError::kTooLarge);
+  EXPECT_EQ(server.servant.run_count(), 0);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("small")));
+}
+
+TEST_P(TransportSuite, TellsThatAReplyWouldBeTooLarge) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::array<std::byte, 4> size{};
+  store_le(size.data(), static_cast<std::uint32_t>(message_size_max()));
+  {
+    const auto largest = binding.call(echo::kGrow, size);
+    ASSERT_TRUE(largest);
+    EXPECT_EQ(largest->bytes().size(), message_size_max());
+  }
+  store_le(size.data(), static_cast<std::uint32_t>(message_size_max() + 1));
+  expect_error(binding.call(echo::kGrow, size), CallError::kTooLarge);
+  EXPECT_EQ(server.servant.run_count(), 2) << "it ran";
+}
+
+TEST_P(TransportSuite, HoldsToTheSmallerOfBothSidesLimits) {
+  if (is_udp()) GTEST_SKIP() << "a datagram's limit is the protocol's";
+  ServerConfig config = quiet_config();
+  config.message_size_max = 2000;
+  EchoServer server(config);
+  NodeConfig modest = node_config();
+  modest.message_size_max = 1024;
+  for (const auto& [node_limits, limit] :
+       {std::pair{node_config(), std::size_t{2000}}, std::pair{modest, std::size_t{1024}}}) {
+    Node node(node_limits);
+    Binding binding = bind_echo(node, server);
+    EXPECT_TRUE(binding.call(echo::kEcho, bytes_of(std::string(limit, 'x'))));
+    expect_error(binding.call(echo::kEcho, bytes_of(std::string(limit + 1, 'x'))),
+                 CallError::kTooLarge);
+    std::array<std::byte, 4> size{};
+    store_le(size.data(), static_cast<std::uint32_t>(limit + 1));
+    expect_error(binding.call(echo::kGrow, size), CallError::kTooLarge);
+  }
+}
+
+TEST_P(TransportSuite, RunsEachCallOnce) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (int i = 0; i < 1000; ++i) {
+    const std::string text = std::to_string(i);
+    const auto reply = binding.call(echo::kEchoOnce, bytes_of(text));
+    ASSERT_TRUE(reply) << to_string(reply.error());
+    ASSERT_EQ(text_of(*reply), text);
+  }
+  EXPECT_EQ(server.servant.run_count(), 1000);
+}
+
+TEST_P(TransportSuite, TellsThatAMethodIsNotThere) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  expect_error(binding.call({77, "unknown", 1, false, {}}, {}), CallError::kNoSuchMethod);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+}
+
+TEST_P(TransportSuite, TellsAndCountsThatAServantThrew) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  expect_error(binding.call(echo::kFail, {}), CallError::kServantFailed);
+  EXPECT_TRUE(await([&] { return server.server->counters().servant_failure_count == 1; }));
+  EXPECT_TRUE(binding.call(echo::kEcho, {})) << "the server goes on";
+  EXPECT_EQ(server.server->counters().servant_failure_count, 1u);
+}
+
+TEST_P(TransportSuite, TellsWhyAServantRefuses) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (const auto& [refusal, error] : {std::pair{Refusal::kOverload, CallError::kOverload},
+                                       {Refusal::kBadRequest, CallError::kBadRequest},
+                                       {Refusal::kNotLeaseHolder, CallError::kNotLeaseHolder},
+                                       {Refusal::kGone, CallError::kNoSuchObject},
+                                       {Refusal::kFailed, CallError::kServantFailed}}) {
+    const std::array request{static_cast<std::byte>(refusal)};
+    expect_error(binding.call(echo::kRefuse, request), error);
+  }
+}
+
+TEST_P(TransportSuite, EndsACallAtItsDeadline) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const MonotonicTime begin = rt::now();
+  expect_error(binding.call(echo::kHold, bytes_of("late"), {.deadline = 20ms}),
+               CallError::kTimeout);
+  EXPECT_GE(rt::now() - begin, Duration{20ms});
+  server.servant.gate().let_one_go();
+  const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
+  const auto next =
+      binding.call(echo::kEcho, bytes_of("next"), {.deadline = rtpm::test::kPatience});
+  EXPECT_LT(rt::now(), deadline) << "the late reply keeps nobody from seeing the next one";
+  ASSERT_TRUE(next) << to_string(next.error());
+  EXPECT_EQ(text_of(*next), "next") << "not the late reply";
+  EXPECT_EQ(server.servant.run_count(), 2);
+}
+
+TEST_P(TransportSuite, KeepsTheDeadlinesOfMethodsAndNodes) {
+  EchoServer server;
+  NodeConfig config = node_config();
+  Node node(config);
+  config.default_deadline = 40ms;
+  Node impatient_node(config);
+  Binding patient = bind_echo(node, server);
+  Binding impatient = bind_echo(impatient_node, server);
+  std::thread holder([&] { EXPECT_TRUE(patient.call(echo::kHold, {})); });
+  await_inside(server);
+  MonotonicTime begin = rt::now();
+  expect_error(patient.call(echo::kImpatient, {}), CallError::kTimeout);
+  EXPECT_GE(rt::now() - begin, echo::kImpatient.default_deadline);
+  begin = rt::now();
+  expect_error(impatient.call(echo::kEcho, {}), CallError::kTimeout);
+  EXPECT_GE(rt::now() - begin, Duration{40ms});
+  server.servant.gate().let_one_go();
+  holder.join();
+}
+
+TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  {
+    // Two channels with sessions, so that the second call's time passes in the lane's socket.
+    const auto first = binding.call(echo::kEcho, {});
+    const auto second = binding.call(echo::kEcho, {});
+    ASSERT_TRUE(first && second);
+  }
+  std::thread holder([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
+  await_inside(server);
+  expect_error(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}), CallError::kTimeout);
+  server.servant.gate().let_one_go();
+  holder.join();
+  EXPECT_TRUE(await([&] { return server.server->counters().frames.expired_count >= 1; }));
+  EXPECT_EQ(server.servant.run_count(), 3) << "the last is the one that held the lane";
+}
+
+TEST_P(TransportSuite, ServesManyThreadsOnOneBinding) {
+  constexpr int kThreadCount = 8;
+  constexpr int kCallCount = 300;
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::vector<std::thread> threads;
+  for (int number = 0; number < kThreadCount; ++number) {
+    threads.emplace_back([&binding, number] {
+      for (int i = 0; i < kCallCount; ++i) {
+        const std::string text = std::to_string(number) + " " + std::to_string(i);
+        const auto reply = binding.call(echo::kEchoOnce, bytes_of(text));
+        ASSERT_TRUE(reply) << to_string(reply.error());
+        ASSERT_EQ(text_of(*reply), text);
+      }
+    });
+  }
+  for (std::thread& thread : threads)
+    thread.join();
+  EXPECT_EQ(server.servant.run_count(), kThreadCount * kCallCount);
+}
+
+TEST_P(TransportSuite, KeepsTheObjectsOfOneServerApart) {
+  echo::Servant first;
+  echo::Servant second;
+  auto server = std::move(*Server::create(quiet_config()));
+  ASSERT_TRUE(server->add("first", first));
+  ASSERT_TRUE(server->add("second", second));
+  ASSERT_TRUE(server->start());
+  Node node(node_config());
+  auto to_first = Binding::bind(node, server->url("first"), echo::kInterface);
+  auto to_second = Binding::bind(node, server->url("second"), echo::kInterface);
+  auto again = Binding::bind(node, server->url("second"), echo::kInterface);
+  ASSERT_TRUE(to_first && to_second && again);
+  EXPECT_TRUE(to_first->call(echo::kEcho, {}));
+  EXPECT_TRUE(to_second->call(echo::kEcho, {}));
+  EXPECT_TRUE(again->call(echo::kEcho, {}));
+  EXPECT_EQ(first.run_count(), 1);
+  EXPECT_EQ(second.run_count(), 2);
+  server->stop();
+}
+
+TEST_P(TransportSuite, KeepsAReplyAsLongAsItsLease) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const auto first = binding.call(echo::kEcho, bytes_of("first"));
+  ASSERT_TRUE(first);
+  const auto second = binding.call(echo::kEcho, bytes_of("second"));
+  ASSERT_TRUE(second);
+  EXPECT_EQ(text_of(*first), "first");
+  EXPECT_EQ(text_of(*second), "second");
+}
+
+TEST_P(TransportSuite, HasNoMoreChannelsThanItMay) {
+  EchoServer server;
+  NodeConfig config = node_config();
+  config.channel_count_max = 2;
+  Node node(config);
+  Binding binding = bind_echo(node, server);
+  {
+    const auto first = binding.call(echo::kEcho, {});
+    const auto second = binding.call(echo::kEcho, {});
+    ASSERT_TRUE(first && second);
+    expect_error(binding.call(echo::kEcho, {}), CallError::kNoChannel);
+  }
+  EXPECT_TRUE(binding.call(echo::kEcho, {})) << "the leases gave theirs back";
+  EXPECT_EQ(server.servant.run_count(), 3);
+}
+
+TEST_P(TransportSuite, TellsTheServantWhoCallsAndHowLongItHas) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const MonotonicTime before = rt::now();
+  const echo::Place place = place_of(binding, {.deadline = 10s, .trace_id = 0x7ace});
+  const MonotonicTime after = rt::now();
+  EXPECT_EQ(place.trace_id, 0x7aceu);
+  EXPECT_NE(place.session, 0u);
+  EXPECT_EQ(place_of(binding).session, place.session) << "the same caller";
+  EXPECT_GE(place.received_ns, to_ns(before));
+  EXPECT_LE(place.received_ns, to_ns(after));
+  // One host, one clock: the deadline is the caller's, up to the rounding of its budget.
+  EXPECT_GE(place.deadline_ns, to_ns(before + 10s));
+  EXPECT_LE(place.deadline_ns, to_ns(after + 10s + 1us));
+}
+
+TEST_P(TransportSuite, WaitsInEveryWay) {
+  for (const rt::WaitStrategy lane_wait :
+       {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
+    LaneConfig lane;
+    lane.wait.strategy = lane_wait;
+    EchoServer server(quiet_config({lane}));
+    for (const rt::WaitStrategy wait :
+         {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
+      NodeConfig config = node_config();
+      config.wait.strategy = wait;
+      Node node(config);
+      Binding binding = bind_echo(node, server);
+      for (int i = 0; i < 20; ++i)
+        ASSERT_TRUE(binding.call(echo::kEcho, {}));
+    }
+  }
+}
+
+}  // namespace rtpm::rpc::test

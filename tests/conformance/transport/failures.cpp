@@ -1,0 +1,426 @@
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cerrno>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <random>
+#include <thread>
+#include <vector>
+
+#include "rtpm/test/child.hpp"
+#include "suite.hpp"
+
+// Servers and clients that end, and traffic that nobody should send.
+namespace rtpm::rpc::test {
+namespace {
+
+using namespace std::chrono_literals;
+using wire::DropReason;
+
+/// A process that does `body` until it is killed; the body tells numbers to the test.
+class Victim {
+ public:
+  template <class Body>
+  explicit Victim(Body body) {
+    std::array<int, 2> ends{};
+    if (pipe(ends.data()) != 0) return;
+    child_ = fork();
+    if (child_ == 0) {
+      body([&](std::uint16_t number) {
+        const ssize_t size = write(ends[1], &number, sizeof number);
+        if (size != sizeof number) _exit(1);
+      });
+      _exit(0);
+    }
+    close(ends[1]);
+    told_ = ends[0];
+  }
+  ~Victim() {
+    kill();
+    close(told_);
+  }
+  Victim(const Victim&) = delete;
+  Victim& operator=(const Victim&) = delete;
+
+  /// Waits for the next number that the body tells.
+  std::uint16_t await_number() const {
+    std::uint16_t number = 0;
+    const ssize_t size = read(told_, &number, sizeof number);
+    EXPECT_EQ(size, static_cast<ssize_t>(sizeof number)) << "the process ended before";
+    return number;
+  }
+  void kill() {
+    if (child_ <= 0) return;
+    ::kill(child_, SIGKILL);
+    int status = 0;
+    while (waitpid(child_, &status, 0) < 0 && errno == EINTR) {
+    }
+    child_ = -1;
+  }
+
+ private:
+  pid_t child_ = -1;
+  int told_ = -1;
+};
+
+ServerConfig config_at(std::uint16_t port) {
+  ServerConfig config = quiet_config();
+  config.port = port;
+  return config;
+}
+
+/// A server in a process of its own, which tells its port, and then that somebody is inside `hold`.
+void serve_until_killed(const std::function<void(std::uint16_t)>& tell) {
+  EchoServer server;
+  tell(server.server->port());
+  while (!await([&] { return server.servant.gate().inside_count() == 1; })) {
+  }
+  tell(1);
+  while (true)
+    pause();
+}
+
+/// The same method as another schema might declare it.
+MethodDescriptor idempotent(MethodDescriptor method) {
+  method.is_idempotent = true;
+  return method;
+}
+
+}  // namespace
+
+TEST_P(TransportSuite, GoesOnWithARestartedServer) {
+  std::optional<EchoServer> server(std::in_place);
+  const std::uint16_t port = server->server->port();
+  Node node(node_config());
+  Binding binding = bind_echo(node, *server);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  for (int restart = 0; restart < 3; ++restart) {
+    server.reset();
+    server.emplace(config_at(port));
+    const auto reply = binding.call(echo::kEcho, bytes_of("again"));
+    ASSERT_TRUE(reply) << to_string(reply.error());
+    EXPECT_EQ(text_of(*reply), "again");
+    EXPECT_EQ(server->servant.run_count(), 1);
+  }
+}
+
+// The caller can't know whether its call ran in the server's former life.
+TEST_P(TransportSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
+  std::optional<EchoServer> server(std::in_place);
+  const std::uint16_t port = server->server->port();
+  Node node(node_config());
+  Binding binding = bind_echo(node, *server);
+  ASSERT_TRUE(binding.call(echo::kEchoOnce, {}));
+  server.reset();
+  server.emplace(config_at(port));
+  expect_error(binding.call(echo::kEchoOnce, {}),
+               is_udp() ? CallError::kPeerRestarted : CallError::kDisconnected);
+  EXPECT_EQ(server->servant.run_count(), 0);
+  EXPECT_TRUE(binding.call(echo::kEchoOnce, {})) << "the next call binds again";
+  EXPECT_EQ(server->servant.run_count(), 1);
+}
+
+TEST_P(TransportSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
+  std::optional<EchoServer> first(std::in_place);
+  const std::uint16_t port = first->server->port();
+  Node node(node_config());
+  Binding binding = bind_echo(node, *first);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  first.reset();
+  echo::Servant other;
+  echo::Servant servant;
+  auto server = std::move(*Server::create(config_at(port)));
+  ASSERT_TRUE(server->add("other", other));
+  ASSERT_TRUE(server->add("echo", servant));
+  ASSERT_TRUE(server->start());
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  EXPECT_EQ(other.run_count(), 0);
+  EXPECT_EQ(servant.run_count(), 1);
+  server->stop();
+}
+
+TEST_P(TransportSuite, TellsThatTheObjectIsGoneAfterARestart) {
+  std::optional<EchoServer> first(std::in_place);
+  const std::uint16_t port = first->server->port();
+  Node node(node_config());
+  Binding binding = bind_echo(node, *first);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  first.reset();
+  echo::Servant other;
+  auto server = std::move(*Server::create(config_at(port)));
+  ASSERT_TRUE(server->add("other", other));
+  ASSERT_TRUE(server->start());
+  expect_error(binding.call(echo::kEcho, {}), CallError::kNoSuchObject);
+  EXPECT_EQ(other.run_count(), 0);
+  server->stop();
+}
+
+TEST_P(TransportSuite, TellsThatNobodyIsThereAnyMore) {
+  std::optional<EchoServer> server(std::in_place);
+  Node node(node_config());
+  Binding binding = bind_echo(node, *server);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  server.reset();
+  expect_error(binding.call(echo::kEcho, {}), CallError::kUnreachable);
+  expect_error(binding.call(echo::kEchoOnce, {}), CallError::kUnreachable);
+}
+
+TEST_P(TransportSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
+  Victim server(serve_until_killed);
+  const std::string url = "rtpm://127.0.0.1:" + std::to_string(server.await_number()) + "/echo";
+  Node node(node_config());
+  auto binding = Binding::bind(node, url, echo::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding->call(echo::kEcho, {}));
+  std::thread killer([&] {
+    server.await_number();
+    server.kill();
+  });
+  expect_error(binding->call(echo::kHold, {}), CallError::kDisconnected);
+  killer.join();
+}
+
+TEST_P(TransportSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
+  Victim former(serve_until_killed);
+  const std::uint16_t port = former.await_number();
+  Node node(node_config());
+  auto binding =
+      Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo", echo::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text;
+  std::optional<EchoServer> server;
+  std::thread restarter([&] {
+    former.await_number();
+    former.kill();
+    server.emplace(config_at(port));
+  });
+  const auto reply = binding->call(echo::kHold, {});
+  restarter.join();
+  ASSERT_FALSE(reply);
+  // Over UDP it depends on whether the port was free for a moment.
+  EXPECT_TRUE(reply.error() == CallError::kDisconnected ||
+              (is_udp() && reply.error() == CallError::kPeerRestarted))
+      << to_string(reply.error());
+  EXPECT_EQ(server->servant.run_count(), 0) << "it is not run again";
+  EXPECT_TRUE(binding->call(echo::kEchoOnce, {}));
+}
+
+TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
+  Victim former(serve_until_killed);
+  const std::uint16_t port = former.await_number();
+  Node node(node_config());
+  auto binding =
+      Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo", echo::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text;
+  std::optional<EchoServer> server;
+  std::thread restarter([&] {
+    former.await_number();
+    former.kill();
+    server.emplace(config_at(port));
+    server->servant.gate().open();
+  });
+  // Between the two lives the address is nobody's, which ends a try; a caller tries again.
+  auto reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
+  while (!reply && reply.error() == CallError::kUnreachable) {
+    reply = binding->call(idempotent(echo::kHold), bytes_of("held"));
+  }
+  restarter.join();
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), "held");
+  EXPECT_EQ(server->servant.run_count(), 1);
+}
+
+TEST_P(TransportSuite, FinishesTheCallThatRunsWhenTheServerStops) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::thread caller([&] {
+    const auto reply = binding.call(echo::kHold, bytes_of("held"));
+    ASSERT_TRUE(reply) << to_string(reply.error());
+    EXPECT_EQ(text_of(*reply), "held");
+  });
+  await_inside(server);
+  std::thread stopper([&] { server.server->stop(); });
+  server.servant.gate().let_one_go();
+  stopper.join();
+  caller.join();
+}
+
+TEST_P(TransportSuite, EndsCallsThatWaitWhenTheServerStops) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  {
+    const auto first = binding.call(echo::kEcho, {});
+    const auto second = binding.call(echo::kEcho, {});
+    ASSERT_TRUE(first && second);
+  }
+  std::thread running([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
+  await_inside(server);
+  std::atomic<bool> has_stopped{false};
+  std::thread waiting([&] {
+    const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
+    const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = rtpm::test::kPatience});
+    // The lane may have taken it up before it stopped.
+    EXPECT_TRUE(reply || reply.error() == CallError::kDisconnected) << to_string(reply.error());
+    EXPECT_LT(rt::now(), deadline) << "it is told, and does not wait for nothing";
+  });
+  std::thread stopper([&] {
+    server.server->stop();
+    has_stopped = true;
+  });
+  server.servant.gate().let_one_go();
+  stopper.join();
+  running.join();
+  waiting.join();
+  EXPECT_TRUE(has_stopped);
+}
+
+TEST_P(TransportSuite, TellsThatAStoppedServerIsNobody) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  server.server->stop();
+  expect_error(binding.call(echo::kEcho, {}), CallError::kUnreachable);
+}
+
+TEST_P(TransportSuite, SurvivesAClientThatIsKilledInMidCall) {
+  std::optional<EchoServer> server;
+  // The client is forked before there are threads and learns the address through a pipe.
+  std::array<int, 2> address{};
+  ASSERT_EQ(pipe(address.data()), 0);
+  Victim client([&](const auto& tell) {
+    std::uint16_t port = 0;
+    if (read(address[0], &port, sizeof port) != sizeof port) _exit(1);
+    Node node(node_config());
+    auto binding =
+        Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo", echo::kInterface);
+    if (!binding || !binding->call(echo::kEcho, {})) _exit(1);
+    tell(port);
+    static_cast<void>(binding->call(echo::kHold, {}));
+  });
+  server.emplace();
+  const std::uint16_t port = server->server->port();
+  ASSERT_EQ(write(address[1], &port, sizeof port), static_cast<ssize_t>(sizeof port));
+  ASSERT_EQ(client.await_number(), port);
+  await_inside(*server);
+  client.kill();
+  server->servant.gate().let_one_go();
+  Node node(node_config());
+  Binding binding = bind_echo(node, *server);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  if (!is_udp()) {
+    EXPECT_TRUE(await([&] { return server->server->counters().connection_lost_count == 1; }));
+  }
+  close(address[0]);
+  close(address[1]);
+}
+
+TEST_P(TransportSuite, CountsGarbageByItsReasonAndGoesOn) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  struct Spoiling {
+    std::size_t offset;
+    std::byte value;
+    DropReason reason;
+  };
+  std::uint64_t count = 0;
+  for (const Spoiling& spoiling : {Spoiling{0, std::byte{0}, DropReason::kBadMagic},
+                                   Spoiling{2, std::byte{2}, DropReason::kBadVersion},
+                                   Spoiling{3, std::byte{9}, DropReason::kBadKind},
+                                   Spoiling{5, std::byte{0x80}, DropReason::kBadPriority},
+                                   Spoiling{6, std::byte{2}, DropReason::kReservedSet},
+                                   Spoiling{34, std::byte{2}, DropReason::kBadFragment}}) {
+    RawPeer peer(transport(), server.server->port());
+    Bytes frame = peer.call_frame(1, echo::kEcho.id);
+    frame[spoiling.offset] = spoiling.value;
+    peer.send(frame);
+    ++count;
+    EXPECT_TRUE(await([&] {
+      return server.server->counters().frames.dropped_for(spoiling.reason) == 1;
+    })) << to_string(spoiling.reason);
+    if (!is_udp()) {
+      EXPECT_EQ(peer.receive(), std::nullopt);
+      EXPECT_TRUE(peer.is_closed()) << "nobody knows where the next frame would begin";
+    }
+    EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  }
+  std::uint64_t dropped_count = 0;
+  for (const std::uint64_t one : server.server->counters().frames.dropped)
+    dropped_count += one;
+  EXPECT_EQ(dropped_count, count) << "each under one reason";
+  EXPECT_EQ(server.server->counters().connection_lost_count, is_udp() ? 0 : count);
+}
+
+TEST_P(TransportSuite, RefusesCallsWithoutASession) {
+  EchoServer server;
+  RawPeer peer(transport(), server.server->port());
+  peer.send(peer.call_frame(5, echo::kEcho.id));
+  const auto answer = peer.receive_answer(5);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->kind, wire::FrameKind::kRefuse);
+  EXPECT_EQ(answer->status, wire::Status::kUnknownSession);
+  EXPECT_EQ(server.servant.run_count(), 0);
+}
+
+TEST_P(TransportSuite, SurvivesRandomBytes) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::mt19937_64 random(1);
+  for (int round = 0; round < 100; ++round) {
+    RawPeer peer(transport(), server.server->port());
+    Bytes noise(random() % 1500);
+    for (std::byte& byte : noise)
+      byte = static_cast<std::byte>(random());
+    // The first bytes of some are a header's.
+    if (random() % 2 == 0) {
+      const Bytes frame = peer.call_frame(1, 1, std::string(random() % 100, 'x'));
+      std::copy_n(frame.begin(), std::min(frame.size(), noise.size()), noise.begin());
+    }
+    if (!noise.empty()) peer.send(noise);
+    ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  }
+}
+
+TEST_P(TransportSuite, AnswersUnreadableRequestsToTheSessionItself) {
+  EchoServer server;
+  RawPeer peer(transport(), server.server->port());
+  ASSERT_TRUE(peer.open());
+  peer.send(peer.call_frame(1, wire::kMethodBind, "not a bind", 0));
+  auto answer = peer.receive_answer(1);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, wire::Status::kBadRequest);
+  peer.send(peer.call_frame(2, 99, "", 0));
+  answer = peer.receive_answer(2);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, wire::Status::kNoSuchMethod);
+  peer.send(peer.call_frame(3, 1, "", 99));
+  answer = peer.receive_answer(3);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, wire::Status::kNoSuchObject);
+}
+
+TEST_P(TransportSuite, RefusesMoreSessionsThanItHasPlacesFor) {
+  ServerConfig config = quiet_config();
+  config.session_count_max = 2;
+  EchoServer server(config);
+  std::vector<std::unique_ptr<RawPeer>> peers;
+  for (int i = 0; i < 2; ++i) {
+    peers.push_back(std::make_unique<RawPeer>(transport(), server.server->port()));
+    EXPECT_TRUE(peers.back()->open());
+  }
+  RawPeer one_more(transport(), server.server->port());
+  EXPECT_FALSE(one_more.open());
+  peers[0]->send(peers[0]->call_frame(1, echo::kEcho.id));
+  EXPECT_TRUE(peers[0]->receive_answer(1)) << "the others go on";
+}
+
+}  // namespace rtpm::rpc::test

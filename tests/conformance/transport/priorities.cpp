@@ -1,0 +1,137 @@
+#include <string_view>
+#include <thread>
+
+#include "rtpm/rt/priority.hpp"
+#include "rtpm/test/os.hpp"
+#include "suite.hpp"
+
+// At which priority and on whose thread a call runs.   Source: spec/hprotocol.md#hp-11.
+namespace rtpm::rpc::test {
+namespace {
+
+constexpr int kLow = 1'000;
+constexpr int kHigh = 25'000;
+
+/// Three lanes, the urgent ones named by a person and by default.
+ServerConfig three_lanes(rt::RealtimeMode mode = rt::RealtimeMode::kOff) {
+  LaneConfig urgent = quiet_lane(20'000);
+  urgent.name = "urgent";
+  ServerConfig config = quiet_config({quiet_lane(0), quiet_lane(10'000), urgent});
+  config.realtime = mode;
+  return config;
+}
+
+std::string_view thread_name(const echo::Place& place) {
+  return place.thread_name.data();
+}
+
+/// The system's word for where the servant ran.
+rtpm::test::Scheduling scheduling(const echo::Place& place) {
+  return {place.policy, place.level};
+}
+
+}  // namespace
+
+TEST_P(TransportSuite, RunsACallAtTheCallersPriority) {
+  EchoServer server(three_lanes());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (const int priority : {0, kLow, 9'999, 10'000, 20'000, kHigh, 32'767, 0}) {
+    const echo::Place place = place_of(binding, {.priority = priority});
+    EXPECT_EQ(place.priority, priority);
+    EXPECT_EQ(place.current_priority, priority) << "what the servant calls in turn has it, too";
+  }
+}
+
+TEST_P(TransportSuite, RunsACallAtTheCallersFifoLevel) {
+  if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
+  EchoServer server(three_lanes(rt::RealtimeMode::kRequire));
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  // Up and down, within a lane and from lane to lane.
+  for (const int priority : {0, kLow, 9'999, kLow, 20'000, kHigh, 32'767, kHigh, 0, 32'767}) {
+    const echo::Place place = place_of(binding, {.priority = priority});
+    EXPECT_EQ(scheduling(place), rtpm::test::fifo(rt::to_native(priority))) << priority;
+  }
+}
+
+TEST_P(TransportSuite, TakesThePriorityOfTheCallingThread) {
+  EchoServer server(three_lanes());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::thread([&] {
+    rt::adopt_priority(kHigh);
+    EXPECT_EQ(place_of(binding).priority, kHigh);
+    EXPECT_EQ(place_of(binding, {.priority = kLow}).priority, kLow) << "the call's own comes first";
+    EXPECT_EQ(place_of(binding).priority, kHigh);
+  }).join();
+}
+
+TEST_P(TransportSuite, GivesACallerWithoutAPriorityTheObjects) {
+  EchoServer server(three_lanes(), {.priority = 12'345});
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const echo::Place place = place_of(binding);
+  EXPECT_EQ(place.priority, 12'345);
+  EXPECT_EQ(thread_name(place), "lane-10000");
+  EXPECT_EQ(place_of(binding, {.priority = kHigh}).priority, kHigh);
+}
+
+TEST_P(TransportSuite, RunsADeclaredObjectAtItsOwnPriority) {
+  const bool has_right = rtpm::test::has_realtime_right();
+  EchoServer server(three_lanes(has_right ? rt::RealtimeMode::kRequire : rt::RealtimeMode::kOff),
+                    {.model = PriorityModel::kServerDeclared, .priority = 12'345});
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (const CallOptions& options :
+       {CallOptions{}, CallOptions{.priority = 0}, CallOptions{.priority = kHigh}}) {
+    const echo::Place place = place_of(binding, options);
+    EXPECT_EQ(place.priority, 12'345);
+    EXPECT_EQ(thread_name(place), "lane-10000") << "whatever the caller's is";
+    const auto declared = rtpm::test::fifo(rt::to_native(12'345));
+    EXPECT_EQ(scheduling(place), has_right ? declared : rtpm::test::kTimeShared);
+  }
+}
+
+TEST_P(TransportSuite, RunsEachCallOnTheThreadOfItsLane) {
+  EchoServer server(three_lanes());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const echo::Place low = place_of(binding, {.priority = 0});
+  const echo::Place middle = place_of(binding, {.priority = 10'000});
+  const echo::Place high = place_of(binding, {.priority = 20'000});
+  EXPECT_EQ(thread_name(low), "lane-0");
+  EXPECT_EQ(thread_name(middle), "lane-10000");
+  EXPECT_EQ(thread_name(high), "urgent");
+  EXPECT_EQ(place_of(binding, {.priority = 9'999}).thread, low.thread);
+  EXPECT_EQ(place_of(binding, {.priority = 19'999}).thread, middle.thread);
+  EXPECT_EQ(place_of(binding, {.priority = 32'767}).thread, high.thread);
+}
+
+TEST_P(TransportSuite, ServesAnUrgentCallWhileALowLaneIsBusy) {
+  EchoServer server(three_lanes());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server, {.warm_up = {kLow, kHigh}});
+  std::thread low([&] { EXPECT_TRUE(binding.call(echo::kHold, {}, {.priority = kLow})); });
+  await_inside(server);
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = kHigh}));
+  }
+  EXPECT_EQ(server.servant.gate().inside_count(), 1);
+  server.servant.gate().let_one_go();
+  low.join();
+}
+
+TEST_P(TransportSuite, RefusesCallsAboveTheCeiling) {
+  ServerConfig config = three_lanes();
+  config.ceiling = 20'500;
+  EchoServer server(config);
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  EXPECT_EQ(place_of(binding, {.priority = 20'500}).priority, 20'500);
+  expect_error(binding.call(echo::kEcho, {}, {.priority = 20'501}), CallError::kPriorityNotAllowed);
+  expect_error(binding.call(echo::kEcho, {}, {.priority = 32'767}), CallError::kPriorityNotAllowed);
+  EXPECT_EQ(server.servant.run_count(), 1);
+}
+
+}  // namespace rtpm::rpc::test

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <string>
+
+#include "rtpm/test/echo_server.hpp"
+#include "rtpm/wire/limits.hpp"
+
+/// What every transport keeps, seen from a caller and a server. A transport takes part by one line
+/// in transports_test.cpp.
+namespace rtpm::rpc::test {
+
+class TransportSuite : public testing::TestWithParam<Transport> {
+ protected:
+  [[nodiscard]] static Transport transport() { return GetParam(); }
+  [[nodiscard]] static bool is_udp() { return transport() == Transport::kUdp; }
+  [[nodiscard]] static NodeConfig node_config() { return quiet_node(transport()); }
+  /// The largest request and reply.
+  [[nodiscard]] static std::size_t message_size_max() {
+    return is_udp() ? wire::kDatagramPayloadSizeMax : ServerConfig{}.message_size_max;
+  }
+
+  /// Where the servant says that it ran; fails the test if the call did.
+  [[nodiscard]] static echo::Place place_of(Binding& binding, const CallOptions& options = {}) {
+    const auto reply = binding.call(echo::kWhere, {}, options);
+    EXPECT_TRUE(reply) << to_string(reply.error());
+    echo::Place place{};
+    if (!reply) return place;
+    EXPECT_EQ(reply->bytes().size(), sizeof place);
+    std::memcpy(&place, reply->bytes().data(), sizeof place);
+    return place;
+  }
+  /// The error of a call that has to fail.
+  static void expect_error(const expected<ReplyLease, CallError>& reply, CallError error) {
+    ASSERT_FALSE(reply);
+    EXPECT_EQ(reply.error(), error);
+  }
+
+  /// Waits until somebody is inside `hold`.
+  static void await_inside(EchoServer& server, int count = 1) {
+    ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == count; }));
+  }
+};
+
+}  // namespace rtpm::rpc::test
