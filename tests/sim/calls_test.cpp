@@ -184,7 +184,7 @@ std::uint64_t play(std::uint64_t seed, bool is_told, Coverage& coverage) {
   if (!faults.empty() || conversation.stuck_count() > 0) {
     ADD_FAILURE() << "seed " << seed << ": "
                   << (faults.empty() ? "a client is stuck" : faults.front()) << "; see it with\n"
-                  << "  RTPM_SEED=" << seed << " sim_test --gtest_filter=Calls.*";
+                  << "  RTPM_SEED=" << seed << " simulation_test --gtest_filter=Calls.*";
   }
   return conversation.history().hash();
 }
