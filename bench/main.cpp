@@ -102,16 +102,16 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
   if (arguments.verb != "run")
     return "there is no verb '" + arguments.verb + "', only list and run";
   std::string names;
-  for (const Case& known : cases())
-    names += (names.empty() ? "" : ", ") + std::string(known.name);
-  if (arguments.cases.empty()) return "run needs at least one case of " + names;
-  for (const std::string& name : arguments.cases) {
-    if (std::none_of(cases().begin(), cases().end(),
-                     [&](const Case& known) { return known.name == name; })) {
-      return "there is no case '" + name + "', only " + names;
-    }
+  for (const Case& known : cases()) {
+    if (!names.empty()) names += ", ";
+    names += known.name;
   }
-  return std::nullopt;
+  if (arguments.cases.empty()) return "run needs at least one case of " + names;
+  const auto unknown = std::ranges::find_if(arguments.cases, [](const std::string& name) {
+    return std::ranges::none_of(cases(), [&](const Case& known) { return known.name == name; });
+  });
+  if (unknown == arguments.cases.end()) return std::nullopt;
+  return "there is no case '" + *unknown + "', only " + names;
 }
 
 int list() {
@@ -161,13 +161,13 @@ int run(const Arguments& arguments, Settings settings) {
 }  // namespace rtpm::bench
 
 int main(int argc, char** argv) {
-  using namespace rtpm::bench;
+  namespace bench = rtpm::bench;
   rtpm::program::Options options(
       "rtpm-bench", "Measures RTPM beside the raw sockets below it, in one interleaved run.");
-  Arguments arguments;
-  Settings settings;
-  add_options(options, arguments, settings);
+  bench::Arguments arguments;
+  bench::Settings settings;
+  bench::add_options(options, arguments, settings);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
-  if (const auto wrong = check(arguments, settings)) return options.usage_error(*wrong);
-  return arguments.verb == "list" ? list() : run(arguments, settings);
+  if (const auto wrong = bench::check(arguments, settings)) return options.usage_error(*wrong);
+  return arguments.verb == "list" ? bench::list() : bench::run(arguments, settings);
 }

@@ -25,6 +25,8 @@ class RtpmCaller final : public Caller {
   expected<void, std::string> echo() override {
     const auto reply = client_.echo(wrench_);
     if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+    // The very bytes are to come back.
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
     if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
       return unexpected{std::string("RTPM's echo differs")};
     }

@@ -45,6 +45,7 @@ double Samples::round_percentile(int round, double percent) const {
 Percentiles Samples::percentiles() const {
   const auto median_at = [this](double percent) {
     std::vector<double> values;
+    values.reserve(rounds_.size());
     for (int round = 0; round < round_count(); ++round) {
       values.push_back(round_percentile(round, percent));
     }

@@ -95,6 +95,8 @@ CountBreachesOnly::~CountBreachesOnly() {
 
 // The C library's own functions under the names that it keeps for replacements like these. The C++
 // library's operator new and delete call malloc and free, so they need no replacement of their own.
+// NOLINTBEGIN(bugprone-reserved-identifier, readability-identifier-naming)
+// NOLINTBEGIN(readability-inconsistent-declaration-parameter-name)
 extern "C" {
 
 void* __libc_malloc(std::size_t size);
@@ -143,5 +145,7 @@ int posix_memalign(void** block, std::size_t alignment, std::size_t size) {
 }
 
 }  // extern "C"
+// NOLINTEND(readability-inconsistent-declaration-parameter-name)
+// NOLINTEND(bugprone-reserved-identifier, readability-identifier-naming)
 
 #endif
