@@ -1,7 +1,5 @@
 #include "acceptor.hpp"
 
-#include <sys/socket.h>
-
 #include <algorithm>
 #include <array>
 
@@ -70,8 +68,7 @@ void Acceptor::accept_one() noexcept {
   // Too many that say nothing: the newest goes, and its client sees that at once.
   if (free == newcomers_.end()) return;
   // The poll shall wake us when the header, which has the priority, is there as a whole.
-  const int header_size = static_cast<int>(wire::kHeaderSize);
-  setsockopt(socket.number(), SOL_SOCKET, SO_RCVLOWAT, &header_size, sizeof header_size);
+  transport::report_from(socket.number(), wire::kHeaderSize);
   if (!poller_.add(socket.number(), static_cast<std::uint64_t>(free - newcomers_.begin()))) return;
   free->socket = std::move(socket);
   free->deadline = rt::now() + kFirstFramePatience;
@@ -84,13 +81,12 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   newcomer.socket = {};
   poller_.remove(socket.number());
   std::array<std::byte, wire::kHeaderSize> first{};
-  const ssize_t size = recv(socket.number(), first.data(), first.size(), MSG_PEEK | MSG_DONTWAIT);
-  if (size <= 0) return;
+  const std::size_t size = transport::peek(socket.number(), first);
+  if (size == 0) return;
   // Garbage goes to the lowest lane, which counts it.
-  const auto header = wire::decode(ConstBytes(first).first(static_cast<std::size_t>(size)));
+  const auto header = wire::decode(ConstBytes(first).first(size));
   const Priority priority = header ? header->priority : Priority{0};
-  const int any_byte = 1;
-  setsockopt(socket.number(), SOL_SOCKET, SO_RCVLOWAT, &any_byte, sizeof any_byte);
+  transport::report_from(socket.number(), 1);
   transport::set_traffic_class(socket.number(), priority);
   for (const auto& lane : *lanes_) {
     if (!lane->band().contains(priority)) continue;

@@ -22,6 +22,16 @@ void prepare_stream(int socket) noexcept {
   setsockopt(socket, SOL_SOCKET, SO_SNDBUF, &buffer_size, sizeof buffer_size);
 }
 
+void report_from(int socket, std::size_t size) noexcept {
+  const int threshold = static_cast<int>(size);
+  setsockopt(socket, SOL_SOCKET, SO_RCVLOWAT, &threshold, sizeof threshold);
+}
+
+std::size_t peek(int socket, MutableBytes to) noexcept {
+  const ssize_t size = recv(socket, to.data(), to.size(), MSG_PEEK | MSG_DONTWAIT);
+  return size > 0 ? static_cast<std::size_t>(size) : 0;
+}
+
 expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
                                                         std::uint16_t port) {
   const auto address = address_of(host, port);

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <string>
 
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/transport/socket.hpp"
 
@@ -29,5 +30,12 @@ class TcpListener {
 /// Sets what every RTPM connection has: no delay by Nagle, keep-alive, an end after 3 s without
 /// acknowledgement, room for a full window of replies.
 void prepare_stream(int socket) noexcept;
+
+/// Has polls report the stream only when `size` bytes are there, or its end. 1 is the usual.
+void report_from(int socket, std::size_t size) noexcept;
+
+/// Copies what has arrived to the begin of `to` and leaves it in the stream; gives how much, 0 at
+/// the stream's end.   Never blocks.
+[[nodiscard]] std::size_t peek(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport
