@@ -125,6 +125,7 @@ TEST_P(TransportSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice)
   EXPECT_EQ(server->servant.run_count(), 1);
 }
 
+// hp-6.1-4
 TEST_P(TransportSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
@@ -185,6 +186,7 @@ TEST_P(TransportSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
   killer.join();
 }
 
+// hp-5.5-2
 TEST_P(TransportSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   Victim former(serve_until_killed);
   const std::uint16_t port = former.await_number();

@@ -67,6 +67,7 @@ TEST_P(TransportSuite, TakesThePriorityOfTheCallingThread) {
   }).join();
 }
 
+// hp-6.1-3
 TEST_P(TransportSuite, GivesACallerWithoutAPriorityTheObjects) {
   EchoServer server(three_lanes(), {.priority = 12'345});
   Node node(node_config());
@@ -77,6 +78,7 @@ TEST_P(TransportSuite, GivesACallerWithoutAPriorityTheObjects) {
   EXPECT_EQ(place_of(binding, {.priority = kHigh}).priority, kHigh);
 }
 
+// hp-6.1-3: the lane shows at which priority the client sent it.
 TEST_P(TransportSuite, RunsADeclaredObjectAtItsOwnPriority) {
   const bool has_right = rtpm::test::has_realtime_right();
   EchoServer server(three_lanes(has_right ? rt::RealtimeMode::kRequire : rt::RealtimeMode::kOff),
@@ -93,6 +95,7 @@ TEST_P(TransportSuite, RunsADeclaredObjectAtItsOwnPriority) {
   }
 }
 
+// hp-11-2
 TEST_P(TransportSuite, RunsEachCallOnTheThreadOfItsLane) {
   EchoServer server(three_lanes());
   Node node(node_config());
