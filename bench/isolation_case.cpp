@@ -180,8 +180,9 @@ void IsolationRun::add_growth(Result& result, Side side, std::string_view prefix
 
 Result IsolationRun::result_of(int low_caller_count) const {
   const Level& level = levels_.at(low_caller_count);
-  Result result{.title = title_of("isolation", config_) + ", " + std::to_string(low_caller_count) +
-                         " low-priority callers"};
+  Result result{.title =
+                    title_of("isolation", config_) + ", " + std::to_string(low_caller_count) +
+                    (low_caller_count == 1 ? " low-priority caller" : " low-priority callers")};
   add_comparison(result, "isolation", config_, level[index_of(Side::kRtpm)].high,
                  level[index_of(Side::kFloor)].high);
   result.json.add("low_callers", low_caller_count);
