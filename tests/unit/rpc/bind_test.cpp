@@ -183,30 +183,37 @@ TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
   expect_text(error_of(node, "lab/echo"), {"'nonsense'", "no RTPM URL", "Remedy"});
 }
 
-// As many methods as no datagram's list holds: those beyond are taken on trust, and a call tells.
+/// A servant whose interface has so many methods that no datagram holds their list.
+class LargeServant final : public Servant {
+ public:
+  explicit LargeServant(std::span<const MethodDescriptor> methods)
+      : descriptor_{"test.Large", 1, "by hand", methods} {}
+  const InterfaceDescriptor& interface() const noexcept override { return descriptor_; }
+  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes, const CallContext&) override {
+    return {};
+  }
+
+ private:
+  InterfaceDescriptor descriptor_;
+};
+
+// Those beyond the list are taken on trust, and a call tells.
 TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
   std::vector<MethodDescriptor> methods;
   for (std::uint16_t id = 1; id <= 400; ++id)
     methods.push_back({id, "method", id, false, {}});
-  struct Large final : Servant {
-    InterfaceDescriptor descriptor;
-    const InterfaceDescriptor& interface() const noexcept override { return descriptor; }
-    DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes, const CallContext&) override {
-      return {};
-    }
-  } servant;
-  servant.descriptor = {"test.Large", 1, "by hand", methods};
+  LargeServant servant(methods);
   auto server = std::move(*Server::create(quiet_config()));
   ASSERT_TRUE(server->add("large", servant));
   ASSERT_TRUE(server->start());
   Node node(quiet_node());
-  InterfaceDescriptor older{"test.Large", 2, "by hand", std::span(methods).first(399)};
-  EXPECT_EQ(error_of(node, server->url("large"), older), "");
-  methods[5].fingerprint = 77;
-  auto differing = methods;
-  servant.descriptor.methods = differing;
-  methods[5].fingerprint = 78;
-  expect_text(error_of(node, server->url("large"), older), {"method 'method' (id 6)"});
+  std::vector<MethodDescriptor> older(methods.begin(), methods.end() - 1);
+  const auto error_of_bind = [&] {
+    return error_of(node, server->url("large"), {"test.Large", 2, "by hand", older});
+  };
+  EXPECT_EQ(error_of_bind(), "");
+  older[5].fingerprint ^= 1;
+  expect_text(error_of_bind(), {"method 'method' (id 6)"});
   server->stop();
 }
 

@@ -186,7 +186,7 @@ TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
     return started ? "it started" : started.error().text;
   });
   expect_text(child.said, {"server 'strict'", "Remedy", "--realtime off"});
-  EXPECT_EQ(child.status, 0);
+  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {

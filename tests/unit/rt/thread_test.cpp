@@ -35,8 +35,9 @@ Seen look_at_this_thread() {
 /// Starts a thread with `config` and gives what its body saw; fails the test if it did not start.
 Seen seen_by(const ThreadConfig& config) {
   Seen seen;
-  const auto thread = Thread::start(config, [&] { seen = look_at_this_thread(); });
+  auto thread = Thread::start(config, [&] { seen = look_at_this_thread(); });
   EXPECT_TRUE(thread) << thread.error().text;
+  if (thread) thread->join();
   return seen;
 }
 
@@ -143,9 +144,10 @@ TEST(ThreadWithoutTheRight, IsTimeSharedAndWarnsOnceWhenRealTimeIsPreferred) {
     test::drop_realtime_rights();
     for (int i = 0; i < 3; ++i) {
       Seen seen;
-      const auto thread = Thread::start({.name = "wishful", .priority = 20'000},
-                                        [&] { seen = look_at_this_thread(); });
+      auto thread = Thread::start({.name = "wishful", .priority = 20'000},
+                                  [&] { seen = look_at_this_thread(); });
       if (!thread) return "not started: " + thread.error().text;
+      thread->join();
       if (seen.scheduling != kTimeShared) return "not time-shared";
       if (seen.priority != Priority{20'000}) return "without its priority";
     }

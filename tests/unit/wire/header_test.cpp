@@ -144,12 +144,18 @@ TEST(Header, IsTooShortBelow64BytesWhateverTheyAre) {
   EXPECT_EQ(reason_for({}), DropReason::kTooShort);
 }
 
+/// The first bytes, and zeros behind them.
+Bytes resized(const Bytes& bytes, std::size_t size) {
+  Bytes result(size);
+  std::copy_n(bytes.begin(), std::min(size, bytes.size()), result.begin());
+  return result;
+}
+
 // hp-2-3
 TEST(Frame, IsOfBadLengthUnlessThePayloadIsAllThatFollows) {
   Bytes frame = frame_of({}, bytes_of("payload"));
-  frame.push_back(std::byte{0});
-  EXPECT_EQ(reason_for(frame), DropReason::kBadLength);
-  frame.resize(frame.size() - 2);
+  EXPECT_EQ(reason_for(resized(frame, frame.size() + 1)), DropReason::kBadLength);
+  frame = resized(frame, frame.size() - 1);
   EXPECT_EQ(reason_for(frame), DropReason::kBadLength);
   EXPECT_TRUE(decode(frame)) << "on a stream more bytes may follow or be on their way";
 }
@@ -177,8 +183,7 @@ TEST(Frame, OfRandomBytesIsNeverTakenWrongly) {
     for (std::size_t i = 0; i < change_count; ++i) {
       bytes[random() % bytes.size()] = static_cast<std::byte>(random());
     }
-    if (random() % 4 == 0) bytes.resize(random() % (bytes.size() + 3));
-    bytes.shrink_to_fit();
+    if (random() % 4 == 0) bytes = resized(bytes, random() % (bytes.size() + 3));
     check_bytes(bytes);
     taken_count += reason_for(bytes) ? 0 : 1;
   }

@@ -52,7 +52,8 @@ void expect_not_run(const Verdict& verdict, const Peer& peer, std::uint32_t call
 }
 
 TEST_F(ServerCalls, AreDispatchedWithAllThatTheyCarry) {
-  const Verdict verdict = call(1, at(5ms));
+  const Bytes frame = peer_.call_frame(1, "request 1");
+  const Verdict verdict = receive(frame, at(5ms));
   ASSERT_EQ(verdict.action, Action::kDispatch);
   const Request& request = verdict.request;
   EXPECT_EQ(request.header.call_id, 1u);
