@@ -1,0 +1,145 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <array>
+#include <cstring>
+#include <string>
+#include <thread>
+
+#include "rtpm/rpc/tables.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/test/alloc_guard.hpp"
+#include "rtpm/test/echo_server.hpp"
+
+// A call allocates nothing on either side: lanes stand in a NoAllocationScope by themselves, the
+// caller does here, and the guard that this binary links aborts on a breach by either.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+
+struct Wrench {
+  std::array<double, 6> values{};
+};
+
+constexpr int kCallCount = 1000;
+
+struct Row {
+  Transport transport;
+  rt::WaitStrategy wait;
+};
+
+class NoAllocation : public testing::TestWithParam<Row> {
+ protected:
+  void SetUp() override {
+    if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
+  }
+  static ServerConfig server_config() {
+    LaneConfig low;
+    low.wait.strategy = GetParam().wait;
+    LaneConfig high = low;
+    high.low = 20'000;
+    return quiet_config({low, high});
+  }
+  static NodeConfig node_config() {
+    NodeConfig config = quiet_node(GetParam().transport);
+    config.wait.strategy = GetParam().wait;
+    return config;
+  }
+  /// Calls with a bare struct, there and back; gives how many calls did not come back right.
+  static int call_many(Binding& binding, const CallOptions& options) {
+    int failure_count = 0;
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < kCallCount; ++i) {
+      Wrench wrench;
+      wrench.values.fill(i);
+      const auto reply =
+          call_for_struct<Wrench>(binding, echo::kEcho, struct_bytes(wrench), options);
+      if (!reply || reply->values != wrench.values) ++failure_count;
+    }
+    return failure_count;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(All, NoAllocation,
+                         testing::Values(Row{Transport::kUdp, rt::WaitStrategy::kAdaptive},
+                                         Row{Transport::kUdp, rt::WaitStrategy::kBlock},
+                                         Row{Transport::kUdp, rt::WaitStrategy::kSpin},
+                                         Row{Transport::kTcp, rt::WaitStrategy::kAdaptive},
+                                         Row{Transport::kTcp, rt::WaitStrategy::kBlock},
+                                         Row{Transport::kTcp, rt::WaitStrategy::kSpin}),
+                         [](const auto& row) {
+                           return std::string(row.param.transport == Transport::kUdp ? "udp_"
+                                                                                     : "tcp_") +
+                                  std::string(to_string(row.param.wait));
+                         });
+
+TEST_P(NoAllocation, InAThousandCalls) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  // From the very first call on, because the bands were opened by the bind.
+  Binding binding = bind_echo(node, server, {.warm_up = {100, 25'000}});
+  EXPECT_EQ(call_many(binding, {.priority = 100}), 0);
+  EXPECT_EQ(call_many(binding, {.priority = 25'000}), 0);
+  EXPECT_EQ(server.servant.run_count(), 2 * kCallCount);
+}
+
+TEST_P(NoAllocation, InCallsThatFail) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const MethodDescriptor unknown{77, "unknown", 1, false, {}};
+  const std::array refusal{static_cast<std::byte>(Refusal::kNotLeaseHolder)};
+  const Bytes too_large(1 << 20);
+  std::array<CallError, 3> errors{};
+  {
+    const rt::NoAllocationScope no_allocation;
+    errors[0] = binding.call(unknown, {}).error();
+    errors[1] = binding.call(echo::kRefuse, refusal).error();
+    errors[2] = binding.call(echo::kEcho, too_large).error();
+  }
+  EXPECT_EQ(errors, (std::array{CallError::kNoSuchMethod, CallError::kNotLeaseHolder,
+                                CallError::kTooLarge}));
+}
+
+TEST_P(NoAllocation, OnSeveralThreads) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  {
+    // Two channels, one for each thread.
+    const auto first = binding.call(echo::kEcho, {});
+    const auto second = binding.call(echo::kEcho, {});
+    ASSERT_TRUE(first && second);
+  }
+  std::thread other([&] { EXPECT_EQ(call_many(binding, {}), 0); });
+  EXPECT_EQ(call_many(binding, {}), 0);
+  other.join();
+}
+
+// The proof of the proof: a servant that allocates is seen, on the lane's thread.
+TEST_P(NoAllocation, IsBrokenByAServantThatAllocates) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const rtpm::test::CountBreachesOnly count_only;
+  const auto before = rtpm::test::allocation_breach_count();
+  EXPECT_TRUE(binding.call(echo::kAllocate, {}));
+  EXPECT_EQ(rtpm::test::allocation_breach_count() - before, 2u)
+      << "one block, taken and given back";
+}
+
+TEST(NoAllocationDeathTest, EndsTheProgramOfAServantThatAllocates) {
+  if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
+  EXPECT_EXIT(
+      {
+        EchoServer server;
+        Node node(quiet_node());
+        Binding binding = bind_echo(node, server);
+        static_cast<void>(binding.call(echo::kAllocate, {}));
+      },
+      testing::KilledBySignal(SIGABRT), "was called by a thread that allocates nothing any more");
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
