@@ -171,6 +171,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
       best = &session;
     }
   }
+  RTPM_ASSERT(best != nullptr, "a server has room for at least one session");
   if (best->id != 0) {
     // hp-5.5-1: a client that still repeats a call relies on its session.
     if (now - best->last_heard < kSessionIdleMin) return nullptr;
