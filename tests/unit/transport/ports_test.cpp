@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 #include <netinet/in.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 
 #include <array>
+#include <memory>
 #include <optional>
 #include <string>
 #include <utility>
@@ -10,6 +12,7 @@
 
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/link.hpp"
 #include "rtpm/transport/stream.hpp"
@@ -85,6 +88,34 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
   ASSERT_TRUE(link) << link.error().text;
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
   EXPECT_TRUE(listener->accept().is_open());
+}
+
+// Left waiting they would wake the acceptor for ever.
+TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    auto listener = TcpListener::open(kHere, 0);
+    if (!listener) return listener.error().text;
+    std::vector<std::unique_ptr<Link>> links;
+    for (int i = 0; i < 3; ++i) {
+      links.push_back(std::move(*open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s)));
+    }
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    for (int i = 0; i < 3; ++i) {
+      if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "nobody waits";
+      if (listener->accept().is_open()) return "there was a descriptor";
+    }
+    if (wait_readable(listener->descriptor(), rt::now())) return "somebody still waits";
+    for (const auto& link : links) {
+      if (!wait_readable(link->descriptor(), rt::now() + 20s)) return "a client waits";
+      if (link->receive().error() != IoError::kClosed) return "a client does not see its end";
+    }
+    return "";
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {

@@ -17,13 +17,16 @@ class TcpListener {
                                                                   std::uint16_t port);
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// The next connection, ready for FrameStream; not open if there is none.
+  /// The next connection, ready for FrameStream; not open if there is none, or no descriptor left:
+  /// then the connection is ended.
   [[nodiscard]] Descriptor accept() noexcept;
 
  private:
-  TcpListener(Descriptor socket, std::uint16_t port) noexcept
-      : socket_(std::move(socket)), port_(port) {}
+  TcpListener(Descriptor socket, std::uint16_t port) noexcept;
+  void turn_away_one() noexcept;
+
   Descriptor socket_;
+  Descriptor spare_;  ///< Given up for a moment when no other is left.
   std::uint16_t port_;
 };
 
