@@ -13,7 +13,8 @@ local VERSION = 1
 local DEFAULT_PORT = 7420
 local PRIORITY_MAX = 32767
 local MESSAGE_SIZE_CEILING = 16 * 1024 * 1024
-local FLAG_REPEATED = 1
+local FLAG_REPEATED, FLAG_ACK_WANTED = 1, 2
+local FRAGMENT_COUNT_MAX = 12544
 
 local STATUSES = {
   [0] = "ok", "overload", "expired", "no_such_method", "no_such_object", "bad_request",
@@ -99,6 +100,13 @@ local BIND_REPLY = {
   {18, 6, "reserved", "Reserved", "reserved"},
 }
 
+local ACK = {
+  name = "ack", size = 40,
+  {0, 2, "first_missing", "First missing fragment", "dec"},
+  {2, 6, "reserved", "Reserved", "reserved"},
+  {8, 32, "later", "Later ones that are there", "bytes"},
+}
+
 local BIND_METHOD = {
   name = "bind.method", size = 8,
   {0, 2, "id", "Method", "dec"},
@@ -168,6 +176,20 @@ local function text_at(tvb, offset)
   return size > 0 and tvb(offset + 2, size):string() or "", offset + 2 + size, offset, 2 + size
 end
 
+-- Rules hp-2-4 and hp-5.6-1.
+local function has_good_fragment_numbers(kind, payload_size, index, count, message_size)
+  if count == 1 then return index == 0 and message_size == payload_size end
+  local is_divisible = KIND_NAMES[kind] == "CALL" or KIND_NAMES[kind] == "REPLY"
+  if not is_divisible or count < 2 or count > FRAGMENT_COUNT_MAX or index >= count or
+     payload_size == 0 or payload_size >= message_size or message_size > MESSAGE_SIZE_CEILING then
+    return false
+  end
+  local size = payload_size
+  if index == count - 1 then size = (message_size - payload_size) / (count - 1) end
+  return size == math.floor(size) and size * count >= message_size and
+         size * (count - 1) < message_size
+end
+
 -- The checks of a header in the order of rule hp-2-1; the first that finds something says why a
 -- receiver drops the frame.
 local CHECKS = {
@@ -177,12 +199,12 @@ local CHECKS = {
   {"bad_kind", function(tvb) return KIND_NAMES[number(tvb, 3, 1)] == nil end},
   {"bad_priority", function(tvb) return number(tvb, 4, 2) > PRIORITY_MAX end},
   {"reserved_set", function(tvb)
-    return number(tvb, 6, 2) > FLAG_REPEATED or number(tvb, 44, 4) ~= 0
+    return number(tvb, 6, 2) > FLAG_REPEATED + FLAG_ACK_WANTED or number(tvb, 44, 4) ~= 0
   end},
   {"bad_length", function(tvb) return number(tvb, 28, 4) > MESSAGE_SIZE_CEILING end},
   {"bad_fragment", function(tvb)
-    return number(tvb, 32, 2) ~= 0 or number(tvb, 34, 2) ~= 1 or
-           number(tvb, 36, 4) ~= number(tvb, 28, 4)
+    return not has_good_fragment_numbers(number(tvb, 3, 1), number(tvb, 28, 4), number(tvb, 32, 2),
+                                         number(tvb, 34, 2), number(tvb, 36, 4))
   end},
 }
 
@@ -208,9 +230,10 @@ local handshakes -- By key: the exchange that a handshake is at.
 local known      -- By frame: its exchange, and which frame of it this one is.
 local objects    -- By server and service: the path of the object that was bound last.
 local paths      -- By frame: the path of its object, as it was then.
+local servers    -- By endpoint: whether a client was seen to talk to it.
 
 function rtpm.init()
-  exchanges, handshakes, known, objects, paths = {}, {}, {}, {}, {}
+  exchanges, handshakes, known, objects, paths, servers = {}, {}, {}, {}, {}, {}
 end
 
 local function endpoint(address, port)
@@ -220,7 +243,7 @@ end
 -- What tells a frame: a segment of a stream may have several.
 local function identity(frame)
   return table.concat({frame.pinfo.number, frame.kind, frame.session, frame.call_id, frame.flags,
-                       frame.status}, "/")
+                       frame.status, frame.fragment_index}, "/")
 end
 
 local function exchange_of(key, frame)
@@ -269,7 +292,14 @@ local function note_handshake_answer(frame)
   note_answer(handshakes[handshake_key(frame)], frame)
 end
 
+-- A fragment but the first of a message: it belongs to the call, and is a copy if it says so.
+local function note_later_fragment(frame)
+  local exchange = exchanges[call_key(frame)]
+  if exchange then known[identity(frame)] = {exchange = exchange, is_copy = false} end
+end
+
 local function note_call(frame)
+  if frame.fragment_index > 0 then return note_later_fragment(frame) end
   local exchange = note_request(call_key(frame), frame)
   exchange.service, exchange.method = frame.service, frame.method
   if frame.service == 0 and frame.method == 1 then
@@ -278,6 +308,7 @@ local function note_call(frame)
 end
 
 local function note_reply(frame)
+  if frame.fragment_index > 0 then return note_later_fragment(frame) end
   local exchange = exchanges[call_key(frame)]
   if not exchange or exchange.service ~= frame.service or exchange.method ~= frame.method then
     return  -- Rule hp-5.1-3: it belongs to no call that was seen.
@@ -382,7 +413,8 @@ local SESSION_METHODS = {
 
 local function call_payload(which)
   return function(tree, tvb, frame)
-    local method = frame.service == 0 and SESSION_METHODS[frame.method]
+    local is_whole = frame.fragment_count == 1
+    local method = is_whole and frame.service == 0 and SESSION_METHODS[frame.method]
     return (method and method[which] or opaque)(tree, tvb, frame)
   end
 end
@@ -422,6 +454,12 @@ local KINDS = {
          info = function(frame) return describe_object(frame) .. ": " .. describe_status(frame) end},
   [7] = {name = "CLOSE", from = "client", payload = opaque,
          info = function(frame) return "session " .. frame.session end},
+  [8] = {name = "ACK", from = "either", payload = layout_payload(ACK),
+         info = function(frame)
+           local is_there = frame.payload:len() >= 2
+           return "of call " .. frame.call_id ..
+                  (is_there and ", all before fragment " .. number(frame.payload, 0, 2) or "")
+         end},
 }
 for number_, entry in pairs(KINDS) do
   KIND_NAMES[number_] = entry.name
@@ -456,10 +494,12 @@ local function declare_layout(prefix, layout)
 end
 
 declare_layout("rtpm", HEADER)
-for _, layout in ipairs({HELLO, COOKIE, WELCOME, BIND_REPLY, BIND_METHOD}) do
+for _, layout in ipairs({HELLO, COOKIE, WELCOME, BIND_REPLY, BIND_METHOD, ACK}) do
   declare_layout("rtpm." .. layout.name, layout)
 end
 declare("rtpm.flags.repeated", ProtoField.bool("rtpm.flags.repeated", "Repeated", 16, nil, FLAG_REPEATED))
+declare("rtpm.flags.ack_wanted",
+        ProtoField.bool("rtpm.flags.ack_wanted", "ACK wanted", 16, nil, FLAG_ACK_WANTED))
 declare("rtpm.bind.flags.server_declared",
         ProtoField.bool("rtpm.bind.flags.server_declared", "Server-declared", 8, nil, 1))
 declare("rtpm.bind.flags.complete",
@@ -493,6 +533,7 @@ local function read_frame(tvb, pinfo)
     flags = number(tvb, 6, 2), session = "0x" .. tostring(tvb(8, 8):le_uint64():tohex()),
     call_id = number(tvb, 16, 4), service = number(tvb, 20, 4), method = number(tvb, 24, 2),
     status = number(tvb, 26, 2), budget_us = number(tvb, 40, 4),
+    fragment_index = number(tvb, 32, 2), fragment_count = number(tvb, 34, 2),
     is_without_session = is_zero(tvb(8, 8)),
   }
   frame.is_repeated = frame.flags % (2 * FLAG_REPEATED) >= FLAG_REPEATED
@@ -501,8 +542,11 @@ local function read_frame(tvb, pinfo)
   frame.payload = tvb(HEADER_SIZE):tvb()
   local source, destination = endpoint(pinfo.src, pinfo.src_port), endpoint(pinfo.dst, pinfo.dst_port)
   local is_from_client = frame.kind_entry.from == "client"
+  -- An ACK comes from either side: the server is whom HELLOs and CALLs went to.
+  if frame.kind_entry.from == "either" then is_from_client = not servers[source] end
   frame.client = is_from_client and source or destination
   frame.server = is_from_client and destination or source
+  if frame.kind_entry.from ~= "either" then servers[frame.server] = true end
   return frame
 end
 
@@ -559,6 +603,7 @@ local function dissect_frame(tvb, pinfo, tree, is_datagram)
   end
   add_layout(branch, tvb, "rtpm", HEADER)
   branch:add_le(fields["rtpm.flags.repeated"], tvb(6, 2))
+  branch:add_le(fields["rtpm.flags.ack_wanted"], tvb(6, 2))
   local frame = read_frame(tvb, pinfo)
   branch:append_text(", " .. frame.kind_name)
   reason = add_payload(branch, frame, is_datagram)

@@ -19,10 +19,11 @@ using namespace rtpm::wire;
 namespace {
 
 constexpr std::uint32_t kSessionCountMax = 2;
+constexpr std::uint32_t kLarge = 8192;
 
 class World {
  public:
-  explicit World(Medium medium) : sessions_(config(medium)) {}
+  explicit World(Medium medium) : sessions_(config(medium, bulk_)) {}
 
   void feed(ConstBytes frame, const PeerAddress& peer, std::uint8_t how_it_ends) {
     const Verdict verdict = sessions_.on_frame(frame, peer, now_);
@@ -33,12 +34,17 @@ class World {
                   "no call runs twice");
       RTPM_ASSERT(request.deadline > now_, "no expired call runs");
       const MutableBytes room = sessions_.reply_buffer(request);
-      const auto size =
-          std::min<std::uint32_t>(how_it_ends, static_cast<std::uint32_t>(room.size()));
+      // At times more than a frame.
+      const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
+      const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
       std::ranges::fill(room.first(size), std::byte{how_it_ends});
       answer = sessions_.complete(request, Status::kOk, size, now_);
     }
-    if (answer.empty()) return;
+    for (; !answer.empty(); answer = sessions_.next_frame(now_))
+      check_answer(answer, frame, peer);
+  }
+
+  void check_answer(ConstBytes answer, ConstBytes frame, const PeerAddress& peer) {
     const auto header = decode_frame(answer);
     RTPM_ASSERT(header.has_value(), "what the server sends is a frame");
     if (header->kind == FrameKind::kWelcome) session_of_[peer.port] = header->session;
@@ -80,14 +86,48 @@ class World {
     feed(ConstBytes(frame).first(kHeaderSize + size), peer, size);
   }
 
+  /// One fragment of a call, whose numbers the input chooses.
+  void call_in_parts(const PeerAddress& peer, std::uint32_t call_id, std::uint8_t index,
+                     std::uint8_t count, std::uint16_t size, std::uint32_t message_size) {
+    std::array<std::byte, kHeaderSize + 2048> frame{};
+    Header header;
+    header.priority = 100;
+    header.session = session_of_[peer.port];
+    header.call_id = call_id;
+    header.budget_us = 1'000'000;
+    header.flags = kFlagAckWanted;
+    header.fragment_index = index;
+    header.fragment_count = count;
+    header.payload_size = size % 2048U;
+    header.message_size = message_size % 10'000;
+    encode(header, frame.data());
+    feed(ConstBytes(frame).first(kHeaderSize + header.payload_size), peer, count);
+  }
+
+  void acknowledge(const PeerAddress& peer, std::uint32_t call_id, std::uint8_t first_missing,
+                   std::uint32_t later) {
+    std::array<std::byte, kHeaderSize + FragmentAck::kSize> frame{};
+    Header header;
+    header.session = session_of_[peer.port];
+    header.call_id = call_id;
+    encode(ack_header(header, now_), frame.data());
+    FragmentAck ack;
+    ack.first_missing = first_missing;
+    ack.later[0] = later;
+    encode(ack, MutableBytes(frame).subspan(kHeaderSize));
+    feed(frame, peer, 0);
+  }
+
   void pass(Duration time) { now_ += time; }
   void check() const {
     RTPM_ASSERT(sessions_.session_count() <= kSessionCountMax, "the table keeps its size");
   }
 
  private:
-  static ServerSessionsConfig config(Medium medium) {
+  static ServerSessionsConfig config(Medium medium, MutableBytes bulk) {
     ServerSessionsConfig config;
+    config.message_size_max = kLarge;
+    config.bulk_memory = bulk;
     config.medium = medium;
     config.band = {0, 20000};
     config.ceiling = 15000;
@@ -98,6 +138,7 @@ class World {
   }
 
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
+  std::vector<std::byte> bulk_ = std::vector<std::byte>(3 * kLarge);
   ServerSessions sessions_;
   std::map<std::uint32_t, std::uint64_t> session_of_;
   std::map<std::uint32_t, Cookie> cookie_of_;
@@ -112,7 +153,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
     const PeerAddress peer{0, 1, step % 3U};
-    switch (step / 3 % 4) {
+    switch (step / 3 % 6) {
       case 0:
         world.feed(script.bytes(), peer, step);
         break;
@@ -123,6 +164,13 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         // A client that runs once around the circle of numbers may meet its own calls again; that
         // takes 2^32 calls, so the input chooses among fewer.
         world.call(peer, script.number() % 1000, script.number(), script.byte());
+        break;
+      case 3:
+        world.call_in_parts(peer, script.number() % 1000, script.byte(), script.byte(),
+                            static_cast<std::uint16_t>(script.number()), script.number());
+        break;
+      case 4:
+        world.acknowledge(peer, script.number() % 1000, script.byte(), script.number());
         break;
       default:
         world.pass(std::chrono::milliseconds{script.number() % 60'000});

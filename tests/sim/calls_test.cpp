@@ -30,6 +30,7 @@ struct Coverage {
   std::uint64_t not_run_count = 0;
   std::uint64_t may_have_run_count = 0;
   std::uint64_t lost_count = 0;
+  std::uint64_t large_reply_count = 0;
 };
 
 /// One server, some clients and a network, all of a seed.
@@ -67,8 +68,10 @@ class Conversation {
     coverage.done_count += history_.count(Outcome::kDone);
     coverage.not_run_count += history_.count(Outcome::kNotRun);
     coverage.may_have_run_count += history_.count(Outcome::kMayHaveRun);
-    for (const auto& client : clients_)
+    for (const auto& client : clients_) {
       coverage.lost_count += client->lost_count();
+      coverage.large_reply_count += client->large_reply_count();
+    }
   }
 
  private:
@@ -77,6 +80,7 @@ class Conversation {
     profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
     profile.is_lane = is_lane;
     // Long enough in a deferring server that a client leaves a whole window of calls behind.
+    profile.bulk_count = random_.chance(900) ? random_.between(std::size_t{2}, std::size_t{6}) : 0;
     profile.service_max = random_.chance(300) ? 100ms : random_.chance(500) ? 5ms : 50us;
     return profile;
   }
@@ -95,6 +99,7 @@ class Conversation {
     profile.pause_max = random_.chance(500) ? Duration{1ms} : Duration{2s};
     // A deferring server must end a call before its session is closed, which no client can know.
     profile.close_per_mille = is_lane && random_.chance(300) ? 200 : 0;
+    profile.large_per_mille = random_.chance(500) ? 300 : 0;
     return profile;
   }
 
@@ -196,14 +201,20 @@ std::optional<std::uint64_t> wanted_seed() {
   return std::strtoull(text, nullptr, 10);
 }
 
+/// How many seeds are played: what the environment asks for, or as many as a test run has time for.
+std::uint64_t wanted_seed_count() {
+  const char* const text = std::getenv("RTPM_SEEDS");
+  return text == nullptr ? 300 : std::strtoull(text, nullptr, 10);
+}
+
 TEST(Calls, KeepThePromisesWhateverTheNetworkDoes) {
   Coverage coverage;
   if (const auto seed = wanted_seed()) {
     play(*seed, /*is_told=*/true, coverage);
     return;
   }
-  constexpr std::uint64_t kSeedCount = 300;
-  for (std::uint64_t seed = 1; seed <= kSeedCount && !testing::Test::HasFailure(); ++seed) {
+  const std::uint64_t seed_count = wanted_seed_count();
+  for (std::uint64_t seed = 1; seed <= seed_count && !testing::Test::HasFailure(); ++seed) {
     play(seed, /*is_told=*/false, coverage);
   }
   if (testing::Test::HasFailure()) return;
@@ -211,6 +222,7 @@ TEST(Calls, KeepThePromisesWhateverTheNetworkDoes) {
   EXPECT_GT(coverage.not_run_count, 100u);
   EXPECT_GT(coverage.may_have_run_count, 100u);
   EXPECT_GT(coverage.lost_count, 10u);
+  EXPECT_GT(coverage.large_reply_count, 300u);
   EXPECT_GT(coverage.frames.duplicate_answered_count, 100u);
   EXPECT_GT(coverage.frames.expired_count, 100u);
   EXPECT_GT(coverage.frames.refused_count, 100u);

@@ -35,6 +35,8 @@ class History {
   /// The call's reply is here and says that it answers `replied`, run for the `run_number`th time.
   void reply(MonotonicTime now, Token token, Token replied, std::uint32_t run_number);
   void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
+  /// The call broke a promise that its caller or its servant found out itself.
+  void broken(MonotonicTime now, Token token, const std::string& what) { fault(now, token, what); }
   /// Something else worth telling.
   void note(MonotonicTime now, const std::string& what);
   /// After all: checks what could not be checked before.

@@ -1,5 +1,6 @@
 #include "sim_client.hpp"
 
+#include "message.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "sim_server.hpp"
 
@@ -24,11 +25,17 @@ SimClient::SimClient(Scheduler& scheduler, Random& random, Network& network, His
                 .client_epoch = 100 + profile.number,
                 .channel = 1,
                 .clock_domain = profile.clock_domain,
-                .message_size_max = static_cast<std::uint32_t>(wire::kDatagramPayloadSizeMax)},
+                .message_size_max = kMessageSizeMax},
                buffer_),
       calls_left_(profile.call_count) {
   network_.listen(port_, [this](const Bytes& frame, const wire::PeerAddress&) {
-    handle(channel_.on_frame(frame, local_now()));
+    wire::ChannelEvent event = channel_.on_frame(frame, local_now());
+    if (event.kind == Kind::kNeedRoom) {
+      room_.resize(event.room_size);
+      channel_.give_room(room_);
+      event = channel_.on_frame(frame, local_now());
+    }
+    handle(event);
   });
 }
 
@@ -59,6 +66,8 @@ void SimClient::begin_call(Duration deadline) {
   token_ = history_.begin(scheduler_.now(), profile_.number, is_idempotent_,
                           is_one_clock ? scheduler_.now() + deadline : kNever);
   deadline_ = local_now() + deadline;
+  payload_.resize(message_size());
+  Message{token_, 0, message_size()}.write(payload_);
   may_have_run_ = is_resending_ = false;
   round_ = 0;
   advance();
@@ -69,20 +78,33 @@ void SimClient::advance() {
   if (!channel_.is_ready()) {
     send(channel_.open(kPriority, deadline_, local_now()));
   } else {
-    std::array<std::byte, 8> payload{};
-    store_le(payload.data(), token_);
     epoch_of_call_ = channel_.welcome().server_epoch;
     const auto frame =
         channel_.call({.service = 1, .method = 1, .priority = kPriority, .deadline = deadline_},
-                      payload, local_now());
+                      payload_, local_now());
+    // The server said in WELCOME how much it takes.
+    if (!frame) return end(Outcome::kNotRun, to_string(frame.error()));
     begun_ = channel_.call_begun();
     send(*frame);
   }
   wait();
 }
 
+// Mostly one frame; else up to some dozens, more than a window, unless the server takes none.
+std::uint32_t SimClient::message_size() {
+  const bool is_refused =
+      channel_.is_ready() && channel_.welcome().message_size_max < kMessageSizeMax;
+  if (is_refused || !random_.chance(profile_.large_per_mille)) {
+    return static_cast<std::uint32_t>(random_.between(Message::kSizeMin, std::size_t{64}));
+  }
+  return static_cast<std::uint32_t>(
+      random_.between(wire::kDatagramPayloadSizeMax, std::size_t{kMessageSizeMax}));
+}
+
 void SimClient::send(ConstBytes frame) {
-  network_.send(port_, kServerPort, frame);
+  for (; !frame.empty(); frame = channel_.next_frame(local_now())) {
+    network_.send(port_, kServerPort, frame);
+  }
 }
 
 // Wakes up when the channel has something to do; a little late, as threads do.
@@ -105,6 +127,7 @@ void SimClient::handle(const wire::ChannelEvent& event) {
     case Kind::kReady:
       return on_ready();
     case Kind::kReply:
+      send(event.frame);
       return on_reply(event);
     case Kind::kLost:
       return on_lost();
@@ -114,7 +137,8 @@ void SimClient::handle(const wire::ChannelEvent& event) {
     case Kind::kTimeout:
       return end(Outcome::kMayHaveRun, "timeout");
     case Kind::kBroken:
-      return end(Outcome::kMayHaveRun, "a datagram channel that broke");
+    case Kind::kNeedRoom:
+      return end(Outcome::kMayHaveRun, "what a datagram channel does not say");
   }
 }
 
@@ -131,9 +155,12 @@ void SimClient::on_ready() {
 
 void SimClient::on_reply(const wire::ChannelEvent& event) {
   if (event.status == wire::Status::kOk || event.status == wire::Status::kServantFailed) {
-    ByteReader reader(event.payload);
-    const auto replied = reader.take<std::uint64_t>();
-    history_.reply(scheduler_.now(), token_, replied, reader.take<std::uint32_t>());
+    const Message reply = Message::read(event.payload);
+    if (event.payload.size() > wire::kDatagramPayloadSizeMax) ++large_reply_count_;
+    history_.reply(scheduler_.now(), token_, reply.token, reply.run_number);
+    if (!reply.has_its_filling(event.payload)) {
+      history_.broken(scheduler_.now(), token_, "got a reply with bytes that are not its own");
+    }
     return end(Outcome::kDone, to_string(event.status));
   }
   end(may_have_run_ ? Outcome::kMayHaveRun : Outcome::kNotRun, to_string(event.status));

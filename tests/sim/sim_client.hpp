@@ -21,6 +21,7 @@ struct ClientProfile {
   std::uint64_t long_pause_per_mille = 10;  ///< at times it is so long that sessions are replaced.
   std::uint64_t idempotent_per_mille = 200;
   std::uint64_t close_per_mille = 0;  ///< Sessions that it closes between two calls.
+  std::uint64_t large_per_mille = 0;  ///< Requests and, apart from them, replies in fragments.
 };
 
 /// One ClientChannel behind a socket, and above it the rule of rpc::Binding for what to do when a
@@ -38,6 +39,8 @@ class SimClient {
   /// One more call with plenty of time, when all is well again.
   void call_once_more(Duration deadline);
   [[nodiscard]] Outcome last_outcome() const noexcept { return last_outcome_; }
+  /// Replies in fragments that came whole.
+  [[nodiscard]] std::uint64_t large_reply_count() const noexcept { return large_reply_count_; }
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return lost_count_; }
 
  private:
@@ -48,6 +51,7 @@ class SimClient {
   void begin_call(Duration deadline);
   void advance();
   void send(ConstBytes frame);
+  [[nodiscard]] std::uint32_t message_size();
   void wait();
   void handle(const wire::ChannelEvent& event);
   void on_ready();
@@ -61,7 +65,9 @@ class SimClient {
   History& history_;
   ClientProfile profile_;
   std::uint32_t port_;
-  std::array<std::byte, 256> buffer_{};
+  std::array<std::byte, wire::kDatagramFrameSizeMax> buffer_{};
+  std::vector<std::byte> payload_;
+  std::vector<std::byte> room_;
   wire::ClientChannel channel_;
   int calls_left_;
   std::uint64_t wait_number_ = 0;  ///< A wake-up of an earlier wait is none.
@@ -75,6 +81,7 @@ class SimClient {
   std::uint64_t epoch_of_call_ = 0;
   Outcome last_outcome_ = Outcome::kOpen;
   std::uint64_t lost_count_ = 0;
+  std::uint64_t large_reply_count_ = 0;
 };
 
 }  // namespace rtpm::sim

@@ -12,6 +12,8 @@ namespace rtpm::sim {
 
 inline constexpr std::uint32_t kServerPort = 4711;
 inline constexpr std::uint64_t kServerClock = 0xc10c;
+/// Larger than a window of fragments.
+inline constexpr std::uint32_t kMessageSizeMax = 64 * 1024;
 
 /// How a simulated server works.
 struct ServerProfile {
@@ -22,6 +24,7 @@ struct ServerProfile {
   Duration service_max{};                ///< The longest that a servant runs.
   std::uint64_t failing_per_mille = 20;  ///< Calls that the servant runs and fails.
   std::size_t queue_max = 64;            ///< Datagrams in the socket's buffer.
+  std::size_t bulk_count = 3;            ///< Rooms for large messages; 0: it takes none.
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
@@ -45,13 +48,15 @@ class SimServer {
   void serve_next();
   void run(const wire::Request& request, const wire::PeerAddress& from);
   void finish(const wire::Request& request, const wire::PeerAddress& from, History::Token token,
-              std::uint32_t run_number, wire::Status status);
+              std::uint32_t run_number, std::uint32_t reply_size, wire::Status status);
+  void send(const wire::PeerAddress& to, ConstBytes frame);
 
   Scheduler& scheduler_;
   Random& random_;
   Network& network_;
   History& history_;
   ServerProfile profile_;
+  std::vector<std::byte> bulk_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
   bool is_busy_ = false;

@@ -293,6 +293,8 @@ class ClientSide final : public Side {
         return {{{}, {{"client_sees", "refused"}, {"status", status}}}};
       case ChannelEvent::Kind::kLost:
         return {{{}, {{"client_sees", "lost"}}}};
+      case ChannelEvent::Kind::kNeedRoom:
+        return {{{}, {{"client_sees", "a large reply"}}}};
       case ChannelEvent::Kind::kTimeout:
         return {{{}, {{"client_sees", "timeout"}}}};
       case ChannelEvent::Kind::kBroken:

@@ -20,14 +20,19 @@ wire::Header header_of(const Json& vector) {
   wire::Header header;
   header.kind = kind_named(shown.at("kind"));
   header.priority = shown.at("priority").get<int>();
-  header.flags = shown.at("is_repeated").get<bool>() ? wire::kFlagRepeated : std::uint16_t{0};
+  const int repeated = shown.at("is_repeated").get<bool>() ? wire::kFlagRepeated : 0;
+  const int ack_wanted = shown.at("is_ack_wanted").get<bool>() ? wire::kFlagAckWanted : 0;
+  header.flags = static_cast<std::uint16_t>(repeated | ack_wanted);
   header.session = wide_number(shown.at("session"));
   header.call_id = shown.at("call_id");
   header.service = shown.at("service");
   header.method = shown.at("method");
   header.status = status_named(shown.at("status"));
   const std::size_t payload_size = vector.at("payload").get<std::string>().size() / 2;
-  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload_size);
+  header.payload_size = static_cast<std::uint32_t>(payload_size);
+  header.fragment_index = shown.at("fragment_index");
+  header.fragment_count = shown.at("fragment_count");
+  header.message_size = shown.at("message_size");
   header.budget_us = shown.at("budget_us");
   header.sender_time_ns = wide_number(shown.at("sender_time_ns"));
   header.trace_id = wide_number(shown.at("trace_id"));
@@ -116,13 +121,20 @@ TEST(Constants, AreTheCodes) {
   EXPECT_EQ(constants.at("header_size"), wire::kHeaderSize);
   expect_names<wire::FrameKind>(constants.at("kinds"), wire::kFrameKindLast);
   expect_names<wire::Status>(constants.at("statuses"), wire::kStatusCount);
-  EXPECT_EQ(constants.at("flags"), (Json{{"repeated", wire::kFlagRepeated}}));
+  EXPECT_EQ(constants.at("flags"),
+            (Json{{"repeated", wire::kFlagRepeated}, {"ack_wanted", wire::kFlagAckWanted}}));
   EXPECT_EQ(constants.at("session_service"), wire::kSessionService);
   EXPECT_EQ(constants.at("method_bind"), wire::kMethodBind);
+  EXPECT_EQ(constants.at("method_ping"), wire::kMethodPing);
 
   const auto us = [](Duration duration) { return duration.count() / 1000; };
   const Json expected{{"datagram_frame_size_max", wire::kDatagramFrameSizeMax},
                       {"datagram_payload_size_max", wire::kDatagramPayloadSizeMax},
+                      {"stream_frame_size_max", wire::kStreamFrameSizeMax},
+                      {"stream_payload_size_max", wire::kStreamPayloadSizeMax},
+                      {"fragment_window", wire::kFragmentWindow},
+                      {"stream_fragment_window", wire::kStreamFragmentWindow},
+                      {"fragment_count_max", wire::kFragmentCountMax},
                       {"message_size_floor", wire::kMessageSizeFloor},
                       {"message_size_ceiling", wire::kMessageSizeCeiling},
                       {"call_window", wire::kCallWindow},

@@ -26,11 +26,13 @@ ClientChannel::ClientChannel(const ClientChannelConfig& config, MutableBytes buf
     : config_(config), buffer_(buffer) {
   RTPM_ASSERT(buffer.size() >= kHelloFrameSize, "a channel's buffer holds a HELLO");
   RTPM_ASSERT(config.client_epoch != 0, "a client has an epoch");
+  frame_payload_max_ = static_cast<std::uint32_t>(
+      std::min(buffer.size() - kHeaderSize, frame_payload_max(config.medium)));
 }
 
 void ClientChannel::reset() noexcept {
   is_ready_ = false;
-  activity_ = Activity::kNone;
+  end_call();
   session_ = 0;
 }
 
@@ -69,7 +71,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
                                                  ConstBytes payload, MonotonicTime now) noexcept {
   // hp-4-1, hp-4.3-2: one open call is within every window.
   RTPM_ASSERT(is_ready_ && activity_ == Activity::kNone, "a channel carries one call at a time");
-  if (payload.size() > welcome_.message_size_max || payload.size() > buffer_.size() - kHeaderSize) {
+  if (payload.size() > std::min(config_.message_size_max, welcome_.message_size_max)) {
     return unexpected{Status::kTooLarge};
   }
   activity_ = Activity::kCall;
@@ -85,11 +87,22 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   call_.method = parameters.method;
   call_.trace_id = parameters.trace_id;
   call_.payload_size = call_.message_size = static_cast<std::uint32_t>(payload.size());
+  request_.clear();
+  reply_.clear();
+  call_timer_.begin(now);
+  if (payload.size() > frame_payload_max_) {
+    request_.begin(call_, payload, frame_payload_max_, window_of(config_.medium));
+    return next_frame(now);
+  }
   if (!payload.empty()) {
     std::memcpy(buffer_.data() + kHeaderSize, payload.data(), payload.size());
   }
-  call_timer_.begin(now);
   return stamp_call(now);
+}
+
+ConstBytes ClientChannel::next_frame(MonotonicTime now) noexcept {
+  if (activity_ != Activity::kCall) return {};
+  return request_.next(buffer_, budget_us(deadline_, now), now);
 }
 
 // hp-5.3-2: each copy states the time that is left when it is sent.
@@ -128,14 +141,14 @@ ChannelEvent ClientChannel::on_time(MonotonicTime now) noexcept {
   if (now < next_time()) return {};
   const Activity activity = activity_;
   if (now >= deadline_) {
-    activity_ = Activity::kNone;
-    return {ChannelEvent::Kind::kTimeout, Status::kOk, {}, {}};
+    end_call();
+    return {.kind = ChannelEvent::Kind::kTimeout};
   }
   if (activity == Activity::kHandshake) {
     hello_timer_.repeat(now);
     // On a stream the HELLO is on its way; only the deadline counts.
     if (config_.medium == Medium::kStream) return {};
-    return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
+    return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
   }
   return repeat(now);
 }
@@ -144,8 +157,19 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now) noexcept {
   if (activity_ != Activity::kCall || config_.medium == Medium::kStream) return {};
   call_timer_.repeat(now);
   ++repeat_count_;
-  call_.flags = kFlagRepeated;
-  return {ChannelEvent::Kind::kSend, Status::kOk, stamp_call(now), {}};
+  ConstBytes frame;
+  if (request_.is_begun() && !request_.is_acknowledged()) {
+    request_.nudge();
+    frame = next_frame(now);
+  } else if (reply_.is_begun()) {
+    frame = reply_ack(now);
+  } else if (request_.is_begun()) {
+    frame = request_.first_again(buffer_, budget_us(deadline_, now), now);
+  } else {
+    call_.flags = kFlagRepeated;
+    frame = stamp_call(now);
+  }
+  return {.kind = ChannelEvent::Kind::kSend, .frame = frame};
 }
 
 ChannelEvent ClientChannel::drop(DropReason reason) noexcept {
@@ -175,6 +199,8 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
       return on_welcome(*header, payload, now);
     case FrameKind::kRefuse:
       return on_refuse(*header);
+    case FrameKind::kAck:
+      return on_ack(*header, payload, now);
     case FrameKind::kHello:
     case FrameKind::kCall:
     case FrameKind::kClose:
@@ -184,18 +210,90 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   return drop(DropReason::kBadKind);
 }
 
-// hp-5.1-3: a reply counts only if session, call, service and method are the current call's. A late
-// reply to an earlier call ends here.
+// hp-5.1-3: an answer counts only if session, call, service and method are the current call's. A
+// late answer to an earlier call ends here.
+bool ClientChannel::is_of_this_call(const Header& header) const noexcept {
+  return activity_ == Activity::kCall && header.session == session_ &&
+         header.call_id == call_.call_id && header.service == call_.service &&
+         header.method == call_.method;
+}
+
+void ClientChannel::end_call() noexcept {
+  activity_ = Activity::kNone;
+  request_.clear();
+}
+
 ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
                                      MonotonicTime now) noexcept {
-  if (activity_ != Activity::kCall || header.session != session_ ||
-      header.call_id != call_.call_id || header.service != call_.service ||
-      header.method != call_.method) {
-    return drop(DropReason::kUnexpected);
-  }
-  activity_ = Activity::kNone;
+  if (!is_of_this_call(header)) return drop(DropReason::kUnexpected);
+  if (header.fragment_count > 1) return on_large_reply(header, payload, now);
+  learn_clock(header, now);
+  end_call();
   call_timer_.end(now);
-  return {ChannelEvent::Kind::kReply, header.status, {}, payload};
+  return {.kind = ChannelEvent::Kind::kReply, .status = header.status, .payload = payload};
+}
+
+// hp-5.7-1: of a call that was sent once, and so was its reply, all four times are known.
+void ClientChannel::learn_clock(const Header& reply, MonotonicTime now) noexcept {
+  const bool is_one_clock =
+      config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain;
+  if (is_one_clock || call_timer_.repeat_count() > 0 || request_.is_begun() ||
+      (reply.flags & kFlagRepeated) != 0) {
+    return;
+  }
+  const MonotonicTime reply_sent = time_from_ns(static_cast<std::int64_t>(reply.sender_time_ns));
+  clock_.add(
+      {call_begun_, reply_sent - std::chrono::microseconds{reply.budget_us}, reply_sent, now});
+}
+
+std::optional<PeerClock> ClientChannel::peer_clock(MonotonicTime now) const noexcept {
+  if (config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain) {
+    return PeerClock{};
+  }
+  return clock_.estimate(now);
+}
+
+ChannelEvent ClientChannel::on_large_reply(const Header& header, ConstBytes payload,
+                                           MonotonicTime now) noexcept {
+  // hp-5.6-5: the limit was stated in HELLO.
+  if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
+  if (room_.size() < header.message_size) {
+    return {.kind = ChannelEvent::Kind::kNeedRoom, .room_size = header.message_size};
+  }
+  if (!reply_.is_begun()) reply_.begin(header, room_);
+  const IncomingMessage::Taken taken = reply_.take(header, payload);
+  if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
+  call_timer_.progress(now);
+  if (taken == IncomingMessage::Taken::kLast) {
+    end_call();
+    call_timer_.end(now);
+    // The ACK lets the server forget the reply.
+    return {.kind = ChannelEvent::Kind::kReply,
+            .status = header.status,
+            .frame = reply_ack(now),
+            .payload = reply_.message()};
+  }
+  if ((header.flags & kFlagAckWanted) == 0) return {};
+  return {.kind = ChannelEvent::Kind::kSend, .frame = reply_ack(now)};
+}
+
+ConstBytes ClientChannel::reply_ack(MonotonicTime now) noexcept {
+  encode(ack_header(call_, now), ack_frame_.data());
+  encode(reply_.ack(), MutableBytes(ack_frame_).subspan(kHeaderSize));
+  return ack_frame_;
+}
+
+// How far the request's fragments have arrived.
+ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
+                                   MonotonicTime now) noexcept {
+  if (!is_of_this_call(header) || !request_.is_begun()) return drop(DropReason::kUnexpected);
+  const auto ack = decode_ack(payload);
+  if (!ack) return drop(DropReason::kBadPayload);
+  request_.on_ack(*ack);
+  call_timer_.progress(now);
+  const ConstBytes frame = next_frame(now);
+  if (frame.empty()) return {};
+  return {.kind = ChannelEvent::Kind::kSend, .frame = frame};
 }
 
 // hp-4-3: an answer belongs to the handshake whose number it repeats; older ones are late.
@@ -211,7 +309,7 @@ ChannelEvent ClientChannel::on_cookie(const Header& header, ConstBytes payload,
   if (payload.size() != cookie_.size()) return drop(DropReason::kBadPayload);
   std::ranges::copy(payload, cookie_.begin());
   // hp-4.2-3
-  return {ChannelEvent::Kind::kSend, Status::kOk, hello_frame(now), {}};
+  return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
 }
 
 ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
@@ -227,7 +325,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
   is_ready_ = true;
   activity_ = Activity::kNone;
   hello_timer_.end(now);
-  return {ChannelEvent::Kind::kReady, Status::kOk, {}, {}};
+  return {.kind = ChannelEvent::Kind::kReady};
 }
 
 ChannelEvent ClientChannel::on_refuse(const Header& header) noexcept {
@@ -235,19 +333,19 @@ ChannelEvent ClientChannel::on_refuse(const Header& header) noexcept {
   if (header.status == Status::kOk) return drop(DropReason::kUnexpected);
   if (is_of_this_handshake(header) && header.session == 0) {
     activity_ = Activity::kNone;
-    return {ChannelEvent::Kind::kRefused, header.status, {}, {}};
+    return {.kind = ChannelEvent::Kind::kRefused, .status = header.status};
   }
   if (activity_ != Activity::kCall || header.session != session_ ||
       header.call_id != call_.call_id) {
     return drop(DropReason::kUnexpected);
   }
-  activity_ = Activity::kNone;
+  end_call();
   if (header.status == Status::kUnknownSession) {
     // Whether the call may be sent again is for the caller to judge (hp-5.5-2).
     is_ready_ = false;
-    return {ChannelEvent::Kind::kLost, header.status, {}, {}};
+    return {.kind = ChannelEvent::Kind::kLost, .status = header.status};
   }
-  return {ChannelEvent::Kind::kReply, header.status, {}, {}};
+  return {.kind = ChannelEvent::Kind::kReply, .status = header.status};
 }
 
 }  // namespace rtpm::wire

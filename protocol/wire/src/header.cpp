@@ -27,6 +27,15 @@ constexpr std::size_t kAtSenderTime = 48;
 constexpr std::size_t kAtTraceId = 56;
 static_assert(kAtTraceId + 8 == kHeaderSize && kHeaderSize % 16 == 0);
 
+// hp-2-4
+bool has_good_fragment_numbers(const Header& header) noexcept {
+  if (header.fragment_count == 1) {
+    return header.fragment_index == 0 && header.message_size == header.payload_size;
+  }
+  return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply) &&
+         header.message_size <= kMessageSizeCeiling && fragment_size_of(header) != 0;
+}
+
 }  // namespace
 
 void encode(const Header& header, std::byte* to) noexcept {
@@ -82,11 +91,23 @@ expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   header.sender_time_ns = load_le<std::uint64_t>(from + kAtSenderTime);
   header.trace_id = load_le<std::uint64_t>(from + kAtTraceId);
   if (header.payload_size > kMessageSizeCeiling) return unexpected{DropReason::kBadLength};
-  if (header.fragment_count != 1 || header.fragment_index != 0 ||
-      header.message_size != header.payload_size) {
-    return unexpected{DropReason::kBadFragment};
-  }
+  if (!has_good_fragment_numbers(header)) return unexpected{DropReason::kBadFragment};
   return header;
+}
+
+std::uint32_t fragment_size_of(const Header& header) noexcept {
+  const std::uint32_t count = header.fragment_count;
+  if (count < 2 || count > kFragmentCountMax || header.fragment_index >= count ||
+      header.payload_size == 0 || header.payload_size >= header.message_size) {
+    return 0;
+  }
+  const bool is_last = header.fragment_index == count - 1;
+  const std::uint32_t before_last = header.message_size - header.payload_size;
+  if (is_last && before_last % (count - 1) != 0) return 0;
+  const std::uint32_t size = is_last ? before_last / (count - 1) : header.payload_size;
+  const std::uint64_t capacity = std::uint64_t{size} * count;
+  const bool fits = capacity >= header.message_size && capacity - size < header.message_size;
+  return fits ? size : 0;
 }
 
 // hp-2-3: a datagram is one frame and nothing else.
@@ -114,6 +135,8 @@ std::string_view to_string(FrameKind kind) noexcept {
       return "REPLY";
     case FrameKind::kClose:
       return "CLOSE";
+    case FrameKind::kAck:
+      return "ACK";
   }
   return "unknown";
 }

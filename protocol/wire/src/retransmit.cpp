@@ -13,6 +13,7 @@ Duration RetransmitTimer::interval() const noexcept {
 void RetransmitTimer::begin(MonotonicTime now) noexcept {
   sent_ = now;
   repeat_count_ = 0;
+  is_measured_ = true;
   current_ = std::max(interval(), backed_off_);
   due_ = now + current_;
 }
@@ -24,12 +25,18 @@ void RetransmitTimer::repeat(MonotonicTime now) noexcept {
   due_ = now + current_;
 }
 
+void RetransmitTimer::progress(MonotonicTime now) noexcept {
+  is_measured_ = false;
+  current_ = interval();
+  due_ = now + current_;
+}
+
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
   // Without this a round trip that grew beyond the wait would never be measured again: each call
   // would be repeated, so none would count.
   backed_off_ = repeat_count_ > 0 ? current_ : Duration{0};
-  if (repeat_count_ > 0) return;
+  if (repeat_count_ > 0 || !is_measured_) return;
   const Duration sample = std::max(now - sent_, Duration{1});
   if (smoothed_ == Duration{0}) {
     smoothed_ = sample;

@@ -1,15 +1,13 @@
 #include "rtpm/wire/server_sessions.hpp"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 
 #include "rtpm/base/assert.hpp"
 
 namespace rtpm::wire {
 namespace {
-
-// How much of a reply fits on a datagram; on a stream the lane's configuration says it.
-constexpr std::size_t kDatagramSlotSize = kDatagramFrameSizeMax;
 
 // Calls count up and wrap around; of two within half the circle the later one is newer.
 bool is_newer(std::uint32_t call_id, std::uint32_t than) noexcept {
@@ -30,25 +28,37 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
               "a lane has 1 to 65535 sessions");
   RTPM_ASSERT(config.epoch != 0, "a server has an epoch");
   const bool is_datagram = config.medium == Medium::kDatagram;
-  if (is_datagram) {
-    config_.message_size_max =
-        std::min(config_.message_size_max, static_cast<std::uint32_t>(kDatagramPayloadSizeMax));
-  }
-  const std::size_t frame_size =
-      is_datagram ? kDatagramSlotSize : kHeaderSize + config_.message_size_max;
-  reply_frame_size_max_ = static_cast<std::uint32_t>(frame_size);
-  const std::size_t lines_per_frame = (frame_size + sizeof(CacheLine) - 1) / sizeof(CacheLine);
+  payload_size_max_ = static_cast<std::uint32_t>(frame_payload_max(config.medium));
+  make_bulks();
+  const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
   frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max
                              : lines_per_frame);
+  if (!bulks_.empty()) fragment_frame_.resize(lines_per_frame);
+}
+
+// Cuts the memory for large messages in rooms. Without any the largest message is a frame's.
+void ServerSessions::make_bulks() {
+  const std::size_t room_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
+  const std::size_t count = std::min<std::size_t>(config_.bulk_memory.size() / room_size, kNoBulk);
+  // One room is the scratch for replies, so that a single one could not take a request.
+  if (config_.message_size_max <= payload_size_max_ || count < 2) {
+    config_.message_size_max = std::min(config_.message_size_max, payload_size_max_);
+    return;
+  }
+  bulks_.resize(count);
+  for (std::size_t i = 0; i < count; ++i) {
+    bulks_[i].room = config_.bulk_memory.subspan(i * room_size, config_.message_size_max);
+  }
+  scratch_ = take_bulk(Bulk::Use::kScratch, MonotonicTime{});
 }
 
 std::byte* ServerSessions::frame_of(std::uint32_t session_index,
                                     std::uint32_t slot_index) noexcept {
   // On a stream nothing is sent twice, so that no reply is kept and one buffer serves all.
   if (config_.medium == Medium::kStream) return frames_.front().bytes;
-  const std::size_t lines_per_frame = kDatagramSlotSize / sizeof(CacheLine);
-  static_assert(kDatagramSlotSize % sizeof(CacheLine) == 0);
-  return frames_[(session_index * std::size_t{kCallWindow} + slot_index) * lines_per_frame].bytes;
+  constexpr std::size_t kLinesPerFrame = kDatagramFrameSizeMax / sizeof(CacheLine);
+  static_assert(kDatagramFrameSizeMax % sizeof(CacheLine) == 0);
+  return frames_[(session_index * std::size_t{kCallWindow} + slot_index) * kLinesPerFrame].bytes;
 }
 
 // hp-8-1
@@ -60,6 +70,7 @@ Verdict ServerSessions::drop(DropReason reason) noexcept {
 Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
                                  MonotonicTime now) noexcept {
   ++counters_.received_count;
+  sending_ = kNoBulk;
   const auto header = decode_frame(frame);
   if (!header) {
     Verdict verdict = drop(header.error());
@@ -76,6 +87,8 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
     case FrameKind::kClose:
       on_close(*header, peer);
       return {};
+    case FrameKind::kAck:
+      return on_ack(*header, payload, peer, now);
     case FrameKind::kCookie:
     case FrameKind::kWelcome:
     case FrameKind::kRefuse:
@@ -160,8 +173,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
     }
     if (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer) {
       // hp-4-4: a connection carries one session; a further HELLO on it begins that anew.
-      session.id = 0;
-      --session_count_;
+      end_session(session);
       best = &session;
       break;
     }
@@ -176,7 +188,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
     // hp-5.5-1: a client that still repeats a call relies on its session.
     if (now - best->last_heard < kSessionIdleMin) return nullptr;
     ++counters_.session_evicted_count;
-    --session_count_;
+    end_session(*best);
   }
   *best = Session{};
   const auto index = static_cast<std::uint64_t>(best - sessions_.data());
@@ -218,19 +230,9 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   session->last_heard = now;
 
-  const auto session_index = static_cast<std::uint32_t>(session - sessions_.data());
-  const std::uint32_t slot_index = header.call_id % kCallWindow;
-  Slot& slot = session->slots[slot_index];
+  Slot& slot = session->slots[header.call_id % kCallWindow];
   if (slot.state != Slot::State::kEmpty) {
-    if (slot.call_id == header.call_id) {
-      // hp-5.2-1: a copy is never run again.
-      if (slot.state == Slot::State::kRunning) return drop(DropReason::kDuplicateRunning);
-      if (config_.medium == Medium::kStream) return drop(DropReason::kStaleCall);
-      ++counters_.duplicate_answered_count;
-      std::byte* frame = frame_of(session_index, slot_index);
-      store_le<std::uint16_t>(frame + 6, kFlagRepeated);
-      return {Verdict::Action::kSend, ConstBytes(frame, slot.frame_size), {}};
-    }
+    if (slot.call_id == header.call_id) return on_copy(slot, *session, header, payload, now);
     // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
     // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
     // Of what the session left behind nobody waits any more (hp-5.2-2).
@@ -241,10 +243,49 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
       return refuse(header, Status::kOverload, now);
     }
   }
-  slot = {Slot::State::kRunning, header.call_id, header.call_id, 0};
+  // An older call whose fragments never all came, or whose reply nobody fetched, ends here.
+  free_bulk(slot);
+  return admit(*session, header, payload, now);
+}
 
-  Request request{header, payload, {}, now, session_index, slot_index};
-  if (payload.size() > config_.message_size_max) {
+// hp-5.2-1: a copy is never run again. How it is answered depends on how far the call is.
+Verdict ServerSessions::on_copy(Slot& slot, Session& session, const Header& header,
+                                ConstBytes payload, MonotonicTime now) noexcept {
+  if (slot.state == Slot::State::kReceiving) {
+    return on_fragment(slot, session, header, payload, now);
+  }
+  if (slot.state == Slot::State::kRunning) {
+    if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);
+    // hp-5.6-4: who asks how far his fragments are learns that nothing is missing, and stops.
+    FragmentAck all;
+    all.first_missing = header.fragment_count;
+    return acknowledge(header, all, now);
+  }
+  if (slot.bulk != kNoBulk) {
+    ++counters_.duplicate_answered_count;
+    sending_ = slot.bulk;
+    bulks_[slot.bulk].outgoing.nudge();
+    return {Verdict::Action::kSend, next_frame(now), {}};
+  }
+  // No copy is made on a stream, and of a large reply nothing is kept once it has arrived.
+  if (config_.medium == Medium::kStream || slot.frame_size == 0) {
+    return drop(DropReason::kStaleCall);
+  }
+  ++counters_.duplicate_answered_count;
+  std::byte* frame = frame_of(index_of(session), header.call_id % kCallWindow);
+  store_le<std::uint16_t>(frame + 6, kFlagRepeated);
+  return {Verdict::Action::kSend, ConstBytes(frame, slot.frame_size), {}};
+}
+
+// The first frame of a call that was never seen: from here on its slot remembers it.
+Verdict ServerSessions::admit(Session& session, const Header& header, ConstBytes payload,
+                              MonotonicTime now) noexcept {
+  const std::uint32_t slot_index = header.call_id % kCallWindow;
+  Slot& slot = session.slots[slot_index];
+  slot = {Slot::State::kRunning, header.call_id, header.call_id, 0, kNoBulk};
+  const Request request{header, payload,           deadline_of(session, header, now),
+                        now,    index_of(session), slot_index};
+  if (header.message_size > config_.message_size_max) {
     return refuse_call(request, Status::kTooLarge, now);
   }
   if (!config_.band.contains(header.priority)) {
@@ -253,19 +294,123 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
   if (header.priority > config_.ceiling) {
     return refuse_call(request, Status::kPriorityNotAllowed, now);
   }
-  // hp-5.4: on one host the time that the frame lay in a socket counts; between hosts the budget
-  // runs from here. A sender's time in the future is not believed.
-  const Duration budget = std::chrono::microseconds{header.budget_us};
-  request.deadline = now + budget;
-  if (session->has_our_clock && header.sender_time_ns <= static_cast<std::uint64_t>(to_ns(now))) {
-    request.deadline = time_from_ns(static_cast<std::int64_t>(header.sender_time_ns)) + budget;
-  }
   // hp-5.4-3: what is late here is late for its caller, too.
   if (request.deadline <= now) {
     ++counters_.expired_count;
     return refuse_call(request, Status::kExpired, now);
   }
+  if (header.fragment_count > 1) return receive_large(request, slot, session);
   return {Verdict::Action::kDispatch, {}, request};
+}
+
+// hp-5.4-2: on one host the time that the frame lay in a socket counts; between hosts the budget
+// runs from here. A sender's time in the future is not believed.
+MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& header,
+                                          MonotonicTime now) const noexcept {
+  const Duration budget = std::chrono::microseconds{header.budget_us};
+  if (session.has_our_clock && header.sender_time_ns <= static_cast<std::uint64_t>(to_ns(now))) {
+    return time_from_ns(static_cast<std::int64_t>(header.sender_time_ns)) + budget;
+  }
+  return now + budget;
+}
+
+Verdict ServerSessions::receive_large(const Request& request, Slot& slot,
+                                      Session& session) noexcept {
+  const std::uint16_t index = take_bulk(Bulk::Use::kRequest, request.received);
+  if (index == kNoBulk) return refuse_call(request, Status::kOverload, request.received);
+  slot.state = Slot::State::kReceiving;
+  slot.bulk = index;
+  Bulk& bulk = bulks_[index];
+  bulk.session_index = request.session_index;
+  bulk.slot_index = request.slot_index;
+  bulk.deadline = request.deadline;
+  bulk.incoming.begin(request.header, bulk.room);
+  return on_fragment(slot, session, request.header, request.payload, request.received);
+}
+
+Verdict ServerSessions::on_fragment(Slot& slot, Session& session, const Header& header,
+                                    ConstBytes payload, MonotonicTime now) noexcept {
+  Bulk& bulk = bulks_[slot.bulk];
+  const IncomingMessage::Taken taken = bulk.incoming.take(header, payload);
+  if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
+  if (taken != IncomingMessage::Taken::kLast) {
+    if ((header.flags & kFlagAckWanted) == 0) return {};
+    return acknowledge(header, bulk.incoming.ack(), now);
+  }
+  slot.state = Slot::State::kRunning;
+  const Request request{header, bulk.incoming.message(), deadline_of(session, header, now),
+                        now,    index_of(session),       header.call_id % kCallWindow};
+  if (request.deadline > now) return {Verdict::Action::kDispatch, {}, request};
+  ++counters_.expired_count;
+  return refuse_call(request, Status::kExpired, now);
+}
+
+Verdict ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
+                                    MonotonicTime now) noexcept {
+  const Header header = ack_header(about, now);
+  encode(header, answer_.data());
+  encode(ack, MutableBytes(answer_).subspan(kHeaderSize));
+  return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + FragmentAck::kSize), {}};
+}
+
+// How far a large reply has arrived.
+Verdict ServerSessions::on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                               MonotonicTime now) noexcept {
+  Session* session = find(header.session);
+  if (session == nullptr) return drop(DropReason::kUnknownSession);
+  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
+  const auto ack = decode_ack(payload);
+  if (!ack) return drop(DropReason::kBadPayload);
+  session->last_heard = now;
+  Slot& slot = session->slots[header.call_id % kCallWindow];
+  if (slot.state != Slot::State::kDone || slot.call_id != header.call_id || slot.bulk == kNoBulk) {
+    return drop(DropReason::kUnexpected);
+  }
+  OutgoingMessage& reply = bulks_[slot.bulk].outgoing;
+  reply.on_ack(*ack);
+  if (reply.is_acknowledged()) {
+    // hp-5.6-8
+    free_bulk(slot);
+    return {};
+  }
+  sending_ = slot.bulk;
+  return {Verdict::Action::kSend, next_frame(now), {}};
+}
+
+ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
+  if (sending_ == kNoBulk) return {};
+  const MutableBytes to(fragment_frame_.front().bytes, fragment_frame_.size() * sizeof(CacheLine));
+  const ConstBytes frame = bulks_[sending_].outgoing.next(to, 0, now);
+  if (frame.empty()) sending_ = kNoBulk;
+  return frame;
+}
+
+// A room for a large message; where none is free, that of one for which nobody waits any more.
+std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexcept {
+  for (std::size_t i = 0; i < bulks_.size(); ++i) {
+    Bulk& bulk = bulks_[i];
+    if (bulk.use == Bulk::Use::kScratch) continue;
+    if (bulk.use != Bulk::Use::kFree) {
+      Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+      // A request that is being served is in use, however late it is.
+      if (bulk.deadline > now || slot.state == Slot::State::kRunning) continue;
+      // Of half a request that is forgotten any more is a late copy.
+      slot.state = Slot::State::kDone;
+      free_bulk(slot);
+    }
+    bulk.use = use;
+    return static_cast<std::uint16_t>(i);
+  }
+  return kNoBulk;
+}
+
+void ServerSessions::free_bulk(Slot& slot) noexcept {
+  if (slot.bulk == kNoBulk) return;
+  Bulk& bulk = bulks_[slot.bulk];
+  bulk.use = Bulk::Use::kFree;
+  bulk.incoming.clear();
+  bulk.outgoing.clear();
+  slot.bulk = kNoBulk;
 }
 
 // hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike.
@@ -276,10 +421,17 @@ Verdict ServerSessions::refuse_call(const Request& request, Status status,
 }
 
 MutableBytes ServerSessions::reply_buffer(const Request& request) noexcept {
-  const Session& session = sessions_[request.session_index];
-  const std::size_t size =
-      std::min<std::size_t>(reply_frame_size_max_ - kHeaderSize, session.message_size_max);
-  return {frame_of(request.session_index, request.slot_index) + kHeaderSize, size};
+  const std::uint32_t size_max =
+      std::min(config_.message_size_max, sessions_[request.session_index].message_size_max);
+  if (scratch_ == kNoBulk && !bulks_.empty()) {
+    scratch_ = take_bulk(Bulk::Use::kScratch, request.received);
+  }
+  if (scratch_ != kNoBulk) {
+    const MutableBytes room = bulks_[scratch_].room;
+    return room.first(std::min<std::size_t>(room.size(), size_max));
+  }
+  return {frame_of(request.session_index, request.slot_index) + kHeaderSize,
+          std::min(payload_size_max_, size_max)};
 }
 
 ConstBytes ServerSessions::complete(const Request& request, Status status,
@@ -287,20 +439,46 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
   Slot& slot = sessions_[request.session_index].slots[request.slot_index];
   RTPM_ASSERT(slot.state == Slot::State::kRunning && slot.call_id == request.header.call_id,
               "a request is completed once");
-  RTPM_ASSERT(payload_size + kHeaderSize <= reply_frame_size_max_, "a reply fits its buffer");
-  std::byte* frame = frame_of(request.session_index, request.slot_index);
+  // The request's own room, if it was large: nobody reads it from here on.
+  free_bulk(slot);
+  slot.state = Slot::State::kDone;
   // hp-5.1-2: what is not set here is repeated from the call.
   Header header = request.header;
   header.kind = FrameKind::kReply;
   header.flags = 0;
   header.status = status;
+  header.fragment_index = 0;
+  header.fragment_count = 1;
   header.payload_size = header.message_size = payload_size;
   header.budget_us = to_us(now - request.received);
   header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  if (payload_size > payload_size_max_) return complete_large(request, slot, header, now);
+  std::byte* frame = frame_of(request.session_index, request.slot_index);
+  if (scratch_ != kNoBulk && payload_size > 0) {
+    std::memcpy(frame + kHeaderSize, bulks_[scratch_].room.data(), payload_size);
+  }
   encode(header, frame);
-  slot.state = Slot::State::kDone;
   slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);
   return {frame, slot.frame_size};
+}
+
+// The scratch, which holds the reply, goes with it until it has arrived.
+ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
+                                          MonotonicTime now) noexcept {
+  RTPM_ASSERT(scratch_ != kNoBulk && header.message_size <= bulks_[scratch_].room.size(),
+              "a reply fits its buffer");
+  slot.bulk = scratch_;
+  slot.frame_size = 0;
+  Bulk& bulk = bulks_[scratch_];
+  bulk.use = Bulk::Use::kReply;
+  bulk.session_index = request.session_index;
+  bulk.slot_index = request.slot_index;
+  bulk.deadline = request.deadline;
+  bulk.outgoing.begin(header, bulk.room.first(header.message_size), payload_size_max_,
+                      window_of(config_.medium));
+  sending_ = slot.bulk;
+  scratch_ = take_bulk(Bulk::Use::kScratch, now);
+  return next_frame(now);
 }
 
 // hp-4.5-1: a CLOSE with a forged address must not end what another opened.
@@ -310,15 +488,20 @@ void ServerSessions::on_close(const Header& header, const PeerAddress& peer) noe
     counters_.drop(session == nullptr ? DropReason::kUnknownSession : DropReason::kForeignAddress);
     return;
   }
-  *session = Session{};
+  end_session(*session);
+}
+
+void ServerSessions::end_session(Session& session) noexcept {
+  for (Slot& slot : session.slots)
+    free_bulk(slot);
+  session = Session{};
   --session_count_;
 }
 
 void ServerSessions::forget(const PeerAddress& peer) noexcept {
   for (Session& session : sessions_) {
     if (session.id == 0 || !(session.peer == peer)) continue;
-    session = Session{};
-    --session_count_;
+    end_session(session);
   }
 }
 

@@ -101,9 +101,12 @@ class Binding::Impl {
 
   [[nodiscard]] BindOutcome ask(CallChannel& channel, Priority priority,
                                 MonotonicTime deadline) noexcept;
+  /// Whom a call goes to.
+  enum class Target : std::uint8_t { kObject, kSession };
   [[nodiscard]] expected<ReplyLease, CallError> call(const MethodDescriptor& method,
                                                      ConstBytes request, const CallOptions& options,
-                                                     MonotonicTime deadline) noexcept;
+                                                     MonotonicTime deadline,
+                                                     Target target = Target::kObject) noexcept;
   [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
                                                   MonotonicTime deadline) noexcept;
   void remember(const Bound& value) noexcept {
@@ -193,7 +196,8 @@ BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
 
 expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& method,
                                                     ConstBytes request, const CallOptions& options,
-                                                    MonotonicTime deadline) noexcept {
+                                                    MonotonicTime deadline,
+                                                    Target target) noexcept {
   const std::optional<Priority> wanted =
       options.priority ? options.priority : rt::current_priority();
   // Each round follows a lost session or connection, of which a server that keeps restarting could
@@ -220,8 +224,10 @@ expected<ReplyLease, CallError> Binding::Impl::call(const MethodDescriptor& meth
       remember(again.bound);
       now_bound = again.bound;
     }
-    const CallOutcome outcome = channel->call(
-        {now_bound.service, method.id, priority, options.trace_id, deadline}, request);
+    const std::uint32_t service =
+        target == Target::kSession ? wire::kSessionService : now_bound.service;
+    const CallOutcome outcome =
+        channel->call({service, method.id, priority, options.trace_id, deadline}, request);
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
       return ReplyLease(outcome.payload, channel.keep());
@@ -360,6 +366,17 @@ expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, Co
   const Duration patience = options.deadline.value_or(
       method.default_deadline > Duration{0} ? method.default_deadline : impl_->default_deadline);
   return impl_->call(method, request, options, deadline_after(patience));
+}
+
+expected<wire::PeerClock, CallError> Binding::ping(const CallOptions& options) noexcept {
+  static constexpr MethodDescriptor kPing{wire::kMethodPing, "ping", 0, /*is_idempotent=*/true, {}};
+  const Duration patience = options.deadline.value_or(impl_->default_deadline);
+  const auto reply =
+      impl_->call(kPing, {}, options, deadline_after(patience), Impl::Target::kSession);
+  if (!reply) return unexpected{reply.error()};
+  // A ping that had to be repeated tells no time, and may be the first call of its channel.
+  constexpr wire::PeerClock kNotKnown{.uncertainty = Duration::max()};
+  return reply->channel_->peer_clock(rt::now()).value_or(kNotKnown);
 }
 
 expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {

@@ -1,6 +1,7 @@
 #include "call_channel.hpp"
 
-#include <cstdio>
+#include <algorithm>
+#include <bit>
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -25,10 +26,11 @@ CallError error_of_refusal(wire::Status status) noexcept {
   }
 }
 
-std::uint32_t message_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
-  return address.transport == Transport::kTcp
-             ? config.message_size_max
-             : static_cast<std::uint32_t>(wire::kDatagramPayloadSizeMax);
+// The largest frame that the channel will send; at least a HELLO.
+std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
+  return wire::kHeaderSize +
+         std::min<std::size_t>(config.message_size_max,
+                               wire::frame_payload_max(medium_of(address.transport)));
 }
 
 }  // namespace
@@ -38,9 +40,9 @@ CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
                          std::uint64_t clock_domain)
     : address_(address),
       config_(config),
-      buffer_(wire::kHeaderSize + message_size_of(address, config)),
+      buffer_(frame_size_of(address, config)),
       wire_({medium_of(address.transport), client_epoch, number, clock_domain,
-             message_size_of(address, config)},
+             config.message_size_max},
             buffer_) {}
 
 CallChannel::~CallChannel() {
@@ -65,7 +67,7 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
   const rt::AllowAllocationScope is_allowed;
   auto link = address_.transport == Transport::kTcp
                   ? transport::open_tcp_link(address_.host, address_.port, priority,
-                                             config_.message_size_max, deadline)
+                                             wire::kStreamPayloadSizeMax, deadline)
                   : transport::open_udp_link(address_.host, address_.port, priority);
   if (!link) return unexpected{CallError::kUnreachable};
   link_ = std::move(*link);
@@ -79,7 +81,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     if (auto opened = open_link(priority, deadline); !opened) return opened;
   }
   const MonotonicTime begin = rt::now();
-  if (!send(wire_.open(priority, deadline, begin))) {
+  if (!send_all(wire_.open(priority, deadline, begin), begin)) {
     drop_link();
     return unexpected{CallError::kUnreachable};
   }
@@ -105,7 +107,7 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
   const MonotonicTime begin = rt::now();
   const auto frame = wire_.call(parameters, request, begin);
   if (!frame) return {.error = CallError::kTooLarge};
-  if (!send(*frame)) {
+  if (!send_all(*frame, begin)) {
     drop_link();
     return {.error = CallError::kDisconnected};
   }
@@ -121,6 +123,22 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
   }
   drop_link();
   return {.error = CallError::kDisconnected};
+}
+
+// Sends a frame and whatever more there is to send behind it.
+bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
+  for (; !frame.empty(); frame = wire_.next_frame(now)) {
+    if (!send(frame)) return false;
+  }
+  return true;
+}
+
+// Finds room for a reply larger than a frame. The first of each size is set-up work.
+bool CallChannel::make_room(std::uint32_t size) noexcept {
+  // In powers of two, so that replies that grow do not each ask anew.
+  room_ = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
+  wire_.give_room(room_.bytes());
+  return !room_.bytes().empty();
 }
 
 expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
@@ -154,6 +172,10 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
     wire::ChannelEvent event;
     if (frame) {
       event = wire_.on_frame(*frame, now);
+      if (event.kind == wire::ChannelEvent::Kind::kNeedRoom) {
+        if (!make_room(event.room_size)) return {};
+        event = wire_.on_frame(*frame, now);
+      }
       // Frames that are none of ours may come without end; the deadline counts all the same.
       if (event.kind == wire::ChannelEvent::Kind::kNothing) event = wire_.on_time(now);
     } else if (frame.error() == transport::IoError::kNothing) {
@@ -167,8 +189,10 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
       return {};
     }
     if (event.kind == wire::ChannelEvent::Kind::kBroken) return {};
+    // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
+    const bool is_sent = send_all(event.frame, now);
     if (event.kind == wire::ChannelEvent::Kind::kSend) {
-      if (!send(event.frame)) return {};
+      if (!is_sent) return {};
     } else if (event.kind != wire::ChannelEvent::Kind::kNothing) {
       return event;
     }

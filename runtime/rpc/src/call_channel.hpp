@@ -3,12 +3,14 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/transport/link.hpp"
 #include "rtpm/wire/client_channel.hpp"
 
@@ -71,6 +73,10 @@ class CallChannel {
 
   /// The epoch of the server that gave the session.
   [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
+  /// What is known of the server's clock.   RT: alloc-free.
+  [[nodiscard]] std::optional<wire::PeerClock> peer_clock(MonotonicTime now) const noexcept {
+    return wire_.peer_clock(now);
+  }
   /// When the last call was sent first.
   [[nodiscard]] MonotonicTime call_begun() const noexcept { return wire_.call_begun(); }
 
@@ -81,6 +87,8 @@ class CallChannel {
                                                     MonotonicTime deadline) noexcept;
   [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
+  [[nodiscard]] bool send_all(ConstBytes frame, MonotonicTime now) noexcept;
+  [[nodiscard]] bool make_room(std::uint32_t size) noexcept;
   void drop_link() noexcept;
 
   const ServerAddress& address_;
@@ -89,6 +97,7 @@ class CallChannel {
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::Link> link_;
   std::vector<std::byte> buffer_;
+  rt::LazyMemory room_;  // For replies larger than a frame.
   wire::ClientChannel wire_;
 };
 

@@ -35,7 +35,7 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kServantFailed:
       return "the servant failed; the server's log says why";
     case CallError::kTooLarge:
-      return "a message is too large for the session; use TCP or raise message_size_max";
+      return "a message is too large for the session; raise message_size_max on both sides";
     case CallError::kPriorityNotAllowed:
       return "the priority is above the server's ceiling; call at a lower one";
     case CallError::kBadReply:

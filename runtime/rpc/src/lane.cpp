@@ -20,14 +20,24 @@ constexpr std::uint32_t kStreakMax = 16;
 // as much as a receive.
 constexpr std::uint32_t kTurnsPerLook = 8;
 
-wire::ServerSessionsConfig datagram_config(wire::ServerSessionsConfig config) {
+// What a lane keeps for messages larger than a frame: one more room than may be held, where replies
+// are written.
+std::size_t bulk_size(const LaneSetup& setup) noexcept {
+  constexpr std::size_t kCacheLine = 64;
+  const std::size_t room =
+      (setup.sessions.message_size_max + kCacheLine - 1) / kCacheLine * kCacheLine;
+  return room * (setup.large_message_count_max + 1);
+}
+
+wire::ServerSessionsConfig datagram_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
   config.medium = wire::Medium::kDatagram;
-  config.message_size_max = static_cast<std::uint32_t>(wire::kDatagramPayloadSizeMax);
+  config.bulk_memory = bulk;
   return config;
 }
 
-wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config) {
+wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
   config.medium = wire::Medium::kStream;
+  config.bulk_memory = bulk;
   // Another secret, so that a session number of one medium is none of the other's.
   config.key.low = ~config.key.low;
   return config;
@@ -42,8 +52,10 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       acceptor_bell_(setup.acceptor_bell),
       port_(std::move(port)),
       poller_(std::move(poller)),
-      datagram_sessions_(datagram_config(setup.sessions)),
-      stream_sessions_(stream_config(setup.sessions)),
+      datagram_bulk_(bulk_size(setup)),
+      stream_bulk_(bulk_size(setup)),
+      datagram_sessions_(datagram_config(setup.sessions, datagram_bulk_.bytes())),
+      stream_sessions_(stream_config(setup.sessions, stream_bulk_.bytes())),
       connections_(setup.sessions.session_count_max) {
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
@@ -168,7 +180,9 @@ bool Lane::serve_datagram() noexcept {
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = run_request(datagram_sessions_, verdict.request);
   }
-  if (!answer.empty() && !port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
+  for (; !answer.empty(); answer = datagram_sessions_.next_frame(rt::now())) {
+    if (!port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
+  }
   return true;
 }
 
@@ -186,12 +200,15 @@ bool Lane::serve_stream(Source source) noexcept {
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = run_request(stream_sessions_, verdict.request);
   }
-  // A peer that does not take its replies is given up rather than waited for.
-  const bool is_sent =
-      answer.empty() || connection.stream->send(answer, transport::Poller::kAlready).has_value();
-  if (!is_sent) ++counters_.send_failure_count;
-  if (!is_sent || verdict.action == wire::Verdict::Action::kHangUp) retire(source);
-  if (connection.stream && connection.stream->has_buffered()) {
+  bool is_good = verdict.action != wire::Verdict::Action::kHangUp;
+  for (; is_good && !answer.empty(); answer = stream_sessions_.next_frame(rt::now())) {
+    // A peer that does not take its replies is given up rather than waited for.
+    is_good = connection.stream->send(answer, transport::Poller::kAlready).has_value();
+    if (!is_good) ++counters_.send_failure_count;
+  }
+  if (!is_good) {
+    retire(source);
+  } else if (connection.stream->has_buffered()) {
     hot_ = source;
     if (!std::exchange(connection.has_leftovers, true)) leftovers_.push_back(source);
   }
@@ -210,6 +227,8 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply) 
   const wire::Header& header = request.header;
   if (header.service == wire::kSessionService) {
     if (header.method == wire::kMethodBind) return objects_.bind(request.payload, reply);
+    // hp-6.2-1
+    if (header.method == wire::kMethodPing) return {wire::Status::kOk, 0};
     return {wire::Status::kNoSuchMethod, 0};
   }
   const Object* object = objects_.find(header.service);

@@ -12,6 +12,7 @@
 #include "rtpm/base/ring.hpp"
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -25,6 +26,7 @@ struct LaneSetup {
   Band band{};
   wire::ServerSessionsConfig sessions{};  ///< For streams; datagrams differ in medium and size.
   const ObjectTable* objects = nullptr;
+  std::uint32_t large_message_count_max = 0;
   transport::Poller* acceptor_bell = nullptr;  ///< Rung when a connection is given back.
 };
 
@@ -86,6 +88,8 @@ class Lane {
   transport::Poller* acceptor_bell_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   transport::Poller poller_;
+  rt::LazyMemory datagram_bulk_;
+  rt::LazyMemory stream_bulk_;
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;
   std::vector<Connection> connections_;

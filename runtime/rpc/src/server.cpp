@@ -125,8 +125,10 @@ expected<void, SetupError> ServerImpl::open() {
     auto poller = transport::Poller::open();
     if (!poller) return unexpected{in_words(config_, poller.error().text)};
     port_ = listener->port();
-    acceptor_ = std::make_unique<Acceptor>(std::move(*listener), std::move(*poller),
-                                           config_.message_size_max);
+    acceptor_ = std::make_unique<Acceptor>(
+        std::move(*listener), std::move(*poller),
+        std::min(config_.message_size_max,
+                 static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
     return make_lanes(std::move(*ports));
   }
 }
@@ -148,6 +150,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.sessions.ceiling = config_.ceiling;
   setup.sessions.session_count_max = config_.session_count_max;
   setup.sessions.message_size_max = config_.message_size_max;
+  setup.large_message_count_max = config_.large_message_count_max;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto poller = transport::Poller::open();
     if (!poller) return unexpected{in_words(config_, poller.error().text)};

@@ -37,7 +37,9 @@ expected<void, RealtimeError> lock_memory(RealtimeMode mode) {
   // Memory that malloc returned to the kernel would fault, unlocked, when it is needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
-  if (mlockall(MCL_CURRENT | MCL_FUTURE) == 0) return {};
+  // On fault: what was touched stays, and memory kept for large messages costs nothing before one
+  // comes. Threads touch their stacks when they start, and containers their elements.
+  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) return {};
   const int error = errno;
   if (mode == RealtimeMode::kRequire) {
     return unexpected{RealtimeError{memory_lock_text(error)}};

@@ -3,6 +3,7 @@
 #include <sched.h>
 #include <sys/resource.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
@@ -19,6 +20,16 @@ namespace rtpm::rt {
 namespace {
 
 constexpr std::size_t kStackSize = std::size_t{512} * 1024;
+// How much of it is made resident before a thread begins: more than anything of ours needs.
+constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
+
+// Memory is locked as it is touched, so that a stack is touched before it matters.
+[[gnu::noinline]] void prefault_stack() noexcept {
+  std::array<volatile std::byte, kStackPrefaultSize> stack;
+  constexpr std::size_t kPageSize = 4096;
+  for (std::size_t i = 0; i < stack.size(); i += kPageSize)
+    stack[i] = std::byte{0};
+}
 
 std::string scheduling_text(const ThreadConfig& config, int level, int error) {
   rlimit limit{};
@@ -115,6 +126,7 @@ void* run_thread(void* argument) {
     return nullptr;
   }
   const std::function<void()> body = std::move(launch->body);
+  prefault_stack();
   launch->is_configured.release();
   body();
   return nullptr;

@@ -4,7 +4,8 @@ A number may be given as text: then it stands in the hex as a placeholder `<name
 one side is free to choose.
 """
 
-KINDS = {'HELLO': 1, 'COOKIE': 2, 'WELCOME': 3, 'REFUSE': 4, 'CALL': 5, 'REPLY': 6, 'CLOSE': 7}
+KINDS = {'HELLO': 1, 'COOKIE': 2, 'WELCOME': 3, 'REFUSE': 4, 'CALL': 5, 'REPLY': 6, 'CLOSE': 7,
+         'ACK': 8}
 
 STATUSES = {name: number for number, name in enumerate(
     'ok overload expired no_such_method no_such_object bad_request not_lease_holder gone '
@@ -16,6 +17,7 @@ DROP_REASONS = ('too_short bad_magic bad_version bad_kind reserved_set bad_prior
                 'duplicate_running unexpected').split()
 
 REPEATED = 1
+ACK_WANTED = 2
 KIB = 1024
 MIB = 1024 * KIB
 
@@ -41,6 +43,7 @@ BIND_REPLY = [
     ('service', 4, None), ('priority', 2, 0), ('flags', 1, 2), ('reserved', 1, 0),
     ('fingerprint', 8, None), ('method_count', 2, None), ('reserved_end', 6, 0),
 ]
+ACK = [('first_missing', 2, None), ('reserved', 6, 0), ('later', 32, 0)]
 METHOD = [('id', 2, None), ('reserved', 2, 0), ('fingerprint', 4, None)]
 
 LAYOUTS = {'HELLO': HELLO, 'WELCOME': WELCOME}

@@ -1,7 +1,7 @@
 """Vectors of one frame or one payload each."""
 
-from frames import (HELLO, KIB, KINDS, MIB, REPEATED, STATUSES, WELCOME, bind_reply, bind_request,
-                    frame, lay_out, number, text)
+from frames import (ACK, ACK_WANTED, HELLO, KIB, KINDS, MIB, REPEATED, STATUSES, WELCOME, bind_reply,
+                    bind_request, frame, lay_out, number, size_of, text)
 
 SESSION = 0xb7fc5e0b78510000
 ONES_16, ONES_32, ONES_64 = 2**16 - 1, 2**32 - 1, 2**64 - 1
@@ -21,8 +21,10 @@ def headers_good():
     vectors = []
 
     def add(name, kind, payload='', rules=('hp-2-1',), **fields):
-        shown = dict(kind=kind, priority=0, is_repeated=fields.get('flags', 0) == REPEATED,
-                     session=0, call_id=0, service=0, method=0, status='ok', budget_us=0,
+        flags = fields.get('flags', 0)
+        shown = dict(kind=kind, priority=0, is_repeated=flags & REPEATED != 0,
+                     is_ack_wanted=flags & ACK_WANTED != 0, fragment_index=0, fragment_count=1,
+                     message_size=size_of(payload), session=0, call_id=0, service=0, method=0, status='ok', budget_us=0,
                      sender_time_ns=0, trace_id=0)
         shown |= {key: value for key, value in fields.items() if key in shown}
         if 'status' in fields:
@@ -40,6 +42,14 @@ def headers_good():
     add('CALL', 'CALL', '01', service=1, method=2, budget_us=800, trace_id=0x7ace, **usual)
     add('CALL, repeated', 'CALL', '01', service=1, method=2, budget_us=300, flags=REPEATED, **usual)
     add('CLOSE', 'CLOSE', **usual)
+    add('ACK', 'ACK', lay_out(ACK, first_missing=3, later=0b1001), service=1, method=2, **usual)
+    add('CALL, the first of three fragments', 'CALL', 'a5' * 100, service=1, method=2,
+        fragment_count=3, message_size=201, **usual)
+    add('CALL, the last of three fragments, which wants an ACK', 'CALL', 'a5', service=1, method=2,
+        fragment_index=2, fragment_count=3, message_size=201, flags=ACK_WANTED, **usual)
+    add('REPLY, a fragment that is repeated and wants an ACK', 'REPLY', 'a5' * 100, service=1,
+        method=2, fragment_index=1, fragment_count=3, message_size=201,
+        flags=REPEATED | ACK_WANTED, **usual)
     for status in STATUSES:
         add(f'REPLY {status}', 'REPLY', service=1, method=2, budget_us=10, status=status, **usual)
     add('REPLY, repeated', 'REPLY', '0203', service=1, method=2, budget_us=10, flags=REPEATED,
@@ -82,7 +92,7 @@ def headers_bad():
         ['hp-2-1', 'hp-8-2'])
     for version in (0, 2, 255):
         broken(f'version {version}', 'bad_version', version=version)
-    for kind in (0, 8, 255):
+    for kind in (0, 9, 255):
         broken(f'kind {kind}', 'bad_kind', kind=kind)
     for kind in ('COOKIE', 'WELCOME', 'REFUSE', 'REPLY'):
         add(f'{kind} to a server', 'bad_kind', frame(kind, session=SESSION), ['hp-3-1'],
@@ -92,9 +102,9 @@ def headers_bad():
             receiver='client', ends_stream=False)
     for priority in (32768, 65535):
         broken(f'priority {priority}', 'bad_priority', priority=priority)
-    for bit in range(1, 16):
+    for bit in range(2, 16):
         broken(f'reserved flag {bit}', 'reserved_set', 'hp-2-2', flags=1 << bit)
-    broken('a reserved flag beside repeated', 'reserved_set', 'hp-2-2', flags=3)
+    broken('a reserved flag beside repeated', 'reserved_set', 'hp-2-2', flags=5)
     for byte in range(4):
         broken(f'reserved byte {44 + byte}', 'reserved_set', 'hp-2-2', reserved=1 << 8 * byte)
     broken('a payload of 16 MiB and a byte', 'bad_length', payload_size=16 * MIB + 1)
@@ -105,15 +115,27 @@ def headers_bad():
     broken('fragment 1 of 1', 'bad_fragment', 'hp-2-4', fragment_index=1)
     broken('fragment 0 of 0', 'bad_fragment', 'hp-2-4', fragment_count=0)
     broken('fragment 0 of 2', 'bad_fragment', 'hp-2-4', fragment_count=2)
+    broken('fragment 2 of 2', 'bad_fragment', 'hp-2-4', fragment_index=2, fragment_count=2,
+           message_size=8)
+    broken('two fragments where one would do', 'bad_fragment', 'hp-5.6-1', fragment_count=2,
+           message_size=4)
+    broken('too few fragments for the message', 'bad_fragment', 'hp-5.6-1', fragment_count=2,
+           message_size=9)
+    broken('too many fragments for the message', 'bad_fragment', 'hp-5.6-1', fragment_count=3,
+           message_size=8)
+    broken('a last fragment that leaves no equal ones', 'bad_fragment', 'hp-5.6-1',
+           fragment_index=2, fragment_count=3, message_size=11)
+    broken('a CLOSE in fragments', 'bad_fragment', 'hp-2-4', kind='CLOSE', fragment_count=2,
+           message_size=8)
     broken('a message smaller than the payload', 'bad_fragment', 'hp-2-4', message_size=3)
     broken('a message larger than the payload', 'bad_fragment', 'hp-2-4', message_size=5)
     # Each of these has the fault that its name says, and the next in the order of the checks.
     broken('magic, then version', 'bad_magic', magic=0, version=0)
     broken('version, then kind', 'bad_version', version=2, kind=0)
-    broken('kind, then priority', 'bad_kind', kind=8, priority=32768)
-    broken('priority, then flags', 'bad_priority', priority=32768, flags=2)
+    broken('kind, then priority', 'bad_kind', kind=9, priority=32768)
+    broken('priority, then flags', 'bad_priority', priority=32768, flags=4)
     broken('priority, then reserved', 'bad_priority', priority=32768, reserved=1)
-    broken('flags, then length', 'reserved_set', flags=2, payload_size=16 * MIB + 1)
+    broken('flags, then length', 'reserved_set', flags=4, payload_size=16 * MIB + 1)
     broken('reserved, then length', 'reserved_set', reserved=1, payload_size=16 * MIB + 1)
     broken('length, then fragments', 'bad_length', payload_size=16 * MIB + 1, fragment_index=1)
     add('fragments, then the size of the datagram', 'bad_fragment',
@@ -327,8 +349,11 @@ def constants():
     return dict(
         subject='The numbers of hprotocol.md, to be compared with yours.',
         magic='4850', version=1, header_size=64, kinds=KINDS, statuses=STATUSES,
-        flags={'repeated': REPEATED}, session_service=0, method_bind=1, default_port=7420,
+        flags={'repeated': REPEATED, 'ack_wanted': ACK_WANTED}, session_service=0, method_bind=1,
+        method_ping=2, default_port=7420,
         limits=dict(datagram_frame_size_max=1408, datagram_payload_size_max=1344,
+                    stream_frame_size_max=64 * KIB, stream_payload_size_max=64 * KIB - 64,
+                    fragment_window=32, stream_fragment_window=8, fragment_count_max=12_544,
                     message_size_floor=KIB, message_size_ceiling=16 * MIB, call_window=8,
                     session_idle_min_s=30, cookie_span_s=10, path_size_max=200,
                     copy_interval_first_us=5000, copy_interval_min_us=500,

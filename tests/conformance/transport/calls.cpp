@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <thread>
 #include <vector>
 
@@ -25,14 +26,18 @@ TEST_P(TransportSuite, CarriesMessagesOfAllSizes) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   std::vector<std::size_t> sizes{0, 1, 2, 15, 16, 17, 47, 48, 49, 63, 64, 65, 1000};
-  for (std::size_t size = 2000; size < message_size_max(); size *= 2)
+  for (std::size_t size = 2000; size < 2 * 1024 * 1024; size *= 2)
     sizes.push_back(size);
-  for (const std::size_t below : {2u, 1u, 0u})
-    sizes.push_back(message_size_max() - below);
+  // Around the largest that goes in one frame, and the largest of all.
+  for (const std::size_t size :
+       {frame_payload_max() - 1, frame_payload_max(), frame_payload_max() + 1,
+        2 * frame_payload_max(), message_size_max()}) {
+    sizes.push_back(size);
+  }
   std::uint32_t salt = 0;
   for (const std::size_t size : sizes) {
     const std::string text = text_of_size(size, ++salt);
-    const auto reply = binding.call(echo::kEcho, bytes_of(text));
+    const auto reply = binding.call(echo::kEcho, bytes_of(text), {.deadline = 30s});
     ASSERT_TRUE(reply) << size << " bytes: " << to_string(reply.error());
     EXPECT_EQ(text_of(*reply), text) << size << " bytes";
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(reply->bytes().data()) % 16, 0u);
@@ -56,17 +61,16 @@ TEST_P(TransportSuite, TellsThatAReplyWouldBeTooLarge) {
   std::array<std::byte, 4> size{};
   store_le(size.data(), static_cast<std::uint32_t>(message_size_max()));
   {
-    const auto largest = binding.call(echo::kGrow, size);
+    const auto largest = binding.call(echo::kGrow, size, {.deadline = 30s});
     ASSERT_TRUE(largest);
     EXPECT_EQ(largest->bytes().size(), message_size_max());
   }
   store_le(size.data(), static_cast<std::uint32_t>(message_size_max() + 1));
-  expect_error(binding.call(echo::kGrow, size), CallError::kTooLarge);
+  expect_error(binding.call(echo::kGrow, size, {.deadline = 30s}), CallError::kTooLarge);
   EXPECT_EQ(server.servant.run_count(), 2) << "it ran";
 }
 
 TEST_P(TransportSuite, HoldsToTheSmallerOfBothSidesLimits) {
-  if (is_udp()) GTEST_SKIP() << "a datagram's limit is the protocol's";
   ServerConfig config = quiet_config();
   config.message_size_max = 2000;
   EchoServer server(config);
@@ -83,6 +87,41 @@ TEST_P(TransportSuite, HoldsToTheSmallerOfBothSidesLimits) {
     store_le(size.data(), static_cast<std::uint32_t>(limit + 1));
     expect_error(binding.call(echo::kGrow, size), CallError::kTooLarge);
   }
+}
+
+// hp-6.2-1
+TEST_P(TransportSuite, TellsHowTheServersClockStands) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  const auto clock = binding.ping();
+  ASSERT_TRUE(clock) << to_string(clock.error());
+  EXPECT_EQ(clock->offset, Duration{0}) << "one host has one clock";
+  EXPECT_EQ(clock->uncertainty, Duration{0});
+  EXPECT_EQ(server.servant.run_count(), 0);
+}
+
+// hp-5.6-5
+TEST_P(TransportSuite, CarriesLargeMessagesOfSeveralCallersAtATime) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  std::array<std::thread, 3> callers;
+  std::atomic<int> wrong_count{0};
+  for (std::size_t i = 0; i < callers.size(); ++i) {
+    callers[i] = std::thread([&, i] {
+      for (std::uint32_t round = 0; round < 10; ++round) {
+        const std::string text = text_of_size(100'000 + 1000 * i, round);
+        const auto reply = binding.call(echo::kEcho, bytes_of(text), {.deadline = 30s});
+        // Where all rooms are taken the server says so, and the caller may try again.
+        const bool is_refused = !reply && reply.error() == CallError::kOverload;
+        if (!is_refused && (!reply || text_of(*reply) != text)) ++wrong_count;
+      }
+    });
+  }
+  for (std::thread& caller : callers)
+    caller.join();
+  EXPECT_EQ(wrong_count, 0);
 }
 
 TEST_P(TransportSuite, RunsEachCallOnce) {

@@ -338,7 +338,7 @@ TEST_P(TransportSuite, CountsGarbageByItsReasonAndGoesOn) {
                                    Spoiling{2, std::byte{2}, DropReason::kBadVersion},
                                    Spoiling{3, std::byte{9}, DropReason::kBadKind},
                                    Spoiling{5, std::byte{0x80}, DropReason::kBadPriority},
-                                   Spoiling{6, std::byte{2}, DropReason::kReservedSet},
+                                   Spoiling{6, std::byte{4}, DropReason::kReservedSet},
                                    Spoiling{34, std::byte{2}, DropReason::kBadFragment}}) {
     RawPeer peer(transport(), server.server->port());
     Bytes frame = peer.call_frame(1, echo::kEcho.id);

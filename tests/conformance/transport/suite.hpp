@@ -6,7 +6,7 @@
 #include <string>
 
 #include "rtpm/test/echo_server.hpp"
-#include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/medium.hpp"
 
 /// What every transport keeps, seen from a caller and a server. A transport takes part by one line
 /// in transports_test.cpp.
@@ -18,8 +18,10 @@ class TransportSuite : public testing::TestWithParam<Transport> {
   [[nodiscard]] static bool is_udp() { return transport() == Transport::kUdp; }
   [[nodiscard]] static NodeConfig node_config() { return quiet_node(transport()); }
   /// The largest request and reply.
-  [[nodiscard]] static std::size_t message_size_max() {
-    return is_udp() ? wire::kDatagramPayloadSizeMax : ServerConfig{}.message_size_max;
+  [[nodiscard]] static std::size_t message_size_max() { return ServerConfig{}.message_size_max; }
+  /// The largest that goes in one frame.
+  [[nodiscard]] static std::size_t frame_payload_max() {
+    return wire::frame_payload_max(is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream);
   }
 
   /// Where the servant says that it ran; fails the test if the call did.

@@ -235,13 +235,46 @@ TEST_F(ClientCalls, TooLargeForTheServerAreNotBegun) {
   EXPECT_TRUE(channel_.call(parameters(at(1s)), Bytes(1500), at(0s)));
 }
 
-TEST_F(ClientCalls, TooLargeForTheBufferAreNotBegun) {
+// hp-5.6: what the buffer does not hold as one frame goes in several.
+TEST_F(ClientCalls, TooLargeForTheBufferGoInFragments) {
   Welcome generous = welcome();
   generous.message_size_max = kMessageSizeCeiling;
   const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
   ASSERT_EQ(channel_.on_frame(welcome_frame(hello, generous), at(0s)).kind, Kind::kReady);
-  EXPECT_FALSE(channel_.call(parameters(at(1s)), Bytes(2001), at(0s)));
-  EXPECT_TRUE(channel_.call(parameters(at(1s)), Bytes(2000), at(0s)));
+  const Bytes message(kDatagramPayloadSizeMax + 1);
+  const auto frame = channel_.call(parameters(at(1s)), message, at(0s));
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(header_of(*frame).fragment_count, 2u);
+}
+
+// hp-5.7-1, hp-5.7-3
+TEST_F(ClientCalls, TellTheServersClockUnlessTheyWereRepeated) {
+  EXPECT_EQ(channel_.peer_clock(at(0s))->uncertainty, 0s) << "it reads the same clock";
+  Welcome stranger = welcome();
+  stranger.clock_domain = 10;
+  const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
+  ASSERT_EQ(channel_.on_frame(welcome_frame(hello, stranger), at(0s)).kind, Kind::kReady);
+  EXPECT_FALSE(channel_.peer_clock(at(0s)));
+
+  const auto answered_at = [&](const Bytes& call, MonotonicTime theirs) {
+    Header header = answer_header(call, FrameKind::kReply);
+    header.budget_us = 300;
+    header.sender_time_ns = static_cast<std::uint64_t>(to_ns(theirs));
+    return frame_of(header);
+  };
+  const Bytes repeated = begin_call(at(0s));
+  ASSERT_EQ(channel_.on_time(channel_.next_time()).kind, Kind::kSend);
+  ASSERT_EQ(channel_.on_frame(answered_at(repeated, at(1h)), at(100ms)).kind, Kind::kReply);
+  EXPECT_FALSE(channel_.peer_clock(at(100ms)));
+
+  const Bytes once = begin_call(at(200ms));
+  // 100 us there, 300 us at the server, 100 us back.
+  ASSERT_EQ(channel_.on_frame(answered_at(once, at(200ms + 400us + 1h)), at(200ms + 500us)).kind,
+            Kind::kReply);
+  const auto clock = channel_.peer_clock(at(200ms + 500us));
+  ASSERT_TRUE(clock);
+  EXPECT_EQ(clock->offset, 1h);
+  EXPECT_LT(clock->uncertainty, 110us);
 }
 
 TEST_F(ClientCalls, EndWithTheSession) {

@@ -34,8 +34,8 @@ inline void PrintTo(Verdict::Action action, std::ostream* out) {
   *out << kNames[static_cast<std::size_t>(action)];
 }
 inline void PrintTo(ChannelEvent::Kind kind, std::ostream* out) {
-  static constexpr std::array<std::string_view, 8> kNames{"nothing", "send", "ready",   "reply",
-                                                          "refused", "lost", "timeout", "broken"};
+  static constexpr std::array<std::string_view, 9> kNames{
+      "nothing", "send", "ready", "reply", "refused", "lost", "need room", "timeout", "broken"};
   *out << kNames[static_cast<std::size_t>(kind)];
 }
 

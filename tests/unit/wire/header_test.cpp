@@ -89,10 +89,10 @@ const std::vector<Break>& breaks() {
       {"version 0", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{0}; }},
       {"version 2", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{2}; }},
       {"kind 0", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{0}; }},
-      {"kind 8", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{8}; }},
+      {"kind 9", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{9}; }},
       {"priority 32768", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 32768); }},
       {"priority 65535", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 65535); }},
-      {"flag 1", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 2); }},
+      {"flag 2", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 4); }},
       {"flag 15", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 0x8000); }},
       {"the first reserved byte", DropReason::kReservedSet, [](Bytes& f) { set_u32(f, 44, 1); }},
       {"the last reserved byte", DropReason::kReservedSet,
@@ -231,7 +231,7 @@ TEST(Names, AreTheSpecs) {
   }
   EXPECT_EQ(to_string(static_cast<Status>(kStatusCount)), "unknown");
   constexpr std::array<std::string_view, kFrameKindLast> kKinds{
-      "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL", "REPLY", "CLOSE"};
+      "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL", "REPLY", "CLOSE", "ACK"};
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<FrameKind>(i + 1)), kKinds[i]);
   }

@@ -20,12 +20,14 @@ enum class FrameKind : std::uint8_t {
   kCall = 5,     ///< Client → server: run a method.
   kReply = 6,    ///< Server → client: how it ended.
   kClose = 7,    ///< Client → server: the session is not needed any more.
+  kAck = 8,      ///< Both ways: how far a message in fragments has arrived.
 };
-inline constexpr std::uint8_t kFrameKindLast = 7;
+inline constexpr std::uint8_t kFrameKindLast = 8;
 
 /// Bits of Header::flags. All others are zero.
-inline constexpr std::uint16_t kFlagRepeated = 1;  ///< A copy of a frame sent before.
-inline constexpr std::uint16_t kFlagsKnown = kFlagRepeated;
+inline constexpr std::uint16_t kFlagRepeated = 1;   ///< A copy of a frame sent before.
+inline constexpr std::uint16_t kFlagAckWanted = 2;  ///< On a fragment: answer with ACK.
+inline constexpr std::uint16_t kFlagsKnown = kFlagRepeated | kFlagAckWanted;
 
 /// The 64 bytes at the begin of every frame.   Source: spec/hprotocol.md#hp-2.
 struct Header {
@@ -38,9 +40,9 @@ struct Header {
   std::uint16_t method = 0;
   Status status = Status::kOk;       ///< In replies and refusals.
   std::uint32_t payload_size = 0;    ///< Bytes that follow this header.
-  std::uint16_t fragment_index = 0;  ///< 0: version 1.0 of this code sends whole messages.
-  std::uint16_t fragment_count = 1;
-  std::uint32_t message_size = 0;    ///< Bytes of the whole message; here: payload_size.
+  std::uint16_t fragment_index = 0;  ///< Which part of the message this is, of
+  std::uint16_t fragment_count = 1;  ///< so many; only CALL and REPLY come in several.
+  std::uint32_t message_size = 0;    ///< Bytes of the whole message.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
   std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.
   std::uint64_t trace_id = 0;
@@ -58,6 +60,10 @@ void encode(const Header& header, std::byte* to) noexcept;
 
 /// As decode(), for a whole frame: exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
+
+/// The size of all fragments but the last, told by any one of several; 0 if the numbers contradict
+/// each other or the limits.   RT: alloc-free.
+[[nodiscard]] std::uint32_t fragment_size_of(const Header& header) noexcept;
 
 /// "HELLO", "CALL", …
 [[nodiscard]] std::string_view to_string(FrameKind kind) noexcept;

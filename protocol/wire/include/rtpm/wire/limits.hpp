@@ -19,6 +19,10 @@ inline constexpr std::size_t kHeaderSize = 64;
 inline constexpr std::size_t kDatagramFrameSizeMax = 1408;
 inline constexpr std::size_t kDatagramPayloadSizeMax = kDatagramFrameSizeMax - kHeaderSize;
 
+/// The largest frame on a stream, and so the largest fragment: what a connection buffers.
+inline constexpr std::size_t kStreamFrameSizeMax = std::size_t{64} * 1024;
+inline constexpr std::size_t kStreamPayloadSizeMax = kStreamFrameSizeMax - kHeaderSize;
+
 /// The bounds of what a side may state as its largest message on a stream.
 inline constexpr std::uint32_t kMessageSizeFloor = 1024;
 inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
@@ -26,6 +30,15 @@ inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
 /// How many calls of one session the server remembers with their replies, hence how many may be
 /// open at a time. A power of two.
 inline constexpr std::uint16_t kCallWindow = 8;
+
+/// How many fragments of a message are on their way at a time: 44 KiB of datagrams, which fit every
+/// socket's buffer and keep a gigabit busy over a round trip of 350 µs.
+inline constexpr std::uint16_t kFragmentWindow = 32;
+/// The same on a stream: half a megabyte, which the system's send buffer holds without waiting.
+inline constexpr std::uint16_t kStreamFragmentWindow = 8;
+/// The most fragments of a message: 16 MiB in datagrams. A multiple of 64.
+inline constexpr std::uint16_t kFragmentCountMax = 12'544;
+static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
 /// A session is not replaced before it was silent for so long (hp-5.5-1). A caller repeats at least
 /// every kRetransmitIntervalMax, so one that waits is never silent that long.
@@ -47,5 +60,6 @@ inline constexpr std::size_t kPathSizeMax = 200;
 /// The service number of the session itself, and its methods.
 inline constexpr std::uint32_t kSessionService = 0;
 inline constexpr std::uint16_t kMethodBind = 1;
+inline constexpr std::uint16_t kMethodPing = 2;
 
 }  // namespace rtpm::wire

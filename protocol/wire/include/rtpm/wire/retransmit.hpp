@@ -14,6 +14,9 @@ class RetransmitTimer {
   void begin(MonotonicTime now) noexcept;
   /// It was sent again.
   void repeat(MonotonicTime now) noexcept;
+  /// A part of the answer, or of its acknowledgement, is here: the wait begins anew, and the call
+  /// is not measured.
+  void progress(MonotonicTime now) noexcept;
   /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
   /// which copy was answered (Karn's rule); the doubled wait then holds for the next call, too.
   void end(MonotonicTime now) noexcept;
@@ -35,6 +38,7 @@ class RetransmitTimer {
   MonotonicTime sent_{};
   MonotonicTime due_ = kNever;
   int repeat_count_ = 0;
+  bool is_measured_ = true;
 };
 
 }  // namespace rtpm::wire

@@ -15,6 +15,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::rpc {
 
@@ -88,6 +89,12 @@ class Binding {
   [[nodiscard]] expected<ReplyLease, CallError> call(const MethodDescriptor& method,
                                                      ConstBytes request,
                                                      const CallOptions& options = {}) noexcept;
+
+  /// Makes an empty call to the server itself, which shows that the path works in both directions
+  /// at the call's priority, and tells how the server's clock stands to ours: by this call and
+  /// those before it on the same channel. Where none of them tells, the uncertainty is
+  /// Duration::max(). RT: as call().   Errors: as call().   Source: spec/hprotocol.md#hp-6.2.
+  [[nodiscard]] expected<wire::PeerClock, CallError> ping(const CallOptions& options = {}) noexcept;
 
   /// Opens a channel of the band that serves each of `priorities`.   Set-up only.
   [[nodiscard]] expected<void, SetupError> warm_up(std::span<const Priority> priorities);

@@ -39,7 +39,7 @@ struct NodeConfig {
   Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
   Transport transport = Transport::kAuto;               ///< For bindings that state none.
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
-  std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
+  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
 };
 
 /// The calling side of a program: its identity towards servers and the channels to them. Bindings

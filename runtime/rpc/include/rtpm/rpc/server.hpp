@@ -50,7 +50,10 @@ struct ServerConfig {
   Priority ceiling = Priority::kHighest;  ///< The highest priority that sessions are granted.
   std::uint32_t session_count_max =
       256;  ///< Per lane and transport; more replace the longest idle.
-  std::uint32_t message_size_max = 64 * 1024;  ///< Bytes of one TCP message; UDP: one datagram.
+  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
+  /// How many messages larger than a frame (UDP: 1344 bytes, TCP: 64 KiB) a lane may hold at a
+  /// time, per transport; more are refused with overload. Each takes memory only once it is used.
+  std::uint32_t large_message_count_max = 3;
 };
 
 /// Serves objects to callers over UDP and TCP, each lane on a thread of its own.

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::wire {
+
+/// The four times of one call: each side's clock when its frame left and when the other's came.
+struct ClockProbe {
+  MonotonicTime request_sent{};      ///< On the client's clock.
+  MonotonicTime request_received{};  ///< On the server's.
+  MonotonicTime reply_sent{};        ///< On the server's.
+  MonotonicTime reply_received{};    ///< On the client's.
+};
+
+/// What is known of the peer's clock.
+struct PeerClock {
+  Duration offset{};       ///< The peer's clock less ours, now.
+  Duration uncertainty{};  ///< The true offset is within this of `offset`.
+  double drift_ppm = 0;    ///< How much faster the peer's clock runs; 0 until it is known.
+};
+
+/// Estimates the peer's clock from calls, each of which is a probe. The probe with the shortest
+/// round trip tells most: its two ways can differ by no more than that. It keeps the best probe of
+/// each of the last 16 seconds with probes, and the line through them gives the drift.
+/// Threads: one at a time.   RT: alloc-free, a few ns to add.
+/// Source: spec/hprotocol.md#hp-5.7; the probe is NTP's (RFC 5905, section 8).
+class ClockEstimator {
+ public:
+  void add(const ClockProbe& probe) noexcept;
+  /// Nothing before the first probe.
+  [[nodiscard]] std::optional<PeerClock> estimate(MonotonicTime now) const noexcept;
+  /// Another peer, or another life of it.
+  void clear() noexcept { *this = ClockEstimator{}; }
+
+ private:
+  struct Point {
+    MonotonicTime time{};  ///< On our clock, in the middle of the probe.
+    Duration offset{};
+    Duration half_trip{};
+  };
+  static constexpr std::size_t kPointCountMax = 16;
+
+  [[nodiscard]] std::optional<double> slope() const noexcept;
+
+  std::array<Point, kPointCountMax> points_{};  ///< A ring; the newest is at newest_.
+  std::size_t count_ = 0;
+  std::size_t newest_ = 0;
+};
+
+}  // namespace rtpm::wire

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstddef>
+
+#include "rtpm/base/bytes.hpp"
+
+namespace rtpm::rt {
+
+/// Memory that costs nothing until it is used: pages come with their first touch and stay. For
+/// large messages, which are not what a lane's promises are about. Ownership: unmaps at its end.
+/// Threads: as any memory.   Set-up only; a first touch faults.
+class LazyMemory {
+ public:
+  LazyMemory() noexcept = default;
+  /// Zeros, aligned to a page. Empty if the system has no address space left.
+  explicit LazyMemory(std::size_t size) noexcept;
+  LazyMemory(LazyMemory&& other) noexcept;
+  LazyMemory& operator=(LazyMemory&& other) noexcept;
+  ~LazyMemory();
+  [[nodiscard]] MutableBytes bytes() const noexcept { return bytes_; }
+
+ private:
+  MutableBytes bytes_{};
+};
+
+}  // namespace rtpm::rt

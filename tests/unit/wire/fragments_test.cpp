@@ -1,0 +1,354 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+
+#include "client_fixture.hpp"
+#include "peers.hpp"
+#include "rtpm/wire/fragments.hpp"
+
+// Messages larger than a frame: spec/hprotocol.md#hp-5.6.
+namespace rtpm::wire {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+using Action = Verdict::Action;
+using Taken = IncomingMessage::Taken;
+
+Bytes pattern(std::size_t size) {
+  Bytes bytes(size);
+  for (std::size_t i = 0; i < size; ++i)
+    bytes[i] = static_cast<std::byte>(i * 7 + (i >> 8));
+  return bytes;
+}
+
+Header part(std::uint16_t index, std::uint16_t count, std::uint32_t size, std::uint32_t message) {
+  Header header;
+  header.fragment_index = index;
+  header.fragment_count = count;
+  header.payload_size = size;
+  header.message_size = message;
+  return header;
+}
+
+// hp-5.6-1
+TEST(FragmentSize, IsToldByAnyFragmentThatAgreesWithItself) {
+  EXPECT_EQ(fragment_size_of(part(0, 3, 100, 250)), 100u);
+  EXPECT_EQ(fragment_size_of(part(1, 3, 100, 250)), 100u);
+  EXPECT_EQ(fragment_size_of(part(2, 3, 50, 250)), 100u);
+  EXPECT_EQ(fragment_size_of(part(2, 3, 100, 300)), 100u) << "the last may be full";
+  EXPECT_EQ(fragment_size_of(part(0, kFragmentCountMax, 1344, kFragmentCountMax * 1344)), 1344u);
+  EXPECT_EQ(fragment_size_of(part(3, 3, 100, 250)), 0u) << "beyond the count";
+  EXPECT_EQ(fragment_size_of(part(0, 3, 100, 301)), 0u) << "too few for the message";
+  EXPECT_EQ(fragment_size_of(part(0, 3, 125, 250)), 0u) << "two would do";
+  EXPECT_EQ(fragment_size_of(part(2, 3, 51, 250)), 0u) << "the rest has no equal parts";
+  EXPECT_EQ(fragment_size_of(part(0, 3, 0, 250)), 0u);
+  EXPECT_EQ(fragment_size_of(part(0, 1, 100, 100)), 0u) << "a whole message has none";
+  EXPECT_EQ(fragment_size_of(part(0, kFragmentCountMax + 1, 1, kFragmentCountMax + 1)), 0u);
+}
+
+TEST(FragmentAck, ComesBackAsItWasWrittenAndNothingElseDoes) {
+  FragmentAck ack;
+  ack.first_missing = 513;
+  ack.later = {1, 0, 0, 0x8000'0000'0000'0000};
+  Bytes bytes(FragmentAck::kSize);
+  encode(ack, bytes);
+  const auto read = decode_ack(bytes);
+  ASSERT_TRUE(read);
+  EXPECT_EQ(read->first_missing, 513u);
+  EXPECT_EQ(read->later, ack.later);
+  EXPECT_TRUE(read->has_later(0));
+  EXPECT_FALSE(read->has_later(1));
+  EXPECT_TRUE(read->has_later(255));
+  Bytes reserved = bytes;
+  reserved[2] = std::byte{1};
+  EXPECT_FALSE(decode_ack(reserved));
+  bytes.push_back({});
+  EXPECT_FALSE(decode_ack(bytes));
+}
+
+// hp-5.6-2, hp-5.6-3
+TEST(OutgoingMessage, SendsOneWindowAndAsksHowFarItGot) {
+  const Bytes message = pattern(100 * 100);
+  OutgoingMessage outgoing;
+  outgoing.begin({}, message, 100, kFragmentWindow);
+  Bytes frame(kHeaderSize + 100);
+  int count = 0;
+  Header last;
+  for (ConstBytes sent; !(sent = outgoing.next(frame, 1, at(0s))).empty(); ++count) {
+    last = header_of(sent);
+    EXPECT_EQ(last.fragment_index, count);
+    EXPECT_EQ(last.fragment_count, 100u);
+  }
+  EXPECT_EQ(count, kFragmentWindow);
+  EXPECT_NE(last.flags & kFlagAckWanted, 0);
+
+  FragmentAck ack;
+  ack.first_missing = 10;
+  ack.later[0] = 1U << 4U;  // 15 is there, 10 to 14 are not.
+  outgoing.on_ack(ack);
+  std::vector<int> indices;
+  for (ConstBytes sent; !(sent = outgoing.next(frame, 1, at(0s))).empty();) {
+    indices.push_back(header_of(sent).fragment_index);
+  }
+  // hp-5.6-6: those before one that arrived are lost; then the window moves by ten.
+  EXPECT_EQ(indices,
+            (std::vector<int>{10, 11, 12, 13, 14, 32, 33, 34, 35, 36, 37, 38, 39, 40, 41}));
+  outgoing.nudge();
+  EXPECT_EQ(header_of(outgoing.next(frame, 1, at(0s))).fragment_index, 10u);
+}
+
+TEST(OutgoingMessage, LearnsNothingFromAnAckOfWhatItNeverSent) {
+  const Bytes message = pattern(10 * 100);
+  OutgoingMessage outgoing;
+  outgoing.begin({}, message, 100, 2);
+  Bytes frame(kHeaderSize + 100);
+  static_cast<void>(outgoing.next(frame, 1, at(0s)));
+  FragmentAck ack;
+  ack.first_missing = 10;
+  outgoing.on_ack(ack);
+  EXPECT_FALSE(outgoing.is_acknowledged());
+}
+
+// hp-5.6-6: whatever is lost, doubled or overtaken, the message arrives, byte for byte.
+TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    Random random(seed);
+    const Bytes message = pattern(2 + random() % 20'000);
+    const auto fragment_size =
+        static_cast<std::uint32_t>(1 + random() % std::min<std::size_t>(message.size() - 1, 500));
+    if (message.size() / fragment_size > 2000) continue;
+    OutgoingMessage outgoing;
+    outgoing.begin({}, message, fragment_size, kFragmentWindow);
+    IncomingMessage incoming;
+    Bytes room(message.size());
+    std::deque<Bytes> on_the_way;
+    Bytes frame(kHeaderSize + fragment_size);
+    for (int idle = 0; !outgoing.is_acknowledged(); ++idle) {
+      ASSERT_LT(idle, 1'000'000) << "seed " << seed;
+      for (ConstBytes sent; !(sent = outgoing.next(frame, 1, at(0s))).empty();) {
+        for (std::uint64_t copies = random() % 10 < 2 ? 0 : 1 + random() % 2; copies > 0;
+             --copies) {
+          const auto place = static_cast<std::ptrdiff_t>(random() % (on_the_way.size() + 1));
+          on_the_way.insert(on_the_way.begin() + place, copy_of(sent));
+        }
+      }
+      if (on_the_way.empty()) {
+        outgoing.nudge();
+        continue;
+      }
+      const Bytes arrived = on_the_way.front();
+      on_the_way.pop_front();
+      const Header header = header_of(arrived);
+      if (!incoming.is_begun()) incoming.begin(header, room);
+      ASSERT_NE(incoming.take(header, ConstBytes(arrived).subspan(kHeaderSize)), Taken::kForeign);
+      const bool is_answered = (header.flags & kFlagAckWanted) != 0 && random() % 10 >= 2;
+      if (is_answered) outgoing.on_ack(incoming.ack());
+    }
+    EXPECT_TRUE(incoming.is_complete());
+    EXPECT_EQ(copy_of(incoming.message()), message) << "seed " << seed;
+  }
+}
+
+TEST(IncomingMessage, TakesNoFragmentOfAnother) {
+  Bytes room(1000);
+  IncomingMessage incoming;
+  incoming.begin(part(0, 3, 100, 250), room);
+  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kNew);
+  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kCopy);
+  EXPECT_EQ(incoming.take(part(1, 3, 100, 251), Bytes(100)), Taken::kForeign);
+  EXPECT_EQ(incoming.take(part(1, 3, 99, 250), Bytes(99)), Taken::kForeign);
+  EXPECT_EQ(incoming.take(part(2, 3, 50, 250), Bytes(50)), Taken::kNew);
+  EXPECT_EQ(incoming.take(part(1, 3, 100, 250), Bytes(100)), Taken::kLast);
+}
+
+constexpr std::uint32_t kLarge = 64 * 1024;
+
+class LargeCalls : public testing::Test {
+ protected:
+  explicit LargeCalls(std::size_t room_count = 3) : bulk_(room_count * kLarge), server_(config()) {}
+  void SetUp() override { peer_.open(server_, at(0s)); }
+
+  ServerSessionsConfig config() {
+    ServerSessionsConfig config = server_config();
+    config.message_size_max = kLarge;
+    config.bulk_memory = bulk_;
+    return config;
+  }
+  /// All fragments of a call with `message`.
+  std::vector<Bytes> fragments(std::uint32_t call_id, ConstBytes message) {
+    const Header header = header_of(peer_.call_frame(call_id, ""));
+    OutgoingMessage outgoing;
+    outgoing.begin(header, message, kDatagramPayloadSizeMax, kFragmentCountMax - 1);
+    Bytes frame(kDatagramFrameSizeMax);
+    std::vector<Bytes> all;
+    for (ConstBytes sent; !(sent = outgoing.next(frame, header.budget_us, at(0s))).empty();) {
+      all.push_back(copy_of(sent));
+    }
+    return all;
+  }
+  Verdict receive(const Bytes& frame, MonotonicTime now = at(0s)) {
+    return server_.on_frame(frame, peer_.address, now);
+  }
+  Bytes ack_frame(std::uint32_t call_id, const FragmentAck& ack) {
+    Bytes payload(FragmentAck::kSize);
+    encode(ack, payload);
+    return frame_of(ack_header(header_of(peer_.call_frame(call_id, "")), at(0s)), payload);
+  }
+
+  Bytes bulk_;
+  ServerSessions server_;
+  Peer peer_;
+};
+
+TEST_F(LargeCalls, RunOnceWithTheWholeMessage) {
+  const Bytes message = pattern(10'000);
+  std::vector<Bytes> all = fragments(1, message);
+  std::reverse(all.begin(), all.end());
+  all.insert(all.begin() + 3, all.front());
+  int run_count = 0;
+  for (const Bytes& frame : all) {
+    const Verdict verdict = receive(frame);
+    if (verdict.action != Action::kDispatch) continue;
+    ++run_count;
+    EXPECT_EQ(copy_of(verdict.request.payload), message);
+  }
+  EXPECT_EQ(run_count, 1);
+  // hp-5.2-1, hp-5.6-4: while it runs, a copy is told that nothing is missing.
+  const Verdict verdict = receive(fragments(1, message).back());
+  ASSERT_EQ(verdict.action, Action::kSend);
+  EXPECT_EQ(header_of(verdict.frame).kind, FrameKind::kAck);
+  EXPECT_EQ(decode_ack(verdict.frame.subspan(kHeaderSize))->first_missing, 8u);
+}
+
+TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
+  const Verdict verdict = receive(peer_.call_frame(1, "small"));
+  ASSERT_EQ(verdict.action, Action::kDispatch);
+  const Bytes reply = pattern(kLarge);
+  const MutableBytes room = server_.reply_buffer(verdict.request);
+  ASSERT_EQ(room.size(), kLarge);
+  std::ranges::copy(reply, room.begin());
+  IncomingMessage incoming;
+  Bytes collected(kLarge);
+  const auto take = [&](ConstBytes frame) {
+    int count = 0;
+    for (; !frame.empty(); frame = server_.next_frame(at(0s)), ++count) {
+      const Header header = header_of(frame);
+      EXPECT_EQ(header.kind, FrameKind::kReply);
+      if (!incoming.is_begun()) incoming.begin(header, collected);
+      static_cast<void>(incoming.take(header, frame.subspan(kHeaderSize)));
+    }
+    return count;
+  };
+  EXPECT_EQ(take(server_.complete(verdict.request, Status::kOk, kLarge, at(0s))), kFragmentWindow);
+  EXPECT_EQ(take(receive(ack_frame(1, incoming.ack())).frame), 49 - kFragmentWindow);
+  EXPECT_TRUE(incoming.is_complete());
+  EXPECT_EQ(copy_of(incoming.message()), reply);
+  // hp-5.6-7: a copy of the call fetches what is not acknowledged yet.
+  EXPECT_GE(take(receive(peer_.call_frame(1, "small")).frame), 1);
+  // hp-5.6-8
+  EXPECT_EQ(receive(ack_frame(1, incoming.ack())).action, Action::kNothing);
+  EXPECT_EQ(receive(peer_.call_frame(1, "small")).action, Action::kNothing);
+  EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u);
+}
+
+// hp-5.6-5
+TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
+  const Verdict too_large = receive(fragments(1, pattern(kLarge + 1)).front());
+  ASSERT_EQ(too_large.action, Action::kSend);
+  EXPECT_EQ(header_of(too_large.frame).status, Status::kTooLarge);
+  // Two rooms besides the one for replies.
+  EXPECT_EQ(receive(fragments(2, pattern(5000)).front()).action, Action::kNothing);
+  EXPECT_EQ(receive(fragments(3, pattern(5000)).front()).action, Action::kNothing);
+  const Verdict full = receive(fragments(4, pattern(5000)).front());
+  ASSERT_EQ(full.action, Action::kSend);
+  EXPECT_EQ(header_of(full.frame).status, Status::kOverload);
+  // When nobody waits for a half message any more its room is free again.
+  EXPECT_EQ(receive(fragments(5, pattern(5000)).front(), at(2s)).action, Action::kNothing);
+  EXPECT_EQ(receive(fragments(2, pattern(5000)).back(), at(2s)).action, Action::kNothing);
+  EXPECT_EQ(server_.counters().dropped_for(DropReason::kStaleCall), 1u)
+      << "the rest of the old one";
+}
+
+class LargeReplies : public ClientChannelTest {
+ protected:
+  void SetUp() override { make_ready(at(0s)); }
+  std::vector<Bytes> reply_fragments(const Bytes& call, ConstBytes message) {
+    OutgoingMessage outgoing;
+    outgoing.begin(answer_header(call, FrameKind::kReply), message, 500, kFragmentWindow);
+    Bytes frame(kHeaderSize + 500);
+    std::vector<Bytes> all;
+    for (ConstBytes sent; !(sent = outgoing.next(frame, 0, at(0s))).empty();) {
+      all.push_back(copy_of(sent));
+    }
+    return all;
+  }
+};
+
+TEST_F(LargeReplies, AskForRoomAndAreAcknowledged) {
+  const Bytes call = begin_call(at(0s));
+  const Bytes message = pattern(2900);
+  const std::vector<Bytes> all = reply_fragments(call, message);
+  const ChannelEvent first = channel_.on_frame(all[1], at(1ms));
+  ASSERT_EQ(first.kind, Kind::kNeedRoom);
+  ASSERT_EQ(first.room_size, 2900u);
+  Bytes room(2900);
+  channel_.give_room(room);
+  EXPECT_EQ(channel_.on_frame(all[1], at(1ms)).kind, Kind::kNothing);
+  // hp-5.6-7: when nothing more comes it says how far it is.
+  const ChannelEvent late = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(late.kind, Kind::kSend);
+  EXPECT_EQ(header_of(late.frame).kind, FrameKind::kAck);
+  EXPECT_EQ(decode_ack(late.frame.subspan(kHeaderSize))->first_missing, 0u);
+  ChannelEvent event;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (i != 1) event = channel_.on_frame(all[i], at(20ms));
+  }
+  ASSERT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(copy_of(event.payload), message);
+  EXPECT_EQ(decode_ack(event.frame.subspan(kHeaderSize))->first_missing, 6u);
+  EXPECT_EQ(channel_.next_time(), kNever);
+}
+
+// hp-5.6-5
+TEST_F(LargeReplies, AboveTheStatedLimitAreNotTaken) {
+  const Bytes call = begin_call(at(0s));
+  EXPECT_EQ(channel_.on_frame(reply_fragments(call, pattern(3001)).front(), at(1ms)).kind,
+            Kind::kNothing);
+  EXPECT_EQ(dropped(DropReason::kBadLength), 1u);
+}
+
+// hp-5.6-7
+TEST_F(LargeReplies, AreAskedForByTheFirstFragmentOfALargeRequest) {
+  Welcome generous = welcome();
+  generous.message_size_max = 10'000;
+  const Bytes hello = copy_of(channel_.open(120, at(10s), at(0s)));
+  ASSERT_EQ(channel_.on_frame(welcome_frame(hello, generous), at(0s)).kind, Kind::kReady);
+  const Bytes message = pattern(2900);
+  const auto frame = channel_.call(parameters(at(10s)), message, at(0s));
+  ASSERT_TRUE(frame);
+  Bytes sent = copy_of(*frame);
+  while (true) {
+    const ConstBytes more = channel_.next_frame(at(0s));
+    if (more.empty()) break;
+    sent = copy_of(more);
+  }
+  EXPECT_EQ(header_of(sent).fragment_index, 2u);
+  Bytes payload(FragmentAck::kSize);
+  FragmentAck all;
+  all.first_missing = 3;
+  encode(all, payload);
+  EXPECT_EQ(
+      channel_.on_frame(frame_of(ack_header(header_of(sent), at(1ms)), payload), at(1ms)).kind,
+      Kind::kNothing);
+  const ChannelEvent event = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(event.kind, Kind::kSend);
+  const Header again = header_of(event.frame);
+  EXPECT_EQ(again.kind, FrameKind::kCall);
+  EXPECT_EQ(again.fragment_index, 0u);
+  EXPECT_EQ(again.flags, kFlagRepeated | kFlagAckWanted);
+}
+
+}  // namespace
+}  // namespace rtpm::wire
