@@ -10,6 +10,7 @@
 #include "rtpm/base/latest.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -321,7 +322,10 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
                        "' is no RTPM URL. Remedy: write rtpm://host:port/path, such as "
                        "rtpm://127.0.0.1:4711/lab/arm0.");
   }
-  Endpoint& endpoint = node.impl().endpoint({parts->host, parts->port, chosen(node, options)});
+  // A name is looked up once, here, where waiting for a name server does no harm to a call.
+  const auto host = transport::numeric_address_of(parts->host);
+  if (!host) return setup_error("'" + *url + "' can't be bound: " + host.error().text);
+  Endpoint& endpoint = node.impl().endpoint({*host, parts->port, chosen(node, options)});
   auto impl = std::make_unique<Impl>(endpoint, parts->path, *url, interface,
                                      node.config().default_deadline);
   const Priority priority = !options.warm_up.empty() ? options.warm_up.front()

@@ -7,6 +7,9 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <array>
+
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::transport {
@@ -32,6 +35,14 @@ expected<sockaddr_in, TransportError> address_of(const std::string& host, std::u
   address.sin_addr = reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr;
   freeaddrinfo(found);
   return address;
+}
+
+expected<std::string, TransportError> numeric_address_of(const std::string& host) {
+  const auto address = address_of(host, 0);
+  if (!address) return unexpected{address.error()};
+  std::array<char, INET_ADDRSTRLEN> text{};
+  inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
+  return std::string(text.data());
 }
 
 void set_traffic_class(int socket, Priority priority) noexcept {

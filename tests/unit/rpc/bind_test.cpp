@@ -55,6 +55,17 @@ TEST_P(BindErrors, SayThatNobodyIsThere) {
               {"'echo'", "rtpm://127.0.0.1:" + port, "nobody serves the address"});
 }
 
+TEST_P(BindErrors, SayThatTheHostHasNoAddress) {
+  expect_text(error_of(node_, "rtpm://999.1.1.1:80/echo"),
+              {"'rtpm://999.1.1.1:80/echo'", "host '999.1.1.1' has no IPv4 address", "Remedy"});
+}
+
+TEST_P(BindErrors, AreNoneForAHostName) {
+  const EchoServer server;
+  const std::string port = std::to_string(server.server->port());
+  EXPECT_EQ(error_of(node_, "rtpm://localhost:" + port + "/echo"), "");
+}
+
 TEST_P(BindErrors, SayThatTheObjectIsNotThere) {
   const EchoServer server;
   expect_text(

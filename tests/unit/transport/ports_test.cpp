@@ -152,6 +152,12 @@ TEST(Host, WithoutAnAddressIsNamed) {
   expect_text(address.error().text, {"host ''", "Remedy"});
 }
 
+TEST(Host, HasANumericAddress) {
+  EXPECT_EQ(*numeric_address_of("192.0.2.1"), "192.0.2.1");
+  EXPECT_EQ(*numeric_address_of("localhost"), "127.0.0.1");
+  EXPECT_FALSE(numeric_address_of("999.1.1.1"));
+}
+
 TEST(UdpPort, AnswersWhereADatagramCameFrom) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);

@@ -35,6 +35,10 @@ class Descriptor {
 [[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
                                                                std::uint16_t port);
 
+/// The numeric form of a host's IPv4 address, "127.0.0.1", so that nobody has to ask for it again.
+/// Set-up only: may ask a name server.
+[[nodiscard]] expected<std::string, TransportError> numeric_address_of(const std::string& host);
+
 /// Has the network treat the socket's traffic by its priority: DSCP (EF for the top quarter, AF41,
 /// AF21, best effort below) and SO_PRIORITY 6, 4, 2, 0, which VLANs and queueing disciplines read.
 /// A system that refuses leaves the traffic best effort, which only a busy link shows.
