@@ -53,8 +53,9 @@ void History::end(MonotonicTime now, Token token, Outcome outcome, std::string_v
   Call& call = calls_[token];
   if (call.outcome != Outcome::kOpen) fault(now, token, "ended twice");
   call.outcome = outcome;
-  note(now, name_of(token) + " ends: " + std::string(kOutcomeNames[static_cast<int>(outcome)]) +
-                ", " + std::string(why));
+  note(now, name_of(token) +
+                " ends: " + std::string(kOutcomeNames[static_cast<std::size_t>(outcome)]) + ", " +
+                std::string(why));
 }
 
 void History::note(MonotonicTime now, const std::string& what) {
