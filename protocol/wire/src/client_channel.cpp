@@ -71,7 +71,8 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
                                                  ConstBytes payload, MonotonicTime now) noexcept {
   // hp-4-1, hp-4.3-2: one open call is within every window.
   RTPM_ASSERT(is_ready_ && activity_ == Activity::kNone, "a channel carries one call at a time");
-  if (payload.size() > std::min(config_.message_size_max, welcome_.message_size_max)) {
+  if (payload.size() > std::min(config_.message_size_max, welcome_.message_size_max) ||
+      payload.size() > std::size_t{frame_payload_max_} * kFragmentCountMax) {
     return unexpected{Status::kTooLarge};
   }
   activity_ = Activity::kCall;
@@ -237,8 +238,10 @@ ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
 void ClientChannel::learn_clock(const Header& reply, MonotonicTime now) noexcept {
   const bool is_one_clock =
       config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain;
+  // 73 years: beyond, no clock has got since its host started, and differences could overflow.
+  constexpr std::uint64_t kTimeMax = std::uint64_t{1} << 61;
   if (is_one_clock || call_timer_.repeat_count() > 0 || request_.is_begun() ||
-      (reply.flags & kFlagRepeated) != 0) {
+      (reply.flags & kFlagRepeated) != 0 || reply.sender_time_ns > kTimeMax) {
     return;
   }
   const MonotonicTime reply_sent = time_from_ns(static_cast<std::int64_t>(reply.sender_time_ns));
@@ -257,10 +260,13 @@ ChannelEvent ClientChannel::on_large_reply(const Header& header, ConstBytes payl
                                            MonotonicTime now) noexcept {
   // hp-5.6-5: the limit was stated in HELLO.
   if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
-  if (room_.size() < header.message_size) {
-    return {.kind = ChannelEvent::Kind::kNeedRoom, .room_size = header.message_size};
+  if (!reply_.is_begun()) {
+    // Only now: another room would take the old one away from under a reply that has begun.
+    if (room_.size() < header.message_size) {
+      return {.kind = ChannelEvent::Kind::kNeedRoom, .room_size = header.message_size};
+    }
+    reply_.begin(header, room_);
   }
-  if (!reply_.is_begun()) reply_.begin(header, room_);
   const IncomingMessage::Taken taken = reply_.take(header, payload);
   if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
   call_timer_.progress(now);

@@ -85,12 +85,14 @@ TEST_P(NoAllocation, InAThousandCalls) {
 }
 
 TEST_P(NoAllocation, InCallsThatFail) {
-  EchoServer server(server_config());
+  ServerConfig config = server_config();
+  config.message_size_max = 2000;
+  EchoServer server(config);
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   const MethodDescriptor unknown{77, "unknown", 1, false, {}};
   const std::array refusal{static_cast<std::byte>(Refusal::kNotLeaseHolder)};
-  const Bytes too_large(1 << 20);
+  const Bytes too_large((16 << 20) + 1);
   std::array<CallError, 3> errors{};
   {
     const rt::NoAllocationScope no_allocation;

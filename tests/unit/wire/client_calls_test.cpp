@@ -320,6 +320,60 @@ TEST_F(ClientCalls, CountABadHeaderAndGoOn) {
   EXPECT_EQ(channel_.on_frame(reply_frame(call, ""), at(1ms)).kind, Kind::kReply);
 }
 
+/// A fragment of a reply of `message_size` bytes in fragments of `fragment_size`.
+Bytes reply_fragment(ConstBytes call, std::uint32_t message_size, std::uint32_t fragment_size,
+                     std::uint16_t index) {
+  Header header = header_of(call);
+  header.kind = FrameKind::kReply;
+  header.flags = 0;
+  header.fragment_index = index;
+  header.fragment_count =
+      static_cast<std::uint16_t>((message_size + fragment_size - 1) / fragment_size);
+  header.message_size = message_size;
+  header.payload_size = std::min(fragment_size, message_size - index * fragment_size);
+  Bytes frame(kHeaderSize + header.payload_size, static_cast<std::byte>(index + 1));
+  encode(header, frame.data());
+  return frame;
+}
+
+// Another room would take the first one away from under it.
+TEST_F(ClientCalls, AskForNoOtherRoomOnceAReplyHasBegun) {
+  const Bytes call = begin_call(at(0s));
+  const Bytes first = reply_fragment(call, 2000, 1000, 0);
+  EXPECT_EQ(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedRoom);
+  Bytes room(2000);
+  channel_.give_room(room);
+  EXPECT_NE(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedRoom);
+  const Bytes larger = reply_fragment(call, 2900, 1000, 0);
+  EXPECT_EQ(channel_.on_frame(larger, at(1ms)).kind, Kind::kNothing);
+  EXPECT_EQ(dropped(DropReason::kBadFragment), 1u);
+  const ChannelEvent event = channel_.on_frame(reply_fragment(call, 2000, 1000, 1), at(1ms));
+  ASSERT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(event.payload.data(), room.data());
+  EXPECT_EQ(event.payload.size(), 2000u);
+}
+
+// Whatever a server says of its clock, no arithmetic goes wrong over it.
+TEST_F(ClientCalls, SurviveEveryTimeThatAServerMayState) {
+  Welcome other_clock = welcome();
+  other_clock.clock_domain = 10;
+  const Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
+  ASSERT_EQ(channel_.on_frame(welcome_frame(hello, other_clock), at(0s)).kind, Kind::kReady);
+  constexpr std::uint64_t kHalf = std::uint64_t{1} << 63;
+  for (const std::uint64_t time : {std::uint64_t{0}, std::uint64_t{1}, kHalf - 1, kHalf, kHalf + 1,
+                                   ~std::uint64_t{0}, std::uint64_t{1} << 62}) {
+    for (const std::uint32_t budget : {0u, 1u, ~0u}) {
+      const Bytes call = begin_call(at(0s));
+      Header header = answer_header(call, FrameKind::kReply);
+      header.sender_time_ns = time;
+      header.budget_us = budget;
+      EXPECT_EQ(channel_.on_frame(frame_of(header), at(1ms)).kind, Kind::kReply);
+      const auto clock = channel_.peer_clock(at(1h));
+      EXPECT_TRUE(!clock || clock->uncertainty >= Duration{0});
+    }
+  }
+}
+
 // hp-5.3-4
 TEST_F(ClientCallsOnAStream, AreNotRepeated) {
   static_cast<void>(begin_call(at(0s), 10s));
