@@ -353,7 +353,7 @@ def constants():
         method_ping=2, default_port=7420,
         limits=dict(datagram_frame_size_max=1408, datagram_payload_size_max=1344,
                     stream_frame_size_max=64 * KIB, stream_payload_size_max=64 * KIB - 64,
-                    fragment_window=32, stream_fragment_window=8, fragment_count_max=12_544,
+                    fragment_window=32, stream_fragment_window=4, fragment_count_max=12_544,
                     message_size_floor=KIB, message_size_ceiling=16 * MIB, call_window=8,
                     session_idle_min_s=30, cookie_span_s=10, path_size_max=200,
                     copy_interval_first_us=5000, copy_interval_min_us=500,

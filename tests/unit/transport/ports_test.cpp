@@ -15,9 +15,11 @@
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/link.hpp"
+#include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/medium.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -293,6 +295,28 @@ TEST(TcpLink, CarriesFramesBothWays) {
   ASSERT_TRUE(served.send(frame_of(3), rt::now() + 20s));
   ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
   EXPECT_EQ(copy_of(*(*link)->receive()), frame_of(3));
+}
+
+// A lane sends the window of a large reply without waiting, and gives up a peer that has no room
+// for it. That must not befall a client that is only a little late, on a system with the usual
+// limits.
+TEST(TcpLink, HasRoomForAWindowOfALargeMessage) {
+  auto listener = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(listener);
+  const auto late_reader =
+      open_tcp_link(kHere, listener->port(), 0, wire::kStreamPayloadSizeMax, rt::now() + 20s);
+  ASSERT_TRUE(late_reader);
+  ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
+  Descriptor socket = listener->accept();
+  // What Linux allows by default (net.core.wmem_max), wherever this runs.
+  const int usual_limit = 212'992;
+  ASSERT_EQ(setsockopt(socket.number(), SOL_SOCKET, SO_SNDBUF, &usual_limit, sizeof usual_limit),
+            0);
+  FrameStream served(std::move(socket), wire::kStreamPayloadSizeMax);
+  for (std::uint32_t i = 0; i < wire::window_of(wire::Medium::kStream); ++i) {
+    EXPECT_TRUE(served.send(frame_of(wire::kStreamPayloadSizeMax, 0, i), Poller::kAlready))
+        << "fragment " << i;
+  }
 }
 
 // By quarters of the range: best effort, AF21, AF41, EF (hp-11).
