@@ -82,6 +82,8 @@ void Lane::run() noexcept {
       if (now < spin_end) continue;
     }
     spin_end = kNever;
+    // A look in passing may have taken the bell: what it rang for is seen at the loop's begin.
+    if (std::exchange(has_rung_, false)) continue;
     static_cast<void>(look_around(kNever));
   }
 }
@@ -134,7 +136,7 @@ bool Lane::turn() noexcept {
   return look_around(transport::Poller::kAlready);
 }
 
-// Waits for any source and serves each that has something; true if one had.
+// Waits for any source and serves each that has something; true if one had, or the bell rang.
 bool Lane::look_around(MonotonicTime until) noexcept {
   streak_ = 0;
   if (!leftovers_.empty()) until = transport::Poller::kAlready;
@@ -142,7 +144,13 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = ready_[i];
-    if (source == transport::Poller::kBell || !serve_one(source)) continue;
+    if (source == transport::Poller::kBell) has_rung_ = true;
+    if (source == transport::Poller::kBell) {
+      // It rings once. Whoever goes to sleep after it would not hear what it was about.
+      has_served = true;
+      continue;
+    }
+    if (!serve_one(source)) continue;
     has_served = true;
     // It may have gone in the meantime; then the datagrams are as good a guess as any.
     hot_ = source == kUdp || connections_[source].stream ? source : kUdp;

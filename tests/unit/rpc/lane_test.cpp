@@ -5,6 +5,7 @@
 
 #include <array>
 #include <memory>
+#include <random>
 #include <string>
 #include <thread>
 #include <vector>
@@ -144,6 +145,31 @@ TEST(Lane, EndsConnectionsThatAreTooManyHoweverManyTheyAre) {
     }
     return std::ranges::count_if(far_ends, is_hung_up) == kConnectionCount - 1;
   }));
+}
+
+// The bell may ring at any moment of a lane's turn, the last before it sleeps included.
+TEST(Lane, IsNeverDeafToItsBell) {
+  LaneAlone alone(/*session_count_max=*/1, rt::WaitStrategy::kBlock);
+  const transport::Descriptor served = alone.connect();
+  std::mt19937_64 random(1);
+  for (int round = 0; round < 5000; ++round) {
+    // Two that are too many; the second rings while the lane is on its way back to sleep.
+    const transport::Descriptor first = alone.connect();
+    const MonotonicTime moment = rt::now() + Duration{static_cast<int>(random() % 60'000)};
+    while (rt::now() < moment) {
+    }
+    const transport::Descriptor second = alone.connect();
+    const auto are_ended = [&] {
+      while (alone.lane().take_back() != nullptr) {
+      }
+      return is_hung_up(first) && is_hung_up(second);
+    };
+    // Looks without sleeping for the usual case, so that the rounds are many.
+    const MonotonicTime soon = rt::now() + 5ms;
+    while (!are_ended() && rt::now() < soon) {
+    }
+    ASSERT_TRUE(await(are_ended)) << "round " << round;
+  }
 }
 
 TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
