@@ -82,8 +82,6 @@ void Lane::run() noexcept {
       if (now < spin_end) continue;
     }
     spin_end = kNever;
-    // A look in passing may have taken the bell: what it rang for is seen at the loop's begin.
-    if (std::exchange(has_rung_, false)) continue;
     static_cast<void>(look_around(kNever));
   }
 }
@@ -144,7 +142,6 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = ready_[i];
-    if (source == transport::Poller::kBell) has_rung_ = true;
     if (source == transport::Poller::kBell) {
       // It rings once. Whoever goes to sleep after it would not hear what it was about.
       has_served = true;

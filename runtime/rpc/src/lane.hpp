@@ -100,7 +100,6 @@ class Lane {
   Source hot_ = kUdp;  ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;
   std::uint32_t streak_ = 0;  ///< Frames taken from hot_ without a look at the others.
-  bool has_rung_ = false;     ///< The bell was taken, and what it rang for not looked at yet.
   bool is_unpublished_ = false;
   ServerCounters counters_{};
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};
