@@ -56,12 +56,49 @@ const KnownAttribute* find_attribute(std::string_view name) noexcept {
   return found == kKnownAttributes.end() ? nullptr : &*found;
 }
 
+std::string_view words_of(AttributePlace place) noexcept {
+  switch (place) {
+    case AttributePlace::kMethod:
+      return "a method of an rpc_service";
+    case AttributePlace::kService:
+      return "an rpc_service";
+    case AttributePlace::kTable:
+      return "a table";
+    case AttributePlace::kField:
+      break;
+  }
+  return "a field of a table or struct";
+}
+
 std::string value_hint(std::string_view name) {
   const KnownAttribute* known = find_attribute(name);
   if (known == nullptr) return {};
-  if (known->max == 0) return "write `" + std::string(name) + "` alone, or leave it out";
-  return "write `" + std::string(name) + ": N` with a whole number from 1 to " +
-         std::to_string(known->max) + " in decimal digits";
+  const std::string begin = "write `" + std::string(name);
+  switch (known->value) {
+    case AttributeValue::kNone:
+      return begin + "` alone, or leave it out";
+    case AttributeValue::kNumber:
+      return begin + ": N` with a whole number from " + std::to_string(known->min) + " to " +
+             std::to_string(known->max) + " in decimal digits";
+    case AttributeValue::kText:
+      return begin + ": \"...\"` with a text of at most 64 bytes, without `\"` and `\\` in it";
+    case AttributeValue::kRange:
+      return begin + ": \"low..high\"`, such as \"-20..20\", with numbers of the field's type";
+    case AttributeValue::kChoice:
+      break;
+  }
+  std::string words;
+  for (const std::string_view choice : known->choices) {
+    if (!choice.empty()) words += (words.empty() ? "\"" : ", \"") + std::string(choice) + '"';
+  }
+  return begin + ": WORD` with one of these words: " + words;
+}
+
+bool is_plain_text(std::string_view value) noexcept {
+  return !value.empty() && value.size() <= 64 &&
+         std::none_of(value.begin(), value.end(), [](char c) {
+           return (c >= 0 && c < ' ') || c == '\x7f' || c == '"' || c == '\\';
+         });
 }
 
 bool is_flatbuffers_attribute(std::string_view name) noexcept {

@@ -7,19 +7,58 @@
 
 namespace rtpm::schema {
 
+/// What an attribute may stand on.
+enum class AttributePlace : std::uint8_t { kMethod, kService, kTable, kField };
+
+/// What an attribute takes as its value.
+enum class AttributeValue : std::uint8_t {
+  kNone,    ///< Nothing: it is there or not.
+  kNumber,  ///< A whole number from min to max.
+  kChoice,  ///< One of the words in `choices`.
+  kText,    ///< A short text for people.
+  kRange,   ///< "low..high".
+};
+
 /// Where one of RTPM's attributes may stand, and what it takes.
 struct KnownAttribute {
   std::string_view name{};
-  std::string_view place{};  ///< In words, for errors: "a method of an rpc_service".
-  std::uint32_t max = 0;     ///< Its value is a whole number from 1 to this; 0: it takes no value.
+  AttributePlace place{};
+  AttributeValue value{};
+  std::uint32_t min = 0;
+  std::uint32_t max = 0;
+  std::array<std::string_view, 3> choices{};  ///< Unused ones are empty.
 };
 
 /// The attributes that schema/idl/rtpm.fbs declares.
 inline constexpr std::array kKnownAttributes{
-    KnownAttribute{"rtpm_id", "a method of an rpc_service", 65535},
-    KnownAttribute{"rtpm_idempotent", "a method of an rpc_service", 0},
+    KnownAttribute{"rtpm_id", AttributePlace::kMethod, AttributeValue::kNumber, 1, 65535},
+    KnownAttribute{"rtpm_idempotent", AttributePlace::kMethod, AttributeValue::kNone},
     // A quarter of an hour: nobody waits longer for one call.
-    KnownAttribute{"rtpm_deadline_us", "a method of an rpc_service", 900'000'000},
+    KnownAttribute{"rtpm_deadline_us", AttributePlace::kMethod, AttributeValue::kNumber, 1,
+                   900'000'000},
+    KnownAttribute{"rtpm_oneway",
+                   AttributePlace::kMethod,
+                   AttributeValue::kChoice,
+                   0,
+                   0,
+                   {"sent", "received", "done"}},
+    KnownAttribute{"rtpm_deferred", AttributePlace::kMethod, AttributeValue::kNone},
+    KnownAttribute{"rtpm_stream", AttributePlace::kMethod, AttributeValue::kNone},
+    // The protocol's own limit of a message.
+    KnownAttribute{"rtpm_max_size", AttributePlace::kMethod, AttributeValue::kNumber, 16,
+                   16 * 1024 * 1024},
+    KnownAttribute{"rtpm_priority", AttributePlace::kService, AttributeValue::kNumber, 0, 32767},
+    KnownAttribute{"rtpm_priority_model",
+                   AttributePlace::kService,
+                   AttributeValue::kChoice,
+                   0,
+                   0,
+                   {"client_propagated", "server_declared"}},
+    // FlatBuffers reads no larger number in an attribute.
+    KnownAttribute{"rtpm_event", AttributePlace::kTable, AttributeValue::kNumber, 1, 2147483647},
+    KnownAttribute{"rtpm_unit", AttributePlace::kField, AttributeValue::kText},
+    KnownAttribute{"rtpm_range", AttributePlace::kField, AttributeValue::kRange},
+    KnownAttribute{"rtpm_frame", AttributePlace::kField, AttributeValue::kText},
 };
 
 /// The attribute with this name, nullptr if RTPM has none.
@@ -27,8 +66,13 @@ inline constexpr std::array kKnownAttributes{
 [[nodiscard]] inline bool is_known_attribute(std::string_view name) noexcept {
   return find_attribute(name) != nullptr;
 }
+/// In words, for errors: "a method of an rpc_service".
+[[nodiscard]] std::string_view words_of(AttributePlace place) noexcept;
 /// How the value of RTPM's attribute `name` is written; empty if there is no such attribute.
 [[nodiscard]] std::string value_hint(std::string_view name);
+/// Whether `value` is a text that an attribute may have: 1 to 64 bytes, without control characters,
+/// quotation marks and backslashes, so that it can stand in any comment and any JSON.
+[[nodiscard]] bool is_plain_text(std::string_view value) noexcept;
 /// Whether `name` is one of the attributes of FlatBuffers' own language.
 [[nodiscard]] bool is_flatbuffers_attribute(std::string_view name) noexcept;
 /// The hint for an attribute that nobody knows.

@@ -1,9 +1,11 @@
 #include <filesystem>
 #include <set>
 #include <string>
+#include <utility>
 
 #include "cpp_names.hpp"
 #include "cpp_writer.hpp"
+#include "quantities.hpp"
 
 namespace rtpm::schema::cpp {
 namespace {
@@ -43,7 +45,30 @@ std::string facts(const Method& method) {
   if (method.deadline_us) {
     text += ", waits " + std::to_string(*method.deadline_us) + " us if no deadline is given";
   }
+  if (method.max_size) {
+    text += ", request and reply of " + std::to_string(*method.max_size) + " bytes at most";
+  }
   return text + '.';
+}
+
+/// What the schema says of a method: its comment, its numbers, and what they are in.
+Documentation documentation_of(const Model& model, const Method& method) {
+  Documentation lines = method.documentation;
+  for (const auto& [payload, role] :
+       {std::pair{&method.request, "request"}, {&method.reply, "reply"}}) {
+    for (std::string& line : quantities(model, *payload, role))
+      lines.push_back(std::move(line));
+  }
+  lines.push_back(facts(method));
+  return lines;
+}
+
+std::string priority_facts(const Service& service) {
+  if (!service.priority) return {};
+  const std::string number = std::to_string(*service.priority);
+  return service.priority_model == PriorityModel::kServerDeclared
+             ? "Its methods run at priority " + number + ", whatever the caller's is."
+             : "Calls without a priority run at " + number + '.';
 }
 
 constexpr const char* kRealTime = "RT: alloc-free once a channel of the priority's band is open.";
@@ -55,7 +80,7 @@ std::string client_method(const Model& model, const Service& service, const Meth
       .name = method_name(service, method),
       .parameters = {"const " + payload_type(model, method.request) + "& request", kOptions},
       .tail = " noexcept;"};
-  const std::string docs = comment(method.documentation, "  ") + comment({facts(method)}, "  ");
+  const std::string docs = comment(documentation_of(model, method), "  ");
   if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
   if (method.request.kind != PayloadKind::kTable) {
     return docs + comment({kRealTime}, "  ") + function(head, "  ");
@@ -86,6 +111,7 @@ std::string client_class(const Model& model, const Service& service) {
        "Ownership: refers to the node it was bound with, which must outlive it.",
        "Threads: calls from any thread, several at once."},
       "");
+  if (service.priority) text += comment({priority_facts(service)}, "");
   text += "class " + name + " {\n public:\n";
   text +=
       "  /// What the calls assume of the object.\n"
@@ -119,8 +145,7 @@ std::string servant_method(const Model& model, const Service& service, const Met
                 .name = method_name(service, method),
                 .parameters = {},
                 .tail = " = 0;"};
-  Documentation lines = method.documentation;
-  lines.push_back(facts(method));
+  Documentation lines = documentation_of(model, method);
   if (method.request.kind != PayloadKind::kEmpty) {
     head.parameters.push_back("const " + payload_type(model, method.request) + "& request");
   }
@@ -144,6 +169,7 @@ std::string servant_class(const Model& model, const Service& service) {
                "Threads: every lane that serves the object calls it, so several at once where "
                "lanes differ."},
               "");
+  if (service.priority) text += comment({priority_facts(service)}, "");
   text += "class " + name + " : public ::rtpm::rpc::Servant {\n public:\n";
   for (const Method& method : service.methods)
     text += servant_method(model, service, method) + '\n';

@@ -3,12 +3,23 @@
 
 #include "cpp_names.hpp"
 #include "cpp_writer.hpp"
+#include "verify_limits.hpp"
 
 namespace rtpm::schema::cpp {
 namespace {
 
 std::string status(const std::string& name) {
   return "{::rtpm::wire::Status::" + name + ", 0}";
+}
+
+/// What the descriptor says of a service that states a priority.
+std::string priority(const Service& service) {
+  if (!service.priority) return {};
+  return ",\n    .priority_model = ::rtpm::rpc::PriorityModel::" +
+         std::string(service.priority_model == PriorityModel::kServerDeclared
+                         ? "kServerDeclared"
+                         : "kClientPropagated") +
+         ",\n    .priority = " + std::to_string(*service.priority);
 }
 
 std::string descriptors(const Service& service, const std::string& compiler_version) {
@@ -26,8 +37,15 @@ std::string descriptors(const Service& service, const std::string& compiler_vers
           "Interface{\n    .name = " + literal(service.name) +
           ",\n    .fingerprint = " + hexadecimal(service.fingerprint, 16) +
           ",\n    .compiler_version = " + literal(compiler_version) + ",\n    .methods = k" + stem +
-          "Methods};\n\n}  // namespace\n";
+          "Methods" + priority(service) + "};\n\n}  // namespace\n";
   return text;
+}
+
+/// The limits of a table's verification, as the last argument.
+std::string limits(const Model& model, const Payload& payload) {
+  const VerifyLimits limits = verify_limits(model, payload.table);
+  return ", {.depth = " + std::to_string(limits.depth) +
+         ", .tables = " + std::to_string(limits.tables) + '}';
 }
 
 /// The call of the runtime that sends `request` and takes the kind of reply.
@@ -42,14 +60,21 @@ std::string call(const Model& model, const Service& service, std::size_t index,
   }
   return "  return ::rtpm::rpc::call_for_" + function + "(\n      rtpm_binding_, k" +
          short_name(service.name) + "Methods[" + std::to_string(index) + "], " + request +
-         ", options);\n";
+         ", options" +
+         (method.reply.kind == PayloadKind::kTable ? limits(model, method.reply) : "") + ");\n";
 }
 
 /// The definition of the method that sends `request`, an expression of its parameter.
 std::string sending_method(const Model& model, const Service& service, std::size_t index,
                            Function head, const std::string& request) {
   head.tail = " noexcept {";
-  return '\n' + function(head, "") + call(model, service, index, request) + "}\n";
+  const Method& method = service.methods[index];
+  std::string check;
+  if (method.max_size && method.request.kind == PayloadKind::kTable) {
+    check = "  if (request.size() > " + std::to_string(*method.max_size) +
+            ") {\n    return ::rtpm::unexpected{::rtpm::rpc::CallError::kTooLarge};\n  }\n";
+  }
+  return '\n' + function(head, "") + check + call(model, service, index, request) + "}\n";
 }
 
 std::string client_method(const Model& model, const Service& service, std::size_t index) {
@@ -109,9 +134,16 @@ std::string request_check(const Model& model, const Method& method) {
   if (method.request.kind == PayloadKind::kStruct) {
     wrong = "request.size() != sizeof(" + payload_type(model, method.request) + ')';
   } else if (method.request.kind == PayloadKind::kTable) {
-    wrong = "!::rtpm::rpc::is_valid_table<" + payload_type(model, method.request) + ">(request)";
+    wrong = "!::rtpm::rpc::is_valid_table<" + payload_type(model, method.request) + ">(request" +
+            limits(model, method.request) + ')';
   }
-  return "      if (" + wrong + ") {\n        return " + status("kBadRequest") + ";\n      }\n";
+  std::string text;
+  if (method.max_size && method.request.kind == PayloadKind::kTable) {
+    text = "      if (request.size() > " + std::to_string(*method.max_size) +
+           ") {\n        return " + status("kTooLarge") + ";\n      }\n";
+  }
+  return text + "      if (" + wrong + ") {\n        return " + status("kBadRequest") +
+         ";\n      }\n";
 }
 
 /// The line that makes `argument` of the request, if the method takes one.
@@ -122,11 +154,17 @@ std::string argument(const Model& model, const Method& method) {
     case PayloadKind::kEmpty:
       return "";
     case PayloadKind::kStruct:
-      return lead + "view_struct<" + type + ">(request);\n";
+      return lead + "::rtpm::rpc::view_struct<" + type + ">(request);\n";
     case PayloadKind::kTable:
       break;
   }
   return lead + "*::flatbuffers::GetRoot<" + type + ">(request.data());\n";
+}
+
+/// What a reply is built in.
+std::string reply_memory(const Method& method) {
+  if (!method.max_size) return "reply";
+  return "::rtpm::rpc::at_most(reply, " + std::to_string(*method.max_size) + ')';
 }
 
 std::string dispatch_case(const Model& model, const Service& service, const Method& method) {
@@ -145,7 +183,8 @@ std::string dispatch_case(const Model& model, const Service& service, const Meth
       break;
   }
   return text + "      ::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
-         "> builder{reply};\n      const auto result = " + call + "builder, context);\n" +
+         "> builder{" + reply_memory(method) + "};\n      const auto result = " + call +
+         "builder, context);\n" +
          "      if (!result) return {::rtpm::rpc::to_status(result.error()), 0};\n"
          "      return builder.complete();\n    }\n";
 }
@@ -172,35 +211,13 @@ std::string servant(const Model& model, const Service& service) {
   return text + "  }\n  return " + status("kNoSuchMethod") + ";\n}\n";
 }
 
-/// A function that the generated file has if a request is a bare struct.
-std::string struct_view(const Model& model) {
-  bool is_needed = false;
-  for (const Service& service : model.services) {
-    for (const Method& method : service.methods) {
-      is_needed |= method.request.kind == PayloadKind::kStruct;
-    }
-  }
-  if (!is_needed) return {};
-  return "\nnamespace {\n\n"
-         "/// The struct that a request is, read in place: its size was checked, and a server "
-         "hands\n"
-         "/// requests over aligned to 16 bytes.\n"
-         "template <class T>\n"
-         "const T& view_struct(::rtpm::ConstBytes request) noexcept {\n"
-         "  static_assert(alignof(T) <= 16 && ::std::is_trivially_copyable_v<T>);\n"
-         "  RTPM_ASSERT(reinterpret_cast<::std::uintptr_t>(request.data()) % alignof(T) == 0,\n"
-         "              \"a request is not aligned to 16 bytes\");\n"
-         "  return *static_cast<const T*>(static_cast<const void*>(request.data()));\n"
-         "}\n\n}  // namespace\n";
-}
-
 }  // namespace
 
 std::string source(const Model& model, const std::string& compiler_version) {
   std::string text =
       banner(model, compiler_version) + "#include " + literal(model.file_stem + ".rtpm.hpp") + '\n';
   if (model.services.empty()) return text;
-  text += "\n#include <chrono>\n#include <type_traits>\n" + struct_view(model);
+  text += "\n#include <chrono>\n";
   for (const Service& service : model.services) {
     const std::string scope = namespace_name(namespace_of(service.name));
     text += '\n';

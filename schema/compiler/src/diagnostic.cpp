@@ -52,8 +52,8 @@ std::string render(const Diagnostic& diagnostic) {
 
 std::string render(Diagnostics diagnostics) {
   std::stable_sort(diagnostics.begin(), diagnostics.end(), [](const auto& a, const auto& b) {
-    return std::tie(a.location.line, a.location.column) <
-           std::tie(b.location.line, b.location.column);
+    return std::tie(a.location.file, a.location.line, a.location.column) <
+           std::tie(b.location.file, b.location.line, b.location.column);
   });
   std::string text;
   for (std::size_t i = 0; i < std::min(diagnostics.size(), kShownMax); ++i) {

@@ -2,11 +2,12 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <functional>
 #include <set>
 #include <string_view>
 #include <vector>
+
+#include "words.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -39,13 +40,6 @@ std::string_view name_of(PayloadKind kind) noexcept {
       break;
   }
   return "table";
-}
-
-/// The shortest text that reads back as the same number, on every machine.
-std::string to_text(double value) {
-  std::array<char, 64> buffer{};
-  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
-  return error == std::errc{} ? std::string(buffer.data(), end) : std::string("?");
 }
 
 /// Whether an attribute of FlatBuffers changes what bytes mean.
@@ -117,6 +111,8 @@ class TypeWriter {
       text += "  " + std::to_string(object.is_struct ? field.offset : field.id) + ' ' + field.name +
               ": " + text_of(field.type);
       if (!object.is_struct) text += rules_of(field);
+      if (!field.unit.empty()) text += " in \"" + field.unit + '"';
+      if (!field.frame.empty()) text += " frame \"" + field.frame + '"';
       text += '\n';
     }
     return text + "}\n";
@@ -129,7 +125,7 @@ class TypeWriter {
     if (field.is_deprecated) text += " deprecated";
     if (field.is_key) text += " key";
     if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
-      text += " = " + to_text(field.default_real);
+      text += " = " + number_text(field.default_real);
     } else if (field.type.base < BaseType::kFloat) {
       text += " = " + std::to_string(field.default_integer);
     }
@@ -155,6 +151,27 @@ class TypeWriter {
   std::set<std::size_t> enums_{};
 };
 
+std::string_view name_of(OnewayLevel level) noexcept {
+  switch (level) {
+    case OnewayLevel::kSent:
+      return "sent";
+    case OnewayLevel::kReceived:
+      return "received";
+    case OnewayLevel::kDone:
+      break;
+  }
+  return "done";
+}
+
+/// What a method does besides taking a request and giving a reply.
+std::string manner_of(const Method& method) {
+  std::string text;
+  if (method.is_idempotent) text += " idempotent";
+  if (method.oneway) text += " oneway " + std::string(name_of(*method.oneway));
+  if (method.is_stream) text += " stream";
+  return text;
+}
+
 std::string text_of(const Model& model, const Payload& payload) {
   return std::string(name_of(payload.kind)) + ' ' + model.objects[payload.table].name;
 }
@@ -165,10 +182,9 @@ std::string canonical_text(const Model& model, const Method& method) {
   TypeWriter types(model);
   types.reach_object(method.request.table);
   types.reach_object(method.reply.table);
-  return "method " + std::to_string(method.id) + ' ' + method.name +
-         (method.is_idempotent ? " idempotent" : "") + "\nrequest " +
-         text_of(model, method.request) + "\nreply " + text_of(model, method.reply) + '\n' +
-         types.text();
+  return "method " + std::to_string(method.id) + ' ' + method.name + manner_of(method) +
+         "\nrequest " + text_of(model, method.request) + "\nreply " + text_of(model, method.reply) +
+         '\n' + types.text();
 }
 
 std::string canonical_text(const Model& model, const Service& service) {
@@ -183,7 +199,17 @@ std::string canonical_text(const Model& model, const Service& service) {
   return text;
 }
 
+std::string canonical_text(const Model& model, const Object& event) {
+  TypeWriter types(model);
+  types.reach_object(static_cast<std::size_t>(&event - model.objects.data()));
+  return "event " + std::to_string(event.event_id.value_or(0)) + ' ' + event.name + '\n' +
+         types.text();
+}
+
 void set_fingerprints(Model& model) {
+  for (Object& object : model.objects) {
+    if (object.event_id) object.event_fingerprint = hash(canonical_text(model, object));
+  }
   for (Service& service : model.services) {
     service.fingerprint = hash(canonical_text(model, service));
     for (Method& method : service.methods) {

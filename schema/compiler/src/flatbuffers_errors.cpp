@@ -2,6 +2,7 @@
 // (it reads one word ahead) and its words are for those who know it. Here each message is put in
 // RTPM's words, at the word that it is about. A message that is not known here is shown as it is.
 #include <algorithm>
+#include <cstdint>
 #include <cstdlib>
 #include <iterator>
 #include <optional>
@@ -47,6 +48,47 @@ constexpr Wording kWordings[] = {
     {"Cannot assign token starting with", "@ is no value here", ""},
 };
 
+/// Which part of the statement at the error is wrong.
+enum class Part : std::uint8_t { kName, kType, kDefault, kAttribute, kTypeName };
+
+/// A message about a field of a table or struct, or about the type itself; `@` stands for the name.
+struct FieldWording {
+  std::string_view message{};  ///< Its begin.
+  Part part{};
+  std::string_view text{};
+  std::string_view hint{};
+  std::string_view attribute{};  ///< Of Part::kAttribute.
+};
+
+constexpr FieldWording kFieldWordings[] = {
+    {"structs may contain only scalar or struct fields", Part::kType,
+     "field @ of a struct can only be a number, an array, or a struct that is defined above",
+     "make it a table, or move the inner struct up", ""},
+    {"fixed-length array in table must be wrapped in struct", Part::kType,
+     "field @ of a table cannot be an array", "use a vector, or wrap the array in a struct", ""},
+    {"length of fixed-length array must be positive", Part::kType, "the length of array @ is none",
+     "write a whole number from 1 to 65535", ""},
+    {"nested vector types not supported", Part::kType, "field @ is a vector of vectors",
+     "wrap the inner vector in a table", ""},
+    {"default values are not supported for struct fields", Part::kDefault,
+     "field @ cannot have a default",
+     "only numbers and enums of tables have one; a struct's fields are always there", ""},
+    {"default value of `", Part::kDefault, "the default of field @ is no value of its enum",
+     "write one of the enum's values, or `= null`", ""},
+    {"only non-scalar fields in tables may be 'required'", Part::kAttribute,
+     "field @ is a number, which cannot be required",
+     "a number always has a value; write `= null` to see whether it was given", "required"},
+    {"'key' field must be string or scalar type", Part::kAttribute, "field @ cannot be a key",
+     "a key is a number or a string", "key"},
+    {"only one field may be set as 'key'", Part::kAttribute, "field @ is a second key",
+     "a table is sorted by one field: remove one of the two", "key"},
+    {"unexpected force_align value", Part::kAttribute, "force_align cannot be this value",
+     "write a power of two, from the struct's own alignment up to 16", "force_align"},
+    {"either all fields or no fields must have an 'id' attribute", Part::kTypeName,
+     "some fields of @ have an id, and some have none",
+     "give every field its id, in the order in which the fields were added, or none", ""},
+};
+
 /// An error with what is needed to find its place.
 class Translation {
  public:
@@ -66,8 +108,9 @@ class Translation {
         &Translation::not_a_table,       &Translation::undefined_type,
         &Translation::missing_include,   &Translation::already_exists,
         &Translation::text_error,        &Translation::comment_error,
-        &Translation::reworded,          &Translation::missing_end,
-        &Translation::unexpected_word,
+        &Translation::field_ids,         &Translation::field_rule,
+        &Translation::other_statement,   &Translation::reworded,
+        &Translation::missing_end,       &Translation::unexpected_word,
     };
     for (const Rule rule : kRules) {
       if (auto diagnostic = (this->*rule)()) return *std::move(diagnostic);
@@ -341,6 +384,94 @@ class Translation {
       const std::size_t begin = source_.text().rfind("///", cursor);
       return at({std::min(begin, cursor), 3}, "a `///` comment must have a line of its own",
                 "move it above what it describes, or write `//`");
+    }
+    return std::nullopt;
+  }
+
+  /// The first word of the field's or value's statement at the error.
+  [[nodiscard]] std::size_t statement_begin() const {
+    std::size_t begin = at_;
+    while (begin > 0 && !tokens_[begin - 1].is(";") && !tokens_[begin - 1].is("{"))
+      --begin;
+    return begin;
+  }
+
+  /// The words from `begin` up to one of `ends`, of the statement.
+  [[nodiscard]] Span words_until(std::size_t begin, std::string_view ends) const {
+    std::size_t end = begin;
+    while (end + 1 < tokens_.size() && ends.find(tokens_[end].text) == ends.npos)
+      ++end;
+    if (end == begin) return tokens_[begin].span();
+    return {tokens_[begin].offset, tokens_[end - 1].end() - tokens_[begin].offset};
+  }
+
+  [[nodiscard]] Span span_of(const FieldWording& wording, std::size_t begin) const {
+    switch (wording.part) {
+      case Part::kType:
+        return begin + 2 < tokens_.size() ? words_until(begin + 2, "=;(") : tokens_[at_].span();
+      case Part::kDefault:
+        for (std::size_t i = begin; i + 1 < tokens_.size() && i <= at_; ++i) {
+          if (tokens_[i].is("=")) return tokens_[i + 1].span();
+        }
+        return tokens_[at_].span();
+      case Part::kAttribute:
+        return tokens_[find_back(wording.attribute)].span();
+      case Part::kName:
+      case Part::kTypeName:
+        break;
+    }
+    return tokens_[begin].span();
+  }
+
+  /// What is wrong with a field, at the part of it that is wrong.
+  [[nodiscard]] std::optional<Diagnostic> field_rule() const {
+    for (const FieldWording& wording : kFieldWordings) {
+      if (!error_.message.starts_with(wording.message)) continue;
+      std::size_t begin = statement_begin();
+      if (wording.part == Part::kTypeName) {
+        const auto brace = open_bracket("{", "}", at_ > 0 ? at_ - 1 : 0);
+        begin = brace && *brace > 0 ? *brace - 1 : at_;
+      }
+      std::string text(wording.text);
+      if (const std::size_t mark = text.find('@'); mark != std::string::npos) {
+        text.replace(mark, 1, '`' + std::string(tokens_[begin].text) + '`');
+      }
+      return at(span_of(wording, begin), std::move(text), std::string(wording.hint));
+    }
+    return std::nullopt;
+  }
+
+  /// "… id 1 missing or set twice, field: y, id: 0", found when the table ends.
+  [[nodiscard]] std::optional<Diagnostic> field_ids() const {
+    const auto rest = after("field id's must be consecutive from 0, id ");
+    if (!rest) return std::nullopt;
+    constexpr std::string_view kField = "field: ";
+    const std::size_t begin = rest->find(kField);
+    if (begin == std::string::npos) return std::nullopt;
+    const std::size_t name_at = begin + kField.size();
+    const std::string name = rest->substr(name_at, rest->find(',', name_at) - name_at);
+    return at(tokens_[find_back(name)].span(),
+              "the ids of the table leave out " + rest->substr(0, rest->find(' ')) +
+                  ", or have a number twice, at field `" + name + '`',
+              "ids are 0, 1, 2 and so on, without a gap; a union takes two, of which it names the "
+              "second");
+  }
+
+  /// What is wrong outside of types and services.
+  [[nodiscard]] std::optional<Diagnostic> other_statement() const {
+    if (const auto name = after("unknown root type: ")) {
+      const std::string similar = parsed_.similar_type(*name);
+      return at(
+          tokens_[find_back(*name)].span(), "the root type `" + *name + "` is not defined",
+          similar.empty() ? "define the table above this line" : "did you mean `" + similar + "`?");
+    }
+    if (after("file_identifier must be exactly")) {
+      return at(before(1).span(), "a file identifier has exactly 4 characters", "");
+    }
+    if (const auto rest = after("enum value does not fit, \"")) {
+      const std::string value = rest->substr(0, rest->find('"'));
+      return at(tokens_[find_back(value)].span(), '`' + value + "` is no value of the enum's type",
+                "take a larger type: `enum Name : ushort`");
     }
     return std::nullopt;
   }

@@ -3,6 +3,8 @@
 #include <tuple>
 #include <utility>
 
+#include "attributes.hpp"
+
 namespace rtpm::schema {
 namespace {
 
@@ -55,7 +57,9 @@ class OutlineReader {
     namespace_.clear();
     while (token().kind != TokenKind::kEnd && !token().is(";")) {
       namespace_ += token().text;
-      if (token().is_identifier()) outline_.namespaces.push_back(token());
+      if (token().is_identifier()) {
+        outline_.namespaces.push_back({std::string(token().text), token().span()});
+      }
       next();
     }
     next();
@@ -118,41 +122,48 @@ class OutlineReader {
     outline_.services.push_back(std::move(service));
   }
 
-  void note_attributes(const std::string& owner) {
-    for (AttributeUse& use : read_attributes()) {
-      outline_.other_attributes.push_back({owner, std::move(use)});
-    }
+  /// The keyword and the name of a type.
+  TypeOutline read_type_head() {
+    TypeOutline type{.kind = std::string(token().text)};
+    next();
+    type.name = qualified(token().text);
+    type.at = token().span();
+    next();
+    return type;
   }
 
   /// `table` or `struct`, and what stands in its braces: `name : type = default (attributes);`.
   void read_object() {
-    const std::string kind(token().text);
-    next();
-    const std::string name(token().text);
-    outline_.types.push_back({kind, qualified(name), token().span()});
-    next();
-    const std::string owner = kind + " `" + name + "`";
-    note_attributes(owner);
+    TypeOutline type = read_type_head();
+    type.attributes = read_attributes();
     take("{");
     while (token().kind != TokenKind::kEnd && !take("}")) {
-      std::string field_of_owner = "field `";
-      field_of_owner.append(token().text).append("` of ").append(owner);
+      MemberOutline field{.name = std::string(token().text), .at = token().span()};
       while (token().kind != TokenKind::kEnd && !token().is(";") && !token().is("("))
         next();
-      note_attributes(field_of_owner);
+      field.attributes = read_attributes();
       take(";");
+      type.members.push_back(std::move(field));
     }
+    outline_.types.push_back(std::move(type));
   }
 
+  /// `enum` or `union`: `Name : type (attributes) { value = 1, alias:Type, lab.Type }`.
   void read_enum() {
-    const std::string kind(token().text);
-    next();
-    const std::string name(token().text);
-    outline_.types.push_back({kind, qualified(name), token().span()});
+    TypeOutline type = read_type_head();
     while (token().kind != TokenKind::kEnd && !token().is("(") && !token().is("{"))
       next();
-    note_attributes(kind + " `" + name + "`");
-    skip_past("}");
+    type.attributes = read_attributes();
+    take("{");
+    while (token().kind != TokenKind::kEnd && !take("}")) {
+      MemberOutline value;
+      std::tie(value.name, value.at) = read_type_name();
+      while (token().kind != TokenKind::kEnd && !token().is(",") && !token().is("}"))
+        next();
+      take(",");
+      type.members.push_back(std::move(value));
+    }
+    outline_.types.push_back(std::move(type));
   }
 
   std::vector<Token> tokens_;
@@ -161,10 +172,48 @@ class OutlineReader {
   Outline outline_{};
 };
 
+/// The reflection has "0" for an attribute without a value.
+std::vector<AttributeUse> uses_of(const std::vector<Attribute>& attributes) {
+  std::vector<AttributeUse> uses;
+  for (const Attribute& attribute : attributes) {
+    const KnownAttribute* known = find_attribute(attribute.name);
+    AttributeUse use{.name = attribute.name};
+    if (attribute.value != "0" || (known && known->value == AttributeValue::kNumber)) {
+      use.value = attribute.value;
+    }
+    uses.push_back(std::move(use));
+  }
+  return uses;
+}
+
 }  // namespace
 
 Outline outline(const SourceFile& source) {
   return OutlineReader(tokenize(source)).read();
+}
+
+Outline outline(const Model& model) {
+  Outline result;
+  for (const Service& service : model.services) {
+    ServiceOutline text{.name = service.name, .attributes = uses_of(service.attributes)};
+    for (const Method& method : service.methods) {
+      text.methods.push_back({.name = method.name,
+                              .request = model.objects[method.request.table].name,
+                              .reply = model.objects[method.reply.table].name,
+                              .attributes = uses_of(method.attributes)});
+    }
+    result.services.push_back(std::move(text));
+  }
+  for (const Object& object : model.objects) {
+    TypeOutline text{.kind = object.is_struct ? "struct" : "table",
+                     .name = object.name,
+                     .attributes = uses_of(object.attributes)};
+    for (const Field& field : object.fields) {
+      text.members.push_back({.name = field.name, .attributes = uses_of(field.attributes)});
+    }
+    result.types.push_back(std::move(text));
+  }
+  return result;
 }
 
 }  // namespace rtpm::schema

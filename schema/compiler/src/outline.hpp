@@ -3,8 +3,10 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "rtpm/schema/model.hpp"
 #include "rtpm/schema/source.hpp"
 #include "tokens.hpp"
 
@@ -37,27 +39,57 @@ struct ServiceOutline {
   std::vector<MethodOutline> methods{};
 };
 
+/// A field, or a value of an enum or union.
+struct MemberOutline {
+  std::string name{};
+  Span at{};
+  std::vector<AttributeUse> attributes{};
+};
+
 /// A table, struct, enum or union.
 struct TypeOutline {
   std::string kind{};  ///< As in the text: "table".
   std::string name{};  ///< Fully qualified, with dots.
   Span at{};
+  std::vector<AttributeUse> attributes{};
+  std::vector<MemberOutline> members{};
 };
 
-/// An attribute on anything but a service or a method.
-struct OtherAttribute {
-  std::string owner{};  ///< In words: "table `Pose`", "field `x` of table `Pose`".
-  AttributeUse use{};
+/// One name of a namespace statement.
+struct NamespaceOutline {
+  std::string name{};
+  Span at{};
 };
 
 struct Outline {
   std::vector<ServiceOutline> services{};
   std::vector<TypeOutline> types{};
-  std::vector<OtherAttribute> other_attributes{};
-  std::vector<Token> namespaces{};  ///< Each name of each namespace statement.
+  std::vector<NamespaceOutline> namespaces{};
 };
 
-/// Ownership: the tokens in the result view `source`.
 [[nodiscard]] Outline outline(const SourceFile& source);
+
+/// The same of a model that came without a text; nothing in it has a place.
+[[nodiscard]] Outline outline(const Model& model);
+
+/// A schema file as a person wrote it, or only its name where there is no text, as for a .bfbs.
+class SchemaText {
+ public:
+  explicit SchemaText(SourceFile source)
+      : path_(source.path()), source_(std::move(source)), outline_(schema::outline(*source_)) {}
+  SchemaText(std::string path, const Model& model)
+      : path_(std::move(path)), outline_(schema::outline(model)) {}
+
+  [[nodiscard]] const schema::Outline& outline() const noexcept { return outline_; }
+  [[nodiscard]] bool has_text() const noexcept { return source_.has_value(); }
+  [[nodiscard]] Location locate(Span span) const {
+    return source_ ? source_->locate(span) : Location{.file = path_};
+  }
+
+ private:
+  std::string path_;
+  std::optional<SourceFile> source_{};
+  schema::Outline outline_;
+};
 
 }  // namespace rtpm::schema

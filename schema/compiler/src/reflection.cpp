@@ -66,8 +66,12 @@ Field read_field(const reflection::Field& field) {
           .is_optional = field.optional(),
           .is_deprecated = field.deprecated(),
           .is_key = field.key(),
+          .unit = {},
+          .frame = {},
+          .range = {},
           .attributes = read_attributes(field.attributes()),
-          .documentation = read_documentation(field.documentation())};
+          .documentation = read_documentation(field.documentation()),
+          .location = {}};
 }
 
 Object read_object(const reflection::Object& object) {
@@ -76,6 +80,8 @@ Object read_object(const reflection::Object& object) {
                 .alignment = static_cast<std::size_t>(std::max(object.minalign(), 1)),
                 .byte_size = static_cast<std::size_t>(std::max(object.bytesize(), 0)),
                 .fields = {},
+                .event_id = {},
+                .event_fingerprint = 0,
                 .attributes = read_attributes(object.attributes()),
                 .documentation = read_documentation(object.documentation()),
                 .declaration_file = to_text(object.declaration_file()),
@@ -100,7 +106,8 @@ Enum read_enum(const reflection::Enum& enumeration) {
     result.values.push_back({.name = to_text(value->name()),
                              .value = value->value(),
                              .union_type = read_type(value->union_type()),
-                             .documentation = read_documentation(value->documentation())});
+                             .documentation = read_documentation(value->documentation()),
+                             .location = {}});
   }
   return result;
 }
@@ -114,6 +121,8 @@ std::optional<Service> read_service(const reflection::Service& service,
   Service result{.name = to_text(service.name()),
                  .fingerprint = 0,
                  .methods = {},
+                 .priority_model = {},
+                 .priority = {},
                  .attributes = read_attributes(service.attributes()),
                  .documentation = read_documentation(service.documentation()),
                  .location = {}};
@@ -155,10 +164,18 @@ bool is_closed(const Model& model) {
   return true;
 }
 
-}  // namespace
+/// The file that a .bfbs was most likely made of. FlatBuffers' own compiler writes no root.
+std::string main_file(const reflection::Schema& schema) {
+  if (schema.services() != nullptr && schema.services()->size() != 0) {
+    return to_text(schema.services()->Get(0)->declaration_file());
+  }
+  return schema.objects()->size() == 0 ? std::string{}
+                                       : to_text(schema.objects()->Get(0)->declaration_file());
+}
 
-std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
-                                     const std::string& declaration_file) {
+/// `declaration_file` nullptr: all services, and the main file is what main_file() says.
+std::optional<Model> read_schema(std::span<const std::uint8_t> bytes,
+                                 const std::string* declaration_file) {
   // Generous limits: a type is visited once for every method that takes it.
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
                                  /*max_tables=*/1'000'000'000);
@@ -166,7 +183,7 @@ std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
   const reflection::Schema& schema = *reflection::GetSchema(bytes.data());
   Model model;
   model.feature_bits = static_cast<std::uint64_t>(schema.advanced_features());
-  model.declaration_file = declaration_file;
+  model.declaration_file = declaration_file ? *declaration_file : main_file(schema);
   ObjectIndex objects;
   for (const auto* object : *schema.objects()) {
     objects.emplace(to_text(object->name()), model.objects.size());
@@ -177,7 +194,7 @@ std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
   if (!is_closed(model)) return std::nullopt;
   if (schema.services() == nullptr) return model;
   for (const auto* service : *schema.services()) {
-    if (to_text(service->declaration_file()) != declaration_file) continue;
+    if (declaration_file && to_text(service->declaration_file()) != *declaration_file) continue;
     std::optional<Service> result = read_service(*service, objects);
     if (!result) return std::nullopt;
     for (Method& method : result->methods) {
@@ -187,6 +204,17 @@ std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
     model.services.push_back(std::move(*result));
   }
   return model;
+}
+
+}  // namespace
+
+std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
+                                     const std::string& declaration_file) {
+  return read_schema(bytes, &declaration_file);
+}
+
+std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes) {
+  return read_schema(bytes, nullptr);
 }
 
 Payload payload_of(const Model& model, std::size_t table) {

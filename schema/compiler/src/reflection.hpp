@@ -16,6 +16,10 @@ namespace rtpm::schema {
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
                                                    const std::string& declaration_file);
 
+/// The same of bytes that do not say which file is the compiled one: all services are taken, and
+/// the file of the first one is it, or of the first type if there is no service.
+[[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
+
 /// The payload rule: the kind of a table as a request or reply.
 [[nodiscard]] Payload payload_of(const Model& model, std::size_t table);
 

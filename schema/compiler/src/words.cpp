@@ -1,6 +1,8 @@
 #include "words.hpp"
 
 #include <algorithm>
+#include <array>
+#include <charconv>
 #include <cstddef>
 #include <vector>
 
@@ -44,6 +46,12 @@ std::string most_similar(std::string_view word, std::span<const std::string_view
 std::string with_article(std::string_view noun) {
   const bool is_vowel = !noun.empty() && std::string_view("aeio").find(noun[0]) != noun.npos;
   return (is_vowel ? "an " : "a ") + std::string(noun);
+}
+
+std::string number_text(double value) {
+  std::array<char, 64> buffer{};
+  const auto [end, error] = std::to_chars(buffer.data(), buffer.data() + buffer.size(), value);
+  return error == std::errc{} ? std::string(buffer.data(), end) : std::string("?");
 }
 
 std::string wrap_struct_hint(const std::string& type) {

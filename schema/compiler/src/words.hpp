@@ -14,6 +14,9 @@ namespace rtpm::schema {
 /// "a table", "an enum".
 [[nodiscard]] std::string with_article(std::string_view noun);
 
+/// The shortest text that reads back as the same number, on every machine.
+[[nodiscard]] std::string number_text(double value);
+
 /// The hint for a struct that stands where a table must.
 [[nodiscard]] std::string wrap_struct_hint(const std::string& type);
 

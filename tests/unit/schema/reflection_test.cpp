@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <deque>
 #include <string>
 #include <vector>
 
@@ -49,8 +50,9 @@ TEST(Reflection, FeaturesThatNobodyKnowsAreRefused) {
   auto model = read_reflection(bytes, kFile);
   ASSERT_TRUE(model);
   model->feature_bits = 0x10;
-  const SourceFile source("arm.fbs", kText);
-  const Diagnostics errors = check(*model, source, outline(source));
+  std::deque<SchemaText> texts;
+  texts.emplace_back(SourceFile("arm.fbs", kText));
+  const Diagnostics errors = check(*model, texts);
   ASSERT_FALSE(errors.empty());
   EXPECT_NE(errors[0].message.find("features of FlatBuffers that this rtpmc does not know"),
             std::string::npos);

@@ -4,9 +4,16 @@
 #include <span>
 #include <string_view>
 
+#include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 
 namespace rtpm::rpc {
+
+/// Who decides at which priority an object's methods run.
+enum class PriorityModel : std::uint8_t {
+  kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
+  kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
+};
 
 /// What generated code says of one method.
 struct MethodDescriptor {
@@ -23,6 +30,8 @@ struct InterfaceDescriptor {
   std::uint64_t fingerprint = 0;        ///< Of all methods together.
   std::string_view compiler_version{};  ///< Of the rtpmc that wrote this.
   std::span<const MethodDescriptor> methods{};
+  PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
+  Priority priority = 0;                                            ///< `rtpm_priority`.
 };
 
 /// A request or reply without content, `rtpm.Empty` in a schema: no bytes on the wire.

@@ -17,12 +17,6 @@
 
 namespace rtpm::rpc {
 
-/// Who decides at which priority an object's methods run.
-enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
-  kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
-};
-
 /// How an object is served.
 struct ObjectOptions {
   PriorityModel model = PriorityModel::kClientPropagated;

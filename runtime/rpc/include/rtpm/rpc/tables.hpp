@@ -2,11 +2,14 @@
 
 #include <flatbuffers/flatbuffers.h>
 
+#include <algorithm>
+#include <cstddef>
 #include <cstdint>
 #include <cstring>
 #include <type_traits>
 #include <utility>
 
+#include "rtpm/base/assert.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/servant.hpp"
 
@@ -91,12 +94,23 @@ class ReplyBuilder {
   bool is_finished_ = false;
 };
 
+/// How far a table's verification goes: rtpmc derives it from the schema.
+struct TableLimits {
+  std::uint32_t depth = 32;  ///< Tables in each other, the root included.
+  /// Tables in all. 0: as many as the message has room for references to (4 bytes each), so that
+  /// the time of verification is bounded by the message's size.
+  std::uint32_t tables = 0;
+};
+
 /// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4).
 template <class T>
-[[nodiscard]] bool is_valid_table(ConstBytes bytes) noexcept {
+[[nodiscard]] bool is_valid_table(ConstBytes bytes, TableLimits limits = {}) noexcept {
   if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;
+  const std::size_t by_size = bytes.size() / sizeof(flatbuffers::uoffset_t);
+  const auto tables =
+      limits.tables != 0 ? limits.tables : static_cast<flatbuffers::uoffset_t>(by_size);
   flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(bytes.data()), bytes.size(),
-                                 /*max_depth=*/32, /*max_tables=*/65536);
+                                 limits.depth, tables);
   return verifier.VerifyBuffer<T>(nullptr);
 }
 
@@ -127,12 +141,14 @@ template <class T>
 
 /// Calls with an encoded request and takes a reply that is a table.
 template <class T>
-[[nodiscard]] expected<TableReply<T>, CallError> call_for_table(
-    Binding& binding, const MethodDescriptor& method, ConstBytes request,
-    const CallOptions& options) noexcept {
+[[nodiscard]] expected<TableReply<T>, CallError> call_for_table(Binding& binding,
+                                                                const MethodDescriptor& method,
+                                                                ConstBytes request,
+                                                                const CallOptions& options,
+                                                                TableLimits limits = {}) noexcept {
   auto reply = binding.call(method, request, options);
   if (!reply) return unexpected{reply.error()};
-  if (!is_valid_table<T>(reply->bytes())) return unexpected{CallError::kBadReply};
+  if (!is_valid_table<T>(reply->bytes(), limits)) return unexpected{CallError::kBadReply};
   return TableReply<T>{std::move(*reply)};
 }
 
@@ -141,6 +157,21 @@ template <class T>
 [[nodiscard]] ConstBytes struct_bytes(const T& value) noexcept {
   static_assert(std::is_trivially_copyable_v<T> && FLATBUFFERS_LITTLEENDIAN);
   return std::as_bytes(std::span<const T, 1>(&value, 1));
+}
+
+/// The struct that a request is, read in place: its size was checked, and a server hands requests
+/// over aligned to 16 bytes.
+template <class T>
+[[nodiscard]] const T& view_struct(ConstBytes request) noexcept {
+  static_assert(alignof(T) <= 16 && std::is_trivially_copyable_v<T>);
+  RTPM_ASSERT(reinterpret_cast<std::uintptr_t>(request.data()) % alignof(T) == 0,
+              "a request is not aligned to 16 bytes");
+  return *static_cast<const T*>(static_cast<const void*>(request.data()));
+}
+
+/// The memory of a reply that the schema gives a largest size.
+[[nodiscard]] inline MutableBytes at_most(MutableBytes reply, std::size_t size_max) noexcept {
+  return reply.first(std::min(reply.size(), size_max));
 }
 
 /// The bytes of a builder's finished table.

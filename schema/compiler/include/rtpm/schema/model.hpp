@@ -50,6 +50,12 @@ struct Type {
   std::uint16_t fixed_length = 0;  ///< Elements of an array.
 };
 
+/// From the lowest to the highest value, both included.
+struct Range {
+  double low = 0;
+  double high = 0;
+};
+
 struct Field {
   std::string name{};
   Type type{};
@@ -61,21 +67,27 @@ struct Field {
   bool is_optional = false;
   bool is_deprecated = false;
   bool is_key = false;
+  std::string unit{};            ///< `rtpm_unit`; empty: not stated.
+  std::string frame{};           ///< `rtpm_frame`; empty: not stated.
+  std::optional<Range> range{};  ///< `rtpm_range`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
+  Location location{};  ///< Its name. As all places: line 0 if the model came from a .bfbs.
 };
 
 /// A table or a struct.
 struct Object {
   std::string name{};  ///< Fully qualified, with dots.
   bool is_struct = false;
-  std::size_t alignment = 1;    ///< Bytes.
-  std::size_t byte_size = 0;    ///< Of a struct.
-  std::vector<Field> fields{};  ///< By id.
+  std::size_t alignment = 1;                ///< Bytes.
+  std::size_t byte_size = 0;                ///< Of a struct.
+  std::vector<Field> fields{};              ///< By id.
+  std::optional<std::uint32_t> event_id{};  ///< `rtpm_event`, of a table that is an event.
+  std::uint64_t event_fingerprint = 0;      ///< Of an event.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
   std::string declaration_file{};  ///< Absolute, links resolved.
-  Location location{};             ///< Known for what the compiled file itself declares.
+  Location location{};             ///< Its name.
 };
 
 struct EnumValue {
@@ -83,6 +95,7 @@ struct EnumValue {
   std::int64_t value = 0;
   Type union_type{};
   Documentation documentation{};
+  Location location{};
 };
 
 /// An enumeration or a union.
@@ -93,7 +106,7 @@ struct Enum {
   std::vector<EnumValue> values{};  ///< By value.
   Documentation documentation{};
   std::string declaration_file{};
-  Location location{};  ///< Known for what the compiled file itself declares.
+  Location location{};  ///< Its name.
 };
 
 /// How a request or reply stands on the wire.
@@ -110,6 +123,19 @@ struct Payload {
   std::optional<std::size_t> struct_index{};  ///< In Model::objects, of kStruct.
 };
 
+/// How far a oneway request must have come until the caller goes on.
+enum class OnewayLevel : std::uint8_t {
+  kSent,      ///< "sent": handed to the caller's own system.
+  kReceived,  ///< "received": the server has it.
+  kDone,      ///< "done": the servant's method has returned.
+};
+
+/// Who decides at which priority a service's methods run.
+enum class PriorityModel : std::uint8_t {
+  kClientPropagated,  ///< The caller, and the service's priority where the caller states none.
+  kServerDeclared,    ///< Always the service's priority.
+};
+
 struct Method {
   std::string name{};
   std::uint16_t id = 0;  ///< `rtpm_id`, 1…65535.
@@ -117,6 +143,10 @@ struct Method {
   Payload reply{};
   bool is_idempotent = false;                  ///< `rtpm_idempotent`.
   std::optional<std::uint32_t> deadline_us{};  ///< `rtpm_deadline_us`.
+  std::optional<OnewayLevel> oneway{};         ///< `rtpm_oneway`; the reply is then kEmpty.
+  bool is_deferred = false;                    ///< `rtpm_deferred`.
+  bool is_stream = false;                   ///< `rtpm_stream`: any number of replies, each an item.
+  std::optional<std::uint32_t> max_size{};  ///< `rtpm_max_size`: bytes of a request or reply.
   std::uint32_t fingerprint = 0;
   std::vector<Attribute> attributes{};
   Documentation documentation{};
@@ -126,7 +156,9 @@ struct Method {
 struct Service {
   std::string name{};  ///< Fully qualified, with dots.
   std::uint64_t fingerprint = 0;
-  std::vector<Method> methods{};  ///< As declared.
+  std::vector<Method> methods{};                                    ///< As declared.
+  PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
+  std::optional<std::uint16_t> priority{};                          ///< `rtpm_priority`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
   Location location{};
