@@ -1,55 +1,106 @@
 #include "command_line.hpp"
 
+#include <algorithm>
 #include <cstddef>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "rtpm/schema/back_end.hpp"
+
 namespace rtpm::schema {
 namespace {
 
 constexpr std::string_view kHelp =
-    R"(usage: rtpmc [-I DIR]... --cpp -o OUT [--depfile FILE] FILE.fbs
+    R"(usage: rtpmc [-I DIR]... (--cpp | --emit LANGUAGE)... [-o OUT] [--depfile FILE] SCHEMA
+       rtpmc check [-I DIR]... [--conform OLD [--strict]] SCHEMA
 
-Generates RTPM's C++ stubs and skeletons for the rpc_services of a FlatBuffers schema:
-OUT/<name>.rtpm.hpp and OUT/<name>.rtpm.cpp. The data types come from flatc:
+Generates code for the rpc_services of a FlatBuffers schema, or checks the schema. SCHEMA is a .fbs
+or a .bfbs. C++ is OUT/NAME.rtpm.hpp and OUT/NAME.rtpm.cpp; the data types come from flatc:
 flatc --cpp --scoped-enums --gen-object-api. In CMake, rtpm_generate() calls both.
 
   -I DIR          search DIR for included schemas; may be given several times
-  --cpp           generate C++20
-  -o OUT          the folder to write to; it is made if it lacks
+  --emit LANGUAGE generate it; may be given several times. The languages are:
+@  --cpp           the same as --emit cpp
+  -o OUT          the folder to write to; it is made if it lacks. Without it, json is printed
   --depfile FILE  write what the output depends on, for Make and Ninja
+  --conform OLD   compare with the older schema OLD: clients built from it must work with servers
+                  built from SCHEMA. Every change is told; generating stops where one breaks that
+  --strict        servers built from OLD must also work with clients built from SCHEMA
   --help          show this text
   --version       show the version
 
 Exit: 0 done, 1 an error in the schema or in writing (nothing is written), 2 a wrong command line.
 )";
 
+std::string help() {
+  std::string text(kHelp);
+  std::string languages;
+  for (const BackEndEntry& entry : back_ends()) {
+    languages.append("                    ").append(entry.name);
+    languages.append(6 - std::min<std::size_t>(5, entry.name.size()), ' ');
+    languages.append(entry.summary).append(1, '\n');
+  }
+  return text.replace(text.find('@'), 1, languages);
+}
+
 class Reader {
  public:
   explicit Reader(std::span<const char* const> arguments) : arguments_(arguments) {}
 
   std::variant<Command, UsageError, Answer> read(const std::string& version) {
+    if (!arguments_.empty() && std::string_view(arguments_[0]) == "check") {
+      command_.is_check = true;
+      ++at_;
+    }
     while (at_ < arguments_.size()) {
       const std::string_view argument = arguments_[at_++];
-      if (argument == "--help" || argument == "-h") return Answer{std::string(kHelp)};
+      if (argument == "--help" || argument == "-h") return Answer{help()};
       if (argument == "--version") return Answer{"rtpmc " + version + '\n'};
       if (auto error = take(argument)) return *std::move(error);
     }
-    if (command_.schema.empty()) return UsageError{"no schema is given: add a FILE.fbs"};
-    if (!is_cpp_) return UsageError{"no language is given: add --cpp"};
-    if (command_.output_folder.empty()) return UsageError{"no output folder is given: add -o OUT"};
+    if (auto error = check()) return *std::move(error);
     return std::move(command_);
   }
 
  private:
+  /// What is given, taken together.
+  [[nodiscard]] std::optional<UsageError> check() const {
+    if (command_.schema.empty()) return UsageError{"no schema is given: add a FILE.fbs"};
+    if (command_.is_strict && command_.conform.empty()) {
+      return UsageError{
+          "`--strict` says how to compare, and there is nothing to compare with: add "
+          "--conform OLD.fbs"};
+    }
+    if (command_.is_check) {
+      const bool is_generating = !command_.languages.empty() || !command_.output_folder.empty() ||
+                                 !command_.dependency_file.empty();
+      if (!is_generating) return std::nullopt;
+      return UsageError{"`check` generates nothing: leave out --cpp, --emit, -o and --depfile"};
+    }
+    if (command_.languages.empty()) return UsageError{"no language is given: add --cpp"};
+    const bool is_printing =
+        command_.languages == std::vector<std::string>{"json"} && command_.dependency_file.empty();
+    if (command_.output_folder.empty() && !is_printing) {
+      return UsageError{"no output folder is given: add -o OUT"};
+    }
+    return std::nullopt;
+  }
+
   std::optional<UsageError> take(std::string_view argument) {
-    if (argument == "--cpp") {
-      is_cpp_ = true;
-      return std::nullopt;
+    if (argument == "--cpp") return add_language("cpp");
+    if (argument == "--emit") {
+      std::string language;
+      if (auto error = take_value(argument, language, "a language")) return error;
+      return add_language(language);
     }
     if (argument == "-o") return take_value(argument, command_.output_folder);
     if (argument == "--depfile") return take_value(argument, command_.dependency_file);
+    if (argument == "--conform") return take_value(argument, command_.conform);
+    if (argument == "--strict") {
+      command_.is_strict = true;
+      return std::nullopt;
+    }
     if (argument.starts_with("-I")) {
       std::string path(argument.substr(2));
       if (path.empty()) {
@@ -70,10 +121,27 @@ class Reader {
     return std::nullopt;
   }
 
-  std::optional<UsageError> take_value(std::string_view flag, std::string& value) {
+  std::optional<UsageError> add_language(std::string_view name) {
+    const auto entries = back_ends();
+    const bool is_known =
+        std::any_of(entries.begin(), entries.end(),
+                    [&](const BackEndEntry& entry) { return entry.name == name; });
+    if (!is_known) {
+      return UsageError{"unknown language `" + std::string(name) +
+                        "`: rtpmc --help lists the languages there are"};
+    }
+    auto& languages = command_.languages;
+    if (std::find(languages.begin(), languages.end(), name) == languages.end()) {
+      languages.emplace_back(name);
+    }
+    return std::nullopt;
+  }
+
+  std::optional<UsageError> take_value(std::string_view flag, std::string& value,
+                                       const char* what = "a path") {
     const std::string name(flag);
     if (at_ == arguments_.size() || *arguments_[at_] == '\0') {
-      return UsageError{'`' + name + "` needs a path behind it: rtpmc --help shows how"};
+      return UsageError{'`' + name + "` needs " + what + " behind it: rtpmc --help shows how"};
     }
     if (!value.empty()) return UsageError{'`' + name + "` is given twice: keep one of the two"};
     value = arguments_[at_++];
@@ -82,7 +150,6 @@ class Reader {
 
   std::span<const char* const> arguments_;
   std::size_t at_ = 0;
-  bool is_cpp_ = false;
   Command command_{};
 };
 

@@ -9,9 +9,13 @@ namespace rtpm::schema {
 
 /// What rtpmc was asked to do.
 struct Command {
+  bool is_check = false;  ///< The verb check: nothing is generated.
   std::vector<std::string> include_paths{};
-  std::string output_folder{};
-  std::string dependency_file{};  ///< Empty: none.
+  std::vector<std::string> languages{};  ///< Names of back ends; none to check.
+  std::string output_folder{};           ///< Empty: standard output, of one file.
+  std::string dependency_file{};         ///< Empty: none.
+  std::string conform{};                 ///< The older schema; empty: none.
+  bool is_strict = false;                ///< Also what needs the servers first is an error.
   std::string schema{};
 };
 

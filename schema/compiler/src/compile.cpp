@@ -99,10 +99,15 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
   const std::span<const std::uint8_t> reflection(
       static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())), bytes.size());
   auto model = read_reflection(reflection);
+  constexpr const char* kHint =
+      "make it with `flatc -b --schema --bfbs-comments --bfbs-builtins --bfbs-filenames DIR` of "
+      "FlatBuffers 2.0.8, or give rtpmc the .fbs file";
   if (!model) {
-    failed = failure(source.path(), "is not a binary schema, or one of another version",
-                     "make it with `flatc -b --schema --bfbs-comments --bfbs-builtins` of "
-                     "FlatBuffers 2.0.8, or give rtpmc the .fbs file");
+    failed = failure(source.path(), "is not a binary schema, or one of another version", kHint);
+    return std::nullopt;
+  }
+  if (model->declaration_file.empty()) {
+    failed = failure(source.path(), "does not say which file declares what", kHint);
     return std::nullopt;
   }
   model->source_files.push_back(source.path());

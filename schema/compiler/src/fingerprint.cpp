@@ -1,12 +1,12 @@
 #include "rtpm/schema/fingerprint.hpp"
 
 #include <algorithm>
-#include <array>
 #include <functional>
-#include <set>
 #include <string_view>
 #include <vector>
 
+#include "reach.hpp"
+#include "spelling.hpp"
 #include "words.hpp"
 
 namespace rtpm::schema {
@@ -22,26 +22,6 @@ std::uint64_t hash(std::string_view text) noexcept {
   return value;
 }
 
-std::string_view name_of(BaseType type) noexcept {
-  constexpr std::array<std::string_view, 18> kNames{
-      "none",  "union_type", "bool",  "int8",   "uint8",  "int16",  "uint16", "int32", "uint32",
-      "int64", "uint64",     "float", "double", "string", "vector", "object", "union", "array"};
-  const auto index = static_cast<std::size_t>(type);
-  return index < kNames.size() ? kNames[index] : "unknown";
-}
-
-std::string_view name_of(PayloadKind kind) noexcept {
-  switch (kind) {
-    case PayloadKind::kEmpty:
-      return "empty";
-    case PayloadKind::kStruct:
-      return "struct";
-    case PayloadKind::kTable:
-      break;
-  }
-  return "table";
-}
-
 /// Whether an attribute of FlatBuffers changes what bytes mean.
 bool matters(const Attribute& attribute) noexcept {
   return attribute.name == "nested_flatbuffer" || attribute.name == "flexbuffer" ||
@@ -53,22 +33,13 @@ class TypeWriter {
  public:
   explicit TypeWriter(const Model& model) : model_(model) {}
 
-  void reach_object(std::size_t index) {
-    std::vector<std::size_t> open{index};
-    while (!open.empty()) {
-      const std::size_t at = open.back();
-      open.pop_back();
-      if (!objects_.insert(at).second) continue;
-      for (const Field& field : model_.objects[at].fields)
-        reach_type(field.type, open);
-    }
-  }
+  void reach_object(std::size_t index) { reach_.add(model_, index); }
 
   [[nodiscard]] std::string text() const {
     std::vector<std::string> texts;
-    for (const std::size_t index : objects_)
+    for (const std::size_t index : reach_.objects)
       texts.push_back(text_of(model_.objects[index]));
-    for (const std::size_t index : enums_)
+    for (const std::size_t index : reach_.enums)
       texts.push_back(text_of(model_.enums[index]));
     std::sort(texts.begin(), texts.end());
     std::string all;
@@ -78,21 +49,10 @@ class TypeWriter {
   }
 
  private:
-  void reach_type(const Type& type, std::vector<std::size_t>& open) {
-    if (!type.index) return;
-    if (type.base == BaseType::kObject || type.element == BaseType::kObject) {
-      open.push_back(*type.index);
-    } else if (enums_.insert(*type.index).second) {
-      for (const EnumValue& value : model_.enums[*type.index].values) {
-        if (value.union_type.base == BaseType::kObject) open.push_back(*value.union_type.index);
-      }
-    }
-  }
-
   [[nodiscard]] std::string text_of(const Type& type) const {
-    std::string text(name_of(type.base));
+    std::string text(spelling_of(type.base));
     if (type.base == BaseType::kVector || type.base == BaseType::kArray) {
-      text += '<' + std::string(name_of(type.element)) + '>';
+      text += '<' + std::string(spelling_of(type.element)) + '>';
     }
     if (type.base == BaseType::kArray) text += ':' + std::to_string(type.fixed_length);
     if (!type.index) return text;
@@ -137,7 +97,7 @@ class TypeWriter {
 
   [[nodiscard]] std::string text_of(const Enum& enumeration) const {
     std::string text = (enumeration.is_union ? "union " : "enum ") + enumeration.name + ' ' +
-                       std::string(name_of(enumeration.underlying)) + " {\n";
+                       std::string(spelling_of(enumeration.underlying)) + " {\n";
     for (const EnumValue& value : enumeration.values) {
       text += "  " + value.name + " = " + std::to_string(value.value);
       if (enumeration.is_union) text += ": " + text_of(value.union_type);
@@ -147,33 +107,20 @@ class TypeWriter {
   }
 
   const Model& model_;
-  std::set<std::size_t> objects_{};
-  std::set<std::size_t> enums_{};
+  Reach reach_{};
 };
-
-std::string_view name_of(OnewayLevel level) noexcept {
-  switch (level) {
-    case OnewayLevel::kSent:
-      return "sent";
-    case OnewayLevel::kReceived:
-      return "received";
-    case OnewayLevel::kDone:
-      break;
-  }
-  return "done";
-}
 
 /// What a method does besides taking a request and giving a reply.
 std::string manner_of(const Method& method) {
   std::string text;
   if (method.is_idempotent) text += " idempotent";
-  if (method.oneway) text += " oneway " + std::string(name_of(*method.oneway));
+  if (method.oneway) text += " oneway " + std::string(spelling_of(*method.oneway));
   if (method.is_stream) text += " stream";
   return text;
 }
 
 std::string text_of(const Model& model, const Payload& payload) {
-  return std::string(name_of(payload.kind)) + ' ' + model.objects[payload.table].name;
+  return std::string(spelling_of(payload.kind)) + ' ' + model.objects[payload.table].name;
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 // rtpmc, RTPM's schema compiler.
+#include <algorithm>
 #include <cstddef>
 #include <cstdio>
 #include <filesystem>
@@ -11,6 +12,7 @@
 #include "command_line.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
+#include "rtpm/schema/conform.hpp"
 #include "rtpm/schema/output.hpp"
 
 namespace rtpm::schema {
@@ -24,28 +26,59 @@ int fail(const Diagnostics& errors) {
   return kSchemaError;
 }
 
-int carry_out(const Command& command) {
-  CompileResult result = compile({.file = command.schema, .include_paths = command.include_paths});
-  if (!result.model) return fail(result.errors);
-  const Model& model = *result.model;
-  const auto back_end = make_cpp_back_end(RTPM_VERSION);
-  if (const Diagnostics errors = back_end->check(model); !errors.empty()) return fail(errors);
+/// Tells how `model` differs from the older schema; whether programs of the two work together.
+bool conforms(const Command& command, const Model& model, const Model& older) {
+  const std::vector<Change> changes = compare(older, model);
+  bool is_good = true;
+  for (const Change& change : changes) {
+    is_good &= change.verdict == Verdict::kCompatible ||
+               (change.verdict == Verdict::kServersFirst && !command.is_strict);
+  }
+  std::fputs(render(changes).c_str(), stderr);
+  return is_good;
+}
 
+int write(const Command& command, const Model& model) {
   std::vector<OutputFile> files;
   std::vector<std::string> targets;
-  for (GeneratedFile& file : back_end->generate(model)) {
-    const auto path = std::filesystem::path(command.output_folder) / file.name;
-    targets.push_back(path.string());
-    files.push_back({path.string(), std::move(file.text)});
+  for (const BackEndEntry& entry : back_ends()) {
+    const auto& chosen = command.languages;
+    if (std::find(chosen.begin(), chosen.end(), entry.name) == chosen.end()) continue;
+    const auto back_end = entry.make(RTPM_VERSION);
+    if (const Diagnostics errors = back_end->check(model); !errors.empty()) return fail(errors);
+    for (GeneratedFile& file : back_end->generate(model)) {
+      if (command.output_folder.empty()) {
+        std::fputs(file.text.c_str(), stdout);
+        return std::fflush(stdout) == 0 ? 0 : kSchemaError;
+      }
+      const auto path = std::filesystem::path(command.output_folder) / file.name;
+      targets.push_back(path.string());
+      files.push_back({path.string(), std::move(file.text)});
+    }
   }
   if (!command.dependency_file.empty()) {
-    files.push_back({command.dependency_file, dependency_text(targets, model.source_files)});
+    std::vector<std::string> sources = model.source_files;
+    if (!command.conform.empty()) sources.push_back(command.conform);
+    files.push_back({command.dependency_file, dependency_text(targets, sources)});
   }
   if (const auto error = write_all(files)) {
     std::fprintf(stderr, "rtpmc: error: %s\n", error->c_str());
     return kSchemaError;
   }
   return 0;
+}
+
+int carry_out(const Command& command) {
+  const CompileResult result =
+      compile({.file = command.schema, .include_paths = command.include_paths});
+  if (!result.model) return fail(result.errors);
+  if (!command.conform.empty()) {
+    const CompileResult older =
+        compile({.file = command.conform, .include_paths = command.include_paths});
+    if (!older.model) return fail(older.errors);
+    if (!conforms(command, *result.model, *older.model)) return kSchemaError;
+  }
+  return command.is_check ? 0 : write(command, *result.model);
 }
 
 int run(std::span<const char* const> arguments) {

@@ -3,8 +3,10 @@
 #include <gtest/gtest.h>
 #include <sys/wait.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -163,6 +165,13 @@ TEST(Rtpmc, WrongCommandLineIsOneSentenceAndTwo) {
       {"--cpp arm.fbs -o", "`-o` needs a path behind it"},
       {"--cpp -o a -o b arm.fbs", "`-o` is given twice"},
       {"--cpp -o out -I", "`-I` needs a path behind it"},
+      {"--emit", "`--emit` needs a language behind it"},
+      {"--emit pascal -o out arm.fbs", "unknown language `pascal`"},
+      {"--emit json --cpp arm.fbs", "no output folder is given: add -o OUT"},
+      {"--emit json --depfile d arm.fbs", "no output folder is given: add -o OUT"},
+      {"check --cpp arm.fbs", "`check` generates nothing"},
+      {"check", "no schema is given"},
+      {"check --strict arm.fbs", "`--strict` says how to compare"},
   };
   for (const auto& [arguments, sentence] : wrong) {
     const Outcome result = run(folder, arguments);
@@ -171,6 +180,133 @@ TEST(Rtpmc, WrongCommandLineIsOneSentenceAndTwo) {
     EXPECT_EQ(std::count(result.errors.begin(), result.errors.end(), '\n'), 1) << result.errors;
   }
   EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
+TEST(Rtpmc, PrintsTheModelOrWritesIt) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  const Outcome printed = run(folder, idl_flag() + "--emit json arm.fbs");
+  EXPECT_EQ(printed.exit_code, 0) << printed.errors;
+  const auto model = nlohmann::json::parse(printed.output);
+  EXPECT_EQ(model["format"], "rtpm-model");
+  EXPECT_EQ(model["format_version"], 1);
+  EXPECT_EQ(model["services"][0]["methods"][0]["id"], 1);
+
+  ASSERT_EQ(run(folder, idl_flag() + "--emit json --cpp -o out arm.fbs").exit_code, 0);
+  EXPECT_EQ(read_file(folder.path() / "out/arm.rtpm.json"), printed.output);
+  EXPECT_EQ(names_in(folder.path() / "out").size(), 3u);
+}
+
+// What no comment may break: quotation marks, backslashes and bytes below 32.
+TEST(Rtpmc, JsonTakesAnyComment) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", "/// a \"quoted\" back\\slash\tand \x01\ntable T { x:double = inf; }\n");
+  const Outcome printed = run(folder, "--emit json arm.fbs");
+  const auto model = nlohmann::json::parse(printed.output);
+  EXPECT_EQ(model["objects"][0]["documentation"][0], " a \"quoted\" back\\slash\tand \x01");
+  EXPECT_EQ(model["objects"][0]["fields"][0]["default"], "inf");
+}
+
+/// Makes the binary schema of arm.fbs as flatc does it.
+int make_binary(const ScratchFolder& folder, const std::string& flags = "--bfbs-filenames .") {
+  return std::system(("cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_FLATC) +
+                      " -b --schema --bfbs-comments --bfbs-builtins " + flags + " -I " +
+                      quoted(RTPM_IDL_FOLDER) + " arm.fbs")
+                         .c_str());
+}
+
+TEST(Rtpmc, TakesABinarySchema) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  ASSERT_EQ(make_binary(folder), 0);
+  ASSERT_EQ(run(folder, idl_flag() + "--cpp -o text arm.fbs").exit_code, 0);
+  const Outcome result = run(folder, "--cpp -o binary --depfile arm.d arm.bfbs");
+  ASSERT_EQ(result.exit_code, 0) << result.errors;
+  for (const char* file : {"arm.rtpm.hpp", "arm.rtpm.cpp"}) {
+    EXPECT_EQ(read_file(folder.path() / "text" / file), read_file(folder.path() / "binary" / file));
+  }
+  EXPECT_NE(read_file(folder.path() / "arm.d").find("arm.bfbs"), std::string::npos);
+}
+
+TEST(Rtpmc, BinarySchemaIsCheckedToo) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kBad);
+  ASSERT_EQ(make_binary(folder), 0);
+  Outcome result = run(folder, "--cpp -o out arm.bfbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(
+      result.errors.starts_with("arm.bfbs: error: method `stop` of service `lab.Arm` has "
+                                "no rtpm_id\nhint: give it"))
+      << result.errors;
+  folder.write("cut.bfbs", read_file(folder.path() / "arm.bfbs").substr(0, 100));
+  result = run(folder, "--cpp -o out cut.bfbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(
+      result.errors.starts_with("cut.bfbs: error: is not a binary schema, or one of "
+                                "another version\nhint: "))
+      << result.errors;
+  folder.write("arm.fbs", kGood);
+  ASSERT_EQ(make_binary(folder, ""), 0);
+  result = run(folder, "--cpp -o out arm.bfbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.errors.starts_with("arm.bfbs: error: does not say which file declares what"))
+      << result.errors;
+  EXPECT_FALSE(fs::exists(folder.path() / "out"));
+}
+
+TEST(Rtpmc, ChecksASchemaAndWritesNothing) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", kGood);
+  const Outcome good = run(folder, "check " + idl_flag() + "arm.fbs");
+  EXPECT_EQ(good.exit_code, 0) << good.errors;
+  EXPECT_EQ(good.errors + good.output, "");
+  EXPECT_EQ(names_in(folder.path()), std::vector<std::string>{"arm.fbs"});
+  folder.write("arm.fbs", kBad);
+  EXPECT_EQ(run(folder, "check " + idl_flag() + "arm.fbs").exit_code, 1);
+}
+
+TEST(Rtpmc, SaysWhetherASchemaConforms) {
+  const ScratchFolder folder;
+  const std::string good(kGood);
+  folder.write("old.fbs", good);
+  const auto conform = [&](const std::string& text, const std::string& flags) {
+    folder.write("new.fbs", text);
+    return run(folder, flags + idl_flag() + "--conform old.fbs new.fbs");
+  };
+  std::string more = good;
+  more.insert(more.find(" }"), " go(rtpm.Empty):rtpm.Empty (rtpm_id: 2);");
+  std::string less = good;
+  less.replace(less.find("rtpm_id: 1"), 10, "rtpm_id: 2");
+
+  EXPECT_EQ(conform(good, "check ").exit_code, 0);
+  const Outcome warned = conform(more, "check ");
+  EXPECT_EQ(warned.exit_code, 0);
+  EXPECT_NE(warned.errors.find("new.fbs:3:61: warning: method `go` of service `lab.Arm` is new"),
+            std::string::npos)
+      << warned.errors;
+  EXPECT_EQ(conform(more, "check --strict ").exit_code, 1);
+  const Outcome refused = conform(less, "check ");
+  EXPECT_EQ(refused.exit_code, 1);
+  EXPECT_TRUE(
+      refused.errors.starts_with("new.fbs:3:19: error: method `stop` of service `lab.Arm` "
+                                 "had the number 1, and has 2"))
+      << refused.errors;
+
+  EXPECT_EQ(conform(more, "--cpp -o out --depfile d ").exit_code, 0);
+  EXPECT_NE(read_file(folder.path() / "d").find("old.fbs"), std::string::npos);
+  EXPECT_EQ(conform(less, "--cpp -o none ").exit_code, 1);
+  EXPECT_FALSE(fs::exists(folder.path() / "none"));
+  folder.write("old.fbs", kBad);
+  EXPECT_EQ(conform(good, "check ").exit_code, 1);
+}
+
+TEST(Rtpmc, HugeSchemaIsRefused) {
+  const ScratchFolder folder;
+  folder.write("arm.fbs", std::string(kGood) + std::string(17 * 1024 * 1024, ' '));
+  const Outcome result = run(folder, idl_flag() + "--cpp -o out arm.fbs");
+  EXPECT_EQ(result.exit_code, 1);
+  EXPECT_TRUE(result.errors.starts_with("arm.fbs: error: the schema is larger than 16 MiB"))
+      << result.errors;
 }
 
 TEST(Rtpmc, IncludeFlagMayStandAlone) {

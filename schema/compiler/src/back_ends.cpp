@@ -1,0 +1,17 @@
+#include <array>
+
+#include "rtpm/schema/back_end.hpp"
+
+namespace rtpm::schema {
+
+std::span<const BackEndEntry> back_ends() noexcept {
+  static constexpr std::array kBackEnds{
+      BackEndEntry{"cpp", "C++20 stubs and skeletons: NAME.rtpm.hpp, NAME.rtpm.cpp",
+                   &make_cpp_back_end},
+      BackEndEntry{"json", "the model of the schema, for other generators: NAME.rtpm.json",
+                   &make_json_back_end},
+  };
+  return kBackEnds;
+}
+
+}  // namespace rtpm::schema

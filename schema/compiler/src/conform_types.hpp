@@ -1,0 +1,41 @@
+#pragma once
+
+#include <vector>
+
+#include "rtpm/schema/conform.hpp"
+
+namespace rtpm::schema {
+
+/// What became different in tables, structs, enums and unions of the same name. The verdicts are
+/// still open: they depend on where the types are used.
+class TypeComparison {
+ public:
+  TypeComparison(const Model& before, const Model& after, std::vector<Change>& changes)
+      : before_(before), after_(after), changes_(changes) {}
+
+  void compare(const Object& before, const Object& after);
+  void compare(const Enum& before, const Enum& after);
+
+ private:
+  void report(ChangeKind kind, Reading reading, const std::string& owner, const Location& now,
+              const Location& then, std::string message, std::string hint);
+  void compare_structs(const Object& before, const Object& after);
+  void compare_tables(const Object& before, const Object& after);
+  bool compare_places(const Object& before, const Object& after);
+  void compare_fields(const Object& owner, const Field& before, const Field& after);
+  bool compare_types(const Object& owner, const Field& before, const Field& after);
+  void compare_presence(const Object& owner, const Field& before, const Field& after);
+  void compare_defaults(const Object& owner, const Field& before, const Field& after);
+  void compare_meaning(const Object& owner, const Field& before, const Field& after);
+  void add_field(const Object& owner, const Field& field);
+  void remove_field(const Object& owner, const Field& field, const Object& now);
+
+  const Model& before_;
+  const Model& after_;
+  std::vector<Change>& changes_;
+};
+
+/// A type as a schema writes it: "[lab.Force]".
+[[nodiscard]] std::string type_text(const Model& model, const Type& type);
+
+}  // namespace rtpm::schema

@@ -1,0 +1,19 @@
+#pragma once
+
+#include <cstddef>
+#include <set>
+
+#include "rtpm/schema/model.hpp"
+
+namespace rtpm::schema {
+
+/// The types that are reached from one or more tables, through fields, vectors and unions.
+struct Reach {
+  std::set<std::size_t> objects{};  ///< In Model::objects.
+  std::set<std::size_t> enums{};    ///< In Model::enums.
+
+  /// Adds the object `index` and all that it reaches. Each is walked once, in whatever order.
+  void add(const Model& model, std::size_t index);
+};
+
+}  // namespace rtpm::schema
