@@ -93,6 +93,10 @@ int finish_connecting(int socket, MonotonicTime deadline) noexcept {
 
 }  // namespace
 
+void Link::wait(MonotonicTime until) noexcept {
+  wait_readable(descriptor(), until);
+}
+
 expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
                                                               std::uint16_t port,
                                                               Priority priority) {

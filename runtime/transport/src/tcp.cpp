@@ -6,6 +6,8 @@
 #include <cerrno>
 #include <cstring>
 
+#include "accept.hpp"
+
 namespace rtpm::transport {
 
 void prepare_stream(int socket) noexcept {
@@ -61,33 +63,13 @@ expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
   return TcpListener(std::move(socket), ntohs(bound.sin_port));
 }
 
-namespace {
-
-Descriptor any_descriptor() noexcept {
-  return Descriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
-}
-
-}  // namespace
-
 TcpListener::TcpListener(Descriptor socket, std::uint16_t port) noexcept
-    : socket_(std::move(socket)), spare_(any_descriptor()), port_(port) {}
+    : socket_(std::move(socket)), spare_(spare_descriptor()), port_(port) {}
 
 Descriptor TcpListener::accept() noexcept {
-  Descriptor socket(accept4(socket_.number(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  if (socket.is_open()) {
-    prepare_stream(socket.number());
-  } else if (errno == EMFILE || errno == ENFILE) {
-    turn_away_one();
-  }
+  Descriptor socket = accept_or_turn_away(socket_.number(), spare_);
+  if (socket.is_open()) prepare_stream(socket.number());
   return socket;
-}
-
-// A connection that can't be taken would wake the acceptor again and again, and its client would
-// wait for nothing. The spare descriptor is room enough to end it.
-void TcpListener::turn_away_one() noexcept {
-  { const Descriptor room = std::move(spare_); }
-  { const Descriptor unwanted(accept4(socket_.number(), nullptr, nullptr, SOCK_CLOEXEC)); }
-  spare_ = any_descriptor();
 }
 
 }  // namespace rtpm::transport

@@ -18,8 +18,8 @@
 namespace rtpm::transport {
 
 inline void PrintTo(IoError error, std::ostream* out) {
-  static constexpr std::array<const char*, 5> kNames{"nothing", "full", "refused", "closed",
-                                                     "failed"};
+  static constexpr std::array<const char*, 6> kNames{"nothing", "full",   "refused",
+                                                     "closed",  "failed", "broken"};
   *out << kNames[static_cast<std::size_t>(error)];
 }
 

@@ -23,6 +23,11 @@ inline constexpr std::size_t kDatagramPayloadSizeMax = kDatagramFrameSizeMax - k
 inline constexpr std::size_t kStreamFrameSizeMax = std::size_t{64} * 1024;
 inline constexpr std::size_t kStreamPayloadSizeMax = kStreamFrameSizeMax - kHeaderSize;
 
+/// The largest frame in shared memory: a window of fragments fits a ring of 128 KiB, so that a
+/// hundred connections take no more than 26 MiB, all of it in memory before it is needed.
+inline constexpr std::size_t kSharedFrameSizeMax = std::size_t{16} * 1024;
+inline constexpr std::size_t kSharedPayloadSizeMax = kSharedFrameSizeMax - kHeaderSize;
+
 /// The bounds of what a side may state as its largest message on a stream.
 inline constexpr std::uint32_t kMessageSizeFloor = 1024;
 inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;

@@ -12,6 +12,7 @@ enum class IoError : std::uint8_t {
   kRefused,  ///< The host answered that nobody has the port.
   kClosed,   ///< The peer closed the stream, or it broke. Open another.
   kFailed,   ///< The system refused for another reason.
+  kBroken,   ///< The memory shared with the peer holds nonsense. End the connection.
 };
 
 /// Why set-up failed: one sentence that names the thing, the cause and the remedy.

@@ -32,8 +32,10 @@ class Link {
   /// RT: alloc-free, at most one syscall, never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
 
-  /// For waiting, after receive() had nothing, until it may have something: frames that came
-  /// together wake one poll only.
+  /// Waits, after receive() had nothing, until it may have something, or until `until`. Frames
+  /// that came together end one wait only.   RT: alloc-free, at most two syscalls.
+  virtual void wait(MonotonicTime until) noexcept;
+  /// What wait() waits for.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
 };

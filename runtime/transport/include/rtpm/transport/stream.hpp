@@ -5,6 +5,7 @@
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
 
@@ -13,18 +14,15 @@ namespace rtpm::transport {
 /// A connected TCP socket that carries whole frames; either end uses it.
 /// Ownership: a receive buffer of one largest message, allocated when built.
 /// Threads: one at a time.   RT: send() and receive() are alloc-free, one syscall each.
-class FrameStream {
+class FrameStream final : public Connection {
  public:
   FrameStream(Descriptor socket, std::uint32_t message_size_max);
 
-  /// Sends one whole frame; waits for room until `until` if the system's buffer is full.
-  [[nodiscard]] expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept;
-  /// One whole frame if it has arrived; valid until the next receive(), aligned to 16 bytes.
+  expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   /// Bytes that can't be a frame of the stated size are given as they are.
-  [[nodiscard]] expected<ConstBytes, IoError> receive() noexcept;
-  /// Whether another whole frame lies in the buffer, which no poll would tell.
-  [[nodiscard]] bool has_buffered() const noexcept;
-  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
+  expected<ConstBytes, IoError> receive() noexcept override;
+  bool has_buffered() const noexcept override;
+  int descriptor() const noexcept override { return socket_.number(); }
 
  private:
   /// The size of the frame that begins at that place in the buffer, 0 if it has not arrived.

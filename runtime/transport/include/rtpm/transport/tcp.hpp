@@ -23,7 +23,6 @@ class TcpListener {
 
  private:
   TcpListener(Descriptor socket, std::uint16_t port) noexcept;
-  void turn_away_one() noexcept;
 
   Descriptor socket_;
   Descriptor spare_;  ///< Given up for a moment when no other is left.

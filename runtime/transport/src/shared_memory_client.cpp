@@ -1,0 +1,176 @@
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/time.h>
+#include <sys/un.h>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+
+#include "rtpm/rt/clock.hpp"
+#include "shared_memory_setup.hpp"
+#include "unix_socket.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+// How long a caller waits for room in its ring before it gives the server up.
+constexpr Duration kSendPatience = std::chrono::milliseconds{100};
+// Looks at the ring per receive(): together they take about as long as reading the clock, which
+// callers do between two.
+constexpr int kLookCount = 16;
+// A caller that spins asks its socket once in so many fruitless receives whether the server lives:
+// every 20 µs or so.
+constexpr std::uint32_t kReceivesPerCheck = 256;
+
+class SharedMemoryLink final : public Link {
+ public:
+  SharedMemoryLink(Descriptor socket, SharedMapping mapping, RingSizes sizes)
+      : connection_(std::move(socket), std::move(mapping), sizes,
+                    SharedMemoryConnection::Side::kClient) {}
+
+  expected<void, IoError> send(ConstBytes frame) noexcept override {
+    // The clock is read only where there is no room.
+    auto sent = connection_.send(frame, MonotonicTime::min());
+    if (!sent && sent.error() == IoError::kFull) {
+      sent = connection_.send(frame, rt::now() + kSendPatience);
+    }
+    return sent;
+  }
+
+  expected<ConstBytes, IoError> receive() noexcept override {
+    for (int look = 0; look < kLookCount; ++look) {
+      if (!connection_.has_buffered()) continue;
+      fruitless_count_ = 0;
+      return connection_.receive();
+    }
+    if (++fruitless_count_ % kReceivesPerCheck == 0) connection_.check_peer();
+    // hp-16.4-1: whatever the server wrote before it hung up is in the ring by now.
+    return connection_.receive();
+  }
+
+  void wait(MonotonicTime until) noexcept override {
+    if (connection_.announce_sleep() && wait_readable(connection_.descriptor(), until)) {
+      connection_.on_ready();
+    }
+    connection_.end_sleep();
+  }
+
+  int descriptor() const noexcept override { return connection_.descriptor(); }
+  wire::Medium medium() const noexcept override { return wire::Medium::kStream; }
+
+ private:
+  SharedMemoryConnection connection_;
+  std::uint32_t fruitless_count_ = 0;
+};
+
+// Connects by the deadline; 0 or the error number.
+int connect_by(int socket, const sockaddr_un& native, unsigned size,
+               MonotonicTime deadline) noexcept {
+  // A blocking connect waits while the server's queue is full, for as long as a send may wait.
+  const auto left = std::max<std::int64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(deadline - rt::now()).count(), 1);
+  const timeval patience{.tv_sec = left / 1'000'000, .tv_usec = left % 1'000'000};
+  setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+  return connect(socket, reinterpret_cast<const sockaddr*>(&native), size) == 0 ? 0 : errno;
+}
+
+TransportError not_reached(const SharedMemoryAddress& address, const std::string& cause,
+                           const std::string& remedy) {
+  return {in_words(address) + " gives no shared memory (" + cause + "). Remedy: " + remedy};
+}
+
+// What the server granted.
+struct Grant {
+  Descriptor socket;
+  Descriptor memory;
+  SetupAnswer answer{};
+};
+
+// Connects, sends the request, and takes the answer.
+expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const SetupRequest& request,
+                                    MonotonicTime deadline) {
+  sockaddr_un native{};
+  const unsigned size = to_native(address, native);
+  Grant grant;
+  grant.socket = Descriptor(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  if (size == 0 || !grant.socket.is_open()) {
+    return unexpected{not_reached(address, size == 0 ? "too long a name" : std::strerror(errno),
+                                  "choose a shorter folder, or raise the limit of open files.")};
+  }
+  const int socket = grant.socket.number();
+  if (const int error = connect_by(socket, native, size, deadline); error != 0) {
+    return unexpected{not_reached(address, std::strerror(error),
+                                  "start the server on this host, with shared memory, or use "
+                                  "another transport.")};
+  }
+  // hp-16.1-4: anybody may take a name, and nobody else's memory is to be trusted.
+  if (!is_trusted(socket)) {
+    return unexpected{not_reached(address, "the server is another user's",
+                                  "run both as one user, or use another transport.")};
+  }
+  std::array<std::byte, SetupAnswer::kSize + 1> message{};
+  ReceivedMessage received;
+  if (send_message(socket, encode(request), -1)) {
+    while (!wait_readable(socket, deadline)) {
+      if (rt::now() < deadline) continue;
+      return unexpected{not_reached(address, "the server does not answer",
+                                    "see whether it runs, or use another transport.")};
+    }
+    received = receive_message(socket, message);
+  }
+  const auto answer = decode_answer(ConstBytes(message).first(received.size));
+  if (!answer || answer->status != SetupStatus::kOk) {
+    const bool is_version = answer && answer->status == SetupStatus::kVersionUnsupported;
+    return unexpected{not_reached(
+        address, is_version ? "the server speaks another version" : "the server refused",
+        "run both as one user and of one release, or use another "
+        "transport.")};
+  }
+  grant.memory = std::move(received.descriptor);
+  grant.answer = *answer;
+  return grant;
+}
+
+bool is_possible(std::uint32_t ring_size) noexcept {
+  return ring_size >= kRingSizeMin && ring_size <= kRingSizeMax && std::has_single_bit(ring_size);
+}
+
+// hp-16.1-5: memory that can't shrink under us, of the stated size.
+bool is_sound(int memory, RingSizes sizes) noexcept {
+  struct stat status {};
+  const int seals = fcntl(memory, F_GET_SEALS);
+  return is_possible(sizes.to_server) && is_possible(sizes.to_client) && seals >= 0 &&
+         (seals & F_SEAL_SHRINK) != 0 && fstat(memory, &status) == 0 &&
+         static_cast<std::uint64_t>(status.st_size) >= memory_size(sizes);
+}
+
+}  // namespace
+
+bool is_shared_memory_served(const SharedMemoryAddress& address, MonotonicTime deadline) noexcept {
+  return ask(address, {.priority = {}, .only_asks = true}, deadline).has_value();
+}
+
+expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
+    const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline) {
+  auto grant = ask(address, {.priority = priority, .only_asks = false}, deadline);
+  if (!grant) return unexpected{grant.error()};
+  const RingSizes sizes = grant->answer.sizes;
+  if (!is_sound(grant->memory.number(), sizes)) {
+    return unexpected{not_reached(address, "the server gave memory that breaks the rules",
+                                  "use another transport.")};
+  }
+  SharedMapping mapping(grant->memory.number(), memory_size(sizes));
+  if (mapping.bytes().empty()) {
+    return unexpected{not_reached(address, std::strerror(errno),
+                                  "raise the limits of memory (ulimit -v, ulimit -l).")};
+  }
+  return std::unique_ptr<Link>(
+      std::make_unique<SharedMemoryLink>(std::move(grant->socket), std::move(mapping), sizes));
+}
+
+}  // namespace rtpm::transport

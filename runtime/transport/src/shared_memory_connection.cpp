@@ -1,0 +1,126 @@
+#include <poll.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+
+#include <algorithm>
+#include <array>
+#include <cerrno>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "shared_memory_setup.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+// While a ring is full its reader works, or is about to be found dead: a look so often is enough.
+constexpr Duration kRoomLookInterval = std::chrono::microseconds{50};
+
+// In fresh memory the control words are zeros, which is how they begin.
+RecordRingControl& control_at(MutableBytes memory, std::size_t offset) noexcept {
+  return *reinterpret_cast<RecordRingControl*>(memory.data() + offset);
+}
+
+RecordWriter writer_of(MutableBytes memory, RingSizes sizes,
+                       SharedMemoryConnection::Side side) noexcept {
+  if (side == SharedMemoryConnection::Side::kClient) {
+    return {control_at(memory, kToServerControlOffset),
+            memory.subspan(kRingDataOffset, sizes.to_server)};
+  }
+  return {control_at(memory, kToClientControlOffset),
+          memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
+}
+
+RecordReader reader_of(MutableBytes memory, RingSizes sizes,
+                       SharedMemoryConnection::Side side) noexcept {
+  if (side == SharedMemoryConnection::Side::kServer) {
+    return {control_at(memory, kToServerControlOffset),
+            memory.subspan(kRingDataOffset, sizes.to_server)};
+  }
+  return {control_at(memory, kToClientControlOffset),
+          memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
+}
+
+}  // namespace
+
+SharedMapping::SharedMapping(int descriptor, std::size_t size) noexcept {
+  void* const begin =
+      mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
+  if (begin != MAP_FAILED) bytes_ = {static_cast<std::byte*>(begin), size};
+}
+
+SharedMapping::~SharedMapping() {
+  if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
+}
+
+SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, SharedMapping mapping,
+                                               RingSizes sizes, Side side)
+    : socket_(std::move(socket)),
+      mapping_(std::move(mapping)),
+      writer_(writer_of(mapping_.bytes(), sizes, side)),
+      reader_(reader_of(mapping_.bytes(), sizes, side)),
+      lines_(wire::kSharedFrameSizeMax / sizeof(CacheLine)) {
+  RTPM_ASSERT(mapping_.bytes().size() == memory_size(sizes), "a connection has its rings");
+}
+
+expected<void, IoError> SharedMemoryConnection::send(ConstBytes frame,
+                                                     MonotonicTime until) noexcept {
+  if (frame.empty() || frame.size() > wire::kSharedFrameSizeMax) {
+    return unexpected{IoError::kFailed};
+  }
+  while (true) {
+    switch (writer_.write(frame)) {
+      case RecordWriter::Outcome::kWrittenForSleeper:
+        ring_bell();
+        return {};
+      case RecordWriter::Outcome::kWritten:
+        return {};
+      case RecordWriter::Outcome::kBroken:
+        return unexpected{IoError::kBroken};
+      case RecordWriter::Outcome::kFull:
+        break;
+    }
+    if (is_closed_) return unexpected{IoError::kClosed};
+    if (rt::now() >= until) return unexpected{IoError::kFull};
+    if (!await_room(until)) return unexpected{IoError::kClosed};
+  }
+}
+
+expected<ConstBytes, IoError> SharedMemoryConnection::receive() noexcept {
+  const MutableBytes room(lines_.front().bytes, wire::kSharedFrameSizeMax);
+  const auto size = reader_.read(room);
+  if (size) return ConstBytes(room).first(*size);
+  if (size.error() == RecordError::kBroken) return unexpected{IoError::kBroken};
+  return unexpected{is_closed_ ? IoError::kClosed : IoError::kNothing};
+}
+
+// Never waits, whatever the peer does to its end: a full socket has woken it before (hp-16.3-3).
+void SharedMemoryConnection::ring_bell() noexcept {
+  const std::byte bell{};
+  const ssize_t size = ::send(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_NOSIGNAL);
+  static_cast<void>(size);
+}
+
+// One bell is taken at a time; more of them keep the socket readable, and wake for nothing
+// (hp-16.3-2).
+void SharedMemoryConnection::on_ready() noexcept {
+  std::byte bell{};
+  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT);
+  if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
+}
+
+void SharedMemoryConnection::check_peer() noexcept {
+  std::byte bell{};
+  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_PEEK);
+  if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
+}
+
+// Rests for a moment, which the peer's end cuts short; false if it is gone.
+bool SharedMemoryConnection::await_room(MonotonicTime until) noexcept {
+  pollfd entry{socket_.number(), 0, 0};
+  const Duration rest = std::clamp<Duration>(until - rt::now(), Duration{0}, kRoomLookInterval);
+  const timespec timeout{.tv_sec = 0, .tv_nsec = rest.count()};
+  return ppoll(&entry, 1, &timeout, nullptr) <= 0;
+}
+
+}  // namespace rtpm::transport

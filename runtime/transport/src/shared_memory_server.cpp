@@ -1,0 +1,119 @@
+#include <fcntl.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <cstring>
+
+#include "accept.hpp"
+#include "shared_memory_setup.hpp"
+#include "unix_socket.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+// A file that a killed server left behind is nobody's: nobody answers there.
+void remove_if_dead(const std::string& file, const sockaddr_un& native, unsigned size) noexcept {
+  const Descriptor probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (connect(probe.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 &&
+      errno == ECONNREFUSED) {
+    unlink(file.c_str());
+  }
+}
+
+TransportError not_served(const SharedMemoryAddress& address, const std::string& cause,
+                          const std::string& remedy) {
+  return {in_words(address) + " can't be served (" + cause + "). Remedy: " + remedy};
+}
+
+// A file of zeros in memory, without a name, whose size nobody can change: so no access to its
+// mapping can fail (hp-16.1-5).
+Descriptor make_memory(std::size_t size) noexcept {
+  Descriptor memory(memfd_create("rtpm", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (memory.is_open() && ftruncate(memory.number(), static_cast<off_t>(size)) == 0 &&
+      fcntl(memory.number(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) == 0) {
+    return memory;
+  }
+  return {};
+}
+
+void refuse(int socket, SetupStatus status) {
+  const auto answer = encode(SetupAnswer{.status = status});
+  static_cast<void>(send_message(socket, answer, -1));
+}
+
+}  // namespace
+
+expected<SharedMemoryListener, TransportError> SharedMemoryListener::open(
+    const SharedMemoryAddress& address) {
+  sockaddr_un native{};
+  const unsigned size = to_native(address, native);
+  if (size == 0) {
+    return unexpected{
+        not_served(address, "its name is longer than 107 bytes", "choose a shorter folder.")};
+  }
+  Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open()) {
+    return unexpected{
+        not_served(address, std::strerror(errno), "raise the limit of open files (ulimit -n).")};
+  }
+  const std::string file = socket_file_of(address);
+  if (!file.empty()) remove_if_dead(file, native, size);
+  if (bind(socket.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 ||
+      listen(socket.number(), 128) != 0) {
+    const int error = errno;
+    return unexpected{not_served(
+        address, std::strerror(error),
+        error == EADDRINUSE
+            ? "end the program that has it (ss -xlp), or choose another port, or serve without "
+              "shared memory."
+            : "give a folder that is there and may be written, or none, or serve without shared "
+              "memory.")};
+  }
+  return SharedMemoryListener(std::move(socket), file);
+}
+
+SharedMemoryListener::SharedMemoryListener(Descriptor socket, std::string file) noexcept
+    : socket_(std::move(socket)), spare_(spare_descriptor()), file_(std::move(file)) {}
+
+SharedMemoryListener::~SharedMemoryListener() {
+  if (socket_.is_open() && !file_.empty()) unlink(file_.c_str());
+}
+
+Descriptor SharedMemoryListener::accept() noexcept {
+  return accept_or_turn_away(socket_.number(), spare_);
+}
+
+std::optional<SharedMemoryClient> welcome_shared_memory_client(Descriptor socket) {
+  std::array<std::byte, SetupRequest::kSize + 1> message{};
+  // A descriptor that comes with it is closed here.
+  const ReceivedMessage received = receive_message(socket.number(), message);
+  const auto request = decode_request(ConstBytes(message).first(received.size));
+  if (!request) return std::nullopt;
+  SetupStatus status = SetupStatus::kOk;
+  if (!request->is_our_version) status = SetupStatus::kVersionUnsupported;
+  // hp-16.1-4
+  if (!is_trusted(socket.number())) status = SetupStatus::kNotAllowed;
+  if (status != SetupStatus::kOk || request->request.only_asks) {
+    refuse(socket.number(), status);
+    return std::nullopt;
+  }
+  const Descriptor memory = make_memory(memory_size(kRingSizes));
+  SharedMapping mapping(memory.number(), memory_size(kRingSizes));
+  if (!memory.is_open() || mapping.bytes().empty()) {
+    refuse(socket.number(), SetupStatus::kNoMemory);
+    return std::nullopt;
+  }
+  const auto answer = encode(SetupAnswer{.sizes = kRingSizes});
+  if (!send_message(socket.number(), answer, memory.number())) return std::nullopt;
+  return SharedMemoryClient{
+      request->request.priority,
+      std::make_unique<SharedMemoryConnection>(std::move(socket), std::move(mapping), kRingSizes,
+                                               SharedMemoryConnection::Side::kServer)};
+}
+
+}  // namespace rtpm::transport

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+
+/// What goes over the UNIX socket before the first frame, and where things are in the memory.
+/// Source: spec/hprotocol.md#hp-16.
+namespace rtpm::transport {
+
+inline constexpr std::uint16_t kSetupVersion = 1;
+
+/// The control words of both rings are in the first page; the records follow.
+inline constexpr std::size_t kRingDataOffset = 4096;
+inline constexpr std::size_t kToServerControlOffset = 0;
+inline constexpr std::size_t kToClientControlOffset = 256;
+/// What RTPM's servers give, and what its clients take.
+inline constexpr RingSizes kRingSizes{128 * 1024, 128 * 1024};
+inline constexpr std::uint32_t kRingSizeMin = 32 * 1024;
+inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
+
+[[nodiscard]] constexpr std::size_t memory_size(RingSizes sizes) noexcept {
+  return kRingDataOffset + sizes.to_server + sizes.to_client;
+}
+
+/// The client's one message.
+struct SetupRequest {
+  static constexpr std::size_t kSize = 16;
+  Priority priority{};
+  bool only_asks = false;  ///< Wants to know whether it would be taken, and no memory.
+};
+
+enum class SetupStatus : std::uint16_t {
+  kOk = 0,
+  kNotAllowed = 1,          ///< The client is of another user.
+  kVersionUnsupported = 2,  ///< The server's own version is in the answer.
+  kNoMemory = 3,            ///< Or no descriptor.
+};
+
+/// The server's one message; with kOk, unless the client only asked, the memory's descriptor comes
+/// with it.
+struct SetupAnswer {
+  static constexpr std::size_t kSize = 32;
+  SetupStatus status = SetupStatus::kOk;
+  std::uint16_t version = kSetupVersion;
+  RingSizes sizes{};
+};
+
+/// What a request says; of one of another version nothing but that.
+struct ReadRequest {
+  bool is_our_version = false;
+  SetupRequest request{};
+};
+
+[[nodiscard]] std::array<std::byte, SetupRequest::kSize> encode(const SetupRequest& request);
+[[nodiscard]] std::array<std::byte, SetupAnswer::kSize> encode(const SetupAnswer& answer);
+/// Nothing if the bytes are no request, or no answer.
+[[nodiscard]] std::optional<ReadRequest> decode_request(ConstBytes bytes) noexcept;
+[[nodiscard]] std::optional<SetupAnswer> decode_answer(ConstBytes bytes) noexcept;
+
+}  // namespace rtpm::transport

@@ -1,0 +1,90 @@
+#include "unix_socket.hpp"
+
+#include <sys/socket.h>
+#include <sys/uio.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cstddef>
+#include <cstring>
+
+namespace rtpm::transport {
+namespace {
+
+std::string name_of(const SharedMemoryAddress& address) {
+  return address.host + ":" + std::to_string(address.port);
+}
+
+}  // namespace
+
+std::string socket_file_of(const SharedMemoryAddress& address) {
+  return address.folder.empty() ? "" : address.folder + "/" + name_of(address);
+}
+
+std::string in_words(const SharedMemoryAddress& address) {
+  return "UNIX socket " +
+         (address.folder.empty() ? "@rtpm/" + name_of(address) : socket_file_of(address));
+}
+
+unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noexcept {
+  native = {};
+  native.sun_family = AF_UNIX;
+  const bool is_abstract = address.folder.empty();
+  const std::string name = is_abstract ? "rtpm/" + name_of(address) : socket_file_of(address);
+  // hp-16.1-1: an abstract name follows a zero byte; a file's name is followed by one.
+  if (name.size() + 1 > sizeof native.sun_path) return 0;
+  std::memcpy(native.sun_path + (is_abstract ? 1 : 0), name.data(), name.size());
+  return static_cast<unsigned>(offsetof(sockaddr_un, sun_path) + name.size() + 1);
+}
+
+bool is_trusted(int socket) noexcept {
+  ucred credentials{};
+  socklen_t size = sizeof credentials;
+  return getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) == 0 &&
+         (credentials.uid == geteuid() || credentials.uid == 0);
+}
+
+bool send_message(int socket, ConstBytes message, int descriptor) noexcept {
+  iovec part{const_cast<std::byte*>(message.data()), message.size()};
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof descriptor)> control{};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  if (descriptor >= 0) {
+    header.msg_control = control.data();
+    header.msg_controllen = control.size();
+    cmsghdr* const rights = CMSG_FIRSTHDR(&header);
+    rights->cmsg_level = SOL_SOCKET;
+    rights->cmsg_type = SCM_RIGHTS;
+    rights->cmsg_len = CMSG_LEN(sizeof descriptor);
+    std::memcpy(CMSG_DATA(rights), &descriptor, sizeof descriptor);
+  }
+  return sendmsg(socket, &header, MSG_DONTWAIT | MSG_NOSIGNAL) ==
+         static_cast<ssize_t>(message.size());
+}
+
+ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
+  iovec part{to.data(), to.size()};
+  // Room for one descriptor: the system closes what more a peer may send.
+  int descriptor = -1;
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof descriptor)> control{};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  header.msg_control = control.data();
+  header.msg_controllen = control.size();
+  const ssize_t size = recvmsg(socket, &header, MSG_DONTWAIT | MSG_CMSG_CLOEXEC);
+  ReceivedMessage message;
+  if (size < 0) return message;
+  const cmsghdr* const rights = CMSG_FIRSTHDR(&header);
+  if (rights != nullptr && rights->cmsg_level == SOL_SOCKET && rights->cmsg_type == SCM_RIGHTS &&
+      rights->cmsg_len == CMSG_LEN(sizeof descriptor)) {
+    std::memcpy(&descriptor, CMSG_DATA(rights), sizeof descriptor);
+    message.descriptor = Descriptor(descriptor);
+  }
+  message.size = static_cast<std::size_t>(size);
+  return message;
+}
+
+}  // namespace rtpm::transport

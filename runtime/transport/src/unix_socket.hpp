@@ -1,0 +1,37 @@
+#pragma once
+
+#include <string>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
+
+struct sockaddr_un;
+
+/// What shared memory needs of UNIX sockets.
+namespace rtpm::transport {
+
+/// The file of a server's socket, empty where it has an abstract name.
+[[nodiscard]] std::string socket_file_of(const SharedMemoryAddress& address);
+/// "UNIX socket @rtpm/127.0.0.1:4711", for people.
+[[nodiscard]] std::string in_words(const SharedMemoryAddress& address);
+
+/// Fills in the address; its size, or 0 if the name is too long.
+[[nodiscard]] unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noexcept;
+
+/// Whether the other end is of this process's user or of the superuser, as the kernel knows from
+/// when it connected, or began to listen.   Source: spec/hprotocol.md#hp-16.1.
+[[nodiscard]] bool is_trusted(int socket) noexcept;
+
+/// Sends one message, with a descriptor if it is not negative; false if it did not go whole.
+[[nodiscard]] bool send_message(int socket, ConstBytes message, int descriptor) noexcept;
+
+/// What one message was.
+struct ReceivedMessage {
+  std::size_t size = 0;  ///< 0: none, or the end.
+  Descriptor descriptor;
+};
+/// Takes the message that is there into `to`, and the descriptor that came with it.
+[[nodiscard]] ReceivedMessage receive_message(int socket, MutableBytes to) noexcept;
+
+}  // namespace rtpm::transport

@@ -1,0 +1,743 @@
+#include "rtpm/transport/shared_memory.hpp"
+
+#include <dirent.h>
+#include <fcntl.h>
+#include <signal.h>
+#include <sys/wait.h>
+
+#include <atomic>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <optional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "frames.hpp"
+#include "raw_shared_client.hpp"
+#include "rtpm/test/child.hpp"
+#include "rtpm/test/os.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+using rtpm::test::await;
+namespace fs = std::filesystem;
+
+/// An address of this test process alone.
+SharedMemoryAddress own_address(std::string folder = {}) {
+  static std::atomic<int> serial{0};
+  return {"test-" + std::to_string(getpid()) + "-" + std::to_string(++serial), 4711,
+          std::move(folder)};
+}
+std::string abstract_name(const SharedMemoryAddress& address) {
+  return "rtpm/" + address.host + ":" + std::to_string(address.port);
+}
+
+MonotonicTime soon() {
+  return rt::now() + 20s;
+}
+
+/// The listener of a server that takes clients when it is told to.
+struct Host {
+  explicit Host(SharedMemoryAddress its_address = own_address())
+      : address(std::move(its_address)), listener(open(address)) {}
+
+  static SharedMemoryListener open(const SharedMemoryAddress& address) {
+    auto opened = SharedMemoryListener::open(address);
+    EXPECT_TRUE(opened) << opened.error().text;
+    return std::move(*opened);
+  }
+  /// Waits for the next client's request and answers it.
+  std::optional<SharedMemoryClient> welcome() {
+    EXPECT_TRUE(wait_readable(listener.descriptor(), soon()));
+    Descriptor socket = listener.accept();
+    EXPECT_TRUE(socket.is_open());
+    EXPECT_TRUE(wait_readable(socket.number(), soon()));
+    return welcome_shared_memory_client(std::move(socket));
+  }
+
+  SharedMemoryAddress address;
+  SharedMemoryListener listener;
+};
+
+/// Both ends of a connection, set up as they would be.
+struct Pair {
+  explicit Pair(Host& host, Priority priority = 0) {
+    std::thread opener([&] {
+      auto opened = open_shared_memory_link(host.address, priority, soon());
+      EXPECT_TRUE(opened) << opened.error().text;
+      if (opened) link = std::move(*opened);
+    });
+    auto client = host.welcome();
+    opener.join();
+    EXPECT_TRUE(client);
+    if (!client) return;
+    given_priority = client->priority;
+    connection = std::move(client->connection);
+  }
+  std::unique_ptr<Link> link;
+  std::unique_ptr<Connection> connection;
+  Priority given_priority{};
+};
+
+/// A server's end, and a client's by the specification alone.
+class RawPair {
+ public:
+  explicit RawPair(Host& host) {
+    socket = connect_to_name(abstract_name(host.address));
+    EXPECT_TRUE(socket.is_open());
+    write_all(socket, request_of(0));
+    auto client = host.welcome();
+    EXPECT_TRUE(client);
+    if (client) connection = std::move(client->connection);
+    RawMessage answer = take_message(socket.number());
+    EXPECT_EQ(answer.bytes.size(), kAnswerSize);
+    memory.emplace(std::move(answer.descriptor), load_le<std::uint32_t>(answer.bytes.data() + 8));
+  }
+  /// How many bells wait.
+  int take_bells() const {
+    int count = 0;
+    std::byte bell{};
+    while (recv(socket.number(), &bell, sizeof bell, MSG_DONTWAIT) == 1)
+      ++count;
+    return count;
+  }
+  Descriptor socket;
+  std::optional<RawMemory> memory;
+  std::unique_ptr<Connection> connection;
+};
+
+template <class End>
+expected<Bytes, IoError> receive(End& end) {
+  const auto frame = end.receive();
+  if (!frame) return unexpected{frame.error()};
+  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(frame->data()) % 16, 0u);
+  return copy_of(*frame);
+}
+template <class End>
+void expect_frame(End& end, const Bytes& wanted) {
+  const auto frame = receive(end);
+  ASSERT_TRUE(frame) << testing::PrintToString(frame.error());
+  EXPECT_EQ(*frame, wanted);
+}
+template <class End>
+void expect_error(End& end, IoError error) {
+  const auto frame = receive(end);
+  ASSERT_FALSE(frame);
+  EXPECT_EQ(frame.error(), error);
+}
+
+// ---- setting up ---------------------------------------------------------------------------------
+
+TEST(SharedMemory, CarriesFramesInBothDirections) {
+  Host host;
+  Pair pair(host, 12'345);
+  EXPECT_EQ(pair.given_priority, Priority{12'345});
+  expect_error(*pair.link, IoError::kNothing);
+  expect_error(*pair.connection, IoError::kNothing);
+  std::mt19937_64 random(1);
+  for (std::uint32_t i = 0; i < 500; ++i) {
+    const Bytes call = frame_of(random() % (wire::kSharedPayloadSizeMax + 1), 0, i);
+    const Bytes reply = frame_of(random() % (wire::kSharedPayloadSizeMax + 1), 0, i + 1);
+    ASSERT_TRUE(pair.link->send(call));
+    EXPECT_TRUE(pair.connection->has_buffered());
+    expect_frame(*pair.connection, call);
+    ASSERT_TRUE(pair.connection->send(reply, rt::now()));
+    expect_frame(*pair.link, reply);
+  }
+}
+
+TEST(SharedMemory, SendsNothingLargerThanAFrameMayBe) {
+  Host host;
+  Pair pair(host);
+  const auto sent = pair.link->send(frame_of(wire::kSharedPayloadSizeMax + 1));
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kFailed);
+  expect_error(*pair.connection, IoError::kNothing);
+}
+
+// hp-16.1-1: the very bytes.
+TEST(SharedMemory, AnswersAsTheSpecificationSays) {
+  Host host;
+  Descriptor socket = connect_to_name(abstract_name(host.address));
+  ASSERT_TRUE(socket.is_open());
+  write_all(socket, request_of(24'000));
+  const auto client = host.welcome();
+  ASSERT_TRUE(client);
+  EXPECT_EQ(client->priority, Priority{24'000});
+  const RawMessage answer = take_message(socket.number());
+  Bytes wanted(kAnswerSize);
+  std::memcpy(wanted.data(), "HPSM\1\0\0\0\0\0\2\0\0\0\2", 15);
+  EXPECT_EQ(answer.bytes, wanted);
+  struct stat status {};
+  ASSERT_EQ(fstat(answer.descriptor.number(), &status), 0);
+  EXPECT_EQ(status.st_size, 4096 + 2 * 128 * 1024);
+}
+
+TEST(SharedMemory, TellsWhoOnlyAsksWithoutMemory) {
+  Host host;
+  Descriptor socket = connect_to_name(abstract_name(host.address));
+  write_all(socket, request_of(0, 1, 1));
+  EXPECT_FALSE(host.welcome());
+  const RawMessage answer = take_message(socket.number());
+  ASSERT_EQ(answer.bytes.size(), kAnswerSize);
+  EXPECT_EQ(load_le<std::uint16_t>(answer.bytes.data() + 6), 0);
+  EXPECT_FALSE(answer.descriptor.is_open());
+  EXPECT_TRUE(take_message(socket.number()).bytes.empty()) << "the server closes";
+}
+
+TEST(SharedMemory, IsServedWhereAServerAnswers) {
+  const SharedMemoryAddress address = own_address();
+  EXPECT_FALSE(is_shared_memory_served(address, soon()));
+  Host host(address);
+  std::thread server([&] { EXPECT_FALSE(host.welcome()) << "it only asks"; });
+  EXPECT_TRUE(is_shared_memory_served(address, soon()));
+  server.join();
+  EXPECT_FALSE(is_shared_memory_served(address, rt::now() + 5ms)) << "nobody answers";
+}
+
+// hp-16.1-2
+TEST(SharedMemory, ClosesOnWhoSendsNoRequest) {
+  Host host;
+  std::vector<Bytes> requests{Bytes(1), Bytes(kRequestSize), request_of(0x8000),
+                              request_of(0, 1, 2)};
+  Bytes cut = request_of(0);
+  cut.pop_back();
+  requests.push_back(cut);
+  Bytes longer = request_of(0);
+  longer.push_back({});
+  requests.push_back(longer);
+  Bytes reserved = request_of(0);
+  reserved[15] = std::byte{1};
+  requests.push_back(reserved);
+  for (const Bytes& request : requests) {
+    Descriptor socket = connect_to_name(abstract_name(host.address));
+    write_all(socket, request);
+    EXPECT_FALSE(host.welcome());
+    EXPECT_TRUE(take_message(socket.number()).bytes.empty()) << "not worth an answer";
+  }
+}
+
+// hp-16.1-3
+TEST(SharedMemory, TellsItsVersionToWhoSpeaksAnother) {
+  Host host;
+  Descriptor socket = connect_to_name(abstract_name(host.address));
+  Bytes request = request_of(0xffff, 2);
+  request.resize(40, std::byte{0xee});
+  write_all(socket, request);
+  EXPECT_FALSE(host.welcome());
+  const RawMessage answer = take_message(socket.number());
+  ASSERT_EQ(answer.bytes.size(), kAnswerSize);
+  EXPECT_EQ(load_le<std::uint16_t>(answer.bytes.data() + 4), 1);
+  EXPECT_EQ(load_le<std::uint16_t>(answer.bytes.data() + 6), 2);
+}
+
+// hp-16.1-4
+TEST(SharedMemory, IsNotForOtherUsers) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
+  Host host;
+  std::optional<SharedMemoryClient> given;
+  std::thread server([&] { given = host.welcome(); });
+  const auto child = rtpm::test::run_in_child([&] {
+    rtpm::test::drop_realtime_rights();
+    // The superuser's server is trusted; it is the server that refuses.
+    const auto link = open_shared_memory_link(host.address, 0, soon());
+    return link ? std::string("it was taken") : link.error().text;
+  });
+  server.join();
+  EXPECT_FALSE(given);
+  expect_text(child.said, {"the server refused", "Remedy: run both as one user"});
+}
+
+// hp-16.1-4: anybody may take a name.
+TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
+  if (geteuid() != 0) GTEST_SKIP() << "only root can be another user";
+  const SharedMemoryAddress address = own_address();
+  std::array<int, 2> told{};
+  ASSERT_EQ(pipe(told.data()), 0);
+  const pid_t child = fork();
+  if (child == 0) {
+    rtpm::test::drop_realtime_rights();
+    const auto listener = SharedMemoryListener::open(address);
+    const char word = listener ? '+' : '-';
+    if (write(told[1], &word, 1) != 1) _exit(1);
+    while (true)
+      pause();
+  }
+  char word = 0;
+  EXPECT_EQ(read(told[0], &word, 1), 1);
+  EXPECT_EQ(word, '+');
+  EXPECT_FALSE(is_shared_memory_served(address, soon()));
+  const auto link = open_shared_memory_link(address, 0, soon());
+  ASSERT_FALSE(link);
+  expect_text(link.error().text, {"another user's"});
+  kill(child, SIGKILL);
+  waitpid(child, nullptr, 0);
+  close(told[0]);
+  close(told[1]);
+}
+
+// hp-16.1-5
+TEST(SharedMemory, CanNotBeShrunkByThePeer) {
+  Host host;
+  const RawPair pair(host);
+  EXPECT_NE(ftruncate(pair.memory->descriptor(), 0), 0);
+  EXPECT_NE(ftruncate(pair.memory->descriptor(), 1 << 30), 0);
+}
+
+/// Answers the next client with the given sizes and memory, as a server should not.
+void answer_badly(const SharedMemoryListener& listener, std::uint32_t ring_size, int memory) {
+  ASSERT_TRUE(wait_readable(listener.descriptor(), soon()));
+  const Descriptor socket(accept4(listener.descriptor(), nullptr, nullptr, SOCK_CLOEXEC));
+  ASSERT_EQ(take_message(socket.number()).bytes.size(), kRequestSize);
+  Bytes answer(kAnswerSize);
+  std::memcpy(answer.data(), "HPSM\1", 5);
+  store_le(answer.data() + 8, ring_size);
+  store_le(answer.data() + 12, ring_size);
+  iovec part{answer.data(), answer.size()};
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof memory)> control{};
+  msghdr header{};
+  header.msg_iov = &part;
+  header.msg_iovlen = 1;
+  if (memory >= 0) {
+    header.msg_control = control.data();
+    header.msg_controllen = control.size();
+    cmsghdr* const rights = CMSG_FIRSTHDR(&header);
+    rights->cmsg_level = SOL_SOCKET;
+    rights->cmsg_type = SCM_RIGHTS;
+    rights->cmsg_len = CMSG_LEN(sizeof memory);
+    std::memcpy(CMSG_DATA(rights), &memory, sizeof memory);
+  }
+  ASSERT_EQ(sendmsg(socket.number(), &header, 0), static_cast<ssize_t>(answer.size()));
+}
+
+// hp-16.1-5
+TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
+  Host host;
+  const Descriptor unsealed(memfd_create("unsealed", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  ASSERT_EQ(ftruncate(unsealed.number(), 1 << 20), 0);
+  const Descriptor sealed(memfd_create("sealed", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  ASSERT_EQ(ftruncate(sealed.number(), 1 << 16), 0);
+  ASSERT_EQ(fcntl(sealed.number(), F_ADD_SEALS, F_SEAL_SHRINK), 0);
+  struct Answer {
+    std::uint32_t ring_size;
+    int memory;
+  };
+  for (const Answer& answer :
+       {Answer{128 * 1024, unsealed.number()}, Answer{128 * 1024, sealed.number()},
+        Answer{0, sealed.number()}, Answer{48 * 1024, sealed.number()},
+        Answer{1u << 31, sealed.number()}, Answer{128 * 1024, -1}}) {
+    std::thread server([&] { answer_badly(host.listener, answer.ring_size, answer.memory); });
+    const auto link = open_shared_memory_link(host.address, 0, soon());
+    server.join();
+    ASSERT_FALSE(link) << answer.ring_size;
+    expect_text(link.error().text, {"breaks the rules"});
+  }
+}
+
+TEST(SharedMemory, SaysWhyItCanNotBeHad) {
+  const SharedMemoryAddress address = own_address();
+  const auto nobody = open_shared_memory_link(address, 0, soon());
+  ASSERT_FALSE(nobody);
+  expect_text(nobody.error().text, {"@rtpm/test-", "refused", "start the server"});
+  const Host host(address);
+  const auto silent = open_shared_memory_link(address, 0, rt::now() + 5ms);
+  ASSERT_FALSE(silent);
+  expect_text(silent.error().text, {"does not answer"});
+  const auto second = SharedMemoryListener::open(address);
+  ASSERT_FALSE(second);
+  expect_text(second.error().text, {"already in use", "ss -xlp"});
+  const auto nowhere = SharedMemoryListener::open(own_address("/nowhere/at/all"));
+  ASSERT_FALSE(nowhere);
+  expect_text(nowhere.error().text, {"/nowhere/at/all/", "give a folder"});
+  const auto too_long = SharedMemoryListener::open(own_address("/" + std::string(120, 'x')));
+  ASSERT_FALSE(too_long);
+  expect_text(too_long.error().text, {"longer than 107 bytes"});
+}
+
+// ---- the rings ----------------------------------------------------------------------------------
+
+// hp-16.2-1: by the specification alone, in both directions.
+TEST(SharedMemory, HasItsWordsWhereTheSpecificationSays) {
+  Host host;
+  RawPair pair(host);
+  const Bytes call = frame_of(48);
+  pair.memory->write_first(call, call.size());
+  expect_frame(*pair.connection, call);
+  EXPECT_EQ(pair.memory->to_server_head(), 128u);
+  const Bytes reply = frame_of(100);
+  ASSERT_TRUE(pair.connection->send(reply, rt::now()));
+  EXPECT_EQ(pair.memory->to_client_tail(), 192u);
+  std::uint64_t size = 0;
+  std::memcpy(&size, pair.memory->to_client_data(), sizeof size);
+  EXPECT_EQ(size, reply.size());
+  EXPECT_EQ(std::memcmp(pair.memory->to_client_data() + 8, reply.data(), reply.size()), 0);
+}
+
+// hp-16.2-2, hp-16.2-3
+TEST(SharedMemory, GivesUpAPeerThatWritesNonsense) {
+  const Bytes call = frame_of(48);
+  for (int kind = 0; kind < 6; ++kind) {
+    Host host;
+    RawPair pair(host);
+    pair.memory->write_first(call, call.size());
+    switch (kind) {
+      case 0:
+        pair.memory->to_server_tail() = 1;
+        break;
+      case 1:
+        pair.memory->to_server_tail() = 1 << 20;
+        break;
+      case 2:
+        pair.memory->to_server_tail() = ~std::uint64_t{63};
+        break;
+      case 3:
+        pair.memory->write_first(call, 0);
+        break;
+      case 4:
+        pair.memory->write_first(call, wire::kSharedFrameSizeMax + 1);
+        break;
+      default:
+        pair.memory->write_first(call, 121);
+    }
+    expect_error(*pair.connection, IoError::kBroken);
+  }
+  Host host;
+  RawPair pair(host);
+  pair.memory->to_client_head() = 64;
+  expected<void, IoError> sent;
+  for (int i = 0; i < 2000 && sent; ++i)
+    sent = pair.connection->send(call, rt::now());
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kFull) << "64 is a head like another, but it has to move";
+  pair.memory->to_client_head() = 63;
+  sent = pair.connection->send(call, rt::now());
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kBroken);
+}
+
+// hp-16.2-3: whatever a peer does to the memory, the other end stays alive and within its bounds,
+// which the sanitizers watch.
+TEST(SharedMemory, SurvivesAPeerThatScribbles) {
+  for (std::uint64_t seed = 1; seed <= 20; ++seed) {
+    Host host;
+    RawPair pair(host);
+    std::atomic<bool> is_over{false};
+    std::thread scribbler([&] {
+      std::mt19937_64 random(seed);
+      while (!is_over) {
+        const std::uint64_t noise = random();
+        pair.memory->word(noise % (pair.memory->size() / 8) * 8) = random() % 40'000;
+        if (noise % 16 == 0) pair.memory->to_server_tail() = random() % 4096 * 64;
+        if (noise % 64 == 1) pair.memory->to_client_head() = random() % 4096 * 64;
+        pair.memory->to_client_sleeping() = 1;
+      }
+    });
+    const Bytes reply = frame_of(1000);
+    for (int i = 0; i < 3000; ++i) {
+      const auto frame = pair.connection->receive();
+      if (frame) {
+        EXPECT_LE(frame->size(), wire::kSharedFrameSizeMax);
+      } else if (frame.error() == IoError::kBroken) {
+        break;
+      }
+      const auto sent = pair.connection->send(reply, MonotonicTime::min());
+      if (!sent && sent.error() == IoError::kBroken) break;
+    }
+    is_over = true;
+    scribbler.join();
+  }
+}
+
+TEST(SharedMemory, WaitsForRoomNoLongerThanItMay) {
+  Host host;
+  Pair pair(host);
+  const Bytes frame = frame_of(10'000);
+  expected<void, IoError> sent;
+  while (sent)
+    sent = pair.connection->send(frame, MonotonicTime::min());
+  EXPECT_EQ(sent.error(), IoError::kFull);
+  const MonotonicTime until = rt::now() + 5ms;
+  sent = pair.connection->send(frame, until);
+  ASSERT_FALSE(sent);
+  EXPECT_EQ(sent.error(), IoError::kFull);
+  EXPECT_GE(rt::now(), until);
+  std::thread reader([&] { expect_frame(*pair.link, frame); });
+  EXPECT_TRUE(pair.connection->send(frame, soon()));
+  reader.join();
+}
+
+// ---- waking -------------------------------------------------------------------------------------
+
+// hp-16.3-1
+TEST(SharedMemory, RingsOnceForASleeper) {
+  Host host;
+  RawPair pair(host);
+  const Bytes frame = frame_of(48);
+  ASSERT_TRUE(pair.connection->send(frame, rt::now()));
+  EXPECT_EQ(pair.take_bells(), 0) << "nobody sleeps";
+  pair.memory->to_client_sleeping() = 1;
+  ASSERT_TRUE(pair.connection->send(frame, rt::now()));
+  ASSERT_TRUE(pair.connection->send(frame, rt::now()));
+  EXPECT_EQ(pair.take_bells(), 1);
+  EXPECT_EQ(pair.memory->to_client_sleeping(), 0u);
+}
+
+// hp-16.3-1
+TEST(SharedMemory, WakesAServerThatSleeps) {
+  Host host;
+  Pair pair(host);
+  ASSERT_TRUE(pair.connection->announce_sleep());
+  EXPECT_FALSE(wait_readable(pair.connection->descriptor(), rt::now()));
+  ASSERT_TRUE(pair.link->send(frame_of(1)));
+  EXPECT_TRUE(wait_readable(pair.connection->descriptor(), soon()));
+  pair.connection->on_ready();
+  pair.connection->end_sleep();
+  EXPECT_FALSE(wait_readable(pair.connection->descriptor(), rt::now())) << "the bell was taken";
+  EXPECT_FALSE(pair.connection->announce_sleep()) << "the frame is still there";
+  pair.connection->end_sleep();
+  expect_frame(*pair.connection, frame_of(1));
+}
+
+TEST(SharedMemory, EndsAWaitWhenAFrameComes) {
+  Host host;
+  Pair pair(host);
+  std::thread server([&] {
+    for (std::uint32_t i = 0; i < 200; ++i) {
+      // Before, while and after the client goes to sleep.
+      rt::sleep_until(rt::now() + std::chrono::microseconds{i});
+      ASSERT_TRUE(pair.connection->send(frame_of(48, 0, i), rt::now()));
+    }
+  });
+  for (std::uint32_t i = 0; i < 200;) {
+    const auto frame = receive(*pair.link);
+    if (frame) {
+      EXPECT_EQ(*frame, frame_of(48, 0, i));
+      ++i;
+    } else {
+      const MonotonicTime until = soon();
+      pair.link->wait(until);
+      ASSERT_LT(rt::now(), until) << "nobody woke it";
+    }
+  }
+  server.join();
+}
+
+TEST(SharedMemory, EndsAWaitAtItsTime) {
+  Host host;
+  Pair pair(host);
+  const MonotonicTime until = rt::now() + 5ms;
+  pair.link->wait(until);
+  EXPECT_GE(rt::now(), until);
+  expect_error(*pair.link, IoError::kNothing);
+}
+
+// hp-16.3-2
+TEST(SharedMemory, TakesBellsThatNobodyAskedFor) {
+  Host host;
+  RawPair pair(host);
+  for (int i = 0; i < 10; ++i)
+    write_all(pair.socket, Bytes(1, std::byte{0x55}));
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_TRUE(wait_readable(pair.connection->descriptor(), rt::now()));
+    pair.connection->on_ready();
+    expect_error(*pair.connection, IoError::kNothing);
+  }
+  EXPECT_FALSE(wait_readable(pair.connection->descriptor(), rt::now()));
+}
+
+// hp-16.3-3
+TEST(SharedMemory, NeverWaitsForAPeerThatTakesNoBell) {
+  Host host;
+  RawPair pair(host);
+  const Bytes frame = frame_of(48);
+  for (int i = 0; i < 20'000; ++i) {
+    pair.memory->to_client_sleeping() = 1;
+    ASSERT_TRUE(pair.connection->send(frame, rt::now()));
+    pair.memory->to_client_head() = pair.memory->to_client_tail().load();
+  }
+  const int bell_count = pair.take_bells();
+  EXPECT_GT(bell_count, 0);
+  EXPECT_LT(bell_count, 20'000) << "the socket was full, or this shows nothing";
+}
+
+// ---- the end ------------------------------------------------------------------------------------
+
+// hp-16.4-1
+TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
+  for (const bool is_waiting : {false, true}) {
+    Host host;
+    Pair pair(host);
+    ASSERT_TRUE(pair.connection->send(frame_of(1), rt::now()));
+    ASSERT_TRUE(pair.connection->send(frame_of(2), rt::now()));
+    pair.connection.reset();
+    if (is_waiting) pair.link->wait(soon());
+    expect_frame(*pair.link, frame_of(1));
+    expect_frame(*pair.link, frame_of(2));
+    // A reader that spins asks now and then.
+    EXPECT_TRUE(await(
+        [&] {
+          if (is_waiting) pair.link->wait(soon());
+          const auto end = pair.link->receive();
+          return !end && end.error() == IoError::kClosed;
+        },
+        20s));
+  }
+}
+
+TEST(SharedMemory, TellsAServerThatItsClientIsGone) {
+  Host host;
+  Pair pair(host);
+  ASSERT_TRUE(pair.link->send(frame_of(1)));
+  pair.link.reset();
+  EXPECT_TRUE(wait_readable(pair.connection->descriptor(), soon()));
+  pair.connection->on_ready();
+  expect_frame(*pair.connection, frame_of(1));
+  expect_error(*pair.connection, IoError::kClosed);
+}
+
+/// What of this process refers to shared memory or sockets.
+std::size_t count_of_descriptors() {
+  std::size_t count = 0;
+  for (const auto& entry : fs::directory_iterator("/proc/self/fd")) {
+    static_cast<void>(entry);
+    ++count;
+  }
+  return count;
+}
+std::size_t count_of_mappings() {
+  std::ifstream file("/proc/self/maps");
+  std::size_t count = 0;
+  for (std::string line; std::getline(file, line);) {
+    if (line.find("memfd:rtpm") != line.npos) ++count;
+  }
+  return count;
+}
+bool is_name_there(const std::string& name) {
+  std::ifstream file("/proc/net/unix");
+  for (std::string line; std::getline(file, line);) {
+    if (line.ends_with("@" + name)) return true;
+  }
+  return false;
+}
+
+TEST(SharedMemory, LeavesNothingBehindInItsProcess) {
+  const SharedMemoryAddress address = own_address();
+  const std::size_t descriptor_count = count_of_descriptors();
+  EXPECT_EQ(count_of_mappings(), 0u);
+  {
+    Host host(address);
+    Pair pair(host);
+    EXPECT_EQ(count_of_mappings(), 2u);
+    EXPECT_TRUE(is_name_there(abstract_name(address)));
+  }
+  EXPECT_EQ(count_of_mappings(), 0u);
+  EXPECT_EQ(count_of_descriptors(), descriptor_count);
+  EXPECT_FALSE(is_name_there(abstract_name(address)));
+}
+
+// hp-16.4-1: however it ends.
+TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
+  for (const bool is_waiting : {false, true}) {
+    const SharedMemoryAddress address = own_address();
+    std::array<int, 2> told{};
+    ASSERT_EQ(pipe(told.data()), 0);
+    const pid_t server = fork();
+    if (server == 0) {
+      Host host(address);
+      if (write(told[1], "+", 1) != 1) _exit(1);
+      const auto client = host.welcome();
+      while (true)
+        pause();
+    }
+    char word = 0;
+    ASSERT_EQ(read(told[0], &word, 1), 1);
+    const auto link = open_shared_memory_link(address, 0, soon());
+    ASSERT_TRUE(link) << link.error().text;
+    kill(server, SIGKILL);
+    EXPECT_TRUE(await([&] {
+      if (is_waiting) (*link)->wait(soon());
+      const auto end = (*link)->receive();
+      return !end && end.error() == IoError::kClosed;
+    }));
+    waitpid(server, nullptr, 0);
+    EXPECT_FALSE(is_name_there(abstract_name(address)));
+    EXPECT_FALSE(is_shared_memory_served(address, soon()));
+    close(told[0]);
+    close(told[1]);
+  }
+}
+
+TEST(SharedMemory, IsGoneWithAClientThatIsKilled) {
+  const std::size_t descriptor_count = count_of_descriptors();
+  {
+    Host host;
+    const pid_t client = fork();
+    if (client == 0) {
+      const auto link = open_shared_memory_link(host.address, 0, soon());
+      if (!link || !(*link)->send(frame_of(48))) _exit(1);
+      while (true)
+        pause();
+    }
+    const auto given = host.welcome();
+    ASSERT_TRUE(given);
+    EXPECT_TRUE(await([&] { return given->connection->has_buffered(); }));
+    kill(client, SIGKILL);
+    waitpid(client, nullptr, 0);
+    EXPECT_TRUE(wait_readable(given->connection->descriptor(), soon()));
+    given->connection->on_ready();
+    expect_frame(*given->connection, frame_of(48));
+    expect_error(*given->connection, IoError::kClosed);
+  }
+  EXPECT_EQ(count_of_mappings(), 0u);
+  EXPECT_EQ(count_of_descriptors(), descriptor_count);
+}
+
+// ---- files --------------------------------------------------------------------------------------
+
+class SharedMemoryFile : public testing::Test {
+ protected:
+  void SetUp() override {
+    std::string name = (fs::temp_directory_path() / "rtpm-XXXXXX").string();
+    ASSERT_NE(mkdtemp(name.data()), nullptr);
+    folder_ = name;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+  fs::path folder_;
+};
+
+TEST_F(SharedMemoryFile, ReachesAServerInAFolder) {
+  {
+    Host host(own_address(folder_.string()));
+    EXPECT_TRUE(fs::is_socket(folder_ / (host.address.host + ":4711")));
+    Pair pair(host);
+    ASSERT_TRUE(pair.link->send(frame_of(48)));
+    expect_frame(*pair.connection, frame_of(48));
+  }
+  EXPECT_TRUE(fs::is_empty(folder_));
+}
+
+TEST_F(SharedMemoryFile, TakesTheFileOfAKilledServerAndNoOther) {
+  const SharedMemoryAddress address = own_address(folder_.string());
+  const pid_t killed = fork();
+  if (killed == 0) {
+    const Host host(address);
+    kill(getpid(), SIGKILL);
+  }
+  waitpid(killed, nullptr, 0);
+  EXPECT_FALSE(fs::is_empty(folder_)) << "or this shows nothing";
+  const Host host(address);
+  const auto second = SharedMemoryListener::open(address);
+  ASSERT_FALSE(second);
+  expect_text(second.error().text, {"already in use"});
+  EXPECT_FALSE(fs::is_empty(folder_));
+}
+
+}  // namespace
+}  // namespace rtpm::transport
