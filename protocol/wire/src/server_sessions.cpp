@@ -28,7 +28,8 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
               "a lane has 1 to 65535 sessions");
   RTPM_ASSERT(config.epoch != 0, "a server has an epoch");
   const bool is_datagram = config.medium == Medium::kDatagram;
-  payload_size_max_ = static_cast<std::uint32_t>(frame_payload_max(config.medium));
+  payload_size_max_ = std::min(config.frame_payload_max,
+                               static_cast<std::uint32_t>(frame_payload_max(config.medium)));
   make_bulks();
   const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
   frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max

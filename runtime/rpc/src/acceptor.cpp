@@ -4,6 +4,7 @@
 #include <array>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/stream.hpp"
 #include "rtpm/wire/header.hpp"
 
 namespace rtpm::rpc {
@@ -14,13 +15,17 @@ constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
 
 }  // namespace
 
-Acceptor::Acceptor(transport::TcpListener listener, transport::Poller poller,
-                   std::uint32_t message_size_max) noexcept
+Acceptor::Acceptor(transport::TcpListener listener,
+                   std::optional<transport::SharedMemoryListener> memory_listener,
+                   transport::Poller poller, std::uint32_t message_size_max) noexcept
     : listener_(std::move(listener)),
+      memory_listener_(std::move(memory_listener)),
       poller_(std::move(poller)),
       message_size_max_(message_size_max),
       newcomers_(kNewcomerCountMax) {
-  const bool is_added = poller_.add(listener_->descriptor(), kListener);
+  const bool is_added =
+      poller_.add(listener_->descriptor(), kListener) &&
+      (!memory_listener_ || poller_.add(memory_listener_->descriptor(), kMemoryListener));
   RTPM_ASSERT(is_added, "a new poller takes a socket");
 }
 
@@ -37,6 +42,7 @@ void Acceptor::stop() noexcept {
   poller_.ring();
   thread_.join();
   listener_.reset();
+  memory_listener_.reset();
   newcomers_.clear();
 }
 
@@ -51,6 +57,8 @@ void Acceptor::run() noexcept {
     for (std::size_t i = 0; i < count; ++i) {
       if (ready[i] == kListener) {
         accept_one();
+      } else if (ready[i] == kMemoryListener) {
+        accept_one_to_memory();
       } else if (ready[i] != transport::Poller::kBell) {
         place(newcomers_[ready[i]]);
       }
@@ -63,23 +71,37 @@ void Acceptor::run() noexcept {
 void Acceptor::accept_one() noexcept {
   transport::Descriptor socket = listener_->accept();
   if (!socket.is_open()) return;
+  // The poll shall wake us when the header, which has the priority, is there as a whole.
+  transport::report_from(socket.number(), wire::kHeaderSize);
+  take_in(std::move(socket), /*is_memory=*/false);
+}
+
+void Acceptor::accept_one_to_memory() noexcept {
+  transport::Descriptor socket = memory_listener_->accept();
+  if (socket.is_open()) take_in(std::move(socket), /*is_memory=*/true);
+}
+
+// Waits for what the newcomer has to say.
+void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   const auto free =
       std::ranges::find_if(newcomers_, [](const Newcomer& n) { return !n.socket.is_open(); });
   // Too many that say nothing: the newest goes, and its client sees that at once.
   if (free == newcomers_.end()) return;
-  // The poll shall wake us when the header, which has the priority, is there as a whole.
-  transport::report_from(socket.number(), wire::kHeaderSize);
   if (!poller_.add(socket.number(), static_cast<std::uint64_t>(free - newcomers_.begin()))) return;
-  free->socket = std::move(socket);
-  free->deadline = rt::now() + kFirstFramePatience;
+  *free = {std::move(socket), is_memory, rt::now() + kFirstFramePatience};
 }
 
-// Hands the connection to its lane (hp-11-2) with nothing taken from it, or ends it.
+// Hands the connection to its lane (hp-11-2) with no frame taken from it, or ends it.
 void Acceptor::place(Newcomer& newcomer) noexcept {
   if (!newcomer.socket.is_open()) return;
   transport::Descriptor socket = std::move(newcomer.socket);
   newcomer.socket = {};
   poller_.remove(socket.number());
+  if (newcomer.is_memory) {
+    auto client = transport::welcome_shared_memory_client(std::move(socket));
+    if (client) hand_over(client->priority, std::move(client->connection));
+    return;
+  }
   std::array<std::byte, wire::kHeaderSize> first{};
   const std::size_t size = transport::peek(socket.number(), first);
   if (size == 0) return;
@@ -88,11 +110,16 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   const Priority priority = header ? header->priority : Priority{0};
   transport::report_from(socket.number(), 1);
   transport::set_traffic_class(socket.number(), priority);
+  hand_over(priority,
+            std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_));
+}
+
+void Acceptor::hand_over(Priority priority,
+                         std::unique_ptr<transport::Connection> connection) noexcept {
   for (const auto& lane : *lanes_) {
     if (!lane->band().contains(priority)) continue;
-    auto stream = std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_);
-    // A full lane leaves the stream here, where it ends.
-    static_cast<void>(lane->adopt(stream));
+    // A full lane leaves the connection here, where it ends.
+    static_cast<void>(lane->adopt(connection));
     return;
   }
 }

@@ -9,15 +9,18 @@
 #include "lane.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 
 namespace rtpm::rpc {
 
-/// Takes TCP connections and hands each to the lane of the priority that its first frame states;
-/// and frees them when they ended. A time-shared thread of its own: nothing here is real-time.
+/// Takes connections over TCP and through shared memory and hands each to the lane of the priority
+/// that it states first; and frees them when they ended. A time-shared thread of its own: nothing
+/// here is real-time.
 class Acceptor {
  public:
-  Acceptor(transport::TcpListener listener, transport::Poller poller,
+  Acceptor(transport::TcpListener listener,
+           std::optional<transport::SharedMemoryListener> memory_listener, transport::Poller poller,
            std::uint32_t message_size_max) noexcept;
 
   [[nodiscard]] transport::Poller& bell() noexcept { return poller_; }
@@ -28,18 +31,24 @@ class Acceptor {
  private:
   struct Newcomer {
     transport::Descriptor socket;
+    bool is_memory = false;
     MonotonicTime deadline{};
   };
   static constexpr std::uint64_t kListener = ~std::uint64_t{0} - 1;
+  static constexpr std::uint64_t kMemoryListener = ~std::uint64_t{0} - 2;
   static constexpr std::size_t kNewcomerCountMax = 64;
 
   void run() noexcept;
   void accept_one() noexcept;
+  void accept_one_to_memory() noexcept;
+  void take_in(transport::Descriptor socket, bool is_memory) noexcept;
   void place(Newcomer& newcomer) noexcept;
+  void hand_over(Priority priority, std::unique_ptr<transport::Connection> connection) noexcept;
   void drop_late(MonotonicTime now) noexcept;
   void free_ended() noexcept;
 
-  std::optional<transport::TcpListener> listener_;  ///< None once stopped.
+  std::optional<transport::TcpListener> listener_;                  ///< None once stopped.
+  std::optional<transport::SharedMemoryListener> memory_listener_;  ///< Likewise; or not wanted.
   transport::Poller poller_;
   std::uint32_t message_size_max_;
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;

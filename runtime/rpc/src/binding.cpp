@@ -10,6 +10,7 @@
 #include "rtpm/base/latest.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/url.hpp"
@@ -301,11 +302,22 @@ expected<std::string, SetupError> resolve(Node& node, std::string_view target) {
   return resolver->resolve(target);
 }
 
-Transport chosen(const Node& node, const BindOptions& options) noexcept {
-  for (const Transport wish : {options.transport, node.config().transport}) {
-    if (wish != Transport::kAuto) return wish;
+// A server on this host answers such a question within microseconds, unless it is stopped.
+constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
+
+// Over what the server is reached, and where it has its socket for shared memory.
+ServerAddress address_of(const Node& node, const BindOptions& options, const std::string& host,
+                         std::uint16_t port, MonotonicTime deadline) {
+  const Transport wish =
+      options.transport != Transport::kAuto ? options.transport : node.config().transport;
+  if (wish == Transport::kUdp || wish == Transport::kTcp) return {host, port, wish, {}};
+  deadline = std::min(deadline, rt::now() + kMemoryPatience);
+  for (const std::string& folder : {node.config().shared_memory_folder, std::string()}) {
+    if (transport::is_shared_memory_served({host, port, folder}, deadline)) {
+      return {host, port, Transport::kSharedMemory, folder};
+    }
   }
-  return Transport::kUdp;
+  return {host, port, wish == Transport::kAuto ? Transport::kUdp : wish, {}};
 }
 
 }  // namespace
@@ -325,7 +337,8 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   // A name is looked up once, here, where waiting for a name server does no harm to a call.
   const auto host = transport::numeric_address_of(parts->host);
   if (!host) return setup_error("'" + *url + "' can't be bound: " + host.error().text);
-  Endpoint& endpoint = node.impl().endpoint({*host, parts->port, chosen(node, options)});
+  Endpoint& endpoint =
+      node.impl().endpoint(address_of(node, options, *host, parts->port, deadline));
   auto impl = std::make_unique<Impl>(endpoint, parts->path, *url, interface,
                                      node.config().default_deadline);
   const Priority priority = !options.warm_up.empty() ? options.warm_up.front()
@@ -391,6 +404,10 @@ expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities
 
 std::string_view Binding::url() const noexcept {
   return impl_->url;
+}
+
+Transport Binding::transport() const noexcept {
+  return impl_->endpoint.address().transport;
 }
 
 }  // namespace rtpm::rpc

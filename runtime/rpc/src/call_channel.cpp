@@ -6,13 +6,13 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
-#include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 
 namespace rtpm::rpc {
 namespace {
 
 wire::Medium medium_of(Transport transport) noexcept {
-  return transport == Transport::kTcp ? wire::Medium::kStream : wire::Medium::kDatagram;
+  return transport == Transport::kUdp ? wire::Medium::kDatagram : wire::Medium::kStream;
 }
 
 CallError error_of_refusal(wire::Status status) noexcept {
@@ -28,9 +28,25 @@ CallError error_of_refusal(wire::Status status) noexcept {
 
 // The largest frame that the channel will send; at least a HELLO.
 std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
-  return wire::kHeaderSize +
-         std::min<std::size_t>(config.message_size_max,
-                               wire::frame_payload_max(medium_of(address.transport)));
+  const std::size_t payload_max = address.transport == Transport::kSharedMemory
+                                      ? wire::kSharedPayloadSizeMax
+                                      : wire::frame_payload_max(medium_of(address.transport));
+  return wire::kHeaderSize + std::min<std::size_t>(config.message_size_max, payload_max);
+}
+
+auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
+  switch (address.transport) {
+    case Transport::kTcp:
+      return transport::open_tcp_link(address.host, address.port, priority,
+                                      wire::kStreamPayloadSizeMax, deadline);
+    case Transport::kSharedMemory:
+      return transport::open_shared_memory_link({address.host, address.port, address.memory_folder},
+                                                priority, deadline);
+    case Transport::kUdp:
+    case Transport::kAuto:
+      break;
+  }
+  return transport::open_udp_link(address.host, address.port, priority);
 }
 
 }  // namespace
@@ -65,10 +81,7 @@ void CallChannel::drop_link() noexcept {
 expected<void, CallError> CallChannel::open_link(Priority priority,
                                                  MonotonicTime deadline) noexcept {
   const rt::AllowAllocationScope is_allowed;
-  auto link = address_.transport == Transport::kTcp
-                  ? transport::open_tcp_link(address_.host, address_.port, priority,
-                                             wire::kStreamPayloadSizeMax, deadline)
-                  : transport::open_udp_link(address_.host, address_.port, priority);
+  auto link = open_any_link(address_, priority, deadline);
   if (!link) return unexpected{CallError::kUnreachable};
   link_ = std::move(*link);
   return {};
@@ -163,7 +176,7 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
   bool may_have_more = false;
   while (true) {
     if (!is_spinning && !may_have_more) {
-      transport::wait_readable(link_->descriptor(), wire_.next_time());
+      link_->wait(wire_.next_time());
     }
     const auto frame = link_->receive();
     // What came together with this one lies in the link's buffer and would wake no poll.

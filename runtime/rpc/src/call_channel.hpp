@@ -20,7 +20,8 @@ namespace rtpm::rpc {
 struct ServerAddress {
   std::string host;
   std::uint16_t port = 0;
-  Transport transport = Transport::kUdp;  ///< kUdp or kTcp.
+  Transport transport = Transport::kUdp;  ///< Not kAuto.
+  std::string memory_folder{};            ///< Of the socket for shared memory; empty: abstract.
   friend auto operator<=>(const ServerAddress&, const ServerAddress&) = default;
 };
 

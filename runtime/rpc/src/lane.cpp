@@ -19,6 +19,10 @@ constexpr std::uint32_t kStreakMax = 16;
 // While the hot source is silent the others are looked at every so many turns: a look costs about
 // as much as a receive.
 constexpr std::uint32_t kTurnsPerLook = 8;
+// A turn over shared memory takes a few nanoseconds, and a look at the sockets as long as a whole
+// call. So while that is hot and nothing else comes, the looks become rarer, up to these bounds.
+constexpr std::uint32_t kTurnsPerLookMax = 8192;
+constexpr Duration kTimePerLookMax = std::chrono::microseconds{100};
 
 // What a lane keeps for messages larger than a frame: one more room than may be held, where replies
 // are written.
@@ -43,6 +47,13 @@ wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config, Muta
   return config;
 }
 
+wire::ServerSessionsConfig memory_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
+  config = stream_config(config, bulk);
+  config.frame_payload_max = static_cast<std::uint32_t>(wire::kSharedPayloadSizeMax);
+  config.key.high = ~config.key.high;
+  return config;
+}
+
 }  // namespace
 
 Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller)
@@ -54,11 +65,15 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       poller_(std::move(poller)),
       datagram_bulk_(bulk_size(setup)),
       stream_bulk_(bulk_size(setup)),
+      memory_bulk_(bulk_size(setup)),
       datagram_sessions_(datagram_config(setup.sessions, datagram_bulk_.bytes())),
       stream_sessions_(stream_config(setup.sessions, stream_bulk_.bytes())),
-      connections_(setup.sessions.session_count_max) {
+      memory_sessions_(memory_config(setup.sessions, memory_bulk_.bytes())),
+      connections_(2 * std::size_t{setup.sessions.session_count_max}),
+      turns_per_look_(kTurnsPerLook) {
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
+  memory_sources_.reserve(connections_.size());
   const bool is_added = poller_.add(port_->descriptor(), kUdp);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
   // On one CPU a spinning lane would only keep its callers from running.
@@ -107,7 +122,7 @@ void Lane::close() noexcept {
   publish();
 }
 
-bool Lane::adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept {
+bool Lane::adopt(std::unique_ptr<transport::Connection>& stream) noexcept {
   if (!arriving_.push(stream)) return false;
   // SYNC POINT lane-arrivals: the connection is in the ring.
   has_arrivals_.store(true, std::memory_order_release);
@@ -115,7 +130,7 @@ bool Lane::adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept {
   return true;
 }
 
-std::unique_ptr<transport::FrameStream> Lane::take_back() noexcept {
+std::unique_ptr<transport::Connection> Lane::take_back() noexcept {
   auto stream = leaving_.pop();
   return stream ? std::move(*stream) : nullptr;
 }
@@ -124,21 +139,35 @@ std::unique_ptr<transport::FrameStream> Lane::take_back() noexcept {
 bool Lane::turn() noexcept {
   // SYNC POINT lane-arrivals
   if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
-  if (serve_one(hot_)) {
-    if (connection_count_ > 0 && ++streak_ >= kStreakMax) {
-      static_cast<void>(look_around(transport::Poller::kAlready));
-    }
-    return true;
-  }
-  if (connection_count_ == 0 || ++turn_count_ % kTurnsPerLook != 0) return false;
-  return look_around(transport::Poller::kAlready);
+  const bool has_served = serve_one(hot_);
+  if (has_served && connection_count_ == 0) return true;
+  // What costs no syscall is looked at each turn, unless there is something anyway.
+  if (!has_served && serve_memory()) return true;
+  if (!is_look_due(has_served)) return has_served;
+  const bool has_found = look_around(transport::Poller::kAlready);
+  turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
+                                                  : std::min(2 * turns_per_look_, kTurnsPerLookMax);
+  return serve_memory() || has_found || has_served;
 }
 
-// Waits for any source and serves each that has something; true if one had, or the bell rang.
+// Whether it is time to look at the sources that are not hot.
+bool Lane::is_look_due(bool has_served) noexcept {
+  if (connection_count_ == 0) return false;
+  if (!has_served) return ++turn_count_ >= turns_per_look_;
+  if (++streak_ < kStreakMax) return false;
+  return !is_memory(hot_) || received_ - last_look_ >= kTimePerLookMax;
+}
+
+// Waits for any source and serves each that a poll tells of; true if one had something, or the bell
+// rang.
 bool Lane::look_around(MonotonicTime until) noexcept {
   streak_ = 0;
-  if (!leftovers_.empty()) until = transport::Poller::kAlready;
+  turn_count_ = 0;
+  last_look_ = received_;
+  const bool may_sleep = until != transport::Poller::kAlready;
+  if (!leftovers_.empty() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
   const std::size_t count = poller_.wait(until, ready_);
+  if (may_sleep) end_sleep();
   bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = ready_[i];
@@ -147,10 +176,38 @@ bool Lane::look_around(MonotonicTime until) noexcept {
       has_served = true;
       continue;
     }
+    if (source != kUdp && connections_[source].stream) connections_[source].stream->on_ready();
     if (!serve_one(source)) continue;
     has_served = true;
     // It may have gone in the meantime; then the datagrams are as good a guess as any.
     hot_ = source == kUdp || connections_[source].stream ? source : kUdp;
+  }
+  return has_served;
+}
+
+// Has the callers through memory ring when they call; false if one has called by now.
+bool Lane::announce_sleep() noexcept {
+  bool may_sleep = true;
+  for (const Source source : memory_sources_) {
+    if (!connections_[source].stream->announce_sleep()) may_sleep = false;
+  }
+  return may_sleep;
+}
+
+void Lane::end_sleep() noexcept {
+  for (const Source source : memory_sources_)
+    connections_[source].stream->end_sleep();
+}
+
+// Serves one frame of each connection through memory that has some.
+bool Lane::serve_memory() noexcept {
+  bool has_served = false;
+  // From the back: one that ends leaves its place to the last.
+  for (std::size_t i = memory_sources_.size(); i-- > 0;) {
+    const Source source = memory_sources_[i];
+    if (!connections_[source].stream->has_buffered() || !serve_one(source)) continue;
+    has_served = true;
+    if (connections_[source].stream) hot_ = source;
   }
   return has_served;
 }
@@ -194,26 +251,30 @@ bool Lane::serve_datagram() noexcept {
 bool Lane::serve_stream(Source source) noexcept {
   Connection& connection = connections_[source];
   if (!connection.stream) return false;
+  wire::ServerSessions& sessions = connection.is_memory ? memory_sessions_ : stream_sessions_;
   const auto frame = connection.stream->receive();
   if (!frame) {
-    if (frame.error() != transport::IoError::kNothing) retire(source);
+    if (frame.error() == transport::IoError::kNothing) return false;
+    if (frame.error() == transport::IoError::kBroken) ++counters_.broken_memory_count;
+    retire(source);
     return false;
   }
   is_unpublished_ = true;
-  const wire::Verdict verdict = stream_sessions_.on_frame(*frame, connection.peer, rt::now());
+  received_ = rt::now();
+  const wire::Verdict verdict = sessions.on_frame(*frame, connection.peer, received_);
   ConstBytes answer = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
-    answer = run_request(stream_sessions_, verdict.request);
+    answer = run_request(sessions, verdict.request);
   }
   bool is_good = verdict.action != wire::Verdict::Action::kHangUp;
-  for (; is_good && !answer.empty(); answer = stream_sessions_.next_frame(rt::now())) {
-    // A peer that does not take its replies is given up rather than waited for.
+  for (; is_good && !answer.empty(); answer = sessions.next_frame(rt::now())) {
+    // A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
     is_good = connection.stream->send(answer, transport::Poller::kAlready).has_value();
     if (!is_good) ++counters_.send_failure_count;
   }
   if (!is_good) {
     retire(source);
-  } else if (connection.stream->has_buffered()) {
+  } else if (!connection.is_memory && connection.stream->has_buffered()) {
     hot_ = source;
     if (!std::exchange(connection.has_leftovers, true)) leftovers_.push_back(source);
   }
@@ -266,16 +327,22 @@ void Lane::adopt_waiting() noexcept {
   // a connection that comes in between would be forgotten.
   has_arrivals_.exchange(false, std::memory_order_acq_rel);
   while (auto stream = arriving_.pop()) {
+    // Half of the places are for memory, as many as there are sessions for it.
+    const bool is_memory = (*stream)->is_memory();
+    const std::size_t count =
+        is_memory ? memory_sources_.size() : connection_count_ - memory_sources_.size();
     const auto place =
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
-    if (place == connections_.end() || !poller_.add((*stream)->descriptor(), source)) {
+    if (count >= connections_.size() / 2 || !poller_.add((*stream)->descriptor(), source)) {
       // The lane is full: the connection ends, which its client sees at once.
       give_back(*stream);
       continue;
     }
     place->stream = std::move(*stream);
     place->peer = {.high = ++connection_serial_};
+    place->is_memory = is_memory;
+    if (is_memory) memory_sources_.push_back(source);
     ++connection_count_;
     ++counters_.connection_count;
     is_unpublished_ = true;
@@ -286,7 +353,11 @@ void Lane::retire(Source source) noexcept {
   Connection& connection = connections_[source];
   // Later the place is tried again: the acceptor takes connections back as they come.
   poller_.remove(connection.stream->descriptor());
-  stream_sessions_.forget(connection.peer);
+  (connection.is_memory ? memory_sessions_ : stream_sessions_).forget(connection.peer);
+  if (connection.is_memory) {
+    *std::ranges::find(memory_sources_, source) = memory_sources_.back();
+    memory_sources_.pop_back();
+  }
   give_back(connection.stream);
   --connection_count_;
   ++counters_.connection_lost_count;
@@ -294,7 +365,7 @@ void Lane::retire(Source source) noexcept {
   if (hot_ == source) hot_ = kUdp;
 }
 
-void Lane::give_back(std::unique_ptr<transport::FrameStream>& stream) noexcept {
+void Lane::give_back(std::unique_ptr<transport::Connection>& stream) noexcept {
   if (!leaving_.push(stream)) {
     // The acceptor is far behind. Freeing here breaks the rule against it, once, and no memory.
     const rt::AllowAllocationScope is_allowed;
@@ -308,6 +379,7 @@ void Lane::publish() noexcept {
   is_unpublished_ = false;
   counters_.frames = datagram_sessions_.counters();
   counters_.frames.add(stream_sessions_.counters());
+  counters_.frames.add(memory_sessions_.counters());
   published_.write(counters_);
 }
 

@@ -13,8 +13,8 @@
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/poller.hpp"
-#include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
@@ -24,7 +24,7 @@ namespace rtpm::rpc {
 struct LaneSetup {
   LaneConfig config{};
   Band band{};
-  wire::ServerSessionsConfig sessions{};  ///< For streams; datagrams differ in medium and size.
+  wire::ServerSessionsConfig sessions{};  ///< For streams; the others differ in medium and size.
   const ObjectTable* objects = nullptr;
   std::uint32_t large_message_count_max = 0;
   transport::Poller* acceptor_bell = nullptr;  ///< Rung when a connection is given back.
@@ -46,9 +46,9 @@ class Lane {
   void close() noexcept;
 
   /// Gives the lane an accepted connection; false if too many wait already.
-  [[nodiscard]] bool adopt(std::unique_ptr<transport::FrameStream>& stream) noexcept;
+  [[nodiscard]] bool adopt(std::unique_ptr<transport::Connection>& stream) noexcept;
   /// A connection that ended, to be freed where freeing is allowed; or null.
-  [[nodiscard]] std::unique_ptr<transport::FrameStream> take_back() noexcept;
+  [[nodiscard]] std::unique_ptr<transport::Connection> take_back() noexcept;
 
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] const LaneConfig& config() const noexcept { return config_; }
@@ -58,8 +58,9 @@ class Lane {
 
  private:
   struct Connection {
-    std::unique_ptr<transport::FrameStream> stream;
+    std::unique_ptr<transport::Connection> stream;
     wire::PeerAddress peer{};
+    bool is_memory = false;
     bool has_leftovers = false;  ///< It stands in leftovers_.
   };
   /// Index into connections_, or kUdp.
@@ -68,6 +69,13 @@ class Lane {
 
   [[nodiscard]] bool turn() noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
+  [[nodiscard]] bool is_look_due(bool has_served) noexcept;
+  [[nodiscard]] bool announce_sleep() noexcept;
+  void end_sleep() noexcept;
+  [[nodiscard]] bool is_memory(Source source) const noexcept {
+    return source != kUdp && connections_[source].is_memory;
+  }
+  [[nodiscard]] bool serve_memory() noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
   [[nodiscard]] bool serve_leftovers() noexcept;
   [[nodiscard]] bool serve_datagram() noexcept;
@@ -79,7 +87,7 @@ class Lane {
                                            MutableBytes reply, const CallContext& context) noexcept;
   void adopt_waiting() noexcept;
   void retire(Source source) noexcept;
-  void give_back(std::unique_ptr<transport::FrameStream>& stream) noexcept;
+  void give_back(std::unique_ptr<transport::Connection>& stream) noexcept;
   void publish() noexcept;
 
   LaneConfig config_;
@@ -90,22 +98,28 @@ class Lane {
   transport::Poller poller_;
   rt::LazyMemory datagram_bulk_;
   rt::LazyMemory stream_bulk_;
+  rt::LazyMemory memory_bulk_;
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;
+  wire::ServerSessions memory_sessions_;  ///< Of connections through shared memory.
   std::vector<Connection> connections_;
   /// Connections with whole frames in their buffers, which wake no poll. Sized once.
   std::vector<Source> leftovers_;
+  std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
   std::uint32_t connection_count_ = 0;
   std::uint64_t connection_serial_ = 0;
-  Source hot_ = kUdp;  ///< Where the last frame came from: looked at first.
-  std::uint32_t turn_count_ = 0;
+  Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
+  std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
+  std::uint32_t turns_per_look_ = 0;
   std::uint32_t streak_ = 0;  ///< Frames taken from hot_ without a look at the others.
+  MonotonicTime last_look_{};
+  MonotonicTime received_{};  ///< When the last frame was taken.
   bool is_unpublished_ = false;
   ServerCounters counters_{};
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};
   alignas(64) std::array<std::uint64_t, 64> ready_{};
 
-  using Handover = SpscRing<std::unique_ptr<transport::FrameStream>, 128>;
+  using Handover = SpscRing<std::unique_ptr<transport::Connection>, 128>;
   Handover arriving_;
   Handover leaving_;
   std::atomic<bool> has_arrivals_{false};

@@ -5,8 +5,22 @@
 
 namespace rtpm::rpc {
 
+std::string_view to_string(Transport transport) noexcept {
+  switch (transport) {
+    case Transport::kAuto:
+      return "auto";
+    case Transport::kUdp:
+      return "udp";
+    case Transport::kTcp:
+      return "tcp";
+    case Transport::kSharedMemory:
+      return "shm";
+  }
+  return "unknown";
+}
+
 Node::Impl::Impl(NodeConfig node_config)
-    : config(node_config), epoch_(rt::random_u64()), clock_domain_(rt::clock_domain()) {
+    : config(std::move(node_config)), epoch_(rt::random_u64()), clock_domain_(rt::clock_domain()) {
   // On one CPU a caller that spins only keeps the server from running.
   if (rt::usable_cpu_count() == 1 && config.wait.strategy == rt::WaitStrategy::kAdaptive) {
     config.wait.strategy = rt::WaitStrategy::kBlock;
@@ -20,7 +34,7 @@ Endpoint& Node::Impl::endpoint(const ServerAddress& address) {
   return *endpoint;
 }
 
-Node::Node(NodeConfig config) : impl_(std::make_unique<Impl>(config)) {}
+Node::Node(NodeConfig config) : impl_(std::make_unique<Impl>(std::move(config))) {}
 Node::~Node() = default;
 
 void Node::use(Resolver& resolver) noexcept {

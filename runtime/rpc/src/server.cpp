@@ -7,6 +7,7 @@
 #include "object_table.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -73,6 +74,7 @@ class ServerImpl final : public Server {
 
  private:
   expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
+  expected<std::optional<transport::SharedMemoryListener>, SetupError> open_memory_listener();
   expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
 
   ServerConfig config_;
@@ -125,12 +127,24 @@ expected<void, SetupError> ServerImpl::open() {
     auto poller = transport::Poller::open();
     if (!poller) return unexpected{in_words(config_, poller.error().text)};
     port_ = listener->port();
+    auto memory_listener = open_memory_listener();
+    if (!memory_listener) return unexpected{memory_listener.error()};
     acceptor_ = std::make_unique<Acceptor>(
-        std::move(*listener), std::move(*poller),
+        std::move(*listener), std::move(*memory_listener), std::move(*poller),
         std::min(config_.message_size_max,
                  static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
     return make_lanes(std::move(*ports));
   }
+}
+
+expected<std::optional<transport::SharedMemoryListener>, SetupError>
+ServerImpl::open_memory_listener() {
+  std::optional<transport::SharedMemoryListener> none;
+  if (!config_.shared_memory) return none;
+  auto listener =
+      transport::SharedMemoryListener::open({config_.host, port_, config_.shared_memory_folder});
+  if (!listener) return unexpected{in_words(config_, listener.error().text)};
+  return std::optional(std::move(*listener));
 }
 
 expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort> ports) {
@@ -217,6 +231,7 @@ ServerCounters ServerImpl::counters() const noexcept {
     sum.servant_failure_count += one.servant_failure_count;
     sum.connection_count += one.connection_count;
     sum.connection_lost_count += one.connection_lost_count;
+    sum.broken_memory_count += one.broken_memory_count;
     sum.send_failure_count += one.send_failure_count;
     sum.frames.add(one.frames);
   }

@@ -21,6 +21,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
   [[nodiscard]] static std::size_t message_size_max() { return ServerConfig{}.message_size_max; }
   /// The largest that goes in one frame.
   [[nodiscard]] static std::size_t frame_payload_max() {
+    if (transport() == Transport::kSharedMemory) return wire::kSharedPayloadSizeMax;
     return wire::frame_payload_max(is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream);
   }
 

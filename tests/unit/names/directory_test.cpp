@@ -38,9 +38,10 @@ class DirectoryOver : public testing::TestWithParam<rpc::Transport> {
 };
 
 INSTANTIATE_TEST_SUITE_P(Transports, DirectoryOver,
-                         testing::Values(rpc::Transport::kUdp, rpc::Transport::kTcp),
+                         testing::Values(rpc::Transport::kUdp, rpc::Transport::kTcp,
+                                         rpc::Transport::kSharedMemory),
                          [](const auto& transport) {
-                           return transport.param == rpc::Transport::kUdp ? "Udp" : "Tcp";
+                           return std::string(to_string(transport.param));
                          });
 
 TEST_P(DirectoryOver, BindsResolvesListsAndUnbinds) {

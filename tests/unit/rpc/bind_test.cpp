@@ -34,10 +34,10 @@ class BindErrors : public testing::TestWithParam<Transport> {
   Node node_{quiet_node(GetParam())};
 };
 
-INSTANTIATE_TEST_SUITE_P(Transports, BindErrors, testing::Values(Transport::kUdp, Transport::kTcp),
-                         [](const auto& row) {
-                           return row.param == Transport::kUdp ? "udp" : "tcp";
-                         });
+INSTANTIATE_TEST_SUITE_P(Transports, BindErrors,
+                         testing::Values(Transport::kUdp, Transport::kTcp,
+                                         Transport::kSharedMemory),
+                         [](const auto& row) { return std::string(to_string(row.param)); });
 
 TEST_P(BindErrors, NameATargetThatIsNoUrl) {
   expect_text(error_of(node_, "rtpm://127.0.0.1/echo"),

@@ -115,7 +115,8 @@ class LaneAlone {
   transport::Descriptor connect() {
     std::array<int, 2> ends{};
     EXPECT_EQ(socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends.data()), 0);
-    auto stream = std::make_unique<transport::FrameStream>(transport::Descriptor(ends[0]), 1024);
+    std::unique_ptr<transport::Connection> stream =
+        std::make_unique<transport::FrameStream>(transport::Descriptor(ends[0]), 1024);
     EXPECT_TRUE(await([&] { return lane_->adopt(stream); })) << "the lane takes nothing over";
     return transport::Descriptor(ends[1]);
   }

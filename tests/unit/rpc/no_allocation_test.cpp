@@ -67,10 +67,12 @@ INSTANTIATE_TEST_SUITE_P(All, NoAllocation,
                                          Row{Transport::kUdp, rt::WaitStrategy::kSpin},
                                          Row{Transport::kTcp, rt::WaitStrategy::kAdaptive},
                                          Row{Transport::kTcp, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kTcp, rt::WaitStrategy::kSpin}),
+                                         Row{Transport::kTcp, rt::WaitStrategy::kSpin},
+                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kAdaptive},
+                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kBlock},
+                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kSpin}),
                          [](const auto& row) {
-                           return std::string(row.param.transport == Transport::kUdp ? "udp_"
-                                                                                     : "tcp_") +
+                           return std::string(to_string(row.param.transport)) + "_" +
                                   std::string(to_string(row.param.wait));
                          });
 

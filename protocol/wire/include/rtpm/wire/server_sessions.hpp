@@ -27,6 +27,8 @@ struct ServerSessionsConfig {
   SipKey key{};                           ///< Secret, for cookies and session numbers.
   std::uint32_t session_count_max = 256;  ///< 1…65535
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
+  /// The largest payload of a frame, where the transport allows less than the medium.
+  std::uint32_t frame_payload_max = static_cast<std::uint32_t>(kStreamPayloadSizeMax);
   /// Memory for messages that are larger than a frame, each of which takes message_size_max bytes
   /// of it while it comes, is served, or is kept as a reply. Without, no message is larger than a
   /// frame. The caller's, aligned to 64 bytes; touched only when used.

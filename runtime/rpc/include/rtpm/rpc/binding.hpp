@@ -101,6 +101,8 @@ class Binding {
 
   /// Where the object is: "rtpm://host:port/path".
   [[nodiscard]] std::string_view url() const noexcept;
+  /// Over what the calls go: what was asked for, or what was best.   RT: alloc-free.
+  [[nodiscard]] Transport transport() const noexcept;
 
  private:
   class Impl;

@@ -10,9 +10,10 @@ namespace rtpm::rpc {
 struct ServerCounters {
   std::uint64_t call_count = 0;             ///< Servant methods run.
   std::uint64_t servant_failure_count = 0;  ///< Of these, ended by an exception.
-  std::uint64_t connection_count = 0;       ///< TCP connections accepted.
-  std::uint64_t connection_lost_count = 0;  ///< TCP connections that ended, in order or not.
-  std::uint64_t send_failure_count = 0;     ///< Replies that the socket did not take.
+  std::uint64_t connection_count = 0;       ///< Accepted, over TCP or through shared memory.
+  std::uint64_t connection_lost_count = 0;  ///< Of these, ended, in order or not.
+  std::uint64_t broken_memory_count = 0;    ///< Of these, because shared memory held nonsense.
+  std::uint64_t send_failure_count = 0;     ///< Replies that the socket or ring did not take.
   wire::FrameCounters frames{};             ///< Frames taken and dropped, by reason.
 };
 

@@ -28,10 +28,14 @@ class Resolver {
 
 /// Over what a binding sends its calls.
 enum class Transport : std::uint8_t {
-  kAuto,  ///< The best that reaches the server.
+  kAuto,  ///< The best that reaches the server: shared memory on one host, else UDP.
   kUdp,
   kTcp,
+  kSharedMemory,
 };
+
+/// "auto", "udp", "tcp" or "shm".
+[[nodiscard]] std::string_view to_string(Transport transport) noexcept;
 
 /// How a program calls others.
 struct NodeConfig {
@@ -40,6 +44,9 @@ struct NodeConfig {
   Transport transport = Transport::kAuto;               ///< For bindings that state none.
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
+  /// Where servers have their sockets for shared memory, if not under abstract names: as
+  /// ServerConfig::shared_memory_folder.
+  std::string shared_memory_folder{};
 };
 
 /// The calling side of a program: its identity towards servers and the channels to them. Bindings

@@ -45,12 +45,18 @@ struct ServerConfig {
   std::uint32_t session_count_max =
       256;  ///< Per lane and transport; more replace the longest idle.
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
-  /// How many messages larger than a frame (UDP: 1344 bytes, TCP: 64 KiB) a lane may hold at a
-  /// time, per transport; more are refused with overload. Each takes memory only once it is used.
+  /// How many messages larger than a frame (UDP: 1344 bytes, TCP: 64 KiB, shared memory: 16 KiB) a
+  /// lane may hold at a time, per transport; more are refused with overload. Each takes memory only
+  /// once it is used.
   std::uint32_t large_message_count_max = 3;
+  /// Serves callers of the same user on this host through shared memory, too.
+  bool shared_memory = true;
+  /// Where the socket for it is: empty: an abstract name, which leaves no file and reaches as far
+  /// as the network namespace; else a folder, which containers can share that share nothing else.
+  std::string shared_memory_folder{};
 };
 
-/// Serves objects to callers over UDP and TCP, each lane on a thread of its own.
+/// Serves objects to callers over UDP, TCP and shared memory, each lane on a thread of its own.
 /// Threads: create, add, start and stop from one thread; counters() and url() from any.
 class Server {
  public:

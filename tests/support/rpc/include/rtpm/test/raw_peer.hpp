@@ -11,7 +11,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/transport/link.hpp"
-#include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/header.hpp"
@@ -27,10 +27,7 @@ class RawPeer {
  public:
   RawPeer(rpc::Transport transport, std::uint16_t port, Priority priority = 0)
       : transport_(transport), priority_(priority) {
-    auto link =
-        transport == rpc::Transport::kTcp
-            ? transport::open_tcp_link("127.0.0.1", port, priority, 1 << 20, rt::now() + kPatience)
-            : transport::open_udp_link("127.0.0.1", port, priority);
+    auto link = open_link(transport, port, priority);
     EXPECT_TRUE(link) << link.error().text;
     if (link) link_ = std::move(*link);
   }
@@ -88,7 +85,7 @@ class RawPeer {
       if (frame) return Bytes(frame->begin(), frame->end());
       is_closed_ = frame.error() == transport::IoError::kClosed;
       if (is_closed_ || rt::now() >= until) return std::nullopt;
-      static_cast<void>(transport::wait_readable(link_->descriptor(), until));
+      link_->wait(until);
     }
   }
   /// The header of the next frame that answers call `call_id`.
@@ -109,6 +106,19 @@ class RawPeer {
   [[nodiscard]] rpc::Transport transport() const noexcept { return transport_; }
 
  private:
+  static auto open_link(rpc::Transport transport, std::uint16_t port, Priority priority)
+      -> expected<std::unique_ptr<transport::Link>, transport::TransportError> {
+    const MonotonicTime deadline = rt::now() + kPatience;
+    switch (transport) {
+      case rpc::Transport::kTcp:
+        return transport::open_tcp_link("127.0.0.1", port, priority, 1 << 20, deadline);
+      case rpc::Transport::kSharedMemory:
+        return transport::open_shared_memory_link({"127.0.0.1", port}, priority, deadline);
+      default:
+        return transport::open_udp_link("127.0.0.1", port, priority);
+    }
+  }
+
   rpc::Transport transport_;
   Priority priority_;
   std::unique_ptr<transport::Link> link_;

@@ -1,0 +1,184 @@
+#include "rtpm/transport/shared_memory.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <thread>
+#include <vector>
+
+#include "../transport/raw_shared_client.hpp"
+#include "rtpm/test/echo_server.hpp"
+
+// How servers and callers use shared memory, beyond what every transport keeps
+// (tests/conformance/transport).
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+namespace fs = std::filesystem;
+
+std::string memory_name(const EchoServer& server) {
+  return "rtpm/127.0.0.1:" + std::to_string(server.server->port());
+}
+
+TEST(SharedMemoryChoice, IsTakenByItselfOnOneHost) {
+  EchoServer server;
+  Node node(quiet_node(Transport::kAuto));
+  Binding binding = bind_echo(node, server);
+  EXPECT_EQ(binding.transport(), Transport::kSharedMemory);
+  const auto reply = binding.call(echo::kEcho, bytes_of("through memory"));
+  ASSERT_TRUE(reply);
+  EXPECT_EQ(text_of(*reply), "through memory");
+  EXPECT_EQ(server.server->counters().connection_count, 1u);
+}
+
+TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
+  ServerConfig config = quiet_config();
+  config.shared_memory = false;
+  EchoServer server(config);
+  Node node(quiet_node(Transport::kAuto));
+  Binding binding = bind_echo(node, server);
+  EXPECT_EQ(binding.transport(), Transport::kUdp);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  Node strict(quiet_node(Transport::kSharedMemory));
+  const auto none = Binding::bind(strict, server.url(), echo::kInterface);
+  ASSERT_FALSE(none);
+  expect_text(none.error().text, {"'echo'", "nobody serves the address"});
+}
+
+TEST(SharedMemoryChoice, IsTheCallersToMake) {
+  EchoServer server;
+  for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
+    Node node(quiet_node(Transport::kAuto));
+    Binding binding = bind_echo(node, server, {.transport = transport});
+    EXPECT_EQ(binding.transport(), transport);
+    EXPECT_TRUE(binding.call(echo::kEcho, {}));
+  }
+}
+
+TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
+  std::string name = (fs::temp_directory_path() / "rtpm-XXXXXX").string();
+  ASSERT_NE(mkdtemp(name.data()), nullptr);
+  {
+    ServerConfig config = quiet_config();
+    config.shared_memory_folder = name;
+    EchoServer server(config);
+    Node stranger(quiet_node(Transport::kAuto));
+    EXPECT_EQ(bind_echo(stranger, server).transport(), Transport::kUdp);
+    NodeConfig knowing = quiet_node(Transport::kAuto);
+    knowing.shared_memory_folder = name;
+    Node node(knowing);
+    Binding binding = bind_echo(node, server);
+    EXPECT_EQ(binding.transport(), Transport::kSharedMemory);
+    EXPECT_TRUE(binding.call(echo::kEcho, {}));
+    EchoServer other;
+    EXPECT_EQ(bind_echo(node, other).transport(), Transport::kSharedMemory);
+  }
+  EXPECT_TRUE(fs::is_empty(name));
+  fs::remove_all(name);
+}
+
+// A server that is killed and one that nobody has started are told apart from one that is there.
+TEST(SharedMemoryChoice, SaysWhatIsInTheWay) {
+  EchoServer server;
+  const auto other = transport::SharedMemoryListener::open(
+      {"127.0.0.1", static_cast<std::uint16_t>(server.server->port() ^ 1)});
+  if (!other) GTEST_SKIP() << "somebody has the neighbouring number";
+  ServerConfig config = quiet_config();
+  config.port = static_cast<std::uint16_t>(server.server->port() ^ 1);
+  const auto created = Server::create(config);
+  ASSERT_FALSE(created);
+  expect_text(created.error().text, {"server 'test'", "Remedy"});
+}
+
+// hp-16.2-2
+TEST(SharedMemoryLane, CountsAPeerThatWritesNonsenseAndGoesOn) {
+  EchoServer server;
+  Node node(quiet_node(Transport::kSharedMemory));
+  Binding binding = bind_echo(node, server);
+  transport::Descriptor socket = transport::test::connect_to_name(memory_name(server));
+  ASSERT_TRUE(socket.is_open());
+  transport::test::write_all(socket, transport::test::request_of(0));
+  auto answer = transport::test::take_message(socket.number());
+  const transport::test::RawMemory memory(std::move(answer.descriptor), 128 * 1024);
+  ASSERT_TRUE(await([&] { return server.server->counters().connection_count == 2; }));
+  memory.to_server_tail() = 12'345;
+  // The lane sleeps, so it has to be told.
+  transport::test::write_all(socket, Bytes(1));
+  EXPECT_TRUE(await([&] { return server.server->counters().broken_memory_count == 1; }));
+  EXPECT_TRUE(await([&] { return server.server->counters().connection_lost_count == 1; }));
+  EXPECT_TRUE(transport::test::take_message(socket.number()).bytes.empty()) << "it hangs up";
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+}
+
+// hp-16.4-2
+TEST(SharedMemoryLane, GivesUpACallerThatDoesNotTakeItsReplies) {
+  EchoServer server;
+  Node node(quiet_node(Transport::kSharedMemory));
+  Binding binding = bind_echo(node, server);
+  RawPeer peer(Transport::kSharedMemory, server.server->port());
+  ASSERT_TRUE(peer.open());
+  const std::string large(10'000, 'x');
+  for (std::uint32_t call = 1; call <= 14; ++call) {
+    if (server.server->counters().send_failure_count > 0) break;
+    peer.send(peer.call_frame(call, echo::kEcho.id, large));
+    ASSERT_TRUE(await([&] { return server.servant.run_count() == static_cast<int>(call); }));
+  }
+  EXPECT_TRUE(await([&] { return server.server->counters().send_failure_count == 1; }));
+  EXPECT_TRUE(await([&] { return server.server->counters().connection_lost_count == 1; }));
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+}
+
+// One lane serves memory, datagrams and streams at a time, however it waits, and forgets nobody.
+TEST(SharedMemoryLane, ServesCallersOfAllTransportsTogether) {
+  for (const rt::WaitStrategy wait :
+       {rt::WaitStrategy::kBlock, rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kSpin}) {
+    LaneConfig lane;
+    lane.wait.strategy = wait;
+    EchoServer server(quiet_config({lane}));
+    std::atomic<int> wrong_count{0};
+    std::vector<std::thread> callers;
+    for (const Transport transport :
+         {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory, Transport::kSharedMemory}) {
+      callers.emplace_back([&, transport] {
+        Node node(quiet_node(transport));
+        Binding binding = bind_echo(node, server);
+        for (int i = 0; i < 300; ++i) {
+          const std::string text = std::to_string(i);
+          const auto reply = binding.call(echo::kEchoOnce, bytes_of(text));
+          if (!reply || text_of(*reply) != text) ++wrong_count;
+        }
+      });
+    }
+    for (std::thread& caller : callers)
+      caller.join();
+    EXPECT_EQ(wrong_count, 0);
+    EXPECT_EQ(server.servant.run_count(), 4 * 300);
+  }
+}
+
+// Callers come and go while the lane sleeps and wakes.
+TEST(SharedMemoryLane, ForgetsNobodyWhileCallersComeAndGo) {
+  EchoServer server;
+  std::vector<std::thread> callers;
+  for (int number = 0; number < 4; ++number) {
+    callers.emplace_back([&] {
+      for (int life = 0; life < 20; ++life) {
+        Node node(quiet_node(Transport::kSharedMemory));
+        Binding binding = bind_echo(node, server);
+        for (int i = 0; i < 10; ++i)
+          ASSERT_TRUE(binding.call(echo::kEcho, {}));
+      }
+    });
+  }
+  for (std::thread& caller : callers)
+    caller.join();
+  EXPECT_TRUE(await([&] { return server.server->counters().connection_lost_count == 80; }));
+  EXPECT_EQ(server.server->counters().broken_memory_count, 0u);
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
