@@ -1,0 +1,68 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <random>
+#include <string>
+#include <vector>
+
+#include "rtpm/schema/conform.hpp"
+
+/// Schemas made at random, and edits of them, for the test that old and new understand each other.
+namespace rtpm::schema::test {
+
+using Random = std::mt19937;
+
+/// A number from 0 to `count` - 1.
+[[nodiscard]] inline std::size_t below(Random& random, std::size_t count) {
+  return std::uniform_int_distribution<std::size_t>(0, count - 1)(random);
+}
+
+struct FieldText {
+  std::string name{};
+  std::string type{};
+  std::string default_value{};  ///< Empty: none is written.
+  bool is_required = false;
+  bool is_deprecated = false;
+  bool is_key = false;
+  std::string unit{};
+  std::string frame{};
+  std::string range{};
+};
+
+struct TypeText {
+  std::string kind{};  ///< "enum", "struct", "union", "table".
+  std::string name{};
+  std::string underlying{};         ///< Of an enum.
+  std::vector<FieldText> fields{};  ///< Of an enum: a value each, its number in default_value.
+  std::uint32_t event = 0;
+};
+
+struct MethodText {
+  std::string name{};
+  std::uint32_t id = 0;
+  std::string request{};
+  std::string reply{};
+  bool is_idempotent = false;
+  bool is_deferred = false;
+  std::uint32_t deadline_us = 0;
+  std::uint32_t max_size = 0;
+};
+
+struct SchemaText {
+  std::vector<TypeText> types{};  ///< In the order in which they may use each other.
+  std::vector<MethodText> methods{};
+  std::uint32_t priority = 0;
+
+  [[nodiscard]] std::string text() const;
+  [[nodiscard]] const TypeText* find(const std::string& name) const;
+};
+
+/// A schema with every kind of type, in which everything is reached from a method.
+[[nodiscard]] SchemaText random_schema(Random& random);
+
+/// Changes `schema` in one way, chosen at random, and says what that is; nothing if the chosen edit
+/// does not fit the schema.
+[[nodiscard]] std::optional<ChangeKind> edit(SchemaText& schema, Random& random);
+
+}  // namespace rtpm::schema::test

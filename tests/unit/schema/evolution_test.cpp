@@ -1,0 +1,137 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "evolution_exchange.hpp"
+#include "evolution_schema.hpp"
+#include "scratch_folder.hpp"
+
+// The proof of `rtpmc check --conform`: schemas are edited at random, old and new sides exchange
+// messages, and what they understand is compared with what was said of the edit.
+namespace rtpm::schema {
+namespace {
+
+using test::Random;
+using test::Side;
+
+struct Prediction {
+  bool breaks_old_clients = false;
+  bool breaks_new_clients = false;
+  bool is_by_meaning = false;  ///< Bytes need not show it.
+};
+
+/// What an exchange of bytes cannot show: promises, and what a number means.
+bool is_promise(const Change& change) {
+  switch (change.kind) {
+    case ChangeKind::kIdempotentAdded:
+    case ChangeKind::kIdempotentRemoved:
+    case ChangeKind::kMaxSizeRaised:
+    case ChangeKind::kMaxSizeLowered:
+      return true;
+    default:
+      return change.reading.is_by_meaning;
+  }
+}
+
+Prediction predict(const std::vector<Change>& changes) {
+  Prediction prediction;
+  for (const Change& change : changes) {
+    prediction.breaks_old_clients |= change.breaks_old_clients;
+    prediction.breaks_new_clients |= change.breaks_new_clients;
+    prediction.is_by_meaning |= is_promise(change);
+  }
+  return prediction;
+}
+
+std::string describe(const Side& before, const Side& after, const std::vector<Change>& changes) {
+  return "said:\n" + render(changes) + "before:\n" + before.schema().text() + "after:\n" +
+         after.schema().text();
+}
+
+bool has_kind(const std::vector<Change>& changes, ChangeKind kind) {
+  return std::any_of(changes.begin(), changes.end(),
+                     [kind](const Change& change) { return change.kind == kind; });
+}
+
+// Each seed is a schema and one edit of it.
+constexpr unsigned kEditCount = 400;
+
+TEST(Evolution, EveryEditIsJudgedAsOldAndNewUnderstandEachOther) {
+  std::map<ChangeKind, int> edits;
+  std::map<ChangeKind, int> shown;
+  unsigned count = 0;
+  for (unsigned seed = 0; count < kEditCount; ++seed) {
+    ASSERT_LT(seed, 10 * kEditCount) << "hardly any edit fits";
+    Random random(seed);
+    const test::SchemaText old_schema = test::random_schema(random);
+    test::SchemaText new_schema = old_schema;
+    const auto kind = test::edit(new_schema, random);
+    if (!kind || new_schema.text() == old_schema.text()) continue;
+    ++count;
+    Side before(old_schema);
+    Side after(new_schema);
+    const std::vector<Change> changes = compare(before.model(), after.model());
+    const Prediction said = predict(changes);
+    const std::string what = "seed " + std::to_string(seed) + ", ";
+    ASSERT_TRUE(has_kind(changes, *kind)) << what << name_of(*kind) << " is not told\n"
+                                          << describe(before, after, changes);
+
+    const bool old_clients_work = can_call(before, after, random);
+    const bool new_clients_work = can_call(after, before, random);
+    // What is called compatible is so.
+    ASSERT_TRUE(said.breaks_old_clients || old_clients_work)
+        << what << "old clients do not understand new servers\n"
+        << describe(before, after, changes);
+    ASSERT_TRUE(said.breaks_new_clients || new_clients_work)
+        << what << "new clients do not understand old servers\n"
+        << describe(before, after, changes);
+    // What is called incompatible by its bytes is shown by bytes.
+    if (!said.is_by_meaning) {
+      ASSERT_EQ(said.breaks_old_clients || said.breaks_new_clients,
+                !old_clients_work || !new_clients_work)
+          << what << "nothing shows the break\n"
+          << describe(before, after, changes);
+    }
+    ++edits[*kind];
+    shown[*kind] += !old_clients_work || !new_clients_work ? 1 : 0;
+  }
+  // Most kinds of change were among them.
+  EXPECT_GE(edits.size(), 28u);
+  for (const auto& [kind, number] : edits) {
+    RecordProperty(std::string(name_of(kind)),
+                   std::to_string(number) + ", broken " + std::to_string(shown[kind]));
+  }
+}
+
+// Several edits at once hide nothing: if none of them is told to break, nothing breaks.
+TEST(Evolution, SeveralEditsAtOnceAreAsGoodAsTheWorst) {
+  unsigned compatible = 0;
+  for (unsigned seed = 10'000; seed < 10'150; ++seed) {
+    Random random(seed);
+    const test::SchemaText old_schema = test::random_schema(random);
+    test::SchemaText new_schema = old_schema;
+    for (int i = 0; i < 3; ++i)
+      (void)test::edit(new_schema, random);
+    const CompileResult compiled = test::compile_text(new_schema.text());
+    // Two edits of one declaration may make no schema.
+    if (!compiled.model) continue;
+    Side before(old_schema);
+    Side after(new_schema);
+    const std::vector<Change> changes = compare(before.model(), after.model());
+    const Prediction said = predict(changes);
+    compatible += !said.breaks_old_clients || !said.breaks_new_clients ? 1U : 0U;
+    ASSERT_TRUE(said.breaks_old_clients || can_call(before, after, random))
+        << "seed " << seed << '\n'
+        << describe(before, after, changes);
+    ASSERT_TRUE(said.breaks_new_clients || can_call(after, before, random))
+        << "seed " << seed << '\n'
+        << describe(before, after, changes);
+  }
+  EXPECT_GT(compatible, 5u);
+}
+
+}  // namespace
+}  // namespace rtpm::schema
