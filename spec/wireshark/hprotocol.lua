@@ -12,14 +12,14 @@ local HEADER_SIZE = 64
 local VERSION = 1
 local DEFAULT_PORT = 7420
 local PRIORITY_MAX = 32767
-local MESSAGE_SIZE_CEILING = 16 * 1024 * 1024
-local FLAG_REPEATED, FLAG_ACK_WANTED = 1, 2
+local MESSAGE_SIZE_FLOOR, MESSAGE_SIZE_CEILING = 1024, 16 * 1024 * 1024
+local FLAG_REPEATED, FLAG_ACK_WANTED, FLAG_NO_REPLY, FLAG_REPLY_ON_RECEIPT = 1, 2, 4, 8
 local FRAGMENT_COUNT_MAX = 12544
 
 local STATUSES = {
   [0] = "ok", "overload", "expired", "no_such_method", "no_such_object", "bad_request",
   "not_lease_holder", "gone", "servant_failed", "too_large", "priority_not_allowed", "wrong_band",
-  "unknown_session", "version_unsupported", "bad_limits", "wrong_interface",
+  "unknown_session", "version_unsupported", "bad_limits", "wrong_interface", "cancelled", "stopping",
 }
 local STATUS_OK, STATUS_EXPIRED, STATUS_WRONG_INTERFACE = 0, 2, 15
 
@@ -45,7 +45,7 @@ local HEADER = {
   {34, 2, "fragment_count", "Fragment count", "dec"},
   {36, 4, "message_size", "Message size", "dec"},
   {40, 4, "budget_us", "Time budget (µs)", "dec"},
-  {44, 4, "reserved", "Reserved", "reserved"},
+  {44, 4, "item", "Item", "dec"},
   {48, 8, "sender_time_ns", "Sender's time (ns)", "dec"},
   {56, 8, "trace_id", "Trace", "hex"},
 }
@@ -84,7 +84,9 @@ local WELCOME = {
   {36, 12, "reserved", "Reserved", "reserved"},
   check = function(tvb, frame)
     local low, high = tvb(2, 2):le_uint(), tvb(4, 2):le_uint()
-    return tvb(0, 2):le_uint() == VERSION and low <= high and high <= PRIORITY_MAX and
+    local limit = tvb(32, 4):le_uint()
+    return tvb(0, 2):le_uint() == VERSION and tvb(8, 4):le_uint() == 0 and
+           limit >= MESSAGE_SIZE_FLOOR and limit <= MESSAGE_SIZE_CEILING and low <= high and high <= PRIORITY_MAX and
            tvb(6, 2):le_uint() <= PRIORITY_MAX and not frame.is_without_session
   end,
 }
@@ -105,6 +107,13 @@ local ACK = {
   {0, 2, "first_missing", "First missing fragment", "dec"},
   {2, 6, "reserved", "Reserved", "reserved"},
   {8, 32, "later", "Later ones that are there", "bytes"},
+}
+
+local CREDIT = {
+  name = "credit", size = 16,
+  {0, 4, "first_missing", "First missing item", "dec"},
+  {4, 4, "reserved", "Reserved", "reserved"},
+  {8, 8, "later", "Later ones that are there", "hex"},
 }
 
 local BIND_METHOD = {
@@ -176,10 +185,26 @@ local function text_at(tvb, offset)
   return size > 0 and tvb(offset + 2, size):string() or "", offset + 2 + size, offset, 2 + size
 end
 
--- Rules hp-2-4 and hp-5.6-1.
-local function has_good_fragment_numbers(kind, payload_size, index, count, message_size)
+local function has_flag(flags, flag)
+  return flags % (2 * flag) >= flag
+end
+
+-- Rules hp-2-2 and hp-2-5.
+local HAVE_ITEM = {CALL = true, REPLY = true, ACK = true, ITEM = true, CREDIT = true}
+local function has_good_flags(kind, flags, item)
+  if flags >= 2 * FLAG_REPLY_ON_RECEIPT then return false end
+  local is_sent, is_received = has_flag(flags, FLAG_NO_REPLY), has_flag(flags, FLAG_REPLY_ON_RECEIPT)
+  if is_sent or is_received then
+    return KIND_NAMES[kind] == "CALL" and item == 0 and not (is_sent and is_received)
+  end
+  return item == 0 or HAVE_ITEM[KIND_NAMES[kind]] == true
+end
+
+-- Rules hp-2-4, hp-5.6-1 and hp-5.8-2.
+local function has_good_fragment_numbers(kind, flags, payload_size, index, count, message_size)
   if count == 1 then return index == 0 and message_size == payload_size end
-  local is_divisible = KIND_NAMES[kind] == "CALL" or KIND_NAMES[kind] == "REPLY"
+  local is_divisible = (KIND_NAMES[kind] == "CALL" or KIND_NAMES[kind] == "REPLY") and
+                       not has_flag(flags, FLAG_NO_REPLY)
   if not is_divisible or count < 2 or count > FRAGMENT_COUNT_MAX or index >= count or
      payload_size == 0 or payload_size >= message_size or message_size > MESSAGE_SIZE_CEILING then
     return false
@@ -199,12 +224,13 @@ local CHECKS = {
   {"bad_kind", function(tvb) return KIND_NAMES[number(tvb, 3, 1)] == nil end},
   {"bad_priority", function(tvb) return number(tvb, 4, 2) > PRIORITY_MAX end},
   {"reserved_set", function(tvb)
-    return number(tvb, 6, 2) > FLAG_REPEATED + FLAG_ACK_WANTED or number(tvb, 44, 4) ~= 0
+    return not has_good_flags(number(tvb, 3, 1), number(tvb, 6, 2), number(tvb, 44, 4))
   end},
   {"bad_length", function(tvb) return number(tvb, 28, 4) > MESSAGE_SIZE_CEILING end},
   {"bad_fragment", function(tvb)
-    return not has_good_fragment_numbers(number(tvb, 3, 1), number(tvb, 28, 4), number(tvb, 32, 2),
-                                         number(tvb, 34, 2), number(tvb, 36, 4))
+    return not has_good_fragment_numbers(number(tvb, 3, 1), number(tvb, 6, 2), number(tvb, 28, 4),
+                                         number(tvb, 32, 2), number(tvb, 34, 2),
+                                         number(tvb, 36, 4))
   end},
 }
 
@@ -461,6 +487,10 @@ local KINDS = {
                   (is_there and ", all before fragment " .. number(frame.payload, 0, 2) or "")
          end},
 }
+KINDS[9] = {name = "CANCEL", from = "client", payload = opaque, info = describe_object}
+KINDS[10] = {name = "ITEM", from = "server", payload = opaque, info = describe_object}
+KINDS[11] = {name = "CREDIT", from = "client", payload = layout_payload(CREDIT),
+             info = describe_object}
 for number_, entry in pairs(KINDS) do
   KIND_NAMES[number_] = entry.name
 end
@@ -494,12 +524,17 @@ local function declare_layout(prefix, layout)
 end
 
 declare_layout("rtpm", HEADER)
-for _, layout in ipairs({HELLO, COOKIE, WELCOME, BIND_REPLY, BIND_METHOD, ACK}) do
+for _, layout in ipairs({HELLO, COOKIE, WELCOME, BIND_REPLY, BIND_METHOD, ACK, CREDIT}) do
   declare_layout("rtpm." .. layout.name, layout)
 end
 declare("rtpm.flags.repeated", ProtoField.bool("rtpm.flags.repeated", "Repeated", 16, nil, FLAG_REPEATED))
 declare("rtpm.flags.ack_wanted",
         ProtoField.bool("rtpm.flags.ack_wanted", "ACK wanted", 16, nil, FLAG_ACK_WANTED))
+declare("rtpm.flags.no_reply",
+        ProtoField.bool("rtpm.flags.no_reply", "No reply", 16, nil, FLAG_NO_REPLY))
+declare("rtpm.flags.reply_on_receipt",
+        ProtoField.bool("rtpm.flags.reply_on_receipt", "Reply on receipt", 16, nil,
+                        FLAG_REPLY_ON_RECEIPT))
 declare("rtpm.bind.flags.server_declared",
         ProtoField.bool("rtpm.bind.flags.server_declared", "Server-declared", 8, nil, 1))
 declare("rtpm.bind.flags.complete",
@@ -536,7 +571,7 @@ local function read_frame(tvb, pinfo)
     fragment_index = number(tvb, 32, 2), fragment_count = number(tvb, 34, 2),
     is_without_session = is_zero(tvb(8, 8)),
   }
-  frame.is_repeated = frame.flags % (2 * FLAG_REPEATED) >= FLAG_REPEATED
+  frame.is_repeated = has_flag(frame.flags, FLAG_REPEATED)
   frame.kind_entry = KINDS[frame.kind]
   frame.kind_name = frame.kind_entry.name
   frame.payload = tvb(HEADER_SIZE):tvb()
@@ -604,6 +639,8 @@ local function dissect_frame(tvb, pinfo, tree, is_datagram)
   add_layout(branch, tvb, "rtpm", HEADER)
   branch:add_le(fields["rtpm.flags.repeated"], tvb(6, 2))
   branch:add_le(fields["rtpm.flags.ack_wanted"], tvb(6, 2))
+  branch:add_le(fields["rtpm.flags.no_reply"], tvb(6, 2))
+  branch:add_le(fields["rtpm.flags.reply_on_receipt"], tvb(6, 2))
   local frame = read_frame(tvb, pinfo)
   branch:append_text(", " .. frame.kind_name)
   reason = add_payload(branch, frame, is_datagram)

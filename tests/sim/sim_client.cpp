@@ -137,6 +137,8 @@ void SimClient::handle(const wire::ChannelEvent& event) {
     case Kind::kTimeout:
       return end(Outcome::kMayHaveRun, "timeout");
     case Kind::kBroken:
+    case Kind::kItems:
+    case Kind::kClosed:
     case Kind::kNeedRoom:
       return end(Outcome::kMayHaveRun, "what a datagram channel does not say");
   }

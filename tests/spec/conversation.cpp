@@ -1,6 +1,7 @@
 #include "conversation.hpp"
 
 #include <algorithm>
+#include <deque>
 #include <map>
 #include <memory>
 #include <optional>
@@ -264,7 +265,8 @@ class ClientSide final : public Side {
     EXPECT_EQ(what, "call");
     const wire::CallParameters parameters{step.at("service"), step.at("method"), priority,
                                           wide_number(step.at("trace_id")), deadline};
-    const auto frame = channel_.call(parameters, bytes_of_hex(step.at("payload")), now);
+    payloads_.push_back(bytes_of_hex(step.at("payload")));
+    const auto frame = channel_.call(parameters, payloads_.back(), now);
     if (frame) return {{hex_of(*frame), {}}};
     return {{{}, {{"client_sees", to_string(frame.error())}}}};
   }
@@ -293,6 +295,10 @@ class ClientSide final : public Side {
         return {{{}, {{"client_sees", "refused"}, {"status", status}}}};
       case ChannelEvent::Kind::kLost:
         return {{{}, {{"client_sees", "lost"}}}};
+      case ChannelEvent::Kind::kItems:
+        return {{{}, {{"client_sees", "items"}}}};
+      case ChannelEvent::Kind::kClosed:
+        return {{{}, {{"client_sees", "closed"}}}};
       case ChannelEvent::Kind::kNeedRoom:
         return {{{}, {{"client_sees", "a large reply"}}}};
       case ChannelEvent::Kind::kTimeout:
@@ -304,6 +310,7 @@ class ClientSide final : public Side {
   }
 
   alignas(64) std::array<std::byte, 4096> buffer_{};
+  std::deque<Bytes> payloads_;  ///< Of the calls, which view them.
   wire::ClientChannel channel_;
 };
 

@@ -20,9 +20,12 @@ wire::Header header_of(const Json& vector) {
   wire::Header header;
   header.kind = kind_named(shown.at("kind"));
   header.priority = shown.at("priority").get<int>();
-  const int repeated = shown.at("is_repeated").get<bool>() ? wire::kFlagRepeated : 0;
-  const int ack_wanted = shown.at("is_ack_wanted").get<bool>() ? wire::kFlagAckWanted : 0;
-  header.flags = static_cast<std::uint16_t>(repeated | ack_wanted);
+  for (const auto& [name, flag] : {std::pair{"is_repeated", wire::kFlagRepeated},
+                                   {"is_ack_wanted", wire::kFlagAckWanted},
+                                   {"is_no_reply", wire::kFlagNoReply},
+                                   {"is_reply_on_receipt", wire::kFlagReplyOnReceipt}}) {
+    if (shown.at(name).get<bool>()) header.flags |= flag;
+  }
   header.session = wide_number(shown.at("session"));
   header.call_id = shown.at("call_id");
   header.service = shown.at("service");
@@ -34,6 +37,7 @@ wire::Header header_of(const Json& vector) {
   header.fragment_count = shown.at("fragment_count");
   header.message_size = shown.at("message_size");
   header.budget_us = shown.at("budget_us");
+  header.item = shown.at("item");
   header.sender_time_ns = wide_number(shown.at("sender_time_ns"));
   header.trace_id = wide_number(shown.at("trace_id"));
   return header;
@@ -121,8 +125,10 @@ TEST(Constants, AreTheCodes) {
   EXPECT_EQ(constants.at("header_size"), wire::kHeaderSize);
   expect_names<wire::FrameKind>(constants.at("kinds"), wire::kFrameKindLast);
   expect_names<wire::Status>(constants.at("statuses"), wire::kStatusCount);
-  EXPECT_EQ(constants.at("flags"),
-            (Json{{"repeated", wire::kFlagRepeated}, {"ack_wanted", wire::kFlagAckWanted}}));
+  EXPECT_EQ(constants.at("flags"), (Json{{"repeated", wire::kFlagRepeated},
+                                         {"ack_wanted", wire::kFlagAckWanted},
+                                         {"no_reply", wire::kFlagNoReply},
+                                         {"reply_on_receipt", wire::kFlagReplyOnReceipt}}));
   EXPECT_EQ(constants.at("session_service"), wire::kSessionService);
   EXPECT_EQ(constants.at("method_bind"), wire::kMethodBind);
   EXPECT_EQ(constants.at("method_ping"), wire::kMethodPing);
@@ -135,6 +141,9 @@ TEST(Constants, AreTheCodes) {
                       {"fragment_window", wire::kFragmentWindow},
                       {"stream_fragment_window", wire::kStreamFragmentWindow},
                       {"fragment_count_max", wire::kFragmentCountMax},
+                      {"stream_window", wire::kStreamWindow},
+                      {"stream_lease_ms", us(wire::kStreamLease) / 1000},
+                      {"stream_ask_interval_max_ms", us(wire::kStreamAskIntervalMax) / 1000},
                       {"message_size_floor", wire::kMessageSizeFloor},
                       {"message_size_ceiling", wire::kMessageSizeCeiling},
                       {"call_window", wire::kCallWindow},

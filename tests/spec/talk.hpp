@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <chrono>
+#include <deque>
 #include <memory>
 
 #include "capture.hpp"
@@ -51,7 +52,8 @@ class Talk {
   Bytes call(std::uint32_t service, std::uint16_t method, const Bytes& payload, Duration when,
              Duration patience = std::chrono::milliseconds{20}) {
     const wire::CallParameters parameters{service, method, kPriority, 0x7ace, at(when + patience)};
-    const auto frame = client_.call(parameters, payload, at(when));
+    payloads_.push_back(payload);  // The call views it.
+    const auto frame = client_.call(parameters, payloads_.back(), at(when));
     EXPECT_TRUE(frame);
     sent_by_client(copy_of(*frame), when);
     return copy_of(*frame);
@@ -110,6 +112,7 @@ class Talk {
   End server_end_;
   std::unique_ptr<wire::ServerSessions> server_;
   std::array<std::byte, 4096> buffer_{};
+  std::deque<Bytes> payloads_;
   wire::ClientChannel client_{
       {.medium = medium_, .client_epoch = 0xc11e47, .channel = 3, .message_size_max = 4000},
       buffer_};

@@ -18,6 +18,10 @@ void FrameCounters::add(const FrameCounters& other) noexcept {
   refused_count += other.refused_count;
   session_opened_count += other.session_opened_count;
   session_evicted_count += other.session_evicted_count;
+  cancelled_count += other.cancelled_count;
+  orphaned_count += other.orphaned_count;
+  item_count += other.item_count;
+  item_repeated_count += other.item_repeated_count;
   for (std::size_t i = 0; i < dropped.size(); ++i)
     dropped[i] += other.dropped[i];
 }

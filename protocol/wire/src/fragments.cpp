@@ -57,20 +57,26 @@ Header ack_header(const Header& about, MonotonicTime now) noexcept {
   header.fragment_count = 1;
   header.payload_size = header.message_size = FragmentAck::kSize;
   header.budget_us = 0;
+  header.item = 0;
   header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
   return header;
 }
 
 void IncomingMessage::begin(const Header& header, MutableBytes room) noexcept {
   RTPM_ASSERT(room.size() >= header.message_size, "the room holds the message");
+  header_ = header;
   room_ = room.first(header.message_size);
   fragment_size_ = fragment_size_of(header);
   arrived_.reset(header.fragment_count);
 }
 
 IncomingMessage::Taken IncomingMessage::take(const Header& header, ConstBytes payload) noexcept {
+  // hp-5.6-9: what was judged by the first fragment is not changed by a later one.
+  constexpr std::uint16_t kOfTheMessage = kFlagNoReply | kFlagReplyOnReceipt;
   if (header.message_size != room_.size() || header.fragment_count != arrived_.count() ||
-      fragment_size_of(header) != fragment_size_) {
+      fragment_size_of(header) != fragment_size_ || header.service != header_.service ||
+      header.method != header_.method || header.priority != header_.priority ||
+      header.item != header_.item || ((header.flags ^ header_.flags) & kOfTheMessage) != 0) {
     return Taken::kForeign;
   }
   if (!arrived_.insert(header.fragment_index)) return Taken::kCopy;
@@ -147,7 +153,7 @@ ConstBytes OutgoingMessage::write(MutableBytes to, std::uint16_t index, std::uin
   const ConstBytes part =
       message_.subspan(at, std::min<std::size_t>(fragment_size_, message_.size() - at));
   Header header = header_;
-  header.flags = flags;
+  header.flags |= flags;
   header.fragment_index = index;
   header.payload_size = static_cast<std::uint32_t>(part.size());
   header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));

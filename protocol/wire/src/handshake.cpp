@@ -82,7 +82,9 @@ std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
   welcome.message_size_max = reader.take<std::uint32_t>();
   const bool is_second_zero = reader.take_zeros(12);
   if (!low || !high || !ceiling || *low > *high || !is_first_zero || !is_second_zero ||
-      welcome.version != kVersion || welcome.window == 0 || welcome.server_epoch == 0) {
+      welcome.version != kVersion || welcome.window == 0 || welcome.server_epoch == 0 ||
+      welcome.features != 0 || welcome.message_size_max < kMessageSizeFloor ||
+      welcome.message_size_max > kMessageSizeCeiling) {
     return std::nullopt;
   }
   welcome.band = {*low, *high};

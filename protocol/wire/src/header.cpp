@@ -22,18 +22,39 @@ constexpr std::size_t kAtFragmentIndex = 32;
 constexpr std::size_t kAtFragmentCount = 34;
 constexpr std::size_t kAtMessageSize = 36;
 constexpr std::size_t kAtBudget = 40;
-constexpr std::size_t kAtReserved = 44;
+constexpr std::size_t kAtItem = 44;
 constexpr std::size_t kAtSenderTime = 48;
 constexpr std::size_t kAtTraceId = 56;
 static_assert(kAtTraceId + 8 == kHeaderSize && kHeaderSize % 16 == 0);
+
+// hp-2-5: what a kind of frame has no use for is reserved on it.
+bool has_good_flags(const Header& header) noexcept {
+  constexpr std::uint16_t kOneway = kFlagNoReply | kFlagReplyOnReceipt;
+  if ((header.flags & ~kFlagsKnown) != 0) return false;
+  switch (header.kind) {
+    case FrameKind::kCall:
+      // A oneway is of one kind, and no stream.
+      return (header.flags & kOneway) == 0 ||
+             ((header.flags & kOneway) != kOneway && header.item == 0);
+    case FrameKind::kReply:
+    case FrameKind::kAck:
+    case FrameKind::kItem:
+    case FrameKind::kCredit:
+      return (header.flags & kOneway) == 0;
+    default:
+      return (header.flags & kOneway) == 0 && header.item == 0;
+  }
+}
 
 // hp-2-4
 bool has_good_fragment_numbers(const Header& header) noexcept {
   if (header.fragment_count == 1) {
     return header.fragment_index == 0 && header.message_size == header.payload_size;
   }
+  // hp-5.8-2: what nobody acknowledges comes in one frame.
   return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply) &&
-         header.message_size <= kMessageSizeCeiling && fragment_size_of(header) != 0;
+         (header.flags & kFlagNoReply) == 0 && header.message_size <= kMessageSizeCeiling &&
+         fragment_size_of(header) != 0;
 }
 
 }  // namespace
@@ -54,7 +75,7 @@ void encode(const Header& header, std::byte* to) noexcept {
   store_le(to + kAtFragmentCount, header.fragment_count);
   store_le(to + kAtMessageSize, header.message_size);
   store_le(to + kAtBudget, header.budget_us);
-  store_le(to + kAtReserved, std::uint32_t{0});
+  store_le(to + kAtItem, header.item);
   store_le(to + kAtSenderTime, header.sender_time_ns);
   store_le(to + kAtTraceId, header.trace_id);
 }
@@ -75,9 +96,8 @@ expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   header.kind = static_cast<FrameKind>(kind);
   header.priority = Priority{priority};
   header.flags = load_le<std::uint16_t>(from + kAtFlags);
-  if ((header.flags & ~kFlagsKnown) != 0 || load_le<std::uint32_t>(from + kAtReserved) != 0) {
-    return unexpected{DropReason::kReservedSet};
-  }
+  header.item = load_le<std::uint32_t>(from + kAtItem);
+  if (!has_good_flags(header)) return unexpected{DropReason::kReservedSet};
   header.session = load_le<std::uint64_t>(from + kAtSession);
   header.call_id = load_le<std::uint32_t>(from + kAtCallId);
   header.service = load_le<std::uint32_t>(from + kAtService);
@@ -137,6 +157,12 @@ std::string_view to_string(FrameKind kind) noexcept {
       return "CLOSE";
     case FrameKind::kAck:
       return "ACK";
+    case FrameKind::kCancel:
+      return "CANCEL";
+    case FrameKind::kItem:
+      return "ITEM";
+    case FrameKind::kCredit:
+      return "CREDIT";
   }
   return "unknown";
 }

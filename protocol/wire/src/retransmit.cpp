@@ -4,17 +4,33 @@
 
 namespace rtpm::wire {
 
-Duration RetransmitTimer::interval() const noexcept {
+Duration RoundTrip::interval() const noexcept {
   if (smoothed_ == Duration{0}) return kRetransmitIntervalFirst;
   return std::clamp<Duration>(smoothed_ + 4 * deviation_, kRetransmitIntervalMin,
                               kRetransmitIntervalMax);
+}
+
+Duration RoundTrip::first_interval() const noexcept {
+  return std::max(interval(), backed_off_);
+}
+
+void RoundTrip::add(Duration sample) noexcept {
+  sample = std::max(sample, Duration{1});
+  if (smoothed_ == Duration{0}) {
+    smoothed_ = sample;
+    deviation_ = sample / 2;
+    return;
+  }
+  const Duration error = sample > smoothed_ ? sample - smoothed_ : smoothed_ - sample;
+  deviation_ += (error - deviation_) / 4;
+  smoothed_ = std::max(smoothed_ + (sample - smoothed_) / 8, Duration{1});
 }
 
 void RetransmitTimer::begin(MonotonicTime now) noexcept {
   sent_ = now;
   repeat_count_ = 0;
   is_measured_ = true;
-  current_ = std::max(interval(), backed_off_);
+  current_ = path_->first_interval();
   due_ = now + current_;
 }
 
@@ -27,25 +43,20 @@ void RetransmitTimer::repeat(MonotonicTime now) noexcept {
 
 void RetransmitTimer::progress(MonotonicTime now) noexcept {
   is_measured_ = false;
-  current_ = interval();
+  current_ = path_->interval();
   due_ = now + current_;
+}
+
+void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {
+  is_measured_ = false;
+  current_ = wait;
+  due_ = now + wait;
 }
 
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
-  // Without this a round trip that grew beyond the wait would never be measured again: each call
-  // would be repeated, so none would count.
-  backed_off_ = repeat_count_ > 0 ? current_ : Duration{0};
-  if (repeat_count_ > 0 || !is_measured_) return;
-  const Duration sample = std::max(now - sent_, Duration{1});
-  if (smoothed_ == Duration{0}) {
-    smoothed_ = sample;
-    deviation_ = sample / 2;
-    return;
-  }
-  const Duration error = sample > smoothed_ ? sample - smoothed_ : smoothed_ - sample;
-  deviation_ += (error - deviation_) / 4;
-  smoothed_ = std::max(smoothed_ + (sample - smoothed_) / 8, Duration{1});
+  path_->back_off(repeat_count_ > 0 ? current_ : Duration{0});
+  if (repeat_count_ == 0 && is_measured_) path_->add(now - sent_);
 }
 
 }  // namespace rtpm::wire

@@ -20,7 +20,9 @@ std::string_view to_string(Status status) noexcept {
                                                                      "unknown_session",
                                                                      "version_unsupported",
                                                                      "bad_limits",
-                                                                     "wrong_interface"};
+                                                                     "wrong_interface",
+                                                                     "cancelled",
+                                                                     "stopping"};
   const auto index = static_cast<std::size_t>(status);
   return index < kNames.size() ? kNames[index] : "unknown";
 }

@@ -48,7 +48,7 @@ CallError error_of(wire::Status status) noexcept {
     default:
       break;
   }
-  // A status of a later version may mean anything, so it promises nothing.
+  // hp-5.1-7: a status of a later version may mean anything, so it promises nothing.
   return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
                                                                  : CallError::kBadReply;
 }

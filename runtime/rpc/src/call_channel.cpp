@@ -131,6 +131,8 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
       return {.kind = CallOutcome::Kind::kLost};
     case wire::ChannelEvent::Kind::kTimeout:
       return {.error = CallError::kTimeout};
+    case wire::ChannelEvent::Kind::kClosed:
+      return {.error = CallError::kStopped};
     default:
       break;
   }

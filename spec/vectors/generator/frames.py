@@ -5,12 +5,12 @@ one side is free to choose.
 """
 
 KINDS = {'HELLO': 1, 'COOKIE': 2, 'WELCOME': 3, 'REFUSE': 4, 'CALL': 5, 'REPLY': 6, 'CLOSE': 7,
-         'ACK': 8}
+         'ACK': 8, 'CANCEL': 9, 'ITEM': 10, 'CREDIT': 11}
 
 STATUSES = {name: number for number, name in enumerate(
     'ok overload expired no_such_method no_such_object bad_request not_lease_holder gone '
     'servant_failed too_large priority_not_allowed wrong_band unknown_session '
-    'version_unsupported bad_limits wrong_interface'.split())}
+    'version_unsupported bad_limits wrong_interface cancelled stopping'.split())}
 
 DROP_REASONS = ('too_short bad_magic bad_version bad_kind reserved_set bad_priority bad_length '
                 'bad_fragment bad_payload bad_cookie unknown_session foreign_address stale_call '
@@ -18,6 +18,8 @@ DROP_REASONS = ('too_short bad_magic bad_version bad_kind reserved_set bad_prior
 
 REPEATED = 1
 ACK_WANTED = 2
+NO_REPLY = 4
+REPLY_ON_RECEIPT = 8
 KIB = 1024
 MIB = 1024 * KIB
 
@@ -27,7 +29,7 @@ HEADER = [
     ('flags', 2, 0), ('session', 8, 0), ('call_id', 4, 0), ('service', 4, 0), ('method', 2, 0),
     ('status', 2, 0), ('payload_size', 4, None), ('fragment_index', 2, 0),
     ('fragment_count', 2, 1), ('message_size', 4, None), ('budget_us', 4, 0),
-    ('reserved', 4, 0), ('sender_time_ns', 8, 0), ('trace_id', 8, 0),
+    ('item', 4, 0), ('sender_time_ns', 8, 0), ('trace_id', 8, 0),
 ]
 HELLO = [
     ('version_min', 2, 1), ('version_max', 2, 1), ('features', 4, 0), ('client_epoch', 8, None),
@@ -44,6 +46,7 @@ BIND_REPLY = [
     ('fingerprint', 8, None), ('method_count', 2, None), ('reserved_end', 6, 0),
 ]
 ACK = [('first_missing', 2, None), ('reserved', 6, 0), ('later', 32, 0)]
+CREDIT = [('first_missing', 4, None), ('reserved', 4, 0), ('later', 8, 0)]
 METHOD = [('id', 2, None), ('reserved', 2, 0), ('fingerprint', 4, None)]
 
 LAYOUTS = {'HELLO': HELLO, 'WELCOME': WELCOME}

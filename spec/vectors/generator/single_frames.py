@@ -1,7 +1,8 @@
 """Vectors of one frame or one payload each."""
 
-from frames import (ACK, ACK_WANTED, HELLO, KIB, KINDS, MIB, REPEATED, STATUSES, WELCOME, bind_reply,
-                    bind_request, frame, lay_out, number, size_of, text)
+from frames import (ACK, ACK_WANTED, CREDIT, HELLO, KIB, KINDS, MIB, NO_REPLY, REPEATED,
+                    REPLY_ON_RECEIPT, STATUSES, WELCOME, bind_reply, bind_request, frame, lay_out,
+                    number, size_of, text)
 
 SESSION = 0xb7fc5e0b78510000
 ONES_16, ONES_32, ONES_64 = 2**16 - 1, 2**32 - 1, 2**64 - 1
@@ -23,9 +24,11 @@ def headers_good():
     def add(name, kind, payload='', rules=('hp-2-1',), **fields):
         flags = fields.get('flags', 0)
         shown = dict(kind=kind, priority=0, is_repeated=flags & REPEATED != 0,
-                     is_ack_wanted=flags & ACK_WANTED != 0, fragment_index=0, fragment_count=1,
-                     message_size=size_of(payload), session=0, call_id=0, service=0, method=0, status='ok', budget_us=0,
-                     sender_time_ns=0, trace_id=0)
+                     is_ack_wanted=flags & ACK_WANTED != 0, is_no_reply=flags & NO_REPLY != 0,
+                     is_reply_on_receipt=flags & REPLY_ON_RECEIPT != 0, fragment_index=0,
+                     fragment_count=1, message_size=size_of(payload), session=0, call_id=0,
+                     service=0, method=0, status='ok', budget_us=0, item=0, sender_time_ns=0,
+                     trace_id=0)
         shown |= {key: value for key, value in fields.items() if key in shown}
         if 'status' in fields:
             fields['status'] = STATUSES[fields['status']]
@@ -50,6 +53,36 @@ def headers_good():
     add('REPLY, a fragment that is repeated and wants an ACK', 'REPLY', 'a5' * 100, service=1,
         method=2, fragment_index=1, fragment_count=3, message_size=201,
         flags=REPEATED | ACK_WANTED, **usual)
+    add('CALL, which wants no reply', 'CALL', '01', ['hp-2-5', 'hp-5.8-1'], service=1, method=2,
+        budget_us=800, flags=NO_REPLY, **usual)
+    add('CALL, which wants its reply on receipt', 'CALL', '01', ['hp-2-5', 'hp-5.8-3'], service=1,
+        method=2, budget_us=800, flags=REPLY_ON_RECEIPT, **usual)
+    add('CALL, which wants its reply on receipt, repeated', 'CALL', '01', ['hp-2-5', 'hp-5.3-2'],
+        service=1, method=2, budget_us=800, flags=REPEATED | REPLY_ON_RECEIPT, **usual)
+    add('CALL, a fragment that wants its reply on receipt', 'CALL', 'a5' * 100, ['hp-2-4'],
+        service=1, method=2, fragment_count=3, message_size=201, flags=REPLY_ON_RECEIPT, **usual)
+    add('CALL, which asks for a stream', 'CALL', '01', ['hp-2-5'], service=1, method=2,
+        budget_us=800, item=4, **usual)
+    add('CALL, which asks for a stream, repeated, which wants an ACK', 'CALL', '01',
+        ['hp-2-5', 'hp-5.10-3'], service=1, method=2, budget_us=800, item=4,
+        flags=REPEATED | ACK_WANTED, **usual)
+    add('CALL, a fragment that asks for a stream', 'CALL', 'a5' * 100, ['hp-2-4', 'hp-2-5'],
+        service=1, method=2, fragment_count=3, message_size=201, item=32, **usual)
+    add('ACK of a stream', 'ACK', lay_out(ACK, first_missing=1), ['hp-2-5', 'hp-5.10-5'],
+        service=1, method=2, item=7, **usual)
+    add('REPLY of a stream', 'REPLY', '', ['hp-2-5', 'hp-5.10-6'], service=1, method=2,
+        budget_us=900, item=7, **usual)
+    add('CANCEL', 'CANCEL', '', ['hp-5.9-1'], service=1, method=2, trace_id=0x7ace, **usual)
+    add('ITEM, the first', 'ITEM', '01', ['hp-5.10-1'], service=1, method=2, **usual)
+    add('ITEM, a later one, repeated', 'ITEM', '0203', ['hp-5.10-1'], service=1, method=2, item=6,
+        flags=REPEATED, **usual)
+    add('ITEM without payload, of the largest number', 'ITEM', '', ['hp-5.10-1'], service=1,
+        method=2, item=ONES_32, **usual)
+    add('CREDIT', 'CREDIT', lay_out(CREDIT, first_missing=3), ['hp-5.10-4'], service=1, method=2,
+        budget_us=3_000_000, item=7, **usual)
+    add('CREDIT, which shows a gap and wants an answer', 'CREDIT',
+        lay_out(CREDIT, first_missing=3, later=0b1001), ['hp-5.10-4', 'hp-5.10-5'], service=1,
+        method=2, budget_us=3_000_000, item=7, flags=ACK_WANTED, **usual)
     for status in STATUSES:
         add(f'REPLY {status}', 'REPLY', service=1, method=2, budget_us=10, status=status, **usual)
     add('REPLY, repeated', 'REPLY', '0203', service=1, method=2, budget_us=10, flags=REPEATED,
@@ -92,21 +125,30 @@ def headers_bad():
         ['hp-2-1', 'hp-8-2'])
     for version in (0, 2, 255):
         broken(f'version {version}', 'bad_version', version=version)
-    for kind in (0, 9, 255):
+    for kind in (0, 12, 255):
         broken(f'kind {kind}', 'bad_kind', kind=kind)
-    for kind in ('COOKIE', 'WELCOME', 'REFUSE', 'REPLY'):
+    for kind in ('COOKIE', 'WELCOME', 'REFUSE', 'REPLY', 'ITEM'):
         add(f'{kind} to a server', 'bad_kind', frame(kind, session=SESSION), ['hp-3-1'],
             receiver='server', ends_stream=False)
-    for kind in ('HELLO', 'CALL', 'CLOSE'):
+    for kind in ('HELLO', 'CALL', 'CANCEL', 'CREDIT'):
         add(f'{kind} to a client', 'bad_kind', frame(kind, session=SESSION), ['hp-3-1'],
             receiver='client', ends_stream=False)
     for priority in (32768, 65535):
         broken(f'priority {priority}', 'bad_priority', priority=priority)
-    for bit in range(2, 16):
+    for bit in range(4, 16):
         broken(f'reserved flag {bit}', 'reserved_set', 'hp-2-2', flags=1 << bit)
-    broken('a reserved flag beside repeated', 'reserved_set', 'hp-2-2', flags=5)
+    broken('a reserved flag beside repeated', 'reserved_set', 'hp-2-2', flags=17)
+    broken('a oneway of both kinds', 'reserved_set', 'hp-2-5', flags=NO_REPLY | REPLY_ON_RECEIPT)
+    for flag, name in ((NO_REPLY, 'no reply'), (REPLY_ON_RECEIPT, 'reply on receipt')):
+        broken(f'a stream with {name}', 'reserved_set', 'hp-2-5', flags=flag, item=1)
+        for kind in KINDS:
+            if kind != 'CALL':
+                broken(f'{name} on {kind}', 'reserved_set', 'hp-2-5', kind=kind, flags=flag)
+    for kind in ('HELLO', 'COOKIE', 'WELCOME', 'REFUSE', 'CLOSE', 'CANCEL'):
+        broken(f'an item on {kind}', 'reserved_set', 'hp-2-5', kind=kind, item=1)
     for byte in range(4):
-        broken(f'reserved byte {44 + byte}', 'reserved_set', 'hp-2-2', reserved=1 << 8 * byte)
+        broken(f'byte {44 + byte} of a CLOSE', 'reserved_set', 'hp-2-5', kind='CLOSE',
+               item=1 << 8 * byte)
     broken('a payload of 16 MiB and a byte', 'bad_length', payload_size=16 * MIB + 1)
     broken('a payload of 4 GiB', 'bad_length', payload_size=ONES_32)
     for wrong in (0, 3, 5, 16 * MIB):
@@ -125,18 +167,22 @@ def headers_bad():
            message_size=8)
     broken('a last fragment that leaves no equal ones', 'bad_fragment', 'hp-5.6-1',
            fragment_index=2, fragment_count=3, message_size=11)
-    broken('a CLOSE in fragments', 'bad_fragment', 'hp-2-4', kind='CLOSE', fragment_count=2,
-           message_size=8)
+    for kind in KINDS:
+        if kind not in ('CALL', 'REPLY'):
+            broken(f'{kind} in fragments', 'bad_fragment', 'hp-2-4', kind=kind, fragment_count=2,
+                   message_size=8)
+    broken('a CALL that wants no reply in fragments', 'bad_fragment', 'hp-5.8-2', flags=NO_REPLY,
+           fragment_count=2, message_size=8)
     broken('a message smaller than the payload', 'bad_fragment', 'hp-2-4', message_size=3)
     broken('a message larger than the payload', 'bad_fragment', 'hp-2-4', message_size=5)
     # Each of these has the fault that its name says, and the next in the order of the checks.
     broken('magic, then version', 'bad_magic', magic=0, version=0)
     broken('version, then kind', 'bad_version', version=2, kind=0)
-    broken('kind, then priority', 'bad_kind', kind=9, priority=32768)
-    broken('priority, then flags', 'bad_priority', priority=32768, flags=4)
-    broken('priority, then reserved', 'bad_priority', priority=32768, reserved=1)
-    broken('flags, then length', 'reserved_set', flags=4, payload_size=16 * MIB + 1)
-    broken('reserved, then length', 'reserved_set', reserved=1, payload_size=16 * MIB + 1)
+    broken('kind, then priority', 'bad_kind', kind=12, priority=32768)
+    broken('priority, then flags', 'bad_priority', priority=32768, flags=16)
+    broken('priority, then item', 'bad_priority', kind='CLOSE', priority=32768, item=1)
+    broken('flags, then length', 'reserved_set', flags=16, payload_size=16 * MIB + 1)
+    broken('item, then length', 'reserved_set', kind='CLOSE', item=1, payload_size=16 * MIB + 1)
     broken('length, then fragments', 'bad_length', payload_size=16 * MIB + 1, fragment_index=1)
     add('fragments, then the size of the datagram', 'bad_fragment',
         frame('CALL', '01020304', payload_size=3, message_size=4), ['hp-2-3'], medium=['datagram'])
@@ -256,6 +302,9 @@ def welcome():
         wrong('an end of the band that is no priority', band_high=32768),
         wrong('a ceiling that is no priority', ceiling=32768),
         wrong('a version that was not offered', version=2),
+        wrong('a feature that was not offered', features=1),
+        wrong('a limit of less than 1 KiB', message_size_max=KIB - 1),
+        wrong('a limit above 16 MiB', message_size_max=16 * MIB + 1),
     ]
     return dict(subject='Payloads of WELCOME, to a client that asked for priority 24000; with the '
                         "session of the frame's header.", good=good, bad=bad)
@@ -349,11 +398,13 @@ def constants():
     return dict(
         subject='The numbers of hprotocol.md, to be compared with yours.',
         magic='4850', version=1, header_size=64, kinds=KINDS, statuses=STATUSES,
-        flags={'repeated': REPEATED, 'ack_wanted': ACK_WANTED}, session_service=0, method_bind=1,
-        method_ping=2, default_port=7420,
+        flags={'repeated': REPEATED, 'ack_wanted': ACK_WANTED, 'no_reply': NO_REPLY,
+               'reply_on_receipt': REPLY_ON_RECEIPT},
+        session_service=0, method_bind=1, method_ping=2, default_port=7420,
         limits=dict(datagram_frame_size_max=1408, datagram_payload_size_max=1344,
                     stream_frame_size_max=64 * KIB, stream_payload_size_max=64 * KIB - 64,
                     fragment_window=32, stream_fragment_window=4, fragment_count_max=12_544,
+                    stream_window=32, stream_lease_ms=3000, stream_ask_interval_max_ms=500,
                     message_size_floor=KIB, message_size_ceiling=16 * MIB, call_window=8,
                     session_idle_min_s=30, cookie_span_s=10, path_size_max=200,
                     copy_interval_first_us=5000, copy_interval_min_us=500,

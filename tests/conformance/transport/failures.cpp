@@ -336,9 +336,9 @@ TEST_P(TransportSuite, CountsGarbageByItsReasonAndGoesOn) {
   std::uint64_t count = 0;
   for (const Spoiling& spoiling : {Spoiling{0, std::byte{0}, DropReason::kBadMagic},
                                    Spoiling{2, std::byte{2}, DropReason::kBadVersion},
-                                   Spoiling{3, std::byte{9}, DropReason::kBadKind},
+                                   Spoiling{3, std::byte{12}, DropReason::kBadKind},
                                    Spoiling{5, std::byte{0x80}, DropReason::kBadPriority},
-                                   Spoiling{6, std::byte{4}, DropReason::kReservedSet},
+                                   Spoiling{6, std::byte{16}, DropReason::kReservedSet},
                                    Spoiling{34, std::byte{2}, DropReason::kBadFragment}}) {
     RawPeer peer(transport(), server.server->port());
     Bytes frame = peer.call_frame(1, echo::kEcho.id);

@@ -188,6 +188,7 @@ TEST(Call, TellsWhatTheServersStatusMeans) {
 
 // A status of a later version: nobody can promise that the servant did not run.
 TEST(Call, PromisesNothingForAStatusThatNobodyKnows) {
+  // hp-5.1-7
   EXPECT_EQ(error_for(static_cast<wire::Status>(wire::kStatusCount)), CallError::kBadReply);
   EXPECT_EQ(error_for(static_cast<wire::Status>(0xffff)), CallError::kBadReply);
 }

@@ -14,13 +14,14 @@ class ClientChannelTest : public testing::Test {
  protected:
   using Kind = ChannelEvent::Kind;
 
-  explicit ClientChannelTest(Medium medium = Medium::kDatagram)
+  explicit ClientChannelTest(Medium medium = Medium::kDatagram, std::uint16_t open_call_max = 1)
       : buffer_(kHeaderSize + 2000),
         channel_({.medium = medium,
                   .client_epoch = 77,
                   .channel = 5,
                   .clock_domain = 9,
-                  .message_size_max = 3000},
+                  .message_size_max = 3000,
+                  .open_call_max = open_call_max},
                  buffer_) {}
 
   /// An answer to `sent`, as a server makes it.
@@ -28,6 +29,7 @@ class ClientChannelTest : public testing::Test {
     Header header = header_of(sent);
     header.kind = kind;
     header.flags = 0;
+    header.item = 0;
     return header;
   }
   static Welcome welcome() {
@@ -71,12 +73,13 @@ class ClientChannelTest : public testing::Test {
   }
   /// Begins a call; gives a copy of its frame.
   Bytes begin_call(MonotonicTime now, Duration deadline = std::chrono::seconds{1}) {
-    const auto frame = channel_.call(parameters(now + deadline), bytes_of("request"), now);
+    const auto frame = channel_.call(parameters(now + deadline), request_, now);
     EXPECT_TRUE(frame);
     return frame ? copy_of(*frame) : Bytes{};
   }
   std::uint64_t dropped(DropReason reason) const { return channel_.counters().dropped_for(reason); }
 
+  const Bytes request_ = bytes_of("request");  ///< Lives as long as the calls.
   Bytes buffer_;
   ClientChannel channel_;
 };

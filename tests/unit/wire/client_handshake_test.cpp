@@ -81,6 +81,20 @@ TEST_F(ClientHandshake, RepeatsItsHelloAtDoubledTimes) {
   }
 }
 
+// hp-4.2-4: else whoever forges COOKIEs could keep it sending.
+TEST_F(ClientHandshake, AnswersOneCookieForEachHelloOfItsOwn) {
+  const Bytes first = copy_of(channel_.open(120, at(1s), at(0s)));
+  EXPECT_EQ(channel_.on_frame(cookie_frame(first, std::byte{7}), at(1ms)).kind, Kind::kSend);
+  for (int i = 0; i < 10; ++i) {
+    EXPECT_EQ(channel_.on_frame(cookie_frame(first, std::byte{8}), at(2ms)).kind, Kind::kNothing);
+  }
+  const ChannelEvent copy = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(copy.kind, Kind::kSend);
+  EXPECT_EQ(hello_of(copy.frame).cookie[0], std::byte{8}) << "the last one goes with the copy";
+  EXPECT_EQ(channel_.on_frame(cookie_frame(first, std::byte{9}), at(9ms)).kind, Kind::kSend);
+  EXPECT_EQ(channel_.on_frame(cookie_frame(first, std::byte{9}), at(9ms)).kind, Kind::kNothing);
+}
+
 TEST_F(ClientHandshake, RepeatsTheCookieWithItsHello) {
   const Bytes first = copy_of(channel_.open(120, at(10s), at(0s)));
   ASSERT_EQ(channel_.on_frame(cookie_frame(first, std::byte{7}), at(1ms)).kind, Kind::kSend);
@@ -191,12 +205,13 @@ TEST_F(ClientHandshake, EndsAnEarlierSession) {
 
 // hp-3-1
 TEST_F(ClientHandshake, DropsTheKindsThatOnlyServersReceive) {
-  for (const FrameKind kind : {FrameKind::kHello, FrameKind::kCall, FrameKind::kClose}) {
+  for (const FrameKind kind :
+       {FrameKind::kHello, FrameKind::kCall, FrameKind::kCancel, FrameKind::kCredit}) {
     Header header;
     header.kind = kind;
     EXPECT_EQ(channel_.on_frame(frame_of(header), at(0s)).kind, Kind::kNothing);
   }
-  EXPECT_EQ(dropped(DropReason::kBadKind), 3u);
+  EXPECT_EQ(dropped(DropReason::kBadKind), 4u);
 }
 
 TEST_F(ClientHandshakeOnAStream, RepeatsNothing) {

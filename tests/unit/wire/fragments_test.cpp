@@ -163,6 +163,29 @@ TEST(IncomingMessage, TakesNoFragmentOfAnother) {
   EXPECT_EQ(incoming.take(part(1, 3, 100, 250), Bytes(100)), Taken::kLast);
 }
 
+// hp-5.6-9: what was judged by the first fragment, a priority above all, stays as it was.
+TEST(IncomingMessage, TakesNoFragmentThatSaysOtherwise) {
+  Bytes room(1000);
+  IncomingMessage incoming;
+  incoming.begin(part(0, 3, 100, 250), room);
+  const auto offer = [&](auto change) {
+    Header header = part(1, 3, 100, 250);
+    change(header);
+    return incoming.take(header, Bytes(100));
+  };
+  EXPECT_EQ(offer([](Header& h) { ++h.service; }), Taken::kForeign);
+  EXPECT_EQ(offer([](Header& h) { ++h.method; }), Taken::kForeign);
+  EXPECT_EQ(offer([](Header& h) { h.priority = 1; }), Taken::kForeign);
+  EXPECT_EQ(offer([](Header& h) { h.item = 4; }), Taken::kForeign);
+  EXPECT_EQ(offer([](Header& h) { h.flags = kFlagReplyOnReceipt; }), Taken::kForeign);
+  const auto changes_with_time = [](Header& h) {
+    h.flags = kFlagRepeated | kFlagAckWanted;
+    h.budget_us = 7;
+    h.sender_time_ns = 8;
+  };
+  EXPECT_EQ(offer(changes_with_time), Taken::kNew);
+}
+
 constexpr std::uint32_t kLarge = 64 * 1024;
 
 class LargeCalls : public testing::Test {
@@ -220,6 +243,20 @@ TEST_F(LargeCalls, RunOnceWithTheWholeMessage) {
   ASSERT_EQ(verdict.action, Action::kSend);
   EXPECT_EQ(header_of(verdict.frame).kind, FrameKind::kAck);
   EXPECT_EQ(decode_ack(verdict.frame.subspan(kHeaderSize))->first_missing, 8u);
+}
+
+// hp-5.6-9: a session's ceiling can't be passed by by a later fragment.
+TEST_F(LargeCalls, KeepThePriorityThatWasJudged) {
+  std::vector<Bytes> all = fragments(1, pattern(2000));
+  ASSERT_EQ(all.size(), 2u);
+  EXPECT_EQ(receive(all[0]).action, Action::kNothing);
+  Bytes higher = all[1];
+  store_le(higher.data() + 4, static_cast<std::uint16_t>(Priority::kHighest));
+  EXPECT_EQ(receive(higher).action, Action::kNothing);
+  EXPECT_EQ(server_.counters().dropped_for(DropReason::kBadFragment), 1u);
+  const Verdict verdict = receive(all[1]);
+  ASSERT_EQ(verdict.action, Action::kDispatch);
+  EXPECT_EQ(verdict.request.header.priority, peer_.priority);
 }
 
 TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {

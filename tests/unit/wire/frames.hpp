@@ -34,8 +34,9 @@ inline void PrintTo(Verdict::Action action, std::ostream* out) {
   *out << kNames[static_cast<std::size_t>(action)];
 }
 inline void PrintTo(ChannelEvent::Kind kind, std::ostream* out) {
-  static constexpr std::array<std::string_view, 9> kNames{
-      "nothing", "send", "ready", "reply", "refused", "lost", "need room", "timeout", "broken"};
+  static constexpr std::array<std::string_view, 11> kNames{
+      "nothing", "send",   "ready",     "reply",   "items", "refused",
+      "lost",    "closed", "need room", "timeout", "broken"};
   *out << kNames[static_cast<std::size_t>(kind)];
 }
 
@@ -91,13 +92,21 @@ using Random = std::mt19937_64;
   Header header;
   header.kind = static_cast<FrameKind>(1 + random() % kFrameKindLast);
   header.priority = Priority{static_cast<int>(random() % (Priority::kHighest + 1))};
-  header.flags = random() % 2 == 0 ? std::uint16_t{0} : kFlagRepeated;
+  header.flags = static_cast<std::uint16_t>(random() % 4);
+  if (header.kind == FrameKind::kCall) {
+    constexpr std::array<std::uint16_t, 3> kDeliveries{0, kFlagNoReply, kFlagReplyOnReceipt};
+    header.flags |= kDeliveries[random() % 3];
+  }
   header.session = random();
   header.call_id = static_cast<std::uint32_t>(random());
   header.service = static_cast<std::uint32_t>(random());
   header.method = static_cast<std::uint16_t>(random());
   header.status = static_cast<Status>(random() % kStatusCount);
   header.budget_us = static_cast<std::uint32_t>(random());
+  const bool may_have_item = header.kind == FrameKind::kReply || header.kind == FrameKind::kAck ||
+                             header.kind == FrameKind::kItem || header.kind == FrameKind::kCredit ||
+                             (header.kind == FrameKind::kCall && header.flags < kFlagNoReply);
+  if (may_have_item) header.item = static_cast<std::uint32_t>(random());
   header.sender_time_ns = random();
   header.trace_id = random();
   return header;

@@ -35,11 +35,11 @@ Welcome random_welcome(Random& random) {
   const int high = random_priority(random);
   welcome.band = {std::min(low, high), std::max(low, high)};
   welcome.ceiling = random_priority(random);
-  welcome.features = static_cast<std::uint32_t>(random());
   welcome.window = static_cast<std::uint16_t>(random() | 1);
   welcome.server_epoch = random() | 1;
   welcome.clock_domain = random();
-  welcome.message_size_max = static_cast<std::uint32_t>(random());
+  constexpr std::uint32_t kSizes = kMessageSizeCeiling - kMessageSizeFloor + 1;
+  welcome.message_size_max = kMessageSizeFloor + static_cast<std::uint32_t>(random() % kSizes);
   return welcome;
 }
 
@@ -138,6 +138,18 @@ TEST(Welcome, ThatCanNotBeMeantIsNotRead) {
   welcome = good;
   welcome.version = 2;
   EXPECT_FALSE(decode_welcome(encoded(welcome))) << "a version that was not offered";
+  welcome = good;
+  welcome.features = 1;
+  EXPECT_FALSE(decode_welcome(encoded(welcome))) << "a feature that was not offered";
+  welcome = good;
+  for (const std::uint32_t bad : {0u, kMessageSizeFloor - 1, kMessageSizeCeiling + 1, ~0u}) {
+    welcome.message_size_max = bad;
+    EXPECT_FALSE(decode_welcome(encoded(welcome))) << "an absurd limit: " << bad;
+  }
+  for (const std::uint32_t limit : {kMessageSizeFloor, kMessageSizeCeiling}) {
+    welcome.message_size_max = limit;
+    EXPECT_TRUE(decode_welcome(encoded(welcome))) << limit;
+  }
   welcome = good;
   welcome.band = {100, 99};
   EXPECT_FALSE(decode_welcome(encoded(welcome))) << "a band from high to low";

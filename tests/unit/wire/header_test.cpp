@@ -35,6 +35,7 @@ void expect_same(const Header& a, const Header& b) {
   EXPECT_EQ(a.fragment_count, b.fragment_count);
   EXPECT_EQ(a.message_size, b.message_size);
   EXPECT_EQ(a.budget_us, b.budget_us);
+  EXPECT_EQ(a.item, b.item);
   EXPECT_EQ(a.sender_time_ns, b.sender_time_ns);
   EXPECT_EQ(a.trace_id, b.trace_id);
 }
@@ -89,14 +90,17 @@ const std::vector<Break>& breaks() {
       {"version 0", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{0}; }},
       {"version 2", DropReason::kBadVersion, [](Bytes& f) { f[2] = std::byte{2}; }},
       {"kind 0", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{0}; }},
-      {"kind 9", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{9}; }},
+      {"kind 12", DropReason::kBadKind, [](Bytes& f) { f[3] = std::byte{12}; }},
       {"priority 32768", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 32768); }},
       {"priority 65535", DropReason::kBadPriority, [](Bytes& f) { set_u16(f, 4, 65535); }},
-      {"flag 2", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 4); }},
+      {"flag 4", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 16); }},
       {"flag 15", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 0x8000); }},
-      {"the first reserved byte", DropReason::kReservedSet, [](Bytes& f) { set_u32(f, 44, 1); }},
-      {"the last reserved byte", DropReason::kReservedSet,
-       [](Bytes& f) { set_u32(f, 44, 0x8000'0000); }},
+      {"a oneway of both kinds", DropReason::kReservedSet, [](Bytes& f) { set_u16(f, 6, 12); }},
+      {"an item on a frame of no stream", DropReason::kReservedSet,
+       [](Bytes& f) {
+         f[3] = static_cast<std::byte>(FrameKind::kClose);
+         set_u32(f, 44, 1);
+       }},
       {"a payload above 16 MiB", DropReason::kBadLength,
        [](Bytes& f) { set_u32(f, 28, kMessageSizeCeiling + 1); }},
       {"a payload of 4 GiB", DropReason::kBadLength, [](Bytes& f) { set_u32(f, 28, 0xffff'ffff); }},
@@ -116,6 +120,80 @@ TEST(Header, IsDroppedForTheFieldThatIsBroken) {
     Bytes frame = good;
     one.apply(frame);
     EXPECT_EQ(reason_for(frame), one.reason) << one.what;
+  }
+}
+
+/// Why a frame of `kind` with these flags and this item is dropped; nothing if it is taken.
+std::optional<DropReason> reason_for(FrameKind kind, std::uint16_t flags, std::uint32_t item) {
+  Header header;
+  header.kind = kind;
+  header.flags = flags;
+  header.item = item;
+  return reason_for(frame_of(header));
+}
+
+constexpr std::array kAllKinds{FrameKind::kHello,  FrameKind::kCookie, FrameKind::kWelcome,
+                               FrameKind::kRefuse, FrameKind::kCall,   FrameKind::kReply,
+                               FrameKind::kClose,  FrameKind::kAck,    FrameKind::kCancel,
+                               FrameKind::kItem,   FrameKind::kCredit};
+static_assert(kAllKinds.size() == kFrameKindLast);
+
+// hp-2-5
+TEST(Header, OfACallAloneSaysHowItIsAnswered) {
+  for (const FrameKind kind : kAllKinds) {
+    for (const std::uint16_t flag : {kFlagNoReply, kFlagReplyOnReceipt}) {
+      const auto reason = reason_for(kind, flag, 0);
+      if (kind == FrameKind::kCall) {
+        EXPECT_EQ(reason, std::nullopt);
+      } else {
+        EXPECT_EQ(reason, DropReason::kReservedSet) << to_string(kind);
+      }
+    }
+  }
+  EXPECT_EQ(reason_for(FrameKind::kCall, kFlagNoReply | kFlagReplyOnReceipt, 0),
+            DropReason::kReservedSet);
+  EXPECT_EQ(reason_for(FrameKind::kCall, kFlagNoReply | kFlagRepeated, 0), std::nullopt);
+}
+
+// hp-2-5
+TEST(Header, HasAnItemWhereThereMayBeAStream) {
+  constexpr std::array kOfStreams{FrameKind::kCall, FrameKind::kReply, FrameKind::kAck,
+                                  FrameKind::kItem, FrameKind::kCredit};
+  for (const FrameKind kind : kAllKinds) {
+    const bool is_of_streams = std::ranges::find(kOfStreams, kind) != kOfStreams.end();
+    for (const std::uint32_t item : {1u, 0x8000'0000u, 0xffff'ffffu}) {
+      const auto reason = reason_for(kind, 0, item);
+      EXPECT_EQ(reason, is_of_streams ? std::nullopt : std::optional(DropReason::kReservedSet))
+          << to_string(kind) << " " << item;
+    }
+    EXPECT_EQ(reason_for(kind, 0, 0), std::nullopt) << to_string(kind);
+  }
+  for (const std::uint16_t flag : {kFlagNoReply, kFlagReplyOnReceipt}) {
+    EXPECT_EQ(reason_for(FrameKind::kCall, flag, 1), DropReason::kReservedSet)
+        << "a oneway is no stream";
+  }
+}
+
+// hp-2-4, hp-5.8-2
+TEST(Header, OfFragmentsIsACallsOrAReplys) {
+  for (const FrameKind kind : kAllKinds) {
+    for (const std::uint16_t flags : {std::uint16_t{0}, kFlagNoReply, kFlagReplyOnReceipt}) {
+      Header header;
+      header.kind = kind;
+      header.flags = flags;
+      header.payload_size = 1;
+      header.message_size = 2;
+      header.fragment_count = 2;
+      Bytes frame(kHeaderSize + 1);
+      encode(header, frame.data());
+      const bool is_call = kind == FrameKind::kCall;
+      const bool is_good =
+          is_call ? flags != kFlagNoReply : kind == FrameKind::kReply && flags == 0;
+      EXPECT_EQ(reason_for(frame) == std::nullopt, is_good) << to_string(kind) << " " << flags;
+      if (is_call && !is_good) {
+        EXPECT_EQ(reason_for(frame), DropReason::kBadFragment);
+      }
+    }
   }
 }
 
@@ -225,13 +303,16 @@ TEST(Names, AreTheSpecs) {
                                                                  "unknown_session",
                                                                  "version_unsupported",
                                                                  "bad_limits",
-                                                                 "wrong_interface"};
+                                                                 "wrong_interface",
+                                                                 "cancelled",
+                                                                 "stopping"};
   for (std::size_t i = 0; i < kStatuses.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<Status>(i)), kStatuses[i]);
   }
   EXPECT_EQ(to_string(static_cast<Status>(kStatusCount)), "unknown");
   constexpr std::array<std::string_view, kFrameKindLast> kKinds{
-      "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL", "REPLY", "CLOSE", "ACK"};
+      "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL",  "REPLY",
+      "CLOSE", "ACK",    "CANCEL",  "ITEM",   "CREDIT"};
   for (std::size_t i = 0; i < kKinds.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<FrameKind>(i + 1)), kKinds[i]);
   }
@@ -246,6 +327,10 @@ TEST(Counters, AddUpEachForItself) {
   one.refused_count = 4;
   one.session_opened_count = 5;
   one.session_evicted_count = 6;
+  one.cancelled_count = 7;
+  one.orphaned_count = 8;
+  one.item_count = 9;
+  one.item_repeated_count = 10;
   for (std::size_t i = 0; i < kDropReasonCount; ++i) {
     for (std::size_t count = 0; count <= i; ++count)
       one.drop(static_cast<DropReason>(i));
@@ -258,6 +343,10 @@ TEST(Counters, AddUpEachForItself) {
   EXPECT_EQ(sum.refused_count, 8u);
   EXPECT_EQ(sum.session_opened_count, 10u);
   EXPECT_EQ(sum.session_evicted_count, 12u);
+  EXPECT_EQ(sum.cancelled_count, 14u);
+  EXPECT_EQ(sum.orphaned_count, 16u);
+  EXPECT_EQ(sum.item_count, 18u);
+  EXPECT_EQ(sum.item_repeated_count, 20u);
   for (std::size_t i = 0; i < kDropReasonCount; ++i) {
     EXPECT_EQ(sum.dropped_for(static_cast<DropReason>(i)), 2 * (i + 1));
   }

@@ -27,7 +27,8 @@ Duration first_wait(RetransmitTimer& timer) {
 }
 
 TEST(RetransmitTimer, HasNothingToDoBeforeAndAfterACall) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   EXPECT_EQ(timer.due(), kNever);
   timer.begin(at(0s));
   EXPECT_NE(timer.due(), kNever);
@@ -36,39 +37,44 @@ TEST(RetransmitTimer, HasNothingToDoBeforeAndAfterACall) {
 }
 
 TEST(RetransmitTimer, WaitsTheFirstIntervalWhileNothingIsMeasured) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   EXPECT_EQ(first_wait(timer), kRetransmitIntervalFirst);
-  EXPECT_EQ(timer.smoothed(), Duration{0});
+  EXPECT_EQ(path.smoothed(), Duration{0});
 }
 
 // RFC 6298, 2.2: after the first measurement R, mean R and deviation R/2: R + 4·R/2.
 TEST(RetransmitTimer, WaitsThreeRoundTripsAfterTheFirst) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 2ms, 1);
-  EXPECT_EQ(timer.smoothed(), Duration{2ms});
+  EXPECT_EQ(path.smoothed(), Duration{2ms});
   EXPECT_EQ(first_wait(timer), Duration{6ms});
 }
 
 // RFC 6298, 2.3: the deviation moves by a quarter of the error's excess, then the mean by an eighth
 // of the error. From R = 2 ms: error 8 ms; deviation 1 + (8 − 1)/4 = 2.75; mean 2 + 8/8 = 3.
 TEST(RetransmitTimer, SmoothsAsTheRfcSays) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 2ms, 1);
   measure(timer, 10ms, 1);
-  EXPECT_EQ(timer.smoothed(), Duration{3ms});
+  EXPECT_EQ(path.smoothed(), Duration{3ms});
   EXPECT_EQ(first_wait(timer), Duration{3ms + 4 * 2750us});
 }
 
 TEST(RetransmitTimer, FindsASteadyRoundTrip) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 20ms, 1);
   measure(timer, 3ms, 200);
-  EXPECT_NEAR(static_cast<double>(timer.smoothed().count()), 3e6, 1e4);
+  EXPECT_NEAR(static_cast<double>(path.smoothed().count()), 3e6, 1e4);
   EXPECT_NEAR(static_cast<double>(first_wait(timer).count()), 3e6, 1e5);
 }
 
 TEST(RetransmitTimer, DoublesFromCopyToCopyUpToTheMaximum) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   timer.begin(at(0s));
   MonotonicTime sent = at(0s);
   Duration wait = kRetransmitIntervalFirst;
@@ -83,7 +89,8 @@ TEST(RetransmitTimer, DoublesFromCopyToCopyUpToTheMaximum) {
 }
 
 TEST(RetransmitTimer, IsBoundedOnBothSides) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 5us, 100);
   EXPECT_EQ(first_wait(timer), kRetransmitIntervalMin);
   timer.end(at(5us));
@@ -93,12 +100,13 @@ TEST(RetransmitTimer, IsBoundedOnBothSides) {
 
 // Karn: nobody knows which copy was answered.
 TEST(RetransmitTimer, DoesNotMeasureARepeatedCall) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 2ms, 1);
   timer.begin(at(0s));
   timer.repeat(at(6ms));
   timer.end(at(500ms));
-  EXPECT_EQ(timer.smoothed(), Duration{2ms});
+  EXPECT_EQ(path.smoothed(), Duration{2ms});
 }
 
 // Karn's second half, RFC 6298, 5.5 to 5.7: the doubled wait holds for the next call, until one is
@@ -106,7 +114,8 @@ TEST(RetransmitTimer, DoesNotMeasureARepeatedCall) {
 // again, and every call would be repeated for ever.
 TEST(RetransmitTimer, LearnsARoundTripThatGrew) {
   constexpr Duration kNewRoundTrip = 20ms;
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 100us, 100);
   int repeated_count = 0;
   for (int call = 0; call < 100; ++call) {
@@ -117,11 +126,12 @@ TEST(RetransmitTimer, LearnsARoundTripThatGrew) {
     timer.end(at(kNewRoundTrip));
   }
   EXPECT_LT(repeated_count, 10);
-  EXPECT_NEAR(static_cast<double>(timer.smoothed().count()), 20e6, 1e6);
+  EXPECT_NEAR(static_cast<double>(path.smoothed().count()), 20e6, 1e6);
 }
 
 TEST(RetransmitTimer, ForgetsTheDoubledWaitOnceACallIsAnsweredAtOnce) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 2ms, 100);
   const Duration usual = first_wait(timer);
   timer.repeat(timer.due());
@@ -133,9 +143,10 @@ TEST(RetransmitTimer, ForgetsTheDoubledWaitOnceACallIsAnsweredAtOnce) {
 }
 
 TEST(RetransmitTimer, SurvivesAClockThatStandsStill) {
-  RetransmitTimer timer;
+  RoundTrip path;
+  RetransmitTimer timer(path);
   measure(timer, 0ns, 10);
-  EXPECT_GT(timer.smoothed(), Duration{0}) << "0 would mean: never measured";
+  EXPECT_GT(path.smoothed(), Duration{0}) << "0 would mean: never measured";
   EXPECT_EQ(first_wait(timer), kRetransmitIntervalMin);
 }
 

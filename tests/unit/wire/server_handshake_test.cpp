@@ -213,6 +213,51 @@ TEST(ServerHandshake, RefusesPrioritiesOutsideTheBand) {
   }
 }
 
+// hp-4.1-5: each of these HELLOs has the fault that is looked for, and all that come behind it.
+TEST(ServerHandshake, JudgesAHelloInOneOrder) {
+  ServerSessionsConfig config = server_config();
+  config.band = {100, 200};
+  config.session_count_max = 1;
+  ServerSessions server(config);
+  Peer first;
+  first.open(server, at(0s));
+  Peer peer;
+  peer.channel = 2;
+  peer.priority = 99;
+  Hello hello = peer.hello();
+  hello.cookie.fill(std::byte{1});
+  hello.message_size_max = 0;
+  hello.version_min = hello.version_max = 2;
+  hello.client_epoch = 0;
+  const auto judged = [&] {
+    return server.on_frame(peer.hello_frame(hello), peer.address, at(0s));
+  };
+  EXPECT_EQ(judged().action, Action::kNothing);
+  EXPECT_EQ(server.counters().dropped_for(DropReason::kBadPayload), 1u);
+  hello.client_epoch = peer.epoch;
+  expect_refusal(judged(), peer, Status::kVersionUnsupported);
+  hello.version_min = hello.version_max = kVersion;
+  expect_refusal(judged(), peer, Status::kBadLimits);
+  hello.message_size_max = kMessageSizeFloor;
+  expect_refusal(judged(), peer, Status::kWrongBand);
+  peer.priority = 100;
+  const Verdict verdict = judged();
+  ASSERT_EQ(header_of(verdict.frame).kind, FrameKind::kCookie);
+  EXPECT_EQ(server.counters().dropped_for(DropReason::kBadCookie), 1u);
+  std::ranges::copy(payload_of(verdict.frame), hello.cookie.begin());
+  expect_refusal(judged(), peer, Status::kOverload);
+}
+
+// hp-4.1-5
+TEST(ServerHandshake, DoesNotMindWhetherAHelloIsCalledRepeated) {
+  ServerSessions server(server_config());
+  const Peer peer;
+  Bytes frame = peer.proven_hello_frame(server, at(0s));
+  store_le(frame.data() + 6, kFlagRepeated);
+  EXPECT_EQ(header_of(server.on_frame(frame, peer.address, at(0s)).frame).kind,
+            FrameKind::kWelcome);
+}
+
 // hp-4.1-1
 TEST(ServerHandshake, DropsAHelloThatItCanNotRead) {
   ServerSessions server(server_config());
@@ -231,11 +276,18 @@ TEST(ServerHandshake, DropsAHelloThatItCanNotRead) {
   EXPECT_EQ(server.counters().received_count, 3u);
 }
 
-/// As many peers with sessions as the server takes, opened one second after the other.
+/// A host of its own for each number.
+PeerAddress host(std::uint64_t number) {
+  return {.high = 0, .low = 0x0a00'0000 + number, .port = 4711};
+}
+
+/// As many peers with sessions as the server takes, each on its own host, opened one second after
+/// the other.
 std::vector<Peer> fill(ServerSessions& server, std::uint32_t count) {
   std::vector<Peer> peers(count);
   for (std::uint32_t i = 0; i < count; ++i) {
     peers[i].channel = i + 1;
+    peers[i].address = host(i + 1);
     peers[i].open(server, at(std::chrono::seconds{i}));
     EXPECT_NE(peers[i].session, 0u);
   }
@@ -290,6 +342,64 @@ TEST(ServerSessionTable, KeepsASessionThatCallsOrRepeats) {
             Action::kDispatch);
   const Verdict lost = server.on_frame(peers[1].call_frame(1), peers[1].address, at(32s));
   EXPECT_EQ(header_of(lost.frame).status, Status::kUnknownSession);
+}
+
+/// Peers on one host, until the server takes no more of them.
+std::vector<Peer> fill_from_one_host(ServerSessions& server, PeerAddress address) {
+  std::vector<Peer> peers;
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    Peer peer;
+    peer.channel = i + 1;
+    peer.address = address;
+    peer.address.port = 5000 + i;
+    if (peer.open(server, at(0s)).kind != FrameKind::kWelcome) break;
+    peers.push_back(peer);
+  }
+  return peers;
+}
+
+// hp-4-7
+TEST(ServerSessionTable, GivesOneHostThreeQuartersOfItsPlaces) {
+  for (const auto& [count_max, of_one_host] :
+       {std::pair{1u, 1u}, {2u, 2u}, {3u, 3u}, {4u, 3u}, {5u, 4u}, {8u, 6u}, {16u, 12u}}) {
+    ServerSessionsConfig config = server_config();
+    config.session_count_max = count_max;
+    ServerSessions server(config);
+    EXPECT_EQ(fill_from_one_host(server, host(1)).size(), of_one_host) << count_max;
+    EXPECT_EQ(fill_from_one_host(server, host(2)).size(), count_max - of_one_host) << count_max;
+    EXPECT_EQ(server.session_count(), count_max);
+  }
+}
+
+// hp-4-7
+TEST(ServerSessionTable, LetsAHostWithItsShareReplaceOnlyItsOwn) {
+  ServerSessions server(server_config());
+  Peer oldest_of_all;
+  oldest_of_all.address = host(2);
+  oldest_of_all.open(server, at(-1s));
+  const std::vector<Peer> peers = fill_from_one_host(server, host(1));
+  ASSERT_EQ(peers.size(), 3u);
+  static_cast<void>(server.on_frame(peers[0].call_frame(1), peers[0].address, at(kSessionIdleMin)));
+  Peer next = peers.back();
+  next.channel = 99;
+  EXPECT_EQ(next.open(server, at(kSessionIdleMin)).kind, FrameKind::kWelcome);
+  const auto is_known = [&](const Peer& peer) {
+    const Bytes frame = peer.call_frame(2);
+    return server.on_frame(frame, peer.address, at(kSessionIdleMin)).action == Action::kDispatch;
+  };
+  EXPECT_TRUE(is_known(oldest_of_all)) << "it is another host's, though silent longest";
+  EXPECT_TRUE(is_known(peers[0])) << "it was heard";
+  EXPECT_EQ(is_known(peers[1]) + is_known(peers[2]), 1) << "one of these made place";
+}
+
+// hp-4-7: a connection's address does not name a host; the acceptor counts them.
+TEST(ServerSessionTable, GivesConnectionsAllPlaces) {
+  ServerSessions server(server_config(Medium::kStream));
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    Peer peer;
+    peer.address.port = i;
+    EXPECT_EQ(peer.open(server, at(0s), Medium::kStream).kind, FrameKind::kWelcome);
+  }
 }
 
 TEST(ServerSessionTable, RunsTheFirstCallsOfASessionInAReusedPlace) {
@@ -375,13 +485,13 @@ TEST(ServerSessionTable, GivesOtherNumbersUnderAnotherKey) {
 TEST(ServerFrames, OfAServersKindsAreDropped) {
   for (const Medium medium : {Medium::kDatagram, Medium::kStream}) {
     ServerSessions server(server_config(medium));
-    for (const FrameKind kind :
-         {FrameKind::kCookie, FrameKind::kWelcome, FrameKind::kRefuse, FrameKind::kReply}) {
+    for (const FrameKind kind : {FrameKind::kCookie, FrameKind::kWelcome, FrameKind::kRefuse,
+                                 FrameKind::kReply, FrameKind::kItem}) {
       Header header;
       header.kind = kind;
       EXPECT_EQ(server.on_frame(frame_of(header), Peer{}.address, at(0s)).action, Action::kNothing);
     }
-    EXPECT_EQ(server.counters().dropped_for(DropReason::kBadKind), 4u);
+    EXPECT_EQ(server.counters().dropped_for(DropReason::kBadKind), 5u);
   }
 }
 

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <optional>
+#include <vector>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
@@ -12,8 +14,9 @@
 #include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/handshake.hpp"
 #include "rtpm/wire/header.hpp"
+#include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/retransmit.hpp"
-#include "rtpm/wire/server_sessions.hpp"
+#include "rtpm/wire/stream.hpp"
 
 namespace rtpm::wire {
 
@@ -24,6 +27,14 @@ struct ClientChannelConfig {
   std::uint64_t channel = 0;       ///< Different for each channel of the program.
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
+  std::uint16_t open_call_max = 1;  ///< Calls at a time, 1…kCallWindow, if the server grants them.
+};
+
+/// When a caller is told that its call is done.
+enum class Delivery : std::uint8_t {
+  kReply,    ///< With the method's result.
+  kReceipt,  ///< When the server has it and is about to run it. Nothing comes back of the method.
+  kSent,     ///< At once: it may get lost. One frame only.
 };
 
 /// What a call is to carry besides its payload.
@@ -33,49 +44,74 @@ struct CallParameters {
   Priority priority{};
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
+  Delivery delivery = Delivery::kReply;
+  /// Of a stream: how many items it takes at a time, up to kStreamWindow; 0: it is none.
+  std::uint32_t stream_window = 0;
+  /// Of a stream: where items are collected, frame_payload_max() bytes for each of the window.
+  MutableBytes stream_memory{};
 };
 
-/// What happened to the channel's current activity (handshake or call).
+/// One of a channel's open calls: its place, from 0 up to open_call_max.
+using CallIndex = std::uint16_t;
+
+/// What happened to the channel's handshake or to one of its calls.
 struct ChannelEvent {
   enum class Kind : std::uint8_t {
-    kNothing,   ///< Go on waiting.
-    kSend,      ///< Send `frame` and go on waiting.
-    kReady,     ///< The handshake is done.
-    kReply,     ///< The call's reply: `status` and `payload`.
-    kRefused,   ///< The handshake was refused with `status`.
-    kLost,      ///< The server does not know the session: handshake again.
+    kNothing,  ///< Go on waiting.
+    kSend,     ///< Send `frame` and go on waiting.
+    kReady,    ///< The handshake is done.
+    kReply,    ///< The call's reply: `status` and `payload`. Of a stream: its end, behind the items
+               ///< that next_item() still has.
+    kItems,    ///< The stream has items: next_item(), until it gives none.
+    kRefused,  ///< The handshake was refused with `status`.
+    kLost,     ///< The server does not know the session: every open call is over. Handshake again.
+    kClosed,   ///< The server ended the session in order: every open call is over.
     kNeedRoom,  ///< A reply of `room_size` bytes comes: give_room(), then on_frame() again with it.
-    kTimeout,   ///< The deadline of the handshake or call passed.
-    kBroken,    ///< Stream only: not our protocol; end the connection. The session is gone.
+    kTimeout,   ///< The deadline of the handshake or call passed, or a stream's server fell silent.
+    kBroken,    ///< Stream medium only: not our protocol; end the connection. The session is gone.
   };
   Kind kind = Kind::kNothing;
+  CallIndex call = 0;  ///< Whose event it is, if a call's.
   Status status = Status::kOk;
   ConstBytes frame{};    ///< To be sent, whatever the kind, unless it is empty.
   ConstBytes payload{};  ///< Views the received frame, or the room of a large reply.
   std::uint32_t room_size = 0;
 };
 
-/// The client's half of the protocol for one call at a time: handshake, repetition, matching of
-/// replies. It does no I/O: frames and times come in, frames go out.
-/// Ownership: writes its frames into `buffer`, which must outlive it and holds the largest frame
-/// that it shall send, at least 128 bytes. Threads: one at a time.   RT: alloc-free.
+/// The client's half of the protocol: handshake, calls, repetition, matching of replies, streams.
+/// It does no I/O: frames and times come in, frames go out. Ownership: writes its frames into
+/// `buffer`, which must outlive it and holds the largest frame that it shall send, at least 128
+/// bytes. Threads: one at a time. RT: alloc-free but for construction.
 class ClientChannel {
  public:
-  ClientChannel(const ClientChannelConfig& config, MutableBytes buffer) noexcept;
+  ClientChannel(const ClientChannelConfig& config, MutableBytes buffer);
+  ClientChannel(const ClientChannel&) = delete;
+  ClientChannel& operator=(const ClientChannel&) = delete;
 
-  /// Begins a handshake for the band of `priority`; gives the frame to send.
+  /// Begins a handshake for the band of `priority`; gives the frame to send. Calls that are open
+  /// are over.
   [[nodiscard]] ConstBytes open(Priority priority, MonotonicTime deadline,
                                 MonotonicTime now) noexcept;
+  /// Whether one more call can begin now.
+  [[nodiscard]] bool has_free_call() const noexcept;
   /// Begins a call with `payload`, which must live until the call ends; gives the frame to send,
-  /// and next_frame() may have more. The channel is ready. Errors: kTooLarge: larger than what the
-  /// server takes, or than what the channel is set up for; nothing was begun.
+  /// and next_frame() may have more. last_call() tells its index; a call that is merely sent ends
+  /// at once and has none. The channel is ready and has_free_call(). Errors: kTooLarge: larger than
+  /// what the server takes, or than what the channel is set up for; nothing was begun.
   [[nodiscard]] expected<ConstBytes, Status> call(const CallParameters& parameters,
                                                   ConstBytes payload, MonotonicTime now) noexcept;
-  /// More to be sent: the window of a request in fragments. To be called after each call() and
-  /// event that gave a frame, until it is empty.
+  [[nodiscard]] CallIndex last_call() const noexcept { return last_call_; }
+  /// More to be sent: requests in fragments, and what a stream asks for. To be called after each
+  /// call(), next_item() and event, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
   /// Where replies larger than a frame are collected; must outlive the use of their payload.
-  void give_room(MutableBytes room) noexcept { room_ = room; }
+  void give_room(MutableBytes room, CallIndex call = 0) noexcept;
+  /// The next item of a stream, in order, valid until the next call of this; nothing if there is
+  /// none now. After the stream's kReply and the last item its index is free.
+  [[nodiscard]] std::optional<ConstBytes> next_item(CallIndex call) noexcept;
+  /// Ends an open call: nobody waits for it any more. It may have run. Gives the frame to send,
+  /// which may get lost.
+  [[nodiscard]] ConstBytes cancel(CallIndex call, MonotonicTime now) noexcept;
 
   /// Ends the session; gives the frame to send.
   [[nodiscard]] ConstBytes close(MonotonicTime now) noexcept;
@@ -83,27 +119,59 @@ class ClientChannel {
   void reset() noexcept;
 
   [[nodiscard]] ChannelEvent on_frame(ConstBytes frame, MonotonicTime now) noexcept;
+  /// To be called until it gives kNothing.
   [[nodiscard]] ChannelEvent on_time(MonotonicTime now) noexcept;
-  /// Repeats the current call at once, without waiting for its time.
-  [[nodiscard]] ChannelEvent repeat(MonotonicTime now) noexcept;
+  /// Repeats a call at once, without waiting for its time.
+  [[nodiscard]] ChannelEvent repeat(MonotonicTime now, CallIndex call = 0) noexcept;
   /// When on_time() has something to do, unless a frame comes first.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
+  [[nodiscard]] bool is_open(CallIndex call) const noexcept { return calls_[call].is_open; }
   /// What the server granted; of the last handshake.
   [[nodiscard]] const Welcome& welcome() const noexcept { return welcome_; }
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
-  /// When the current call was sent first.
-  [[nodiscard]] MonotonicTime call_begun() const noexcept { return call_begun_; }
+  /// When the call was sent first.
+  [[nodiscard]] MonotonicTime call_begun(CallIndex call = 0) const noexcept {
+    return calls_[call].begun;
+  }
   /// What the calls so far told of the server's clock; nothing before the first that told.
   [[nodiscard]] std::optional<PeerClock> peer_clock(MonotonicTime now) const noexcept;
-  [[nodiscard]] const RetransmitTimer& timer() const noexcept { return call_timer_; }
+  [[nodiscard]] const RoundTrip& round_trip() const noexcept { return round_trip_; }
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint64_t repeat_count() const noexcept { return repeat_count_; }
 
  private:
-  enum class Activity : std::uint8_t { kNone, kHandshake, kCall };
+  struct Call {
+    explicit Call(RoundTrip& path) noexcept : timer(path) {}
+    bool is_open = false;
+    bool is_ended = false;            ///< A stream whose reply was told; items may be left.
+    bool has_answered = false;        ///< A stream whose server showed that it has the call.
+    bool is_credit_due = false;       ///< next_frame() sends CREDIT,
+    bool is_asking = false;           ///< which wants an answer.
+    Status end_status = Status::kOk;  ///< Of a stream whose REPLY came before its last items.
+    Header header{};
+    ConstBytes payload{};
+    OutgoingMessage request;  ///< Begun while the call is one in fragments.
+    IncomingMessage reply;    ///< Begun when the first fragment of a reply came.
+    MutableBytes room{};
+    IncomingStream items;
+    std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
+    MonotonicTime heard{};          ///< When the stream's server was heard last,
+    Duration item_gap{0};           ///< and how far apart items come, smoothed.
+    MonotonicTime begun{};
+    MonotonicTime deadline = kNever;
+    RetransmitTimer timer;
+  };
 
+  [[nodiscard]] std::optional<CallIndex> free_call() const noexcept;
+  [[nodiscard]] std::uint32_t next_call_id() const noexcept;
+  [[nodiscard]] CallIndex index_of(const Call& call) const noexcept {
+    return static_cast<CallIndex>(&call - calls_.data());
+  }
+  [[nodiscard]] Call* find(const Header& header) noexcept;
+  [[nodiscard]] std::uint32_t budget_of(const Call& call, MonotonicTime now) const noexcept;
+  [[nodiscard]] ConstBytes begin_call(Call& call, MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent on_reply(const Header& header, ConstBytes payload,
                                       MonotonicTime now) noexcept;
   [[nodiscard]] bool is_of_this_handshake(const Header& header) const noexcept;
@@ -111,38 +179,50 @@ class ClientChannel {
                                        MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent on_welcome(const Header& header, ConstBytes payload,
                                         MonotonicTime now) noexcept;
-  [[nodiscard]] ChannelEvent on_refuse(const Header& header) noexcept;
-  void learn_clock(const Header& reply, MonotonicTime now) noexcept;
-  [[nodiscard]] bool is_of_this_call(const Header& header) const noexcept;
+  [[nodiscard]] ChannelEvent on_refuse(const Header& header, ConstBytes payload) noexcept;
+  [[nodiscard]] ChannelEvent on_close(const Header& header, ConstBytes payload) noexcept;
+  void learn_clock(const Call& call, const Header& reply, MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent on_ack(const Header& header, ConstBytes payload,
                                     MonotonicTime now) noexcept;
-  [[nodiscard]] ChannelEvent on_large_reply(const Header& header, ConstBytes payload,
+  [[nodiscard]] ChannelEvent on_large_reply(Call& call, const Header& header, ConstBytes payload,
                                             MonotonicTime now) noexcept;
-  [[nodiscard]] ConstBytes reply_ack(MonotonicTime now) noexcept;
-  void end_call() noexcept;
+  [[nodiscard]] ChannelEvent on_item(const Header& header, ConstBytes payload,
+                                     MonotonicTime now) noexcept;
+  [[nodiscard]] ChannelEvent on_stream_end(Call& call, const Header& header,
+                                           MonotonicTime now) noexcept;
+  [[nodiscard]] ChannelEvent end_of_stream(Call& call, MonotonicTime now) noexcept;
+  void hear(Call& call, MonotonicTime now) noexcept;
+  [[nodiscard]] bool is_stream_known(const Call& call) const noexcept;
+  [[nodiscard]] MonotonicTime due(const Call& call) const noexcept;
+  [[nodiscard]] ChannelEvent on_call_time(Call& call, MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes reply_ack(Call& call, MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes credit_frame(Call& call, MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes cancel_frame(const Header& about, MonotonicTime now) noexcept;
+  void end_call(Call& call) noexcept;
+  void end_all() noexcept;
   [[nodiscard]] ChannelEvent drop(DropReason reason) noexcept;
   [[nodiscard]] ConstBytes hello_frame(MonotonicTime now) noexcept;
-  [[nodiscard]] ConstBytes stamp_call(MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes stamp_call(Call& call, MonotonicTime now) noexcept;
 
   ClientChannelConfig config_;
   MutableBytes buffer_;
-  Activity activity_ = Activity::kNone;
   bool is_ready_ = false;
+  bool is_opening_ = false;  ///< A handshake is on its way.
+  bool may_answer_cookie_ = false;
   Priority hello_priority_{};
   std::uint32_t handshake_number_ = 0;
+  MonotonicTime hello_deadline_ = kNever;
   Cookie cookie_{};
   Welcome welcome_{};
   std::uint64_t session_ = 0;
-  Header call_{};
   std::uint32_t frame_payload_max_ = 0;
-  OutgoingMessage request_;  ///< Begun while the call is one in fragments.
-  IncomingMessage reply_;    ///< Begun when the first fragment of a reply came.
-  MutableBytes room_{};
-  std::array<std::byte, kHeaderSize + FragmentAck::kSize> ack_frame_{};
-  MonotonicTime call_begun_{};
-  MonotonicTime deadline_ = kNever;
-  RetransmitTimer hello_timer_{};
-  RetransmitTimer call_timer_{};
+  std::uint32_t call_id_ = 0;  ///< Of the call begun last.
+  CallIndex last_call_ = 0;
+  RoundTrip hello_trip_{};
+  RetransmitTimer hello_timer_{hello_trip_};
+  RoundTrip round_trip_{};
+  std::vector<Call> calls_;
+  std::array<std::byte, kHeaderSize + FragmentAck::kSize> small_frame_{};
   ClockEstimator clock_{};
   std::uint64_t repeat_count_ = 0;
   FrameCounters counters_{};

@@ -37,7 +37,12 @@ struct FrameCounters {
   std::uint64_t expired_count = 0;             ///< Calls not run because their time was over.
   std::uint64_t refused_count = 0;             ///< Calls and sessions refused.
   std::uint64_t session_opened_count = 0;
-  std::uint64_t session_evicted_count = 0;                ///< Sessions replaced by newer ones.
+  std::uint64_t session_evicted_count = 0;  ///< Sessions replaced by newer ones.
+  std::uint64_t cancelled_count = 0;        ///< Calls that their callers cancelled in time.
+  std::uint64_t orphaned_count =
+      0;                         ///< Calls that ended when nobody was there any more to be told.
+  std::uint64_t item_count = 0;  ///< Items of streams sent, copies left out.
+  std::uint64_t item_repeated_count = 0;                  ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
 
   void drop(DropReason reason) noexcept { ++dropped[static_cast<std::size_t>(reason)]; }

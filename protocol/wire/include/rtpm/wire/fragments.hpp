@@ -67,6 +67,7 @@ class IncomingMessage {
   void clear() noexcept { room_ = {}; }
 
  private:
+  Header header_{};  ///< Of the fragment that came first.
   MutableBytes room_{};
   std::uint32_t fragment_size_ = 0;
   FragmentSet arrived_;

@@ -19,15 +19,22 @@ enum class FrameKind : std::uint8_t {
   kRefuse = 4,   ///< Server → client: no session, or no such session.
   kCall = 5,     ///< Client → server: run a method.
   kReply = 6,    ///< Server → client: how it ended.
-  kClose = 7,    ///< Client → server: the session is not needed any more.
+  kClose = 7,    ///< Both ways: the session ends.
   kAck = 8,      ///< Both ways: how far a message in fragments has arrived.
+  kCancel = 9,   ///< Client → server: nobody waits for the call any more.
+  kItem = 10,    ///< Server → client: one item of a stream.
+  kCredit = 11,  ///< Client → server: which items are there, and how many more may come.
 };
-inline constexpr std::uint8_t kFrameKindLast = 8;
+inline constexpr std::uint8_t kFrameKindLast = 11;
 
 /// Bits of Header::flags. All others are zero.
-inline constexpr std::uint16_t kFlagRepeated = 1;   ///< A copy of a frame sent before.
-inline constexpr std::uint16_t kFlagAckWanted = 2;  ///< On a fragment: answer with ACK.
-inline constexpr std::uint16_t kFlagsKnown = kFlagRepeated | kFlagAckWanted;
+inline constexpr std::uint16_t kFlagRepeated = 1;  ///< A copy of a frame sent before.
+inline constexpr std::uint16_t kFlagAckWanted =
+    2;                                            ///< On a fragment or CREDIT: tell how far it is.
+inline constexpr std::uint16_t kFlagNoReply = 4;  ///< On a CALL: a oneway, sent and forgotten.
+inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply before it runs.
+inline constexpr std::uint16_t kFlagsKnown =
+    kFlagRepeated | kFlagAckWanted | kFlagNoReply | kFlagReplyOnReceipt;
 
 /// The 64 bytes at the begin of every frame.   Source: spec/hprotocol.md#hp-2.
 struct Header {
@@ -44,6 +51,9 @@ struct Header {
   std::uint16_t fragment_count = 1;  ///< so many; only CALL and REPLY come in several.
   std::uint32_t message_size = 0;    ///< Bytes of the whole message.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
+  /// CALL: items that the caller takes at first; 0: no stream. ITEM: its number. CREDIT: items
+  /// below this number may come. REPLY and ACK of a stream: items sent. Else 0.
+  std::uint32_t item = 0;
   std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.
   std::uint64_t trace_id = 0;
 };

@@ -46,6 +46,14 @@ inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
 static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
+/// How many items of a stream are on their way, or wait to be taken, at a time. At most 64.
+inline constexpr std::uint32_t kStreamWindow = 32;
+/// What a client states as the time that it will still wait for a stream's next sign of life, and
+/// the server so long keeps the stream without hearing of it.
+inline constexpr Duration kStreamLease = std::chrono::seconds{3};
+/// A client asks after a stream at least so often, whether items come or not (hp-5.10-5).
+inline constexpr Duration kStreamAskIntervalMax = std::chrono::milliseconds{500};
+
 /// A session is not replaced before it was silent for so long (hp-5.5-1). A caller repeats at least
 /// every kRetransmitIntervalMax, so one that waits is never silent that long.
 inline constexpr Duration kSessionIdleMin = std::chrono::seconds{30};

@@ -5,11 +5,37 @@
 
 namespace rtpm::wire {
 
-/// Decides when a call is repeated: after the round trip's smoothed mean and deviation, doubled
-/// with each repetition, within the bounds of limits.hpp.
+/// What the calls of a channel tell of its round trip: smoothed mean and deviation.
 /// RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds.
+class RoundTrip {
+ public:
+  /// A call that was sent once, and its answer, took so long.
+  void add(Duration sample) noexcept;
+  /// A call that was repeated ended after such a wait, which holds for the next call, too; 0: a
+  /// call that was not repeated ended. Without this a round trip that grew beyond the wait would
+  /// never be measured again: each call would be repeated, so none would count.
+  void back_off(Duration wait) noexcept { backed_off_ = wait; }
+
+  /// How long to wait for an answer.
+  [[nodiscard]] Duration interval() const noexcept;
+  /// The same for a call's first copy.
+  [[nodiscard]] Duration first_interval() const noexcept;
+  /// The smoothed round trip, 0 before the first measurement.
+  [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
+
+ private:
+  Duration smoothed_{0};
+  Duration deviation_{0};
+  Duration backed_off_{0};
+};
+
+/// Decides when one call is repeated: after the round trip's mean and deviation, doubled with each
+/// repetition, within the bounds of limits.hpp.
+/// Ownership: views the channel's RoundTrip.   RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3.
 class RetransmitTimer {
  public:
+  explicit RetransmitTimer(RoundTrip& path) noexcept : path_(&path) {}
+
   /// The call is sent for the first time.
   void begin(MonotonicTime now) noexcept;
   /// It was sent again.
@@ -17,6 +43,8 @@ class RetransmitTimer {
   /// A part of the answer, or of its acknowledgement, is here: the wait begins anew, and the call
   /// is not measured.
   void progress(MonotonicTime now) noexcept;
+  /// It is not repeated before so long from now; what was doubled is forgotten.
+  void wait(MonotonicTime now, Duration wait) noexcept;
   /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
   /// which copy was answered (Karn's rule); the doubled wait then holds for the next call, too.
   void end(MonotonicTime now) noexcept;
@@ -25,16 +53,10 @@ class RetransmitTimer {
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
   /// How often the call was repeated.
   [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
-  /// The smoothed round trip, 0 before the first measurement.
-  [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
 
  private:
-  [[nodiscard]] Duration interval() const noexcept;
-
-  Duration smoothed_{0};
-  Duration deviation_{0};
+  RoundTrip* path_;
   Duration current_{0};
-  Duration backed_off_{0};  ///< The wait at the end of the last call, if that was repeated.
   MonotonicTime sent_{};
   MonotonicTime due_ = kNever;
   int repeat_count_ = 0;

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
@@ -14,6 +15,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/medium.hpp"
+#include "rtpm/wire/stream.hpp"
 
 namespace rtpm::wire {
 
@@ -33,7 +35,16 @@ struct ServerSessionsConfig {
   /// of it while it comes, is served, or is kept as a reply. Without, no message is larger than a
   /// frame. The caller's, aligned to 64 bytes; touched only when used.
   MutableBytes bulk_memory{};
+  /// Memory for streams, stream_room_size() bytes for each that runs at a time. Without, calls that
+  /// ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
+  MutableBytes stream_memory{};
 };
+
+/// What one stream takes of ServerSessionsConfig::stream_memory: where items may get lost, all that
+/// are on their way are kept; else one frame at a time.
+[[nodiscard]] constexpr std::size_t stream_room_size(Medium medium) noexcept {
+  return medium == Medium::kDatagram ? kStreamWindow * kDatagramFrameSizeMax : kStreamFrameSizeMax;
+}
 
 /// A call that the lane is to run.
 struct Request {
@@ -43,6 +54,13 @@ struct Request {
   MonotonicTime received{};
   std::uint32_t session_index = 0;
   std::uint32_t slot_index = 0;
+
+  /// The caller is answered before the method runs: call accept() first.
+  [[nodiscard]] bool wants_receipt() const noexcept {
+    return (header.flags & kFlagReplyOnReceipt) != 0;
+  }
+  /// The caller takes a stream of items.
+  [[nodiscard]] bool wants_stream() const noexcept { return header.item > 0; }
 };
 
 /// What is to be done with a received frame.
@@ -50,12 +68,20 @@ struct Verdict {
   enum class Action : std::uint8_t {
     kNothing,   ///< Dropped and counted, or taken note of.
     kSend,      ///< Send `frame` back to where the frame came from.
-    kDispatch,  ///< Run `request`, then complete() it and send what that gives.
+    kDispatch,  ///< Run `request`, then complete() it, now or later, and send what that gives.
     kHangUp,    ///< Stream only: the bytes are not our protocol; end the connection.
   };
   Action action = Action::kNothing;
   ConstBytes frame{};  ///< Valid until the next call on the same ServerSessions; there may be more.
   Request request{};
+  /// Of a tagged stream (see set_tag) that may take more items now; 0: none.
+  std::uint32_t credit_tag = 0;
+};
+
+/// A frame and where it is to be sent.
+struct Outgoing {
+  ConstBytes frame{};
+  PeerAddress peer{};
 };
 
 /// The server's half of the protocol for one lane and medium: sessions, at-most-once, refusals.
@@ -75,30 +101,69 @@ class ServerSessions {
   /// called after each on_frame() and complete() that gave a frame, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
 
-  /// Where the reply to `request` is to be written, aligned to 16 bytes.
+  /// Where the reply to `request` is to be written, aligned to 16 bytes. There is room, too, when
+  /// its session has ended and nobody will get what is written.
   [[nodiscard]] MutableBytes reply_buffer(const Request& request) noexcept;
 
+  /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
+  /// send. It is completed like any other afterwards, which then gives none.
+  [[nodiscard]] ConstBytes accept(const Request& request, Status status,
+                                  MonotonicTime now) noexcept;
+
   /// Ends `request`: with `payload_size` bytes of the reply buffer. Gives the frame to send, valid
-  /// until the next request of the session takes the same slot.
+  /// until the next request of the session takes the same slot; empty if nobody is to be told: the
+  /// call wants no reply, was cancelled, or its session has ended, which is counted.
+  /// A request may be completed long after others that came later, once.
   [[nodiscard]] ConstBytes complete(const Request& request, Status status,
                                     std::uint32_t payload_size, MonotonicTime now) noexcept;
 
+  /// Where what is sent for `request` goes; nothing once its session has ended.
+  [[nodiscard]] std::optional<PeerAddress> peer_of(const Request& request) const noexcept;
+
+  /// Names a request that will be completed later, by a number that is not 0, so that the lane can
+  /// be told of it: by next_cancelled() and Verdict::credit_tag.
+  void set_tag(const Request& request, std::uint32_t tag) noexcept;
+  /// The tag of a request for which nobody waits any more, told once; 0 if there is none. It must
+  /// be completed all the same. To be called after on_frame(), on_time() and forget() until it
+  /// gives 0.
+  [[nodiscard]] std::uint32_t next_cancelled() noexcept;
+
+  /// Where the next item of the stream `request` is to be written, aligned to 16 bytes; empty while
+  /// its caller takes no more, and for good once nobody waits for it.
+  [[nodiscard]] MutableBytes item_buffer(const Request& request) noexcept;
+  /// Ends the item that was written there; gives the frame to send.
+  [[nodiscard]] ConstBytes push_item(const Request& request, std::uint32_t size,
+                                     MonotonicTime now) noexcept;
+
+  /// Ends streams of which nobody was heard for too long.
+  void on_time(MonotonicTime now) noexcept;
+  /// When on_time() has something to do.
+  [[nodiscard]] MonotonicTime next_time() const noexcept;
+
   /// Stream only: the connection `peer` is gone, and its session with it.
   void forget(const PeerAddress& peer) noexcept;
+
+  /// Ends a session because the server stops; gives the CLOSE to send, nothing if there is no
+  /// session left.
+  [[nodiscard]] std::optional<Outgoing> close_next(MonotonicTime now) noexcept;
 
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
 
  private:
   static constexpr std::uint16_t kNoBulk = 0xffff;
+  static constexpr std::uint16_t kNoStream = 0xffff;
 
   struct Slot {
     enum class State : std::uint8_t { kEmpty, kReceiving, kRunning, kDone };
     State state = State::kEmpty;
+    bool is_unawaited = false;  ///< It runs, and nobody waits for it: a oneway, or cancelled.
     std::uint32_t call_id = 0;
     std::uint32_t newest_call_id = 0;  ///< Later than call_id: it was refused, as this one ran.
     std::uint32_t frame_size = 0;      ///< Of the kept reply; 0: it is in bulk, or not kept.
     std::uint16_t bulk = kNoBulk;      ///< Where the request or the reply is, if it is large.
+    std::uint16_t stream = kNoStream;  ///< Of items, until all have arrived.
+    std::uint32_t tag = 0;             ///< Given by set_tag() while it runs.
   };
   /// Room for a message larger than a frame: one that comes, is served, or goes.
   struct Bulk {
@@ -110,6 +175,13 @@ class ServerSessions {
     MutableBytes room{};
     IncomingMessage incoming;
     OutgoingMessage outgoing;
+  };
+  /// The items that answer one call.
+  struct Stream {
+    std::uint32_t session_index = 0;
+    std::uint32_t slot_index = 0;
+    MonotonicTime deadline{};  ///< Until when its caller promised to be heard again.
+    OutgoingStream items;      ///< Begun while in use.
   };
   struct Session {
     std::uint64_t id = 0;  ///< 0: free.
@@ -138,10 +210,24 @@ class ServerSessions {
   [[nodiscard]] Verdict on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
                                MonotonicTime now) noexcept;
   [[nodiscard]] Verdict acknowledge(const Header& about, const FragmentAck& ack,
-                                    MonotonicTime now) noexcept;
+                                    std::uint32_t item_count, MonotonicTime now) noexcept;
   [[nodiscard]] MonotonicTime deadline_of(const Session& session, const Header& header,
                                           MonotonicTime now) const noexcept;
-  void on_close(const Header& header, const PeerAddress& peer) noexcept;
+  [[nodiscard]] Verdict on_cancel(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                  MonotonicTime now) noexcept;
+  [[nodiscard]] Verdict on_credit(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                  MonotonicTime now) noexcept;
+  [[nodiscard]] Verdict begin_stream(const Request& request, Slot& slot) noexcept;
+  [[nodiscard]] Verdict dispatch(const Request& request, Slot& slot) noexcept;
+  void free_stream(Slot& slot) noexcept;
+  void cancel(Slot& slot) noexcept;
+  [[nodiscard]] ConstBytes kept_reply(std::uint32_t session_index,
+                                      std::uint32_t slot_index) noexcept;
+  [[nodiscard]] Slot* slot_of(const Request& request) noexcept;
+  [[nodiscard]] ConstBytes write_reply(const Request& request, Slot& slot, Status status,
+                                       std::uint32_t payload_size, MonotonicTime now) noexcept;
+  void on_close(const Header& header, ConstBytes payload, const PeerAddress& peer) noexcept;
+  [[nodiscard]] bool has_room_for(const PeerAddress& peer) const noexcept;
   void end_session(Session& session) noexcept;
   [[nodiscard]] Verdict drop(DropReason reason) noexcept;
   [[nodiscard]] Verdict refuse(const Header& about, Status status, MonotonicTime now) noexcept;
@@ -150,6 +236,8 @@ class ServerSessions {
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
   void make_bulks();
+  void make_streams();
+  [[nodiscard]] ConstBytes next_repair() noexcept;
   [[nodiscard]] std::uint16_t take_bulk(Bulk::Use use, MonotonicTime now) noexcept;
   void free_bulk(Slot& slot) noexcept;
   [[nodiscard]] std::uint32_t index_of(const Session& session) const noexcept {
@@ -168,6 +256,11 @@ class ServerSessions {
   std::vector<Bulk> bulks_;
   std::uint16_t scratch_ = kNoBulk;  ///< Where replies are written that may become large.
   std::uint16_t sending_ = kNoBulk;  ///< Whose window next_frame() goes on with.
+  std::vector<Stream> streams_;
+  std::uint32_t open_stream_count_ = 0;
+  std::uint16_t repairing_ = kNoStream;   ///< Whose lost items next_frame() goes on with,
+  bool is_reply_due_ = false;             ///< and behind them its reply.
+  std::vector<std::uint32_t> cancelled_;  ///< Tags that next_cancelled() tells.
   std::vector<Session> sessions_;
   struct alignas(64) CacheLine {
     std::byte bytes[64];
@@ -177,6 +270,7 @@ class ServerSessions {
   }
   std::vector<CacheLine> frames_;
   std::vector<CacheLine> fragment_frame_;  ///< One frame of a large reply, as it is sent.
+  std::vector<CacheLine> unsent_frame_;    ///< Where replies are written that nobody wants.
   alignas(64) std::array<std::byte, 256> answer_{};
   FrameCounters counters_{};
 };

@@ -24,8 +24,10 @@ enum class Status : std::uint16_t {
   kVersionUnsupported = 13,  ///< Handshake refused: no protocol version in common.
   kBadLimits = 14,           ///< Handshake refused: a limit in it is absurd.
   kWrongInterface = 15,      ///< Bind refused: the object has another interface.
+  kCancelled = 16,           ///< It ended early because its caller did not wait any more.
+  kStopping = 17,            ///< The server stops. A call that ran may have had an effect.
 };
-inline constexpr std::uint16_t kStatusCount = 16;
+inline constexpr std::uint16_t kStatusCount = 18;
 
 /// The status's name as the spec writes it, "unknown" for a number that has none.
 [[nodiscard]] std::string_view to_string(Status status) noexcept;

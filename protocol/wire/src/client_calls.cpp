@@ -1,0 +1,429 @@
+#include <algorithm>
+#include <cstring>
+#include <limits>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/wire/client_channel.hpp"
+
+// The calls of a channel: begin, repetition, replies, streams, cancellation.
+namespace rtpm::wire {
+namespace {
+
+// What is left until `deadline`, rounded up so that a call with time left never states none
+// (hp-5.4-1).
+std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
+  if (deadline <= now) return 0;
+  const std::int64_t us = std::chrono::ceil<std::chrono::microseconds>(deadline - now).count();
+  return static_cast<std::uint32_t>(
+      std::min<std::int64_t>(us, std::numeric_limits<std::uint32_t>::max()));
+}
+
+}  // namespace
+
+std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) const noexcept {
+  // hp-5.10-7: of a stream it is until when the server may hear nothing.
+  if (call.items.is_begun() && call.deadline - now > kStreamLease) {
+    return budget_us(now + kStreamLease, now);
+  }
+  return budget_us(call.deadline, now);
+}
+
+// hp-4.3-2: a number is free if the call that the server keeps in its place is over. Numbers may be
+// left out.
+std::uint32_t ClientChannel::next_call_id() const noexcept {
+  std::uint32_t id = call_id_;
+  bool is_taken = true;
+  while (is_taken) {
+    ++id;
+    is_taken = std::ranges::any_of(calls_, [&](const Call& call) {
+      return call.is_open && (id - call.header.call_id) % welcome_.window == 0;
+    });
+  }
+  return id;
+}
+
+std::optional<CallIndex> ClientChannel::free_call() const noexcept {
+  const auto open_count = static_cast<std::uint16_t>(
+      std::ranges::count_if(calls_, [](const Call& call) { return call.is_open; }));
+  if (open_count >= std::min<std::size_t>(calls_.size(), welcome_.window)) return std::nullopt;
+  const auto found = std::ranges::find_if(calls_, [](const Call& call) { return !call.is_open; });
+  return index_of(*found);
+}
+
+bool ClientChannel::has_free_call() const noexcept {
+  return is_ready_ && free_call().has_value();
+}
+
+expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameters,
+                                                 ConstBytes payload, MonotonicTime now) noexcept {
+  const auto index = free_call();
+  // hp-4-1, hp-4.3-2
+  RTPM_ASSERT(is_ready_ && index, "a channel is ready and has room for a call");
+  const bool is_one_frame = payload.size() <= frame_payload_max_;
+  if (payload.size() > std::min(config_.message_size_max, welcome_.message_size_max) ||
+      payload.size() > std::size_t{frame_payload_max_} * kFragmentCountMax ||
+      (parameters.delivery == Delivery::kSent && !is_one_frame)) {
+    return unexpected{Status::kTooLarge};
+  }
+  Call& call = calls_[*index];
+  last_call_ = *index;
+  // hp-5.1-1: the count goes on from session to session, so that no two calls share a number.
+  call_id_ = next_call_id();
+  call.header = Header{};
+  call.header.kind = FrameKind::kCall;
+  call.header.priority = parameters.priority;
+  call.header.session = session_;
+  call.header.call_id = call_id_;
+  call.header.service = parameters.service;
+  call.header.method = parameters.method;
+  call.header.trace_id = parameters.trace_id;
+  call.header.payload_size = call.header.message_size = static_cast<std::uint32_t>(payload.size());
+  call.deadline = parameters.deadline;
+  call.payload = payload;
+  call.begun = now;
+  if (parameters.delivery == Delivery::kSent) {
+    call.header.flags = kFlagNoReply;
+    return stamp_call(call, now);
+  }
+  if (parameters.delivery == Delivery::kReceipt) call.header.flags = kFlagReplyOnReceipt;
+  if (parameters.stream_window > 0) {
+    call.items.begin(parameters.stream_memory, parameters.stream_window,
+                     parameters.stream_memory.size() / parameters.stream_window);
+    call.header.item = call.credit_sent = parameters.stream_window;
+  }
+  return begin_call(call, now);
+}
+
+ConstBytes ClientChannel::begin_call(Call& call, MonotonicTime now) noexcept {
+  call.is_open = true;
+  call.is_ended = call.has_answered = call.is_credit_due = call.is_asking = false;
+  call.request.clear();
+  call.reply.clear();
+  call.timer.begin(now);
+  call.heard = now;
+  call.item_gap = Duration{0};
+  if (call.payload.size() <= frame_payload_max_) return stamp_call(call, now);
+  call.request.begin(call.header, call.payload, frame_payload_max_, window_of(config_.medium));
+  return call.request.next(buffer_, budget_of(call, now), now);
+}
+
+void ClientChannel::give_room(MutableBytes room, CallIndex call) noexcept {
+  calls_[call].room = room;
+}
+
+ConstBytes ClientChannel::next_frame(MonotonicTime now) noexcept {
+  for (Call& call : calls_) {
+    if (!call.is_open) continue;
+    if (call.is_credit_due) return credit_frame(call, now);
+    if (!call.request.is_begun()) continue;
+    const ConstBytes frame = call.request.next(buffer_, budget_of(call, now), now);
+    if (!frame.empty()) return frame;
+  }
+  return {};
+}
+
+// hp-5.3-2: each copy states the time that is left when it is sent.
+ConstBytes ClientChannel::stamp_call(Call& call, MonotonicTime now) noexcept {
+  call.header.budget_us = budget_of(call, now);
+  call.header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(call.header, buffer_.data());
+  if (!call.payload.empty()) {
+    std::memcpy(buffer_.data() + kHeaderSize, call.payload.data(), call.payload.size());
+  }
+  return buffer_.first(kHeaderSize + call.payload.size());
+}
+
+// hp-5.1-3: an answer counts only if session, call, service and method are an open call's. A late
+// answer to an earlier call ends here.
+ClientChannel::Call* ClientChannel::find(const Header& header) noexcept {
+  if (header.session != session_) return nullptr;
+  for (Call& call : calls_) {
+    if (call.is_open && call.header.call_id == header.call_id &&
+        call.header.service == header.service && call.header.method == header.method) {
+      return &call;
+    }
+  }
+  return nullptr;
+}
+
+void ClientChannel::end_call(Call& call) noexcept {
+  call.is_open = false;
+  call.request.clear();
+  call.items.clear();
+}
+
+// Whether to ask for items rather than to repeat the call.
+bool ClientChannel::is_stream_known(const Call& call) const noexcept {
+  if (!call.items.is_begun()) return false;
+  return call.has_answered || (config_.medium == Medium::kStream && !call.request.is_begun());
+}
+
+MonotonicTime ClientChannel::due(const Call& call) const noexcept {
+  if (call.is_ended) return kNever;
+  // hp-5.3-4: what goes over a connection is not repeated. hp-5.10-5: but a stream is asked after,
+  // for its server is to see that somebody is there.
+  if (config_.medium == Medium::kStream && !is_stream_known(call)) return call.deadline;
+  return std::min(call.deadline, call.timer.due());
+}
+
+ChannelEvent ClientChannel::on_call_time(Call& call, MonotonicTime now) noexcept {
+  const bool is_silent = call.items.is_begun() && now - call.heard >= kStreamLease;
+  if (now < call.deadline && !is_silent) return repeat(now, index_of(call));
+  ChannelEvent event{.kind = ChannelEvent::Kind::kTimeout, .call = index_of(call)};
+  // Of a call that ends with its deadline the server knows when; of a stream it does not.
+  if (call.items.is_begun()) event.frame = cancel_frame(call.header, now);
+  end_call(call);
+  return event;
+}
+
+ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept {
+  Call& call = calls_[index];
+  const bool is_asking = call.is_open && is_stream_known(call);
+  if (!call.is_open || (config_.medium == Medium::kStream && !is_asking)) return {};
+  ++repeat_count_;
+  call.timer.repeat(now);
+  ConstBytes frame;
+  if (is_asking) {
+    if (call.timer.due() - now > kStreamAskIntervalMax) {
+      call.timer.wait(now, kStreamAskIntervalMax);
+    }
+    call.is_asking = true;
+    frame = credit_frame(call, now);
+  } else if (call.request.is_begun() && !call.request.is_acknowledged()) {
+    call.request.nudge();
+    frame = call.request.next(buffer_, budget_of(call, now), now);
+  } else if (call.reply.is_begun()) {
+    frame = reply_ack(call, now);
+  } else if (call.request.is_begun()) {
+    frame = call.request.first_again(buffer_, budget_of(call, now), now);
+  } else {
+    call.header.flags |= kFlagRepeated;
+    // hp-5.10-3: whether the stream runs is what its caller wants to know before it asks for items.
+    if (call.items.is_begun()) call.header.flags |= kFlagAckWanted;
+    frame = stamp_call(call, now);
+  }
+  return {.kind = ChannelEvent::Kind::kSend, .call = index, .frame = frame};
+}
+
+ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
+                                     MonotonicTime now) noexcept {
+  Call* const call = find(header);
+  if (call == nullptr || call->is_ended) return drop(DropReason::kUnexpected);
+  if (call->items.is_begun()) return on_stream_end(*call, header, now);
+  if (header.fragment_count > 1) return on_large_reply(*call, header, payload, now);
+  learn_clock(*call, header, now);
+  end_call(*call);
+  call->timer.end(now);
+  return {.kind = ChannelEvent::Kind::kReply,
+          .call = index_of(*call),
+          .status = header.status,
+          .payload = payload};
+}
+
+// hp-5.7-1: of a call that was sent once, and so was its reply, all four times are known.
+void ClientChannel::learn_clock(const Call& call, const Header& reply, MonotonicTime now) noexcept {
+  const bool is_one_clock =
+      config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain;
+  // 73 years: beyond, no clock has got since its host started, and differences could overflow.
+  constexpr std::uint64_t kTimeMax = std::uint64_t{1} << 61;
+  if (is_one_clock || call.timer.repeat_count() > 0 || call.request.is_begun() ||
+      (reply.flags & kFlagRepeated) != 0 || reply.sender_time_ns > kTimeMax) {
+    return;
+  }
+  const MonotonicTime reply_sent = time_from_ns(static_cast<std::int64_t>(reply.sender_time_ns));
+  clock_.add(
+      {call.begun, reply_sent - std::chrono::microseconds{reply.budget_us}, reply_sent, now});
+}
+
+std::optional<PeerClock> ClientChannel::peer_clock(MonotonicTime now) const noexcept {
+  if (config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain) {
+    return PeerClock{};
+  }
+  return clock_.estimate(now);
+}
+
+ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, ConstBytes payload,
+                                           MonotonicTime now) noexcept {
+  // hp-5.6-5: the limit was stated in HELLO.
+  if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
+  if (!call.reply.is_begun()) {
+    // Only now: another room would take the old one away from under a reply that has begun.
+    if (call.room.size() < header.message_size) {
+      return {.kind = ChannelEvent::Kind::kNeedRoom,
+              .call = index_of(call),
+              .room_size = header.message_size};
+    }
+    call.reply.begin(header, call.room);
+  }
+  const IncomingMessage::Taken taken = call.reply.take(header, payload);
+  if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
+  call.timer.progress(now);
+  if (taken == IncomingMessage::Taken::kLast) {
+    end_call(call);
+    call.timer.end(now);
+    // The ACK lets the server forget the reply.
+    return {.kind = ChannelEvent::Kind::kReply,
+            .call = index_of(call),
+            .status = header.status,
+            .frame = reply_ack(call, now),
+            .payload = call.reply.message()};
+  }
+  if ((header.flags & kFlagAckWanted) == 0) return {};
+  return {.kind = ChannelEvent::Kind::kSend, .call = index_of(call), .frame = reply_ack(call, now)};
+}
+
+ConstBytes ClientChannel::reply_ack(Call& call, MonotonicTime now) noexcept {
+  encode(ack_header(call.header, now), small_frame_.data());
+  encode(call.reply.ack(), MutableBytes(small_frame_).subspan(kHeaderSize));
+  return small_frame_;
+}
+
+// How far the request's fragments have arrived; or that a stream's server is there.
+ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
+                                   MonotonicTime now) noexcept {
+  Call* const call = find(header);
+  const bool is_stream = call != nullptr && call->items.is_begun() && !call->is_ended;
+  if (call == nullptr || (!call->request.is_begun() && !is_stream)) {
+    return drop(DropReason::kUnexpected);
+  }
+  const auto ack = decode_ack(payload);
+  if (!ack) return drop(DropReason::kBadPayload);
+  if (call->request.is_begun()) call->request.on_ack(*ack);
+  if (is_stream && (!call->request.is_begun() || call->request.is_acknowledged())) {
+    hear(*call, now);
+  } else {
+    call->timer.progress(now);
+  }
+  const ConstBytes frame = next_frame(now);
+  if (frame.empty()) return {};
+  return {.kind = ChannelEvent::Kind::kSend, .call = index_of(*call), .frame = frame};
+}
+
+// --- streams -------------------------------------------------------------------------------------
+
+// The server has the call. When to ask after it next follows from the pace at which it is heard.
+void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
+  call.has_answered = true;
+  call.request.clear();
+  call.heard = now;
+  call.timer.wait(
+      now, std::clamp<Duration>(4 * call.item_gap, round_trip_.interval(), kStreamAskIntervalMax));
+}
+
+ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
+                                    MonotonicTime now) noexcept {
+  Call* const call = find(header);
+  if (call == nullptr || !call->items.is_begun()) {
+    // hp-5.9-3: the server goes on with what nobody takes; an earlier CANCEL got lost.
+    ChannelEvent event = drop(DropReason::kUnexpected);
+    if (!is_ready_ || header.session != session_ || call != nullptr) return event;
+    event.kind = ChannelEvent::Kind::kSend;
+    event.frame = cancel_frame(header, now);
+    return event;
+  }
+  if (call->is_ended) return drop(DropReason::kUnexpected);
+  const bool had_gap = call->items.has_gap();
+  const IncomingStream::Taken taken = call->items.take(header.item, payload);
+  if (taken == IncomingStream::Taken::kForeign) return drop(DropReason::kUnexpected);
+  const bool is_copy = taken == IncomingStream::Taken::kCopy;
+  if (is_copy) counters_.drop(DropReason::kUnexpected);
+  if (!is_copy && (header.flags & kFlagRepeated) == 0) {
+    call->item_gap += (now - call->heard - call->item_gap) / 8;
+  }
+  hear(*call, now);
+  // hp-5.10-4: a gap is told once; if the copies get lost, too, time tells.
+  const bool has_gap = call->items.has_gap();
+  if ((has_gap && !had_gap) || (has_gap && taken == IncomingStream::Taken::kNew) || is_copy) {
+    call->is_credit_due = true;
+  }
+  if (call->items.is_complete()) return end_of_stream(*call, now);
+  ChannelEvent event;
+  event.call = index_of(*call);
+  if (call->items.has_next()) {
+    event.kind = ChannelEvent::Kind::kItems;
+  } else if (call->is_credit_due) {
+    event.kind = ChannelEvent::Kind::kSend;
+    event.frame = credit_frame(*call, now);
+  }
+  return event;
+}
+
+ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
+                                          MonotonicTime now) noexcept {
+  // hp-5.10-6: items that were lost are still to come, unless the server has given them up.
+  const bool is_given_up = header.status == Status::kExpired ||
+                           header.status == Status::kCancelled ||
+                           header.status == Status::kStopping;
+  if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
+  call.end_status = header.status;
+  hear(call, now);
+  if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
+  call.is_asking = true;
+  return {
+      .kind = ChannelEvent::Kind::kSend, .call = index_of(call), .frame = credit_frame(call, now)};
+}
+
+ChannelEvent ClientChannel::end_of_stream(Call& call, MonotonicTime now) noexcept {
+  call.is_ended = true;
+  // One more CREDIT lets the server forget the items.
+  return {.kind = ChannelEvent::Kind::kReply,
+          .call = index_of(call),
+          .status = call.end_status,
+          .frame = credit_frame(call, now)};
+}
+
+std::optional<ConstBytes> ClientChannel::next_item(CallIndex index) noexcept {
+  Call& call = calls_[index];
+  if (!call.is_open || !call.items.is_begun()) return std::nullopt;
+  const auto item = call.items.next();
+  if (!item && call.is_ended) {
+    end_call(call);
+    return std::nullopt;
+  }
+  // Half a window at a time: often enough that the server never stands still, no oftener.
+  const std::uint32_t taken = call.items.limit() - call.credit_sent;
+  if (!call.is_ended && 2 * taken >= call.header.item) call.is_credit_due = true;
+  return item;
+}
+
+ConstBytes ClientChannel::credit_frame(Call& call, MonotonicTime now) noexcept {
+  Header header = call.header;
+  header.kind = FrameKind::kCredit;
+  header.flags = call.is_asking ? kFlagAckWanted : std::uint16_t{0};
+  header.fragment_index = 0;
+  header.fragment_count = 1;
+  header.payload_size = header.message_size = StreamCredit::kSize;
+  header.budget_us = budget_of(call, now);
+  header.item = call.credit_sent = call.items.limit();
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(header, small_frame_.data());
+  encode(call.items.credit(), MutableBytes(small_frame_).subspan(kHeaderSize));
+  call.is_credit_due = call.is_asking = false;
+  return ConstBytes(small_frame_).first(kHeaderSize + StreamCredit::kSize);
+}
+
+// --- cancellation --------------------------------------------------------------------------------
+
+ConstBytes ClientChannel::cancel(CallIndex index, MonotonicTime now) noexcept {
+  Call& call = calls_[index];
+  if (!call.is_open) return {};
+  end_call(call);
+  return cancel_frame(call.header, now);
+}
+
+ConstBytes ClientChannel::cancel_frame(const Header& about, MonotonicTime now) noexcept {
+  Header header = about;
+  header.kind = FrameKind::kCancel;
+  header.flags = 0;
+  header.status = Status::kOk;
+  header.fragment_index = 0;
+  header.fragment_count = 1;
+  header.payload_size = header.message_size = 0;
+  header.budget_us = 0;
+  header.item = 0;
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  encode(header, small_frame_.data());
+  return ConstBytes(small_frame_).first(kHeaderSize);
+}
+
+}  // namespace rtpm::wire

@@ -1,0 +1,429 @@
+#include <algorithm>
+#include <cstring>
+#include <limits>
+#include <utility>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+// The calls of the sessions: at most once, large messages, completion, cancellation.
+namespace rtpm::wire {
+namespace {
+
+// Calls count up and wrap around; of two within half the circle the later one is newer.
+bool is_newer(std::uint32_t call_id, std::uint32_t than) noexcept {
+  return static_cast<std::int32_t>(call_id - than) > 0;
+}
+
+std::uint32_t to_us(Duration duration) noexcept {
+  const auto us = std::chrono::duration_cast<std::chrono::microseconds>(duration).count();
+  return static_cast<std::uint32_t>(
+      std::clamp<std::int64_t>(us, 0, std::numeric_limits<std::uint32_t>::max()));
+}
+
+}  // namespace
+
+Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                MonotonicTime now) noexcept {
+  Session* session = find(header.session);
+  if (session == nullptr) {
+    // hp-4.4-1: the client shall see at once that this is another life of the server.
+    counters_.drop(DropReason::kUnknownSession);
+    return refuse(header, Status::kUnknownSession, now);
+  }
+  // hp-5.1-4: the address was proven for this session, and no other was.
+  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
+  session->last_heard = now;
+
+  Slot& slot = session->slots[header.call_id % kCallWindow];
+  if (slot.state != Slot::State::kEmpty) {
+    if (slot.call_id == header.call_id) return on_copy(slot, *session, header, payload, now);
+    // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
+    // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
+    // Of what the session left behind nobody waits any more (hp-5.2-2).
+    const bool is_new = is_newer(header.call_id, slot.newest_call_id);
+    if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
+    slot.newest_call_id = header.call_id;
+    // A oneway whose caller does not know how long it runs does not hold the place, nor does a call
+    // that was cancelled, unless it is still read from a room that the place names.
+    const bool is_taken =
+        slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.bulk != kNoBulk);
+    if (!is_new || is_taken) {
+      const Verdict refusal = refuse(header, Status::kOverload, now);
+      // hp-5.8-1
+      return (header.flags & kFlagNoReply) != 0 ? Verdict{} : refusal;
+    }
+  }
+  // An older call whose fragments never all came, or whose reply nobody fetched, ends here.
+  free_stream(slot);
+  free_bulk(slot);
+  return admit(*session, header, payload, now);
+}
+
+// hp-5.2-1: a copy is never run again. How it is answered depends on how far the call is.
+Verdict ServerSessions::on_copy(Slot& slot, Session& session, const Header& header,
+                                ConstBytes payload, MonotonicTime now) noexcept {
+  // hp-5.8-1
+  if ((header.flags & kFlagNoReply) != 0) {
+    return drop(slot.state == Slot::State::kDone ? DropReason::kStaleCall
+                                                 : DropReason::kDuplicateRunning);
+  }
+  if (slot.state == Slot::State::kReceiving) {
+    return on_fragment(slot, session, header, payload, now);
+  }
+  if (slot.state == Slot::State::kRunning && slot.frame_size == 0) {
+    std::uint32_t item_count = 0;
+    if (slot.stream != kNoStream) {
+      // Its caller shows that it is there, and asks for items as before.
+      Stream& stream = streams_[slot.stream];
+      stream.deadline = std::max(stream.deadline, deadline_of(session, header, now));
+      item_count = stream.items.count();
+    }
+    if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);
+    // hp-5.6-4: who asks how far his fragments are learns that nothing is missing, and stops.
+    FragmentAck all;
+    all.first_missing = header.fragment_count;
+    return acknowledge(header, all, item_count, now);
+  }
+  if (slot.bulk != kNoBulk && bulks_[slot.bulk].use == Bulk::Use::kReply) {
+    ++counters_.duplicate_answered_count;
+    sending_ = slot.bulk;
+    bulks_[slot.bulk].outgoing.nudge();
+    return {Verdict::Action::kSend, next_frame(now)};
+  }
+  // No copy is made on a stream, and of a large reply nothing is kept once it has arrived.
+  if (config_.medium == Medium::kStream || slot.frame_size == 0) {
+    return drop(DropReason::kStaleCall);
+  }
+  ++counters_.duplicate_answered_count;
+  return {Verdict::Action::kSend, kept_reply(index_of(session), header.call_id % kCallWindow)};
+}
+
+ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
+                                      std::uint32_t slot_index) noexcept {
+  std::byte* const frame = frame_of(session_index, slot_index);
+  store_le<std::uint16_t>(frame + 6, kFlagRepeated);
+  return {frame, sessions_[session_index].slots[slot_index].frame_size};
+}
+
+// The first frame of a call that was never seen: from here on its slot remembers it.
+Verdict ServerSessions::admit(Session& session, const Header& header, ConstBytes payload,
+                              MonotonicTime now) noexcept {
+  const std::uint32_t slot_index = header.call_id % kCallWindow;
+  Slot& slot = session.slots[slot_index];
+  slot = Slot{.state = Slot::State::kRunning,
+              .is_unawaited = (header.flags & kFlagNoReply) != 0,
+              .call_id = header.call_id,
+              .newest_call_id = header.call_id};
+  const Request request{header, payload,           deadline_of(session, header, now),
+                        now,    index_of(session), slot_index};
+  if (header.message_size > config_.message_size_max) {
+    return refuse_call(request, Status::kTooLarge, now);
+  }
+  if (!config_.band.contains(header.priority)) {
+    return refuse_call(request, Status::kWrongBand, now);
+  }
+  if (header.priority > config_.ceiling) {
+    return refuse_call(request, Status::kPriorityNotAllowed, now);
+  }
+  // hp-5.4-3: what is late here is late for its caller, too.
+  if (request.deadline <= now) {
+    ++counters_.expired_count;
+    return refuse_call(request, Status::kExpired, now);
+  }
+  if (header.fragment_count > 1) return receive_large(request, slot, session);
+  return dispatch(request, slot);
+}
+
+Verdict ServerSessions::dispatch(const Request& request, Slot& slot) noexcept {
+  if (request.wants_stream()) return begin_stream(request, slot);
+  return {Verdict::Action::kDispatch, {}, request};
+}
+
+// hp-5.4-2: on one host the time that the frame lay in a socket counts; between hosts the budget
+// runs from here. A sender's time in the future is not believed.
+MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& header,
+                                          MonotonicTime now) const noexcept {
+  const Duration budget = std::chrono::microseconds{header.budget_us};
+  if (session.has_our_clock && header.sender_time_ns <= static_cast<std::uint64_t>(to_ns(now))) {
+    return time_from_ns(static_cast<std::int64_t>(header.sender_time_ns)) + budget;
+  }
+  return now + budget;
+}
+
+Verdict ServerSessions::receive_large(const Request& request, Slot& slot,
+                                      Session& session) noexcept {
+  const std::uint16_t index = take_bulk(Bulk::Use::kRequest, request.received);
+  if (index == kNoBulk) return refuse_call(request, Status::kOverload, request.received);
+  slot.state = Slot::State::kReceiving;
+  slot.bulk = index;
+  Bulk& bulk = bulks_[index];
+  bulk.session_index = request.session_index;
+  bulk.slot_index = request.slot_index;
+  bulk.deadline = request.deadline;
+  bulk.incoming.begin(request.header, bulk.room);
+  return on_fragment(slot, session, request.header, request.payload, request.received);
+}
+
+Verdict ServerSessions::on_fragment(Slot& slot, Session& session, const Header& header,
+                                    ConstBytes payload, MonotonicTime now) noexcept {
+  Bulk& bulk = bulks_[slot.bulk];
+  const IncomingMessage::Taken taken = bulk.incoming.take(header, payload);
+  if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
+  if (taken != IncomingMessage::Taken::kLast) {
+    if ((header.flags & kFlagAckWanted) == 0) return {};
+    return acknowledge(header, bulk.incoming.ack(), 0, now);
+  }
+  slot.state = Slot::State::kRunning;
+  const Request request{header, bulk.incoming.message(), deadline_of(session, header, now),
+                        now,    index_of(session),       header.call_id % kCallWindow};
+  if (request.deadline > now) return dispatch(request, slot);
+  ++counters_.expired_count;
+  return refuse_call(request, Status::kExpired, now);
+}
+
+Verdict ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
+                                    std::uint32_t item_count, MonotonicTime now) noexcept {
+  Header header = ack_header(about, now);
+  header.item = item_count;
+  encode(header, answer_.data());
+  encode(ack, MutableBytes(answer_).subspan(kHeaderSize));
+  return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + FragmentAck::kSize)};
+}
+
+// How far a large reply has arrived.
+Verdict ServerSessions::on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                               MonotonicTime now) noexcept {
+  Session* session = find(header.session);
+  if (session == nullptr) return drop(DropReason::kUnknownSession);
+  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
+  const auto ack = decode_ack(payload);
+  if (!ack) return drop(DropReason::kBadPayload);
+  session->last_heard = now;
+  Slot& slot = session->slots[header.call_id % kCallWindow];
+  if (slot.state != Slot::State::kDone || slot.call_id != header.call_id || slot.bulk == kNoBulk) {
+    return drop(DropReason::kUnexpected);
+  }
+  OutgoingMessage& reply = bulks_[slot.bulk].outgoing;
+  reply.on_ack(*ack);
+  if (reply.is_acknowledged()) {
+    // hp-5.6-8
+    free_bulk(slot);
+    return {};
+  }
+  sending_ = slot.bulk;
+  return {Verdict::Action::kSend, next_frame(now)};
+}
+
+ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
+  if (repairing_ != kNoStream) return next_repair();
+  if (sending_ == kNoBulk) return {};
+  const MutableBytes to(fragment_frame_.front().bytes, fragment_frame_.size() * sizeof(CacheLine));
+  const ConstBytes frame = bulks_[sending_].outgoing.next(to, 0, now);
+  if (frame.empty()) sending_ = kNoBulk;
+  return frame;
+}
+
+// A room for a large message; where none is free, that of one for which nobody waits any more.
+std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexcept {
+  for (std::size_t i = 0; i < bulks_.size(); ++i) {
+    Bulk& bulk = bulks_[i];
+    if (bulk.use == Bulk::Use::kScratch) continue;
+    if (bulk.use != Bulk::Use::kFree) {
+      Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+      // A request that is being served is in use, however late it is.
+      if (bulk.deadline > now || slot.state == Slot::State::kRunning) continue;
+      // Of half a request that is forgotten any more is a late copy.
+      slot.state = Slot::State::kDone;
+      free_bulk(slot);
+    }
+    bulk.use = use;
+    return static_cast<std::uint16_t>(i);
+  }
+  return kNoBulk;
+}
+
+void ServerSessions::free_bulk(Slot& slot) noexcept {
+  if (slot.bulk == kNoBulk) return;
+  Bulk& bulk = bulks_[slot.bulk];
+  bulk.use = Bulk::Use::kFree;
+  bulk.incoming.clear();
+  bulk.outgoing.clear();
+  slot.bulk = kNoBulk;
+}
+
+// hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike; or, where the
+// caller wants no reply, by counting alone.
+Verdict ServerSessions::refuse_call(const Request& request, Status status,
+                                    MonotonicTime now) noexcept {
+  if (status != Status::kExpired) ++counters_.refused_count;
+  const ConstBytes frame = complete(request, status, 0, now);
+  if (frame.empty()) return {};
+  return {Verdict::Action::kSend, frame};
+}
+
+// The place of a request that is not completed yet; null once its session has ended or the place is
+// another call's.
+ServerSessions::Slot* ServerSessions::slot_of(const Request& request) noexcept {
+  Session& session = sessions_[request.session_index];
+  Slot& slot = session.slots[request.slot_index];
+  const bool is_open = session.id == request.header.session &&
+                       slot.call_id == request.header.call_id &&
+                       slot.state == Slot::State::kRunning;
+  return is_open ? &slot : nullptr;
+}
+
+std::optional<PeerAddress> ServerSessions::peer_of(const Request& request) const noexcept {
+  const Session& session = sessions_[request.session_index];
+  if (session.id != request.header.session) return std::nullopt;
+  return session.peer;
+}
+
+void ServerSessions::set_tag(const Request& request, std::uint32_t tag) noexcept {
+  Slot* const slot = slot_of(request);
+  RTPM_ASSERT(slot != nullptr && tag != 0, "a request that runs gets a tag");
+  slot->tag = tag;
+}
+
+std::uint32_t ServerSessions::next_cancelled() noexcept {
+  if (cancelled_.empty()) return 0;
+  const std::uint32_t tag = cancelled_.back();
+  cancelled_.pop_back();
+  return tag;
+}
+
+MutableBytes ServerSessions::reply_buffer(const Request& request) noexcept {
+  const Session& session = sessions_[request.session_index];
+  std::uint32_t size_max = config_.message_size_max;
+  if (session.id == request.header.session) size_max = std::min(size_max, session.message_size_max);
+  if (scratch_ == kNoBulk && !bulks_.empty()) {
+    scratch_ = take_bulk(Bulk::Use::kScratch, request.received);
+  }
+  if (scratch_ != kNoBulk) {
+    const MutableBytes room = bulks_[scratch_].room;
+    return room.first(std::min<std::size_t>(room.size(), size_max));
+  }
+  // What will not be sent must not be written over a reply that is kept.
+  const Slot* const slot = slot_of(request);
+  const bool is_sent = slot != nullptr && !slot->is_unawaited && slot->frame_size == 0;
+  std::byte* const frame =
+      is_sent ? frame_of(request.session_index, request.slot_index) : unsent_frame_.front().bytes;
+  return {frame + kHeaderSize, std::min(payload_size_max_, size_max)};
+}
+
+// hp-5.8-3: the reply is kept like any other, and the method runs once it has gone.
+ConstBytes ServerSessions::accept(const Request& request, Status status,
+                                  MonotonicTime now) noexcept {
+  Slot* const slot = slot_of(request);
+  RTPM_ASSERT(slot != nullptr && request.wants_receipt() && !slot->is_unawaited,
+              "a receipt is given once, before anything else");
+  slot->is_unawaited = true;
+  return write_reply(request, *slot, status, 0, now);
+}
+
+ConstBytes ServerSessions::complete(const Request& request, Status status,
+                                    std::uint32_t payload_size, MonotonicTime now) noexcept {
+  Slot* const slot = slot_of(request);
+  if (slot == nullptr) {
+    ++counters_.orphaned_count;
+    return {};
+  }
+  // The request's own room, if it was large: nobody reads it from here on.
+  free_bulk(*slot);
+  slot->state = Slot::State::kDone;
+  slot->tag = 0;
+  if (slot->is_unawaited) return {};
+  return write_reply(request, *slot, status, payload_size, now);
+}
+
+ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Status status,
+                                       std::uint32_t payload_size, MonotonicTime now) noexcept {
+  // hp-5.1-2: what is not set here is repeated from the call.
+  Header header = request.header;
+  header.kind = FrameKind::kReply;
+  header.flags = 0;
+  header.status = status;
+  header.fragment_index = 0;
+  header.fragment_count = 1;
+  header.payload_size = header.message_size = payload_size;
+  header.budget_us = to_us(now - request.received);
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  header.item = 0;
+  if (slot.stream != kNoStream) {
+    // hp-5.10-6: so the caller knows what it lacks. Kept until it has all.
+    header.item = streams_[slot.stream].items.count();
+    if (streams_[slot.stream].items.is_acknowledged()) free_stream(slot);
+  }
+  if (payload_size > payload_size_max_) return complete_large(request, slot, header, now);
+  std::byte* frame = frame_of(request.session_index, request.slot_index);
+  if (scratch_ != kNoBulk && payload_size > 0) {
+    std::memcpy(frame + kHeaderSize, bulks_[scratch_].room.data(), payload_size);
+  }
+  encode(header, frame);
+  slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);
+  return {frame, slot.frame_size};
+}
+
+// The scratch, which holds the reply, goes with it until it has arrived.
+ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
+                                          MonotonicTime now) noexcept {
+  RTPM_ASSERT(scratch_ != kNoBulk && header.message_size <= bulks_[scratch_].room.size(),
+              "a reply fits its buffer");
+  slot.bulk = scratch_;
+  slot.frame_size = 0;
+  Bulk& bulk = bulks_[scratch_];
+  bulk.use = Bulk::Use::kReply;
+  bulk.session_index = request.session_index;
+  bulk.slot_index = request.slot_index;
+  bulk.deadline = request.deadline;
+  bulk.outgoing.begin(header, bulk.room.first(header.message_size), payload_size_max_,
+                      window_of(config_.medium));
+  sending_ = slot.bulk;
+  scratch_ = take_bulk(Bulk::Use::kScratch, now);
+  return next_frame(now);
+}
+
+// hp-5.9-1, hp-5.9-2: what has not begun never will; what runs is told of it and ends as it likes.
+Verdict ServerSessions::on_cancel(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                  MonotonicTime now) noexcept {
+  Session* session = find(header.session);
+  if (session == nullptr) return drop(DropReason::kUnknownSession);
+  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
+  if (!payload.empty()) return drop(DropReason::kBadPayload);
+  session->last_heard = now;
+  Slot& slot = session->slots[header.call_id % kCallWindow];
+  const bool is_known = slot.state != Slot::State::kEmpty;
+  if (is_known && slot.call_id == header.call_id) {
+    const bool is_open = slot.state != Slot::State::kDone;
+    cancel(slot);
+    free_stream(slot);
+    if (slot.state != Slot::State::kRunning) free_bulk(slot);
+    if (slot.state == Slot::State::kReceiving) slot.state = Slot::State::kDone;
+    if (is_open) ++counters_.cancelled_count;
+    return {};
+  }
+  // It overtook its call, which shall not run when it comes.
+  if (is_known && !is_newer(header.call_id, slot.newest_call_id)) {
+    return drop(DropReason::kStaleCall);
+  }
+  if (is_known && slot.state == Slot::State::kRunning) {
+    // An older call has its place, and keeps it; the later one counts as refused.
+    slot.newest_call_id = header.call_id;
+    ++counters_.cancelled_count;
+    return {};
+  }
+  free_stream(slot);
+  free_bulk(slot);
+  slot = Slot{
+      .state = Slot::State::kDone, .call_id = header.call_id, .newest_call_id = header.call_id};
+  ++counters_.cancelled_count;
+  return {};
+}
+
+// Nobody waits for the call any more. Whoever runs it is told, if it has a name.
+void ServerSessions::cancel(Slot& slot) noexcept {
+  if (slot.state != Slot::State::kRunning || std::exchange(slot.is_unawaited, true)) return;
+  if (slot.tag != 0) cancelled_.push_back(slot.tag);
+}
+
+}  // namespace rtpm::wire

@@ -1,0 +1,134 @@
+#include <algorithm>
+#include <utility>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+// The streams of the sessions: items that answer one call.   Source: spec/hprotocol.md#hp-5.10.
+namespace rtpm::wire {
+
+Verdict ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
+  const auto found =
+      std::ranges::find_if(streams_, [](const Stream& stream) { return !stream.items.is_begun(); });
+  if (found == streams_.end()) return refuse_call(request, Status::kOverload, request.received);
+  const auto index = static_cast<std::size_t>(found - streams_.begin());
+  const std::size_t room_size = stream_room_size(config_.medium);
+  const bool is_datagram = config_.medium == Medium::kDatagram;
+  found->session_index = request.session_index;
+  found->slot_index = request.slot_index;
+  found->deadline = request.deadline;
+  found->items.begin(request.header, config_.stream_memory.subspan(index * room_size, room_size),
+                     is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax, is_datagram);
+  slot.stream = static_cast<std::uint16_t>(index);
+  ++open_stream_count_;
+  return {Verdict::Action::kDispatch, {}, request};
+}
+
+void ServerSessions::free_stream(Slot& slot) noexcept {
+  if (slot.stream == kNoStream) return;
+  streams_[slot.stream].items.clear();
+  slot.stream = kNoStream;
+  --open_stream_count_;
+}
+
+MutableBytes ServerSessions::item_buffer(const Request& request) noexcept {
+  const Slot* const slot = slot_of(request);
+  if (slot == nullptr || slot->stream == kNoStream) return {};
+  const MutableBytes room = streams_[slot->stream].items.item_buffer();
+  const std::size_t size_max = sessions_[request.session_index].message_size_max;
+  return room.first(std::min(room.size(), size_max));
+}
+
+ConstBytes ServerSessions::push_item(const Request& request, std::uint32_t size,
+                                     MonotonicTime now) noexcept {
+  const Slot* const slot = slot_of(request);
+  RTPM_ASSERT(slot != nullptr && slot->stream != kNoStream, "there was a buffer for the item");
+  ++counters_.item_count;
+  return streams_[slot->stream].items.push(size, now);
+}
+
+Verdict ServerSessions::on_credit(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                  MonotonicTime now) noexcept {
+  Session* session = find(header.session);
+  if (session == nullptr) {
+    // hp-4.4-1: who waits for items learns at once that none will come.
+    counters_.drop(DropReason::kUnknownSession);
+    return refuse(header, Status::kUnknownSession, now);
+  }
+  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
+  // hp-5.10-8
+  const auto credit = decode_credit(payload);
+  if (!credit) return drop(DropReason::kBadPayload);
+  session->last_heard = now;
+  const std::uint32_t slot_index = header.call_id % kCallWindow;
+  Slot& slot = session->slots[slot_index];
+  const bool is_asked = (header.flags & kFlagAckWanted) != 0;
+  const bool is_known = slot.call_id == header.call_id && slot.state != Slot::State::kEmpty;
+  const bool is_replied = is_known && slot.frame_size > 0;
+  if (!is_known || (slot.stream == kNoStream && !is_replied)) {
+    // hp-5.10-7: the stream ended because nobody heard of its caller, who shall learn it.
+    return is_asked ? refuse(header, Status::kExpired, now) : drop(DropReason::kUnexpected);
+  }
+  Verdict verdict;
+  if (slot.stream != kNoStream) {
+    Stream& stream = streams_[slot.stream];
+    // A late copy does not take back what a newer one promised.
+    stream.deadline = std::max(stream.deadline, deadline_of(*session, header, now));
+    stream.items.on_credit(*credit, header.item, is_asked);
+    if (slot.state == Slot::State::kRunning) verdict.credit_tag = slot.tag;
+    repairing_ = slot.stream;
+    verdict.frame = next_repair();
+    if (is_replied && stream.items.is_acknowledged()) free_stream(slot);
+  }
+  if (is_asked && is_replied && config_.medium == Medium::kDatagram) {
+    // hp-5.10-5: behind the items that are missing the reply goes once more.
+    if (verdict.frame.empty()) {
+      verdict.frame = kept_reply(index_of(*session), slot_index);
+    } else {
+      is_reply_due_ = true;
+    }
+    ++counters_.duplicate_answered_count;
+  } else if (is_asked && verdict.frame.empty() && slot.stream != kNoStream) {
+    // hp-5.10-5: nothing is missing; only that is said.
+    FragmentAck ack;
+    ack.first_missing = 1;
+    verdict.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;
+  }
+  if (!verdict.frame.empty()) verdict.action = Verdict::Action::kSend;
+  return verdict;
+}
+
+// The items that were lost, then the reply if that is due, too.
+ConstBytes ServerSessions::next_repair() noexcept {
+  Stream& stream = streams_[repairing_];
+  if (const ConstBytes frame = stream.items.next(); !frame.empty()) {
+    ++counters_.item_repeated_count;
+    return frame;
+  }
+  repairing_ = kNoStream;
+  if (!std::exchange(is_reply_due_, false)) return {};
+  return kept_reply(stream.session_index, stream.slot_index);
+}
+
+void ServerSessions::on_time(MonotonicTime now) noexcept {
+  if (open_stream_count_ == 0) return;
+  for (const Stream& stream : streams_) {
+    if (!stream.items.is_begun() || stream.deadline > now) continue;
+    // hp-5.10-7: its caller broke the promise to be heard in time.
+    Slot& slot = sessions_[stream.session_index].slots[stream.slot_index];
+    if (slot.state == Slot::State::kRunning) ++counters_.expired_count;
+    cancel(slot);
+    free_stream(slot);
+  }
+}
+
+MonotonicTime ServerSessions::next_time() const noexcept {
+  if (open_stream_count_ == 0) return kNever;
+  MonotonicTime next = kNever;
+  for (const Stream& stream : streams_) {
+    if (stream.items.is_begun()) next = std::min(next, stream.deadline);
+  }
+  return next;
+}
+
+}  // namespace rtpm::wire

@@ -1,0 +1,212 @@
+#include <gtest/gtest.h>
+
+#include "client_fixture.hpp"
+#include "peers.hpp"
+
+// Calls for which nobody waits any more: spec/hprotocol.md#hp-5.9.
+namespace rtpm::wire {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+using Action = Verdict::Action;
+
+class ServerCancel : public testing::Test {
+ protected:
+  void SetUp() override { peer_.open(server_, at(0s)); }
+
+  Verdict receive(const Bytes& frame, MonotonicTime now = at(0s)) {
+    return server_.on_frame(frame, peer_.address, now);
+  }
+  Verdict call(std::uint32_t call_id) { return receive(peer_.call_frame(call_id, "request")); }
+  Bytes cancel_frame(std::uint32_t call_id, std::string_view payload = "") {
+    Header header = peer_.call_header(call_id);
+    header.kind = FrameKind::kCancel;
+    header.budget_us = 0;
+    return frame_of(header, bytes_of(payload));
+  }
+  std::uint64_t dropped(DropReason reason) const { return server_.counters().dropped_for(reason); }
+
+  ServerSessions server_{server_config()};
+  Peer peer_;
+};
+
+// hp-5.9-2: a method that runs is told, and ends as it likes; no REPLY is sent.
+TEST_F(ServerCancel, TellsACallThatRuns) {
+  const Verdict verdict = call(1);
+  ASSERT_EQ(verdict.action, Action::kDispatch);
+  server_.set_tag(verdict.request, 7);
+  EXPECT_EQ(server_.next_cancelled(), 0u);
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
+  EXPECT_EQ(server_.next_cancelled(), 7u);
+  EXPECT_EQ(server_.next_cancelled(), 0u) << "once";
+  EXPECT_EQ(server_.counters().cancelled_count, 1u);
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing) << "a copy";
+  EXPECT_EQ(server_.next_cancelled(), 0u);
+  EXPECT_EQ(call(1).action, Action::kNothing) << "a copy of the call is not run again";
+  EXPECT_TRUE(answer(server_, verdict.request, "done", at(1s), Status::kCancelled).empty());
+  EXPECT_EQ(call(1).action, Action::kNothing) << "nor when it ended";
+}
+
+// hp-5.9-2
+TEST_F(ServerCancel, OfACallWithoutATagStopsItsReply) {
+  const Verdict verdict = call(1);
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
+  EXPECT_EQ(server_.next_cancelled(), 0u);
+  EXPECT_TRUE(answer(server_, verdict.request, "done", at(1s)).empty());
+}
+
+// hp-5.2-4
+TEST_F(ServerCancel, FreesThePlaceOfTheCall) {
+  const Verdict first = call(1);
+  static_cast<void>(receive(cancel_frame(1)));
+  const Verdict next = call(1 + kCallWindow);
+  ASSERT_EQ(next.action, Action::kDispatch);
+  EXPECT_TRUE(answer(server_, first.request, "late", at(1s)).empty());
+  EXPECT_EQ(payload_of(answer(server_, next.request, "own", at(1s))), bytes_of("own"));
+}
+
+// hp-5.9-2
+TEST_F(ServerCancel, ThatOvertookItsCallKeepsItFromRunning) {
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
+  EXPECT_EQ(server_.counters().cancelled_count, 1u);
+  EXPECT_EQ(call(1).action, Action::kNothing);
+  EXPECT_EQ(dropped(DropReason::kStaleCall), 1u);
+  EXPECT_EQ(call(2).action, Action::kDispatch) << "the next one runs";
+  EXPECT_EQ(call(1 + kCallWindow).action, Action::kDispatch) << "and the next in its place";
+}
+
+// hp-5.9-2: an older call may still have the place.
+TEST_F(ServerCancel, ThatOvertookItsCallHoldsWhileAnOlderOneRuns) {
+  const Verdict older = call(1);
+  EXPECT_EQ(receive(cancel_frame(1 + kCallWindow)).action, Action::kNothing);
+  EXPECT_EQ(payload_of(answer(server_, older.request, "older", at(1ms))), bytes_of("older"))
+      << "the older one is not the one that was cancelled";
+  EXPECT_NE(call(1 + kCallWindow).action, Action::kDispatch);
+  EXPECT_EQ(call(1 + 2 * kCallWindow).action, Action::kDispatch);
+}
+
+TEST_F(ServerCancel, OfWhatTheSessionLeftBehindIsStale) {
+  const Verdict newer = call(1 + kCallWindow);
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
+  EXPECT_EQ(dropped(DropReason::kStaleCall), 1u);
+  EXPECT_EQ(server_.counters().cancelled_count, 0u);
+  EXPECT_EQ(payload_of(answer(server_, newer.request, "own", at(1ms))), bytes_of("own"));
+}
+
+TEST_F(ServerCancel, OfACallThatEndedChangesNothing) {
+  const Bytes reply = answer(server_, call(1).request, "reply", at(0s));
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing);
+  EXPECT_EQ(server_.counters().cancelled_count, 0u);
+  EXPECT_EQ(payload_of(call(1).frame), payload_of(reply));
+}
+
+// hp-5.9-1
+TEST_F(ServerCancel, FromElsewhereIsDropped) {
+  const Verdict verdict = call(1);
+  PeerAddress stranger = peer_.address;
+  stranger.port ^= 1;
+  EXPECT_EQ(server_.on_frame(cancel_frame(1), stranger, at(0s)).action, Action::kNothing);
+  EXPECT_EQ(dropped(DropReason::kForeignAddress), 1u);
+  EXPECT_EQ(receive(cancel_frame(1, "x")).action, Action::kNothing);
+  EXPECT_EQ(dropped(DropReason::kBadPayload), 1u);
+  EXPECT_EQ(payload_of(answer(server_, verdict.request, "own", at(1ms))), bytes_of("own"))
+      << "neither of them counts";
+  ++peer_.session;
+  EXPECT_EQ(receive(cancel_frame(1)).action, Action::kNothing) << "nor is one answered";
+  EXPECT_EQ(dropped(DropReason::kUnknownSession), 1u);
+}
+
+// hp-5.9-2: a request that is only half there does not run when the rest comes.
+TEST(ServerCancelOfALargeCall, ForgetsWhatCame) {
+  Bytes bulk(3 * 8192);
+  ServerSessionsConfig config = server_config();
+  config.message_size_max = 8192;
+  config.bulk_memory = bulk;
+  ServerSessions server(config);
+  Peer peer;
+  peer.open(server, at(0s));
+  const auto fragment = [&](std::uint32_t call_id, std::uint16_t index) {
+    Header header = peer.call_header(call_id);
+    header.fragment_index = index;
+    header.fragment_count = 2;
+    header.message_size = 2000;
+    header.payload_size = 1000;
+    Bytes frame(kHeaderSize + 1000);
+    encode(header, frame.data());
+    return server.on_frame(frame, peer.address, at(0s));
+  };
+  EXPECT_EQ(fragment(1, 0).action, Action::kNothing);
+  Header cancel = peer.call_header(1);
+  cancel.kind = FrameKind::kCancel;
+  EXPECT_EQ(server.on_frame(frame_of(cancel), peer.address, at(0s)).action, Action::kNothing);
+  EXPECT_EQ(server.counters().cancelled_count, 1u);
+  EXPECT_EQ(fragment(1, 1).action, Action::kNothing);
+  EXPECT_EQ(fragment(1, 0).action, Action::kNothing);
+  EXPECT_EQ(server.counters().dropped_for(DropReason::kStaleCall), 2u);
+  // The room is free again: two large requests come at a time.
+  for (const std::uint32_t call_id : {2u, 3u}) {
+    EXPECT_EQ(fragment(call_id, 0).action, Action::kNothing);
+  }
+  for (const std::uint32_t call_id : {2u, 3u}) {
+    EXPECT_EQ(fragment(call_id, 1).action, Action::kDispatch);
+  }
+}
+
+class ClientCancel : public ClientChannelTest {
+ protected:
+  void SetUp() override { make_ready(at(0s)); }
+};
+
+// hp-5.9: the client's call is over at once.
+TEST_F(ClientCancel, EndsTheCallAndTellsTheServer) {
+  const Bytes call = begin_call(at(0s));
+  const CallIndex index = channel_.last_call();
+  const Bytes frame = copy_of(channel_.cancel(index, at(1ms)));
+  const Header header = header_of(frame);
+  const Header about = header_of(call);
+  EXPECT_EQ(header.kind, FrameKind::kCancel);
+  EXPECT_EQ(header.session, kSession);
+  EXPECT_EQ(header.call_id, about.call_id);
+  EXPECT_EQ(header.service, about.service);
+  EXPECT_EQ(header.method, about.method);
+  EXPECT_EQ(header.priority, about.priority);
+  EXPECT_EQ(header.trace_id, about.trace_id);
+  EXPECT_EQ(header.payload_size, 0u);
+  EXPECT_EQ(header.flags, 0u);
+  EXPECT_FALSE(channel_.is_open(index));
+  EXPECT_TRUE(channel_.has_free_call());
+  EXPECT_EQ(channel_.next_time(), kNever) << "neither of them is repeated";
+  EXPECT_EQ(channel_.on_frame(reply_frame(call, "late"), at(2ms)).kind, Kind::kNothing);
+  EXPECT_TRUE(channel_.cancel(index, at(3ms)).empty()) << "there is no call";
+}
+
+// hp-5.3-2: copies were made of it, in fragments, too; CANCEL is a bare header.
+TEST_F(ClientCancel, OfALargeCallIsABareHeader) {
+  const Bytes large(1500);
+  ASSERT_TRUE(channel_.call(parameters(at(1s)), large, at(0s)));
+  const Bytes frame = copy_of(channel_.cancel(channel_.last_call(), at(1ms)));
+  EXPECT_EQ(frame.size(), kHeaderSize);
+  EXPECT_EQ(header_of(frame).fragment_count, 1u);
+  EXPECT_TRUE(channel_.next_frame(at(1ms)).empty()) << "no more fragments";
+}
+
+// hp-5.9-3: an earlier CANCEL got lost.
+TEST_F(ClientCancel, AnswersItemsThatNobodyTakes) {
+  const Bytes call = begin_call(at(0s));
+  static_cast<void>(channel_.cancel(channel_.last_call(), at(0s)));
+  Header item = answer_header(call, FrameKind::kItem);
+  item.item = 5;
+  ChannelEvent event = channel_.on_frame(frame_of(item, bytes_of("item")), at(1ms));
+  ASSERT_EQ(event.kind, Kind::kSend);
+  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
+  EXPECT_EQ(header_of(event.frame).call_id, item.call_id);
+  EXPECT_EQ(header_of(event.frame).item, 0u);
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
+  ++item.session;
+  event = channel_.on_frame(frame_of(item, bytes_of("item")), at(1ms));
+  EXPECT_EQ(event.kind, Kind::kNothing) << "another session's are nothing to it";
+}
+
+}  // namespace
+}  // namespace rtpm::wire

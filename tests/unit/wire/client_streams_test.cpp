@@ -1,0 +1,390 @@
+#include <gtest/gtest.h>
+
+#include <string>
+
+#include "client_fixture.hpp"
+#include "rtpm/wire/stream.hpp"
+
+// How a client takes items: spec/hprotocol.md#hp-5.10.
+namespace rtpm::wire {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+constexpr std::size_t kItemSize = 64;
+
+class ClientStreams : public ClientChannelTest {
+ protected:
+  explicit ClientStreams(Medium medium = Medium::kDatagram) : ClientChannelTest(medium, 2) {}
+  void SetUp() override { make_ready(at(0s)); }
+
+  /// Begins a call that takes `window` items at a time.
+  void begin(std::uint32_t window = 4, Duration patience = 1h) {
+    CallParameters wanted = parameters(at(0s) + patience);
+    memory_.resize(window * kItemSize);
+    wanted.stream_window = window;
+    wanted.stream_memory = memory_;
+    const auto frame = channel_.call(wanted, request_, at(0s));
+    ASSERT_TRUE(frame);
+    call_ = copy_of(*frame);
+    index_ = channel_.last_call();
+  }
+  ChannelEvent item(std::uint32_t number, MonotonicTime now, bool is_copy = false) {
+    Header header = answer_header(call_, FrameKind::kItem);
+    header.item = number;
+    header.flags = is_copy ? kFlagRepeated : std::uint16_t{0};
+    frame_ = frame_of(header, bytes_of("item " + std::to_string(number)));
+    return channel_.on_frame(frame_, now);
+  }
+  ChannelEvent end(std::uint32_t count, MonotonicTime now, Status status = Status::kOk) {
+    Header header = answer_header(call_, FrameKind::kReply);
+    header.item = count;
+    header.status = status;
+    return channel_.on_frame(frame_of(header), now);
+  }
+  ChannelEvent ack(std::uint32_t count, MonotonicTime now) {
+    Header header = answer_header(call_, FrameKind::kAck);
+    header.item = count;
+    Bytes payload(FragmentAck::kSize);
+    FragmentAck all;
+    all.first_missing = 1;
+    encode(all, payload);
+    return channel_.on_frame(frame_of(header, payload), now);
+  }
+  /// Takes all items that are there, from the number `from`; gives how many.
+  std::uint32_t drain(std::uint32_t from) {
+    std::uint32_t count = 0;
+    for (auto item = channel_.next_item(index_); item; item = channel_.next_item(index_)) {
+      EXPECT_EQ(copy_of(*item), bytes_of("item " + std::to_string(from + count)));
+      ++count;
+    }
+    return count;
+  }
+  /// That `frame` is a CREDIT of the stream's, which says this.
+  void expect_credit(ConstBytes frame, std::uint32_t first_missing, std::uint64_t later,
+                     std::uint32_t limit, bool is_asking) {
+    ASSERT_FALSE(frame.empty());
+    const Header header = header_of(frame);
+    const Header call = header_of(call_);
+    EXPECT_EQ(header.kind, FrameKind::kCredit);
+    EXPECT_EQ(header.session, kSession);
+    EXPECT_EQ(header.call_id, call.call_id);
+    EXPECT_EQ(header.service, call.service);
+    EXPECT_EQ(header.method, call.method);
+    EXPECT_EQ(header.priority, call.priority);
+    EXPECT_EQ(header.trace_id, call.trace_id);
+    EXPECT_EQ(header.item, limit);
+    EXPECT_EQ(header.flags, is_asking ? kFlagAckWanted : 0);
+    const auto credit = decode_credit(frame.subspan(kHeaderSize));
+    ASSERT_TRUE(credit);
+    EXPECT_EQ(credit->first_missing, first_missing);
+    EXPECT_EQ(credit->later, later);
+  }
+
+  Bytes memory_;
+  Bytes call_;
+  Bytes frame_;
+  CallIndex index_ = 0;
+};
+
+class ClientStreamsOnAStream : public ClientStreams {
+ protected:
+  ClientStreamsOnAStream() : ClientStreams(Medium::kStream) {}
+};
+
+// hp-5.10-7
+TEST_F(ClientStreams, StateTheirWindowAndHowLongTheyAreSilent) {
+  begin(4, 1h);
+  EXPECT_EQ(header_of(call_).item, 4u);
+  EXPECT_EQ(header_of(call_).budget_us, 3'000'000u) << "not the hour that the stream may last";
+  EXPECT_EQ(header_of(call_).flags, 0u);
+}
+
+TEST_F(ClientStreams, StateLessWhereTheirDeadlineComesFirst) {
+  begin(4, 2s);
+  EXPECT_EQ(header_of(call_).budget_us, 2'000'000u);
+}
+
+// hp-5.10-3
+TEST_F(ClientStreams, RepeatTheCallUntilTheServerIsHeard) {
+  begin();
+  ChannelEvent event = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(event.kind, Kind::kSend);
+  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCall);
+  EXPECT_EQ(header_of(event.frame).item, 4u);
+  EXPECT_EQ(header_of(event.frame).flags, kFlagRepeated | kFlagAckWanted);
+  EXPECT_EQ(ack(0, at(6ms)).kind, Kind::kNothing);
+  event = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(event.kind, Kind::kSend);
+  expect_credit(event.frame, 0, 0, 4, true);
+}
+
+TEST_F(ClientStreams, GiveTheirItemsInOrder) {
+  begin(4);
+  EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
+  EXPECT_EQ(drain(0), 1u);
+  EXPECT_NE(item(2, at(2ms)).kind, Kind::kItems);
+  EXPECT_EQ(drain(1), 0u);
+  EXPECT_EQ(item(1, at(3ms)).kind, Kind::kItems);
+  EXPECT_EQ(drain(1), 2u);
+  EXPECT_TRUE(channel_.is_open(index_));
+}
+
+// hp-5.10-4
+TEST_F(ClientStreams, GrantMoreWhenHalfIsTaken) {
+  begin(4);
+  for (std::uint32_t number = 0; number < 4; ++number)
+    static_cast<void>(item(number, at(1ms)));
+  EXPECT_TRUE(channel_.next_frame(at(1ms)).empty()) << "nothing was taken yet";
+  ASSERT_TRUE(channel_.next_item(index_));
+  ASSERT_TRUE(channel_.next_item(index_));
+  EXPECT_TRUE(channel_.next_frame(at(1ms)).empty()) << "one of four";
+  ASSERT_TRUE(channel_.next_item(index_));
+  expect_credit(channel_.next_frame(at(1ms)), 4, 0, 6, false);
+  EXPECT_TRUE(channel_.next_frame(at(1ms)).empty());
+}
+
+// hp-5.10-4
+TEST_F(ClientStreams, TellAtOnceWhatIsMissing) {
+  begin(8);
+  static_cast<void>(item(0, at(1ms)));
+  static_cast<void>(drain(0));
+  const ChannelEvent event = item(2, at(2ms));
+  ASSERT_EQ(event.kind, Kind::kSend);
+  expect_credit(event.frame, 1, 0b1, 9, false);
+  EXPECT_EQ(item(3, at(2ms)).kind, Kind::kNothing) << "it was told; the copy is on its way";
+}
+
+// hp-5.10-5
+TEST_F(ClientStreams, AskWhenNothingCame) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  static_cast<void>(drain(0));
+  MonotonicTime last = at(1ms);
+  Duration gap{0};
+  for (int question = 0; question < 20; ++question) {
+    const MonotonicTime next = channel_.next_time();
+    EXPECT_LE(next - last, Duration{500ms});
+    EXPECT_GE(next - last, gap) << "not oftener than before";
+    gap = next - last;
+    if (next - at(1ms) >= kStreamLease) break;
+    const ChannelEvent event = channel_.on_time(next);
+    ASSERT_EQ(event.kind, Kind::kSend);
+    expect_credit(event.frame, 1, 0, 5, true);
+    last = next;
+  }
+  EXPECT_GE(last, at(2s)) << "the test went on long enough";
+}
+
+// hp-5.10-5: a stream at 10 Hz is not asked after every few milliseconds.
+TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
+  begin(4);
+  MonotonicTime now = at(0s);
+  for (std::uint32_t number = 0; number < 60; ++number) {
+    now += 100ms;
+    static_cast<void>(item(number, now));
+    static_cast<void>(drain(number));
+    static_cast<void>(channel_.next_frame(now));
+  }
+  EXPECT_GT(channel_.next_time() - now, Duration{300ms});
+  EXPECT_LE(channel_.next_time() - now, Duration{500ms});
+}
+
+// hp-5.10-7
+TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
+  begin(4);
+  static_cast<void>(ack(0, at(1s)));
+  ChannelEvent event;
+  MonotonicTime now = at(1s);
+  do {
+    now = channel_.next_time();
+    event = channel_.on_time(now);
+  } while (event.kind == Kind::kSend);
+  EXPECT_EQ(event.kind, Kind::kTimeout);
+  EXPECT_GE(now, at(4s));
+  EXPECT_LE(now, at(4s + 500ms));
+  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
+  EXPECT_FALSE(channel_.is_open(index_));
+}
+
+TEST_F(ClientStreams, EndAtTheirDeadlineAndTellTheServer) {
+  begin(4, 2s);
+  for (MonotonicTime now = at(0s); now < at(2s); now += 10ms) {
+    static_cast<void>(ack(0, now));
+    ASSERT_NE(channel_.on_time(now).kind, Kind::kTimeout);
+  }
+  const ChannelEvent event = channel_.on_time(at(2s));
+  EXPECT_EQ(event.kind, Kind::kTimeout);
+  EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
+}
+
+// hp-5.10-6
+TEST_F(ClientStreams, EndWithTheReplyWhenAllItemsAreHere) {
+  begin(8);
+  for (std::uint32_t number = 0; number < 3; ++number)
+    static_cast<void>(item(number, at(1ms)));
+  const ChannelEvent event = end(3, at(2ms));
+  EXPECT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(event.status, Status::kOk);
+  expect_credit(event.frame, 3, 0, 8, false);
+  EXPECT_EQ(channel_.next_time(), kNever);
+  EXPECT_TRUE(channel_.is_open(index_)) << "its items are still to be taken";
+  EXPECT_EQ(drain(0), 3u);
+  EXPECT_FALSE(channel_.is_open(index_));
+  EXPECT_EQ(end(3, at(3ms)).kind, Kind::kNothing) << "a copy of the reply";
+}
+
+// hp-5.10-6: the REPLY overtook an item, or that was lost.
+TEST_F(ClientStreams, WaitForTheItemsThatTheReplyOvertook) {
+  begin(8);
+  static_cast<void>(item(0, at(1ms)));
+  ChannelEvent event = end(3, at(2ms), Status::kServantFailed);
+  ASSERT_EQ(event.kind, Kind::kSend) << "it asks for the rest at once";
+  expect_credit(event.frame, 1, 0, 8, true);
+  static_cast<void>(item(2, at(3ms)));
+  event = item(1, at(4ms));
+  EXPECT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(event.status, Status::kServantFailed) << "the status that it had";
+  expect_credit(event.frame, 3, 0, 8, false);
+  EXPECT_EQ(drain(0), 3u);
+}
+
+// hp-5.10-6
+TEST_F(ClientStreams, EndAtOnceWhereTheServerGaveThemUp) {
+  for (const Status status : {Status::kExpired, Status::kCancelled, Status::kStopping}) {
+    make_ready(at(0s));
+    begin(8);
+    static_cast<void>(item(0, at(1ms)));
+    const ChannelEvent event = end(5, at(2ms), status);
+    EXPECT_EQ(event.kind, Kind::kReply);
+    EXPECT_EQ(event.status, status);
+    EXPECT_EQ(drain(0), 1u) << "what came is there";
+    EXPECT_FALSE(channel_.is_open(index_));
+  }
+}
+
+// hp-5.10-7
+TEST_F(ClientStreams, EndWithARefusal) {
+  begin(8);
+  const ChannelEvent event = channel_.on_frame(refuse_frame(call_, Status::kExpired), at(1ms));
+  EXPECT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(event.status, Status::kExpired);
+  EXPECT_FALSE(channel_.is_open(index_));
+  begin(8);
+  EXPECT_EQ(channel_.on_frame(refuse_frame(call_, Status::kUnknownSession), at(1ms)).kind,
+            Kind::kLost);
+}
+
+TEST_F(ClientStreams, TakeNoReplyThatContradictsTheirItems) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  EXPECT_EQ(end(0, at(2ms)).kind, Kind::kNothing);
+  EXPECT_EQ(end(5, at(2ms)).kind, Kind::kNothing);
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 2u);
+  EXPECT_EQ(end(1, at(2ms)).kind, Kind::kReply);
+}
+
+// hp-5.10-2
+TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
+  begin(4);
+  EXPECT_EQ(item(4, at(1ms)).kind, Kind::kNothing);
+  EXPECT_EQ(item(0x7fff'ffff, at(1ms)).kind, Kind::kNothing);
+  Header header = answer_header(call_, FrameKind::kItem);
+  header.item = 0;
+  EXPECT_EQ(channel_.on_frame(frame_of(header, Bytes(kItemSize + 1)), at(1ms)).kind, Kind::kNothing)
+      << "too large";
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 3u);
+  EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
+}
+
+TEST_F(ClientStreams, AnswerCopiesWithCreditAndCountThem) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  static_cast<void>(drain(0));
+  const ChannelEvent event = item(0, at(2ms), true);
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
+  ASSERT_EQ(event.kind, Kind::kSend) << "the server does not know yet that it is here";
+  expect_credit(event.frame, 1, 0, 5, false);
+}
+
+// hp-5.9-3: items of a call that is open, but no stream.
+TEST_F(ClientStreams, AreNotMadeOfAnOrdinaryCall) {
+  call_ = begin_call(at(0s));
+  EXPECT_EQ(item(0, at(1ms)).kind, Kind::kNothing);
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
+}
+
+TEST_F(ClientStreams, RunBesideOtherCalls) {
+  begin(4);
+  const Bytes other = begin_call(at(0s));
+  static_cast<void>(item(0, at(1ms)));
+  EXPECT_EQ(channel_.on_frame(reply_frame(other, "other"), at(1ms)).kind, Kind::kReply);
+  EXPECT_EQ(drain(0), 1u);
+}
+
+TEST_F(ClientStreams, CanBeCancelled) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  const Bytes frame = copy_of(channel_.cancel(index_, at(2ms)));
+  EXPECT_EQ(header_of(frame).kind, FrameKind::kCancel);
+  EXPECT_EQ(header_of(frame).item, 0u);
+  EXPECT_FALSE(channel_.next_item(index_));
+  EXPECT_EQ(header_of(item(1, at(3ms)).frame).kind, FrameKind::kCancel) << "hp-5.9-3";
+}
+
+// A request in fragments may ask for a stream; only when it is there does the stream begin.
+TEST_F(ClientStreams, MayHaveALargeRequest) {
+  const Bytes large(1500);
+  CallParameters wanted = parameters(at(1h));
+  memory_.resize(4 * kItemSize);
+  wanted.stream_window = 4;
+  wanted.stream_memory = memory_;
+  const auto first = channel_.call(wanted, large, at(0s));
+  ASSERT_TRUE(first);
+  call_ = copy_of(*first);
+  index_ = channel_.last_call();
+  EXPECT_EQ(header_of(call_).item, 4u);
+  EXPECT_EQ(header_of(channel_.next_frame(at(0s))).item, 4u);
+  // The ACK of the fragments has the shape of the stream's.
+  Header header = header_of(call_);
+  header.kind = FrameKind::kAck;
+  header.item = 0;
+  Bytes payload(FragmentAck::kSize);
+  FragmentAck all;
+  all.first_missing = 2;
+  encode(all, payload);
+  header.flags = 0;
+  header.fragment_count = 1;
+  header.fragment_index = 0;
+  static_cast<void>(channel_.on_frame(frame_of(header, payload), at(1ms)));
+  const ChannelEvent event = channel_.on_time(channel_.next_time());
+  ASSERT_EQ(event.kind, Kind::kSend);
+  expect_credit(event.frame, 0, 0, 4, true);
+}
+
+// hp-5.10-5: this holds on TCP, too, where nothing is repeated.
+TEST_F(ClientStreamsOnAStream, AskAndRepeatNothing) {
+  begin(4);
+  for (int i = 0; i < 3; ++i) {
+    const ChannelEvent event = channel_.on_time(channel_.next_time());
+    ASSERT_EQ(event.kind, Kind::kSend);
+    expect_credit(event.frame, 0, 0, 4, true);
+  }
+  EXPECT_EQ(item(0, at(1s)).kind, Kind::kItems);
+  EXPECT_EQ(drain(0), 1u);
+  EXPECT_EQ(end(1, at(1s)).kind, Kind::kReply);
+}
+
+// hp-5.10-7
+TEST_F(ClientStreamsOnAStream, AreLostWhenNothingIsHeardForThreeSeconds) {
+  begin(4);
+  ChannelEvent event;
+  do {
+    event = channel_.on_time(channel_.next_time());
+  } while (event.kind == Kind::kSend);
+  EXPECT_EQ(event.kind, Kind::kTimeout);
+}
+
+}  // namespace
+}  // namespace rtpm::wire

@@ -1,0 +1,426 @@
+#include "rtpm/wire/stream.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <deque>
+#include <string>
+
+#include "frames.hpp"
+
+// The two ends of a stream by themselves: spec/hprotocol.md#hp-5.10.
+namespace rtpm::wire {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+using Taken = IncomingStream::Taken;
+
+constexpr std::size_t kFrameSize = 128;
+
+TEST(StreamCredit, ComesBackAsItWasWritten) {
+  Random random(1);
+  for (int round = 0; round < 100; ++round) {
+    const StreamCredit credit{static_cast<std::uint32_t>(random()), random()};
+    Bytes bytes(StreamCredit::kSize, std::byte{0xee});
+    encode(credit, bytes);
+    const auto read = decode_credit(bytes);
+    ASSERT_TRUE(read);
+    EXPECT_EQ(read->first_missing, credit.first_missing);
+    EXPECT_EQ(read->later, credit.later);
+  }
+}
+
+// hp-5.10-8
+TEST(StreamCredit, OfAnotherSizeOrWithAReservedByteSetIsNotRead) {
+  for (std::size_t size = 0; size < 40; ++size)
+    EXPECT_EQ(decode_credit(Bytes(size)).has_value(), size == StreamCredit::kSize) << size;
+  for (const std::size_t offset : {4u, 5u, 6u, 7u}) {
+    Bytes bytes(StreamCredit::kSize);
+    bytes[offset] = std::byte{1};
+    EXPECT_FALSE(decode_credit(bytes)) << offset;
+  }
+}
+
+/// A stream's server end, with items such as "item 7".
+class Source {
+ public:
+  explicit Source(std::uint32_t limit, bool is_kept = true, std::uint32_t first = 0)
+      : memory_((is_kept ? kStreamWindow : 1) * kFrameSize) {
+    Header header;
+    header.session = 0xabc;
+    header.call_id = 5;
+    header.service = 3;
+    header.method = 4;
+    header.priority = 120;
+    header.trace_id = 0x7ace;
+    header.flags = kFlagRepeated;
+    header.budget_us = 800;
+    header.item = limit;
+    stream.begin(header, memory_, kFrameSize, is_kept, first);
+  }
+  /// The frame of the next item; empty if its taker takes none.
+  Bytes push(MonotonicTime now = at(0s)) {
+    const MutableBytes room = stream.item_buffer();
+    if (room.empty()) return {};
+    const Bytes item = bytes_of("item " + std::to_string(stream.count()));
+    std::ranges::copy(item, room.begin());
+    return copy_of(stream.push(static_cast<std::uint32_t>(item.size()), now));
+  }
+  /// How many items it gives before its taker takes no more.
+  int push_all() {
+    int count = 0;
+    while (!push().empty())
+      ++count;
+    return count;
+  }
+  /// The numbers of the items that are to be sent again.
+  std::vector<std::uint32_t> repairs() {
+    std::vector<std::uint32_t> numbers;
+    for (ConstBytes frame; !(frame = stream.next()).empty();) {
+      EXPECT_EQ(header_of(frame).flags, kFlagRepeated);
+      numbers.push_back(header_of(frame).item);
+    }
+    return numbers;
+  }
+
+  OutgoingStream stream;
+
+ private:
+  Bytes memory_;
+};
+
+using Numbers = std::vector<std::uint32_t>;
+
+// hp-5.10-1
+TEST(OutgoingStream, NumbersItsItemsUnderTheNumbersOfTheCall) {
+  Source source(10);
+  for (std::uint32_t number = 0; number < 10; ++number) {
+    const MonotonicTime now = at(number * 1ms);
+    const Bytes frame = source.push(now);
+    const Header header = header_of(frame);
+    EXPECT_EQ(header.kind, FrameKind::kItem);
+    EXPECT_EQ(header.item, number);
+    EXPECT_EQ(header.session, 0xabcu);
+    EXPECT_EQ(header.call_id, 5u);
+    EXPECT_EQ(header.service, 3u);
+    EXPECT_EQ(header.method, 4u);
+    EXPECT_EQ(header.priority, Priority{120});
+    EXPECT_EQ(header.trace_id, 0x7aceu);
+    EXPECT_EQ(header.flags, 0u);
+    EXPECT_EQ(header.budget_us, 0u);
+    EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(now)));
+    EXPECT_EQ(payload_of(frame), bytes_of("item " + std::to_string(number)));
+  }
+}
+
+// hp-5.10-2
+TEST(OutgoingStream, SendsNoMoreThanItsCallerGranted) {
+  Source source(4);
+  EXPECT_EQ(source.push_all(), 4);
+  source.stream.on_credit({4, 0}, 6, false);
+  EXPECT_EQ(source.push_all(), 2);
+  source.stream.on_credit({6, 0}, 5, false);
+  EXPECT_EQ(source.push_all(), 0) << "a limit that was granted is not taken back";
+  source.stream.raise_limit(7);
+  EXPECT_EQ(source.push_all(), 1);
+}
+
+// hp-5.10-2
+TEST(OutgoingStream, HasAtMost32ItemsOnTheirWayWhereTheyMayGetLost) {
+  Source source(1000);
+  EXPECT_EQ(source.push_all(), 32);
+  source.stream.on_credit({10, 0}, 1000, false);
+  EXPECT_EQ(source.push_all(), 10);
+  // All but one are there, but that one is kept, and so are those behind it.
+  source.stream.on_credit({10, ~std::uint64_t{0}}, 1000, false);
+  EXPECT_EQ(source.push_all(), 0);
+  Source over_a_connection(1000, false);
+  EXPECT_EQ(over_a_connection.push_all(), 1000);
+  EXPECT_TRUE(over_a_connection.stream.is_acknowledged()) << "nothing gets lost";
+}
+
+// hp-5.10-4
+TEST(OutgoingStream, RepeatsWhatIsMissingBeforeAnItemThatIsThere) {
+  Source source(8);
+  const Bytes second = [&] {
+    static_cast<void>(source.push(at(0s)));
+    return source.push(at(5ms));
+  }();
+  while (!source.push().empty()) {
+  }
+  // 0 is there, 1 is missing, 2 there, 3 missing, 4 there; of 5 to 7 nobody knows.
+  source.stream.on_credit({1, 0b101}, 8, false);
+  Bytes again = copy_of(source.stream.next());
+  Bytes expected = second;
+  store_le(expected.data() + 6, kFlagRepeated);
+  EXPECT_EQ(again, expected) << "hp-5.10-1: its time is when it was given";
+  EXPECT_EQ(source.repairs(), Numbers{3});
+  EXPECT_TRUE(source.stream.next().empty()) << "once";
+}
+
+// hp-5.10-5
+TEST(OutgoingStream, RepeatsTheFirstThatIsMissingToWhoAsks) {
+  Source source(8);
+  EXPECT_EQ(source.push_all(), 8);
+  source.stream.on_credit({6, 0}, 8, false);
+  EXPECT_EQ(source.repairs(), Numbers{});
+  source.stream.on_credit({6, 0}, 8, true);
+  EXPECT_EQ(source.repairs(), Numbers{6}) << "one is enough to learn more";
+  source.stream.on_credit({6, 1}, 8, true);
+  EXPECT_EQ(source.repairs(), Numbers{6});
+  source.stream.on_credit({8, 0}, 8, true);
+  EXPECT_EQ(source.repairs(), Numbers{}) << "nothing is missing";
+  EXPECT_TRUE(source.stream.is_acknowledged());
+}
+
+// hp-5.10-8
+TEST(OutgoingStream, BelievesNoCreditForWhatWasNeverSent) {
+  Source source(4);
+  EXPECT_EQ(source.push_all(), 4);
+  source.stream.on_credit({5, 0}, 100, true);
+  EXPECT_EQ(source.push_all(), 0) << "its limit does not count either";
+  EXPECT_FALSE(source.stream.is_acknowledged());
+  source.stream.on_credit({0xffff'ffff, ~std::uint64_t{0}}, 100, true);
+  EXPECT_EQ(source.repairs(), Numbers{});
+  // Bits beyond what was sent name nothing that could be repeated.
+  source.stream.on_credit({2, ~std::uint64_t{1}}, 4, true);
+  EXPECT_EQ(source.repairs(), (Numbers{2, 3}));
+  source.stream.on_credit({4, ~std::uint64_t{0}}, 4, true);
+  EXPECT_EQ(source.repairs(), Numbers{});
+}
+
+TEST(OutgoingStream, LearnsNothingFromALateCopyOfACredit) {
+  Source source(8);
+  EXPECT_EQ(source.push_all(), 8);
+  source.stream.on_credit({6, 0}, 8, false);
+  source.stream.on_credit({2, 0b1}, 8, true);
+  EXPECT_EQ(source.repairs(), Numbers{}) << "2 is long there, and its place is another's";
+}
+
+/// A stream's client end.
+class Sink {
+ public:
+  explicit Sink(std::uint32_t window, std::size_t item_size = 16, std::uint32_t first = 0)
+      : memory_(window * item_size) {
+    stream.begin(memory_, window, item_size, first);
+  }
+  Taken take(std::uint32_t number) {
+    return stream.take(number, bytes_of("item " + std::to_string(number)));
+  }
+  /// Takes all items that are there, in order; gives how many.
+  std::uint32_t drain() {
+    std::uint32_t count = 0;
+    for (auto item = stream.next(); item; item = stream.next()) {
+      EXPECT_EQ(copy_of(*item), bytes_of("item " + std::to_string(next_)));
+      ++next_;
+      ++count;
+    }
+    return count;
+  }
+  void expect_next(std::uint32_t number) { next_ = number; }
+
+  IncomingStream stream;
+
+ private:
+  Bytes memory_;
+  std::uint32_t next_ = 0;
+};
+
+TEST(IncomingStream, GivesItemsInOrderWhateverTheirOrderWas) {
+  Sink sink(8);
+  EXPECT_EQ(sink.take(2), Taken::kAhead);
+  EXPECT_EQ(sink.take(1), Taken::kAhead);
+  EXPECT_FALSE(sink.stream.has_next());
+  EXPECT_EQ(sink.stream.next(), std::nullopt);
+  EXPECT_EQ(sink.take(4), Taken::kAhead);
+  EXPECT_EQ(sink.take(0), Taken::kNew);
+  EXPECT_EQ(sink.drain(), 3u);
+  EXPECT_TRUE(sink.stream.has_gap()) << "3 is missing";
+  EXPECT_EQ(sink.take(3), Taken::kNew);
+  EXPECT_FALSE(sink.stream.has_gap());
+  EXPECT_EQ(sink.drain(), 2u);
+}
+
+TEST(IncomingStream, TakesEachItemOnce) {
+  Sink sink(8);
+  EXPECT_EQ(sink.take(0), Taken::kNew);
+  EXPECT_EQ(sink.take(0), Taken::kCopy);
+  EXPECT_EQ(sink.take(2), Taken::kAhead);
+  EXPECT_EQ(sink.take(2), Taken::kCopy);
+  EXPECT_EQ(sink.drain(), 1u);
+  EXPECT_EQ(sink.take(0), Taken::kCopy) << "when it was taken, too";
+}
+
+// hp-5.10-2: what was not granted is not taken, so that nobody fills memory from outside.
+TEST(IncomingStream, TakesNothingBeyondItsWindow) {
+  for (const std::uint32_t window : {1u, 2u, 3u, 7u, 32u}) {
+    Sink sink(window);
+    EXPECT_EQ(sink.take(window), Taken::kForeign);
+    EXPECT_EQ(sink.take(window + 1), Taken::kForeign);
+    EXPECT_EQ(sink.take(0x7fff'ffff), Taken::kForeign);
+    for (std::uint32_t number = window; number-- > 0;)
+      EXPECT_NE(sink.take(number), Taken::kForeign) << window;
+    EXPECT_EQ(sink.stream.limit(), window);
+    ASSERT_TRUE(sink.stream.next());
+    EXPECT_EQ(sink.stream.limit(), window) << "it is still looked at";
+    EXPECT_EQ(sink.take(window), Taken::kForeign);
+    static_cast<void>(sink.stream.next());
+    EXPECT_EQ(sink.stream.limit(), window + 1);
+    EXPECT_EQ(sink.take(window), Taken::kNew);
+  }
+}
+
+TEST(IncomingStream, TakesNoItemThatIsTooLarge) {
+  Sink sink(4, 16);
+  EXPECT_EQ(sink.stream.take(0, Bytes(17)), Taken::kForeign);
+  EXPECT_EQ(sink.stream.take(0, Bytes(16)), Taken::kNew);
+  EXPECT_EQ(sink.stream.take(1, {}), Taken::kNew) << "an empty one is one";
+  EXPECT_EQ(sink.stream.next()->size(), 16u);
+  EXPECT_EQ(sink.stream.next()->size(), 0u);
+}
+
+TEST(IncomingStream, SaysWhatIsThere) {
+  Sink sink(8);
+  EXPECT_EQ(sink.stream.credit().first_missing, 0u);
+  EXPECT_EQ(sink.stream.credit().later, 0u);
+  static_cast<void>(sink.take(0));
+  static_cast<void>(sink.take(2));
+  static_cast<void>(sink.take(5));
+  EXPECT_EQ(sink.stream.credit().first_missing, 1u);
+  EXPECT_EQ(sink.stream.credit().later, 0b1001u);
+  static_cast<void>(sink.take(1));
+  EXPECT_EQ(sink.stream.credit().first_missing, 3u);
+  EXPECT_EQ(sink.stream.credit().later, 0b10u);
+}
+
+// hp-5.10-6
+TEST(IncomingStream, IsCompleteWhenAllThatWereSentAreHere) {
+  Sink sink(8);
+  static_cast<void>(sink.take(0));
+  static_cast<void>(sink.take(2));
+  EXPECT_TRUE(sink.stream.end(4));
+  EXPECT_FALSE(sink.stream.is_complete());
+  EXPECT_EQ(sink.take(4), Taken::kForeign) << "there are no more than 4";
+  EXPECT_EQ(sink.take(3), Taken::kAhead);
+  EXPECT_EQ(sink.take(1), Taken::kNew);
+  EXPECT_TRUE(sink.stream.is_complete());
+  EXPECT_TRUE(sink.stream.end(4)) << "a copy of the end";
+  EXPECT_FALSE(sink.stream.end(5)) << "another end";
+  EXPECT_EQ(sink.drain(), 4u) << "they are still to be taken";
+}
+
+TEST(IncomingStream, BelievesNoEndThatContradictsWhatCame) {
+  Sink sink(8);
+  static_cast<void>(sink.take(0));
+  static_cast<void>(sink.take(3));
+  EXPECT_FALSE(sink.stream.end(0)) << "item 0 was there";
+  EXPECT_FALSE(sink.stream.end(3)) << "item 3 was there";
+  EXPECT_FALSE(sink.stream.end(9)) << "only 8 were granted";
+  EXPECT_FALSE(sink.stream.end(0xffff'ffff));
+  EXPECT_TRUE(sink.stream.end(8)) << "all that was granted";
+  Sink empty(8);
+  EXPECT_TRUE(empty.stream.end(0)) << "a stream may have no item";
+  EXPECT_TRUE(empty.stream.is_complete());
+}
+
+// hp-5.10-1: numbers go on from the largest with 0, whatever the window is.
+TEST(Streams, GoOnWhereTheNumbersEnd) {
+  constexpr std::uint32_t kFirst = 0u - 100;
+  for (const std::uint32_t window : {1u, 3u, 5u, 8u, 31u, 32u}) {
+    SCOPED_TRACE("window " + std::to_string(window));
+    Source source(window, true, kFirst);
+    Sink sink(window, 64, kFirst);
+    sink.expect_next(kFirst);
+    Random random(window);
+    std::uint32_t taken_count = 0;
+    while (taken_count < 200) {
+      std::vector<Bytes> frames;
+      for (Bytes frame = source.push(); !frame.empty(); frame = source.push())
+        frames.push_back(frame);
+      std::ranges::shuffle(frames, random);
+      for (const Bytes& frame : frames) {
+        if (random() % 4 == 0) continue;
+        ASSERT_NE(sink.stream.take(header_of(frame).item, payload_of(frame)), Taken::kForeign);
+      }
+      taken_count += sink.drain();
+      source.stream.on_credit(sink.stream.credit(), sink.stream.limit(), true);
+      for (ConstBytes frame; !(frame = source.stream.next()).empty();) {
+        ASSERT_NE(sink.stream.take(header_of(frame).item, payload_of(frame)), Taken::kForeign);
+      }
+      taken_count += sink.drain();
+      ASSERT_FALSE(testing::Test::HasFailure());
+    }
+    EXPECT_LT(source.stream.count(), kFirst) << "it wrapped around";
+  }
+}
+
+/// A random channel between the two ends: loss, copies, disorder in both directions.
+class LossyStream {
+ public:
+  explicit LossyStream(std::uint64_t seed)
+      : random_(seed),
+        window_(1 + static_cast<std::uint32_t>(random_() % kStreamWindow)),
+        wanted_(static_cast<std::uint32_t>(random_() % 300)),
+        source_(window_),
+        sink_(window_, 64) {}
+
+  /// Runs until all items were taken in order; false if it never comes to that.
+  bool run() {
+    for (int step = 0; step < 100'000; ++step) {
+      if (source_.stream.count() < wanted_) put(items_, source_.push());
+      if (random_() % 4 == 0) source_takes_credit();
+      if (random_() % 2 == 0) sink_takes_item();
+      if (random_() % 8 == 0) taken_count_ += sink_.drain();
+      const bool is_asked = random_() % 16 == 0;
+      if (random_() % 4 == 0) credits_.push_back({sink_.stream.credit(), is_asked});
+      if (testing::Test::HasFatalFailure()) return false;
+      if (taken_count_ == wanted_) return true;
+    }
+    return false;
+  }
+
+ private:
+  void put(std::deque<Bytes>& way, const Bytes& frame) {
+    if (frame.empty()) return;
+    for (std::uint64_t copies = random_() % 10 < 3 ? 0 : 1 + random_() % 2; copies > 0; --copies) {
+      const auto place = static_cast<std::ptrdiff_t>(random_() % (way.size() + 1));
+      way.insert(way.begin() + place, frame);
+    }
+  }
+  void source_takes_credit() {
+    if (credits_.empty()) return;
+    const auto [credit, is_asked] = credits_.front();
+    credits_.pop_front();
+    if (random_() % 10 < 3) return;
+    source_.stream.on_credit(credit, credit.first_missing, is_asked);
+    source_.stream.raise_limit(sink_.stream.limit());
+    for (ConstBytes frame; !(frame = source_.stream.next()).empty();)
+      put(items_, copy_of(frame));
+  }
+  void sink_takes_item() {
+    if (items_.empty()) return;
+    const Bytes frame = items_.front();
+    items_.pop_front();
+    ASSERT_NE(sink_.stream.take(header_of(frame).item, payload_of(frame)), Taken::kForeign);
+  }
+
+  Random random_;
+  std::uint32_t window_;
+  std::uint32_t wanted_;
+  Source source_;
+  Sink sink_;
+  std::deque<Bytes> items_;
+  std::deque<std::pair<StreamCredit, bool>> credits_;
+  std::uint32_t taken_count_ = 0;
+};
+
+TEST(StreamsProperty, DeliverEachItemOnceAndInOrderThroughLossCopiesAndDisorder) {
+  for (std::uint64_t seed = 1; seed <= 50; ++seed) {
+    LossyStream stream(seed);
+    ASSERT_TRUE(stream.run()) << "seed " << seed;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::wire
