@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "floor.hpp"
+#include "memory_floor.hpp"
 #include "rtpm_side.hpp"
 
 namespace rtpm::bench {
@@ -15,7 +16,7 @@ namespace {
 /// is none they shall be out of the way.
 constexpr rt::WaitConfig kLowWait{.strategy = rt::WaitStrategy::kBlock};
 
-expected<std::string, std::string> set_up_floor(const DuelConfig& config) {
+expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory) {
   std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
                                       .priority = kHighPriority,
                                       .wait = config.wait,
@@ -26,6 +27,12 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config) {
                      .wait = kLowWait,
                      .cpu = config.placement.server_cpu,
                      .connection_count = config.low_caller_count});
+  }
+  if (memory != nullptr) {
+    if (auto served = memory->serve(lanes, config.realtime); !served) {
+      return unexpected{served.error()};
+    }
+    return std::string("0 0");
   }
   const auto ports = start_floor_server(config.carrier, lanes, config.realtime);
   if (!ports) return unexpected{ports.error()};
@@ -52,6 +59,7 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
 
 struct Duel::Impl {
   DuelConfig config;
+  std::unique_ptr<MemoryFloor> memory_floor;  ///< Of shared memory only.
   ServerProcess floor_server;
   ServerProcess rtpm_server;
   std::uint16_t floor_high_port = 0;
@@ -74,13 +82,21 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   }
   // Each is stopped before the other starts: a spinning server would not let the other's threads on
   // their CPU.
-  auto floor_server = ServerProcess::start([&] { return set_up_floor(config); });
+  std::unique_ptr<MemoryFloor> memory_floor;
+  if (config.carrier == Carrier::kSharedMemory) {
+    auto created = MemoryFloor::create({1, config.low_caller_count});
+    if (!created) return unexpected{created.error()};
+    memory_floor = std::move(*created);
+  }
+  auto floor_server =
+      ServerProcess::start([&] { return set_up_floor(config, memory_floor.get()); });
   if (!floor_server) return unexpected{floor_server.error()};
   floor_server->pause();
   auto rtpm_server = ServerProcess::start([&] { return set_up_rtpm(config); });
   if (!rtpm_server) return unexpected{rtpm_server.error()};
   rtpm_server->pause();
   auto impl = std::make_unique<Impl>(Impl{.config = config,
+                                          .memory_floor = std::move(memory_floor),
                                           .floor_server = std::move(*floor_server),
                                           .rtpm_server = std::move(*rtpm_server),
                                           .high_node = make_node(config.carrier, config.wait),
@@ -108,6 +124,7 @@ void Duel::end_turn() {
 
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
+    if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
     return connect_floor_caller(impl_->config.carrier, impl_->floor_high_port, impl_->config.wait);
   }
   return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
@@ -115,6 +132,7 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
 
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
   if (impl_->turn == Side::kFloor) {
+    if (impl_->memory_floor) return impl_->memory_floor->connect(1, kLowWait);
     return connect_floor_caller(impl_->config.carrier, impl_->floor_low_port, kLowWait);
   }
   return connect_rtpm_caller(*impl_->low_node, impl_->rtpm_server.address(), kLowPriority);

@@ -18,7 +18,7 @@ namespace {
 struct Arguments {
   std::string verb;
   std::vector<std::string> cases;
-  std::vector<std::string> transports{"udp", "tcp"};
+  std::vector<std::string> transports{"udp", "tcp", "shm"};
   std::vector<std::string> waits{"adaptive"};
   std::vector<std::string> low_callers{"0", "1", "4"};
   bool is_json = false;
@@ -29,7 +29,7 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
                          program::Presence::kRequired);
   options.add_positional("CASE", arguments.cases, "what to run; `list` says which there are");
   options.add("json", arguments.is_json, "print one JSON object per result");
-  options.add("transport", arguments.transports, "udp, tcp or both");
+  options.add("transport", arguments.transports, "udp, tcp, shm or several");
   options.add("wait", arguments.waits,
               "how callers and lanes wait: adaptive, block, spin, or several");
   options.add("spin", settings.spin, "how long the adaptive wait spins");
@@ -49,6 +49,7 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
 std::optional<Carrier> carrier_of(const std::string& text) {
   if (text == "udp") return Carrier::kUdp;
   if (text == "tcp") return Carrier::kTcp;
+  if (text == "shm") return Carrier::kSharedMemory;
   return std::nullopt;
 }
 
@@ -86,7 +87,7 @@ std::optional<std::string> translate(const std::vector<std::string>& texts, std:
 /// What is wrong with the arguments, or nothing; the rest of `settings` is set.
 std::optional<std::string> check(const Arguments& arguments, Settings& settings) {
   if (const auto wrong = translate(arguments.transports, settings.carriers, carrier_of)) {
-    return "--transport takes udp, tcp or both, not '" + *wrong + "'";
+    return "--transport takes udp, tcp and shm, not '" + *wrong + "'";
   }
   if (const auto wrong = translate(arguments.waits, settings.waits, wait_of)) {
     return "--wait takes adaptive, block and spin, not '" + *wrong + "'";

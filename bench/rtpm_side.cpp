@@ -62,9 +62,10 @@ expected<std::string, std::string> start_rtpm_server(std::vector<rpc::LaneConfig
 }
 
 std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait) {
-  return std::make_unique<rpc::Node>(rpc::NodeConfig{
-      .wait = wait,
-      .transport = carrier == Carrier::kUdp ? rpc::Transport::kUdp : rpc::Transport::kTcp});
+  rpc::NodeConfig config{.wait = wait, .transport = rpc::Transport::kUdp};
+  if (carrier == Carrier::kTcp) config.transport = rpc::Transport::kTcp;
+  if (carrier == Carrier::kSharedMemory) config.transport = rpc::Transport::kSharedMemory;
+  return std::make_unique<rpc::Node>(config);
 }
 
 expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,

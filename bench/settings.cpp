@@ -5,7 +5,15 @@
 namespace rtpm::bench {
 
 std::string_view to_string(Carrier carrier) noexcept {
-  return carrier == Carrier::kUdp ? "udp" : "tcp";
+  switch (carrier) {
+    case Carrier::kUdp:
+      return "udp";
+    case Carrier::kTcp:
+      return "tcp";
+    case Carrier::kSharedMemory:
+      break;
+  }
+  return "shm";
 }
 
 Placement choose_placement() {

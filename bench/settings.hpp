@@ -13,7 +13,7 @@
 namespace rtpm::bench {
 
 /// What carries the bytes, for RTPM and for the raw floor alike.
-enum class Carrier : std::uint8_t { kUdp, kTcp };
+enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 [[nodiscard]] std::string_view to_string(Carrier carrier) noexcept;
 
 /// What a run is asked to do; every case reads its part.

@@ -1,0 +1,237 @@
+#include "memory_floor.hpp"
+
+#include <linux/futex.h>
+#include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <new>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+constexpr Duration kTimeout = std::chrono::seconds{1};
+constexpr std::size_t kCallerCountMax = 65;
+constexpr std::size_t kLaneCountMax = 2;
+// As many bytes as RTPM's ring has.
+constexpr std::size_t kSlotCount = 1024;
+// Looks between two at the clock.
+constexpr int kLooksPerClock = 64;
+
+using Frame = std::array<std::byte, kFloorFrameSize>;
+static_assert(sizeof(Frame) == 112);
+
+/// Where a thread sleeps.
+struct alignas(64) Bed {
+  std::atomic<std::uint32_t> is_taken{0};
+  std::atomic<std::uint32_t> wake_count{0};
+
+  void wake() noexcept {
+    if (is_taken.load(std::memory_order_seq_cst) == 0 || is_taken.exchange(0) == 0) return;
+    wake_count.fetch_add(1);
+    syscall(SYS_futex, &wake_count, FUTEX_WAKE, 1, nullptr, nullptr, 0);
+  }
+  /// Sleeps unless `has_work()`.
+  template <class HasWork>
+  void sleep(HasWork has_work) noexcept {
+    const std::uint32_t before = wake_count.load();
+    is_taken.store(1, std::memory_order_seq_cst);
+    const timespec patience{.tv_sec = 1, .tv_nsec = 0};
+    if (!has_work()) {
+      syscall(SYS_futex, &wake_count, FUTEX_WAIT, before, &patience, nullptr, 0);
+    }
+    is_taken.store(0, std::memory_order_relaxed);
+  }
+};
+
+/// One direction of one caller's path.
+struct Ring {
+  struct alignas(128) Slot {
+    Frame frame{};
+  };
+  alignas(64) std::atomic<std::uint64_t> tail{0};
+  alignas(64) std::atomic<std::uint64_t> head{0};
+  std::array<Slot, kSlotCount> slots{};
+
+  void push(const Frame& frame, std::uint64_t position) noexcept {
+    slots[position % kSlotCount].frame = frame;
+    tail.store(position + 1, std::memory_order_seq_cst);
+  }
+  [[nodiscard]] bool has(std::uint64_t position) const noexcept {
+    return tail.load(std::memory_order_seq_cst) != position;
+  }
+  void pop(Frame& frame, std::uint64_t position) noexcept {
+    frame = slots[position % kSlotCount].frame;
+    head.store(position + 1, std::memory_order_release);
+  }
+};
+
+struct Path {
+  Ring to_server;
+  Ring to_caller;
+  Bed caller_bed;
+};
+
+/// How long a waiting side spins before it sleeps.
+Duration spin_of(const rt::WaitConfig& wait, Duration give_up) noexcept {
+  switch (wait.strategy) {
+    case rt::WaitStrategy::kSpin:
+      return give_up;
+    case rt::WaitStrategy::kAdaptive:
+      return wait.spin;
+    case rt::WaitStrategy::kBlock:
+      break;
+  }
+  return Duration{0};
+}
+
+/// Spins until `has_work()`; false if it took longer than `spin`. Looks at the clock only now and
+/// then.
+template <class HasWork>
+bool spin_until(HasWork has_work, Duration spin) noexcept {
+  if (has_work()) return true;
+  if (spin <= Duration{0}) return false;
+  const MonotonicTime end = spin == Duration::max() ? kNever : rt::now() + spin;
+  while (true) {
+    for (int look = 0; look < kLooksPerClock; ++look) {
+      if (has_work()) return true;
+    }
+    if (end != kNever && rt::now() >= end) return false;
+  }
+}
+
+}  // namespace
+
+struct MemoryFloor::Lane {
+  Bed bed;
+  std::array<Path, kCallerCountMax> paths;
+};
+
+struct MemoryFloor::Layout {
+  std::array<Lane, kLaneCountMax> lanes;
+};
+
+namespace {
+
+class MemoryFloorCaller final : public Caller {
+ public:
+  MemoryFloorCaller(Path& path, Bed& lane_bed, const rt::WaitConfig& wait)
+      : path_(path), lane_bed_(lane_bed), spin_(spin_of(wait, kTimeout)), wait_(wait) {
+    for (std::size_t i = wire::kHeaderSize; i < sent_.size(); ++i)
+      sent_[i] = static_cast<std::byte>(i);
+  }
+
+  expected<void, std::string> echo() override { return exchange(); }
+
+  expected<void, std::string> work(Duration duration) override {
+    store_le(sent_.data(), static_cast<std::uint64_t>(duration.count()));
+    auto outcome = exchange();
+    store_le(sent_.data(), std::uint64_t{0});
+    return outcome;
+  }
+
+ private:
+  expected<void, std::string> exchange() {
+    const auto has_reply = [this] { return path_.to_caller.has(position_); };
+    path_.to_server.push(sent_, position_);
+    lane_bed_.wake();
+    if (!spin_until(has_reply, spin_)) {
+      if (wait_.strategy != rt::WaitStrategy::kSpin) path_.caller_bed.sleep(has_reply);
+      if (!has_reply()) return unexpected{std::string("the raw floor's server does not answer")};
+    }
+    path_.to_caller.pop(received_, position_);
+    ++position_;
+    if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+    return {};
+  }
+
+  Path& path_;
+  Bed& lane_bed_;
+  Duration spin_;
+  rt::WaitConfig wait_;
+  std::uint64_t position_ = 0;
+  Frame sent_{};
+  Frame received_{};
+};
+
+void compute_as_asked(const Frame& frame) noexcept {
+  const auto duration_ns = load_le<std::uint64_t>(frame.data());
+  if (duration_ns != 0) compute_for(Duration{static_cast<Duration::rep>(duration_ns)});
+}
+
+void serve_lane(Bed& bed, std::span<Path> paths, const rt::WaitConfig& wait) noexcept {
+  std::vector<std::uint64_t> positions(paths.size());
+  const auto has_work = [&] {
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      if (paths[i].to_server.has(positions[i])) return true;
+    }
+    return false;
+  };
+  const Duration spin = spin_of(wait, Duration::max());
+  Frame frame{};
+  for (;;) {
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      if (!paths[i].to_server.has(positions[i])) continue;
+      paths[i].to_server.pop(frame, positions[i]);
+      compute_as_asked(frame);
+      paths[i].to_caller.push(frame, positions[i]++);
+      paths[i].caller_bed.wake();
+    }
+    if (!spin_until(has_work, spin)) bed.sleep(has_work);
+  }
+}
+
+}  // namespace
+
+expected<std::unique_ptr<MemoryFloor>, std::string> MemoryFloor::create(
+    const std::vector<int>& caller_counts) {
+  void* const memory =
+      mmap(nullptr, sizeof(Layout), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) return unexpected{std::string("no memory for the raw floor")};
+  // Fresh memory is zeros, and nothing else is what the words begin with.
+  return std::unique_ptr<MemoryFloor>(
+      new MemoryFloor(std::launder(static_cast<Layout*>(memory)), sizeof(Layout), caller_counts));
+}
+
+MemoryFloor::~MemoryFloor() {
+  munmap(layout_, size_);
+}
+
+expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig>& lanes,
+                                               rt::RealtimeMode realtime) {
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    Lane& lane = layout_->lanes[i];
+    const std::span<Path> paths(lane.paths.data(), static_cast<std::size_t>(caller_counts_[i]));
+    for (Path& path : paths) {
+      // Pages are there before the first call, on both sides.
+      std::memset(static_cast<void*>(&path), 0, sizeof path);
+    }
+    const FloorLaneConfig& config = lanes[i];
+    auto thread = rt::Thread::start(
+        {.name = config.name,
+         .priority = config.priority,
+         .cpus = {config.cpu},
+         .realtime = realtime},
+        [&bed = lane.bed, paths, wait = config.wait] { serve_lane(bed, paths, wait); });
+    if (!thread) return unexpected{thread.error().text};
+    static auto& started = *new std::vector<rt::Thread>;
+    started.push_back(std::move(*thread));
+  }
+  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text};
+  return {};
+}
+
+std::unique_ptr<Caller> MemoryFloor::connect(std::size_t lane, const rt::WaitConfig& wait) {
+  Lane& its_lane = layout_->lanes[lane];
+  const auto index = static_cast<std::size_t>(connected_counts_[lane]++);
+  return std::make_unique<MemoryFloorCaller>(its_lane.paths.at(index), its_lane.bed, wait);
+}
+
+}  // namespace rtpm::bench
