@@ -29,9 +29,11 @@ Acceptor::Acceptor(transport::TcpListener listener,
   RTPM_ASSERT(is_added, "a new poller takes a socket");
 }
 
-expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes) {
+expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                                  std::vector<int> cpus) {
   lanes_ = &lanes;
-  auto thread = rt::Thread::start({.name = "rtpm-accept"}, [this] { run(); });
+  auto thread =
+      rt::Thread::start({.name = "rtpm-accept", .cpus = std::move(cpus)}, [this] { run(); });
   if (!thread) return unexpected{thread.error()};
   thread_ = std::move(*thread);
   return {};

@@ -24,7 +24,9 @@ class Acceptor {
            std::uint32_t message_size_max) noexcept;
 
   [[nodiscard]] transport::Poller& bell() noexcept { return poller_; }
-  [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes);
+  /// `cpus`: to which it is confined; empty: the starter's.
+  [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                                        std::vector<int> cpus);
   /// Ends the thread and closes the port and the connections that no lane has yet.
   void stop() noexcept;
 

@@ -98,7 +98,8 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     drop_link();
     return unexpected{CallError::kUnreachable};
   }
-  switch (const wire::ChannelEvent event = wait_for_event(begin); event.kind) {
+  // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
+  switch (const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/false); event.kind) {
     case wire::ChannelEvent::Kind::kReady: {
       const Band band = wire_.welcome().band;
       band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
@@ -124,7 +125,7 @@ CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes
     drop_link();
     return {.error = CallError::kDisconnected};
   }
-  switch (const wire::ChannelEvent event = wait_for_event(begin); event.kind) {
+  switch (const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/true); event.kind) {
     case wire::ChannelEvent::Kind::kReply:
       return {CallOutcome::Kind::kReply, {}, event.status, event.payload};
     case wire::ChannelEvent::Kind::kLost:
@@ -167,10 +168,11 @@ expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept 
 }
 
 // Waits until the handshake or call that was just sent comes to an end. kNothing: the link broke.
-wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now) noexcept {
-  const bool may_spin =
-      config_.wait.strategy == rt::WaitStrategy::kSpin ||
-      (config_.wait.strategy == rt::WaitStrategy::kAdaptive && config_.wait.spin > Duration{0});
+wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin) noexcept {
+  may_spin =
+      may_spin &&
+      (config_.wait.strategy == rt::WaitStrategy::kSpin ||
+       (config_.wait.strategy == rt::WaitStrategy::kAdaptive && config_.wait.spin > Duration{0}));
   const MonotonicTime spin_end =
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;

@@ -86,7 +86,7 @@ class CallChannel {
 
   [[nodiscard]] expected<void, CallError> open_link(Priority priority,
                                                     MonotonicTime deadline) noexcept;
-  [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now) noexcept;
+  [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now, bool may_spin) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
   [[nodiscard]] bool send_all(ConstBytes frame, MonotonicTime now) noexcept;
   [[nodiscard]] bool make_room(std::uint32_t size) noexcept;

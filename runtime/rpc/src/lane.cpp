@@ -176,8 +176,10 @@ bool Lane::look_around(MonotonicTime until) noexcept {
       has_served = true;
       continue;
     }
+    const bool has_frame = serve_one(source);
+    // Only then, as the caller waits for its reply and not for this.
     if (source != kUdp && connections_[source].stream) connections_[source].stream->on_ready();
-    if (!serve_one(source)) continue;
+    if (!has_frame) continue;
     has_served = true;
     // It may have gone in the meantime; then the datagrams are as good a guess as any.
     hot_ = source == kUdp || connections_[source].stream ? source : kUdp;

@@ -56,6 +56,17 @@ expected<void, SetupError> check_limits(const ServerConfig& config) {
   return {};
 }
 
+// The CPUs that no lane takes for itself: a thread that got stuck behind one that spins at
+// SCHED_FIFO would wait until the system moves it, which can take seconds. Empty: any.
+std::vector<int> cpus_left_by(const std::vector<LaneConfig>& lanes) {
+  std::vector<int> cpus = rt::usable_cpus();
+  for (const LaneConfig& lane : lanes) {
+    if (lane.wait.strategy != rt::WaitStrategy::kSpin) continue;
+    std::erase_if(cpus, [&](int cpu) { return std::ranges::count(lane.cpus, cpu) > 0; });
+  }
+  return cpus;
+}
+
 class ServerImpl final : public Server {
  public:
   explicit ServerImpl(ServerConfig config) : config_(std::move(config)) {}
@@ -206,7 +217,7 @@ expected<void, SetupError> ServerImpl::start() {
     }
     threads_.push_back(std::move(*thread));
   }
-  if (auto accepting = acceptor_->start(lanes_); !accepting) {
+  if (auto accepting = acceptor_->start(lanes_, cpus_left_by(config_.lanes)); !accepting) {
     stop();
     return unexpected{in_words(config_, accepting.error().text)};
   }

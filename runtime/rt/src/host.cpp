@@ -42,6 +42,17 @@ std::uint64_t random_u64() noexcept {
   return value;
 }
 
+std::vector<int> usable_cpus() {
+  cpu_set_t cpus;
+  CPU_ZERO(&cpus);
+  std::vector<int> numbers;
+  if (sched_getaffinity(0, sizeof cpus, &cpus) != 0) return numbers;
+  for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+    if (CPU_ISSET(static_cast<std::size_t>(cpu), &cpus)) numbers.push_back(cpu);
+  }
+  return numbers;
+}
+
 int usable_cpu_count() noexcept {
   cpu_set_t cpus;
   CPU_ZERO(&cpus);

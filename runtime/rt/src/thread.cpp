@@ -19,7 +19,12 @@
 namespace rtpm::rt {
 namespace {
 
+#if defined(__SANITIZE_THREAD__)
+// ThreadSanitizer keeps what it knows of a thread at the end of its stack: half a megabyte.
+constexpr std::size_t kStackSize = std::size_t{4096} * 1024;
+#else
 constexpr std::size_t kStackSize = std::size_t{512} * 1024;
+#endif
 // How much of it is made resident before a thread begins: more than anything of ours needs.
 constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
 

@@ -27,6 +27,9 @@ constexpr int kLookCount = 16;
 // every 20 µs or so.
 constexpr std::uint32_t kReceivesPerCheck = 256;
 
+// A caller that sleeps looks as often: to wait for the socket as well would take longer to wake.
+constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
+
 class SharedMemoryLink final : public Link {
  public:
   SharedMemoryLink(Descriptor socket, SharedMapping mapping, RingSizes sizes)
@@ -54,10 +57,9 @@ class SharedMemoryLink final : public Link {
   }
 
   void wait(MonotonicTime until) noexcept override {
-    if (connection_.announce_sleep() && wait_readable(connection_.descriptor(), until)) {
-      connection_.on_ready();
-    }
-    connection_.end_sleep();
+    const MonotonicTime next_check = rt::now() + kCheckInterval;
+    connection_.wait_for_frame(std::min(until, next_check));
+    if (!connection_.has_buffered()) connection_.check_peer();
   }
 
   int descriptor() const noexcept override { return connection_.descriptor(); }

@@ -6,6 +6,7 @@
 #include <array>
 #include <cerrno>
 
+#include "futex.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "shared_memory_setup.hpp"
@@ -70,8 +71,11 @@ expected<void, IoError> SharedMemoryConnection::send(ConstBytes frame,
   }
   while (true) {
     switch (writer_.write(frame)) {
-      case RecordWriter::Outcome::kWrittenForSleeper:
+      case RecordWriter::Outcome::kWrittenForBell:
         ring_bell();
+        return {};
+      case RecordWriter::Outcome::kWrittenForWord:
+        wake_on_word(writer_.sleeping());
         return {};
       case RecordWriter::Outcome::kWritten:
         return {};
@@ -107,6 +111,13 @@ void SharedMemoryConnection::on_ready() noexcept {
   std::byte bell{};
   const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT);
   if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
+}
+
+void SharedMemoryConnection::wait_for_frame(MonotonicTime until) noexcept {
+  if (reader_.announce_sleep(RecordSleep::kAtWord) && !is_closed_) {
+    sleep_on_word(reader_.sleeping(), static_cast<std::uint32_t>(RecordSleep::kAtWord), until);
+  }
+  reader_.end_sleep();
 }
 
 void SharedMemoryConnection::check_peer() noexcept {

@@ -92,8 +92,8 @@ TEST_F(RecordRingTest, WhenFullItWritesNothing) {
 
 // hp-16.3-1
 TEST_F(RecordRingTest, WakesASleeperOnce) {
-  ASSERT_TRUE(reader_.announce_sleep());
-  EXPECT_EQ(write(record_of(10, 1)), Outcome::kWrittenForSleeper);
+  ASSERT_TRUE(reader_.announce_sleep(RecordSleep::kAtBell));
+  EXPECT_EQ(write(record_of(10, 1)), Outcome::kWrittenForBell);
   EXPECT_EQ(write(record_of(10, 2)), Outcome::kWritten);
   reader_.end_sleep();
   expect_record(record_of(10, 1));
@@ -101,17 +101,26 @@ TEST_F(RecordRingTest, WakesASleeperOnce) {
   EXPECT_EQ(write(record_of(10, 3)), Outcome::kWritten) << "it is awake";
 }
 
+// hp-16.3-1
+TEST_F(RecordRingTest, TellsWhereTheReaderSleeps) {
+  ASSERT_TRUE(reader_.announce_sleep(RecordSleep::kAtWord));
+  EXPECT_EQ(reader_.sleeping(), 2u);
+  EXPECT_EQ(write(record_of(10, 1)), Outcome::kWrittenForWord);
+  EXPECT_EQ(write(record_of(10, 2)), Outcome::kWritten);
+  EXPECT_EQ(&reader_.sleeping(), &writer_.sleeping());
+}
+
 TEST_F(RecordRingTest, NobodySleepsOnARecord) {
   EXPECT_FALSE(reader_.has_record());
   ASSERT_EQ(write(record_of(10, 1)), Outcome::kWritten);
   EXPECT_TRUE(reader_.has_record());
-  EXPECT_FALSE(reader_.announce_sleep());
+  EXPECT_FALSE(reader_.announce_sleep(RecordSleep::kAtBell));
   reader_.end_sleep();
   ASSERT_EQ(write(record_of(10, 2)), Outcome::kWritten);
   expect_record(record_of(10, 1));
   // The second is known from the first look.
   EXPECT_TRUE(reader_.has_record());
-  EXPECT_FALSE(reader_.announce_sleep());
+  EXPECT_FALSE(reader_.announce_sleep(RecordSleep::kAtBell));
 }
 
 TEST_F(RecordRingTest, CarriesRecordsFromThreadToThreadWithSleep) {
@@ -122,7 +131,7 @@ TEST_F(RecordRingTest, CarriesRecordsFromThreadToThreadWithSleep) {
     for (std::uint32_t i = 0; i < kCount;) {
       const Bytes record = record_of(1 + i % kRecordSizeMax, i);
       switch (write(record)) {
-        case Outcome::kWrittenForSleeper:
+        case Outcome::kWrittenForBell:
           ++wake_count;
           [[fallthrough]];
         case Outcome::kWritten:
@@ -142,7 +151,7 @@ TEST_F(RecordRingTest, CarriesRecordsFromThreadToThreadWithSleep) {
       continue;
     }
     const int before = wake_count;
-    if (reader_.announce_sleep()) {
+    if (reader_.announce_sleep(RecordSleep::kAtBell)) {
       // Whoever sleeps is woken: nothing but that ends this.
       while (wake_count == before)
         std::this_thread::yield();

@@ -1,11 +1,15 @@
 #include "rtpm/rpc/server.hpp"
 
 #include <gtest/gtest.h>
+#include <sched.h>
 
+#include <filesystem>
+#include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "rtpm/rt/host.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -162,6 +166,42 @@ TEST(ServerLife, MayEndWithoutABegin) {
   (*server)->stop();
   (*server)->stop();
   EXPECT_EQ((*server)->counters().call_count, 0u);
+}
+
+/// The CPUs of this process's thread of that name.
+std::vector<int> cpus_of_thread(const std::string& name) {
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::ifstream file(task.path() / "comm");
+    std::string its_name;
+    std::getline(file, its_name);
+    if (its_name != name) continue;
+    cpu_set_t set;
+    CPU_ZERO(&set);
+    sched_getaffinity(std::stoi(task.path().filename().string()), sizeof set, &set);
+    std::vector<int> cpus;
+    for (int cpu = 0; cpu < CPU_SETSIZE; ++cpu) {
+      if (CPU_ISSET(static_cast<std::size_t>(cpu), &set)) cpus.push_back(cpu);
+    }
+    return cpus;
+  }
+  ADD_FAILURE() << "there is no thread '" << name << "'";
+  return {};
+}
+
+// Behind a lane that spins at SCHED_FIFO nobody would ever be let in.
+TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
+  std::vector<int> cpus = rt::usable_cpus();
+  if (cpus.size() < 2) GTEST_SKIP() << "there is one CPU only";
+  LaneConfig lane = quiet_lane();
+  lane.cpus = {cpus.back()};
+  {
+    EchoServer server(quiet_config({lane}));
+    EXPECT_EQ(cpus_of_thread("rtpm-accept"), cpus) << "a lane that blocks is no hindrance";
+  }
+  lane.wait.strategy = rt::WaitStrategy::kSpin;
+  EchoServer server(quiet_config({lane}));
+  cpus.pop_back();
+  EXPECT_EQ(cpus_of_thread("rtpm-accept"), cpus);
 }
 
 TEST(ServerLife, MayEndTwice) {

@@ -91,6 +91,7 @@ TEST(Host, DrawsRandomNumbers) {
 
 TEST(Host, CountsTheCpusThatTheThreadMayUse) {
   EXPECT_EQ(usable_cpu_count(), static_cast<int>(test::cpus_of_this_thread().size()));
+  EXPECT_EQ(usable_cpus(), test::cpus_of_this_thread());
   std::thread([] {
     cpu_set_t one;
     CPU_ZERO(&one);

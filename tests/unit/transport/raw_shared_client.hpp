@@ -92,6 +92,7 @@ class RawMemory {
   [[nodiscard]] std::atomic_ref<std::uint64_t> word(std::size_t offset) const {
     return std::atomic_ref<std::uint64_t>(*reinterpret_cast<std::uint64_t*>(begin_ + offset));
   }
+  [[nodiscard]] std::byte* at(std::size_t offset) const { return begin_ + offset; }
   [[nodiscard]] auto to_server_tail() const { return word(0); }
   [[nodiscard]] auto to_server_head() const { return word(64); }
   [[nodiscard]] auto to_server_sleeping() const { return word(128); }

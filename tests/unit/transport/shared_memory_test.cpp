@@ -1,8 +1,9 @@
 #include "rtpm/transport/shared_memory.hpp"
 
-#include <dirent.h>
 #include <fcntl.h>
+#include <linux/futex.h>
 #include <signal.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 
 #include <atomic>
@@ -487,6 +488,30 @@ TEST(SharedMemory, RingsOnceForASleeper) {
   ASSERT_TRUE(pair.connection->send(frame, rt::now()));
   EXPECT_EQ(pair.take_bells(), 1);
   EXPECT_EQ(pair.memory->to_client_sleeping(), 0u);
+}
+
+// hp-16.3-1
+TEST(SharedMemory, WakesWhoSleepsOnTheWordWithoutABell) {
+  Host host;
+  RawPair pair(host);
+  std::atomic_ref<std::uint64_t> sleeping = pair.memory->to_client_sleeping();
+  std::atomic<bool> is_awake{false};
+  sleeping = 2;
+  std::thread sleeper([&] {
+    while (sleeping == 2) {
+      const timespec patience{.tv_sec = 20, .tv_nsec = 0};
+      if (syscall(SYS_futex, pair.memory->at(256 + 128), FUTEX_WAIT, 2, &patience, nullptr, 0) !=
+              0 &&
+          errno == ETIMEDOUT) {
+        return;
+      }
+    }
+    is_awake = true;
+  });
+  ASSERT_TRUE(pair.connection->send(frame_of(48), rt::now()));
+  sleeper.join();
+  EXPECT_TRUE(is_awake);
+  EXPECT_EQ(pair.take_bells(), 0);
 }
 
 // hp-16.3-1

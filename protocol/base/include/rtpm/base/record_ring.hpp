@@ -21,12 +21,19 @@ struct RecordRingControl {
   alignas(64) std::atomic<std::uint64_t> tail{0};
   /// Bytes ever read. The reader's.
   alignas(64) std::atomic<std::uint64_t> head{0};
-  /// Not 0: the reader sleeps and wants to be woken. It sets it; who takes it back wakes.
+  /// How the reader sleeps, if it does: a RecordSleep. It sets it; who takes it back wakes.
   alignas(64) std::atomic<std::uint32_t> sleeping{0};
 };
 static_assert(sizeof(RecordRingControl) == 192);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
               std::atomic<std::uint32_t>::is_always_lock_free);
+
+/// Where the reader of a ring sleeps.   Source: spec/hprotocol.md#hp-16.3.
+enum class RecordSleep : std::uint32_t {
+  kAwake = 0,
+  kAtBell = 1,  ///< Where a bell reaches it, with other things.
+  kAtWord = 2,  ///< On the word that says so.
+};
 
 /// Records begin at multiples of this: a word with the size, the bytes, and what is left of the
 /// last line.
@@ -52,38 +59,75 @@ class RecordMemory {
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
 
   [[nodiscard]] std::uint64_t read_word(std::uint64_t position) const noexcept {
-    return word(position / kRecordWordSize).load(std::memory_order_relaxed);
+    return load(word_at(position));
   }
   /// Writes a record at `position`, size first.
   void write(std::uint64_t position, ConstBytes record) noexcept {
-    std::uint64_t at = position / kRecordWordSize;
-    word(at++).store(record.size(), std::memory_order_relaxed);
-    const std::byte* from = record.data();
-    for (std::size_t left = record.size(); left > 0;) {
-      const std::size_t part = std::min(left, kRecordWordSize);
-      std::uint64_t value = 0;
-      std::memcpy(&value, from, part);
-      word(at++).store(value, std::memory_order_relaxed);
-      from += part;
-      left -= part;
-    }
+    std::uint64_t* const begin = word_at(position);
+    store(begin, record.size());
+    // The record is in one piece or, at the end of the memory, in two.
+    const std::size_t first = std::min(record.size(), left_behind(begin));
+    copy_in(record.first(first), begin + 1);
+    copy_in(record.subspan(first), words_);
   }
   /// Copies the bytes of the record at `position`, which the caller found to be to.size().
   void read(std::uint64_t position, MutableBytes to) const noexcept {
-    std::uint64_t at = position / kRecordWordSize + 1;
-    std::byte* into = to.data();
-    for (std::size_t left = to.size(); left > 0;) {
-      const std::size_t part = std::min(left, kRecordWordSize);
-      const std::uint64_t value = word(at++).load(std::memory_order_relaxed);
-      std::memcpy(into, &value, part);
-      into += part;
-      left -= part;
-    }
+    const std::uint64_t* const begin = word_at(position);
+    const std::size_t first = std::min(to.size(), left_behind(begin));
+    copy_out(begin + 1, to.first(first));
+    copy_out(words_, to.subspan(first));
+  }
+  /// Takes the cache line at `position` for a write that will follow.
+  void expect_write(std::uint64_t position) const noexcept {
+#if defined(__x86_64__)
+    // Compilers know this instruction only where they build for that processor alone; to others it
+    // is none.
+    __asm__ volatile("prefetchw %0" : : "m"(*word_at(position)));
+#else
+    __builtin_prefetch(word_at(position), 1);
+#endif
   }
 
  private:
-  [[nodiscard]] std::atomic_ref<std::uint64_t> word(std::uint64_t index) const noexcept {
-    return std::atomic_ref<std::uint64_t>(words_[index & (size_ / kRecordWordSize - 1)]);
+  [[nodiscard]] std::uint64_t* word_at(std::uint64_t position) const noexcept {
+    return words_ + (position & (size_ - 1)) / kRecordWordSize;
+  }
+  /// Bytes from behind the size of a record to the end of the memory.
+  [[nodiscard]] std::size_t left_behind(const std::uint64_t* begin) const noexcept {
+    return size_ - static_cast<std::size_t>(begin + 1 - words_) * kRecordWordSize;
+  }
+  static void store(std::uint64_t* to, std::uint64_t value) noexcept {
+    std::atomic_ref<std::uint64_t>(*to).store(value, std::memory_order_relaxed);
+  }
+  static std::uint64_t load(const std::uint64_t* from) noexcept {
+    return std::atomic_ref<std::uint64_t>(*const_cast<std::uint64_t*>(from))
+        .load(std::memory_order_relaxed);
+  }
+  static void copy_in(ConstBytes from, std::uint64_t* to) noexcept {
+    const std::byte* at = from.data();
+    for (std::size_t count = from.size() / kRecordWordSize; count > 0; --count) {
+      std::uint64_t value = 0;
+      std::memcpy(&value, at, sizeof value);
+      store(to++, value);
+      at += sizeof value;
+    }
+    if (const std::size_t rest = from.size() % kRecordWordSize; rest > 0) {
+      std::uint64_t value = 0;
+      std::memcpy(&value, at, rest);
+      store(to, value);
+    }
+  }
+  static void copy_out(const std::uint64_t* from, MutableBytes to) noexcept {
+    std::byte* at = to.data();
+    for (std::size_t count = to.size() / kRecordWordSize; count > 0; --count) {
+      const std::uint64_t value = load(from++);
+      std::memcpy(at, &value, sizeof value);
+      at += sizeof value;
+    }
+    if (const std::size_t rest = to.size() % kRecordWordSize; rest > 0) {
+      const std::uint64_t value = load(from);
+      std::memcpy(at, &value, rest);
+    }
   }
 
   std::uint64_t* words_;
@@ -98,9 +142,10 @@ class RecordWriter {
  public:
   enum class Outcome : std::uint8_t {
     kWritten,
-    kWrittenForSleeper,  ///< The reader sleeps: wake it.
-    kFull,               ///< Nothing was written. Try again when the reader has read.
-    kBroken,             ///< The shared words hold nonsense: nothing was written; give it up.
+    kWrittenForBell,  ///< The reader sleeps: ring its bell.
+    kWrittenForWord,  ///< The reader sleeps on sleeping(): wake it there.
+    kFull,            ///< Nothing was written. Try again when the reader has read.
+    kBroken,          ///< The shared words hold nonsense: nothing was written; give it up.
   };
 
   RecordWriter(RecordRingControl& control, MutableBytes data) noexcept
@@ -126,10 +171,19 @@ class RecordWriter {
     // way round. Sequentially consistent, so that one of both sees the other.
     control_->tail.store(tail_, std::memory_order_seq_cst);
     // hp-16.3-1: of several records for one sleeper only the first wakes it.
-    const bool is_for_sleeper = control_->sleeping.load(std::memory_order_seq_cst) != 0 &&
-                                control_->sleeping.exchange(0, std::memory_order_relaxed) != 0;
-    return is_for_sleeper ? Outcome::kWrittenForSleeper : Outcome::kWritten;
+    std::uint32_t sleep = control_->sleeping.load(std::memory_order_seq_cst);
+    if (sleep != 0) sleep = control_->sleeping.exchange(0, std::memory_order_relaxed);
+    // The reader has these lines from the last time round. To take them now, and not when the next
+    // record is written, spares that record the way to the other core. It will be as large.
+    constexpr std::size_t kExpectedMax = 256;
+    for (std::size_t ahead = 0; ahead < std::min(span, kExpectedMax); ahead += kRecordAlignment) {
+      memory_.expect_write(tail_ + ahead);
+    }
+    if (sleep == 0) return Outcome::kWritten;
+    return sleep == static_cast<std::uint32_t>(RecordSleep::kAtWord) ? Outcome::kWrittenForWord
+                                                                     : Outcome::kWrittenForBell;
   }
+  [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
  private:
   RecordRingControl* control_;
@@ -184,13 +238,14 @@ class RecordReader {
 
   /// Says that the reader is about to sleep; false if there is a record by now, so that it must
   /// not.
-  [[nodiscard]] bool announce_sleep() noexcept {
+  [[nodiscard]] bool announce_sleep(RecordSleep sleep) noexcept {
     // SYNC POINT record-sleep
-    control_->sleeping.store(1, std::memory_order_seq_cst);
+    control_->sleeping.store(static_cast<std::uint32_t>(sleep), std::memory_order_seq_cst);
     return tail_ == head_ && control_->tail.load(std::memory_order_seq_cst) == head_;
   }
   /// The reader is awake.
   void end_sleep() noexcept { control_->sleeping.store(0, std::memory_order_relaxed); }
+  [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
  private:
   RecordRingControl* control_;

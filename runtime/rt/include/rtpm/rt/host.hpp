@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 namespace rtpm::rt {
 
@@ -10,6 +11,9 @@ namespace rtpm::rt {
 
 /// 64 random bits from the kernel, never 0.   Set-up only.
 [[nodiscard]] std::uint64_t random_u64() noexcept;
+
+/// The CPUs that the calling thread may run on, ascending.   Set-up only.
+[[nodiscard]] std::vector<int> usable_cpus();
 
 /// How many CPUs the calling thread may run on.   Set-up only.
 [[nodiscard]] int usable_cpu_count() noexcept;

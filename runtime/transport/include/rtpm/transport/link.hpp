@@ -32,10 +32,10 @@ class Link {
   /// RT: alloc-free, at most one syscall, never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
 
-  /// Waits, after receive() had nothing, until it may have something, or until `until`. Frames
-  /// that came together end one wait only.   RT: alloc-free, at most two syscalls.
+  /// Waits, after receive() had nothing, until it may have something, or until `until`; it may end
+  /// before. Frames that came together end one wait only.   RT: alloc-free, at most two syscalls.
   virtual void wait(MonotonicTime until) noexcept;
-  /// What wait() waits for.
+  /// The socket. Of a link through memory it tells only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
 };

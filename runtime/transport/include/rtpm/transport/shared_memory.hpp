@@ -69,10 +69,15 @@ class SharedMemoryConnection final : public Connection {
   int descriptor() const noexcept override { return socket_.number(); }
   bool is_memory() const noexcept override { return true; }
   void on_ready() noexcept override;
-  bool announce_sleep() noexcept override { return reader_.announce_sleep() && !is_closed_; }
+  bool announce_sleep() noexcept override {
+    return reader_.announce_sleep(RecordSleep::kAtBell) && !is_closed_;
+  }
   void end_sleep() noexcept override { reader_.end_sleep(); }
 
-  /// Asks the socket, which a spinning reader does not, whether the peer is gone; then receive()
+  /// Waits for frames alone, which wakes sooner than a poll, until one is there or until `until`.
+  /// The end of the peer it does not tell.   RT: alloc-free, one syscall.
+  void wait_for_frame(MonotonicTime until) noexcept;
+  /// Asks the socket, which receive() does not, whether the peer is gone; then receive()
   /// tells.   RT: alloc-free, one syscall.
   void check_peer() noexcept;
 

@@ -1,0 +1,25 @@
+#include "futex.hpp"
+
+#include <linux/futex.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+#include <ctime>
+
+namespace rtpm::transport {
+
+void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value,
+                   MonotonicTime until) noexcept {
+  timespec time{};
+  time.tv_sec = to_ns(until) / 1'000'000'000;
+  time.tv_nsec = to_ns(until) % 1'000'000'000;
+  // Of the waits this is the one that takes an absolute time.
+  syscall(SYS_futex, &word, FUTEX_WAIT_BITSET, value, until == kNever ? nullptr : &time, nullptr,
+          FUTEX_BITSET_MATCH_ANY);
+}
+
+void wake_on_word(std::atomic<std::uint32_t>& word) noexcept {
+  syscall(SYS_futex, &word, FUTEX_WAKE, 1, nullptr, nullptr, 0);
+}
+
+}  // namespace rtpm::transport
