@@ -29,12 +29,12 @@ TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
   const auto end = run_program("rtpm-bench", {"run", "call", "--samples", "200", "--rounds", "2",
                                               "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
+  EXPECT_EQ(test::line_count(end.output), 3) << "one for udp, one for tcp, one for shm";
   for (const std::string_view field :
        {R"("case": "call")", R"("transport": "udp")", R"("transport": "tcp")",
-        R"("wait": "adaptive")", R"("payload": 48)", R"("n": 200)", R"("p50_us": )",
-        R"("p90_us": )", R"("p99_us": )", R"("p999_us": )", R"("p9999_us": )", R"("max_us": )",
-        R"("floor_p50_us": )", R"("ratio_p50": )", R"("environment": {)"}) {
+        R"("transport": "shm")", R"("wait": "adaptive")", R"("payload": 48)", R"("n": 200)",
+        R"("p50_us": )", R"("p90_us": )", R"("p99_us": )", R"("p999_us": )", R"("p9999_us": )",
+        R"("max_us": )", R"("floor_p50_us": )", R"("ratio_p50": )", R"("environment": {)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }
