@@ -9,26 +9,19 @@ endfunction()
 
 find_package(Threads REQUIRED)
 
-# FlatBuffers' exported target names differ between installations: the rest of the tree uses
-# rtpm_flatbuffers (headers, for generated code) and rtpm_flatbuffers_parser (the library, for rtpmc).
-rtpm_require(FlatBuffers libflatbuffers-dev CONFIG NAMES FlatBuffers Flatbuffers flatbuffers)
-find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
+include(RtpmFlatbuffers)
+if(NOT FlatBuffers_FOUND)
+  message(FATAL_ERROR "RTPM needs FlatBuffers, which was not found. Remedy: ./dev setup, "
+                      "or install the Debian package libflatbuffers-dev.")
+endif()
 if(NOT RTPM_FLATC)
   message(FATAL_ERROR "RTPM needs flatc, which was not found. Remedy: ./dev setup, "
                       "or install the Debian package flatbuffers-compiler.")
 endif()
-add_library(rtpm_flatbuffers INTERFACE)
-add_library(rtpm_flatbuffers_parser INTERFACE)
-foreach(candidate flatbuffers::flatbuffers flatbuffers flatbuffers::flatbuffers_shared flatbuffers_shared)
-  if(TARGET ${candidate})
-    target_link_libraries(rtpm_flatbuffers_parser INTERFACE ${candidate})
-    target_include_directories(rtpm_flatbuffers SYSTEM INTERFACE
-      $<TARGET_PROPERTY:${candidate},INTERFACE_INCLUDE_DIRECTORIES>)
-    break()
-  endif()
-endforeach()
 
-rtpm_require(Eigen3 libeigen3-dev NO_MODULE)
+if(RTPM_BUILD_PROGRAMS)
+  rtpm_require(Eigen3 libeigen3-dev NO_MODULE)
+endif()
 if(RTPM_BUILD_TESTS)
   rtpm_require(GTest libgtest-dev)
   rtpm_require(nlohmann_json nlohmann-json3-dev CONFIG)

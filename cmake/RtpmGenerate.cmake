@@ -1,19 +1,46 @@
-# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…])
+# rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir])
 #
 # Makes the static library <name> from schemas: for each a.fbs, rtpmc generates the stubs and
 # skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.cpp) and flatc the data types (a_generated.h).
 # Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
 # file, so an edit there regenerates. INCLUDE: further folders for `include` in schemas; RTPM's own
 # folder of schemas is always searched. An included schema must itself be among SCHEMAS, or in a
-# library that LINK names; RTPM's own, rtpm_idl, is always linked.
-cmake_path(SET RTPM_IDL_DIR NORMALIZE "${CMAKE_CURRENT_LIST_DIR}/../schema/idl")
-set(RTPM_IDL_DIR "${RTPM_IDL_DIR}" CACHE INTERNAL "RTPM's own schemas")
+# library that LINK names; RTPM's own, rtpm::idl, is always linked. CONFORM: a folder with older
+# versions of the schemas; one that has the same file name there must conform to it, or the build stops.
+#
+# When cross-compiling, RTPM_HOST_RTPMC names an rtpmc that runs on the building machine.
+if(RTPM_INSTALLED_IDL_DIR)
+  set(RTPM_IDL_DIR "${RTPM_INSTALLED_IDL_DIR}" CACHE INTERNAL "RTPM's own schemas")
+else()
+  cmake_path(SET rtpm_idl_dir NORMALIZE "${CMAKE_CURRENT_LIST_DIR}/../schema/idl")
+  set(RTPM_IDL_DIR "${rtpm_idl_dir}" CACHE INTERNAL "RTPM's own schemas")
+  unset(rtpm_idl_dir)
+endif()
+
+# The command that runs rtpmc, and what a rule that runs it depends on.
+function(rtpm_find_rtpmc command dependency)
+  if(RTPM_HOST_RTPMC)
+    if(NOT EXISTS "${RTPM_HOST_RTPMC}")
+      message(FATAL_ERROR "RTPM_HOST_RTPMC is \"${RTPM_HOST_RTPMC}\", and there is no such file. "
+                          "Remedy: name the rtpmc of a build for this machine.")
+    endif()
+    set(${command} "${RTPM_HOST_RTPMC}" PARENT_SCOPE)
+    set(${dependency} "${RTPM_HOST_RTPMC}" PARENT_SCOPE)
+  elseif(CMAKE_CROSSCOMPILING)
+    message(FATAL_ERROR "Cross-compiling needs an rtpmc that runs on this machine. Remedy: build RTPM "
+                        "for this machine first, and set -DRTPM_HOST_RTPMC=<its folder>/bin/rtpmc.")
+  else()
+    set(${command} rtpm::rtpmc PARENT_SCOPE)
+    set(${dependency} rtpm::rtpmc PARENT_SCOPE)
+  endif()
+endfunction()
 
 function(rtpm_generate)
-  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET" "SCHEMAS;INCLUDE;LINK")
+  cmake_parse_arguments(PARSE_ARGV 0 A "" "TARGET;CONFORM" "SCHEMAS;INCLUDE;LINK")
   if(A_UNPARSED_ARGUMENTS OR NOT A_TARGET OR NOT A_SCHEMAS)
     message(FATAL_ERROR "rtpm_generate: TARGET and SCHEMAS are required and nothing unknown is taken; got '${ARGV}'")
   endif()
+  rtpm_find_rtpmc(rtpmc rtpmc_dependency)
   set(out "${CMAKE_CURRENT_BINARY_DIR}/${A_TARGET}.rtpm")
   file(MAKE_DIRECTORY "${out}")
   set(include_flags -I "${RTPM_IDL_DIR}")
@@ -25,25 +52,45 @@ function(rtpm_generate)
   foreach(schema IN LISTS A_SCHEMAS)
     cmake_path(ABSOLUTE_PATH schema BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}")
     cmake_path(GET schema STEM LAST_ONLY stem)
+    set(conform "")
+    if(A_CONFORM)
+      cmake_path(ABSOLUTE_PATH A_CONFORM BASE_DIRECTORY "${CMAKE_CURRENT_SOURCE_DIR}" OUTPUT_VARIABLE older)
+      if(EXISTS "${older}/${stem}.fbs")
+        set(conform --conform "${older}/${stem}.fbs")
+      endif()
+    endif()
     set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.cpp" "${out}/${stem}_generated.h")
     # rtpmc comes first because its errors are the better ones. flatc writes no file for a schema
     # that declares no types of its own: the touch makes the one that CMake was promised.
     add_custom_command(
       OUTPUT ${files}
-      COMMAND rtpm::rtpmc ${include_flags} --cpp --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
+      COMMAND "${rtpmc}" ${include_flags} --cpp ${conform} --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
       COMMAND "${RTPM_FLATC}" --cpp --cpp-std c++17 --scoped-enums --gen-object-api ${include_flags} -o "${out}" "${schema}"
       COMMAND "${CMAKE_COMMAND}" -E touch "${out}/${stem}_generated.h"
-      DEPENDS "${schema}" rtpm::rtpmc
+      DEPENDS "${schema}" ${rtpmc_dependency}
       DEPFILE "${out}/${stem}.d"
       COMMENT "rtpmc ${stem}.fbs"
       COMMAND_EXPAND_LISTS VERBATIM)
     list(APPEND generated ${files})
   endforeach()
   add_library(${A_TARGET} STATIC ${generated})
-  target_include_directories(${A_TARGET} SYSTEM PUBLIC "$<BUILD_INTERFACE:${out}>")
+  target_include_directories(${A_TARGET} SYSTEM PUBLIC
+    "$<BUILD_INTERFACE:${out}>" "$<INSTALL_INTERFACE:include/rtpm/idl>")
   target_link_libraries(${A_TARGET} PUBLIC rtpm::rpc ${A_LINK})
   if(NOT A_TARGET STREQUAL "rtpm_idl")
-    target_link_libraries(${A_TARGET} PUBLIC rtpm_idl)
+    target_link_libraries(${A_TARGET} PUBLIC rtpm::idl)
   endif()
   set_target_properties(${A_TARGET} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
+  # RTPM's own are installed with it.
+  if(A_TARGET MATCHES "^rtpm_(.*idl)$" AND COMMAND rtpm_install_library)
+    set_target_properties(${A_TARGET} PROPERTIES EXPORT_NAME "${CMAKE_MATCH_1}")
+    add_library(rtpm::${CMAKE_MATCH_1} ALIAS ${A_TARGET})
+    set(headers ${generated})
+    list(FILTER headers EXCLUDE REGEX "\\.cpp$")
+    set(needs rtpm::rpc ${A_LINK})
+    if(NOT A_TARGET STREQUAL "rtpm_idl")
+      list(APPEND needs rtpm_idl)
+    endif()
+    rtpm_install_library(${A_TARGET} HEADERS ${headers} NEEDS ${needs})
+  endif()
 endfunction()

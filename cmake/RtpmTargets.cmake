@@ -31,18 +31,21 @@ function(rtpm_library)
   if(A_SOURCES)
     add_library(${target} STATIC ${A_SOURCES})
     target_include_directories(${target} PUBLIC "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
+                                                "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>"
                                          PRIVATE "${CMAKE_CURRENT_SOURCE_DIR}/src")
     target_compile_features(${target} PUBLIC cxx_std_20)
     target_link_libraries(${target} PUBLIC ${A_PUBLIC} PRIVATE ${A_PRIVATE} $<BUILD_INTERFACE:rtpm_build_flags>)
     set_target_properties(${target} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
   else()
     add_library(${target} INTERFACE)
-    target_include_directories(${target} INTERFACE "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>")
+    target_include_directories(${target} INTERFACE "$<BUILD_INTERFACE:${CMAKE_CURRENT_SOURCE_DIR}/include>"
+                                                   "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
     target_compile_features(${target} INTERFACE cxx_std_20)
     target_link_libraries(${target} INTERFACE ${A_PUBLIC})
   endif()
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${A_NAME})
   add_library(rtpm::${A_NAME} ALIAS ${target})
+  rtpm_install_library(${target} INCLUDE "${CMAKE_CURRENT_SOURCE_DIR}/include" NEEDS ${A_PUBLIC} ${A_PRIVATE})
 endfunction()
 
 # rtpm_program(NAME name SOURCES … LINK targets…): an executable in build/<preset>/bin.
@@ -55,6 +58,7 @@ function(rtpm_program)
   target_link_libraries(${A_NAME} PRIVATE ${A_LINK} rtpm_build_flags)
   target_compile_features(${A_NAME} PRIVATE cxx_std_20)
   set_target_properties(${A_NAME} PROPERTIES CXX_EXTENSIONS OFF)
+  rtpm_install_program(${A_NAME})
 endfunction()
 
 # rtpm_test(NAME name SOURCES … LINK targets… LABEL unit|conformance|system|… [TIMEOUT seconds] [SERIAL])

@@ -1,0 +1,122 @@
+# What of RTPM is installed, and how: the libraries of the floors with their headers, rtpmc with its
+# schemas, the programs, the CMake package, pkg-config files, a Debian package. Two components:
+# `development` (all that another project builds with) and `programs`.
+include(GNUInstallDirs)
+include(CMakePackageConfigHelpers)
+
+set(RTPM_INSTALL_CMAKE_DIR "${CMAKE_INSTALL_LIBDIR}/cmake/rtpm")
+
+# Whether the folder at hand is one whose targets others may use: tests and benchmarks are not.
+function(rtpm_is_installed result)
+  set(${result} FALSE PARENT_SCOPE)
+  if(RTPM_INSTALL)
+    file(RELATIVE_PATH folder "${rtpm_SOURCE_DIR}" "${CMAKE_CURRENT_SOURCE_DIR}")
+    if(folder MATCHES "^(${ARGN})(/|$)")
+      set(${result} TRUE PARENT_SCOPE)
+    endif()
+  endif()
+endfunction()
+
+# rtpm_install_library(target INCLUDE folder NEEDS targets… [HEADERS files…]): a floor's library, its
+# headers and its pkg-config file. HEADERS instead of INCLUDE: generated ones.
+function(rtpm_install_library target)
+  cmake_parse_arguments(PARSE_ARGV 1 A "" "INCLUDE" "NEEDS;HEADERS")
+  rtpm_is_installed(is_installed "protocol|runtime|registry|gvd")
+  if(NOT is_installed)
+    return()
+  endif()
+  install(TARGETS ${target} EXPORT rtpm-targets
+    ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development
+    LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development)
+  set(include_folder "${CMAKE_INSTALL_INCLUDEDIR}")
+  if(A_HEADERS)
+    string(APPEND include_folder "/rtpm/idl")
+    install(FILES ${A_HEADERS} DESTINATION "${include_folder}" COMPONENT development)
+  else()
+    install(DIRECTORY "${A_INCLUDE}/" DESTINATION "${include_folder}" COMPONENT development)
+  endif()
+  # rtpm_names_idl becomes rtpm-names-idl.pc.
+  set(requires "")
+  foreach(need IN LISTS A_NEEDS)
+    if(need MATCHES "^rtpm(::|_)" AND NOT need MATCHES "flatbuffers")
+      string(REGEX REPLACE "::|_" "-" need "${need}")
+      list(APPEND requires "${need}")
+    endif()
+  endforeach()
+  list(JOIN requires ", " requires)
+  string(REPLACE "_" "-" module "${target}")
+  get_target_property(type ${target} TYPE)
+  set(libraries "")
+  if(NOT type STREQUAL "INTERFACE_LIBRARY")
+    set(libraries "-L\${libdir} -l${target} -pthread")
+  endif()
+  # Relative to itself, so that an unpacked package works wherever it lies.
+  file(RELATIVE_PATH up "/prefix/${CMAKE_INSTALL_LIBDIR}/pkgconfig" "/prefix")
+  file(WRITE "${CMAKE_CURRENT_BINARY_DIR}/${module}.pc"
+"prefix=\${pcfiledir}/${up}
+libdir=\${prefix}/${CMAKE_INSTALL_LIBDIR}
+Name: ${module}
+Description: ${rtpm_DESCRIPTION}
+Version: ${rtpm_VERSION}
+Requires: ${requires}
+Libs: ${libraries}
+Cflags: -I\${prefix}/${include_folder} -std=c++20
+")
+  install(FILES "${CMAKE_CURRENT_BINARY_DIR}/${module}.pc"
+    DESTINATION "${CMAKE_INSTALL_LIBDIR}/pkgconfig" COMPONENT development)
+endfunction()
+
+# rtpm_install_program(target): rtpmc, which others build with, and the programs of the upper floors.
+function(rtpm_install_program target)
+  rtpm_is_installed(is_tool "schema")
+  rtpm_is_installed(is_program "registry|devices|clients")
+  if(is_tool)
+    install(TARGETS ${target} EXPORT rtpm-targets
+      RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT development)
+  elseif(is_program)
+    install(TARGETS ${target} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT programs)
+  endif()
+endfunction()
+
+# The CMake package, the schemas, and the Debian package; called once, last.
+function(rtpm_install_package)
+  set(RTPM_INSTALL_IDL_DIR "${CMAKE_INSTALL_DATADIR}/rtpm/idl")
+  configure_package_config_file("${rtpm_SOURCE_DIR}/cmake/rtpm-config.cmake.in"
+    "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config.cmake"
+    INSTALL_DESTINATION "${RTPM_INSTALL_CMAKE_DIR}" PATH_VARS RTPM_INSTALL_IDL_DIR)
+  # Before 1.0.0 a minor version may break interfaces.
+  write_basic_package_version_file("${CMAKE_CURRENT_BINARY_DIR}/rtpm-config-version.cmake"
+    COMPATIBILITY SameMinorVersion)
+  install(FILES "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config.cmake"
+    "${CMAKE_CURRENT_BINARY_DIR}/rtpm-config-version.cmake"
+    "${rtpm_SOURCE_DIR}/cmake/RtpmFlatbuffers.cmake" "${rtpm_SOURCE_DIR}/cmake/RtpmGenerate.cmake"
+    DESTINATION "${RTPM_INSTALL_CMAKE_DIR}" COMPONENT development)
+  install(EXPORT rtpm-targets NAMESPACE rtpm:: DESTINATION "${RTPM_INSTALL_CMAKE_DIR}"
+    COMPONENT development)
+  file(GLOB schemas "${RTPM_IDL_DIR}/*.fbs")
+  install(FILES ${schemas} DESTINATION "${RTPM_INSTALL_IDL_DIR}" COMPONENT development)
+
+  if(NOT PROJECT_IS_TOP_LEVEL)
+    return()
+  endif()
+  # Making a package does not build: what is built is packed.
+  set(CMAKE_SKIP_INSTALL_ALL_DEPENDENCY TRUE)
+  set(CPACK_GENERATOR DEB)
+  set(CPACK_PACKAGE_NAME rtpm)
+  set(CPACK_PACKAGE_VENDOR RTPM)
+  set(CPACK_PACKAGE_CONTACT "RTPM <rtpm@localhost>")
+  set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "${rtpm_DESCRIPTION}")
+  set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+  # One package each: librtpm-dev to build with, rtpm to run.
+  set(CPACK_DEB_COMPONENT_INSTALL ON)
+  set(CPACK_COMPONENTS_ALL development programs)
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_NAME librtpm-dev)
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_DEPENDS
+    "libflatbuffers-dev (>= 2.0.8), libflatbuffers-dev (<< 2.0.9), flatbuffers-compiler")
+  set(CPACK_DEBIAN_DEVELOPMENT_PACKAGE_SECTION libdevel)
+  set(CPACK_DEBIAN_PROGRAMS_PACKAGE_NAME rtpm)
+  set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SECTION net)
+  set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+  set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+  include(CPack)
+endfunction()
