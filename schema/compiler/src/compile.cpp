@@ -115,6 +115,17 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
   return model;
 }
 
+CompileResult complete(Model model, const std::deque<SchemaText>& texts, const std::string& file) {
+  CompileResult result;
+  model.file = file;
+  model.file_stem = std::filesystem::path(file).stem().string();
+  result.errors = check(model, texts);
+  if (!result.errors.empty()) return result;
+  set_fingerprints(model);
+  result.model = std::move(model);
+  return result;
+}
+
 }  // namespace
 
 CompileResult compile(const CompileRequest& request) {
@@ -124,14 +135,14 @@ CompileResult compile(const CompileRequest& request) {
   std::deque<SchemaText> texts;
   auto model = is_binary_schema(request.file) ? read_binary(*source, texts, result)
                                               : read_text(*source, request, texts, result);
-  if (!model) return result;
-  model->file = request.file;
-  model->file_stem = std::filesystem::path(request.file).stem().string();
-  result.errors = check(*model, texts);
-  if (!result.errors.empty()) return result;
-  set_fingerprints(*model);
-  result.model = std::move(model);
-  return result;
+  return model ? complete(*std::move(model), texts, request.file) : result;
+}
+
+CompileResult compile_text(const std::string& text, const std::string& name) {
+  CompileResult result;
+  std::deque<SchemaText> texts;
+  auto model = read_text(SourceFile(name, text), {.file = name}, texts, result);
+  return model ? complete(*std::move(model), texts, name) : result;
 }
 
 }  // namespace rtpm::schema

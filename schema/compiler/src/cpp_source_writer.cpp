@@ -3,6 +3,7 @@
 
 #include "cpp_names.hpp"
 #include "cpp_writer.hpp"
+#include "rtpm/schema/schema_text.hpp"
 #include "verify_limits.hpp"
 
 namespace rtpm::schema::cpp {
@@ -22,7 +23,17 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-std::string descriptors(const Service& service, const std::string& compiler_version) {
+/// The service's schema as a literal that no text of it can end.
+std::string schema_literal(const Model& model, const Service& service) {
+  const std::string text = schema_text(model, service);
+  std::string mark = "rtpm";
+  while (text.find(')' + mark + '"') != std::string::npos)
+    mark += '_';
+  return "R\"" + mark + '(' + text + ')' + mark + '"';
+}
+
+std::string descriptors(const Model& model, const Service& service,
+                        const std::string& compiler_version) {
   const std::string stem = short_name(service.name);
   std::string text =
       "namespace {\n\nconstexpr ::rtpm::rpc::MethodDescriptor k" + stem + "Methods[] = {\n";
@@ -37,7 +48,8 @@ std::string descriptors(const Service& service, const std::string& compiler_vers
           "Interface{\n    .name = " + literal(service.name) +
           ",\n    .fingerprint = " + hexadecimal(service.fingerprint, 16) +
           ",\n    .compiler_version = " + literal(compiler_version) + ",\n    .methods = k" + stem +
-          "Methods" + priority(service) + "};\n\n}  // namespace\n";
+          "Methods" + priority(service) + ",\n    .schema = " + schema_literal(model, service) +
+          "};\n\n}  // namespace\n";
   return text;
 }
 
@@ -222,8 +234,8 @@ std::string source(const Model& model, const std::string& compiler_version) {
     const std::string scope = namespace_name(namespace_of(service.name));
     text += '\n';
     if (!scope.empty()) text += "namespace " + scope + " {\n";
-    text +=
-        descriptors(service, compiler_version) + client(model, service) + servant(model, service);
+    text += descriptors(model, service, compiler_version) + client(model, service) +
+            servant(model, service);
     if (!scope.empty()) text += "\n}  // namespace " + scope + '\n';
   }
   return text;

@@ -32,6 +32,8 @@ struct InterfaceDescriptor {
   std::span<const MethodDescriptor> methods{};
   PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
   Priority priority = 0;                                            ///< `rtpm_priority`.
+  /// The service's own schema, complete, for whoever has no generated code of it.
+  std::string_view schema{};
 };
 
 /// A request or reply without content, `rtpm.Empty` in a schema: no bytes on the wire.

@@ -28,4 +28,7 @@ struct CompileResult {
 /// Threads: any, one call does not know of another.   Set-up only.
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
+/// The same of a text that is in no file, and may include none; errors name it `name`.
+[[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);
+
 }  // namespace rtpm::schema

@@ -1,0 +1,36 @@
+// rtpm: looks at servers and calls their objects from a terminal, without generated code.
+#include <string>
+#include <vector>
+
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "verbs.hpp"
+
+int main(int argc, char** argv) {
+  std::string verb;
+  std::vector<std::string> arguments;
+  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  rtpm::Duration deadline = std::chrono::seconds{1};
+  rtpm::Priority priority = 0;
+  rtpm::program::Options options("rtpm", "looks at servers and calls their objects");
+  options.add_positional("verb", verb, rtpm::tool::verbs_help(),
+                         rtpm::program::Presence::kRequired);
+  options.add_positional("arguments", arguments,
+                         "What the verb takes; a TARGET is a name or a URL");
+  options.add_registry(registry);
+  options.add("deadline", deadline, "How long a call may take",
+              {std::chrono::microseconds{1}, std::chrono::hours{1}});
+  options.add("priority", priority, "The call's priority");
+  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+
+  rtpm::rpc::Node node;
+  rtpm::names::RegistryResolver resolver(node, registry);
+  node.use(resolver);
+  return rtpm::tool::run(verb,
+                         {.node = node,
+                          .resolver = resolver,
+                          .registry = registry,
+                          .arguments = arguments,
+                          .options = {.priority = priority, .deadline = deadline, .trace_id = 0}});
+}

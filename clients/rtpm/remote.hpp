@@ -1,0 +1,52 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/schema/dynamic.hpp"
+
+namespace rtpm::tool {
+
+/// An object of a server that tells its schema, callable without generated code.
+/// Ownership: refers to its node, which must outlive it.   Threads: one.   Set-up only.
+class RemoteObject {
+ public:
+  /// Asks the server at `url` for the schema of its object, and binds that.
+  /// Errors, in words: nobody there, a server that tells nothing of itself, another compiler's
+  /// schema.
+  [[nodiscard]] static expected<std::unique_ptr<RemoteObject>, rpc::SetupError> open(
+      rpc::Node& node, const std::string& url);
+
+  [[nodiscard]] schema::Dynamic& dynamic() noexcept { return *dynamic_; }
+  [[nodiscard]] const std::string& schema() const noexcept { return schema_; }
+  [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
+
+  /// Calls `method` with a request in JSON and gives its reply in JSON.
+  [[nodiscard]] expected<std::string, rpc::SetupError> call(std::string_view method,
+                                                            std::string_view json,
+                                                            const rpc::CallOptions& options);
+
+ private:
+  RemoteObject() = default;
+
+  std::string schema_{};
+  std::string compiler_version_{};
+  std::unique_ptr<schema::Dynamic> dynamic_{};
+  std::vector<rpc::MethodDescriptor> methods_{};
+  rpc::InterfaceDescriptor interface_{};
+  std::unique_ptr<rpc::Binding> binding_{};
+};
+
+/// The URL of a target that is a URL already, or a name that `resolver` knows.
+[[nodiscard]] expected<std::string, rpc::SetupError> url_of(const std::string& target,
+                                                            rpc::Resolver& resolver);
+
+/// The URL of the catalog at the server of `url`; empty if that is no URL.
+[[nodiscard]] std::string catalog_url(const std::string& url);
+
+}  // namespace rtpm::tool

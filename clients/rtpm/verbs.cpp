@@ -1,0 +1,102 @@
+#include "verbs.hpp"
+
+#include <array>
+#include <cstdio>
+#include <string_view>
+
+#include "remote.hpp"
+#include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/directory.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+int fail(const std::string& text) {
+  std::fprintf(stderr, "rtpm: %s\n", text.c_str());
+  return 1;
+}
+
+/// list: the names in the registry.   list TARGET: the objects of that server.
+int list(const Request& request) {
+  if (request.arguments.empty()) {
+    names::Directory directory(request.node, request.registry);
+    const auto entries = directory.list();
+    if (!entries) return fail(entries.error().text);
+    for (const names::NameEntry& entry : *entries) {
+      std::printf("%s\t%s\t%s\n", entry.name.c_str(), entry.interface.c_str(), entry.url.c_str());
+    }
+    return 0;
+  }
+  const auto url = url_of(request.arguments[0], request.resolver);
+  if (!url) return fail(url.error().text);
+  auto catalog = introspection::IntrospectionClient::bind(request.node, catalog_url(*url));
+  if (!catalog) return fail(catalog.error().text);
+  const auto reply = catalog->list();
+  if (!reply) return fail(std::string(to_string(reply.error())));
+  for (const auto* object : *(*reply)->objects()) {
+    std::printf("%s\t%s\n", object->path()->c_str(), object->interface()->c_str());
+  }
+  return 0;
+}
+
+int describe(const Request& request) {
+  const auto url = url_of(request.arguments[0], request.resolver);
+  if (!url) return fail(url.error().text);
+  const auto object = RemoteObject::open(request.node, *url);
+  if (!object) return fail(object.error().text);
+  std::fputs((*object)->schema().c_str(), stdout);
+  return 0;
+}
+
+int call(const Request& request) {
+  const auto url = url_of(request.arguments[0], request.resolver);
+  if (!url) return fail(url.error().text);
+  const auto object = RemoteObject::open(request.node, *url);
+  if (!object) return fail(object.error().text);
+  const std::string json = request.arguments.size() > 2 ? request.arguments[2] : std::string{};
+  const auto reply = (*object)->call(request.arguments[1], json, request.options);
+  if (!reply) return fail(request.arguments[1] + ": " + reply.error().text);
+  std::printf("%s\n", reply->c_str());
+  return 0;
+}
+
+struct Verb {
+  std::string_view name{};
+  std::size_t count_min = 0;  ///< Of arguments.
+  std::size_t count_max = 0;
+  std::string_view form{};
+  int (*run)(const Request&) = nullptr;
+};
+
+constexpr std::array kVerbs{
+    Verb{"list", 0, 1, "list [TARGET]: the registry's names, or a server's objects", &list},
+    Verb{"describe", 1, 1, "describe TARGET: the schema of an object", &describe},
+    Verb{"call", 2, 3,
+         "call TARGET METHOD [JSON]: calls a method, such as "
+         "`call lab/arm0 set_force '{x: 1}'`",
+         &call},
+};
+
+}  // namespace
+
+std::string verbs_help() {
+  std::string text;
+  for (const Verb& verb : kVerbs)
+    text += (text.empty() ? "" : "; ") + std::string(verb.form);
+  return text;
+}
+
+int run(const std::string& name, const Request& request) {
+  for (const Verb& verb : kVerbs) {
+    if (verb.name != name) continue;
+    const std::size_t count = request.arguments.size();
+    if (count >= verb.count_min && count <= verb.count_max) return verb.run(request);
+    std::fprintf(stderr, "rtpm: usage: rtpm %s\n", std::string(verb.form).c_str());
+    return 2;
+  }
+  std::fprintf(stderr, "rtpm: unknown verb `%s`: rtpm --help lists those there are\n",
+               name.c_str());
+  return 2;
+}
+
+}  // namespace rtpm::tool

@@ -1,0 +1,174 @@
+#include "rtpm/schema/dynamic.hpp"
+
+#include <flatbuffers/idl.h>
+#include <flatbuffers/reflection.h>
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+#include <utility>
+
+#include "rtpm/schema/compile.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+constexpr const char* kFileName = "schema";
+
+/// FlatBuffers' parser with the same text: it reads and writes JSON.
+std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
+  flatbuffers::IDLOptions options;
+  options.strict_json = false;
+  options.indent_step = -1;
+  options.output_default_scalars_in_json = true;
+  // The language decides which features the parser lets pass: the same as the compiler's.
+  options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
+  auto parser = std::make_unique<flatbuffers::Parser>(options);
+  return parser->Parse(text.c_str(), nullptr, kFileName) ? std::move(parser) : nullptr;
+}
+
+std::string quoted(const std::string& name) {
+  return '"' + name + '"';
+}
+
+}  // namespace
+
+class Dynamic::Impl {
+ public:
+  Model model{};
+  std::size_t service = 0;
+  std::unique_ptr<flatbuffers::Parser> parser{};
+  std::string reflection{};  // A serialized schema, for verifying.
+
+  /// The reflection's view of a table.
+  [[nodiscard]] const reflection::Object& object(const Payload& payload) const {
+    return *reflection::GetSchema(reflection.data())
+                ->objects()
+                ->LookupByKey(model.objects[payload.table].name.c_str());
+  }
+  [[nodiscard]] const Field& only_field(const Payload& payload) const {
+    return model.objects[payload.table].fields.front();
+  }
+};
+
+Dynamic::Dynamic(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Dynamic::~Dynamic() = default;
+
+std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_view name,
+                                       std::string& error) {
+  CompileResult compiled = compile_text(schema, kFileName);
+  if (!compiled.model) {
+    error = render(compiled.errors);
+    return nullptr;
+  }
+  auto impl = std::make_unique<Impl>();
+  impl->model = *std::move(compiled.model);
+  const auto& services = impl->model.services;
+  const auto found = std::find_if(services.begin(), services.end(),
+                                  [name](const Service& service) { return service.name == name; });
+  if (found == services.end()) {
+    error = "the schema has no service " + std::string(name);
+    return nullptr;
+  }
+  impl->service = static_cast<std::size_t>(found - services.begin());
+  impl->parser = make_parser(schema);
+  if (!impl->parser) {
+    error = "FlatBuffers' parser does not take the schema";
+    return nullptr;
+  }
+  impl->parser->Serialize();
+  const auto* bytes = static_cast<const void*>(impl->parser->builder_.GetBufferPointer());
+  impl->reflection.assign(static_cast<const char*>(bytes), impl->parser->builder_.GetSize());
+  return std::unique_ptr<Dynamic>(new Dynamic(std::move(impl)));
+}
+
+const Model& Dynamic::model() const noexcept {
+  return impl_->model;
+}
+
+const Service& Dynamic::service() const noexcept {
+  return impl_->model.services[impl_->service];
+}
+
+const Method* Dynamic::find(std::string_view method) const noexcept {
+  for (const Method& candidate : service().methods) {
+    if (candidate.name == method) return &candidate;
+  }
+  return nullptr;
+}
+
+std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, std::string_view json,
+                                                      std::string& error) {
+  if (payload.kind == PayloadKind::kEmpty) {
+    if (json.empty() || json == "{}") return std::vector<std::byte>{};
+    error = "the method takes nothing: leave the argument out";
+    return std::nullopt;
+  }
+  std::string text(json.empty() ? "{}" : json);
+  const bool is_struct = payload.kind == PayloadKind::kStruct;
+  if (is_struct) text = "{ " + impl_->only_field(payload).name + ": " + text + " }";
+  flatbuffers::Parser& parser = *impl_->parser;
+  if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str()) ||
+      !parser.Parse(text.c_str())) {
+    error = parser.error_;
+    return std::nullopt;
+  }
+  std::span<const std::uint8_t> bytes(parser.builder_.GetBufferPointer(),
+                                      parser.builder_.GetSize());
+  if (is_struct) {
+    const auto* root = flatbuffers::GetRoot<flatbuffers::Table>(bytes.data());
+    const auto slot = impl_->object(payload).fields()->Get(0)->offset();
+    bytes = {root->GetAddressOf(slot), impl_->model.objects[*payload.struct_index].byte_size};
+  }
+  const auto view = std::as_bytes(bytes);
+  return std::vector<std::byte>(view.begin(), view.end());
+}
+
+std::optional<std::string> Dynamic::decode(const Payload& payload,
+                                           std::span<const std::byte> bytes) {
+  if (payload.kind == PayloadKind::kEmpty) {
+    return bytes.empty() ? std::optional<std::string>("{}") : std::nullopt;
+  }
+  flatbuffers::FlatBufferBuilder builder;
+  const bool is_struct = payload.kind == PayloadKind::kStruct;
+  if (is_struct) {
+    // A struct alone cannot be printed: it goes back into its table, aligned as it must be.
+    const Object& object = impl_->model.objects[*payload.struct_index];
+    if (bytes.size() != object.byte_size) return std::nullopt;
+    const auto start = builder.StartTable();
+    builder.Align(object.alignment);
+    builder.PushBytes(static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())),
+                      bytes.size());
+    builder.AddStructOffset(impl_->object(payload).fields()->Get(0)->offset(), builder.GetSize());
+    builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(start)));
+  } else {
+    // The bytes of somebody else may lie anywhere; a vector of theirs is aligned.
+    const std::vector<std::byte> copy(bytes.begin(), bytes.end());
+    const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
+    const auto& schema = *reflection::GetSchema(impl_->reflection.data());
+    if (copy.size() < 8 ||
+        !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
+      return std::nullopt;
+    }
+    return print(payload, data);
+  }
+  return print(payload, builder.GetBufferPointer());
+}
+
+std::optional<std::string> Dynamic::print(const Payload& payload, const std::uint8_t* data) {
+  flatbuffers::Parser& parser = *impl_->parser;
+  if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str())) return std::nullopt;
+  parser.opts.strict_json = true;
+  std::string text;
+  const bool is_printed = flatbuffers::GenerateText(parser, data, &text);
+  parser.opts.strict_json = false;
+  if (!is_printed) return std::nullopt;
+  if (payload.kind != PayloadKind::kStruct) return text;
+  // Of `{"field": {…}}` only the struct.
+  const std::size_t begin = text.find(':', quoted(impl_->only_field(payload).name).size());
+  if (begin == std::string::npos || text.size() < begin + 2) return std::nullopt;
+  const std::size_t first = text.find_first_not_of(' ', begin + 1);
+  return text.substr(first, text.rfind('}') - first);
+}
+
+}  // namespace rtpm::schema

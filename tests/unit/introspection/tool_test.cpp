@@ -1,0 +1,80 @@
+#include <gtest/gtest.h>
+
+#include <string>
+#include <vector>
+
+#include "room.hpp"
+#include "rtpm/test/process.hpp"
+
+// The program `rtpm`, which has no generated code of the objects that it calls.
+namespace rtpm::introspection {
+namespace {
+
+class Tool : public testing::Test {
+ protected:
+  static rtpm::test::Process::End run(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), RTPM_TOOL);
+    const auto end = rtpm::test::run(arguments, std::chrono::seconds{30});
+    EXPECT_TRUE(end) << "rtpm does not end";
+    return end.value_or(rtpm::test::Process::End{});
+  }
+
+  test::Room room_{};
+  std::string light_ = room_.url("room/light");
+};
+
+TEST_F(Tool, CallsWithABareStruct) {
+  const auto set = run({"call", light_, "set", "{red: 1, green: 0.5, blue: 0}"});
+  EXPECT_EQ(set.exit_code, 0) << set.errors;
+  EXPECT_EQ(set.output, "{}\n");
+  const auto get = run({"call", light_, "get"});
+  EXPECT_EQ(get.exit_code, 0) << get.errors;
+  EXPECT_EQ(get.output, "{\"red\": 1.0,\"green\": 0.5,\"blue\": 0.0}\n");
+}
+
+TEST_F(Tool, CallsWithATable) {
+  const auto end =
+      run({"call", light_, "scene", "{name: \"dusk\", colours: [{red: 1, green: 0, blue: 0}]}"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(
+      end.output,
+      "{\"name\": \"dusk again\",\"colours\": [{\"red\": 1.0,\"green\": 0.0,\"blue\": 0.0}]}\n");
+}
+
+TEST_F(Tool, DescribesAndLists) {
+  const auto described = run({"describe", light_});
+  EXPECT_EQ(described.exit_code, 0) << described.errors;
+  EXPECT_EQ(described.output, room::LightClient::interface().schema);
+  const auto listed = run({"list", light_});
+  EXPECT_EQ(listed.output, "room/light\troom.Light\n");
+}
+
+TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
+  struct Case {
+    std::vector<std::string> arguments;
+    int exit_code;
+    std::string words;
+  };
+  const Case cases[] = {
+      {{"call", light_, "dim"}, 1, "room.Light has no method `dim`; it has set, get, scene"},
+      {{"call", light_, "set", "{red: \"x\"}"}, 1, "the request does not fit the schema"},
+      {{"call", room_.url("room/window"), "get"}, 1, "the description of"},
+      {{"call", "rtpm://127.0.0.1:1/room/light", "get"},
+       1,
+       "the server tells nothing of its objects"},
+      {{"call", "rtpm:/nonsense", "get"}, 1, ""},
+      {{"call", light_}, 2, "usage: rtpm call TARGET METHOD [JSON]"},
+      {{"fly"}, 2, "unknown verb `fly`"},
+      {{"list", "--registry", "rtpm://127.0.0.1:1/rtpm/names"}, 1, ""},
+  };
+  for (const Case& c : cases) {
+    const auto end = run(c.arguments);
+    EXPECT_EQ(end.exit_code, c.exit_code) << c.words << end.output;
+    EXPECT_EQ(end.output, "") << c.words;
+    EXPECT_NE(end.errors.find(c.words), std::string::npos) << end.errors;
+    EXPECT_EQ(rtpm::test::line_count(end.errors), 1) << end.errors;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::introspection

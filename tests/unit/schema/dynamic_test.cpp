@@ -1,0 +1,173 @@
+#include "rtpm/schema/dynamic.hpp"
+
+#include <flatbuffers/flatbuffers.h>
+#include <gtest/gtest.h>
+
+#include <cstring>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "arm.rtpm.hpp"
+#include "quantities.rtpm.hpp"
+#include "rtpm/schema/schema_text.hpp"
+#include "scratch_folder.hpp"
+
+// A service's own schema, and payloads as JSON, against the generated code of the same schema.
+namespace rtpm::schema {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::unique_ptr<Dynamic> make(const rpc::InterfaceDescriptor& interface) {
+  std::string error;
+  auto dynamic = Dynamic::make(std::string(interface.schema), interface.name, error);
+  EXPECT_TRUE(dynamic) << error;
+  return dynamic;
+}
+
+// A tool that reads the text must be able to bind: the fingerprints are those of generated code.
+TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
+  std::size_t count = 0;
+  for (const fs::path folder : {RTPM_GOLDEN_FOLDER, RTPM_IDL_FOLDER}) {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().extension() != ".fbs") continue;
+      const CompileResult whole =
+          compile({.file = entry.path().string(), .include_paths = {RTPM_IDL_FOLDER}});
+      ASSERT_TRUE(whole.model) << render(whole.errors);
+      for (const Service& service : whole.model->services) {
+        const std::string text = schema_text(*whole.model, service);
+        const CompileResult alone = compile_text(text, "schema");
+        ASSERT_TRUE(alone.model) << render(alone.errors) << text;
+        ASSERT_EQ(alone.model->services.size(), 1u);
+        EXPECT_EQ(alone.model->services[0].fingerprint, service.fingerprint) << text;
+        EXPECT_EQ(schema_text(*alone.model, alone.model->services[0]), text);
+        ++count;
+      }
+    }
+  }
+  EXPECT_GE(count, 9u);
+}
+
+TEST(SchemaText, KeepsManners) {
+  const Model model = test::model_of(R"(include "rtpm.fbs"; namespace lab;
+    enum Mode : byte { Low = -3, High = 3 }
+    table T { k:string (key); m:Mode = High; n:[ubyte] (nested_flatbuffer: "T"); f:float = -0.25; big:ulong = 18446744073709551615; b:bool = true; }
+    /// A service.
+    rpc_service S (rtpm_priority: 7) {
+      a(T):rtpm.Empty (rtpm_id: 1, rtpm_oneway: "received");
+      b(T):T (rtpm_id: 2, rtpm_stream, rtpm_max_size: 99);
+      c(T):T (rtpm_id: 3, rtpm_deferred, rtpm_deadline_us: 5);
+    })");
+  const std::string text = schema_text(model, model.services.front());
+  const CompileResult again = compile_text(text, "schema");
+  ASSERT_TRUE(again.model) << render(again.errors) << text;
+  const Service& service = again.model->services.front();
+  EXPECT_EQ(service.fingerprint, model.services.front().fingerprint) << text;
+  EXPECT_EQ(service.priority, 7);
+  EXPECT_EQ(service.methods[0].oneway, OnewayLevel::kReceived);
+  EXPECT_EQ(service.methods[1].max_size, 99u);
+  EXPECT_TRUE(service.methods[2].is_deferred);
+  EXPECT_EQ(service.methods[2].deadline_us, 5u);
+  EXPECT_EQ(service.documentation, Documentation{" A service."});
+}
+
+TEST(Dynamic, WritesAStructAsGeneratedCodeReadsIt) {
+  const auto arm = make(lab::ArmClient::interface());
+  std::string error;
+  const auto bytes = arm->encode(arm->find("set_force")->request,
+                                 "{x_newton: 1, z_newton: -2.5, y_newton: 0}", error);
+  ASSERT_TRUE(bytes) << error;
+  ASSERT_EQ(bytes->size(), sizeof(lab::Force));
+  lab::Force force;
+  std::memcpy(&force, bytes->data(), sizeof force);
+  EXPECT_EQ(force.x_newton(), 1);
+  EXPECT_EQ(force.z_newton(), -2.5);
+}
+
+TEST(Dynamic, ReadsAStructAsGeneratedCodeWritesIt) {
+  const auto arm = make(lab::ArmClient::interface());
+  const lab::Position position(1, 2, -3.5);
+  EXPECT_EQ(arm->decode(arm->find("get_position")->reply, rpc::struct_bytes(position)),
+            "{\"x_m\": 1.0,\"y_m\": 2.0,\"z_m\": -3.5}");
+}
+
+TEST(Dynamic, WritesATableAsGeneratedCodeReadsIt) {
+  const auto arm = make(lab::ArmClient::interface());
+  std::string error;
+  const auto bytes =
+      arm->encode(arm->find("record")->request, "{title: \"take 1\", mode: Follow}", error);
+  ASSERT_TRUE(bytes) << error;
+  ASSERT_TRUE(rpc::is_valid_table<lab::RecordRequest>(*bytes));
+  const auto& request = *flatbuffers::GetRoot<lab::RecordRequest>(bytes->data());
+  EXPECT_EQ(request.title()->str(), "take 1");
+  EXPECT_EQ(request.mode(), lab::Mode::Follow);
+  EXPECT_EQ(request.rate_hz(), 1000);
+}
+
+TEST(Dynamic, ReadsATableAsGeneratedCodeWritesIt) {
+  const auto arm = make(lab::ArmClient::interface());
+  flatbuffers::FlatBufferBuilder builder;
+  const std::vector<lab::Position> positions{lab::Position(1, 2, 3)};
+  builder.Finish(lab::CreateRecordingDirect(builder, "take \"1\"", &positions));
+  EXPECT_EQ(
+      arm->decode(arm->find("replay")->reply, rpc::table_bytes(builder)),
+      "{\"title\": \"take \\\"1\\\"\",\"positions\": [{\"x_m\": 1.0,\"y_m\": 2.0,\"z_m\": 3.0}]}");
+}
+
+TEST(Dynamic, NothingIsNothing) {
+  const auto arm = make(lab::ArmClient::interface());
+  std::string error;
+  const Method& release = *arm->find("release");
+  EXPECT_EQ(arm->encode(release.request, "", error)->size(), 0u);
+  EXPECT_EQ(arm->encode(release.request, "{}", error)->size(), 0u);
+  EXPECT_FALSE(arm->encode(release.request, "{x: 1}", error));
+  EXPECT_EQ(error, "the method takes nothing: leave the argument out");
+  EXPECT_EQ(arm->decode(release.reply, {}), "{}");
+}
+
+TEST(Dynamic, WhatDoesNotFitIsRefusedWithAReason) {
+  const auto arm = make(lab::ArmClient::interface());
+  const std::pair<const char*, const char*> wrong[] = {
+      {"set_force", "{x_newton: 1}"}, {"set_force", "{colour: 1}"}, {"set_force", "nonsense"},
+      {"record", "{title: 5}"},       {"record", "{mode: Fly}"},    {"record", "{title: \"a\""}};
+  for (const auto& [method, json] : wrong) {
+    std::string error;
+    EXPECT_FALSE(arm->encode(arm->find(method)->request, json, error)) << json;
+    EXPECT_NE(error, "") << json;
+  }
+  const std::vector<std::byte> bytes(25, std::byte{0xEE});
+  EXPECT_FALSE(arm->decode(arm->find("get_position")->reply, bytes));
+  EXPECT_FALSE(arm->decode(arm->find("replay")->reply, bytes));
+  EXPECT_FALSE(arm->decode(arm->find("release")->reply, bytes));
+  EXPECT_EQ(arm->find("fly"), nullptr);
+}
+
+TEST(Dynamic, TextThatIsNoSchemaIsRefused) {
+  std::string error;
+  EXPECT_EQ(Dynamic::make("table {", "lab.Arm", error), nullptr);
+  EXPECT_TRUE(error.starts_with("schema:1:7: error: ")) << error;
+  EXPECT_EQ(Dynamic::make(std::string(lab::ArmClient::interface().schema), "lab.Leg", error),
+            nullptr);
+  EXPECT_EQ(error, "the schema has no service lab.Leg");
+}
+
+TEST(Dynamic, UnionsAndOptionalsGoBothWays) {
+  const auto scene = make(lab::quantities::SceneClient::interface());
+  std::string error;
+  const std::string json =
+      "{\"maybe\": 0,\"shape_type\": \"Sphere\",\"shape\": {\"radius_m\": 0.5}}";
+  const Method& echo = *scene->find("echo");
+  const auto bytes = scene->encode(echo.request, json, error);
+  ASSERT_TRUE(bytes) << error;
+  const auto text = scene->decode(echo.reply, *bytes);
+  ASSERT_TRUE(text);
+  for (const char* part : {"\"maybe\": 0", "\"shape_type\": \"Sphere\"", "{\"radius_m\": 0.5}"}) {
+    EXPECT_NE(text->find(part), std::string::npos) << *text;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::schema
