@@ -193,7 +193,7 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
     call.request.nudge();
     frame = call.request.next(buffer_, budget_of(call, now), now);
   } else if (call.reply.is_begun()) {
-    frame = reply_ack(call, now);
+    frame = reply_ack(call, true, now);
   } else if (call.request.is_begun()) {
     frame = call.request.first_again(buffer_, budget_of(call, now), now);
   } else {
@@ -265,15 +265,20 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
     return {.kind = ChannelEvent::Kind::kReply,
             .call = index_of(call),
             .status = header.status,
-            .frame = reply_ack(call, now),
+            .frame = reply_ack(call, false, now),
             .payload = call.reply.message()};
   }
   if ((header.flags & kFlagAckWanted) == 0) return {};
-  return {.kind = ChannelEvent::Kind::kSend, .call = index_of(call), .frame = reply_ack(call, now)};
+  return {.kind = ChannelEvent::Kind::kSend,
+          .call = index_of(call),
+          .frame = reply_ack(call, false, now)};
 }
 
-ConstBytes ClientChannel::reply_ack(Call& call, MonotonicTime now) noexcept {
-  encode(ack_header(call.header, now), small_frame_.data());
+// `is_asking`: nothing came for a time, so that the server is to send something (hp-5.6-7).
+ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept {
+  Header header = ack_header(call.header, now);
+  if (is_asking) header.flags = kFlagAckWanted;
+  encode(header, small_frame_.data());
   encode(call.reply.ack(), MutableBytes(small_frame_).subspan(kHeaderSize));
   return small_frame_;
 }

@@ -164,7 +164,7 @@ ConstBytes OutgoingMessage::write(MutableBytes to, std::uint16_t index, std::uin
   return to.first(kHeaderSize + part.size());
 }
 
-void OutgoingMessage::on_ack(const FragmentAck& ack) noexcept {
+void OutgoingMessage::on_ack(const FragmentAck& ack, bool is_asked) noexcept {
   // An ACK of what was never sent is a forgery or a fault; there is nothing to learn from it.
   if (!is_begun() || ack.first_missing > next_new_) return;
   std::uint16_t end = ack.first_missing;
@@ -181,6 +181,8 @@ void OutgoingMessage::on_ack(const FragmentAck& ack) noexcept {
   // What lies before a fragment that arrived and has not arrived itself is taken for lost.
   repair_next_ = acknowledged_.first_missing();
   repair_end_ = std::max(end, repair_next_);
+  // hp-5.6-7: the last that were sent were lost, and nothing behind them shows it.
+  if (is_asked && !has_more()) nudge();
 }
 
 void OutgoingMessage::nudge() noexcept {

@@ -205,14 +205,16 @@ Verdict ServerSessions::on_ack(const Header& header, ConstBytes payload, const P
     return drop(DropReason::kUnexpected);
   }
   OutgoingMessage& reply = bulks_[slot.bulk].outgoing;
-  reply.on_ack(*ack);
+  reply.on_ack(*ack, (header.flags & kFlagAckWanted) != 0);
   if (reply.is_acknowledged()) {
     // hp-5.6-8
     free_bulk(slot);
     return {};
   }
   sending_ = slot.bulk;
-  return {Verdict::Action::kSend, next_frame(now)};
+  const ConstBytes frame = next_frame(now);
+  if (frame.empty()) return {};
+  return {Verdict::Action::kSend, frame};
 }
 
 ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {

@@ -308,6 +308,81 @@ TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
       << "the rest of the old one";
 }
 
+/// A client and a server with a large reply between them, on which some frames get lost.
+class LargeExchange : public ClientChannelTest {
+ protected:
+  LargeExchange() : bulk_(3 * kLarge), room_(kLarge), server_(config()) {}
+  void SetUp() override {
+    Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
+    for (int step = 0; step < 2; ++step) {
+      const Verdict verdict = server_.on_frame(hello, kAddress, at(0s));
+      hello = copy_of(channel_.on_frame(verdict.frame, at(0s)).frame);
+    }
+    ASSERT_TRUE(channel_.is_ready());
+    channel_.give_room(room_);
+  }
+  ServerSessionsConfig config() {
+    ServerSessionsConfig config = server_config();
+    config.message_size_max = kLarge;
+    config.bulk_memory = bulk_;
+    return config;
+  }
+  /// All frames of the reply of `size` bytes to a new call.
+  std::vector<Bytes> reply_to_a_call(std::size_t size) {
+    const Verdict verdict = server_.on_frame(begin_call(at(0s), 10s), kAddress, at(0s));
+    EXPECT_EQ(verdict.action, Action::kDispatch);
+    std::ranges::copy(pattern(size), server_.reply_buffer(verdict.request).begin());
+    std::vector<Bytes> frames{copy_of(
+        server_.complete(verdict.request, Status::kOk, static_cast<std::uint32_t>(size), at(0s)))};
+    for (ConstBytes frame; !(frame = server_.next_frame(at(0s))).empty();)
+      frames.push_back(copy_of(frame));
+    return frames;
+  }
+
+  static constexpr PeerAddress kAddress{.low = 1, .port = 2};
+  Bytes bulk_;
+  Bytes room_;
+  ServerSessions server_;
+};
+
+// hp-5.6-7: no later fragment shows that the last ones were lost; the client's question does.
+TEST_F(LargeExchange, RepairsATailThatWasLost) {
+  std::vector<Bytes> frames = reply_to_a_call(2900);
+  ASSERT_EQ(frames.size(), 3u);
+  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
+  ChannelEvent event;
+  for (int question = 0; question < 5 && event.kind != Kind::kReply; ++question) {
+    const MonotonicTime now = channel_.next_time();
+    const ChannelEvent asked = channel_.on_time(now);
+    ASSERT_EQ(asked.kind, Kind::kSend);
+    EXPECT_EQ(header_of(asked.frame).kind, FrameKind::kAck);
+    EXPECT_EQ(header_of(asked.frame).flags, kFlagAckWanted);
+    const Verdict verdict = server_.on_frame(asked.frame, kAddress, now);
+    ASSERT_EQ(verdict.action, Action::kSend);
+    event = channel_.on_frame(copy_of(verdict.frame), now);
+    if (!event.frame.empty() && event.kind == Kind::kSend) {
+      static_cast<void>(server_.on_frame(copy_of(event.frame), kAddress, now));
+    }
+  }
+  ASSERT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(copy_of(event.payload), pattern(2900));
+  EXPECT_EQ(server_.on_frame(copy_of(event.frame), kAddress, at(1s)).action, Action::kNothing)
+      << "all is there";
+}
+
+// hp-5.6-6, hp-5.6-7: the answer to a question repairs what it shows to be missing.
+TEST_F(LargeExchange, RepairsAllThatAQuestionShows) {
+  std::vector<Bytes> frames = reply_to_a_call(2900);
+  ASSERT_EQ(frames.size(), 3u);
+  EXPECT_EQ(channel_.on_frame(frames[1], at(1ms)).kind, Kind::kNothing);
+  const ChannelEvent asked = channel_.on_time(channel_.next_time());
+  const Verdict verdict = server_.on_frame(asked.frame, kAddress, at(9ms));
+  ASSERT_EQ(verdict.action, Action::kSend);
+  EXPECT_EQ(header_of(verdict.frame).fragment_index, 0u);
+  EXPECT_EQ(header_of(verdict.frame).flags, kFlagRepeated | kFlagAckWanted);
+  EXPECT_TRUE(server_.next_frame(at(9ms)).empty());
+}
+
 class LargeReplies : public ClientChannelTest {
  protected:
   void SetUp() override { make_ready(at(0s)); }

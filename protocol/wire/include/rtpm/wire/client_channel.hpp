@@ -195,7 +195,7 @@ class ClientChannel {
   [[nodiscard]] bool is_stream_known(const Call& call) const noexcept;
   [[nodiscard]] MonotonicTime due(const Call& call) const noexcept;
   [[nodiscard]] ChannelEvent on_call_time(Call& call, MonotonicTime now) noexcept;
-  [[nodiscard]] ConstBytes reply_ack(Call& call, MonotonicTime now) noexcept;
+  [[nodiscard]] ConstBytes reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept;
   [[nodiscard]] ConstBytes credit_frame(Call& call, MonotonicTime now) noexcept;
   [[nodiscard]] ConstBytes cancel_frame(const Header& about, MonotonicTime now) noexcept;
   void end_call(Call& call) noexcept;

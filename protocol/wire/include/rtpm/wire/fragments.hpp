@@ -89,7 +89,9 @@ class OutgoingMessage {
   /// arrived.
   [[nodiscard]] ConstBytes first_again(MutableBytes to, std::uint32_t budget_us,
                                        MonotonicTime now) noexcept;
-  void on_ack(const FragmentAck& ack) noexcept;
+  /// How far its receiver is. `is_asked`: he heard nothing for a time, so that he is to be sent
+  /// something: the first that is missing, if the rest does not follow from the ACK.
+  void on_ack(const FragmentAck& ack, bool is_asked = false) noexcept;
   /// No ACK came in time: the first fragment without one is due again.
   void nudge() noexcept;
   [[nodiscard]] bool is_begun() const noexcept { return !message_.empty(); }
