@@ -163,6 +163,10 @@ class ServerSide final : public Side {
     config_.session_count_max = setup.at("session_count_max");
     config_.message_size_max = setup.at("message_size_max");
     EXPECT_EQ(setup.at("window"), wire::kCallWindow);
+    bulk_memory_.resize(std::size_t{4} * config_.message_size_max);
+    stream_memory_.resize(4 * stream_room_size(config_.medium));
+    config_.bulk_memory = bulk_memory_;
+    config_.stream_memory = stream_memory_;
     sessions_ = std::make_unique<wire::ServerSessions>(config_);
   }
 
@@ -178,7 +182,7 @@ class ServerSide final : public Side {
       case Verdict::Action::kNothing:
         break;
       case Verdict::Action::kSend:
-        outputs.push_back({hex_of(verdict.frame), {}});
+        send(outputs, verdict.frame, now);
         break;
       case Verdict::Action::kHangUp:
         outputs.push_back({{}, {{"server_sees", "hang_up"}}});
@@ -187,6 +191,7 @@ class ServerSide final : public Side {
         outputs.push_back({{}, note(verdict.request)});
         break;
     }
+    tell_cancelled(outputs);
     return outputs;
   }
 
@@ -203,27 +208,69 @@ class ServerSide final : public Side {
       running_.clear();
       return {};
     }
-    EXPECT_EQ(what, "complete");
-    const auto running = running_.find(static_cast<std::uint32_t>(free.number(step.at("call_id"))));
-    if (running == running_.end()) {
-      ADD_FAILURE() << "this call does not run: " << step;
-      return {};
+    Outputs outputs;
+    if (what == "wait") {
+      sessions_->on_time(now);
+    } else if (what == "stop") {
+      while (const auto outgoing = sessions_->close_next(now))
+        outputs.push_back({hex_of(outgoing->frame), {}});
+    } else {
+      act_on_call(outputs, step, free, now);
     }
-    const wire::Request request = running->second;
-    running_.erase(running);
-    const Bytes payload = bytes_of_hex(step.at("payload"));
-    const MutableBytes reply = sessions_->reply_buffer(request);
-    EXPECT_LE(payload.size(), reply.size());
-    std::ranges::copy(payload, reply.begin());
-    return {{hex_of(sessions_->complete(request, status_named(step.at("status")),
-                                        static_cast<std::uint32_t>(payload.size()), now)),
-             {}}};
+    tell_cancelled(outputs);
+    return outputs;
   }
 
  private:
+  void act_on_call(Outputs& outputs, const Json& step, const FreeBytes& free, MonotonicTime now) {
+    const std::string what = step.at("server_does");
+    const auto running = running_.find(static_cast<std::uint32_t>(free.number(step.at("call_id"))));
+    if (running == running_.end()) {
+      ADD_FAILURE() << "this call does not run: " << step;
+      return;
+    }
+    const wire::Request request = running->second;
+    if (what == "receipt") {
+      send(outputs, sessions_->accept(request, status_named(step.at("status")), now), now);
+      return;
+    }
+    const Bytes payload = bytes_of_hex(step.at("payload"));
+    const auto size = static_cast<std::uint32_t>(payload.size());
+    if (what == "item") {
+      const MutableBytes room = sessions_->item_buffer(request);
+      if (room.empty()) {
+        outputs.push_back({{}, {{"server_sees", "no_credit"}, {"call_id", running->first}}});
+        return;
+      }
+      std::ranges::copy(payload, room.begin());
+      send(outputs, sessions_->push_item(request, size, now), now);
+      return;
+    }
+    EXPECT_EQ(what, "complete");
+    running_.erase(running);
+    const MutableBytes reply = sessions_->reply_buffer(request);
+    EXPECT_LE(payload.size(), reply.size());
+    std::ranges::copy(payload, reply.begin());
+    send(outputs, sessions_->complete(request, status_named(step.at("status")), size, now), now);
+  }
+
+  /// Takes note of a frame and of what the server has to send behind it.
+  void send(Outputs& outputs, ConstBytes frame, MonotonicTime now) {
+    for (; !frame.empty(); frame = sessions_->next_frame(now))
+      outputs.push_back({hex_of(frame), {}});
+  }
+  void tell_cancelled(Outputs& outputs) {
+    for (std::uint32_t tag = sessions_->next_cancelled(); tag != 0;
+         tag = sessions_->next_cancelled()) {
+      outputs.push_back({{}, {{"server_sees", "cancelled"}, {"call_id", call_of_tag_.at(tag)}}});
+    }
+  }
   Json note(const wire::Request& request) {
     const wire::Header& header = request.header;
     running_[header.call_id] = request;
+    const auto tag = static_cast<std::uint32_t>(call_of_tag_.size() + 1);
+    call_of_tag_[tag] = header.call_id;
+    sessions_->set_tag(request, tag);
     return {{"server_sees", "run"},
             {"call_id", header.call_id},
             {"service", header.service},
@@ -232,9 +279,12 @@ class ServerSide final : public Side {
             {"deadline_ns", to_ns(request.deadline)}};
   }
 
+  std::vector<std::byte> bulk_memory_;
+  std::vector<std::byte> stream_memory_;
   wire::ServerSessionsConfig config_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::map<std::uint32_t, wire::Request> running_;
+  std::map<std::uint32_t, std::uint32_t> call_of_tag_;
   std::uint64_t connection_number_ = 1;
 };
 
@@ -244,65 +294,129 @@ class ClientSide final : public Side {
 
   Outputs receive(const Bytes& frame, bool, MonotonicTime now) override {
     const wire::FrameCounters before = channel_.counters();
-    Outputs outputs = outputs_of(channel_.on_frame(frame, now));
+    ChannelEvent event = channel_.on_frame(frame, now);
+    if (event.kind == ChannelEvent::Kind::kNeedRoom) {
+      rooms_.emplace_back(event.room_size);
+      channel_.give_room(rooms_.back(), event.call);
+      event = channel_.on_frame(frame, now);
+    }
+    Outputs outputs = outputs_of(event);
+    send_more(outputs, now);
     if (const std::string reason = newly_dropped(before, channel_.counters()); !reason.empty()) {
       outputs.push_back({{}, counted(Role::kClient, reason)});
     }
     return outputs;
   }
 
-  Outputs act(const Json& step, const FreeBytes&, MonotonicTime now) override {
+  Outputs act(const Json& step, const FreeBytes& free, MonotonicTime now) override {
     if (step.value("network_does", "") == "disconnect") {
       channel_.reset();
       return {};
     }
     const std::string what = step.at("client_does");
-    if (what == "wait") return outputs_of(channel_.on_time(now));
+    if (what == "wait") return wait(now);
+    if (what == "cancel") return {{hex_of(channel_.cancel(index_of(step, free), now)), {}}};
+    if (what == "take") return take(step, free, now);
     if (what == "close") return {{hex_of(channel_.close(now)), {}}};
     const Priority priority = step.at("priority").get<int>();
     const MonotonicTime deadline = time_from_ns(step.at("deadline_ns"));
     if (what == "open") return {{hex_of(channel_.open(priority, deadline, now)), {}}};
     EXPECT_EQ(what, "call");
-    const wire::CallParameters parameters{step.at("service"), step.at("method"), priority,
-                                          wide_number(step.at("trace_id")), deadline};
+    wire::CallParameters parameters{step.at("service"), step.at("method"), priority,
+                                    wide_number(step.at("trace_id")), deadline};
+    parameters.delivery = delivery_named(step.value("delivery", "reply"));
+    parameters.stream_window = step.value("window", 0u);
+    rooms_.emplace_back(parameters.stream_window * wire::kDatagramPayloadSizeMax);
+    parameters.stream_memory = rooms_.back();
     payloads_.push_back(bytes_of_hex(step.at("payload")));
     const auto frame = channel_.call(parameters, payloads_.back(), now);
-    if (frame) return {{hex_of(*frame), {}}};
-    return {{{}, {{"client_sees", to_string(frame.error())}}}};
+    if (!frame) return {{{}, {{"client_sees", to_string(frame.error())}}}};
+    Outputs outputs{{hex_of(*frame), {}}};
+    const std::uint32_t call_id = wire::decode(*frame)->call_id;
+    indices_[call_id] = channel_.last_call();
+    call_ids_[channel_.last_call()] = call_id;
+    send_more(outputs, now);
+    return outputs;
   }
 
  private:
+  static wire::Delivery delivery_named(const std::string& name) {
+    if (name == "receipt") return wire::Delivery::kReceipt;
+    return name == "sent" ? wire::Delivery::kSent : wire::Delivery::kReply;
+  }
+  wire::CallIndex index_of(const Json& step, const FreeBytes& free) {
+    return indices_.at(static_cast<std::uint32_t>(free.number(step.at("call_id"))));
+  }
+  Outputs wait(MonotonicTime now) {
+    Outputs outputs;
+    for (ChannelEvent event = channel_.on_time(now); event.kind != ChannelEvent::Kind::kNothing;
+         event = channel_.on_time(now)) {
+      std::ranges::move(outputs_of(event), std::back_inserter(outputs));
+      send_more(outputs, now);
+    }
+    return outputs;
+  }
+  /// Takes all items of a stream that are there.
+  Outputs take(const Json& step, const FreeBytes& free, MonotonicTime now) {
+    Outputs outputs;
+    const wire::CallIndex index = index_of(step, free);
+    while (const auto item = channel_.next_item(index)) {
+      outputs.push_back({{},
+                         {{"client_sees", "item"},
+                          {"call_id", call_ids_.at(index)},
+                          {"payload", hex_of(*item)}}});
+    }
+    send_more(outputs, now);
+    return outputs;
+  }
+  void send_more(Outputs& outputs, MonotonicTime now) {
+    for (ConstBytes frame; !(frame = channel_.next_frame(now)).empty();)
+      outputs.push_back({hex_of(frame), {}});
+  }
+
   static wire::ClientChannelConfig config_of(const Json& conversation) {
     const Json& setup = conversation.at("setup").at("client");
-    return {medium_named(conversation.at("medium")), wide_number(setup.at("epoch")),
-            wide_number(setup.at("channel")), wide_number(setup.at("clock_domain")),
-            setup.at("message_size_max")};
+    return {medium_named(conversation.at("medium")),
+            wide_number(setup.at("epoch")),
+            wide_number(setup.at("channel")),
+            wide_number(setup.at("clock_domain")),
+            setup.at("message_size_max"),
+            wire::kCallWindow};
   }
-  static Outputs outputs_of(const ChannelEvent& event) {
+  /// What the application is told, and what is sent with it.
+  Outputs outputs_of(const ChannelEvent& event) {
+    Outputs outputs = told_of(event);
+    if (!event.frame.empty()) outputs.push_back({hex_of(event.frame), {}});
+    return outputs;
+  }
+  Outputs told_of(const ChannelEvent& event) {
     const std::string status(to_string(event.status));
     switch (event.kind) {
       case ChannelEvent::Kind::kNothing:
-        return {};
       case ChannelEvent::Kind::kSend:
-        return {{hex_of(event.frame), {}}};
+      case ChannelEvent::Kind::kItems:  // Its application takes them when the vector says so.
+        return {};
       case ChannelEvent::Kind::kReady:
         return {{{}, {{"client_sees", "ready"}}}};
       case ChannelEvent::Kind::kReply:
-        return {
-            {{},
-             {{"client_sees", "result"}, {"status", status}, {"payload", hex_of(event.payload)}}}};
+        return {{{},
+                 {{"client_sees", "result"},
+                  {"call_id", call_ids_.at(event.call)},
+                  {"status", status},
+                  {"payload", hex_of(event.payload)}}}};
       case ChannelEvent::Kind::kRefused:
         return {{{}, {{"client_sees", "refused"}, {"status", status}}}};
       case ChannelEvent::Kind::kLost:
         return {{{}, {{"client_sees", "lost"}}}};
-      case ChannelEvent::Kind::kItems:
-        return {{{}, {{"client_sees", "items"}}}};
       case ChannelEvent::Kind::kClosed:
         return {{{}, {{"client_sees", "closed"}}}};
       case ChannelEvent::Kind::kNeedRoom:
         return {{{}, {{"client_sees", "a large reply"}}}};
-      case ChannelEvent::Kind::kTimeout:
-        return {{{}, {{"client_sees", "timeout"}}}};
+      case ChannelEvent::Kind::kTimeout: {
+        Json step{{"client_sees", "timeout"}};
+        if (channel_.session() != 0) step["call_id"] = call_ids_.at(event.call);
+        return {{{}, step}};
+      }
       case ChannelEvent::Kind::kBroken:
         return {{{}, {{"client_sees", "broken"}}}};
     }
@@ -311,6 +425,9 @@ class ClientSide final : public Side {
 
   alignas(64) std::array<std::byte, 4096> buffer_{};
   std::deque<Bytes> payloads_;  ///< Of the calls, which view them.
+  std::deque<std::vector<std::byte>> rooms_;
+  std::map<std::uint32_t, wire::CallIndex> indices_;
+  std::map<wire::CallIndex, std::uint32_t> call_ids_;
   wire::ClientChannel channel_;
 };
 
@@ -382,8 +499,11 @@ class Player {
     if (wanted.contains("call_id")) wanted["call_id"] = free_.number(wanted["call_id"]);
     const auto found = std::ranges::find_if(outputs_, [&](const Output& output) {
       if (step.contains("frame") != output.frame_hex.has_value()) return false;
-      return output.frame_hex ? free_.matches(step.at("hex"), *output.frame_hex)
-                              : output.step == wanted;
+      if (output.frame_hex) return free_.matches(step.at("hex"), *output.frame_hex);
+      Json there = output.step;
+      // Where one call only is open, a vector need not say which.
+      if (!wanted.contains("call_id")) there.erase("call_id");
+      return there == wanted;
     });
     if (found == outputs_.end()) {
       return "wanted: " + step.dump() + "\nwhat happened:" + describe(outputs_);

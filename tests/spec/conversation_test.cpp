@@ -50,8 +50,15 @@ INSTANTIATE_TEST_SUITE_P(Vectors, Conversations, testing::ValuesIn(all_parts()),
                          });
 
 // A player that went blind would take everything: each of these is a lie about our code.
-TEST(ConversationPlayer, NoticesWhatIsNotAsTheVectorSays) {
-  const Json good = read("lost-call");
+class ConversationPlayer : public testing::TestWithParam<const char*> {};
+
+INSTANTIATE_TEST_SUITE_P(Vectors, ConversationPlayer,
+                         testing::Values("lost-call", "large-request", "large-reply", "oneways",
+                                         "cancelled-call", "stream", "several-calls",
+                                         "server-stops"));
+
+TEST_P(ConversationPlayer, NoticesWhatIsNotAsTheVectorSays) {
+  const Json good = read(GetParam());
   for (const Role role : {Role::kClient, Role::kServer}) {
     for (std::size_t i = 0; i < good.at("steps").size(); ++i) {
       const Json& step = good.at("steps")[i];

@@ -4,8 +4,10 @@
 
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
+#include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/handshake.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "rtpm/wire/stream.hpp"
 #include "rtpm/wire/url.hpp"
 #include "vectors.hpp"
 
@@ -135,6 +137,40 @@ TEST(CookieVectors, BadOnesAreDropped) {
     EXPECT_EQ(client.receive(wire::FrameKind::kCookie, 0, payload).kind,
               wire::ChannelEvent::Kind::kNothing);
     EXPECT_EQ(client.dropped_as(), vector.at("drop"));
+  });
+}
+
+// hp-5.6-4
+TEST(AckVectors, AreReadOrNot) {
+  for_each_payload("ack.json", "good", [](const Json& vector, const Bytes& payload) {
+    const auto ack = wire::decode_ack(payload);
+    ASSERT_TRUE(ack);
+    EXPECT_EQ(ack->first_missing, vector.at("fields").at("first_missing"));
+    Bytes again(wire::FragmentAck::kSize);
+    encode(*ack, again);
+    EXPECT_EQ(again, payload);
+    EXPECT_EQ(hex_of(ConstBytes(again).subspan(8)), vector.at("fields").at("later"));
+  });
+  for_each_payload("ack.json", "bad", [](const Json& vector, const Bytes& payload) {
+    EXPECT_FALSE(wire::decode_ack(payload));
+    EXPECT_EQ(vector.at("drop"), "bad_payload");
+  });
+}
+
+// hp-5.10-8
+TEST(CreditVectors, AreReadOrNot) {
+  for_each_payload("credit.json", "good", [](const Json& vector, const Bytes& payload) {
+    const auto credit = wire::decode_credit(payload);
+    ASSERT_TRUE(credit);
+    EXPECT_EQ(credit->first_missing, vector.at("fields").at("first_missing"));
+    EXPECT_EQ(credit->later, wide_number(vector.at("fields").at("later")));
+    Bytes again(wire::StreamCredit::kSize);
+    encode(*credit, again);
+    EXPECT_EQ(again, payload);
+  });
+  for_each_payload("credit.json", "bad", [](const Json& vector, const Bytes& payload) {
+    EXPECT_FALSE(wire::decode_credit(payload));
+    EXPECT_EQ(vector.at("drop"), "bad_payload");
   });
 }
 

@@ -259,7 +259,8 @@ TEST_F(Dissector, SaysWhichPayloadsAreDropped) {
   };
   for (const Kind& kind :
        {Kind{"hello.json", wire::FrameKind::kHello}, Kind{"cookie.json", wire::FrameKind::kCookie},
-        Kind{"welcome.json", wire::FrameKind::kWelcome}}) {
+        Kind{"welcome.json", wire::FrameKind::kWelcome}, Kind{"ack.json", wire::FrameKind::kAck},
+        Kind{"credit.json", wire::FrameKind::kCredit}}) {
     const Json document = read_vectors(kind.file);
     const auto header_for = [&](const Json& vector) {
       wire::Header header{.kind = kind.kind};
@@ -286,7 +287,7 @@ TEST_F(Dissector, SaysWhichPayloadsAreDropped) {
 // Whatever the conversation, the script itself never fails.
 TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
   Capture capture;
-  std::uint16_t port = 5000;
+  std::uint16_t port = 50000;  // Where no other protocol is looked for.
   std::size_t dropped_count = 0;
   for (const std::string& name : conversation_names()) {
     const Json document = read_vectors("conversations/" + name + ".json");
@@ -311,14 +312,15 @@ TEST_F(Dissector, ReadsEveryConversationOfTheVectors) {
       }
     }
   }
-  for (const Row& row : dissect(capture, {"rtpm.kind", "rtpm.drop", "_ws.expert.message"})) {
-    EXPECT_NE(row.at("rtpm.kind"), "");
+  for (const Row& row : dissect(capture, {"rtpm.kind", "rtpm.drop", "_ws.expert.message",
+                                          "frame.number", "_ws.col.Info"})) {
+    EXPECT_NE(row.at("rtpm.kind"), "") << row.at("frame.number") << row.at("_ws.col.Info");
     EXPECT_EQ(row.at("_ws.expert.message").find("Lua"), std::string::npos)
         << row.at("_ws.expert.message");
     if (!row.at("rtpm.drop").empty()) ++dropped_count;
   }
   EXPECT_GT(dropped_count, 0u);
-  EXPECT_LT(dropped_count, 20u);
+  EXPECT_LT(dropped_count, 40u);
 }
 
 }  // namespace

@@ -69,28 +69,31 @@ class Conversation:
     def step(self, **fields):
         self.steps.append(dict(at_ns=self.now) | {k: v for k, v in fields.items() if v is not None})
 
-    def frame(self, way, kind, payload='', lost=False, address=None, says='', **fields):
-        """A frame on its `way`, stamped with the time unless told otherwise."""
+    def frame(self, way, kind, payload='', lost=False, address=None, says='', together=False,
+              **fields):
+        """A frame on its `way`, stamped with the time unless told otherwise. `together`: the next
+        one is sent at the same time."""
         fields.setdefault('sender_time_ns', self.now)
         fields.setdefault('priority', self.priority)
-        if 'status' in fields:
+        if isinstance(fields.get('status'), str):
             fields['status'] = STATUSES[fields['status']]
         note = kind if isinstance(kind, str) else f'kind {kind}'
         flight_ns = 0 if lost or way.startswith('network') else self.flight_ns
         self.step(frame=way, note=f'{note}, {says}' if says else note, is_lost=lost or None,
                   arrives_ns=self.now + flight_ns if flight_ns > 0 else None, address=address,
                   hex=frame(kind, payload, Choices(), **fields))
-        self.now += flight_ns
+        if not together:
+            self.now += flight_ns
 
     # ---- what the applications do and see ----
 
     def client_opens(self, patience_ns=S):
         self.step(client_does='open', priority=self.priority, deadline_ns=self.now + patience_ns)
 
-    def client_calls(self, service, method, payload='', patience_ns=S, trace_id=0):
+    def client_calls(self, service, method, payload='', patience_ns=S, trace_id=0, **more):
         self.step(client_does='call', service=service, method=method, priority=self.priority,
                   payload=payload, deadline_ns=self.now + patience_ns,
-                  trace_id=wide(trace_id, 8))
+                  trace_id=wide(trace_id, 8), **more)
 
     def client_waits(self):
         self.step(client_does='wait')
@@ -149,15 +152,16 @@ class Conversation:
         self.client_sees('ready')
 
     def call(self, call_id='call', session='session', service=1, method=2, payload='',
-             budget_us=1_000_000, way='client to server', copy=False, says=None, **more):
+             budget_us=1_000_000, way='client to server', copy=False, says=None, flags=0, **more):
         self.frame(way, 'CALL', payload, call_id=call_id, session=session, service=service,
-                   method=method, budget_us=budget_us, flags=REPEATED if copy else 0,
+                   method=method, budget_us=budget_us, flags=flags | (REPEATED if copy else 0),
                    says=says or f'budget {budget_us} µs{", repeated" if copy else ""}', **more)
 
     def reply(self, call_id='call', session='session', service=1, method=2, payload='', status='ok',
-              took_us=0, way='server to client', copy=False, **more):
+              took_us=0, way='server to client', copy=False, flags=0, **more):
         self.frame(way, 'REPLY', payload, call_id=call_id, session=session, service=service,
-                   method=method, status=status, budget_us=took_us, flags=REPEATED if copy else 0,
+                   method=method, status=status, budget_us=took_us,
+                   flags=flags | (REPEATED if copy else 0),
                    says=f'{status}{", repeated" if copy else ""}', **more)
 
     def exchange(self, call_id='call', session='session', service=1, method=2, payload='01',
@@ -275,7 +279,7 @@ def statuses():
                      ['hp-5.1-2', 'hp-5.1-5'])
     c.handshake()
     methods = ['ok', 'overload', 'expired', 'no_such_method', 'no_such_object', 'bad_request',
-               'not_lease_holder', 'gone', 'servant_failed', 'too_large']
+               'not_lease_holder', 'gone', 'servant_failed', 'too_large', 'cancelled', 'stopping']
     for number, status in enumerate(methods, start=1):
         name = f'call{number}'
         c.at(number * MS)
@@ -450,7 +454,7 @@ def restart():
                      'The server restarts between two calls. The client learns it from the '
                      'refusal, shakes hands anew and sees another epoch: what it knew of objects '
                      'is void.',
-                     ['hp-4.4-1', 'hp-4-2', 'hp-5.1-1'])
+                     ['hp-4.4-1', 'hp-4-2', 'hp-5.1-1', 'hp-5.5-2'])
     c.handshake()
     c.exchange('call', at_ns=1 * MS)
     c.at(2 * MS)

@@ -8,6 +8,7 @@ import sys
 sys.dont_write_bytecode = True
 
 import conversations
+import deliveries
 import single_frames
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent
@@ -20,10 +21,12 @@ def files():
     yield 'hello.json', single_frames.hello()
     yield 'cookie.json', single_frames.cookie()
     yield 'welcome.json', single_frames.welcome()
+    yield 'ack.json', single_frames.ack()
+    yield 'credit.json', single_frames.credit()
     yield 'bind-request.json', single_frames.bind_requests()
     yield 'bind-reply.json', single_frames.bind_replies()
     yield 'urls.json', single_frames.urls()
-    for conversation in conversations.conversations():
+    for conversation in conversations.conversations() + deliveries.conversations():
         yield f'conversations/{conversation.name}.json', conversation.document()
 
 

@@ -310,6 +310,37 @@ def welcome():
                         "session of the frame's header.", good=good, bad=bad)
 
 
+def progress(layout, rules, subject, good):
+    """Payloads of ACK or CREDIT, which say how far their sender is."""
+    dropped = {'drop': 'bad_payload'}
+    usual = dict(first_missing=3, later=0b1001)
+
+    def vector(name, **fields):
+        shown = {key: number(value, 32) if layout is ACK and key == 'later' else wide(value, size)
+                 for key, size, _ in layout if key != 'reserved'
+                 for value in (fields.get(key, 0),)}
+        return dict(name=name, rules=rules, fields=shown, hex=lay_out(layout, **fields))
+
+    return dict(subject=subject, good=[vector(name, **fields) for name, fields in good],
+                bad=other_sizes(lay_out(layout, **usual), rules, dropped) +
+                reserved_set(layout, usual, rules, dropped))
+
+
+def ack():
+    return progress(ACK, ['hp-5.6-4', 'hp-8-1'], 'Payloads of ACK.', [
+        ('nothing is there', dict(first_missing=0)),
+        ('three are there, and two behind a gap', dict(first_missing=3, later=0b1001)),
+        ('all of the most that there can be', dict(first_missing=12544)),
+        ('the largest numbers', dict(first_missing=ONES_16, later=2**256 - 1))])
+
+
+def credit():
+    return progress(CREDIT, ['hp-5.10-8', 'hp-8-1'], 'Payloads of CREDIT.', [
+        ('nothing is there', dict(first_missing=0)),
+        ('three are there, and two behind a gap', dict(first_missing=3, later=0b1001)),
+        ('the largest numbers', dict(first_missing=ONES_32, later=ONES_64))])
+
+
 def bind_requests():
     answered = {'status': 'bad_request'}
 
