@@ -132,10 +132,15 @@ local experts = {
                              expert.group.SEQUENCE, expert.severity.NOTE),
   expired = ProtoExpert.new("rtpm.expert.expired", "Expired: the time budget was over",
                             expert.group.RESPONSE_CODE, expert.severity.WARN),
+  gap = ProtoExpert.new("rtpm.expert.gap", "Something before this is missing",
+                        expert.group.SEQUENCE, expert.severity.NOTE),
+  cancelled = ProtoExpert.new("rtpm.expert.cancelled", "Cancelled: nobody waits for the call any more",
+                              expert.group.SEQUENCE, expert.severity.NOTE),
   status = ProtoExpert.new("rtpm.expert.status", "The call or handshake did not end with ok",
                            expert.group.RESPONSE_CODE, expert.severity.WARN),
 }
-rtpm.experts = {experts.malformed, experts.repeated, experts.expired, experts.status}
+rtpm.experts = {experts.malformed, experts.repeated, experts.expired, experts.gap, experts.cancelled,
+                experts.status}
 
 -- ---- reading -------------------------------------------------------------------------------------
 
@@ -256,10 +261,11 @@ local handshakes -- By key: the exchange that a handshake is at.
 local known      -- By frame: its exchange, and which frame of it this one is.
 local objects    -- By server and service: the path of the object that was bound last.
 local paths      -- By frame: the path of its object, as it was then.
+local wholes     -- By frame that completes a message in fragments: the whole of it.
 local servers    -- By endpoint: whether a client was seen to talk to it.
 
 function rtpm.init()
-  exchanges, handshakes, known, objects, paths, servers = {}, {}, {}, {}, {}, {}
+  exchanges, handshakes, known, objects, paths, servers, wholes = {}, {}, {}, {}, {}, {}, {}
 end
 
 local function endpoint(address, port)
@@ -269,7 +275,7 @@ end
 -- What tells a frame: a segment of a stream may have several.
 local function identity(frame)
   return table.concat({frame.pinfo.number, frame.kind, frame.session, frame.call_id, frame.flags,
-                       frame.status, frame.fragment_index}, "/")
+                       frame.status, frame.fragment_index, frame.item}, "/")
 end
 
 local function exchange_of(key, frame)
@@ -318,28 +324,72 @@ local function note_handshake_answer(frame)
   note_answer(handshakes[handshake_key(frame)], frame)
 end
 
--- A fragment but the first of a message: it belongs to the call, and is a copy if it says so.
-local function note_later_fragment(frame)
-  local exchange = exchanges[call_key(frame)]
-  if exchange then known[identity(frame)] = {exchange = exchange, is_copy = false} end
+-- Puts the fragments of a message together. Gives whether this one was there already.
+local function note_fragment(exchange, frame)
+  if frame.fragment_count == 1 then return false end
+  exchange.messages = exchange.messages or {}
+  local message = exchange.messages[frame.kind]
+  if not message or message.count ~= frame.fragment_count then
+    message = {count = frame.fragment_count, parts = {}, missing = frame.fragment_count, highest = -1}
+    exchange.messages[frame.kind] = message
+  end
+  local mine = known[identity(frame)]
+  mine.message, mine.has_gap = message, frame.fragment_index > message.highest + 1
+  message.highest = math.max(message.highest, frame.fragment_index)
+  if message.parts[frame.fragment_index] then return true end
+  message.parts[frame.fragment_index] = frame.payload:bytes()
+  message.missing = message.missing - 1
+  if message.missing > 0 then return false end
+  local whole = ByteArray.new()
+  for i = 0, message.count - 1 do
+    whole:append(message.parts[i])
+  end
+  message.whole_in, wholes[identity(frame)] = frame.pinfo.number, whole
+  return false
 end
 
 local function note_call(frame)
-  if frame.fragment_index > 0 then return note_later_fragment(frame) end
   local exchange = note_request(call_key(frame), frame)
   exchange.service, exchange.method = frame.service, frame.method
-  if frame.service == 0 and frame.method == 1 then
+  if frame.fragment_count > 1 then
+    known[identity(frame)].is_copy = note_fragment(exchange, frame)
+  end
+  if frame.service == 0 and frame.method == 1 and frame.fragment_index == 0 then
     exchange.path = exchange.path or text_at(frame.payload, 8)
   end
 end
 
-local function note_reply(frame)
-  if frame.fragment_index > 0 then return note_later_fragment(frame) end
+-- Another frame of a call that was seen; gives what is known of it.
+local function note_of_call(frame)
   local exchange = exchanges[call_key(frame)]
   if not exchange or exchange.service ~= frame.service or exchange.method ~= frame.method then
-    return  -- Rule hp-5.1-3: it belongs to no call that was seen.
+    return nil  -- Rule hp-5.1-3.
   end
+  local mine = {exchange = exchange, is_of_call = true}
+  known[identity(frame)] = mine
+  return mine, exchange
+end
+
+local function note_item(frame)
+  local mine, exchange = note_of_call(frame)
+  if not mine then return end
+  exchange.items = exchange.items or {}
+  mine.is_copy = exchange.items[frame.item] ~= nil
+  mine.first_of_copy = exchange.items[frame.item]
+  mine.has_gap = frame.item > (exchange.item_next or 0)
+  exchange.items[frame.item] = exchange.items[frame.item] or frame.pinfo.number
+  exchange.item_next = math.max(exchange.item_next or 0, frame.item + 1)
+  mine.time = frame.pinfo.rel_ts - exchange.first_time
+end
+
+local function note_reply(frame)
+  local mine, exchange = note_of_call(frame)
+  if not mine then return end
   note_answer(exchange, frame)
+  if frame.fragment_count > 1 then
+    known[identity(frame)].is_copy = note_fragment(exchange, frame)
+    return
+  end
   if exchange.path and frame.status == STATUS_OK and frame.payload:len() >= 4 then
     objects[frame.server .. "/" .. number(frame.payload, 0, 4)] = exchange.path
   end
@@ -355,11 +405,24 @@ local function note_refuse(frame)
   end
 end
 
+local function add_time(tree, time)
+  local seconds = math.floor(time)
+  local nanoseconds = math.floor((time - seconds) * 1e9 + 0.5)
+  if nanoseconds >= 1000000000 then seconds, nanoseconds = seconds + 1, 0 end
+  tree:add(fields["rtpm.time"], NSTime.new(seconds, nanoseconds)):set_generated()
+end
+
 local function add_links(tree, frame)
   local mine = known[identity(frame)]
   if mine then
     local exchange = mine.exchange
-    if frame.kind_entry.from == "client" then
+    if mine.is_of_call then
+      tree:add(fields["rtpm.call_in"], exchange.first):set_generated()
+      if mine.is_copy then
+        tree:add(fields["rtpm.copy_of"], mine.first_of_copy):set_generated()
+      end
+      if mine.time then add_time(tree, mine.time) end
+    elseif frame.kind_entry.from == "client" then
       if mine.is_copy then tree:add(fields["rtpm.copy_of"], exchange.first):set_generated() end
       if exchange.reply then
         tree:add(fields["rtpm.reply_in"], exchange.reply):set_generated()
@@ -367,11 +430,13 @@ local function add_links(tree, frame)
     else
       tree:add(fields["rtpm.request_in"], exchange.first):set_generated()
       if mine.is_copy then tree:add(fields["rtpm.copy_of"], exchange.reply):set_generated() end
-      local seconds = math.floor(mine.time)
-      local nanoseconds = math.floor((mine.time - seconds) * 1e9 + 0.5)
-      if nanoseconds >= 1000000000 then seconds, nanoseconds = seconds + 1, 0 end
-      tree:add(fields["rtpm.time"], NSTime.new(seconds, nanoseconds)):set_generated()
+      add_time(tree, mine.time)
     end
+    local message = mine.message
+    if message and message.whole_in then
+      tree:add(fields["rtpm.whole_in"], message.whole_in):set_generated()
+    end
+    if mine.has_gap then tree:add_proto_expert_info(experts.gap) end
   end
   if frame.kind_name == "REPLY" then
     tree:add(fields["rtpm.server_us"], frame.tvb(40, 4), frame.budget_us):set_generated()
@@ -388,6 +453,12 @@ end
 local function opaque(tree, tvb)
   if tvb:len() > 0 then tree:add(fields["rtpm.payload"], tvb()) end
   return true
+end
+
+-- What must have none.
+local function none(tree, tvb)
+  opaque(tree, tvb)
+  return tvb:len() == 0
 end
 
 local function layout_payload(layout)
@@ -439,7 +510,7 @@ local SESSION_METHODS = {
 
 local function call_payload(which)
   return function(tree, tvb, frame)
-    local is_whole = frame.fragment_count == 1
+    local is_whole = frame.fragment_count == 1 or frame.is_reassembled
     local method = is_whole and frame.service == 0 and SESSION_METHODS[frame.method]
     return (method and method[which] or opaque)(tree, tvb, frame)
   end
@@ -469,7 +540,7 @@ local KINDS = {
   [3] = {name = "WELCOME", from = "server", payload = layout_payload(WELCOME),
          note = note_handshake_answer,
          info = function(frame) return "session " .. frame.session end},
-  [4] = {name = "REFUSE", from = "server", payload = opaque, note = note_refuse,
+  [4] = {name = "REFUSE", from = "server", payload = none, note = note_refuse,
          info = describe_status},
   [5] = {name = "CALL", from = "client", payload = call_payload("request"), note = note_call,
          info = function(frame)
@@ -478,19 +549,26 @@ local KINDS = {
          end},
   [6] = {name = "REPLY", from = "server", payload = call_payload("reply"), note = note_reply,
          info = function(frame) return describe_object(frame) .. ": " .. describe_status(frame) end},
-  [7] = {name = "CLOSE", from = "client", payload = opaque,
+  [7] = {name = "CLOSE", from = "either", payload = none,
          info = function(frame) return "session " .. frame.session end},
-  [8] = {name = "ACK", from = "either", payload = layout_payload(ACK),
+  [8] = {name = "ACK", from = "either", payload = layout_payload(ACK), note = note_of_call,
          info = function(frame)
            local is_there = frame.payload:len() >= 2
            return "of call " .. frame.call_id ..
                   (is_there and ", all before fragment " .. number(frame.payload, 0, 2) or "")
          end},
+  [9] = {name = "CANCEL", from = "client", payload = none, note = note_of_call,
+         info = describe_object},
+  [10] = {name = "ITEM", from = "server", payload = opaque, note = note_item,
+          info = function(frame) return describe_object(frame) .. ", item " .. frame.item end},
+  [11] = {name = "CREDIT", from = "client", payload = layout_payload(CREDIT), note = note_of_call,
+          info = function(frame)
+            local is_there = frame.payload:len() >= 4
+            return describe_object(frame) ..
+                   (is_there and ", all before item " .. number(frame.payload, 0, 4) or "") ..
+                   ", up to item " .. frame.item
+          end},
 }
-KINDS[9] = {name = "CANCEL", from = "client", payload = opaque, info = describe_object}
-KINDS[10] = {name = "ITEM", from = "server", payload = opaque, info = describe_object}
-KINDS[11] = {name = "CREDIT", from = "client", payload = layout_payload(CREDIT),
-             info = describe_object}
 for number_, entry in pairs(KINDS) do
   KIND_NAMES[number_] = entry.name
 end
@@ -547,6 +625,11 @@ declare("rtpm.drop", ProtoField.string("rtpm.drop", "A receiver drops this as"))
 declare("rtpm.object", ProtoField.string("rtpm.object", "Object"))
 declare("rtpm.request_in", ProtoField.framenum("rtpm.request_in", "Answer to the frame", base.NONE,
                                               frametype.REQUEST))
+declare("rtpm.call_in", ProtoField.framenum("rtpm.call_in", "Of the call in the frame", base.NONE,
+                                           frametype.REQUEST))
+declare("rtpm.whole_in", ProtoField.framenum("rtpm.whole_in", "The message is whole in the frame",
+                                            base.NONE))
+declare("rtpm.message", ProtoField.bytes("rtpm.message", "Whole message"))
 declare("rtpm.reply_in", ProtoField.framenum("rtpm.reply_in", "Answered in the frame", base.NONE,
                                             frametype.RESPONSE))
 declare("rtpm.copy_of", ProtoField.framenum("rtpm.copy_of", "Copy of the frame", base.NONE,
@@ -569,6 +652,7 @@ local function read_frame(tvb, pinfo)
     call_id = number(tvb, 16, 4), service = number(tvb, 20, 4), method = number(tvb, 24, 2),
     status = number(tvb, 26, 2), budget_us = number(tvb, 40, 4),
     fragment_index = number(tvb, 32, 2), fragment_count = number(tvb, 34, 2),
+    item = number(tvb, 44, 4),
     is_without_session = is_zero(tvb(8, 8)),
   }
   frame.is_repeated = has_flag(frame.flags, FLAG_REPEATED)
@@ -577,11 +661,12 @@ local function read_frame(tvb, pinfo)
   frame.payload = tvb(HEADER_SIZE):tvb()
   local source, destination = endpoint(pinfo.src, pinfo.src_port), endpoint(pinfo.dst, pinfo.dst_port)
   local is_from_client = frame.kind_entry.from == "client"
-  -- An ACK comes from either side: the server is whom HELLOs and CALLs went to.
+  -- An ACK or CLOSE comes from either side: the server is whom HELLOs and CALLs went to.
   if frame.kind_entry.from == "either" then is_from_client = not servers[source] end
   frame.client = is_from_client and source or destination
   frame.server = is_from_client and destination or source
   if frame.kind_entry.from ~= "either" then servers[frame.server] = true end
+  frame.is_from_client = is_from_client
   return frame
 end
 
@@ -602,6 +687,27 @@ local function add_status(tree, frame)
   if frame.status == STATUS_OK or frame.kind_entry.from ~= "server" then return end
   local which = frame.status == STATUS_EXPIRED and experts.expired or experts.status
   tree:add_proto_expert_info(which, frame.kind_name .. " with status " .. describe_status(frame))
+end
+
+-- What a frame says of loss and of the end, beside what its links tell.
+local function add_notes(tree, frame)
+  if frame.kind_name == "CANCEL" then tree:add_proto_expert_info(experts.cancelled) end
+  local is_progress = frame.kind_name == "ACK" or frame.kind_name == "CREDIT"
+  if is_progress and frame.payload:len() >= 16 and not is_zero(frame.payload(8)) then
+    tree:add_proto_expert_info(experts.gap, "Its sender lacks what lies before something later")
+  end
+end
+
+-- The message that this frame completes.
+local function add_whole(tree, frame)
+  local whole = wholes[identity(frame)]
+  if not whole then return end
+  local tvb = whole:tvb("Whole message")
+  local branch = tree:add(tvb(), "Message of " .. frame.fragment_count .. " fragments, " ..
+                                 tvb:len() .. " bytes")
+  branch:add(fields["rtpm.message"], tvb())
+  frame.is_reassembled = true
+  frame.kind_entry.payload(branch, tvb, frame)
 end
 
 -- A header of which no more is known than that it is wrong.
@@ -653,6 +759,8 @@ local function dissect_frame(tvb, pinfo, tree, is_datagram)
   add_info(frame)
   add_links(branch, frame)
   add_status(branch, frame)
+  add_notes(branch, frame)
+  add_whole(branch, frame)
   if reason then add_fault(branch, pinfo, reason) end
   return tvb:len()
 end

@@ -33,6 +33,8 @@ class Talk {
     config.medium = medium;
     config.epoch = 0x5e12;
     config.message_size_max = 4000;
+    config.bulk_memory = bulk_memory_;
+    config.stream_memory = stream_memory_;
     server_ = std::make_unique<wire::ServerSessions>(config);
   }
 
@@ -51,13 +53,21 @@ class Talk {
   }
   Bytes call(std::uint32_t service, std::uint16_t method, const Bytes& payload, Duration when,
              Duration patience = std::chrono::milliseconds{20}) {
-    const wire::CallParameters parameters{service, method, kPriority, 0x7ace, at(when + patience)};
+    return call({service, method, kPriority, 0x7ace, at(when + patience)}, payload, when);
+  }
+  /// With all frames of a large request.
+  Bytes call(wire::CallParameters parameters, const Bytes& payload, Duration when) {
+    parameters.stream_memory = items_;
     payloads_.push_back(payload);  // The call views it.
     const auto frame = client_.call(parameters, payloads_.back(), at(when));
     EXPECT_TRUE(frame);
-    sent_by_client(copy_of(*frame), when);
-    return copy_of(*frame);
+    const Bytes first = copy_of(*frame);
+    for (ConstBytes sent = first; !sent.empty(); sent = client_.next_frame(at(when)))
+      sent_by_client(copy_of(sent), when);
+    return first;
   }
+  [[nodiscard]] wire::ServerSessions& server() { return *server_; }
+  [[nodiscard]] wire::ClientChannel& client() { return client_; }
   Bytes repeat(Duration when) {
     const Bytes frame = copy_of(client_.repeat(at(when)).frame);
     sent_by_client(frame, when);
@@ -110,6 +120,9 @@ class Talk {
 
   wire::Medium medium_;
   End server_end_;
+  Bytes bulk_memory_ = Bytes(3 * 4032);
+  Bytes stream_memory_ = Bytes(stream_room_size(medium_));
+  Bytes items_ = Bytes(4 * wire::kDatagramPayloadSizeMax);
   std::unique_ptr<wire::ServerSessions> server_;
   std::array<std::byte, 4096> buffer_{};
   std::deque<Bytes> payloads_;

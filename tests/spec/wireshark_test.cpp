@@ -197,6 +197,79 @@ TEST_F(Dissector, PutsFramesOfAStreamTogether) {
   }
 }
 
+// A bind that is larger than a frame would not be legal; but the fragments of any call are put
+// together, and what they are becomes readable.
+TEST_F(Dissector, PutsFragmentsTogether) {
+  Talk talk(wire::Medium::kDatagram, kDefaultPort);
+  talk.open(0us);
+  Bytes message(1500, std::byte{0xab});
+  message.back() = std::byte{0xcd};
+  static_cast<void>(talk.call(7, 2, message, 1ms));
+  // The copy of the first, as if its ACK were lost.
+  static_cast<void>(talk.repeat(10ms));
+  const auto rows = dissect(talk.capture, {"rtpm.fragment_index", "rtpm.whole_in", "rtpm.message",
+                                           "rtpm.copy_of", "rtpm.drop", "rtpm.expert.gap"});
+  ASSERT_EQ(rows.size(), 7u);
+  EXPECT_EQ(column(rows, "rtpm.fragment_index"), (Column{"0", "0", "0", "0", "0", "1", "0"}));
+  EXPECT_EQ(column(rows, "rtpm.whole_in"), (Column{"", "", "", "", "6", "6", "6"}));
+  EXPECT_EQ(rows[5].at("rtpm.message"), hex_of(message));
+  EXPECT_EQ(rows[4].at("rtpm.message"), "");
+  EXPECT_EQ(column(rows, "rtpm.copy_of"), (Column{"", "", "", "", "", "", "5"}));
+  EXPECT_EQ(column(rows, "rtpm.drop"), Column(7, ""));
+  EXPECT_EQ(column(rows, "rtpm.expert.gap"), Column(7, ""));
+}
+
+TEST_F(Dissector, LinksAStreamToItsCall) {
+  Talk talk(wire::Medium::kDatagram, kDefaultPort);
+  talk.open(0us);
+  wire::CallParameters wanted{7, 2, kPriority, 0x7ace, kNever};
+  wanted.stream_window = 4;
+  const Bytes call = talk.call(wanted, {}, 1ms);
+  const wire::Verdict verdict = talk.to_server(call, 1ms);
+  std::vector<Bytes> items;
+  for (int i = 0; i < 3; ++i) {
+    static_cast<void>(talk.server().item_buffer(verdict.request));
+    items.push_back(Talk::copy_of(talk.server().push_item(verdict.request, 5, at(2ms))));
+  }
+  // The second is lost, and repeated.
+  for (const std::size_t i : {0u, 2u}) {
+    talk.sent_by_server(items[i], 3ms);
+    EXPECT_EQ(talk.client().on_frame(items[i], at(3ms)).kind, wire::ChannelEvent::Kind::kItems);
+    const Bytes credit = Talk::copy_of(talk.client().next_frame(at(4ms)));
+    talk.sent_by_client(credit, 4ms);
+    if (credit.empty()) continue;
+    talk.sent_by_server(Talk::copy_of(talk.to_server(credit, 5ms).frame), 5ms);
+  }
+  talk.sent_by_server(items[2], 6ms);
+  talk.sent_by_client(Talk::copy_of(talk.client().cancel(0, at(7ms))), 7ms);
+  const auto rows =
+      dissect(talk.capture, {"rtpm.kind", "rtpm.item", "rtpm.call_in", "rtpm.time", "rtpm.copy_of",
+                             "rtpm.credit.first_missing", "rtpm.credit.later", "rtpm.expert.gap",
+                             "rtpm.expert.repeated", "rtpm.expert.cancelled", "rtpm.drop"});
+  ASSERT_EQ(rows.size(), 11u);
+  EXPECT_EQ(column(rows, "rtpm.kind"),
+            (Column{"1", "2", "1", "3", "5", "10", "10", "11", "10", "10", "9"}));
+  EXPECT_EQ(column(rows, "rtpm.item"),
+            (Column{"0", "0", "0", "0", "4", "0", "2", "4", "1", "2", "0"}));
+  EXPECT_EQ(column(rows, "rtpm.call_in"),
+            (Column{"", "", "", "", "", "5", "5", "5", "5", "5", "5"}));
+  EXPECT_EQ(rows[6].at("rtpm.time"), "0.002000000");
+  EXPECT_EQ(rows[7].at("rtpm.credit.first_missing"), "1");
+  EXPECT_EQ(rows[7].at("rtpm.credit.later"), "0x0000000000000001");
+  std::vector<bool> gaps, copies, cancels;
+  for (const Row& row : rows) {
+    gaps.push_back(!row.at("rtpm.expert.gap").empty());
+    copies.push_back(!row.at("rtpm.expert.repeated").empty());
+    cancels.push_back(!row.at("rtpm.expert.cancelled").empty());
+  }
+  using Flags = std::vector<bool>;
+  EXPECT_EQ(gaps, (Flags{0, 0, 0, 0, 0, 0, 1, 1, 0, 0, 0}));
+  EXPECT_EQ(copies, (Flags{0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0}));
+  EXPECT_EQ(cancels, (Flags{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}));
+  EXPECT_EQ(rows[9].at("rtpm.copy_of"), "7");
+  EXPECT_EQ(column(rows, "rtpm.drop"), Column(11, ""));
+}
+
 TEST_F(Dissector, SaysWhyAHeaderIsDropped) {
   const Json document = read_vectors("headers-bad.json");
   Capture capture;
