@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <functional>
 #include <string>
 
 #include "rtpm/base/expected.hpp"
@@ -26,6 +27,9 @@ class Caller {
   /// As echo(), but the server computes for `duration` first.
   [[nodiscard]] virtual expected<void, std::string> work(Duration duration) = 0;
 };
+
+/// One call, to be made again and again by one thread; fails with the reason.
+using Job = std::function<expected<void, std::string>()>;
 
 /// Computes, without sleeping, until `duration` has passed: the work of both servers.
 void compute_for(Duration duration) noexcept;

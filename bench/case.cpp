@@ -6,13 +6,17 @@
 namespace rtpm::bench {
 
 std::span<const Case> cases() {
-  static constexpr std::array<Case, 3> kCases{{
+  static constexpr std::array<Case, 5> kCases{{
       {"call", "48-byte calls one after the other, beside raw sockets with the same wait",
        run_call},
       {"paced", "48-byte calls at a fixed rate, timed from when each was due", run_paced},
       {"isolation",
        "a 1 kHz caller of high priority while low-priority callers saturate the server",
        run_isolation},
+      {"bulk", "a 1 kHz caller of high priority while 1 MiB messages go to and fro below it",
+       run_bulk},
+      {"two-node", "48-byte calls between two network namespaces, with packet loss if wanted",
+       run_two_node},
   }};
   return kCases;
 }

@@ -23,6 +23,8 @@ struct Case {
 bool run_call(const Settings& settings, Report& report);
 bool run_paced(const Settings& settings, Report& report);
 bool run_isolation(const Settings& settings, Report& report);
+bool run_bulk(const Settings& settings, Report& report);
+bool run_two_node(const Settings& settings, Report& report);
 
 /// "rtpm-bench: <what>: <why>" on standard error.
 void say_not_measured(std::string_view what, std::string_view why);

@@ -7,7 +7,8 @@
 
 #include "floor.hpp"
 #include "memory_floor.hpp"
-#include "rtpm_side.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -20,13 +21,15 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config, Memory
   std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
                                       .priority = kHighPriority,
                                       .wait = config.wait,
-                                      .cpu = config.placement.server_cpu}};
+                                      .cpu = config.placement.server_cpu,
+                                      .host = config.host}};
   if (config.low_caller_count > 0) {
     lanes.push_back({.name = "floor-low",
                      .priority = kLowPriority,
                      .wait = kLowWait,
                      .cpu = config.placement.server_cpu,
-                     .connection_count = config.low_caller_count});
+                     .connection_count = config.low_caller_count,
+                     .host = config.host});
   }
   if (memory != nullptr) {
     if (auto served = memory->serve(lanes, config.realtime); !served) {
@@ -49,10 +52,25 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
                              .priority = kHighPriority,
                              .wait = config.wait,
                              .cpus = cpus};
-  if (config.low_caller_count == 0) return start_rtpm_server({high}, config.realtime);
+  RtpmServerConfig server{.host = config.host,
+                          .lanes = {high},
+                          .numbered_count = config.numbered_count,
+                          .realtime = config.realtime};
+  if (config.low_caller_count == 0) return start_rtpm_server(std::move(server));
   const rpc::LaneConfig low{
       .name = "rtpm-low", .low = 0, .priority = kLowPriority, .wait = kLowWait, .cpus = cpus};
-  return start_rtpm_server({low, high}, config.realtime);
+  server.lanes = {low, high};
+  return start_rtpm_server(std::move(server));
+}
+
+expected<ServerProcess, std::string> start_server(const DuelConfig& config,
+                                                  const ServerProcess::SetUp& set_up) {
+  return ServerProcess::start([&]() -> expected<std::string, std::string> {
+    if (config.enter_server_host) {
+      if (auto entered = config.enter_server_host(); !entered) return unexpected{entered.error()};
+    }
+    return set_up();
+  });
 }
 
 }  // namespace
@@ -67,6 +85,7 @@ struct Duel::Impl {
   std::unique_ptr<rpc::Node> high_node;
   std::unique_ptr<rpc::Node> low_node;
   std::optional<Side> turn{};
+  bool is_rtpm_joined = false;
 
   [[nodiscard]] const ServerProcess& server_of(Side side) const {
     return side == Side::kRtpm ? rtpm_server : floor_server;
@@ -89,10 +108,10 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
     memory_floor = std::move(*created);
   }
   auto floor_server =
-      ServerProcess::start([&] { return set_up_floor(config, memory_floor.get()); });
+      start_server(config, [&] { return set_up_floor(config, memory_floor.get()); });
   if (!floor_server) return unexpected{floor_server.error()};
   floor_server->pause();
-  auto rtpm_server = ServerProcess::start([&] { return set_up_rtpm(config); });
+  auto rtpm_server = start_server(config, [&] { return set_up_rtpm(config); });
   if (!rtpm_server) return unexpected{rtpm_server.error()};
   rtpm_server->pause();
   auto impl = std::make_unique<Impl>(Impl{.config = config,
@@ -117,7 +136,14 @@ void Duel::take_turn(Side side) {
   impl_->turn = side;
 }
 
+void Duel::join_rtpm() {
+  if (impl_->turn == Side::kRtpm || impl_->is_rtpm_joined) return;
+  impl_->rtpm_server.resume();
+  impl_->is_rtpm_joined = true;
+}
+
 void Duel::end_turn() {
+  if (std::exchange(impl_->is_rtpm_joined, false)) impl_->rtpm_server.pause();
   if (impl_->turn) impl_->server_of(*impl_->turn).pause();
   impl_->turn.reset();
 }
@@ -125,7 +151,8 @@ void Duel::end_turn() {
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
-    return connect_floor_caller(impl_->config.carrier, impl_->floor_high_port, impl_->config.wait);
+    return connect_floor_caller(impl_->config.carrier, impl_->config.host, impl_->floor_high_port,
+                                impl_->config.wait);
   }
   return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
 }
@@ -133,9 +160,24 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(1, kLowWait);
-    return connect_floor_caller(impl_->config.carrier, impl_->floor_low_port, kLowWait);
+    return connect_floor_caller(impl_->config.carrier, impl_->config.host, impl_->floor_low_port,
+                                kLowWait);
   }
   return connect_rtpm_caller(*impl_->low_node, impl_->rtpm_server.address(), kLowPriority);
+}
+
+expected<Job, std::string> Duel::connect_bulk(std::size_t size) {
+  return connect_bulk_job(*impl_->low_node, impl_->rtpm_server.address(), kLowPriority, size);
+}
+
+expected<std::unique_ptr<NumberedCaller>, std::string> Duel::connect_numbered() {
+  return connect_numbered_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
+}
+
+std::uint16_t Duel::rtpm_port() const {
+  const auto url = wire::parse_url(impl_->rtpm_server.address());
+  RTPM_ASSERT(url.has_value(), "a server gives a URL");
+  return url->port;
 }
 
 std::vector<pid_t> Duel::server_ids() const {

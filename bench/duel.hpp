@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -10,6 +11,7 @@
 #include "caller.hpp"
 #include "report.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm_side.hpp"
 #include "samples.hpp"
 #include "server_process.hpp"
 #include "settings.hpp"
@@ -25,6 +27,9 @@ struct DuelConfig {
   Carrier carrier = Carrier::kUdp;
   rt::WaitConfig wait{};     ///< Of the measured callers and their lane.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
+  std::string host = "127.0.0.1";    ///< That the servers serve; numeric.
+  Job enter_server_host{};           ///< What a server's process does first, if anything.
+  std::uint64_t numbered_count = 0;  ///< How many numbered calls RTPM's server can tell apart.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
@@ -40,6 +45,8 @@ class Duel {
 
   /// Lets `side`'s server run until the next turn.
   void take_turn(Side side);
+  /// Lets RTPM's server run along with the one whose turn it is, until that ends.
+  void join_rtpm();
   /// Stops both servers, so that the CPUs rest.
   void end_turn();
 
@@ -47,6 +54,14 @@ class Duel {
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high();
   /// A caller of low priority, which blocks while it waits.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low();
+
+  /// RTPM's server runs: a job that has it bring `size` bytes back, at low priority, and blocks
+  /// while it waits.
+  [[nodiscard]] expected<Job, std::string> connect_bulk(std::size_t size);
+  /// RTPM's server runs: a caller of high priority whose calls are numbered.
+  [[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered();
+  /// Where RTPM's server serves.
+  [[nodiscard]] std::uint16_t rtpm_port() const;
 
   [[nodiscard]] std::vector<pid_t> server_ids() const;
 

@@ -42,11 +42,11 @@ class Socket {
   int handle_;
 };
 
-sockaddr_in loopback(std::uint16_t port) {
+sockaddr_in address_of(const std::string& host, std::uint16_t port) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
-  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  address.sin_addr.s_addr = inet_addr(host.c_str());
   return address;
 }
 
@@ -175,7 +175,7 @@ void serve_tcp(int listener, const FloorLaneConfig& lane) noexcept {
 expected<std::uint16_t, std::string> start_lane(Carrier carrier, const FloorLaneConfig& lane,
                                                 rt::RealtimeMode realtime) {
   const int handle = open_socket(carrier).release();
-  sockaddr_in address = loopback(0);
+  sockaddr_in address = address_of(lane.host, 0);
   socklen_t size = sizeof address;
   auto* const generic = reinterpret_cast<sockaddr*>(&address);
   if (bind(handle, generic, size) != 0 || getsockname(handle, generic, &size) != 0 ||
@@ -254,10 +254,11 @@ expected<std::vector<std::uint16_t>, std::string> start_floor_server(
 }
 
 expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(Carrier carrier,
+                                                                    const std::string& host,
                                                                     std::uint16_t port,
                                                                     const rt::WaitConfig& wait) {
   Socket socket = open_socket(carrier);
-  const sockaddr_in address = loopback(port);
+  const sockaddr_in address = address_of(host, port);
   if (connect(socket.handle(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
     return unexpected{system_text("connect")};
   }

@@ -25,7 +25,8 @@ struct FloorLaneConfig {
   Priority priority{};
   rt::WaitConfig wait{};
   int cpu = 0;
-  int connection_count = 1;  ///< TCP: how many callers will connect, each once.
+  int connection_count = 1;        ///< TCP: how many callers will connect, each once.
+  std::string host = "127.0.0.1";  ///< Numeric.
 };
 
 /// Starts a raw echo server in this process, one thread and one port per lane, which serves until
@@ -34,8 +35,8 @@ struct FloorLaneConfig {
 [[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
 
-/// Connects a raw caller to a lane's port.   Set-up only.
+/// Connects a raw caller to a lane's port at `host`, which is numeric.   Set-up only.
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
-    Carrier carrier, std::uint16_t port, const rt::WaitConfig& wait);
+    Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait);
 
 }  // namespace rtpm::bench

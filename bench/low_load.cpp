@@ -14,24 +14,18 @@ constexpr Duration kBeginTimeout = std::chrono::seconds{5};
 
 }  // namespace
 
-expected<std::unique_ptr<LowLoad>, std::string> LowLoad::connect(Duel& duel,
-                                                                 const DuelConfig& config,
-                                                                 Duration work) {
-  std::unique_ptr<LowLoad> load(new LowLoad(config, work));
-  for (int i = 0; i < config.low_caller_count; ++i) {
-    auto caller = duel.connect_low();
-    if (!caller) return unexpected{caller.error()};
-    load->members_.push_back(std::make_unique<Member>());
-    load->members_.back()->caller = std::move(*caller);
-    load->members_.back()->latencies.reserve(kLatencyCountMax);
+LowLoad::LowLoad(const DuelConfig& config, std::vector<Job> jobs) : config_(config) {
+  for (Job& job : jobs) {
+    members_.push_back(std::make_unique<Member>());
+    members_.back()->job = std::move(job);
+    members_.back()->latencies.reserve(kLatencyCountMax);
   }
-  return load;
 }
 
 void LowLoad::run(Member& member) {
   while (!is_stopping_.load(std::memory_order_relaxed)) {
     const MonotonicTime begin = rt::now();
-    if (auto called = member.caller->work(work_); !called) {
+    if (auto called = member.job(); !called) {
       member.failure = called.error();
       break;
     }

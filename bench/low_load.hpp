@@ -10,14 +10,13 @@
 
 namespace rtpm::bench {
 
-/// Callers of low priority that ask the server for work without pause, each on a thread of its own,
-/// on the CPU of the measured caller, which their priority keeps out of its way.
+/// Callers of low priority that call without pause, each on a thread of its own, on the CPU of the
+/// measured caller, which their priority keeps out of its way.
 /// Threads: one.   Set-up only.
 class LowLoad {
  public:
-  /// Connects as many callers as `config` says to the side whose turn it is.
-  [[nodiscard]] static expected<std::unique_ptr<LowLoad>, std::string> connect(
-      Duel& duel, const DuelConfig& config, Duration work);
+  /// One caller per job.
+  LowLoad(const DuelConfig& config, std::vector<Job> jobs);
 
   /// Starts the first `caller_count` callers and returns when each has had its first answer.
   [[nodiscard]] expected<void, std::string> start(int caller_count);
@@ -27,17 +26,15 @@ class LowLoad {
 
  private:
   struct Member {
-    std::unique_ptr<Caller> caller;
+    Job job;
     std::vector<Duration> latencies;
     std::string failure;
     std::atomic<bool> has_begun{false};
     rt::Thread thread;
   };
-  LowLoad(const DuelConfig& config, Duration work) : config_(config), work_(work) {}
   void run(Member& member);
 
   DuelConfig config_;
-  Duration work_;
   std::atomic<bool> is_stopping_{false};
   std::vector<std::unique_ptr<Member>> members_;
 };

@@ -34,15 +34,22 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
               "how callers and lanes wait: adaptive, block, spin, or several");
   options.add("spin", settings.spin, "how long the adaptive wait spins");
   options.add("samples", settings.sample_count,
-              "calls per side and result; 0: 100000 for call, 10000 for paced and isolation",
+              "calls per side and result; 0: 100000 for call, 10000 for the others",
               {0, 100'000'000});
   options.add("rounds", settings.round_count, "parts of a run, of which the medians are shown",
               {1, 1000});
-  options.add("rate", settings.rate_hz, "calls per second of paced and isolation", {1, 100'000});
+  options.add("rate", settings.rate_hz, "calls per second of paced, isolation and bulk",
+              {1, 100'000});
   options.add("low-callers", arguments.low_callers,
               "numbers of low-priority callers for isolation");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
+  options.add("calls", settings.call_count, "calls of two-node; 0: as --samples says",
+              {0, 10'000'000});
+  options.add("deadline", settings.deadline, "deadline of each call of two-node",
+              {std::chrono::microseconds{10}, std::chrono::seconds{10}});
+  options.add("drop", settings.drop_percent,
+              "percent of the packets that two-node loses in each direction, at random", {0, 90});
   options.add_realtime(settings.realtime);
 }
 

@@ -1,5 +1,6 @@
 #include "rtpm_side.hpp"
 
+#include <atomic>
 #include <bench.rtpm.hpp>
 #include <cstring>
 #include <utility>
@@ -9,13 +10,39 @@ namespace {
 
 class EchoServantImpl final : public EchoServant {
  public:
+  explicit EchoServantImpl(std::uint64_t numbered_count) : has_run_(numbered_count) {}
+
   rpc::Result<Wrench> echo(const Wrench& request, const rpc::CallContext&) override {
     return request;
   }
+
   rpc::Result<void> work(const Work& request, const rpc::CallContext&) override {
     compute_for(std::chrono::microseconds{request.duration_us()});
     return {};
   }
+
+  rpc::Result<Numbered> count(const Numbered& request, const rpc::CallContext&) override {
+    if (request.number() >= has_run_.size()) return unexpected{rpc::Refusal::kBadRequest};
+    (has_run_[request.number()].exchange(true) ? again_count_ : distinct_count_).fetch_add(1);
+    return request;
+  }
+
+  rpc::Result<Runs> runs(const rpc::CallContext&) override {
+    return Runs(distinct_count_.load(), again_count_.load());
+  }
+
+  rpc::Result<void> echo_bulk(const Bulk& request, rpc::ReplyBuilder<Bulk>& reply,
+                              const rpc::CallContext&) override {
+    const auto bytes =
+        reply.builder().CreateVector(request.bytes()->data(), request.bytes()->size());
+    reply.finish(CreateBulk(reply.builder(), bytes));
+    return {};
+  }
+
+ private:
+  std::vector<std::atomic<bool>> has_run_;
+  std::atomic<std::uint64_t> distinct_count_{0};
+  std::atomic<std::uint64_t> again_count_{0};
 };
 
 class RtpmCaller final : public Caller {
@@ -45,14 +72,59 @@ class RtpmCaller final : public Caller {
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
 };
 
+class RtpmNumberedCaller final : public NumberedCaller {
+ public:
+  explicit RtpmNumberedCaller(EchoClient client) : client_(std::move(client)) {}
+
+  expected<void, rpc::CallError> call(std::uint64_t number, Duration deadline) noexcept override {
+    constexpr std::array<std::uint64_t, 5> kFilling{1, 2, 3, 4, 5};
+    const Numbered request(number, kFilling);
+    const auto reply = client_.count(request, {.deadline = deadline});
+    if (!reply) return unexpected{reply.error()};
+    if (std::memcmp(&*reply, &request, sizeof request) != 0) {
+      return unexpected{rpc::CallError::kBadReply};
+    }
+    return {};
+  }
+
+  expected<NumberedRuns, rpc::CallError> runs() noexcept override {
+    const auto reply = client_.runs();
+    if (!reply) return unexpected{reply.error()};
+    return NumberedRuns{reply->distinct(), reply->again()};
+  }
+
+ private:
+  EchoClient client_;
+};
+
+expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& url,
+                                            Priority priority) {
+  auto client =
+      EchoClient::bind(node, url, {.transport = node.config().transport, .warm_up = {priority}});
+  if (!client) return unexpected{client.error().text};
+  return std::move(*client);
+}
+
+/// A message of `size` bytes, encoded, which differ so that a mix-up shows.
+flatbuffers::DetachedBuffer encode_bulk(std::size_t size) {
+  flatbuffers::FlatBufferBuilder builder(size + 64);
+  std::uint8_t* bytes = nullptr;
+  const auto vector = builder.CreateUninitializedVector(size, &bytes);
+  for (std::size_t i = 0; i < size; ++i)
+    bytes[i] = static_cast<std::uint8_t>(i ^ (i >> 8) ^ (i >> 16));
+  builder.Finish(CreateBulk(builder, vector));
+  return builder.Release();
+}
+
 }  // namespace
 
-expected<std::string, std::string> start_rtpm_server(std::vector<rpc::LaneConfig> lanes,
-                                                     rt::RealtimeMode realtime) {
-  auto server =
-      rpc::Server::create({.name = "rtpm-bench", .lanes = std::move(lanes), .realtime = realtime});
+expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
+  auto server = rpc::Server::create({.name = "rtpm-bench",
+                                     .host = std::move(config.host),
+                                     .lanes = std::move(config.lanes),
+                                     .realtime = config.realtime});
   if (!server) return unexpected{server.error().text};
-  static auto& servant = *new EchoServantImpl;
+  static auto& servant = *new EchoServantImpl(config.numbered_count);
   if (auto added = (*server)->add("bench/echo", servant); !added) {
     return unexpected{added.error().text};
   }
@@ -71,10 +143,36 @@ std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait
 expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,
                                                                    const std::string& url,
                                                                    Priority priority) {
-  auto client =
-      EchoClient::bind(node, url, {.transport = node.config().transport, .warm_up = {priority}});
-  if (!client) return unexpected{client.error().text};
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
   return std::unique_ptr<Caller>(std::make_unique<RtpmCaller>(std::move(*client)));
+}
+
+expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
+                                            Priority priority, std::size_t size) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  // Shared, because a job is copied.
+  auto held = std::make_shared<EchoClient>(std::move(*client));
+  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_bulk(size));
+  return Job([held, message]() -> expected<void, std::string> {
+    const auto reply =
+        held->echo_bulk_encoded(std::as_bytes(std::span(message->data(), message->size())));
+    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+    const auto& sent = *flatbuffers::GetRoot<Bulk>(message->data())->bytes();
+    const auto& got = *(*reply)->bytes();
+    if (got.size() != sent.size() || std::memcmp(got.data(), sent.data(), sent.size()) != 0) {
+      return unexpected{std::string("RTPM's large echo differs")};
+    }
+    return {};
+  });
+}
+
+expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
+    rpc::Node& node, const std::string& url, Priority priority) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  return std::unique_ptr<NumberedCaller>(std::make_unique<RtpmNumberedCaller>(std::move(*client)));
 }
 
 }  // namespace rtpm::bench

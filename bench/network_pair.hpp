@@ -1,0 +1,55 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// Two hosts on one: two network namespaces that a pair of virtual Ethernet devices joins. They
+/// have no names; the kernel takes them away, with devices and rules, when the last process that is
+/// in one of them or holds this ends. So nothing is left behind, whatever ends the run.
+/// Threads: any, one at a time.   Set-up only.
+class NetworkPair {
+ public:
+  enum class Host : std::uint8_t { kServer, kClient };
+  /// Of the range that RFC 2544 sets apart for measuring devices.
+  static constexpr std::string_view kServerAddress = "198.18.0.1";
+  static constexpr std::string_view kClientAddress = "198.18.0.2";
+
+  /// Errors: a right or the program `ip` is missing: in words, with the remedy.
+  [[nodiscard]] static expected<NetworkPair, std::string> create();
+  NetworkPair(NetworkPair&& other) noexcept;
+  NetworkPair& operator=(NetworkPair&& other) noexcept;
+  ~NetworkPair();
+
+  /// Moves the calling thread to a host: what it opens from now on, and the threads that it starts,
+  /// are there.
+  [[nodiscard]] expected<void, std::string> enter(Host host) const;
+
+  /// Has each host lose `percent` of the packets that come from or for the server's `port`, at
+  /// random, one by one.   Errors: the program `nft` is missing, or the kernel lacks nf_tables.
+  [[nodiscard]] expected<void, std::string> drop(Carrier carrier, std::uint16_t port,
+                                                 double percent) const;
+  /// How many packets both hosts dropped by that.
+  [[nodiscard]] expected<std::uint64_t, std::string> dropped_count() const;
+
+ private:
+  NetworkPair() = default;
+  [[nodiscard]] expected<std::string, std::string> run(Host host,
+                                                       const std::vector<std::string>& command,
+                                                       const std::string& input = {}) const;
+
+  std::array<int, 2> namespaces_{-1, -1};  ///< By Host.
+};
+
+/// One of the counters that the network namespace of the calling thread keeps (Udp OutDatagrams,
+/// Tcp RetransSegs), or 0 if there is none.   Set-up only.
+[[nodiscard]] std::uint64_t network_counter(std::string_view protocol, std::string_view name);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,139 @@
+#include <gtest/gtest.h>
+#include <sched.h>
+#include <signal.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+
+#include "programs.hpp"
+
+// What rtpm-bench's cases over a network promise whatever the machine: that no call runs twice,
+// that each has an end that is stated, and that nothing is left behind. How long it takes is not
+// judged.
+namespace rtpm::system_test {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+/// Why network namespaces can't be made here, or nothing.
+std::string missing_for_two_nodes() {
+  for (const char* program : {"ip", "nft"}) {
+    if (std::system((std::string("command -v ") + program + " >/dev/null").c_str()) != 0) {
+      return std::string("the program '") + program + "' is missing";
+    }
+  }
+  // In a process of its own, so that this one stays where it is.
+  const auto end = test::run({"/usr/bin/unshare", "--net", "true"}, kPatience);
+  if (!end || end->exit_code != 0) return "network namespaces take the right CAP_SYS_ADMIN";
+  return {};
+}
+
+/// The network namespaces in which processes of rtpm-bench are, those of their threads included. A
+/// namespace without a name ends with the last process in it.
+std::set<std::string> network_namespaces() {
+  std::set<std::string> names;
+  std::error_code gone;
+  for (const auto& process : fs::directory_iterator("/proc", gone)) {
+    std::string command;
+    std::getline(std::ifstream(process.path() / "comm"), command);
+    if (command != "rtpm-bench") continue;
+    for (const auto& thread : fs::directory_iterator(process.path() / "task", gone)) {
+      const fs::path name = fs::read_symlink(thread.path() / "ns/net", gone);
+      if (!gone) names.insert(name.string());
+    }
+  }
+  return names;
+}
+
+class TwoNodeBench : public testing::Test {
+ protected:
+  void SetUp() override {
+    const std::string missing = missing_for_two_nodes();
+    if (!missing.empty()) GTEST_SKIP() << missing;
+  }
+};
+
+TEST_F(TwoNodeBench, RunsNoCallTwiceThoughPacketsAreLost) {
+  const auto end = run_program(
+      "rtpm-bench", {"run", "two-node", "--drop", "20", "--calls", "400", "--rounds", "2",
+                     "--deadline", "200ms", "--transport", "udp", "--realtime", "off", "--json"});
+  ASSERT_EQ(end.exit_code, 0) << end.errors;
+  ASSERT_EQ(test::line_count(end.output), 1);
+  const json result = json::parse(end.output);
+  EXPECT_EQ(result.at("calls"), 400);
+  EXPECT_EQ(result.at("run_twice"), 0);
+  EXPECT_GT(result.at("dropped"), 0) << "the rule dropped nothing, so nothing was tried";
+  EXPECT_GT(result.at("repeats"), 0) << "lost packets are made up for by repeats";
+  int stated = result.at("succeeded");
+  for (const auto& [error, count] : result.at("failed").items())
+    stated += count.get<int>();
+  EXPECT_EQ(stated, 400) << "each call has an end";
+  EXPECT_GE(result.at("numbers_run"), result.at("succeeded")) << "what was answered ran";
+  EXPECT_LE(result.at("numbers_run"), result.at("numbers_sent"));
+  EXPECT_GT(result.at("floor_p50_us"), 0);
+}
+
+TEST_F(TwoNodeBench, LosesNothingWhereNothingIsDropped) {
+  const auto end =
+      run_program("rtpm-bench", {"run", "two-node", "--calls", "200", "--rounds", "2", "--deadline",
+                                 "10s", "--realtime", "off", "--json", "--transport", "udp,tcp"});
+  ASSERT_EQ(end.exit_code, 0) << end.errors;
+  ASSERT_EQ(test::line_count(end.output), 2) << "one for udp, one for tcp";
+  for (std::size_t begin = 0; begin < end.output.size();) {
+    const std::size_t stop = end.output.find('\n', begin);
+    const json result = json::parse(end.output.substr(begin, stop - begin));
+    EXPECT_EQ(result.at("succeeded"), 200) << result;
+    EXPECT_EQ(result.at("run_twice"), 0) << result;
+    EXPECT_EQ(result.at("dropped"), 0) << result;
+    begin = stop + 1;
+  }
+}
+
+TEST_F(TwoNodeBench, LeavesNoNamespaceBehindWhenInterrupted) {
+  const std::set<std::string> before = network_namespaces();
+  {
+    test::Process bench({path_of("rtpm-bench"), "run", "two-node", "--drop", "5", "--calls",
+                         "10000000", "--realtime", "off", "--transport", "udp"});
+    const auto give_up = std::chrono::steady_clock::now() + kPatience;
+    // Its own, the server's and the caller's.
+    while (network_namespaces().size() < before.size() + 3 &&
+           std::chrono::steady_clock::now() < give_up) {
+      sched_yield();
+    }
+    ASSERT_EQ(network_namespaces().size(), before.size() + 3) << "the run does not begin";
+    bench.send_signal(SIGINT);
+    ASSERT_TRUE(bench.wait(kPatience));
+  }
+  // Its servers are ended by the kernel, soon.
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  while (network_namespaces() != before && std::chrono::steady_clock::now() < give_up)
+    sched_yield();
+  EXPECT_EQ(network_namespaces(), before);
+}
+
+TEST(TwoNodeBenchOptions, NamesWhatCanNotRunBetweenHosts) {
+  const auto end =
+      run_program("rtpm-bench", {"run", "two-node", "--transport", "shm", "--realtime", "off"});
+  expect_one_sentence(end, 1, {"two-node", "--transport udp"});
+}
+
+TEST(BulkBench, ComparesTheSmallCallsBesideTheBulkWithThoseWithout) {
+  const auto end = run_program("rtpm-bench", {"run", "bulk", "--samples", "40", "--rounds", "2",
+                                              "--realtime", "off", "--json"});
+  ASSERT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without bulk and with";
+  for (const std::string_view field :
+       {R"("bulk_callers": 0)", R"("bulk_callers": 1)", R"("transport": "udp")",
+        R"("transport": "tcp")", R"("transport": "shm")", R"("loaded_over_idle_p99": )",
+        R"("floor_loaded_over_idle_p99": )", R"("low_p50_us": )"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
