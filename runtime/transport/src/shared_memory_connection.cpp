@@ -45,9 +45,14 @@ RecordReader reader_of(MutableBytes memory, RingSizes sizes,
 }  // namespace
 
 SharedMapping::SharedMapping(int descriptor, std::size_t size) noexcept {
-  void* const begin =
-      mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
-  if (begin != MAP_FAILED) bytes_ = {static_cast<std::byte*>(begin), size};
+  void* const begin = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
+  if (begin == MAP_FAILED) return;
+  bytes_ = {static_cast<std::byte*>(begin), size};
+  // MAP_POPULATE would do nothing where memory is locked as it is touched (rt::lock_memory).
+  constexpr std::size_t kPageSize = 4096;
+  for (std::size_t at = 0; at < size; at += kPageSize) {
+    static_cast<void>(*static_cast<const volatile std::byte*>(bytes_.data() + at));
+  }
 }
 
 SharedMapping::~SharedMapping() {
