@@ -9,7 +9,8 @@
 namespace rtpm::sim {
 namespace {
 
-constexpr std::array<std::string_view, 4> kOutcomeNames{"open", "done", "not run", "may have run"};
+constexpr std::array<std::string_view, 6> kOutcomeNames{"open",         "done",     "not run",
+                                                        "may have run", "received", "sent"};
 
 std::string name_of(History::Token token) {
   return "call " + std::to_string(token % 1'000'000) + " of client " +
@@ -21,7 +22,7 @@ std::string name_of(History::Token token) {
 History::Token History::begin(MonotonicTime now, std::uint32_t client, bool is_idempotent,
                               MonotonicTime deadline) {
   const Token token = Token{client} * 1'000'000 + calls_.size() + 1;
-  calls_[token] = {is_idempotent, deadline};
+  calls_[token] = {.is_idempotent = is_idempotent, .deadline = deadline};
   note(now, name_of(token) + " begins" + (is_idempotent ? ", idempotent" : ""));
   return token;
 }
@@ -47,6 +48,15 @@ void History::reply(MonotonicTime now, Token token, Token replied, std::uint32_t
   if (replied != token) fault(now, token, "got the reply of " + name_of(replied));
   const Call& call = calls_[token];
   if (run_number == 0 || run_number > call.run_count) fault(now, token, "got a made-up reply");
+}
+
+std::uint32_t History::give_item(Token token) {
+  return calls_[token].item_count++;
+}
+
+void History::end_stream(MonotonicTime now, Token token, std::uint32_t item_count) {
+  if (item_count == calls_[token].item_count) return;
+  fault(now, token, "lost " + std::to_string(calls_[token].item_count - item_count) + " items");
 }
 
 void History::end(MonotonicTime now, Token token, Outcome outcome, std::string_view why) {

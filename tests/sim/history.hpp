@@ -16,6 +16,8 @@ enum class Outcome : std::uint8_t {
   kDone,        ///< It ran; here is its result.
   kNotRun,      ///< It did not run and never will.
   kMayHaveRun,  ///< Nobody knows.
+  kReceived,    ///< The server has it and was about to run it.
+  kSent,        ///< A oneway that nobody asks after.
 };
 
 /// All that happened, checked against what the protocol promises: a call runs at most once, a reply
@@ -34,6 +36,10 @@ class History {
   std::uint32_t run(MonotonicTime now, Token token);
   /// The call's reply is here and says that it answers `replied`, run for the `run_number`th time.
   void reply(MonotonicTime now, Token token, Token replied, std::uint32_t run_number);
+  /// The servant gives the stream one more item; gives its number.
+  std::uint32_t give_item(Token token);
+  /// The stream ended in order, after so many items.
+  void end_stream(MonotonicTime now, Token token, std::uint32_t item_count);
   void end(MonotonicTime now, Token token, Outcome outcome, std::string_view why);
   /// The call broke a promise that its caller or its servant found out itself.
   void broken(MonotonicTime now, Token token, const std::string& what) { fault(now, token, what); }
@@ -53,6 +59,7 @@ class History {
     MonotonicTime deadline{};
     Outcome outcome = Outcome::kOpen;
     std::uint32_t run_count = 0;
+    std::uint32_t item_count = 0;
   };
   void fault(MonotonicTime now, Token token, const std::string& what);
 

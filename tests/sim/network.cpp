@@ -1,6 +1,20 @@
 #include "network.hpp"
 
 namespace rtpm::sim {
+namespace {
+
+// RFC 1071's sum, which UDP carries.
+std::uint32_t checksum(const Bytes& bytes) {
+  std::uint32_t sum = 0;
+  for (std::size_t i = 0; i < bytes.size(); ++i) {
+    sum += std::to_integer<std::uint32_t>(bytes[i]) << (i % 2 == 0 ? 8U : 0U);
+  }
+  while (sum > 0xffff)
+    sum = (sum & 0xffff) + (sum >> 16);
+  return sum;
+}
+
+}  // namespace
 
 Duration Network::delay() {
   const Duration usual = random_.between(profile_.delay_min, profile_.delay_max);
@@ -8,16 +22,36 @@ Duration Network::delay() {
   return random_.between(usual, usual + profile_.late_max);
 }
 
+bool Network::is_lost() {
+  if (is_partitioned_ || scheduler_.now() < burst_end_) return true;
+  if (random_.chance(profile_.burst_per_mille)) {
+    burst_end_ = scheduler_.now() + random_.between(Duration{0}, profile_.burst_max);
+    return true;
+  }
+  return random_.chance(profile_.lost_per_mille);
+}
+
+// Changes two neighbouring bytes at times. False if the receiver's system finds that out.
+bool Network::arrives_whole(Bytes& frame) {
+  if (frame.size() < 2 || !random_.chance(profile_.corrupted_per_mille)) return true;
+  const std::uint32_t before = checksum(frame);
+  const std::size_t at = random_.between(std::size_t{0}, frame.size() - 2);
+  frame[at] ^= static_cast<std::byte>(random_.between(1, 255));
+  frame[at + 1] ^= static_cast<std::byte>(random_.between(0, 255));
+  return !profile_.has_checksum || checksum(frame) == before;
+}
+
 void Network::send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes frame) {
   const int copy_count = random_.chance(profile_.doubled_per_mille) ? 2 : 1;
   for (int copy = 0; copy < copy_count; ++copy) {
-    if (is_partitioned_ || random_.chance(profile_.lost_per_mille)) continue;
-    scheduler_.after(delay(),
-                     [this, from_port, to_port, bytes = Bytes(frame.begin(), frame.end())] {
-                       const auto receiver = receivers_.find(to_port);
-                       if (receiver == receivers_.end() || !receiver->second) return;
-                       receiver->second(bytes, {.high = 0, .low = 0x7f00'0001, .port = from_port});
-                     });
+    if (is_lost()) continue;
+    Bytes bytes(frame.begin(), frame.end());
+    if (!arrives_whole(bytes)) continue;
+    scheduler_.after(delay(), [this, from_port, to_port, bytes = std::move(bytes)] {
+      const auto receiver = receivers_.find(to_port);
+      if (receiver == receivers_.end() || !receiver->second) return;
+      receiver->second(bytes, {.high = 0, .low = 0x7f00'0001, .port = from_port});
+    });
   }
 }
 

@@ -17,6 +17,11 @@ struct NetworkProfile {
   std::uint64_t lost_per_mille = 0;
   std::uint64_t doubled_per_mille = 0;
   std::uint64_t late_per_mille = 0;  ///< These come up to `late_max` later.
+  /// These come with up to two neighbouring bytes changed, which UDP's checksum always finds out.
+  std::uint64_t corrupted_per_mille = 0;
+  bool has_checksum = true;
+  std::uint64_t burst_per_mille = 0;  ///< A loss that is followed by others, for up to
+  Duration burst_max{};               ///< so long.
   Duration delay_min{};
   Duration delay_max{};
   Duration late_max{};
@@ -39,11 +44,14 @@ class Network {
 
  private:
   [[nodiscard]] Duration delay();
+  [[nodiscard]] bool is_lost();
+  [[nodiscard]] bool arrives_whole(Bytes& frame);
 
   Scheduler& scheduler_;
   Random& random_;
   NetworkProfile profile_;
   bool is_partitioned_ = false;
+  MonotonicTime burst_end_{};
   std::map<std::uint32_t, Receiver> receivers_;
 };
 

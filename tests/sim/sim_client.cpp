@@ -1,5 +1,7 @@
 #include "sim_client.hpp"
 
+#include <algorithm>
+
 #include "message.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "sim_server.hpp"
@@ -25,18 +27,11 @@ SimClient::SimClient(Scheduler& scheduler, Random& random, Network& network, His
                 .client_epoch = 100 + profile.number,
                 .channel = 1,
                 .clock_domain = profile.clock_domain,
-                .message_size_max = kMessageSizeMax},
+                .message_size_max = kMessageSizeMax,
+                .open_call_max = profile.open_call_max},
                buffer_),
       calls_left_(profile.call_count) {
-  network_.listen(port_, [this](const Bytes& frame, const wire::PeerAddress&) {
-    wire::ChannelEvent event = channel_.on_frame(frame, local_now());
-    if (event.kind == Kind::kNeedRoom) {
-      room_.resize(event.room_size);
-      channel_.give_room(room_);
-      event = channel_.on_frame(frame, local_now());
-    }
-    handle(event);
-  });
+  network_.listen(port_, [this](const Bytes& frame, const wire::PeerAddress&) { receive(frame); });
 }
 
 void SimClient::start() {
@@ -44,50 +39,111 @@ void SimClient::start() {
 }
 
 void SimClient::pause() {
-  const bool is_long = random_.chance(profile_.long_pause_per_mille);
-  scheduler_.after(is_long ? random_.between(wire::kSessionIdleMin, 2 * wire::kSessionIdleMin)
-                           : random_.between(Duration{0}, profile_.pause_max),
-                   [this] {
-                     if (channel_.is_ready() && random_.chance(profile_.close_per_mille)) {
-                       send(channel_.close(local_now()));
-                     }
-                     begin_call(random_.between(profile_.deadline_min, profile_.deadline_max));
-                   });
+  if (is_pausing_ || calls_left_ == 0) return;
+  is_pausing_ = true;
+  const bool is_long = jobs_.empty() && random_.chance(profile_.long_pause_per_mille);
+  scheduler_.after(
+      is_long ? random_.between(wire::kSessionIdleMin, 2 * wire::kSessionIdleMin)
+              : random_.between(Duration{0}, profile_.pause_max),
+      [this] {
+        is_pausing_ = false;
+        if (calls_left_ == 0 || jobs_.size() >= profile_.open_call_max) return;
+        if (jobs_.empty() && channel_.is_ready() && random_.chance(profile_.close_per_mille)) {
+          send(channel_.close(local_now()));
+        }
+        --calls_left_;
+        begin_job(random_.between(profile_.deadline_min, profile_.deadline_max),
+                  /*is_plain=*/false);
+        if (jobs_.size() < profile_.open_call_max) pause();
+      });
 }
 
 void SimClient::call_once_more(Duration deadline) {
-  calls_left_ = 1;
-  begin_call(deadline);
+  begin_job(deadline, /*is_plain=*/true);
 }
 
-void SimClient::begin_call(Duration deadline) {
-  is_idempotent_ = random_.chance(profile_.idempotent_per_mille);
+void SimClient::begin_job(Duration deadline, bool is_plain) {
+  Job& job = jobs_.emplace_back();
+  job.number = ++job_serial_;
+  job.is_idempotent = random_.chance(profile_.idempotent_per_mille);
+  if (!is_plain && random_.chance(profile_.oneway_per_mille)) {
+    job.delivery = random_.chance(500) ? wire::Delivery::kSent : wire::Delivery::kReceipt;
+  } else if (!is_plain && random_.chance(profile_.stream_per_mille)) {
+    job.is_stream = true;
+    deadline += random_.between(Duration{0}, Duration{20'000'000'000});
+  }
   const bool is_one_clock = profile_.clock_domain == kServerClock;
-  token_ = history_.begin(scheduler_.now(), profile_.number, is_idempotent_,
-                          is_one_clock ? scheduler_.now() + deadline : kNever);
-  deadline_ = local_now() + deadline;
-  payload_.resize(message_size());
-  Message{token_, 0, message_size()}.write(payload_);
-  may_have_run_ = is_resending_ = false;
-  round_ = 0;
-  advance();
+  job.token = history_.begin(scheduler_.now(), profile_.number, job.is_idempotent,
+                             is_one_clock ? scheduler_.now() + deadline : kNever);
+  job.deadline = local_now() + deadline;
+  const bool is_small = job.delivery == wire::Delivery::kSent;
+  job.payload.resize(is_small ? std::size_t{32} : message_size());
+  Message{job.token, 0, message_size()}.write(job.payload);
+  if (!is_plain && random_.chance(profile_.cancel_per_mille)) plan_cancel(job.number);
+  pump();
 }
 
-// Sends what is next: a HELLO, or the call.
-void SimClient::advance() {
+void SimClient::plan_cancel(std::uint64_t number) {
+  scheduler_.after(random_.between(Duration{0}, Duration{100'000'000}), [this, number] {
+    const auto job = job_number(number);
+    if (job == jobs_.end() || job->is_waiting || job->is_over) return;
+    ++cancelled_count_;
+    send(channel_.cancel(job->index, local_now()));
+    end(job, Outcome::kMayHaveRun, "cancelled");
+    wait();
+  });
+}
+
+// Sends what can be sent: a HELLO, or calls.
+void SimClient::pump() {
+  const auto is_waiting = [](const Job& job) { return job.is_waiting; };
   if (!channel_.is_ready()) {
-    send(channel_.open(kPriority, deadline_, local_now()));
-  } else {
-    epoch_of_call_ = channel_.welcome().server_epoch;
-    const auto frame =
-        channel_.call({.service = 1, .method = 1, .priority = kPriority, .deadline = deadline_},
-                      payload_, local_now());
-    // The server said in WELCOME how much it takes.
-    if (!frame) return end(Outcome::kNotRun, to_string(frame.error()));
-    begun_ = channel_.call_begun();
-    send(*frame);
+    const auto first = std::ranges::find_if(jobs_, is_waiting);
+    if (first != jobs_.end() && !is_opening_) {
+      is_opening_ = true;
+      send(channel_.open(kPriority, first->deadline, local_now()));
+    }
+    return wait();
+  }
+  while (channel_.has_free_call()) {
+    const auto job = std::ranges::find_if(jobs_, is_waiting);
+    if (job == jobs_.end()) break;
+    if (may_begin(*job)) {
+      begin_call(job);
+    } else {
+      end(job, Outcome::kMayHaveRun, "the server restarted");
+    }
   }
   wait();
+}
+
+// hp-5.5-2
+bool SimClient::may_begin(Job& job) {
+  if (!std::exchange(job.is_resending, false)) return true;
+  return channel_.welcome().server_epoch == job.epoch &&
+         local_now() - job.begun < wire::kSessionIdleMin;
+}
+
+void SimClient::begin_call(Jobs::iterator job) {
+  job->epoch = channel_.welcome().server_epoch;
+  wire::CallParameters parameters{.service = 1,
+                                  .method = 1,
+                                  .priority = kPriority,
+                                  .deadline = job->deadline,
+                                  .delivery = job->delivery};
+  if (job->is_stream) {
+    parameters.stream_window = static_cast<std::uint32_t>(random_.between(1, wire::kStreamWindow));
+    job->items.resize(parameters.stream_window * wire::kDatagramPayloadSizeMax);
+    parameters.stream_memory = job->items;
+  }
+  const auto frame = channel_.call(parameters, job->payload, local_now());
+  // The server said in WELCOME how much it takes.
+  if (!frame) return end(job, Outcome::kNotRun, to_string(frame.error()));
+  job->is_waiting = false;
+  job->begun = local_now();
+  job->index = channel_.last_call();
+  send(*frame);
+  if (job->delivery == wire::Delivery::kSent) end(job, Outcome::kSent, "sent");
 }
 
 // Mostly one frame; else up to some dozens, more than a window, unless the server takes none.
@@ -107,84 +163,189 @@ void SimClient::send(ConstBytes frame) {
   }
 }
 
+void SimClient::receive(const Bytes& frame) {
+  wire::ChannelEvent event = channel_.on_frame(frame, local_now());
+  if (event.kind == Kind::kNeedRoom) {
+    rooms_[event.call].resize(event.room_size);
+    channel_.give_room(rooms_[event.call], event.call);
+    event = channel_.on_frame(frame, local_now());
+  }
+  handle(event);
+  wait();
+}
+
 // Wakes up when the channel has something to do; a little late, as threads do.
 void SimClient::wait() {
   const MonotonicTime next = channel_.next_time();
   if (next == kNever) return;
   const Duration lateness = random_.between(Duration{0}, std::chrono::microseconds{100});
   scheduler_.at(next - profile_.clock_offset + lateness, [this, number = ++wait_number_] {
-    if (number == wait_number_) handle(channel_.on_time(local_now()));
+    if (number == wait_number_) on_time();
   });
 }
 
-void SimClient::handle(const wire::ChannelEvent& event) {
-  switch (event.kind) {
-    case Kind::kNothing:
-      return wait();
-    case Kind::kSend:
-      send(event.frame);
-      return wait();
-    case Kind::kReady:
-      return on_ready();
-    case Kind::kReply:
-      send(event.frame);
-      return on_reply(event);
-    case Kind::kLost:
-      return on_lost();
-    case Kind::kRefused:
-      return end(may_have_run_ || is_resending_ ? Outcome::kMayHaveRun : Outcome::kNotRun,
-                 "no session");
-    case Kind::kTimeout:
-      return end(Outcome::kMayHaveRun, "timeout");
-    case Kind::kBroken:
-    case Kind::kItems:
-    case Kind::kClosed:
-    case Kind::kNeedRoom:
-      return end(Outcome::kMayHaveRun, "what a datagram channel does not say");
+void SimClient::on_time() {
+  while (true) {
+    const wire::ChannelEvent event = channel_.on_time(local_now());
+    if (event.kind == Kind::kNothing) break;
+    handle(event);
   }
+  wait();
 }
 
-void SimClient::on_ready() {
-  if (is_resending_) {
-    is_resending_ = false;
-    const bool is_same_server = channel_.welcome().server_epoch == epoch_of_call_;
-    if (!is_same_server || local_now() - begun_ >= wire::kSessionIdleMin) {
-      return end(Outcome::kMayHaveRun, "the server restarted");
+SimClient::Jobs::iterator SimClient::job_of(wire::CallIndex index) {
+  return std::ranges::find_if(
+      jobs_, [&](const Job& job) { return !job.is_waiting && job.index == index; });
+}
+
+SimClient::Jobs::iterator SimClient::job_number(std::uint64_t number) {
+  return std::ranges::find_if(jobs_, [&](const Job& job) { return job.number == number; });
+}
+
+void SimClient::handle(const wire::ChannelEvent& event) {
+  send(event.frame);
+  switch (event.kind) {
+    case Kind::kNothing:
+    case Kind::kSend:
+      return;
+    case Kind::kReady:
+      is_opening_ = false;
+      return pump();
+    case Kind::kReply:
+      return on_reply(event);
+    case Kind::kItems: {
+      const auto job = job_of(event.call);
+      if (!random_.chance(profile_.slow_taker_per_mille)) return take_items(job);
+      scheduler_.after(random_.between(Duration{0}, Duration{50'000'000}),
+                       [this, number = job->number] {
+                         if (const auto found = job_number(number); found != jobs_.end()) {
+                           take_items(found);
+                           wait();
+                         }
+                       });
+      return;
     }
+    case Kind::kLost:
+      return on_lost();
+    case Kind::kClosed:
+      return on_closed();
+    case Kind::kRefused:
+      return on_no_session(event);
+    case Kind::kTimeout:
+      if (is_opening_) return on_no_session(event);
+      return end(job_of(event.call), Outcome::kMayHaveRun, "timeout");
+    case Kind::kBroken:
+    case Kind::kNeedRoom:
+      history_.note(scheduler_.now(), "FAULT: what a datagram channel does not say");
+      return;
   }
-  advance();
 }
 
 void SimClient::on_reply(const wire::ChannelEvent& event) {
+  const auto job = job_of(event.call);
+  if (job->is_stream) {
+    job->is_over = true;
+    job->end_status = event.status;
+    return take_items(job);
+  }
+  if (job->delivery == wire::Delivery::kReceipt) {
+    const bool is_received = event.status == wire::Status::kOk;
+    return end(job,
+               is_received         ? Outcome::kReceived
+               : job->may_have_run ? Outcome::kMayHaveRun
+                                   : Outcome::kNotRun,
+               to_string(event.status));
+  }
   if (event.status == wire::Status::kOk || event.status == wire::Status::kServantFailed) {
     const Message reply = Message::read(event.payload);
     if (event.payload.size() > wire::kDatagramPayloadSizeMax) ++large_reply_count_;
-    history_.reply(scheduler_.now(), token_, reply.token, reply.run_number);
+    history_.reply(scheduler_.now(), job->token, reply.token, reply.run_number);
     if (!reply.has_its_filling(event.payload)) {
-      history_.broken(scheduler_.now(), token_, "got a reply with bytes that are not its own");
+      history_.broken(scheduler_.now(), job->token, "got a reply with bytes that are not its own");
     }
-    return end(Outcome::kDone, to_string(event.status));
+    return end(job, Outcome::kDone, to_string(event.status));
   }
-  end(may_have_run_ ? Outcome::kMayHaveRun : Outcome::kNotRun, to_string(event.status));
+  end(job, job->may_have_run ? Outcome::kMayHaveRun : Outcome::kNotRun, to_string(event.status));
+}
+
+// Checks that items come in order, none left out, each its own.
+void SimClient::take_items(Jobs::iterator job) {
+  while (const auto item = channel_.next_item(job->index)) {
+    const Message message = Message::read(*item);
+    ++item_count_;
+    if (message.token != job->token || message.run_number != job->item_count ||
+        !message.has_its_filling(*item)) {
+      history_.broken(scheduler_.now(), job->token, "got an item that is not the next of its own");
+    }
+    ++job->item_count;
+  }
+  send(channel_.next_frame(local_now()));
+  if (!job->is_over) return;
+  switch (job->end_status) {
+    case wire::Status::kOk:
+    case wire::Status::kServantFailed:
+      ++stream_count_;
+      history_.end_stream(scheduler_.now(), job->token, job->item_count);
+      return end(job, Outcome::kDone, to_string(job->end_status));
+    case wire::Status::kExpired:
+    case wire::Status::kCancelled:
+      return end(job, Outcome::kMayHaveRun, to_string(job->end_status));
+    default:
+      return end(job, Outcome::kNotRun, to_string(job->end_status));
+  }
 }
 
 void SimClient::on_lost() {
   ++lost_count_;
   history_.note(scheduler_.now(),
                 "client " + std::to_string(profile_.number) + " lost its session");
-  if (++round_ == kRoundCountMax) return end(Outcome::kMayHaveRun, "lost too often");
-  if (is_idempotent_) {
-    may_have_run_ = true;
-  } else {
-    is_resending_ = true;
+  for (auto job = jobs_.begin(); job != jobs_.end();) {
+    const auto next = std::next(job);
+    if (!job->is_waiting) {
+      if (job->is_stream || ++job->round == kRoundCountMax) {
+        end(job, Outcome::kMayHaveRun, "lost");
+      } else {
+        job->is_waiting = true;
+        (job->is_idempotent ? job->may_have_run : job->is_resending) = true;
+      }
+    }
+    job = next;
   }
-  advance();
+  pump();
 }
 
-void SimClient::end(Outcome outcome, std::string_view why) {
-  history_.end(scheduler_.now(), token_, outcome, why);
+void SimClient::on_closed() {
+  for (auto job = jobs_.begin(); job != jobs_.end();) {
+    const auto next = std::next(job);
+    if (!job->is_waiting) end(job, Outcome::kMayHaveRun, "the server stopped");
+    job = next;
+  }
+  pump();
+}
+
+// The handshake failed: whoever can't wait longer gives up.
+void SimClient::on_no_session(const wire::ChannelEvent& event) {
+  is_opening_ = false;
+  for (auto job = jobs_.begin(); job != jobs_.end();) {
+    const auto next = std::next(job);
+    if (event.kind == Kind::kRefused || job->deadline <= local_now()) {
+      end(job, job->may_have_run || job->is_resending ? Outcome::kMayHaveRun : Outcome::kNotRun,
+          "no session");
+    }
+    job = next;
+  }
+  pump();
+}
+
+void SimClient::end(Jobs::iterator job, Outcome outcome, std::string_view why) {
+  history_.end(scheduler_.now(), job->token, outcome, why);
   last_outcome_ = outcome;
-  if (--calls_left_ > 0) pause();
+  jobs_.erase(job);
+  pause();
+  if (std::ranges::any_of(jobs_, [](const Job& each) { return each.is_waiting; }) &&
+      channel_.is_ready() && channel_.has_free_call()) {
+    scheduler_.after(Duration{0}, [this] { pump(); });
+  }
 }
 
 }  // namespace rtpm::sim

@@ -2,6 +2,7 @@
 
 #include <array>
 #include <cstdint>
+#include <list>
 
 #include "history.hpp"
 #include "network.hpp"
@@ -15,13 +16,18 @@ struct ClientProfile {
   std::uint64_t clock_domain = 0;  ///< The server's: both read one clock.
   Duration clock_offset{};         ///< Of another clock.
   int call_count = 50;
+  std::uint16_t open_call_max = 1;  ///< Calls at a time.
   Duration deadline_min{};
   Duration deadline_max{};
   Duration pause_max{};                     ///< Between two calls, usually;
   std::uint64_t long_pause_per_mille = 10;  ///< at times it is so long that sessions are replaced.
   std::uint64_t idempotent_per_mille = 200;
-  std::uint64_t close_per_mille = 0;  ///< Sessions that it closes between two calls.
-  std::uint64_t large_per_mille = 0;  ///< Requests and, apart from them, replies in fragments.
+  std::uint64_t close_per_mille = 0;       ///< Sessions that it closes between two calls.
+  std::uint64_t large_per_mille = 0;       ///< Requests and, apart from them, replies in fragments.
+  std::uint64_t oneway_per_mille = 0;      ///< Of the calls: merely sent, or confirmed on receipt.
+  std::uint64_t stream_per_mille = 0;      ///< Of the calls.
+  std::uint64_t cancel_per_mille = 0;      ///< Of the calls: cancelled at some time.
+  std::uint64_t slow_taker_per_mille = 0;  ///< Of the streams: items are left for a while.
 };
 
 /// One ClientChannel behind a socket, and above it the rule of rpc::Binding for what to do when a
@@ -35,29 +41,65 @@ class SimClient {
 
   /// Begins its calls.
   void start();
-  [[nodiscard]] bool is_done() const noexcept { return calls_left_ == 0; }
+  [[nodiscard]] bool is_done() const noexcept { return calls_left_ == 0 && jobs_.empty(); }
   /// One more call with plenty of time, when all is well again.
   void call_once_more(Duration deadline);
   [[nodiscard]] Outcome last_outcome() const noexcept { return last_outcome_; }
   /// Replies in fragments that came whole.
   [[nodiscard]] std::uint64_t large_reply_count() const noexcept { return large_reply_count_; }
   [[nodiscard]] std::uint64_t lost_count() const noexcept { return lost_count_; }
+  /// Streams that came to their end, and their items.
+  [[nodiscard]] std::uint64_t stream_count() const noexcept { return stream_count_; }
+  [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
+  [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:
   static constexpr int kRoundCountMax = 4;  // As in rpc::Binding.
 
+  /// A call from its caller's begin to its end, over several sessions if need be.
+  struct Job {
+    std::uint64_t number = 0;
+    History::Token token = 0;
+    wire::Delivery delivery = wire::Delivery::kReply;
+    bool is_stream = false;
+    bool is_idempotent = false;
+    bool may_have_run = false;  ///< In a former life of the server.
+    bool is_resending = false;  ///< The session was lost; sends again if the server is the same.
+    bool is_waiting = true;     ///< For a session, or a free place in it.
+    int round = 0;
+    MonotonicTime deadline{};
+    MonotonicTime begun{};
+    std::uint64_t epoch = 0;
+    wire::CallIndex index = 0;  ///< On the channel, unless it waits.
+    std::vector<std::byte> payload;
+    std::vector<std::byte> items;
+    std::uint32_t item_count = 0;
+    bool is_over = false;  ///< A stream whose end came; items may be left.
+    wire::Status end_status = wire::Status::kOk;
+  };
+  using Jobs = std::list<Job>;
+
   [[nodiscard]] MonotonicTime local_now() const { return scheduler_.now() + profile_.clock_offset; }
   void pause();
-  void begin_call(Duration deadline);
-  void advance();
+  void begin_job(Duration deadline, bool is_plain);
+  void plan_cancel(std::uint64_t number);
+  void pump();
+  [[nodiscard]] bool may_begin(Job& job);
+  void begin_call(Jobs::iterator job);
   void send(ConstBytes frame);
   [[nodiscard]] std::uint32_t message_size();
+  void receive(const Bytes& frame);
   void wait();
+  void on_time();
   void handle(const wire::ChannelEvent& event);
-  void on_ready();
+  [[nodiscard]] Jobs::iterator job_of(wire::CallIndex index);
+  [[nodiscard]] Jobs::iterator job_number(std::uint64_t number);
   void on_reply(const wire::ChannelEvent& event);
+  void take_items(Jobs::iterator job);
   void on_lost();
-  void end(Outcome outcome, std::string_view why);
+  void on_closed();
+  void on_no_session(const wire::ChannelEvent& event);
+  void end(Jobs::iterator job, Outcome outcome, std::string_view why);
 
   Scheduler& scheduler_;
   Random& random_;
@@ -66,22 +108,20 @@ class SimClient {
   ClientProfile profile_;
   std::uint32_t port_;
   std::array<std::byte, wire::kDatagramFrameSizeMax> buffer_{};
-  std::vector<std::byte> payload_;
-  std::vector<std::byte> room_;
+  std::array<std::vector<std::byte>, wire::kCallWindow> rooms_;
   wire::ClientChannel channel_;
+  Jobs jobs_;
+  std::uint64_t job_serial_ = 0;
   int calls_left_;
+  bool is_opening_ = false;
+  bool is_pausing_ = false;
   std::uint64_t wait_number_ = 0;  ///< A wake-up of an earlier wait is none.
-  History::Token token_ = 0;
-  bool is_idempotent_ = false;
-  bool may_have_run_ = false;  ///< In a former life of the server.
-  bool is_resending_ = false;  ///< The session was lost; sends again if the server is the same.
-  int round_ = 0;
-  MonotonicTime deadline_{};
-  MonotonicTime begun_{};
-  std::uint64_t epoch_of_call_ = 0;
   Outcome last_outcome_ = Outcome::kOpen;
   std::uint64_t lost_count_ = 0;
   std::uint64_t large_reply_count_ = 0;
+  std::uint64_t stream_count_ = 0;
+  std::uint64_t item_count_ = 0;
+  std::uint64_t cancelled_count_ = 0;
 };
 
 }  // namespace rtpm::sim

@@ -25,8 +25,12 @@ void SimServer::start() {
   config.message_size_max = kMessageSizeMax;
   bulk_.assign(profile_.bulk_count * kMessageSizeMax, std::byte{0xee});
   config.bulk_memory = bulk_;
+  streams_.assign(profile_.stream_count * stream_room_size(wire::Medium::kDatagram),
+                  std::byte{0xdd});
+  config.stream_memory = streams_;
   sessions_ = std::make_unique<wire::ServerSessions>(config);
   is_busy_ = false;
+  planned_ = kNever;
   network_.listen(kServerPort, [this](const Bytes& frame, const wire::PeerAddress& from) {
     on_datagram(frame, from);
   });
@@ -40,12 +44,26 @@ void SimServer::kill() {
   former_lives_ = counters();
   sessions_.reset();
   queue_.clear();
+  jobs_.clear();
+}
+
+void SimServer::stop() {
+  while (const auto close = sessions_->close_next(scheduler_.now())) {
+    network_.send(kServerPort, close->peer.port, close->frame);
+  }
+  kill();
 }
 
 wire::FrameCounters SimServer::counters() const {
   wire::FrameCounters sum = former_lives_;
   if (sessions_) sum.add(sessions_->counters());
   return sum;
+}
+
+std::uint32_t SimServer::held_count() const {
+  if (!sessions_) return 0;
+  return sessions_->stream_count() + sessions_->large_message_count(scheduler_.now()) +
+         static_cast<std::uint32_t>(jobs_.size());
 }
 
 void SimServer::on_datagram(const Bytes& frame, const wire::PeerAddress& from) {
@@ -62,9 +80,41 @@ void SimServer::take_up(const Datagram& datagram) {
   if (verdict.action == wire::Verdict::Action::kSend) {
     send(datagram.from, verdict.frame);
   } else if (verdict.action == wire::Verdict::Action::kDispatch) {
-    is_busy_ = profile_.is_lane;
     run(verdict.request, datagram.from);
   }
+  learn_of_cancelled();
+  if (verdict.credit_tag != 0) give_items(verdict.credit_tag);
+  plan_time();
+}
+
+void SimServer::learn_of_cancelled() {
+  while (const std::uint32_t tag = sessions_->next_cancelled()) {
+    const auto job = jobs_.find(tag);
+    if (job == jobs_.end()) {
+      history_.note(scheduler_.now(), "FAULT: a call is cancelled that does not run");
+      continue;
+    }
+    job->second.is_cancelled = true;
+    // A stream that waits for its caller would do so for ever.
+    if (!job->second.request.wants_stream()) continue;
+    scheduler_.after(random_.between(Duration{0}, Duration{100'000}), [this, tag, life = life_] {
+      if (life == life_) give_items(tag);
+    });
+  }
+}
+
+// Streams end by themselves when nobody asks after them.
+void SimServer::plan_time() {
+  const MonotonicTime next = sessions_->next_time();
+  if (next >= planned_) return;
+  planned_ = next;
+  scheduler_.at(next, [this, next, life = life_] {
+    if (life != life_ || next != planned_) return;
+    planned_ = kNever;
+    sessions_->on_time(scheduler_.now());
+    learn_of_cancelled();
+    plan_time();
+  });
 }
 
 void SimServer::serve_next() {
@@ -77,33 +127,81 @@ void SimServer::serve_next() {
 }
 
 void SimServer::run(const wire::Request& request, const wire::PeerAddress& from) {
+  if (request.wants_receipt()) {
+    // Some calls are for an object that is not there.
+    const bool is_refused = random_.chance(50);
+    const auto status = is_refused ? wire::Status::kNoSuchObject : wire::Status::kOk;
+    send(from, sessions_->accept(request, status, scheduler_.now()));
+    if (is_refused) {
+      send(from, sessions_->complete(request, status, 0, scheduler_.now()));
+      return;
+    }
+  }
   const Message message = Message::read(request.payload);
   const std::uint32_t run_number = history_.run(scheduler_.now(), message.token);
   if (!message.has_its_filling(request.payload)) {
     history_.broken(scheduler_.now(), message.token, "ran with bytes that are not its own");
   }
-  const auto status =
-      random_.chance(profile_.failing_per_mille) ? wire::Status::kServantFailed : wire::Status::kOk;
+  const std::uint32_t tag = ++last_tag_;
+  Job& job = jobs_[tag];
+  job = {request, message.token, run_number, message.reply_size};
   // The payload views the frame, which is gone when a deferred call ends.
-  wire::Request kept = request;
-  kept.payload = {};
-  scheduler_.after(random_.between(Duration{1000}, profile_.service_max),
-                   [this, kept, from, message, run_number, status, life = life_] {
-                     if (life != life_) return;
-                     finish(kept, from, message.token, run_number, message.reply_size, status);
-                   });
+  job.request.payload = {};
+  if (random_.chance(profile_.failing_per_mille)) job.status = wire::Status::kServantFailed;
+  const Duration service = random_.between(Duration{1000}, profile_.service_max);
+  if (request.wants_stream() || !profile_.is_lane) {
+    sessions_->set_tag(request, tag);
+  } else {
+    is_busy_ = true;
+  }
+  if (request.wants_stream()) {
+    job.items_left = static_cast<std::uint32_t>(random_.between(0, profile_.item_count_max));
+    give_items(tag);
+    return;
+  }
+  scheduler_.after(service, [this, tag, life = life_] {
+    if (life == life_) finish(tag);
+  });
 }
 
-void SimServer::finish(const wire::Request& request, const wire::PeerAddress& from,
-                       History::Token token, std::uint32_t run_number, std::uint32_t reply_size,
-                       wire::Status status) {
-  const MutableBytes room = sessions_->reply_buffer(request);
+// Gives the stream an item, if its caller takes one; then the next, after a while. Whoever stopped
+// because of the caller goes on when that has told that it takes more.
+void SimServer::give_items(std::uint32_t tag) {
+  const auto found = jobs_.find(tag);
+  if (found == jobs_.end()) return;
+  Job& job = found->second;
+  if (job.is_cancelled || job.items_left == 0) return finish(tag);
+  const MutableBytes room = sessions_->item_buffer(job.request);
+  if (room.empty()) return;
+  --job.items_left;
+  const std::uint32_t number = history_.give_item(job.token);
+  const std::size_t size = std::min(
+      room.size(),
+      random_.chance(100) ? room.size() : random_.between(std::size_t{16}, std::size_t{64}));
+  Message{job.token, number, 0}.write(room.first(size));
+  const ConstBytes frame =
+      sessions_->push_item(job.request, static_cast<std::uint32_t>(size), scheduler_.now());
+  if (const auto peer = sessions_->peer_of(job.request)) send(*peer, frame);
+  const Duration gap = random_.chance(10) ? random_.between(Duration{0}, Duration{2'000'000'000})
+                                          : random_.between(Duration{0}, Duration{2'000'000});
+  scheduler_.after(gap, [this, tag, life = life_] {
+    if (life == life_) give_items(tag);
+  });
+}
+
+void SimServer::finish(std::uint32_t tag) {
+  const Job job = jobs_.at(tag);
+  jobs_.erase(tag);
+  const auto peer = sessions_->peer_of(job.request);
+  const MutableBytes room = sessions_->reply_buffer(job.request);
   // Where all rooms are taken there may be place for one frame only.
-  const std::size_t size = std::min<std::size_t>(reply_size, room.size());
-  Message{token, run_number, 0}.write(room.first(size));
-  send(from,
-       sessions_->complete(request, status, static_cast<std::uint32_t>(size), scheduler_.now()));
-  if (profile_.is_lane) serve_next();
+  std::size_t size = std::min<std::size_t>(job.reply_size, room.size());
+  if (job.request.wants_stream()) size = 0;
+  if (size > 0) Message{job.token, job.run_number, 0}.write(room.first(size));
+  const ConstBytes frame = sessions_->complete(job.request, job.status,
+                                               static_cast<std::uint32_t>(size), scheduler_.now());
+  if (peer) send(*peer, frame);
+  if (profile_.is_lane && !job.request.wants_stream()) serve_next();
 }
 
 void SimServer::send(const wire::PeerAddress& to, ConstBytes frame) {

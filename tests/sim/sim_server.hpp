@@ -1,6 +1,7 @@
 #pragma once
 
 #include <deque>
+#include <map>
 #include <memory>
 #include <optional>
 
@@ -18,17 +19,19 @@ inline constexpr std::uint32_t kMessageSizeMax = 64 * 1024;
 /// How a simulated server works.
 struct ServerProfile {
   std::uint32_t session_count_max = 8;
-  /// True: as a lane does, which takes up no frame while a servant runs. False: frames are taken up
-  /// while calls run, as a server with deferred replies would; the protocol allows both.
+  /// True: as a lane does, which takes up no frame while a servant runs. False: all replies are
+  /// deferred, and frames are taken up while calls run.
   bool is_lane = true;
   Duration service_max{};                ///< The longest that a servant runs.
   std::uint64_t failing_per_mille = 20;  ///< Calls that the servant runs and fails.
   std::size_t queue_max = 64;            ///< Datagrams in the socket's buffer.
   std::size_t bulk_count = 3;            ///< Rooms for large messages; 0: it takes none.
+  std::size_t stream_count = 4;          ///< Streams at a time.
+  std::uint32_t item_count_max = 100;    ///< Of one stream.
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
-/// can be killed and started anew.
+/// can be killed and started anew, or stopped in order.
 class SimServer {
  public:
   SimServer(Scheduler& scheduler, Random& random, Network& network, History& history,
@@ -36,19 +39,35 @@ class SimServer {
 
   void start();
   void kill();
+  /// Says good-bye to its clients, then is gone.
+  void stop();
   [[nodiscard]] wire::FrameCounters counters() const;
+  /// What is held for calls for which somebody may still wait; 0 when all is quiet.
+  [[nodiscard]] std::uint32_t held_count() const;
 
  private:
   struct Datagram {
     Bytes frame;
     wire::PeerAddress from;
   };
+  /// A call that runs.
+  struct Job {
+    wire::Request request{};
+    History::Token token = 0;
+    std::uint32_t run_number = 0;
+    std::uint32_t reply_size = 0;
+    wire::Status status = wire::Status::kOk;
+    std::uint32_t items_left = 0;
+    bool is_cancelled = false;
+  };
   void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
   void take_up(const Datagram& datagram);
   void serve_next();
   void run(const wire::Request& request, const wire::PeerAddress& from);
-  void finish(const wire::Request& request, const wire::PeerAddress& from, History::Token token,
-              std::uint32_t run_number, std::uint32_t reply_size, wire::Status status);
+  void finish(std::uint32_t tag);
+  void give_items(std::uint32_t tag);
+  void learn_of_cancelled();
+  void plan_time();
   void send(const wire::PeerAddress& to, ConstBytes frame);
 
   Scheduler& scheduler_;
@@ -57,10 +76,14 @@ class SimServer {
   History& history_;
   ServerProfile profile_;
   std::vector<std::byte> bulk_;
+  std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.
   bool is_busy_ = false;
   std::deque<Datagram> queue_;
+  std::map<std::uint32_t, Job> jobs_;  ///< By tag.
+  std::uint32_t last_tag_ = 0;
+  MonotonicTime planned_ = kNever;  ///< When time will be told to the sessions.
   wire::FrameCounters former_lives_{};
 };
 

@@ -359,8 +359,12 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
   const bool is_given_up = header.status == Status::kExpired ||
                            header.status == Status::kCancelled ||
                            header.status == Status::kStopping;
+  const bool is_copy = call.items.is_ended();
   if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
   call.end_status = header.status;
+  // From now on only items are progress: a server that has none of those that it counts is as good
+  // as silent. They are asked for at once only once, or the two sides would do nothing else.
+  if (is_copy && !is_given_up) return {};
   hear(call, now);
   if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
   call.is_asking = true;

@@ -245,6 +245,14 @@ std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexce
   return kNoBulk;
 }
 
+std::uint32_t ServerSessions::large_message_count(MonotonicTime now) const noexcept {
+  return static_cast<std::uint32_t>(std::ranges::count_if(bulks_, [&](const Bulk& bulk) {
+    if (bulk.use == Bulk::Use::kFree || bulk.use == Bulk::Use::kScratch) return false;
+    const Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+    return bulk.deadline > now || slot.state == Slot::State::kRunning;
+  }));
+}
+
 void ServerSessions::free_bulk(Slot& slot) noexcept {
   if (slot.bulk == kNoBulk) return;
   Bulk& bulk = bulks_[slot.bulk];

@@ -104,7 +104,8 @@ class ClientChannel {
   /// More to be sent: requests in fragments, and what a stream asks for. To be called after each
   /// call(), next_item() and event, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
-  /// Where replies larger than a frame are collected; must outlive the use of their payload.
+  /// Where replies larger than a frame are collected, of this call and of later ones at the same
+  /// index: it must outlive the channel's use, or another be given first.
   void give_room(MutableBytes room, CallIndex call = 0) noexcept;
   /// The next item of a stream, in order, valid until the next call of this; nothing if there is
   /// none now. After the stream's kReply and the last item its index is free.

@@ -149,6 +149,10 @@ class ServerSessions {
 
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
+  /// Streams that take room now.
+  [[nodiscard]] std::uint32_t stream_count() const noexcept { return open_stream_count_; }
+  /// Large messages for which somebody may still wait.
+  [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
 
  private:
   static constexpr std::uint16_t kNoBulk = 0xffff;
