@@ -36,7 +36,7 @@ MutableBytes ServerSessions::item_buffer(const Request& request) noexcept {
   if (slot == nullptr || slot->stream == kNoStream) return {};
   const MutableBytes room = streams_[slot->stream].items.item_buffer();
   const std::size_t size_max = sessions_[request.session_index].message_size_max;
-  return room.first(std::min(room.size(), size_max));
+  return room.first(std::min({room.size(), size_max, std::size_t{payload_size_max_}}));
 }
 
 ConstBytes ServerSessions::push_item(const Request& request, std::uint32_t size,

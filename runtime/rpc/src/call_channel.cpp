@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <cstring>
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -73,6 +74,7 @@ bool CallChannel::serves(Priority priority) const noexcept {
 
 void CallChannel::drop_link() noexcept {
   wire_.reset();
+  may_have_more_ = false;
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   link_.reset();
@@ -99,7 +101,8 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     return unexpected{CallError::kUnreachable};
   }
   // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
-  switch (const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/false); event.kind) {
+  const auto event = wait_for_event(begin, /*may_spin=*/false, kNever);
+  switch (event ? event->kind : wire::ChannelEvent::Kind::kBroken) {
     case wire::ChannelEvent::Kind::kReady: {
       const Band band = wire_.welcome().band;
       band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
@@ -107,7 +110,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
       return {};
     }
     case wire::ChannelEvent::Kind::kRefused:
-      return unexpected{error_of_refusal(event.status)};
+      return unexpected{error_of_refusal(event->status)};
     case wire::ChannelEvent::Kind::kTimeout:
       return unexpected{CallError::kTimeout};
     default:
@@ -118,27 +121,100 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
 }
 
 CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request) noexcept {
-  const MonotonicTime begin = rt::now();
-  const auto frame = wire_.call(parameters, request, begin);
-  if (!frame) return {.error = CallError::kTooLarge};
-  if (!send_all(*frame, begin)) {
-    drop_link();
-    return {.error = CallError::kDisconnected};
+  if (auto begun = begin(parameters, request); !begun) return {.error = begun.error()};
+  // What was merely sent is over.
+  if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
+  return finish();
+}
+
+expected<void, CallError> CallChannel::begin(wire::CallParameters parameters,
+                                             ConstBytes request) noexcept {
+  const MonotonicTime now = rt::now();
+  if (parameters.delivery == wire::Delivery::kSent) {
+    look_for_loss(now);
+    // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
+    if (request.size() > buffer_.size() - wire::kHeaderSize) {
+      parameters.delivery = wire::Delivery::kReceipt;
+    }
   }
-  switch (const wire::ChannelEvent event = wait_for_event(begin, /*may_spin=*/true); event.kind) {
+  if (parameters.stream_window > 0 && !make_item_room(parameters)) {
+    return unexpected{CallError::kTooLarge};
+  }
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{CallError::kTooLarge};
+  if (!send_all(*frame, now)) {
+    drop_link();
+    return unexpected{CallError::kDisconnected};
+  }
+  return {};
+}
+
+CallOutcome CallChannel::finish(MonotonicTime until) noexcept {
+  const auto event = wait_for_event(rt::now(), /*may_spin=*/true, until);
+  switch (event ? event->kind : wire::ChannelEvent::Kind::kBroken) {
     case wire::ChannelEvent::Kind::kReply:
-      return {CallOutcome::Kind::kReply, {}, event.status, event.payload};
+      return {CallOutcome::Kind::kReply, {}, event->status, event->payload};
+    case wire::ChannelEvent::Kind::kItems:
+      return {.kind = CallOutcome::Kind::kItems};
+    case wire::ChannelEvent::Kind::kNothing:
+      return {.kind = CallOutcome::Kind::kGoing};
     case wire::ChannelEvent::Kind::kLost:
-      return {.kind = CallOutcome::Kind::kLost};
+      return {.kind = CallOutcome::Kind::kLost, .error = CallError::kDisconnected};
+    case wire::ChannelEvent::Kind::kClosed:
+      // A connection ends with its server; a socket may find the next one.
+      if (link_->medium() == wire::Medium::kStream) drop_link();
+      return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
     case wire::ChannelEvent::Kind::kTimeout:
       return {.error = CallError::kTimeout};
-    case wire::ChannelEvent::Kind::kClosed:
-      return {.error = CallError::kStopped};
     default:
       break;
   }
   drop_link();
   return {.error = CallError::kDisconnected};
+}
+
+// Who only sends never hears that the session is lost. Now and then a look tells.
+void CallChannel::look_for_loss(MonotonicTime now) noexcept {
+  constexpr Duration kLookInterval = std::chrono::milliseconds{1};
+  if (now - last_look_ < kLookInterval) return;
+  last_look_ = now;
+  while (const auto frame = link_->receive()) {
+    static_cast<void>(wire_.on_frame(*frame, now));
+  }
+}
+
+std::optional<ConstBytes> CallChannel::next_item() noexcept {
+  const auto item = wire_.next_item(0);
+  if (const MonotonicTime now = rt::now(); !send_all(wire_.next_frame(now), now)) drop_link();
+  return item;
+}
+
+void CallChannel::cancel() noexcept {
+  if (!link_) return;
+  const ConstBytes frame = wire_.cancel(0, rt::now());
+  // It only saves the server work: nothing is lost with it.
+  if (!frame.empty()) static_cast<void>(link_->send(frame));
+}
+
+ConstBytes CallChannel::keep(ConstBytes request) {
+  if (kept_.bytes().size() < request.size()) {
+    const rt::AllowAllocationScope is_allowed;
+    kept_ = rt::LazyMemory(std::bit_ceil(std::max(request.size(), std::size_t{4096})));
+  }
+  if (!request.empty()) std::memcpy(kept_.bytes().data(), request.data(), request.size());
+  return ConstBytes(kept_.bytes()).first(request.size());
+}
+
+bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
+  const std::size_t size =
+      parameters.stream_window * wire::frame_payload_max(medium_of(address_.transport));
+  if (items_.bytes().size() < size) {
+    const rt::AllowAllocationScope is_allowed;
+    items_ = rt::LazyMemory(size);
+  }
+  if (items_.bytes().size() < size) return false;
+  parameters.stream_memory = items_.bytes().first(size);
+  return true;
 }
 
 // Sends a frame and whatever more there is to send behind it.
@@ -167,8 +243,10 @@ expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept 
   return sent;
 }
 
-// Waits until the handshake or call that was just sent comes to an end. kNothing: the link broke.
-wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin) noexcept {
+// Waits until something comes of the handshake or call that was begun, at most until `until`, when
+// it is kNothing. Nothing at all: the link broke.
+std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
+                                                              MonotonicTime until) noexcept {
   may_spin =
       may_spin &&
       (config_.wait.strategy == rt::WaitStrategy::kSpin ||
@@ -177,20 +255,19 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin)
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
   bool is_spinning = may_spin;
-  bool may_have_more = false;
   while (true) {
-    if (!is_spinning && !may_have_more) {
-      link_->wait(wire_.next_time());
+    if (!is_spinning && !may_have_more_) {
+      link_->wait(std::min(until, wire_.next_time()));
     }
     const auto frame = link_->receive();
     // What came together with this one lies in the link's buffer and would wake no poll.
-    may_have_more = frame.has_value();
+    may_have_more_ = frame.has_value();
     now = rt::now();
     wire::ChannelEvent event;
     if (frame) {
       event = wire_.on_frame(*frame, now);
       if (event.kind == wire::ChannelEvent::Kind::kNeedRoom) {
-        if (!make_room(event.room_size)) return {};
+        if (!make_room(event.room_size)) return std::nullopt;
         event = wire_.on_frame(*frame, now);
       }
       // Frames that are none of ours may come without end; the deadline counts all the same.
@@ -203,14 +280,14 @@ wire::ChannelEvent CallChannel::wait_for_event(MonotonicTime now, bool may_spin)
       // It may be the answer to an earlier frame, before the server was there again: ask once more.
       event = wire_.repeat(now);
     } else {
-      return {};
+      return std::nullopt;
     }
-    if (event.kind == wire::ChannelEvent::Kind::kBroken) return {};
+    if (event.kind == wire::ChannelEvent::Kind::kBroken) return std::nullopt;
     // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
     const bool is_sent = send_all(event.frame, now);
     if (event.kind == wire::ChannelEvent::Kind::kSend) {
-      if (!is_sent) return {};
-    } else if (event.kind != wire::ChannelEvent::Kind::kNothing) {
+      if (!is_sent) return std::nullopt;
+    } else if (event.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
       return event;
     }
   }

@@ -28,7 +28,9 @@ struct ServerAddress {
 /// How a call ended on its channel.
 struct CallOutcome {
   enum class Kind : std::uint8_t {
-    kReply,   ///< The server answered: `status`, `payload`.
+    kReply,   ///< The server answered: `status`, `payload`. Of a stream: it ended.
+    kItems,   ///< Of a stream: it has items, see next_item().
+    kGoing,   ///< Nothing yet.
     kFailed,  ///< `error` says why there is no answer.
     kLost,    ///< The server does not know the session any more: see Binding for what follows.
   };
@@ -71,6 +73,18 @@ class CallChannel {
   /// RT: alloc-free.
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters,
                                  ConstBytes request) noexcept;
+  /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
+  /// stream, the memory is the channel's own.   Errors: kTooLarge, kDisconnected.
+  [[nodiscard]] expected<void, CallError> begin(wire::CallParameters parameters,
+                                                ConstBytes request) noexcept;
+  /// Waits for the call's end, or its items, but not beyond `until`: then the outcome is kGoing.
+  [[nodiscard]] CallOutcome finish(MonotonicTime until = kNever) noexcept;
+  /// The next item of the stream that is here, valid until the next call of this.
+  [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
+  /// Tells the server that nobody waits for the call any more.
+  void cancel() noexcept;
+  /// A copy of the request that lives as long as the call.   Set-up, when it grows.
+  [[nodiscard]] ConstBytes keep(ConstBytes request);
 
   /// The epoch of the server that gave the session.
   [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
@@ -86,7 +100,10 @@ class CallChannel {
 
   [[nodiscard]] expected<void, CallError> open_link(Priority priority,
                                                     MonotonicTime deadline) noexcept;
-  [[nodiscard]] wire::ChannelEvent wait_for_event(MonotonicTime now, bool may_spin) noexcept;
+  [[nodiscard]] std::optional<wire::ChannelEvent> wait_for_event(MonotonicTime now, bool may_spin,
+                                                                 MonotonicTime until) noexcept;
+  void look_for_loss(MonotonicTime now) noexcept;
+  [[nodiscard]] bool make_item_room(wire::CallParameters& parameters) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
   [[nodiscard]] bool send_all(ConstBytes frame, MonotonicTime now) noexcept;
   [[nodiscard]] bool make_room(std::uint32_t size) noexcept;
@@ -98,7 +115,11 @@ class CallChannel {
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::Link> link_;
   std::vector<std::byte> buffer_;
-  rt::LazyMemory room_;  // For replies larger than a frame.
+  rt::LazyMemory room_;   // For replies larger than a frame.
+  rt::LazyMemory items_;  // Of a stream.
+  rt::LazyMemory kept_;   // A request that outlives its caller's.
+  MonotonicTime last_look_{};
+  bool may_have_more_ = false;  // Frames in the link's buffer, which wake no poll.
   wire::ClientChannel wire_;
 };
 

@@ -41,8 +41,11 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kBadReply:
       return "the reply is not what the schema says; generate client and server from the same "
              "schema";
+    case CallError::kCancelled:
+      return "the call was cancelled";
     case CallError::kStopped:
-      return "the program is stopping";
+      return "the server is stopping; find another, or call again later if a second run does no "
+             "harm";
   }
   return "unknown error";
 }

@@ -33,22 +33,31 @@ std::size_t bulk_size(const LaneSetup& setup) noexcept {
   return room * (setup.large_message_count_max + 1);
 }
 
-wire::ServerSessionsConfig datagram_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
+std::size_t stream_size(const LaneSetup& setup, wire::Medium medium) noexcept {
+  return setup.stream_count_max * wire::stream_room_size(medium);
+}
+
+wire::ServerSessionsConfig datagram_config(wire::ServerSessionsConfig config, MutableBytes bulk,
+                                           MutableBytes streams) {
   config.medium = wire::Medium::kDatagram;
   config.bulk_memory = bulk;
+  config.stream_memory = streams;
   return config;
 }
 
-wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
+wire::ServerSessionsConfig stream_config(wire::ServerSessionsConfig config, MutableBytes bulk,
+                                         MutableBytes streams) {
   config.medium = wire::Medium::kStream;
   config.bulk_memory = bulk;
+  config.stream_memory = streams;
   // Another secret, so that a session number of one medium is none of the other's.
   config.key.low = ~config.key.low;
   return config;
 }
 
-wire::ServerSessionsConfig memory_config(wire::ServerSessionsConfig config, MutableBytes bulk) {
-  config = stream_config(config, bulk);
+wire::ServerSessionsConfig memory_config(wire::ServerSessionsConfig config, MutableBytes bulk,
+                                         MutableBytes streams) {
+  config = stream_config(config, bulk, streams);
   config.frame_payload_max = static_cast<std::uint32_t>(wire::kSharedPayloadSizeMax);
   config.key.high = ~config.key.high;
   return config;
@@ -66,9 +75,17 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       datagram_bulk_(bulk_size(setup)),
       stream_bulk_(bulk_size(setup)),
       memory_bulk_(bulk_size(setup)),
-      datagram_sessions_(datagram_config(setup.sessions, datagram_bulk_.bytes())),
-      stream_sessions_(stream_config(setup.sessions, stream_bulk_.bytes())),
-      memory_sessions_(memory_config(setup.sessions, memory_bulk_.bytes())),
+      datagram_streams_(stream_size(setup, wire::Medium::kDatagram)),
+      stream_streams_(stream_size(setup, wire::Medium::kStream)),
+      memory_streams_(stream_size(setup, wire::Medium::kStream)),
+      datagram_sessions_(
+          datagram_config(setup.sessions, datagram_bulk_.bytes(), datagram_streams_.bytes())),
+      stream_sessions_(
+          stream_config(setup.sessions, stream_bulk_.bytes(), stream_streams_.bytes())),
+      memory_sessions_(
+          memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
+      pending_(std::make_shared<PendingPool>(setup.deferred_call_count_max,
+                                             setup.sessions.message_size_max, poller_)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
       turns_per_look_(kTurnsPerLook) {
   // A connection that is served while it stands in the list may enter it a second time.
@@ -97,8 +114,11 @@ void Lane::run() noexcept {
       if (now < spin_end) continue;
     }
     spin_end = kNever;
-    static_cast<void>(look_around(kNever));
+    static_cast<void>(
+        look_around(std::min({datagram_sessions_.next_time(), stream_sessions_.next_time(),
+                              memory_sessions_.next_time()})));
   }
+  say_goodbye();
 }
 
 void Lane::stop() noexcept {
@@ -107,6 +127,7 @@ void Lane::stop() noexcept {
 }
 
 void Lane::close() noexcept {
+  pending_->close();
   port_.reset();
   while (arriving_.pop()) {
   }
@@ -139,6 +160,7 @@ std::unique_ptr<transport::Connection> Lane::take_back() noexcept {
 bool Lane::turn() noexcept {
   // SYNC POINT lane-arrivals
   if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
+  if (pending_->open_count() > 0 && look_at_pending()) return true;
   const bool has_served = serve_one(hot_);
   if (has_served && connection_count_ == 0) return true;
   // What costs no syscall is looked at each turn, unless there is something anyway.
@@ -168,6 +190,7 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   if (!leftovers_.empty() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
   const std::size_t count = poller_.wait(until, ready_);
   if (may_sleep) end_sleep();
+  if (pending_->open_count() > 0) look_at_time();
   bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = ready_[i];
@@ -189,7 +212,8 @@ bool Lane::look_around(MonotonicTime until) noexcept {
 
 // Has the callers through memory ring when they call; false if one has called by now.
 bool Lane::announce_sleep() noexcept {
-  bool may_sleep = true;
+  if (pending_->open_count() > 0) tell_cancelled();
+  bool may_sleep = pending_->announce_sleep();
   for (const Source source : memory_sources_) {
     if (!connections_[source].stream->announce_sleep()) may_sleep = false;
   }
@@ -197,6 +221,7 @@ bool Lane::announce_sleep() noexcept {
 }
 
 void Lane::end_sleep() noexcept {
+  pending_->end_sleep();
   for (const Source source : memory_sources_)
     connections_[source].stream->end_sleep();
 }
@@ -247,6 +272,7 @@ bool Lane::serve_datagram() noexcept {
   for (; !answer.empty(); answer = datagram_sessions_.next_frame(rt::now())) {
     if (!port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
   }
+  after_frame(verdict.credit_tag);
   return true;
 }
 
@@ -274,6 +300,8 @@ bool Lane::serve_stream(Source source) noexcept {
     is_good = connection.stream->send(answer, transport::Poller::kAlready).has_value();
     if (!is_good) ++counters_.send_failure_count;
   }
+  after_frame(verdict.credit_tag);
+  if (!connection.stream) return true;  // It ended as its stream's items were sent.
   if (!is_good) {
     retire(source);
   } else if (!connection.is_memory && connection.stream->has_buffered()) {
@@ -281,47 +309,6 @@ bool Lane::serve_stream(Source source) noexcept {
     if (!std::exchange(connection.has_leftovers, true)) leftovers_.push_back(source);
   }
   return true;
-}
-
-ConstBytes Lane::run_request(wire::ServerSessions& sessions,
-                             const wire::Request& request) noexcept {
-  const MutableBytes reply = sessions.reply_buffer(request);
-  const DispatchResult result = dispatch(request, reply);
-  RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
-  return sessions.complete(request, result.status, result.reply_size, rt::now());
-}
-
-DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply) noexcept {
-  const wire::Header& header = request.header;
-  if (header.service == wire::kSessionService) {
-    if (header.method == wire::kMethodBind) return objects_.bind(request.payload, reply);
-    // hp-6.2-1
-    if (header.method == wire::kMethodPing) return {wire::Status::kOk, 0};
-    return {wire::Status::kNoSuchMethod, 0};
-  }
-  const Object* object = objects_.find(header.service);
-  if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
-  const bool is_declared = object->options.model == PriorityModel::kServerDeclared;
-  const Priority priority = is_declared ? object->options.priority : header.priority;
-  const CallContext context{priority, request.deadline, request.received, header.session,
-                            header.trace_id};
-  ++counters_.call_count;
-  // The request runs at its own level. Afterwards the lane waits at that level, too, unless it is
-  // below the lane's: so a caller that keeps its priority costs no syscall from call to call.
-  rt::adopt_priority(priority);
-  const DispatchResult result = run_servant(*object->servant, request, reply, context);
-  if (priority < config_.priority) rt::adopt_priority(config_.priority);
-  return result;
-}
-
-DispatchResult Lane::run_servant(Servant& servant, const wire::Request& request, MutableBytes reply,
-                                 const CallContext& context) noexcept {
-  try {
-    return servant.dispatch(request.header.method, request.payload, reply, context);
-  } catch (...) {
-    ++counters_.servant_failure_count;
-    return {wire::Status::kServantFailed, 0};
-  }
 }
 
 void Lane::adopt_waiting() noexcept {

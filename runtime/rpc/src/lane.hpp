@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "object_table.hpp"
+#include "pending.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/ring.hpp"
 #include "rtpm/rpc/counters.hpp"
@@ -27,6 +28,8 @@ struct LaneSetup {
   wire::ServerSessionsConfig sessions{};  ///< For streams; the others differ in medium and size.
   const ObjectTable* objects = nullptr;
   std::uint32_t large_message_count_max = 0;
+  std::uint32_t deferred_call_count_max = 0;
+  std::uint32_t stream_count_max = 0;
   transport::Poller* acceptor_bell = nullptr;  ///< Rung when a connection is given back.
 };
 
@@ -82,7 +85,21 @@ class Lane {
   [[nodiscard]] bool serve_stream(Source source) noexcept;
   [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
                                        const wire::Request& request) noexcept;
-  [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply) noexcept;
+  [[nodiscard]] ConstBytes run_accepted(wire::ServerSessions& sessions,
+                                        const wire::Request& request) noexcept;
+  [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply,
+                                        Deferral& deferral) noexcept;
+  [[nodiscard]] bool is_served(const wire::Request& request) const noexcept;
+  void send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
+            ConstBytes frame) noexcept;
+  void after_frame(std::uint32_t credit_tag) noexcept;
+  [[nodiscard]] bool serve_pending() noexcept;
+  void serve_pending_call(PendingCall& call) noexcept;
+  [[nodiscard]] bool send_items(PendingCall& call) noexcept;
+  void tell_cancelled() noexcept;
+  [[nodiscard]] bool look_at_pending() noexcept;
+  void look_at_time() noexcept;
+  void say_goodbye() noexcept;
   [[nodiscard]] DispatchResult run_servant(Servant& servant, const wire::Request& request,
                                            MutableBytes reply, const CallContext& context) noexcept;
   void adopt_waiting() noexcept;
@@ -99,9 +116,13 @@ class Lane {
   rt::LazyMemory datagram_bulk_;
   rt::LazyMemory stream_bulk_;
   rt::LazyMemory memory_bulk_;
+  rt::LazyMemory datagram_streams_;
+  rt::LazyMemory stream_streams_;
+  rt::LazyMemory memory_streams_;
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;
   wire::ServerSessions memory_sessions_;  ///< Of connections through shared memory.
+  std::shared_ptr<PendingPool> pending_;
   std::vector<Connection> connections_;
   /// Connections with whole frames in their buffers, which wake no poll. Sized once.
   std::vector<Source> leftovers_;

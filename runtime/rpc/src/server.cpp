@@ -176,6 +176,8 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.sessions.session_count_max = config_.session_count_max;
   setup.sessions.message_size_max = config_.message_size_max;
   setup.large_message_count_max = config_.large_message_count_max;
+  setup.deferred_call_count_max = config_.deferred_call_count_max;
+  setup.stream_count_max = config_.stream_count_max;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto poller = transport::Poller::open();
     if (!poller) return unexpected{in_words(config_, poller.error().text)};
@@ -242,6 +244,7 @@ ServerCounters ServerImpl::counters() const noexcept {
     sum.servant_failure_count += one.servant_failure_count;
     sum.connection_count += one.connection_count;
     sum.connection_lost_count += one.connection_lost_count;
+    sum.deferred_count += one.deferred_count;
     sum.broken_memory_count += one.broken_memory_count;
     sum.send_failure_count += one.send_failure_count;
     sum.frames.add(one.frames);

@@ -118,8 +118,7 @@ TEST_P(TransportSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice)
   ASSERT_TRUE(binding.call(echo::kEchoOnce, {}));
   server.reset();
   server.emplace(config_at(port));
-  expect_error(binding.call(echo::kEchoOnce, {}),
-               is_udp() ? CallError::kPeerRestarted : CallError::kDisconnected);
+  expect_error(binding.call(echo::kEchoOnce, {}), CallError::kPeerRestarted);
   EXPECT_EQ(server->servant.run_count(), 0);
   EXPECT_TRUE(binding.call(echo::kEchoOnce, {})) << "the next call binds again";
   EXPECT_EQ(server->servant.run_count(), 1);
@@ -268,7 +267,7 @@ TEST_P(TransportSuite, EndsCallsThatWaitWhenTheServerStops) {
     const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
     const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = rtpm::test::kPatience});
     // The lane may have taken it up before it stopped.
-    EXPECT_TRUE(reply || reply.error() == CallError::kDisconnected) << to_string(reply.error());
+    EXPECT_TRUE(reply || reply.error() == CallError::kStopped) << to_string(reply.error());
     EXPECT_LT(rt::now(), deadline) << "it is told, and does not wait for nothing";
   });
   std::thread stopper([&] {

@@ -12,9 +12,11 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
 namespace rtpm::rpc {
@@ -27,6 +29,14 @@ struct CallOptions {
   std::optional<Duration> deadline{};
   /// Passed on to the servant, to follow one action across programs.
   std::uint64_t trace_id = 0;
+};
+
+/// How a stream is taken.
+struct StreamOptions {
+  /// As for any call; the deadline is the whole stream's. Default: none.
+  CallOptions call{};
+  /// How many items may be on their way at a time, 1…32: how far the server may be ahead.
+  std::uint32_t window = 16;
 };
 
 /// How a binding is made.
@@ -58,6 +68,7 @@ class ReplyLease {
 
  private:
   friend class Binding;
+  friend class PendingReply;
   ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
       : bytes_(bytes), channel_(channel) {}
 
@@ -90,6 +101,27 @@ class Binding {
                                                      ConstBytes request,
                                                      const CallOptions& options = {}) noexcept;
 
+  /// Calls `method`, which gives nothing back, and waits only as long as `delivery` says: not at
+  /// all, until the server has it and is about to run it, or until it ran. What does not fit a
+  /// frame is never merely sent, but confirmed. RT: as call().   Errors: as call(); what was merely
+  /// sent may be lost without any. Source: spec/hprotocol.md#hp-5.8; CORBA's SyncScope.
+  [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
+                                               wire::Delivery delivery,
+                                               const CallOptions& options = {}) noexcept;
+
+  /// Begins a call and returns; its reply is waited for later. The request is copied.
+  /// Allocates the call's state, once.   Errors: as call(), as far as they show before the reply.
+  [[nodiscard]] expected<PendingReply, CallError> begin(const MethodDescriptor& method,
+                                                        ConstBytes request,
+                                                        const CallOptions& options = {});
+
+  /// Calls a method that answers with a stream of items. The request is copied. Allocates the
+  /// stream's state, once.   Errors: as begin(); that the method gives no stream shows at the first
+  /// item.   Source: spec/hprotocol.md#hp-5.10.
+  [[nodiscard]] expected<ItemReader, CallError> open_stream(const MethodDescriptor& method,
+                                                            ConstBytes request,
+                                                            const StreamOptions& options = {});
+
   /// Makes an empty call to the server itself, which shows that the path works in both directions
   /// at the call's priority, and tells how the server's clock stands to ours: by this call and
   /// those before it on the same channel. Where none of them tells, the uncertainty is
@@ -105,6 +137,8 @@ class Binding {
   [[nodiscard]] Transport transport() const noexcept;
 
  private:
+  friend class PendingReply;
+  friend class ItemReader;
   class Impl;
   explicit Binding(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;

@@ -14,6 +14,7 @@ struct ServerCounters {
   std::uint64_t connection_lost_count = 0;  ///< Of these, ended, in order or not.
   std::uint64_t broken_memory_count = 0;    ///< Of these, because shared memory held nonsense.
   std::uint64_t send_failure_count = 0;     ///< Replies that the socket or ring did not take.
+  std::uint64_t deferred_count = 0;         ///< Calls whose methods took a reply to give later.
   wire::FrameCounters frames{};             ///< Frames taken and dropped, by reason.
 };
 

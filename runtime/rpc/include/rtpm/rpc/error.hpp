@@ -33,6 +33,7 @@ enum class CallError : std::uint8_t {
                         ///< one.
   kBadReply,            ///< It may have run; the reply is not what schema or protocol say. Schemas
                         ///< differ, or the server is of a later version.
+  kCancelled,           ///< It was cancelled; it may have run.
   kStopped,             ///< The server is stopping; it may have run. Find another, or wait.
 };
 

@@ -6,6 +6,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/wire/status.hpp"
@@ -19,6 +20,8 @@ struct CallContext {
   MonotonicTime received;      ///< When the lane took the request up.
   std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
   std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.
+  Deferral* deferral =
+      nullptr;  ///< For methods that answer later, or with a stream; null in tests.
 };
 
 /// How a dispatch ended; made by generated code.
@@ -38,11 +41,11 @@ class Servant {
   [[nodiscard]] virtual const InterfaceDescriptor& interface() const noexcept = 0;
 
   /// Runs the method `method_id` with `request` and writes its result at the begin of `reply`.
-  /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, live until it
-  /// returns and do not overlap.
-  /// Threads: every lane that serves the object calls it, so several at once where lanes differ.
-  /// RT: as the method that a person wrote; what it throws is counted and answered as
-  /// kServantFailed.
+  /// What it returns counts for nothing if it has taken a reply to give later
+  /// (CallContext::deferral). Generated code implements it. `request` and `reply` are aligned to 16
+  /// bytes, live until it returns and do not overlap. Threads: every lane that serves the object
+  /// calls it, so several at once where lanes differ. RT: as the method that a person wrote; what
+  /// it throws is counted and answered as kServantFailed.
   virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                   const CallContext& context) = 0;
 };

@@ -49,6 +49,11 @@ struct ServerConfig {
   /// lane may hold at a time, per transport; more are refused with overload. Each takes memory only
   /// once it is used.
   std::uint32_t large_message_count_max = 3;
+  /// How many calls of a lane may be unfinished at a time, because their methods answer later or
+  /// with streams; 0…4096. Each takes memory only once it is used.
+  std::uint32_t deferred_call_count_max = 32;
+  /// How many of them may be streams, per transport; more are refused with overload; 0…1024.
+  std::uint32_t stream_count_max = 16;
   /// Serves callers of the same user on this host through shared memory, too.
   bool shared_memory = true;
   /// Where the socket for it is: empty: an abstract name, which leaves no file and reaches as far
@@ -80,8 +85,9 @@ class Server {
   /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
   [[nodiscard]] virtual expected<void, SetupError> start() = 0;
 
-  /// Ends the lanes; calls that run are finished and answered first. Then the sockets are closed,
-  /// so that callers who still wait are told at once. May be called twice.
+  /// Ends the lanes; calls that run are finished and answered first, those that are deferred, and
+  /// streams, end with stopping (CallError::kStopped). Then every caller is told that the server
+  /// goes, and the sockets are closed. May be called twice.
   virtual void stop() noexcept = 0;
 
   [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;

@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/error.hpp"
+
+namespace rtpm::rpc {
+
+class ReplyLease;
+
+/// A call that was begun and whose reply is waited for later. No thread stands behind it: whoever
+/// holds it sends repetitions and takes the reply while it asks or waits, on a call channel that is
+/// the call's own until this ends.
+/// Ownership: move-only; refers to its binding, which must outlive it. Ends by cancelling the call.
+/// Threads: one at a time.   RT: alloc-free.
+class PendingReply {
+ public:
+  PendingReply() noexcept;
+  PendingReply(PendingReply&& other) noexcept;
+  PendingReply& operator=(PendingReply&& other) noexcept;
+  ~PendingReply();
+
+  /// Whether take() would not wait; looks once. Call it now and then: it also repeats what got
+  /// lost. RT: at most two syscalls.
+  [[nodiscard]] bool is_done() noexcept;
+  /// Waits for the end, but not beyond `until`; true if it is there.
+  [[nodiscard]] bool wait(MonotonicTime until) noexcept;
+  /// Waits for the end and gives the reply, once.   Errors: as CallError says.
+  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
+  /// Ends the call: nobody waits for it any more; it may have run. Nothing happens if it is done.
+  void cancel() noexcept;
+
+ private:
+  friend class Binding;
+  struct State;
+  explicit PendingReply(std::unique_ptr<State> state) noexcept;
+  std::unique_ptr<State> state_;
+};
+
+/// The items that answer a call, taken one by one. No thread stands behind it, as with
+/// PendingReply: the stream stays alive only while somebody takes, at least every second; else the
+/// server ends it (spec/hprotocol.md#hp-5.10). Ownership: move-only; refers to its binding, which
+/// must outlive it. Ends by cancelling the call. Threads: one at a time.   RT: alloc-free.
+class ItemReader {
+ public:
+  ItemReader() noexcept;
+  ItemReader(ItemReader&& other) noexcept;
+  ItemReader& operator=(ItemReader&& other) noexcept;
+  ~ItemReader();
+
+  /// The next item in order, waiting until `until` at most. It is aligned to 16 bytes and valid
+  /// until the next call. Without one: the stream has ended in order.
+  /// Errors: kTimeout: none came in time, and is_open() tells whether more may; others: the stream
+  /// ended because of it.
+  [[nodiscard]] expected<std::optional<ConstBytes>, CallError> next(MonotonicTime until) noexcept;
+  [[nodiscard]] bool is_open() const noexcept;
+  /// Ends the stream; the server is told.
+  void cancel() noexcept;
+
+ private:
+  friend class Binding;
+  struct State;
+  explicit ItemReader(std::unique_ptr<State> state) noexcept;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,112 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/wire/status.hpp"
+
+namespace rtpm::rpc {
+
+class PendingPool;
+struct PendingCall;
+
+/// Why an item was not taken.
+enum class StreamError : std::uint8_t {
+  kFull,      ///< The caller does not keep up. Try later, or leave this item out.
+  kEnded,     ///< Nobody takes items any more. Finish the stream.
+  kTooLarge,  ///< More than an item may have (item_size_max()). Send it in parts.
+};
+
+/// "full", "ended" or "too large".
+[[nodiscard]] std::string_view to_string(StreamError error) noexcept;
+
+/// What the two kinds of unfinished call have in common; see those.
+class UnfinishedCall {
+ public:
+  UnfinishedCall() noexcept = default;
+  UnfinishedCall(UnfinishedCall&& other) noexcept { *this = std::move(other); }
+  UnfinishedCall& operator=(UnfinishedCall&& other) noexcept;
+  /// Ends a call that nobody has ended as failed, so that its caller does not wait in vain.
+  ~UnfinishedCall();
+
+  /// False once it was ended, or moved away.
+  [[nodiscard]] explicit operator bool() const noexcept { return call_ != nullptr; }
+  /// False once the caller has cancelled, gone, or been told that the server stops: what is still
+  /// done for it is in vain.   RT: alloc-free.   Threads: any.
+  [[nodiscard]] bool is_awaited() const noexcept;
+  /// After which nobody waits for the result.
+  [[nodiscard]] MonotonicTime deadline() const noexcept;
+
+ protected:
+  friend class Deferral;
+  UnfinishedCall(std::shared_ptr<PendingPool> pool, PendingCall* call) noexcept
+      : pool_(std::move(pool)), call_(call) {}
+  void end(wire::Status status, std::uint32_t size) noexcept;
+
+  std::shared_ptr<PendingPool> pool_;
+  PendingCall* call_ = nullptr;
+};
+
+/// A call whose method has returned and whose reply comes later, from whatever thread has it.
+/// The request is gone when the method returns: keep what you need of it.
+/// Ownership: move-only; outlives the server's stop() without harm.
+/// Threads: one at a time, any.   RT: alloc-free; ends with at most one syscall, to wake the lane.
+class DeferredReply : public UnfinishedCall {
+ public:
+  DeferredReply() noexcept = default;
+  /// Where the reply is to be written, aligned to 16 bytes. Its first use may touch new memory.
+  [[nodiscard]] MutableBytes buffer() noexcept;
+  /// Ends the call with `size` bytes of the buffer.
+  void complete(wire::Status status, std::uint32_t size = 0) noexcept { end(status, size); }
+
+ private:
+  friend class Deferral;
+  using UnfinishedCall::UnfinishedCall;
+};
+
+/// A call that is answered by a stream of items, written by whatever thread has them.
+/// Ownership: move-only; outlives the server's stop() without harm.
+/// Threads: one at a time, any.   RT: alloc-free, at most one syscall per item, to wake the lane.
+class ItemWriter : public UnfinishedCall {
+ public:
+  ItemWriter() noexcept = default;
+  /// The most bytes of an item, by the caller's transport.
+  [[nodiscard]] std::uint32_t item_size_max() const noexcept;
+  /// Gives the caller one more item. It is copied; the lane sends it as soon as the caller takes
+  /// more. Errors: as StreamError says; the item was not taken.
+  [[nodiscard]] expected<void, StreamError> write(ConstBytes item) noexcept;
+  /// Ends the stream behind the items written so far.
+  void finish(wire::Status status = wire::Status::kOk) noexcept { end(status, 0); }
+
+ private:
+  friend class Deferral;
+  using UnfinishedCall::UnfinishedCall;
+};
+
+/// What a method has to ask for if it shall not answer at once. The lane's, valid during the call.
+class Deferral {
+ public:
+  virtual ~Deferral() = default;
+  /// Lets the method return without a result. Empty if as many calls are unfinished as may be
+  /// (ServerConfig::deferred_call_count_max): answer overload.
+  [[nodiscard]] virtual DeferredReply defer() noexcept = 0;
+  /// Lets the method answer with a stream. Empty as above, or if the caller wants no stream.
+  [[nodiscard]] virtual ItemWriter stream() noexcept = 0;
+
+ protected:
+  [[nodiscard]] static DeferredReply reply_for(std::shared_ptr<PendingPool> pool,
+                                               PendingCall* call) noexcept {
+    return {std::move(pool), call};
+  }
+  [[nodiscard]] static ItemWriter writer_for(std::shared_ptr<PendingPool> pool,
+                                             PendingCall* call) noexcept {
+    return {std::move(pool), call};
+  }
+};
+
+}  // namespace rtpm::rpc

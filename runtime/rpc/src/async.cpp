@@ -1,0 +1,185 @@
+#include "rtpm/rpc/async.hpp"
+
+#include "binding_impl.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+// The ways to call that a binding offers: and wait, send, begin, stream.
+namespace rtpm::rpc {
+
+expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, ConstBytes request,
+                                              const CallOptions& options) noexcept {
+  return impl_->call(impl_->plan(method, options), request);
+}
+
+expected<wire::PeerClock, CallError> Binding::ping(const CallOptions& options) noexcept {
+  static constexpr MethodDescriptor kPing{wire::kMethodPing, "ping", 0, /*is_idempotent=*/true, {}};
+  Impl::Plan plan = impl_->plan(kPing, options);
+  plan.target = Impl::Target::kSession;
+  const auto reply = impl_->call(plan, {});
+  if (!reply) return unexpected{reply.error()};
+  // A ping that had to be repeated tells no time, and may be the first call of its channel.
+  constexpr wire::PeerClock kNotKnown{.uncertainty = Duration::max()};
+  return reply->channel_->peer_clock(rt::now()).value_or(kNotKnown);
+}
+
+expected<void, CallError> Binding::send(const MethodDescriptor& method, ConstBytes request,
+                                        wire::Delivery delivery,
+                                        const CallOptions& options) noexcept {
+  Impl::Plan plan = impl_->plan(method, options);
+  plan.delivery = delivery;
+  const auto reply = impl_->call(plan, request);
+  if (!reply) return unexpected{reply.error()};
+  return {};
+}
+
+// --- a call that is waited for later
+// --------------------------------------------------------------
+
+struct PendingReply::State {
+  State(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
+        const Binding::Impl::Ready& ready_in) noexcept
+      : binding(binding_in), plan(plan_in), ready(ready_in), channel(ready_in.channel) {}
+
+  Binding::Impl& binding;
+  Binding::Impl::Plan plan;
+  Binding::Impl::Ready ready;
+  TakenChannel channel;
+  ConstBytes request{};
+  CallOutcome outcome{.kind = CallOutcome::Kind::kGoing};
+};
+
+PendingReply::PendingReply() noexcept = default;
+PendingReply::PendingReply(PendingReply&& other) noexcept = default;
+PendingReply::PendingReply(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
+
+PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
+  std::swap(state_, other.state_);
+  return *this;
+}
+
+PendingReply::~PendingReply() {
+  cancel();
+  // Its state was made when the call was begun, which is set-up's right as much as the lane's not.
+  const rt::AllowAllocationScope is_allowed;
+  state_.reset();
+}
+
+expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method, ConstBytes request,
+                                                 const CallOptions& options) {
+  const Impl::Plan plan = impl_->plan(method, options);
+  const auto ready = impl_->make_ready(plan);
+  if (!ready) return unexpected{ready.error()};
+  auto state = std::make_unique<PendingReply::State>(*impl_, plan, *ready);
+  state->request = state->channel->keep(request);
+  if (auto begun = state->channel->begin(ready->parameters, state->request); !begun) {
+    return unexpected{begun.error()};
+  }
+  return PendingReply(std::move(state));
+}
+
+bool PendingReply::wait(MonotonicTime until) noexcept {
+  RTPM_ASSERT(state_ != nullptr, "a call was begun");
+  if (state_->outcome.kind == CallOutcome::Kind::kGoing) {
+    state_->outcome = state_->channel->finish(until);
+  }
+  return state_->outcome.kind != CallOutcome::Kind::kGoing;
+}
+
+bool PendingReply::is_done() noexcept {
+  return wait(MonotonicTime{});
+}
+
+expected<ReplyLease, CallError> PendingReply::take() noexcept {
+  static_cast<void>(wait(kNever));
+  const rt::AllowAllocationScope is_allowed;
+  const std::unique_ptr<State> state = std::move(state_);
+  const CallOutcome& outcome = state->outcome;
+  if (outcome.kind == CallOutcome::Kind::kReply) {
+    if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+    return ReplyLease(outcome.payload, state->channel.keep());
+  }
+  if (auto again = state->binding.judge(outcome, state->ready, state->plan); !again) {
+    return unexpected{again.error()};
+  }
+  // What is left of the time is spent as by any other call; this one's channel keeps the request.
+  return state->binding.call(state->plan, state->request);
+}
+
+void PendingReply::cancel() noexcept {
+  if (!state_ || state_->outcome.kind != CallOutcome::Kind::kGoing) return;
+  state_->channel->cancel();
+  state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+}
+
+// --- streams -------------------------------------------------------------------------------------
+
+struct ItemReader::State {
+  explicit State(CallChannel* taken) noexcept : channel(taken) {}
+
+  TakenChannel channel;
+  CallOutcome outcome{.kind = CallOutcome::Kind::kGoing};
+};
+
+ItemReader::ItemReader() noexcept = default;
+ItemReader::ItemReader(ItemReader&& other) noexcept = default;
+ItemReader::ItemReader(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
+
+ItemReader& ItemReader::operator=(ItemReader&& other) noexcept {
+  std::swap(state_, other.state_);
+  return *this;
+}
+
+ItemReader::~ItemReader() {
+  cancel();
+  const rt::AllowAllocationScope is_allowed;
+  state_.reset();
+}
+
+expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& method,
+                                                     ConstBytes request,
+                                                     const StreamOptions& options) {
+  RTPM_ASSERT(options.window >= 1 && options.window <= wire::kStreamWindow,
+              "a stream takes 1 to 32 items at a time");
+  Impl::Plan plan = impl_->plan(method, options.call);
+  // A stream has no end of its own in time, unless its caller says so.
+  if (!options.call.deadline) plan.deadline = kNever;
+  plan.stream_window = options.window;
+  const auto ready = impl_->make_ready(plan);
+  if (!ready) return unexpected{ready.error()};
+  auto state = std::make_unique<ItemReader::State>(ready->channel);
+  const ConstBytes kept = state->channel->keep(request);
+  if (auto begun = state->channel->begin(ready->parameters, kept); !begun) {
+    return unexpected{begun.error()};
+  }
+  return ItemReader(std::move(state));
+}
+
+bool ItemReader::is_open() const noexcept {
+  if (!state_) return false;
+  const auto kind = state_->outcome.kind;
+  return kind == CallOutcome::Kind::kGoing || kind == CallOutcome::Kind::kItems;
+}
+
+expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime until) noexcept {
+  RTPM_ASSERT(state_ != nullptr, "a stream was opened");
+  while (true) {
+    // What is here comes before the end that may have come with it.
+    if (const auto item = state_->channel->next_item()) return item;
+    if (!is_open()) break;
+    state_->outcome = state_->channel->finish(until);
+    if (state_->outcome.kind == CallOutcome::Kind::kGoing) return unexpected{CallError::kTimeout};
+  }
+  const CallOutcome& outcome = state_->outcome;
+  if (outcome.kind != CallOutcome::Kind::kReply) return unexpected{outcome.error};
+  if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+  return std::optional<ConstBytes>{};
+}
+
+void ItemReader::cancel() noexcept {
+  if (!is_open()) return;
+  state_->channel->cancel();
+  state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+}
+
+}  // namespace rtpm::rpc

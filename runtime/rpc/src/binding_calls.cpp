@@ -1,0 +1,215 @@
+#include <algorithm>
+#include <array>
+#include <mutex>
+
+#include "binding_impl.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/priority.hpp"
+
+// How a binding calls: a channel, a session, the bind of another life of the server, and what a
+// lost session means.
+namespace rtpm::rpc {
+namespace {
+
+// Each round follows a lost session or connection, of which a server that keeps restarting could
+// make many.
+constexpr int kRoundCountMax = 4;
+
+}  // namespace
+
+MonotonicTime deadline_after(Duration patience) noexcept {
+  const MonotonicTime now = rt::now();
+  return patience > kNever - now ? kNever : now + patience;
+}
+
+CallError error_of(wire::Status status) noexcept {
+  switch (status) {
+    case wire::Status::kOverload:
+      return CallError::kOverload;
+    case wire::Status::kExpired:
+      return CallError::kExpired;
+    case wire::Status::kNoSuchMethod:
+      return CallError::kNoSuchMethod;
+    case wire::Status::kNoSuchObject:
+    case wire::Status::kGone:
+      return CallError::kNoSuchObject;
+    case wire::Status::kBadRequest:
+      return CallError::kBadRequest;
+    case wire::Status::kNotLeaseHolder:
+      return CallError::kNotLeaseHolder;
+    case wire::Status::kServantFailed:
+      return CallError::kServantFailed;
+    case wire::Status::kTooLarge:
+      return CallError::kTooLarge;
+    case wire::Status::kPriorityNotAllowed:
+      return CallError::kPriorityNotAllowed;
+    case wire::Status::kCancelled:
+      return CallError::kCancelled;
+    case wire::Status::kStopping:
+      return CallError::kStopped;
+    default:
+      break;
+  }
+  // hp-5.1-7: a status of a later version may mean anything, so it promises nothing.
+  return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
+                                                                 : CallError::kBadReply;
+}
+
+namespace {
+
+// The first method of ours that the server has not, or has otherwise; null if all agree. What a
+// list that is not complete leaves out is not held against the server: a call will tell.
+const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
+                                         const wire::BindReply& reply,
+                                         ConstBytes payload) noexcept {
+  for (const MethodDescriptor& method : ours.methods) {
+    bool is_same = !reply.is_method_list_complete;
+    for (std::uint16_t i = 0; i < reply.method_count; ++i) {
+      const wire::MethodEntry entry = wire::method_entry(payload, i);
+      if (entry.id != method.id) continue;
+      is_same = entry.fingerprint == method.fingerprint;
+      break;
+    }
+    if (!is_same) return &method;
+  }
+  return nullptr;
+}
+
+}  // namespace
+
+ReplyLease::~ReplyLease() {
+  if (channel_ != nullptr) channel_->release();
+}
+
+BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
+                               MonotonicTime deadline) noexcept {
+  std::array<std::byte, 512> request{};
+  const std::size_t size =
+      encode(wire::BindRequest{path, interface.name, interface.fingerprint}, request);
+  RTPM_ASSERT(size > 0, "path and interface name fit a bind");
+  const CallOutcome outcome =
+      channel.call({wire::kSessionService, wire::kMethodBind, priority, 0, deadline},
+                   ConstBytes(request).first(size));
+  BindOutcome result{outcome.kind, outcome.error, {}, outcome.status, nullptr, {}};
+  if (outcome.kind != CallOutcome::Kind::kReply) return result;
+  if (outcome.status != wire::Status::kOk) {
+    result.error = error_of(outcome.status);
+    const std::string_view other = ByteReader(outcome.payload).take_text();
+    std::ranges::copy(other.substr(0, result.other_interface.size() - 1),
+                      result.other_interface.begin());
+    return result;
+  }
+  const auto reply = wire::decode_bind_reply(outcome.payload);
+  if (!reply) {
+    result.kind = CallOutcome::Kind::kFailed;
+    result.error = CallError::kBadReply;
+    return result;
+  }
+  if (reply->fingerprint != interface.fingerprint) {
+    // hp-6.1-2: a server may have more methods than we know; those that we know must be the same.
+    result.differing_method = first_difference(interface, *reply, outcome.payload);
+    if (result.differing_method != nullptr) {
+      result.status = wire::Status::kWrongInterface;
+      result.error = CallError::kNoSuchMethod;
+      return result;
+    }
+  }
+  result.bound = {channel.server_epoch(), reply->service, reply->priority,
+                  reply->is_server_declared};
+  return result;
+}
+
+Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
+                                        const CallOptions& options) const noexcept {
+  const Duration usual =
+      method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
+  return {.method = method.id,
+          .is_idempotent = method.is_idempotent,
+          .wanted = options.priority ? options.priority : rt::current_priority(),
+          .trace_id = options.trace_id,
+          .deadline = deadline_after(options.deadline.value_or(usual))};
+}
+
+expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& plan) noexcept {
+  for (int round = 0; round < kRoundCountMax; ++round) {
+    Bound now_bound = remembered();
+    // hp-6.1-3
+    const Priority priority =
+        now_bound.is_server_declared || !plan.wanted ? now_bound.priority : *plan.wanted;
+    auto taken = endpoint.take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(priority, plan.deadline); !ready) {
+      return unexpected{ready.error()};
+    }
+    if (channel->server_epoch() != now_bound.server_epoch) {
+      // Another life of the server: the object's number may be another's now (hp-6.1-4).
+      const BindOutcome again = ask(*channel, priority, plan.deadline);
+      if (again.kind == CallOutcome::Kind::kLost) continue;
+      if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
+        return unexpected{again.error};
+      }
+      remember(again.bound);
+      now_bound = again.bound;
+    }
+    Ready ready{channel.keep(), {}, now_bound.server_epoch};
+    ready.parameters.service =
+        plan.target == Target::kSession ? wire::kSessionService : now_bound.service;
+    ready.parameters.method = plan.method;
+    ready.parameters.priority = priority;
+    ready.parameters.trace_id = plan.trace_id;
+    ready.parameters.deadline = plan.deadline;
+    ready.parameters.delivery = plan.delivery;
+    ready.parameters.stream_window = plan.stream_window;
+    return ready;
+  }
+  return unexpected{CallError::kPeerRestarted};
+}
+
+expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const Ready& ready,
+                                               const Plan& plan) noexcept {
+  if (outcome.kind == CallOutcome::Kind::kFailed) {
+    if (outcome.error == CallError::kDisconnected && plan.is_idempotent) return {};
+    return unexpected{outcome.error};
+  }
+  if (plan.is_idempotent) return {};
+  // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
+  // long, so it has not seen this call; a restarted one may have run it in its former life.
+  const MonotonicTime begun = ready.channel->call_begun();
+  if (auto again = ready.channel->make_ready(ready.parameters.priority, plan.deadline); !again) {
+    return unexpected{again.error() == CallError::kTimeout ? CallError::kTimeout : outcome.error};
+  }
+  const bool is_same_server = ready.channel->server_epoch() == ready.server_epoch;
+  if (!is_same_server || rt::now() - begun >= wire::kSessionIdleMin) {
+    return unexpected{CallError::kPeerRestarted};
+  }
+  return {};
+}
+
+expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes request) noexcept {
+  for (int round = 0; round < kRoundCountMax; ++round) {
+    const auto ready = make_ready(plan);
+    if (!ready) return unexpected{ready.error()};
+    TakenChannel channel(ready->channel);
+    const CallOutcome outcome = channel->call(ready->parameters, request);
+    if (outcome.kind == CallOutcome::Kind::kReply) {
+      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      return ReplyLease(outcome.payload, channel.keep());
+    }
+    if (auto again = judge(outcome, *ready, plan); !again) return unexpected{again.error()};
+  }
+  return unexpected{CallError::kPeerRestarted};
+}
+
+expected<void, CallError> Binding::Impl::warm_up(std::span<const Priority> priorities,
+                                                 MonotonicTime deadline) noexcept {
+  for (const Priority priority : priorities) {
+    auto taken = endpoint.take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(priority, deadline); !ready) return ready;
+  }
+  return {};
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,144 @@
+#include "pending.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <mutex>
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+constexpr std::size_t kCacheLine = 64;
+
+std::size_t rounded(std::size_t size) noexcept {
+  return (size + kCacheLine - 1) / kCacheLine * kCacheLine;
+}
+
+}  // namespace
+
+PendingPool::PendingPool(std::uint32_t count, std::uint32_t message_size_max,
+                         transport::Poller& bell)
+    : replies_(count * rounded(message_size_max)), calls_(count), bell_(&bell) {
+  const std::size_t room = replies_.bytes().size() / std::max(count, 1U);
+  for (std::size_t i = 0; i < calls_.size(); ++i) {
+    calls_[i].reply =
+        replies_.bytes().subspan(i * room, std::min<std::size_t>(room, message_size_max));
+    calls_[i].items =
+        rt::LazyMemory(PendingCall::kItemCountMax * std::size_t{wire::kStreamFrameSizeMax});
+  }
+}
+
+PendingCall* PendingPool::take() noexcept {
+  const auto found = std::ranges::find_if(
+      calls_, [](const PendingCall& call) { return call.sessions == nullptr; });
+  if (found == calls_.end()) return nullptr;
+  ++open_count_;
+  found->is_awaited.store(true, std::memory_order_relaxed);
+  found->is_ended.store(false, std::memory_order_relaxed);
+  found->written_count.store(0, std::memory_order_relaxed);
+  found->sent_count.store(0, std::memory_order_relaxed);
+  return &*found;
+}
+
+void PendingPool::give_back(PendingCall& call) noexcept {
+  call.sessions = nullptr;
+  --open_count_;
+}
+
+void PendingPool::notify(PendingCall& call) noexcept {
+  if (!call.is_queued.exchange(true, std::memory_order_acq_rel)) {
+    PendingCall* first = ready_.load(std::memory_order_relaxed);
+    do {
+      call.next_ready.store(first, std::memory_order_relaxed);
+      // SYNC POINT pending-ready: what the call has is written before it stands in the list.
+    } while (!ready_.compare_exchange_weak(first, &call, std::memory_order_seq_cst,
+                                           std::memory_order_relaxed));
+  }
+  // SYNC POINT pending-sleep: either the lane sees the list before it sleeps, or it is seen asleep.
+  if (!is_asleep_.load(std::memory_order_seq_cst)) return;
+  const std::lock_guard lock(ringing_);
+  if (bell_ != nullptr) bell_->ring();
+}
+
+bool PendingPool::announce_sleep() noexcept {
+  is_asleep_.store(true, std::memory_order_seq_cst);
+  // SYNC POINT pending-sleep
+  return ready_.load(std::memory_order_seq_cst) == nullptr;
+}
+
+void PendingPool::close() noexcept {
+  const std::lock_guard lock(ringing_);
+  bell_ = nullptr;
+}
+
+std::string_view to_string(StreamError error) noexcept {
+  switch (error) {
+    case StreamError::kFull:
+      return "full";
+    case StreamError::kEnded:
+      return "ended";
+    case StreamError::kTooLarge:
+      break;
+  }
+  return "too large";
+}
+
+UnfinishedCall& UnfinishedCall::operator=(UnfinishedCall&& other) noexcept {
+  std::swap(pool_, other.pool_);
+  std::swap(call_, other.call_);
+  return *this;
+}
+
+UnfinishedCall::~UnfinishedCall() {
+  if (call_ != nullptr) end(wire::Status::kServantFailed, 0);
+}
+
+bool UnfinishedCall::is_awaited() const noexcept {
+  return call_ != nullptr && call_->is_awaited.load(std::memory_order_acquire);
+}
+
+MonotonicTime UnfinishedCall::deadline() const noexcept {
+  return call_ == nullptr ? MonotonicTime{} : call_->request.deadline;
+}
+
+void UnfinishedCall::end(wire::Status status, std::uint32_t size) noexcept {
+  RTPM_ASSERT(call_ != nullptr, "a call is ended once");
+  RTPM_ASSERT(size <= call_->reply.size(), "a reply stays within its buffer");
+  call_->status = status;
+  call_->size = size;
+  call_->is_ended.store(true, std::memory_order_release);
+  pool_->notify(*call_);
+  call_ = nullptr;
+  pool_.reset();
+}
+
+MutableBytes DeferredReply::buffer() noexcept {
+  return call_ == nullptr ? MutableBytes{} : call_->reply;
+}
+
+std::uint32_t ItemWriter::item_size_max() const noexcept {
+  return call_ == nullptr ? 0 : call_->item_size_max;
+}
+
+expected<void, StreamError> ItemWriter::write(ConstBytes item) noexcept {
+  if (!is_awaited()) return unexpected{StreamError::kEnded};
+  if (item.size() > call_->item_size_max) return unexpected{StreamError::kTooLarge};
+  const std::uint32_t written = call_->written_count.load(std::memory_order_relaxed);
+  // SYNC POINT pending-items: the lane is done with an item that it counts as sent, and an item
+  // that is counted as written is whole.
+  if (written - call_->sent_count.load(std::memory_order_acquire) >= PendingCall::kItemCountMax) {
+    return unexpected{StreamError::kFull};
+  }
+  const std::uint32_t place = written % PendingCall::kItemCountMax;
+  if (!item.empty()) {
+    std::memcpy(call_->items.bytes().data() + place * wire::kStreamFrameSizeMax, item.data(),
+                item.size());
+  }
+  call_->item_sizes[place] = static_cast<std::uint32_t>(item.size());
+  call_->written_count.store(written + 1, std::memory_order_release);
+  pool_->notify(*call_);
+  return {};
+}
+
+}  // namespace rtpm::rpc

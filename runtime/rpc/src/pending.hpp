@@ -1,0 +1,92 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/rpc/deferred.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/transport/poller.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+/// A call that its method has not ended. One thread at a time writes (the method's), the lane
+/// reads.
+struct PendingCall {
+  static constexpr std::uint32_t kItemCountMax = wire::kStreamWindow;
+
+  // The lane's own.
+  wire::Request request{};
+  wire::ServerSessions* sessions = nullptr;  ///< Null: free.
+  std::uint32_t item_size_max = 0;
+
+  // Shared.
+  std::atomic<PendingCall*> next_ready{nullptr};
+  std::atomic<bool> is_queued{false};
+  std::atomic<bool> is_awaited{false};
+  std::atomic<bool> is_ended{false};
+  wire::Status status = wire::Status::kOk;  ///< With is_ended.
+  std::uint32_t size = 0;
+  MutableBytes reply{};
+  rt::LazyMemory items{};
+  std::array<std::uint32_t, kItemCountMax> item_sizes{};
+  std::atomic<std::uint32_t> written_count{0};
+  std::atomic<std::uint32_t> sent_count{0};
+};
+
+/// The unfinished calls of one lane, a bounded number, and the list of those that have something
+/// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end. Threads:
+/// take(), give_back(), next_ready(), sleep(), wake() and close() on the lane's thread; notify() on
+/// any.   RT: alloc-free but for construction.
+class PendingPool {
+ public:
+  PendingPool(std::uint32_t count, std::uint32_t message_size_max, transport::Poller& bell);
+
+  /// A free place, or null.
+  [[nodiscard]] PendingCall* take() noexcept;
+  void give_back(PendingCall& call) noexcept;
+  [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
+    return static_cast<std::uint32_t>(&call - calls_.data()) + 1;
+  }
+  [[nodiscard]] PendingCall& tagged(std::uint32_t tag) noexcept { return calls_[tag - 1]; }
+  [[nodiscard]] std::uint32_t open_count() const noexcept { return open_count_; }
+  /// Every call that is not free.
+  template <class Visitor>
+  void for_each_open(Visitor visit) noexcept {
+    for (PendingCall& call : calls_) {
+      if (call.sessions != nullptr) visit(call);
+    }
+  }
+
+  /// The call has items, or ended: the lane shall look.
+  void notify(PendingCall& call) noexcept;
+  [[nodiscard]] bool has_ready() const noexcept {
+    return ready_.load(std::memory_order_relaxed) != nullptr;
+  }
+  /// All calls that were notified, linked by next_ready, the last notified first; or null.
+  [[nodiscard]] PendingCall* take_ready() noexcept {
+    return ready_.exchange(nullptr, std::memory_order_acquire);
+  }
+
+  /// From here on until wake() a notify() rings; false if one came before.
+  [[nodiscard]] bool announce_sleep() noexcept;
+  void end_sleep() noexcept { is_asleep_.store(false, std::memory_order_relaxed); }
+  /// The lane ends: nobody rings any more.
+  void close() noexcept;
+
+ private:
+  rt::LazyMemory replies_;
+  std::vector<PendingCall> calls_;
+  std::uint32_t open_count_ = 0;
+  std::atomic<PendingCall*> ready_{nullptr};
+  std::atomic<bool> is_asleep_{false};
+  rt::PiMutex ringing_;
+  transport::Poller* bell_;
+};
+
+}  // namespace rtpm::rpc

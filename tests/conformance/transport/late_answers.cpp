@@ -1,0 +1,361 @@
+#include <atomic>
+#include <deque>
+#include <mutex>
+#include <thread>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "suite.hpp"
+
+// Calls that are answered later, with many items, before they run, or not at all.
+namespace rtpm::rpc::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
+constexpr MethodDescriptor kCount{2, "count", 202, false, {}};
+constexpr MethodDescriptor kNote{3, "note", 203, false, {}};
+constexpr std::array kMethods{kLater, kCount, kNote};
+constexpr InterfaceDescriptor kInterface{"test.Late", 4712, "by hand", kMethods};
+
+/// Answers when the test does.
+class LateServant final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return kInterface; }
+
+  DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes,
+                          const CallContext& context) override {
+    const std::lock_guard lock(mutex_);
+    const rt::AllowAllocationScope is_allowed;
+    if (method_id == kNote.id) {
+      notes_.emplace_back(reinterpret_cast<const char*>(request.data()), request.size());
+      return {};
+    }
+    if (method_id == kLater.id) {
+      DeferredReply reply = context.deferral->defer();
+      if (!reply) return {wire::Status::kOverload, 0};
+      replies_.push_back(std::move(reply));
+      return {};
+    }
+    ItemWriter writer = context.deferral->stream();
+    if (!writer) return {wire::Status::kOverload, 0};
+    writers_.push_back(std::move(writer));
+    return {};
+  }
+
+  /// The oldest call that was deferred, once there is one.
+  [[nodiscard]] DeferredReply reply() { return take(replies_); }
+  [[nodiscard]] ItemWriter writer() { return take(writers_); }
+  [[nodiscard]] std::vector<std::string> notes() {
+    const std::lock_guard lock(mutex_);
+    return notes_;
+  }
+
+ private:
+  template <class T>
+  T take(std::deque<T>& from) {
+    T first;
+    EXPECT_TRUE(await([&] {
+      const std::lock_guard lock(mutex_);
+      if (from.empty()) return false;
+      first = std::move(from.front());
+      from.pop_front();
+      return true;
+    }));
+    return first;
+  }
+
+  std::mutex mutex_;
+  std::deque<DeferredReply> replies_;
+  std::deque<ItemWriter> writers_;
+  std::vector<std::string> notes_;
+};
+
+class LateAnswers : public TransportSuite {
+ protected:
+  explicit LateAnswers(ServerConfig config = quiet_config()) {
+    auto created = Server::create(std::move(config));
+    EXPECT_TRUE(created) << created.error().text;
+    server_ = std::move(*created);
+    EXPECT_TRUE(server_->add("late", servant_));
+    EXPECT_TRUE(server_->start());
+    auto bound =
+        Binding::bind(node_, server_->url("late"), kInterface, {.deadline = rtpm::test::kPatience});
+    EXPECT_TRUE(bound) << bound.error().text;
+    binding_.emplace(std::move(*bound));
+  }
+
+  [[nodiscard]] static MonotonicTime soon() { return rt::now() + rtpm::test::kPatience; }
+  static void answer(DeferredReply reply, std::string_view text) {
+    ASSERT_TRUE(reply);
+    const MutableBytes room = reply.buffer();
+    ASSERT_GE(room.size(), text.size());
+    std::ranges::copy(bytes_of(text), room.begin());
+    reply.complete(wire::Status::kOk, static_cast<std::uint32_t>(text.size()));
+  }
+  static void write(ItemWriter& writer, std::string_view text) {
+    expected<void, StreamError> written;
+    // What the caller has not taken yet stands in the way for a while.
+    EXPECT_TRUE(await([&] {
+      written = writer.write(bytes_of(text));
+      return written || written.error() != StreamError::kFull;
+    }));
+    EXPECT_TRUE(written);
+  }
+  [[nodiscard]] static std::string text_of_next(ItemReader& reader) {
+    const auto item = reader.next(soon());
+    if (!item) return std::string(to_string(item.error()));
+    if (!*item) return "(end)";
+    return {reinterpret_cast<const char*>((*item)->data()), (*item)->size()};
+  }
+
+  LateServant servant_;
+  std::unique_ptr<Server> server_;
+  Node node_{node_config()};
+  std::optional<Binding> binding_;
+};
+
+TEST_P(LateAnswers, ComeFromAnotherThread) {
+  std::thread worker([&] { answer(servant_.reply(), "done"); });
+  const auto reply = binding_->call(kLater, bytes_of("x"));
+  worker.join();
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), "done");
+  EXPECT_EQ(server_->counters().deferred_count, 1u);
+}
+
+TEST_P(LateAnswers, LetTheLaneServeOthersMeanwhile) {
+  auto first = binding_->begin(kLater, bytes_of("1"));
+  ASSERT_TRUE(first);
+  DeferredReply held = servant_.reply();
+  EXPECT_TRUE(binding_->call(kNote, bytes_of("meanwhile")));
+  EXPECT_FALSE(first->is_done());
+  answer(std::move(held), "at last");
+  const auto reply = first->take();
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), "at last");
+}
+
+TEST_P(LateAnswers, GoToTheirOwnCallersInAnyOrder) {
+  auto first = binding_->begin(kLater, bytes_of("1"));
+  ASSERT_TRUE(first);
+  DeferredReply first_reply = servant_.reply();
+  auto second = binding_->begin(kLater, bytes_of("2"));
+  ASSERT_TRUE(second);
+  answer(servant_.reply(), "second");
+  EXPECT_EQ(text_of(*second->take()), "second");
+  answer(std::move(first_reply), "first");
+  EXPECT_EQ(text_of(*first->take()), "first");
+}
+
+TEST_P(LateAnswers, MayBeLarge) {
+  const std::string large(1 << 20, 'q');
+  std::thread worker([&] { answer(servant_.reply(), large); });
+  const auto reply = binding_->call(kLater, {});
+  worker.join();
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), large);
+}
+
+TEST_P(LateAnswers, AreFailuresIfNobodyGivesThem) {
+  std::thread worker([&] { static_cast<void>(servant_.reply()); });
+  expect_error(binding_->call(kLater, {}), CallError::kServantFailed);
+  worker.join();
+}
+
+TEST_P(LateAnswers, AreRefusedWhereTooManyAreHeld) {
+  std::vector<PendingReply> pending;
+  std::vector<DeferredReply> held;
+  const std::uint32_t count = ServerConfig{}.deferred_call_count_max;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    auto begun = binding_->begin(kLater, {});
+    ASSERT_TRUE(begun) << to_string(begun.error());
+    pending.push_back(std::move(*begun));
+    held.push_back(servant_.reply());
+  }
+  expect_error(binding_->call(kLater, {}), CallError::kOverload);
+  answer(std::move(held.back()), "room again");
+  EXPECT_EQ(text_of(*pending.back().take()), "room again");
+  EXPECT_TRUE(binding_->begin(kLater, {}));
+}
+
+TEST_P(LateAnswers, TellTheServantThatItsCallerCancelled) {
+  auto call = binding_->begin(kLater, {});
+  ASSERT_TRUE(call);
+  DeferredReply held = servant_.reply();
+  EXPECT_TRUE(held.is_awaited());
+  call->cancel();
+  expect_error(call->take(), CallError::kCancelled);
+  EXPECT_TRUE(await([&] { return !held.is_awaited(); }));
+  answer(std::move(held), "in vain");
+  EXPECT_TRUE(binding_->call(kNote, {})) << "nothing is disturbed by it";
+}
+
+TEST_P(LateAnswers, EndWithTheServer) {
+  auto call = binding_->begin(kLater, {});
+  ASSERT_TRUE(call);
+  DeferredReply held = servant_.reply();
+  server_->stop();
+  EXPECT_FALSE(held.is_awaited());
+  expect_error(call->take(), CallError::kStopped);
+  server_.reset();
+  // The servant may be slower than the server's end.
+  answer(std::move(held), "too late");
+}
+
+TEST_P(LateAnswers, TimeOutLikeAnyOther) {
+  expect_error(binding_->call(kLater, {}, {.deadline = 20ms}), CallError::kTimeout);
+  answer(servant_.reply(), "late");
+  EXPECT_TRUE(binding_->call(kNote, {}));
+}
+
+// --- oneways -------------------------------------------------------------------------------------
+
+TEST_P(LateAnswers, OnewaysRunInOrderWithoutBeingWaitedFor) {
+  for (const char* text : {"a", "b", "c"}) {
+    ASSERT_TRUE(binding_->send(kNote, bytes_of(text), wire::Delivery::kSent));
+  }
+  EXPECT_TRUE(await([&] { return servant_.notes().size() == 3; }));
+  EXPECT_EQ(servant_.notes(), (std::vector<std::string>{"a", "b", "c"}));
+}
+
+TEST_P(LateAnswers, OnewaysAreConfirmedBeforeTheyEnd) {
+  // The method ends only later, and its caller does not wait for it.
+  ASSERT_TRUE(binding_->send(kLater, {}, wire::Delivery::kReceipt));
+  answer(servant_.reply(), "nobody gets this");
+  EXPECT_TRUE(binding_->call(kNote, {}));
+}
+
+TEST_P(LateAnswers, OnewaysThatRunHaveRun) {
+  ASSERT_TRUE(binding_->send(kNote, bytes_of("ran"), wire::Delivery::kReply));
+  EXPECT_EQ(servant_.notes(), std::vector<std::string>{"ran"});
+}
+
+TEST_P(LateAnswers, LargeOnewaysAreConfirmedAtLeast) {
+  const std::string large(200'000, 'l');
+  ASSERT_TRUE(binding_->send(kNote, bytes_of(large), wire::Delivery::kSent));
+  EXPECT_TRUE(await([&] { return servant_.notes().size() == 1; }));
+  EXPECT_EQ(servant_.notes().front(), large);
+}
+
+// --- streams -------------------------------------------------------------------------------------
+
+TEST_P(LateAnswers, StreamsBringEveryItemInOrder) {
+  constexpr int kItemCount = 2000;
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader) << to_string(reader.error());
+  std::thread producer([&] {
+    ItemWriter writer = servant_.writer();
+    for (int i = 0; i < kItemCount; ++i)
+      write(writer, std::to_string(i));
+    writer.finish();
+  });
+  for (int i = 0; i < kItemCount; ++i) {
+    const std::string text = text_of_next(*reader);
+    if (text == std::to_string(i)) continue;
+    ADD_FAILURE() << "item " << i << " is " << text;
+    break;
+  }
+  EXPECT_EQ(text_of_next(*reader), "(end)");
+  EXPECT_FALSE(reader->is_open());
+  producer.join();
+}
+
+TEST_P(LateAnswers, StreamsGoNoFasterThanTheyAreTaken) {
+  constexpr std::uint32_t kWindow = 4;
+  auto reader = binding_->open_stream(kCount, {}, {.window = kWindow});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  std::uint32_t count = 0;
+  // The writer's own buffer, and what may be on its way.
+  while (writer.write(bytes_of("x")))
+    ++count;
+  EXPECT_GE(count, 32u);
+  EXPECT_LE(count, 32u + kWindow);
+  EXPECT_EQ(writer.write(bytes_of("x")).error(), StreamError::kFull);
+  EXPECT_EQ(text_of_next(*reader), "x");
+  EXPECT_TRUE(await([&] {
+    // Items are asked for when half of the window has been taken.
+    EXPECT_EQ(text_of_next(*reader), "x");
+    return writer.write(bytes_of("y")).has_value();
+  }));
+  writer.finish();
+}
+
+TEST_P(LateAnswers, StreamsEndForTheWriterWhenTheirReaderGoes) {
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  write(writer, "first");
+  EXPECT_EQ(text_of_next(*reader), "first");
+  reader->cancel();
+  EXPECT_TRUE(await([&] { return !writer.is_awaited(); }));
+  EXPECT_EQ(writer.write(bytes_of("more")).error(), StreamError::kEnded);
+  EXPECT_TRUE(binding_->call(kNote, {})) << "the channel serves other calls again";
+}
+
+TEST_P(LateAnswers, StreamsEndWithTheServantsWord) {
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  write(writer, "one");
+  writer.finish(wire::Status::kGone);
+  EXPECT_EQ(text_of_next(*reader), "one");
+  EXPECT_EQ(text_of_next(*reader), to_string(CallError::kNoSuchObject));
+}
+
+TEST_P(LateAnswers, StreamsEndWithTheServer) {
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  server_->stop();
+  EXPECT_FALSE(writer.is_awaited());
+  EXPECT_EQ(text_of_next(*reader), to_string(CallError::kStopped));
+}
+
+TEST_P(LateAnswers, StreamsLetTheirReaderDoOtherThings) {
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  EXPECT_EQ(reader->next(rt::now() + 1ms).error(), CallError::kTimeout);
+  EXPECT_TRUE(reader->is_open()) << "there is none yet, that is all";
+  write(writer, "now");
+  EXPECT_EQ(text_of_next(*reader), "now");
+}
+
+TEST_P(LateAnswers, StreamsAreRefusedWhereTooManyRun) {
+  std::vector<ItemReader> readers;
+  std::vector<ItemWriter> writers;
+  for (std::uint32_t i = 0; i < ServerConfig{}.stream_count_max; ++i) {
+    auto reader = binding_->open_stream(kCount, {});
+    ASSERT_TRUE(reader) << to_string(reader.error());
+    readers.push_back(std::move(*reader));
+    writers.push_back(servant_.writer());
+  }
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  EXPECT_EQ(text_of_next(*reader), to_string(CallError::kOverload));
+}
+
+TEST_P(LateAnswers, StreamsHaveALargestItem) {
+  auto reader = binding_->open_stream(kCount, {});
+  ASSERT_TRUE(reader);
+  ItemWriter writer = servant_.writer();
+  EXPECT_EQ(writer.item_size_max(), frame_payload_max());
+  const std::string largest(frame_payload_max(), 'm');
+  write(writer, largest);
+  EXPECT_EQ(text_of_next(*reader), largest);
+  EXPECT_EQ(writer.write(bytes_of(largest + "m")).error(), StreamError::kTooLarge);
+}
+
+TEST_P(LateAnswers, AreRefusedAStreamWhereNoneIsWanted) {
+  expect_error(binding_->call(kCount, {}), CallError::kOverload);
+}
+
+INSTANTIATE_TEST_SUITE_P(Udp, LateAnswers, testing::Values(Transport::kUdp));
+INSTANTIATE_TEST_SUITE_P(Tcp, LateAnswers, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SharedMemory, LateAnswers, testing::Values(Transport::kSharedMemory));
+
+}  // namespace
+}  // namespace rtpm::rpc::test
