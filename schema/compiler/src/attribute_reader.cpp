@@ -33,7 +33,9 @@ bool AttributeReader::is_first(const AttributeUse& use, std::set<std::string>& s
 }
 
 void AttributeReader::report_value(const AttributeUse& use, const std::string& hint) const {
-  report(use.value_at, "`" + use.value.value_or("") + "` is no value for `" + use.name + "`", hint);
+  std::string message = "`";
+  message.append(use.value.value_or("")).append("` is no value for `").append(use.name);
+  report(use.value_at, message + '`', hint);
 }
 
 std::optional<AttributeReader::Value> AttributeReader::read(const AttributeUse& use,

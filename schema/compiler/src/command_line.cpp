@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <filesystem>
 #include <optional>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "rtpm/schema/back_end.hpp"
@@ -27,6 +29,7 @@ flatc --cpp --scoped-enums --gen-object-api. In CMake, rtpm_generate() calls bot
   --conform OLD   compare with the older schema OLD: clients built from it must work with servers
                   built from SCHEMA. Every change is told; generating stops where one breaks that
   --strict        servers built from OLD must also work with clients built from SCHEMA
+  --print-idl-folder  print where RTPM's own schemas are, for -I
   --help          show this text
   --version       show the version
 
@@ -44,6 +47,18 @@ std::string help() {
   return text.replace(text.find('@'), 1, languages);
 }
 
+/// Where RTPM's own schemas are: beside an installed rtpmc, else in the tree that it was built
+/// from.
+std::string idl_folder() {
+  std::error_code error;
+  const auto program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const auto installed = (program.parent_path() / "../share/rtpm/idl").lexically_normal();
+  for (const std::filesystem::path& folder : {installed, std::filesystem::path(RTPM_IDL_FOLDER)}) {
+    if (std::filesystem::exists(folder / "rtpm.fbs", error)) return folder.string();
+  }
+  return {};
+}
+
 class Reader {
  public:
   explicit Reader(std::span<const char* const> arguments) : arguments_(arguments) {}
@@ -57,6 +72,7 @@ class Reader {
       const std::string_view argument = arguments_[at_++];
       if (argument == "--help" || argument == "-h") return Answer{help()};
       if (argument == "--version") return Answer{"rtpmc " + version + '\n'};
+      if (argument == "--print-idl-folder") return print_idl_folder();
       if (auto error = take(argument)) return *std::move(error);
     }
     if (auto error = check()) return *std::move(error);
@@ -119,6 +135,14 @@ class Reader {
     }
     command_.schema = argument;
     return std::nullopt;
+  }
+
+  static std::variant<Command, UsageError, Answer> print_idl_folder() {
+    const std::string folder = idl_folder();
+    if (!folder.empty()) return Answer{folder + '\n'};
+    return UsageError{
+        "RTPM's own schemas are not where they were when rtpmc was built, nor "
+        "beside it: name their folder with -I"};
   }
 
   std::optional<UsageError> add_language(std::string_view name) {

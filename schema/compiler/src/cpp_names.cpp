@@ -95,7 +95,7 @@ std::string function(const Function& function, std::string_view indent) {
   const std::string deeper = margin + "    ";
   std::string parameters;
   for (const std::string& parameter : function.parameters) {
-    parameters += (parameters.empty() ? "" : ", ") + parameter;
+    parameters.append(parameters.empty() ? "" : ", ").append(parameter);
   }
   std::string text = margin + function.lead + function.result;
   const std::string rest = function.name + '(' + parameters + ')' + function.tail + '\n';

@@ -92,7 +92,7 @@ std::string dependency_text(const std::vector<std::string>& targets,
                             const std::vector<std::string>& sources) {
   std::string text;
   for (const std::string& target : targets) {
-    text += (text.empty() ? "" : " ") + escaped_for_make(target);
+    text.append(text.empty() ? "" : " ").append(escaped_for_make(target));
   }
   text += ':';
   for (const std::string& source : sources)

@@ -148,6 +148,9 @@ TEST(Rtpmc, HelpAndVersionAnswer) {
   const Outcome help = run(folder, "--help");
   EXPECT_EQ(help.exit_code, 0);
   EXPECT_TRUE(help.output.starts_with("usage: rtpmc")) << help.output;
+  const Outcome idl = run(folder, "--print-idl-folder");
+  EXPECT_EQ(idl.exit_code, 0);
+  EXPECT_TRUE(fs::exists(fs::path(idl.output.substr(0, idl.output.find('\n'))) / "rtpm.fbs"));
   const Outcome version = run(folder, "--version");
   EXPECT_EQ(version.exit_code, 0);
   EXPECT_EQ(version.output, std::string("rtpmc ") + RTPM_VERSION + '\n');
