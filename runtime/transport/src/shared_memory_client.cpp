@@ -74,8 +74,9 @@ class SharedMemoryLink final : public Link {
 int connect_by(int socket, const sockaddr_un& native, unsigned size,
                MonotonicTime deadline) noexcept {
   // A blocking connect waits while the server's queue is full, for as long as a send may wait.
-  const auto left = std::max<std::int64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(deadline - rt::now()).count(), 1);
+  const MonotonicTime now = rt::now();
+  const Duration patience_left = std::max(deadline, now + std::chrono::microseconds{1}) - now;
+  const auto left = std::chrono::duration_cast<std::chrono::microseconds>(patience_left).count();
   const timeval patience{.tv_sec = left / 1'000'000, .tv_usec = left % 1'000'000};
   setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
   return connect(socket, reinterpret_cast<const sockaddr*>(&native), size) == 0 ? 0 : errno;

@@ -7,7 +7,6 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <array>
 
 #include "rtpm/rt/clock.hpp"
@@ -65,7 +64,9 @@ namespace {
 bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   pollfd entry{descriptor, events, 0};
   if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
-  const Duration left = std::max(until - rt::now(), Duration{0});
+  // A time long past may be so far away that no difference can be told.
+  const MonotonicTime now = rt::now();
+  const Duration left = until > now ? until - now : Duration{0};
   timespec timeout{};
   timeout.tv_sec = left.count() / 1'000'000'000;
   timeout.tv_nsec = left.count() % 1'000'000'000;
