@@ -10,6 +10,11 @@ Duration RoundTrip::interval() const noexcept {
                               kRetransmitIntervalMax);
 }
 
+void RoundTrip::back_off(Duration wait) noexcept {
+  backed_off_ = was_repeated_ ? wait : Duration{0};
+  was_repeated_ = wait > Duration{0};
+}
+
 Duration RoundTrip::first_interval() const noexcept {
   return std::max(interval(), backed_off_);
 }
@@ -55,8 +60,10 @@ void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {
 
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
-  path_->back_off(repeat_count_ > 0 ? current_ : Duration{0});
-  if (repeat_count_ == 0 && is_measured_) path_->add(now - sent_);
+  const Duration took = std::max(now - sent_, Duration{1});
+  // A quarter more than it took at most, so that a round trip that stays like that is measured.
+  path_->back_off(repeat_count_ > 0 ? std::min<Duration>(current_, took + took / 4) : Duration{0});
+  if (repeat_count_ == 0 && is_measured_) path_->add(took);
 }
 
 }  // namespace rtpm::wire

@@ -109,7 +109,7 @@ TEST(RetransmitTimer, DoesNotMeasureARepeatedCall) {
   EXPECT_EQ(path.smoothed(), Duration{2ms});
 }
 
-// Karn's second half, RFC 6298, 5.5 to 5.7: the doubled wait holds for the next call, until one is
+// Karn's second half, RFC 6298, 5.5 to 5.7: a doubled wait holds for the next call, until one is
 // answered unrepeated. Without it, a round trip that grew beyond the wait would never be measured
 // again, and every call would be repeated for ever.
 TEST(RetransmitTimer, LearnsARoundTripThatGrew) {
@@ -129,17 +129,47 @@ TEST(RetransmitTimer, LearnsARoundTripThatGrew) {
   EXPECT_NEAR(static_cast<double>(path.smoothed().count()), 20e6, 1e6);
 }
 
+/// A call that is repeated until its answer comes, `took` after its first copy.
+void repeat_until(RetransmitTimer& timer, Duration took) {
+  timer.begin(at(0s));
+  while (timer.due() < at(took))
+    timer.repeat(timer.due());
+  timer.end(at(took));
+}
+
 TEST(RetransmitTimer, ForgetsTheDoubledWaitOnceACallIsAnsweredAtOnce) {
   RoundTrip path;
   RetransmitTimer timer(path);
   measure(timer, 2ms, 100);
   const Duration usual = first_wait(timer);
-  timer.repeat(timer.due());
-  timer.repeat(timer.due());
-  timer.end(at(30ms));
+  timer.end(at(2ms));
+  repeat_until(timer, 30ms);
+  repeat_until(timer, 30ms);
   EXPECT_GT(first_wait(timer), usual);
   timer.end(at(2ms));
   EXPECT_LE(first_wait(timer), usual);
+}
+
+// On a link that loses packets now and then, calls with a short deadline need their repetitions
+// soon: after each loss the next call begins anew.
+TEST(RetransmitTimer, DoesNotWaitLongerAfterOneLoss) {
+  RoundTrip path;
+  RetransmitTimer timer(path);
+  measure(timer, 100us, 100);
+  const Duration usual = first_wait(timer);
+  timer.end(at(100us));
+  repeat_until(timer, 8ms);
+  EXPECT_EQ(first_wait(timer), usual);
+}
+
+// The answer came so long after the first copy at most, whichever it answers.
+TEST(RetransmitTimer, DoesNotWaitMuchLongerThanTheLastCallTook) {
+  RoundTrip path;
+  RetransmitTimer timer(path);
+  measure(timer, 100us, 100);
+  repeat_until(timer, 520us);
+  repeat_until(timer, 520us);
+  EXPECT_EQ(first_wait(timer), Duration{650us});
 }
 
 TEST(RetransmitTimer, SurvivesAClockThatStandsStill) {

@@ -11,10 +11,11 @@ class RoundTrip {
  public:
   /// A call that was sent once, and its answer, took so long.
   void add(Duration sample) noexcept;
-  /// A call that was repeated ended after such a wait, which holds for the next call, too; 0: a
-  /// call that was not repeated ended. Without this a round trip that grew beyond the wait would
-  /// never be measured again: each call would be repeated, so none would count.
-  void back_off(Duration wait) noexcept { backed_off_ = wait; }
+  /// A call that was repeated ended after such a wait; 0: a call that was not repeated ended. Where
+  /// two in a row were repeated, the wait holds for the next call, too: else a round trip that grew
+  /// beyond the wait would never be measured again, as each call would be repeated, so none would
+  /// count. One alone tells of a loss, for which the next call is not to wait longer.
+  void back_off(Duration wait) noexcept;
 
   /// How long to wait for an answer.
   [[nodiscard]] Duration interval() const noexcept;
@@ -27,6 +28,7 @@ class RoundTrip {
   Duration smoothed_{0};
   Duration deviation_{0};
   Duration backed_off_{0};
+  bool was_repeated_ = false;  ///< The call that ended last.
 };
 
 /// Decides when one call is repeated: after the round trip's mean and deviation, doubled with each
@@ -46,7 +48,7 @@ class RetransmitTimer {
   /// It is not repeated before so long from now; what was doubled is forgotten.
   void wait(MonotonicTime now, Duration wait) noexcept;
   /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
-  /// which copy was answered (Karn's rule); the doubled wait then holds for the next call, too.
+  /// which copy was answered (Karn's rule), but that the round trip was no longer than all of it.
   void end(MonotonicTime now) noexcept;
 
   /// When to repeat.
