@@ -147,7 +147,7 @@ ClientChannel::Call* ClientChannel::find(const Header& header) noexcept {
 }
 
 void ClientChannel::end_call(Call& call) noexcept {
-  call.is_open = false;
+  call.is_open = call.is_ended = false;
   call.request.clear();
   call.items.clear();
 }

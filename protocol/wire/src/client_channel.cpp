@@ -31,8 +31,10 @@ void ClientChannel::reset() noexcept {
 }
 
 void ClientChannel::end_all() noexcept {
-  for (Call& call : calls_)
-    end_call(call);
+  for (Call& call : calls_) {
+    // Of a stream that ended well the items are here, and still to be taken.
+    if (!call.is_ended) end_call(call);
+  }
 }
 
 ConstBytes ClientChannel::open(Priority priority, MonotonicTime deadline,
@@ -191,7 +193,7 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
     return {.kind = ChannelEvent::Kind::kRefused, .status = header.status};
   }
   const auto refused = std::ranges::find_if(calls_, [&](const Call& call) {
-    return call.is_open && call.header.call_id == header.call_id;
+    return call.is_open && !call.is_ended && call.header.call_id == header.call_id;
   });
   if (!is_ready_ || header.session != session_) return drop(DropReason::kUnexpected);
   if (header.status == Status::kUnknownSession) {
@@ -203,8 +205,8 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
       return {.kind = ChannelEvent::Kind::kLost, .call = index, .status = header.status};
     }
     // It is about a oneway, or a call that is over. What is open now finds out by itself.
-    const bool is_idle =
-        std::ranges::none_of(calls_, [](const Call& call) { return call.is_open; });
+    const bool is_idle = std::ranges::none_of(
+        calls_, [](const Call& call) { return call.is_open && !call.is_ended; });
     if (is_idle) is_ready_ = false;
   }
   if (refused == calls_.end()) return drop(DropReason::kUnexpected);

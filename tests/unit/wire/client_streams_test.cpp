@@ -276,6 +276,34 @@ TEST_F(ClientStreams, EndWithARefusal) {
             Kind::kLost);
 }
 
+// The last CREDIT may meet a server that has forgotten the stream, or all of the session.
+TEST_F(ClientStreams, EndOnce) {
+  for (const Status status : {Status::kExpired, Status::kUnknownSession}) {
+    make_ready(at(0s));
+    begin(8);
+    static_cast<void>(item(0, at(1ms)));
+    ASSERT_EQ(end(1, at(2ms)).kind, Kind::kReply);
+    EXPECT_EQ(channel_.on_frame(refuse_frame(call_, status), at(3ms)).kind, Kind::kNothing);
+    EXPECT_EQ(drain(0), 1u) << "what came is still there";
+  }
+  EXPECT_FALSE(channel_.is_ready()) << "the next call makes a handshake";
+}
+
+TEST_F(ClientStreams, KeepTheItemsOfAStreamThatEndedThroughTheEndOfTheSession) {
+  for (const int end_of_session : {0, 1, 2}) {
+    make_ready(at(0s));
+    begin(8);
+    static_cast<void>(item(0, at(1ms)));
+    static_cast<void>(item(1, at(1ms)));
+    ASSERT_EQ(end(2, at(2ms)).kind, Kind::kReply);
+    if (end_of_session == 0) static_cast<void>(channel_.close(at(3ms)));
+    if (end_of_session == 1) channel_.reset();
+    if (end_of_session == 2) make_ready(at(3ms));
+    EXPECT_EQ(drain(0), 2u);
+    EXPECT_FALSE(channel_.is_open(index_));
+  }
+}
+
 TEST_F(ClientStreams, TakeNoReplyThatContradictsTheirItems) {
   begin(4);
   static_cast<void>(item(0, at(1ms)));

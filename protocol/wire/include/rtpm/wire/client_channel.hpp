@@ -89,7 +89,7 @@ class ClientChannel {
   ClientChannel& operator=(const ClientChannel&) = delete;
 
   /// Begins a handshake for the band of `priority`; gives the frame to send. Calls that are open
-  /// are over.
+  /// are over, but the items of streams that had ended can still be taken.
   [[nodiscard]] ConstBytes open(Priority priority, MonotonicTime deadline,
                                 MonotonicTime now) noexcept;
   /// Whether one more call can begin now.
