@@ -6,8 +6,10 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/control.hpp"
+#include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/handshake.hpp"
 #include "rtpm/wire/header.hpp"
+#include "rtpm/wire/stream.hpp"
 
 using namespace rtpm;
 
@@ -32,6 +34,16 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     for (std::uint16_t i = 0; i < reply->method_count; ++i) {
       static_cast<void>(wire::method_entry(bytes, i));
     }
+  }
+  if (const auto ack = wire::decode_ack(bytes)) {
+    std::array<std::byte, wire::FragmentAck::kSize> again{};
+    wire::encode(*ack, again);
+    RTPM_ASSERT(std::ranges::equal(again, bytes), "ACK round-trips");
+  }
+  if (const auto credit = wire::decode_credit(bytes)) {
+    std::array<std::byte, wire::StreamCredit::kSize> again{};
+    wire::encode(*credit, again);
+    RTPM_ASSERT(std::ranges::equal(again, bytes), "CREDIT round-trips");
   }
   static_cast<void>(wire::decode_bind_request(bytes));
   return 0;

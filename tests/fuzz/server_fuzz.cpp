@@ -1,6 +1,7 @@
-// A server's sessions under any frames from three peers: raw bytes, and well-formed handshakes and
-// calls whose fields the input chooses. It never sends more to an unproven address than came from
-// it, runs no call twice, and keeps within its tables.
+// A server's sessions under any frames from three peers: raw bytes, and well-formed handshakes,
+// calls, streams and cancels whose fields the input chooses; its methods end at once or later, in
+// any order. It never sends more to an unproven address than came from it, runs no call twice,
+// answers nobody who is not there any more, and keeps within its tables.
 
 #include <algorithm>
 #include <array>
@@ -8,6 +9,7 @@
 #include <map>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
@@ -20,10 +22,18 @@ namespace {
 
 constexpr std::uint32_t kSessionCountMax = 2;
 constexpr std::uint32_t kLarge = 8192;
+constexpr std::size_t kRunningMax = 12;
+
+/// The flags of a CALL that the input chooses.
+std::uint16_t flags_of(std::uint8_t choice) {
+  return choice % 16;
+}
 
 class World {
  public:
-  explicit World(Medium medium) : sessions_(config(medium, bulk_)) {}
+  explicit World(Medium medium)
+      : stream_memory_(2 * stream_room_size(medium)),
+        sessions_(config(medium, bulk_, stream_memory_)) {}
 
   void feed(ConstBytes frame, const PeerAddress& peer, std::uint8_t how_it_ends) {
     const Verdict verdict = sessions_.on_frame(frame, peer, now_);
@@ -33,15 +43,71 @@ class World {
       RTPM_ASSERT(run_.insert({request.header.session, request.header.call_id}).second,
                   "no call runs twice");
       RTPM_ASSERT(request.deadline > now_, "no expired call runs");
-      const MutableBytes room = sessions_.reply_buffer(request);
-      // At times more than a frame.
-      const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
-      const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
-      std::ranges::fill(room.first(size), std::byte{how_it_ends});
-      answer = sessions_.complete(request, Status::kOk, size, now_);
+      if (request.wants_receipt()) {
+        send(sessions_.accept(request, static_cast<Status>(how_it_ends % 2), now_), frame, peer);
+      }
+      if (how_it_ends % 4 == 3 && running_.size() < kRunningMax) {
+        sessions_.set_tag(request, ++tag_);
+        running_[tag_] = request;
+      } else {
+        answer = complete(request, how_it_ends);
+      }
     }
+    RTPM_ASSERT(verdict.credit_tag == 0 || running_.contains(verdict.credit_tag),
+                "credit is told of what runs");
+    send(answer, frame, peer);
+    hear_of_cancels();
+  }
+
+  void send(ConstBytes answer, ConstBytes frame, const PeerAddress& peer) {
     for (; !answer.empty(); answer = sessions_.next_frame(now_))
       check_answer(answer, frame, peer);
+  }
+
+  ConstBytes complete(const Request& request, std::uint8_t how_it_ends) {
+    const MutableBytes room = sessions_.reply_buffer(request);
+    // At times more than a frame.
+    const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
+    const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
+    std::ranges::fill(room.first(size), std::byte{how_it_ends});
+    const bool is_there = sessions_.peer_of(request).has_value();
+    const ConstBytes answer = sessions_.complete(request, static_cast<Status>(how_it_ends % 18),
+                                                 request.wants_stream() ? 0 : size, now_);
+    RTPM_ASSERT(is_there || answer.empty(), "who is gone is not answered");
+    const bool is_silent = (request.header.flags & (kFlagNoReply | kFlagReplyOnReceipt)) != 0;
+    RTPM_ASSERT(!is_silent || answer.empty(), "a oneway is not answered when it ran");
+    return answer;
+  }
+
+  /// One of those that run ends, or gives an item.
+  void go_on(std::uint8_t which, std::uint8_t how) {
+    if (running_.empty()) return;
+    const auto one =
+        std::next(running_.begin(), static_cast<std::ptrdiff_t>(which % running_.size()));
+    const Request request = one->second;
+    const auto peer = sessions_.peer_of(request);
+    ConstBytes answer;
+    if (how % 2 == 0 && request.wants_stream()) {
+      const MutableBytes room = sessions_.item_buffer(request);
+      if (room.empty()) return;
+      RTPM_ASSERT(peer.has_value(), "items go to somebody");
+      const std::size_t size = std::min<std::size_t>(room.size(), how * 7U);
+      std::ranges::fill(room.first(size), std::byte{how});
+      answer = sessions_.push_item(request, static_cast<std::uint32_t>(size), now_);
+    } else {
+      running_.erase(one);
+      answer = complete(request, how);
+    }
+    send(answer, {}, peer.value_or(PeerAddress{}));
+  }
+
+  void hear_of_cancels() {
+    for (std::uint32_t tag = sessions_.next_cancelled(); tag != 0;
+         tag = sessions_.next_cancelled()) {
+      RTPM_ASSERT(running_.contains(tag), "what is cancelled runs");
+      RTPM_ASSERT(sessions_.item_buffer(running_[tag]).empty(), "nobody takes its items");
+      RTPM_ASSERT(cancelled_.insert(tag).second, "it is told once");
+    }
   }
 
   void check_answer(ConstBytes answer, ConstBytes frame, const PeerAddress& peer) {
@@ -74,10 +140,12 @@ class World {
   }
 
   void call(const PeerAddress& peer, std::uint32_t call_id, std::uint32_t budget_us,
-            std::uint8_t size) {
+            std::uint8_t size, std::uint16_t flags, std::uint32_t item) {
     std::array<std::byte, kHeaderSize + 255> frame{};
     Header header;
     header.priority = 100;
+    header.flags = flags;
+    header.item = item;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
     header.budget_us = budget_us;
@@ -104,13 +172,49 @@ class World {
     feed(ConstBytes(frame).first(kHeaderSize + header.payload_size), peer, count);
   }
 
+  /// CANCEL, or CLOSE.
+  void bare(FrameKind kind, const PeerAddress& peer, std::uint32_t call_id) {
+    std::array<std::byte, kHeaderSize> frame{};
+    Header header;
+    header.kind = kind;
+    header.session = session_of_[peer.port];
+    header.call_id = kind == FrameKind::kClose ? 0 : call_id;
+    encode(header, frame.data());
+    feed(frame, peer, 0);
+  }
+
+  void credit(const PeerAddress& peer, std::uint32_t call_id, const StreamCredit& credit,
+              std::uint32_t limit, bool is_asking) {
+    std::array<std::byte, kHeaderSize + StreamCredit::kSize> frame{};
+    Header header;
+    header.kind = FrameKind::kCredit;
+    header.session = session_of_[peer.port];
+    header.call_id = call_id;
+    header.flags = is_asking ? kFlagAckWanted : std::uint16_t{0};
+    header.item = limit;
+    header.budget_us = 3'000'000;
+    header.payload_size = header.message_size = StreamCredit::kSize;
+    encode(header, frame.data());
+    encode(credit, MutableBytes(frame).subspan(kHeaderSize));
+    feed(frame, peer, 0);
+  }
+
+  void close_one() {
+    const auto outgoing = sessions_.close_next(now_);
+    if (!outgoing) return;
+    RTPM_ASSERT(decode_frame(outgoing->frame)->kind == FrameKind::kClose, "it closes");
+    hear_of_cancels();
+  }
+
   void acknowledge(const PeerAddress& peer, std::uint32_t call_id, std::uint8_t first_missing,
-                   std::uint32_t later) {
+                   std::uint32_t later, bool is_asking) {
     std::array<std::byte, kHeaderSize + FragmentAck::kSize> frame{};
     Header header;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
-    encode(ack_header(header, now_), frame.data());
+    Header ack_frame = ack_header(header, now_);
+    ack_frame.flags = is_asking ? kFlagAckWanted : std::uint16_t{0};
+    encode(ack_frame, frame.data());
     FragmentAck ack;
     ack.first_missing = first_missing;
     ack.later[0] = later;
@@ -118,14 +222,20 @@ class World {
     feed(frame, peer, 0);
   }
 
-  void pass(Duration time) { now_ += time; }
+  void pass(Duration time) {
+    now_ += time;
+    sessions_.on_time(now_);
+    RTPM_ASSERT(sessions_.next_time() > now_, "what is due is done");
+    hear_of_cancels();
+  }
   void check() const {
     RTPM_ASSERT(sessions_.session_count() <= kSessionCountMax, "the table keeps its size");
   }
 
  private:
-  static ServerSessionsConfig config(Medium medium, MutableBytes bulk) {
+  static ServerSessionsConfig config(Medium medium, MutableBytes bulk, MutableBytes streams) {
     ServerSessionsConfig config;
+    config.stream_memory = streams;
     config.message_size_max = kLarge;
     config.bulk_memory = bulk;
     config.medium = medium;
@@ -139,10 +249,14 @@ class World {
 
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
   std::vector<std::byte> bulk_ = std::vector<std::byte>(3 * kLarge);
+  std::vector<std::byte> stream_memory_;
   ServerSessions sessions_;
   std::map<std::uint32_t, std::uint64_t> session_of_;
   std::map<std::uint32_t, Cookie> cookie_of_;
   std::set<std::pair<std::uint64_t, std::uint32_t>> run_;
+  std::map<std::uint32_t, Request> running_;  ///< By tag.
+  std::set<std::uint32_t> cancelled_;
+  std::uint32_t tag_ = 0;
 };
 
 }  // namespace
@@ -153,7 +267,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
     const PeerAddress peer{0, 1, step % 3U};
-    switch (step / 3 % 6) {
+    switch (step / 3 % 10) {
       case 0:
         world.feed(script.bytes(), peer, step);
         break;
@@ -163,15 +277,40 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case 2:
         // A client that runs once around the circle of numbers may meet its own calls again; that
         // takes 2^32 calls, so the input chooses among fewer.
-        world.call(peer, script.number() % 1000, script.number(), script.byte());
+        world.call(peer, script.number() % 1000, script.number(), script.byte(), 0, 0);
         break;
       case 3:
         world.call_in_parts(peer, script.number() % 1000, script.byte(), script.byte(),
                             static_cast<std::uint16_t>(script.number()), script.number());
         break;
       case 4:
-        world.acknowledge(peer, script.number() % 1000, script.byte(), script.number());
+        world.acknowledge(peer, script.number() % 1000, script.byte(), script.number(),
+                          step >= 128);
         break;
+      case 5: {
+        const std::uint8_t kind = script.byte();
+        const std::uint32_t item = kind < 128 ? 0 : script.byte();
+        world.call(peer, script.number() % 1000, 3'000'000, script.byte(), flags_of(kind), item);
+        break;
+      }
+      case 6:
+        world.go_on(script.byte(), script.byte());
+        break;
+      case 7: {
+        const StreamCredit credit{script.number() % 64, script.number()};
+        world.credit(peer, script.number() % 1000, credit, script.number(), step >= 128);
+        break;
+      }
+      case 8: {
+        const std::uint8_t what = script.byte();
+        if (what == 255) {
+          world.close_one();
+        } else {
+          world.bare(what >= 240 ? FrameKind::kClose : FrameKind::kCancel, peer,
+                     script.number() % 1000);
+        }
+        break;
+      }
       default:
         world.pass(std::chrono::milliseconds{script.number() % 60'000});
         break;
