@@ -9,6 +9,7 @@ sys.dont_write_bytecode = True
 
 import conversations
 import deliveries
+import fingerprints
 import single_frames
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent
@@ -26,6 +27,7 @@ def files():
     yield 'bind-request.json', single_frames.bind_requests()
     yield 'bind-reply.json', single_frames.bind_replies()
     yield 'urls.json', single_frames.urls()
+    yield 'fingerprints.json', fingerprints.fingerprints()
     for conversation in conversations.conversations() + deliveries.conversations():
         yield f'conversations/{conversation.name}.json', conversation.document()
 
