@@ -1,6 +1,7 @@
 #include "duel.hpp"
 
 #include <algorithm>
+#include <ctime>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -178,6 +179,14 @@ std::uint16_t Duel::rtpm_port() const {
   const auto url = wire::parse_url(impl_->rtpm_server.address());
   RTPM_ASSERT(url.has_value(), "a server gives a URL");
   return url->port;
+}
+
+Duration Duel::rtpm_server_cpu_time() const {
+  clockid_t clock{};
+  timespec time{};
+  if (clock_getcpuclockid(impl_->rtpm_server.id(), &clock) != 0) return Duration{0};
+  if (clock_gettime(clock, &time) != 0) return Duration{0};
+  return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
 }
 
 std::vector<pid_t> Duel::server_ids() const {

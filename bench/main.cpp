@@ -31,7 +31,7 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("json", arguments.is_json, "print one JSON object per result");
   options.add("transport", arguments.transports, "udp, tcp, shm or several");
   options.add("wait", arguments.waits,
-              "how callers and lanes wait: adaptive, block, spin, or several");
+              "how callers and lanes wait: adaptive, periodic, block, spin, or several");
   options.add("spin", settings.spin, "how long the adaptive wait spins");
   options.add("samples", settings.sample_count,
               "calls per side and result; 0: 100000 for call, 10000 for the others",
@@ -61,8 +61,8 @@ std::optional<Carrier> carrier_of(const std::string& text) {
 }
 
 std::optional<rt::WaitStrategy> wait_of(const std::string& text) {
-  for (const auto strategy :
-       {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
+  for (const auto strategy : {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kPeriodic,
+                              rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
     if (text == rt::to_string(strategy)) return strategy;
   }
   return std::nullopt;
@@ -97,7 +97,7 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
     return "--transport takes udp, tcp and shm, not '" + *wrong + "'";
   }
   if (const auto wrong = translate(arguments.waits, settings.waits, wait_of)) {
-    return "--wait takes adaptive, block and spin, not '" + *wrong + "'";
+    return "--wait takes adaptive, periodic, block and spin, not '" + *wrong + "'";
   }
   if (const auto wrong =
           translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {

@@ -82,6 +82,7 @@ struct Path {
 /// How long a waiting side spins before it sleeps.
 Duration spin_of(const rt::WaitConfig& wait, Duration give_up) noexcept {
   switch (wait.strategy) {
+    case rt::WaitStrategy::kPeriodic:
     case rt::WaitStrategy::kSpin:
       return give_up;
     case rt::WaitStrategy::kAdaptive:

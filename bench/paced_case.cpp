@@ -5,6 +5,7 @@
 #include "disturbance.hpp"
 #include "duel.hpp"
 #include "paced_calls.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -21,8 +22,19 @@ struct Contender {
 };
 using Contenders = std::array<Contender, 2>;
 
+/// What RTPM's server took of its CPU while it served.
+struct ServerLoad {
+  Duration cpu_time{0};
+  Duration time{0};
+  [[nodiscard]] double percent() const {
+    return time == Duration{0}
+               ? 0
+               : 100.0 * static_cast<double>(cpu_time.count()) / static_cast<double>(time.count());
+  }
+};
+
 expected<void, std::string> measure_turn(Duel& duel, Contender& contender, Duration period,
-                                         std::size_t count) {
+                                         std::size_t count, ServerLoad& load) {
   duel.take_turn(contender.side);
   if (!contender.caller) {
     auto caller = duel.connect_high();
@@ -32,11 +44,18 @@ expected<void, std::string> measure_turn(Duel& duel, Contender& contender, Durat
   for (int i = 0; i < kWarmUpCount; ++i) {
     if (auto called = contender.caller->echo(); !called) return called;
   }
-  return call_paced(*contender.caller, period, count, CountFrom::kDue, contender.samples);
+  const MonotonicTime begin = rt::now();
+  const Duration cpu_before = duel.rtpm_server_cpu_time();
+  auto called = call_paced(*contender.caller, period, count, CountFrom::kDue, contender.samples);
+  if (contender.side == Side::kRtpm) {
+    load.cpu_time += duel.rtpm_server_cpu_time() - cpu_before;
+    load.time += rt::now() - begin;
+  }
+  return called;
 }
 
 expected<void, std::string> measure(Duel& duel, Contenders& contenders, double rate_hz,
-                                    std::size_t count_per_round) {
+                                    std::size_t count_per_round, ServerLoad& load) {
   const Duration period{static_cast<Duration::rep>(1e9 / rate_hz)};
   const auto turn_size = std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * rate_hz));
   for (int round = 0; round < contenders[0].samples.round_count(); ++round) {
@@ -45,7 +64,7 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
     for (std::size_t done = 0; done < count_per_round; done += turn_size) {
       const std::size_t count = std::min(turn_size, count_per_round - done);
       for (Contender& contender : contenders) {
-        if (auto measured = measure_turn(duel, contender, period, count); !measured) {
+        if (auto measured = measure_turn(duel, contender, period, count, load); !measured) {
           return measured;
         }
       }
@@ -67,15 +86,18 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
       Contender{Side::kRtpm, nullptr, Samples(settings.round_count, count_per_round)},
       Contender{Side::kFloor, nullptr, Samples(settings.round_count, count_per_round)}};
   Result result{.title = title_of("paced", config) + ", " + short_text(settings.rate_hz) + " Hz"};
+  ServerLoad load;
   const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
     const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = measure(**duel, contenders, settings.rate_hz, count_per_round); !done) {
+    if (auto done = measure(**duel, contenders, settings.rate_hz, count_per_round, load); !done) {
       return done;
     }
     const bool is_swapped = contenders[0].side == Side::kFloor;
     add_comparison(result, "paced", config, contenders[is_swapped ? 1 : 0].samples,
                    contenders[is_swapped ? 0 : 1].samples);
     result.json.add("rate_hz", settings.rate_hz);
+    result.json.add("server_cpu_percent", load.percent());
+    result.notes.push_back("RTPM's server took " + short_text(load.percent()) + " % of its CPU");
     watch.finish(result, longest_us(result));
     return {};
   });

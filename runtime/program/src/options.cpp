@@ -317,7 +317,7 @@ void Options::add_realtime(rt::RealtimeMode& mode) {
 void Options::add_wait(rt::WaitConfig& wait) {
   using enum rt::WaitStrategy;
   impl_->add("wait", "How to wait for traffic: spin a while and then block, block, or spin",
-             enum_setting(wait.strategy, std::array{kAdaptive, kBlock, kSpin}));
+             enum_setting(wait.strategy, std::array{kAdaptive, kPeriodic, kBlock, kSpin}));
   impl_->add("spin", "How long an adaptive wait spins before it blocks",
              setting_of(wait.spin, {Duration{0}, std::chrono::seconds{1}}));
 }

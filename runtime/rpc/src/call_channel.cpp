@@ -250,7 +250,7 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
   may_spin =
       may_spin &&
       (config_.wait.strategy == rt::WaitStrategy::kSpin ||
-       (config_.wait.strategy == rt::WaitStrategy::kAdaptive && config_.wait.spin > Duration{0}));
+       (config_.wait.strategy != rt::WaitStrategy::kBlock && config_.wait.spin > Duration{0}));
   const MonotonicTime spin_end =
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;

@@ -94,9 +94,11 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   const bool is_added = poller_.add(port_->descriptor(), kUdp);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
   // On one CPU a spinning lane would only keep its callers from running.
-  if (rt::usable_cpu_count() == 1 && config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
+  if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
+                                      config_.wait.strategy == rt::WaitStrategy::kPeriodic)) {
     config_.wait.strategy = rt::WaitStrategy::kBlock;
   }
+  is_periodic_ = config_.wait.strategy == rt::WaitStrategy::kPeriodic;
 }
 
 void Lane::run() noexcept {
@@ -108,17 +110,43 @@ void Lane::run() noexcept {
       continue;
     }
     if (config_.wait.strategy == rt::WaitStrategy::kSpin) continue;
-    if (config_.wait.strategy == rt::WaitStrategy::kAdaptive) {
+    if (config_.wait.strategy != rt::WaitStrategy::kBlock) {
       const MonotonicTime now = rt::now();
-      if (spin_end == kNever) spin_end = now + config_.wait.spin;
+      if (spin_end == kNever) spin_end = now + spin_time();
       if (now < spin_end) continue;
     }
+    if (is_periodic_ && sleep_to_next_turn()) continue;
     spin_end = kNever;
-    static_cast<void>(
-        look_around(std::min({datagram_sessions_.next_time(), stream_sessions_.next_time(),
-                              memory_sessions_.next_time()})));
+    static_cast<void>(look_around(next_time()));
   }
   say_goodbye();
+}
+
+// Where callers come at a steady pace, spinning on after one is a waste, unless it calls again.
+Duration Lane::spin_time() const noexcept {
+  if (!has_rhythm_) return config_.wait.spin;
+  return std::min(config_.wait.spin, foresight_.patience());
+}
+
+// When the lane has something to do by itself.
+MonotonicTime Lane::next_time() const noexcept {
+  return std::min(
+      {datagram_sessions_.next_time(), stream_sessions_.next_time(), memory_sessions_.next_time()});
+}
+
+// Sleeps until just before a caller is expected; then gives back true at once, for as long as it
+// may still come. False where none is expected.
+bool Lane::sleep_to_next_turn() noexcept {
+  const MonotonicTime now = rt::now();
+  const auto window = foresight_.next(now);
+  has_rhythm_ = window.has_value();
+  if (!has_rhythm_) return false;
+  if (now >= window->from) return true;
+  // A call that comes early ends the sleep like any other.
+  if (look_around(std::min(window->from, next_time()))) return true;
+  const MonotonicTime woken = rt::now();
+  if (woken >= window->from) foresight_.on_woken(window->from, woken);
+  return true;
 }
 
 void Lane::stop() noexcept {

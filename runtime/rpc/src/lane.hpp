@@ -14,6 +14,7 @@
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/rt/periodic.hpp"
 #include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -72,6 +73,9 @@ class Lane {
 
   [[nodiscard]] bool turn() noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
+  [[nodiscard]] bool sleep_to_next_turn() noexcept;
+  [[nodiscard]] Duration spin_time() const noexcept;
+  [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
@@ -135,6 +139,9 @@ class Lane {
   std::uint32_t streak_ = 0;  ///< Frames taken from hot_ without a look at the others.
   MonotonicTime last_look_{};
   MonotonicTime received_{};  ///< When the last frame was taken.
+  bool is_periodic_ = false;
+  bool has_rhythm_ = false;  ///< At the last look ahead.
+  rt::Foresight foresight_;
   bool is_unpublished_ = false;
   ServerCounters counters_{};
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};

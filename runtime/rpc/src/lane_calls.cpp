@@ -110,6 +110,7 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
   const CallContext context{priority,       request.deadline, request.received,
                             header.session, header.trace_id,  &deferral};
   ++counters_.call_count;
+  if (is_periodic_) foresight_.on_arrival(header.session, request.received);
   // The request runs at its own level. Afterwards the lane waits at that level, too, unless it is
   // below the lane's: so a caller that keeps its priority costs no syscall from call to call.
   rt::adopt_priority(priority);

@@ -8,6 +8,8 @@ std::string_view to_string(WaitStrategy strategy) noexcept {
       return "adaptive";
     case WaitStrategy::kBlock:
       return "block";
+    case WaitStrategy::kPeriodic:
+      return "periodic";
     case WaitStrategy::kSpin:
       return "spin";
   }

@@ -43,16 +43,15 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
   constexpr std::size_t kEventCountMax = 64;
   std::array<epoll_event, kEventCountMax> events;
   const int event_count_max = static_cast<int>(std::min(tags.size(), events.size()));
-  int timeout_ms = -1;
-  if (until == kAlready) {
-    timeout_ms = 0;
-  } else if (until != kNever) {
-    // Rounded up, so that a lane does not wake a moment too early and turn in circles.
+  timespec timeout{};
+  if (until != kAlready && until != kNever) {
     const std::int64_t left_ns = std::max<std::int64_t>((until - rt::now()).count(), 0);
-    timeout_ms = static_cast<int>(
-        std::min<std::int64_t>((left_ns + 999'999) / 1'000'000, std::numeric_limits<int>::max()));
+    timeout.tv_sec = left_ns / 1'000'000'000;
+    timeout.tv_nsec = left_ns % 1'000'000'000;
   }
-  const int count = epoll_wait(epoll_.number(), events.data(), event_count_max, timeout_ms);
+  // To the nanosecond, for lanes that wake just ahead of their callers.
+  const int count = epoll_pwait2(epoll_.number(), events.data(), event_count_max,
+                                 until == kNever ? nullptr : &timeout, nullptr);
   RTPM_ASSERT(count >= 0 || errno == EINTR, "the poller's own descriptor is good");
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);

@@ -1,0 +1,92 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/base/time.hpp"
+
+/// Foresight for who serves periodic callers: when the next one will come, and how much earlier to
+/// wake for it. Pure arithmetic on times that come in; whoever waits does the waiting.
+namespace rtpm::rt {
+
+/// When something is expected: worth spinning for from `from` to `to`.
+struct Expectation {
+  MonotonicTime from{};
+  MonotonicTime to{};
+};
+
+/// Learns the period, the phase and the jitter of one caller. A caller that calls several times in
+/// a row at each turn counts as one: what matters is when it begins.
+/// RT: alloc-free, a few ns.
+class PeriodLearner {
+ public:
+  /// Periods that are worth it: shorter ones are spun through, longer ones wake cold anyway.
+  static constexpr Duration kPeriodMin = std::chrono::microseconds{200};
+  static constexpr Duration kPeriodMax = std::chrono::milliseconds{50};
+
+  /// A call came.
+  void on_arrival(MonotonicTime when) noexcept;
+  /// The time of the expected call has passed without it; it is expected a period later.
+  void on_missed() noexcept;
+
+  /// When the next call is expected to begin, if that can be said by now.
+  [[nodiscard]] std::optional<MonotonicTime> next() const noexcept;
+  /// How far from it the call may come, by what was seen.
+  [[nodiscard]] Duration jitter() const noexcept { return 3 * deviation_; }
+  [[nodiscard]] Duration period() const noexcept { return period_; }
+  /// How long after a call another of the same turn may come; 0 if turns have one call only.
+  [[nodiscard]] Duration patience() const noexcept { return patience_; }
+
+ private:
+  static constexpr int kSteadyCount = 8;  ///< So many good periods in a row make a rhythm,
+  static constexpr int kMissedMax = 3;    ///< so many missed calls in a row its end.
+
+  void learn(Duration interval) noexcept;
+  void forget() noexcept;
+
+  MonotonicTime begun_{};  ///< When the caller's last turn began,
+  MonotonicTime last_{};   ///< and when its last call came.
+  Duration period_{0};
+  Duration deviation_{0};
+  Duration patience_{0};
+  bool has_further_calls_ = false;  ///< In this turn.
+  int steady_count_ = 0;
+  int missed_count_ = 0;  ///< Since begun_.
+};
+
+/// Foresees the calls of a few callers at once, and learns how early its owner must wake.
+/// Ownership: its own memory, bounded; a new caller takes the place of the one heard longest ago.
+/// Threads: one.   RT: alloc-free, some ten ns.
+class Foresight {
+ public:
+  static constexpr std::size_t kCallerCountMax = 16;
+
+  /// `caller` is any number that tells callers apart, not 0.
+  void on_arrival(std::uint64_t caller, MonotonicTime when) noexcept;
+  /// A sleep that was to end at `wanted` ended by itself at `woken`.
+  void on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept;
+
+  /// The next time worth spinning, or nothing while no caller has a rhythm. What has passed counts
+  /// as missed.
+  [[nodiscard]] std::optional<Expectation> next(MonotonicTime now) noexcept;
+  /// How long after a call it is worth spinning for another of the same turn.
+  [[nodiscard]] Duration patience() const noexcept;
+  /// How much earlier than needed a sleep is to end.
+  [[nodiscard]] Duration lead() const noexcept;
+
+ private:
+  struct Caller {
+    std::uint64_t number = 0;  ///< 0: none.
+    MonotonicTime heard{};
+    PeriodLearner learner;
+  };
+  [[nodiscard]] std::optional<Expectation> window_of(const PeriodLearner& learner) const noexcept;
+
+  std::array<Caller, kCallerCountMax> callers_{};
+  std::size_t caller_count_ = 0;
+  Duration lateness_ = std::chrono::microseconds{60};  ///< Of waking, smoothed,
+  Duration lateness_deviation_ = std::chrono::microseconds{10};
+};
+
+}  // namespace rtpm::rt

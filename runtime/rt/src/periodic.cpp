@@ -1,0 +1,141 @@
+#include "rtpm/rt/periodic.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace rtpm::rt {
+namespace {
+
+constexpr Duration kLeadMin = std::chrono::microseconds{10};
+constexpr Duration kLeadMax = std::chrono::microseconds{250};
+/// Less than this apart calls are of one turn, whatever the period.
+constexpr Duration kTurnMin = std::chrono::microseconds{100};
+/// A rhythm is worth it while lead and jitter together take no more than this part of the period.
+constexpr int kSpinShare = 8;
+
+Duration distance(Duration a, Duration b) noexcept {
+  return a > b ? a - b : b - a;
+}
+
+}  // namespace
+
+void PeriodLearner::on_arrival(MonotonicTime when) noexcept {
+  const bool is_first = begun_ == MonotonicTime{};
+  // A turn's further calls follow its first closely.
+  const Duration turn = std::max(kTurnMin, period_ / 4);
+  if (!is_first && when - last_ < turn) {
+    patience_ = std::max(patience_, 2 * (when - last_));
+    has_further_calls_ = true;
+    last_ = when;
+    return;
+  }
+  // What was learned of further calls fades where turns have none.
+  if (!std::exchange(has_further_calls_, false)) patience_ = patience_ * 3 / 4;
+  last_ = when;
+  const MonotonicTime begun_before = begun_;
+  begun_ = when;
+  if (is_first) return;
+  // Where calls were missed the interval is several periods.
+  const Duration interval = (when - begun_before) / (missed_count_ + 1);
+  missed_count_ = 0;
+  if (interval < kPeriodMin || interval > kPeriodMax) return forget();
+  learn(interval);
+}
+
+void PeriodLearner::learn(Duration interval) noexcept {
+  if (period_ == Duration{0}) {
+    period_ = interval;
+    return;
+  }
+  const Duration error = distance(interval, period_);
+  if (error > period_ / 4) {
+    // Another rhythm, or none. One that is steady is not given up for a single stumble.
+    if (steady_count_ >= kSteadyCount) {
+      steady_count_ -= kSteadyCount / 2;
+    } else {
+      period_ = interval;
+      deviation_ = Duration{0};
+      steady_count_ = 0;
+    }
+    return;
+  }
+  // The period follows drift within some ten turns; the phase is that of the last call anyway.
+  period_ += (interval - period_) / 16;
+  deviation_ += (error - deviation_) / 8;
+  steady_count_ = std::min(steady_count_ + 1, 2 * kSteadyCount);
+}
+
+void PeriodLearner::on_missed() noexcept {
+  if (++missed_count_ > kMissedMax) forget();
+}
+
+void PeriodLearner::forget() noexcept {
+  period_ = deviation_ = Duration{0};
+  steady_count_ = missed_count_ = 0;
+}
+
+std::optional<MonotonicTime> PeriodLearner::next() const noexcept {
+  if (steady_count_ < kSteadyCount) return std::nullopt;
+  return begun_ + (missed_count_ + 1) * period_;
+}
+
+void Foresight::on_arrival(std::uint64_t caller, MonotonicTime when) noexcept {
+  Caller* place = nullptr;
+  for (std::size_t i = 0; i < caller_count_; ++i) {
+    Caller& each = callers_[i];
+    if (each.number == caller) {
+      place = &each;
+      break;
+    }
+    if (place == nullptr || each.heard < place->heard) place = &each;
+  }
+  if (place == nullptr || place->number != caller) {
+    if (caller_count_ < callers_.size()) place = &callers_[caller_count_++];
+    *place = Caller{caller, when, {}};
+  }
+  place->heard = when;
+  place->learner.on_arrival(when);
+}
+
+void Foresight::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
+  const Duration late = std::clamp<Duration>(woken - wanted, Duration{0}, kLeadMax);
+  lateness_deviation_ += (distance(late, lateness_) - lateness_deviation_) / 8;
+  lateness_ += (late - lateness_) / 8;
+}
+
+Duration Foresight::patience() const noexcept {
+  Duration longest{0};
+  for (std::size_t i = 0; i < caller_count_; ++i)
+    longest = std::max(longest, callers_[i].learner.patience());
+  return longest;
+}
+
+Duration Foresight::lead() const noexcept {
+  return std::clamp<Duration>(lateness_ + 3 * lateness_deviation_, kLeadMin, kLeadMax);
+}
+
+// From when to when to spin for the caller's next turn.
+std::optional<Expectation> Foresight::window_of(const PeriodLearner& learner) const noexcept {
+  const auto next = learner.next();
+  if (!next) return std::nullopt;
+  const Duration early = lead() + learner.jitter();
+  // A caller without a rhythm to speak of would only cost.
+  if (early * kSpinShare > learner.period()) return std::nullopt;
+  return Expectation{*next - early, *next + learner.jitter() + kLeadMin};
+}
+
+std::optional<Expectation> Foresight::next(MonotonicTime now) noexcept {
+  std::optional<Expectation> first;
+  for (std::size_t i = 0; i < caller_count_; ++i) {
+    PeriodLearner& learner = callers_[i].learner;
+    auto window = window_of(learner);
+    while (window && window->to < now) {
+      learner.on_missed();
+      window = window_of(learner);
+    }
+    if (window && (!first || window->from < first->from)) first = window;
+  }
+  return first;
+}
+
+}  // namespace rtpm::rt
