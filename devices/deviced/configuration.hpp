@@ -24,7 +24,8 @@ struct Configuration {
   std::uint16_t port = 0;
   std::string registry{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  rt::WaitConfig wait{};
+  /// Its callers are control loops, which come at a steady pace.
+  rt::WaitConfig wait{.strategy = rt::WaitStrategy::kPeriodic};
   Priority high = 16384;  ///< Where the lane of haptic loops begins.
   Priority device_priority = 30000;
   double force_max_newton = 0;  ///< 0: what the device gives.

@@ -10,7 +10,8 @@ constexpr Duration kLeadMin = std::chrono::microseconds{10};
 constexpr Duration kLeadMax = std::chrono::microseconds{250};
 /// Less than this apart calls are of one turn, whatever the period.
 constexpr Duration kTurnMin = std::chrono::microseconds{100};
-/// A rhythm is worth it while lead and jitter together take no more than this part of the period.
+/// At most this part of the period is spun through before a call; of more jitter than that no
+/// rhythm can be made.
 constexpr int kSpinShare = 8;
 
 Duration distance(Duration a, Duration b) noexcept {
@@ -98,7 +99,9 @@ void Foresight::on_arrival(std::uint64_t caller, MonotonicTime when) noexcept {
 }
 
 void Foresight::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
-  const Duration late = std::clamp<Duration>(woken - wanted, Duration{0}, kLeadMax);
+  const Duration late = std::max(woken - wanted, Duration{0});
+  // What took longer than any waking was a hold-up, which no lead could make up for.
+  if (late > kLeadMax) return;
   lateness_deviation_ += (distance(late, lateness_) - lateness_deviation_) / 8;
   lateness_ += (late - lateness_) / 8;
 }
@@ -118,9 +121,10 @@ Duration Foresight::lead() const noexcept {
 std::optional<Expectation> Foresight::window_of(const PeriodLearner& learner) const noexcept {
   const auto next = learner.next();
   if (!next) return std::nullopt;
-  const Duration early = lead() + learner.jitter();
+  const Duration share = learner.period() / kSpinShare;
   // A caller without a rhythm to speak of would only cost.
-  if (early * kSpinShare > learner.period()) return std::nullopt;
+  if (learner.jitter() > share) return std::nullopt;
+  const Duration early = std::min(lead() + learner.jitter(), share);
   return Expectation{*next - early, *next + learner.jitter() + kLeadMin};
 }
 
