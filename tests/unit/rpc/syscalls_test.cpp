@@ -161,7 +161,7 @@ TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
   count(rt::WaitStrategy::kSpin);
   // Both look at their sockets now and then, however many calls there are.
   caller_.erase(SYS_recvfrom);
-  lane_.erase(SYS_epoll_wait);
+  lane_.erase(SYS_epoll_pwait2);
   EXPECT_TRUE(caller_.empty()) << text_;
   EXPECT_TRUE(lane_.empty()) << text_;
 }
@@ -169,7 +169,7 @@ TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
 TEST_F(Syscalls, OfACallThroughMemoryThatBlocksAreOneWakeUpASide) {
   count(rt::WaitStrategy::kBlock);
   EXPECT_LE(caller_[SYS_sendto], kCallCount) << text_;
-  EXPECT_GT(lane_[SYS_epoll_wait], 0) << "or nothing was counted";
+  EXPECT_GT(lane_[SYS_epoll_pwait2], 0) << "or nothing was counted";
   EXPECT_LE(lane_[SYS_futex], kCallCount) << text_;
   EXPECT_EQ(lane_[SYS_sendto], 0) << text_;
 }
