@@ -2,6 +2,7 @@
 
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 
@@ -9,6 +10,15 @@
 #include "rtpm/wire/header.hpp"
 
 namespace rtpm::transport {
+namespace {
+
+// How much one system call moves. A thread in a call of the kernel gives its CPU to a more urgent
+// one only when it comes out of it, where the kernel is not built to preempt itself; so a large
+// frame would keep a small call of a higher band waiting while all of it is copied. Half of this
+// would gain that little more, and cost large messages much.
+constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
+
+}  // namespace
 
 FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
     : socket_(std::move(socket)),
@@ -42,8 +52,9 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
     given_size_ = 0;
   }
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
-  if (size == 0) {
-    const MutableBytes room = buffer().subspan(filled_size_);
+  while (size == 0) {
+    MutableBytes room = buffer().subspan(filled_size_);
+    room = room.first(std::min(room.size(), kStepSizeMax));
     const ssize_t count = recv(socket_.number(), room.data(), room.size(), MSG_DONTWAIT);
     if (count == 0) return unexpected{IoError::kClosed};
     if (count < 0) {
@@ -52,7 +63,9 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
     }
     filled_size_ += static_cast<std::size_t>(count);
     size = complete_size(0);
-    if (size == 0) return unexpected{IoError::kNothing};
+    if (size == 0 && static_cast<std::size_t>(count) < room.size()) {
+      return unexpected{IoError::kNothing};
+    }
   }
   given_size_ = size;
   return ConstBytes(buffer().data(), size);
@@ -60,8 +73,8 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
 
 expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {
   while (true) {
-    const ssize_t count =
-        ::send(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+    const ssize_t count = ::send(socket_.number(), frame.data(),
+                                 std::min(frame.size(), kStepSizeMax), MSG_DONTWAIT | MSG_NOSIGNAL);
     if (count >= 0) {
       frame = frame.subspan(static_cast<std::size_t>(count));
       if (frame.empty()) return {};

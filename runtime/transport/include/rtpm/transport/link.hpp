@@ -24,12 +24,13 @@ class Link {
   virtual ~Link() = default;
 
   /// Sends one whole frame. Ownership: `frame` is copied before return.
-  /// RT: alloc-free, one syscall; a stream whose buffer is full waits up to 100 ms for room.
+  /// RT: alloc-free, one syscall (a stream: per 32 KiB); a stream whose buffer is full waits up to
+  /// 100 ms for room.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
 
   /// One whole frame if one is there. It is aligned to 16 bytes and valid until the next receive().
   /// What a peer sent that is no frame is given as it is, for the protocol to count.
-  /// RT: alloc-free, at most one syscall, never blocks.
+  /// RT: alloc-free, at most one syscall (a stream: per 32 KiB), never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
 
   /// Waits, after receive() had nothing, until it may have something, or until `until`; it may end

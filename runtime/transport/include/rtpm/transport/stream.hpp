@@ -13,7 +13,7 @@ namespace rtpm::transport {
 
 /// A connected TCP socket that carries whole frames; either end uses it.
 /// Ownership: a receive buffer of one largest message, allocated when built.
-/// Threads: one at a time.   RT: send() and receive() are alloc-free, one syscall each.
+/// Threads: one at a time.   RT: send() and receive() are alloc-free, one syscall per 32 KiB.
 class FrameStream final : public Connection {
  public:
   FrameStream(Descriptor socket, std::uint32_t message_size_max);
