@@ -155,6 +155,11 @@ class Conversation {
       when += random_.between(Duration{1us}, random_.chance(500) ? Duration{10ms} : Duration{2s});
       scheduler_.at(when, [this] { server_->start(); });
     }
+    for (auto count = random_.between(0, 3); count > 0; --count) {
+      scheduler_.after(random_.between(Duration{1ms}, Duration{20s}), [this] {
+        clients_[random_.between(std::size_t{0}, clients_.size() - 1)]->restart();
+      });
+    }
     for (auto count = random_.between(0, 2); count > 0; --count) {
       when += random_.between(Duration{1ms}, Duration{20s});
       scheduler_.at(when, [this] { network_.set_partitioned(true); });

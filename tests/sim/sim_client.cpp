@@ -23,15 +23,30 @@ SimClient::SimClient(Scheduler& scheduler, Random& random, Network& network, His
       history_(history),
       profile_(profile),
       port_(10'000 + profile.number),
-      channel_({.medium = wire::Medium::kDatagram,
-                .client_epoch = 100 + profile.number,
-                .channel = 1,
-                .clock_domain = profile.clock_domain,
-                .message_size_max = kMessageSizeMax,
-                .open_call_max = profile.open_call_max},
-               buffer_),
+      epoch_(100 * profile.number),
       calls_left_(profile.call_count) {
+  make_channel();
   network_.listen(port_, [this](const Bytes& frame, const wire::PeerAddress&) { receive(frame); });
+}
+
+void SimClient::make_channel() {
+  channel_.emplace(wire::ClientChannelConfig{.medium = wire::Medium::kDatagram,
+                                             .client_epoch = ++epoch_,
+                                             .channel = 1,
+                                             .clock_domain = profile_.clock_domain,
+                                             .message_size_max = kMessageSizeMax,
+                                             .open_call_max = profile_.open_call_max},
+                   buffer_);
+}
+
+void SimClient::restart() {
+  history_.note(scheduler_.now(), "client " + std::to_string(profile_.number) + " restarts");
+  make_channel();
+  is_opening_ = false;
+  ++wait_number_;
+  // Whoever waited in its former life is told nothing any more, and so may believe anything.
+  while (!jobs_.empty())
+    end(jobs_.begin(), Outcome::kMayHaveRun, "the client died");
 }
 
 void SimClient::start() {
@@ -48,8 +63,8 @@ void SimClient::pause() {
       [this] {
         is_pausing_ = false;
         if (calls_left_ == 0 || jobs_.size() >= profile_.open_call_max) return;
-        if (jobs_.empty() && channel_.is_ready() && random_.chance(profile_.close_per_mille)) {
-          send(channel_.close(local_now()));
+        if (jobs_.empty() && channel_->is_ready() && random_.chance(profile_.close_per_mille)) {
+          send(channel_->close(local_now()));
         }
         --calls_left_;
         begin_job(random_.between(profile_.deadline_min, profile_.deadline_max),
@@ -88,7 +103,7 @@ void SimClient::plan_cancel(std::uint64_t number) {
     const auto job = job_number(number);
     if (job == jobs_.end() || job->is_waiting || job->is_over) return;
     ++cancelled_count_;
-    send(channel_.cancel(job->index, local_now()));
+    send(channel_->cancel(job->index, local_now()));
     end(job, Outcome::kMayHaveRun, "cancelled");
     wait();
   });
@@ -97,15 +112,15 @@ void SimClient::plan_cancel(std::uint64_t number) {
 // Sends what can be sent: a HELLO, or calls.
 void SimClient::pump() {
   const auto is_waiting = [](const Job& job) { return job.is_waiting; };
-  if (!channel_.is_ready()) {
+  if (!channel_->is_ready()) {
     const auto first = std::ranges::find_if(jobs_, is_waiting);
     if (first != jobs_.end() && !is_opening_) {
       is_opening_ = true;
-      send(channel_.open(kPriority, first->deadline, local_now()));
+      send(channel_->open(kPriority, first->deadline, local_now()));
     }
     return wait();
   }
-  while (channel_.has_free_call()) {
+  while (channel_->has_free_call()) {
     const auto job = std::ranges::find_if(jobs_, is_waiting);
     if (job == jobs_.end()) break;
     if (may_begin(*job)) {
@@ -120,12 +135,12 @@ void SimClient::pump() {
 // hp-5.5-2
 bool SimClient::may_begin(Job& job) {
   if (!std::exchange(job.is_resending, false)) return true;
-  return channel_.welcome().server_epoch == job.epoch &&
+  return channel_->welcome().server_epoch == job.epoch &&
          local_now() - job.begun < wire::kSessionIdleMin;
 }
 
 void SimClient::begin_call(Jobs::iterator job) {
-  job->epoch = channel_.welcome().server_epoch;
+  job->epoch = channel_->welcome().server_epoch;
   wire::CallParameters parameters{.service = 1,
                                   .method = 1,
                                   .priority = kPriority,
@@ -136,12 +151,12 @@ void SimClient::begin_call(Jobs::iterator job) {
     job->items.resize(parameters.stream_window * wire::kDatagramPayloadSizeMax);
     parameters.stream_memory = job->items;
   }
-  const auto frame = channel_.call(parameters, job->payload, local_now());
+  const auto frame = channel_->call(parameters, job->payload, local_now());
   // The server said in WELCOME how much it takes.
   if (!frame) return end(job, Outcome::kNotRun, to_string(frame.error()));
   job->is_waiting = false;
   job->begun = local_now();
-  job->index = channel_.last_call();
+  job->index = channel_->last_call();
   send(*frame);
   if (job->delivery == wire::Delivery::kSent) end(job, Outcome::kSent, "sent");
 }
@@ -149,7 +164,7 @@ void SimClient::begin_call(Jobs::iterator job) {
 // Mostly one frame; else up to some dozens, more than a window, unless the server takes none.
 std::uint32_t SimClient::message_size() {
   const bool is_refused =
-      channel_.is_ready() && channel_.welcome().message_size_max < kMessageSizeMax;
+      channel_->is_ready() && channel_->welcome().message_size_max < kMessageSizeMax;
   if (is_refused || !random_.chance(profile_.large_per_mille)) {
     return static_cast<std::uint32_t>(random_.between(Message::kSizeMin, std::size_t{64}));
   }
@@ -158,17 +173,17 @@ std::uint32_t SimClient::message_size() {
 }
 
 void SimClient::send(ConstBytes frame) {
-  for (; !frame.empty(); frame = channel_.next_frame(local_now())) {
+  for (; !frame.empty(); frame = channel_->next_frame(local_now())) {
     network_.send(port_, kServerPort, frame);
   }
 }
 
 void SimClient::receive(const Bytes& frame) {
-  wire::ChannelEvent event = channel_.on_frame(frame, local_now());
+  wire::ChannelEvent event = channel_->on_frame(frame, local_now());
   if (event.kind == Kind::kNeedRoom) {
     rooms_[event.call].resize(event.room_size);
-    channel_.give_room(rooms_[event.call], event.call);
-    event = channel_.on_frame(frame, local_now());
+    channel_->give_room(rooms_[event.call], event.call);
+    event = channel_->on_frame(frame, local_now());
   }
   handle(event);
   wait();
@@ -176,7 +191,7 @@ void SimClient::receive(const Bytes& frame) {
 
 // Wakes up when the channel has something to do; a little late, as threads do.
 void SimClient::wait() {
-  const MonotonicTime next = channel_.next_time();
+  const MonotonicTime next = channel_->next_time();
   if (next == kNever) return;
   const Duration lateness = random_.between(Duration{0}, std::chrono::microseconds{100});
   scheduler_.at(next - profile_.clock_offset + lateness, [this, number = ++wait_number_] {
@@ -186,7 +201,7 @@ void SimClient::wait() {
 
 void SimClient::on_time() {
   while (true) {
-    const wire::ChannelEvent event = channel_.on_time(local_now());
+    const wire::ChannelEvent event = channel_->on_time(local_now());
     if (event.kind == Kind::kNothing) break;
     handle(event);
   }
@@ -270,7 +285,7 @@ void SimClient::on_reply(const wire::ChannelEvent& event) {
 
 // Checks that items come in order, none left out, each its own.
 void SimClient::take_items(Jobs::iterator job) {
-  while (const auto item = channel_.next_item(job->index)) {
+  while (const auto item = channel_->next_item(job->index)) {
     const Message message = Message::read(*item);
     ++item_count_;
     if (message.token != job->token || message.run_number != job->item_count ||
@@ -279,7 +294,7 @@ void SimClient::take_items(Jobs::iterator job) {
     }
     ++job->item_count;
   }
-  send(channel_.next_frame(local_now()));
+  send(channel_->next_frame(local_now()));
   if (!job->is_over) return;
   switch (job->end_status) {
     case wire::Status::kOk:
@@ -343,7 +358,7 @@ void SimClient::end(Jobs::iterator job, Outcome outcome, std::string_view why) {
   jobs_.erase(job);
   pause();
   if (std::ranges::any_of(jobs_, [](const Job& each) { return each.is_waiting; }) &&
-      channel_.is_ready() && channel_.has_free_call()) {
+      channel_->is_ready() && channel_->has_free_call()) {
     scheduler_.after(Duration{0}, [this] { pump(); });
   }
 }

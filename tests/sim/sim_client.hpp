@@ -3,6 +3,7 @@
 #include <array>
 #include <cstdint>
 #include <list>
+#include <optional>
 
 #include "history.hpp"
 #include "network.hpp"
@@ -42,6 +43,8 @@ class SimClient {
   /// Begins its calls.
   void start();
   [[nodiscard]] bool is_done() const noexcept { return calls_left_ == 0 && jobs_.empty(); }
+  /// Dies with all its calls and starts anew, under another epoch but at the same address.
+  void restart();
   /// One more call with plenty of time, when all is well again.
   void call_once_more(Duration deadline);
   [[nodiscard]] Outcome last_outcome() const noexcept { return last_outcome_; }
@@ -79,6 +82,7 @@ class SimClient {
   };
   using Jobs = std::list<Job>;
 
+  void make_channel();
   [[nodiscard]] MonotonicTime local_now() const { return scheduler_.now() + profile_.clock_offset; }
   void pause();
   void begin_job(Duration deadline, bool is_plain);
@@ -109,7 +113,8 @@ class SimClient {
   std::uint32_t port_;
   std::array<std::byte, wire::kDatagramFrameSizeMax> buffer_{};
   std::array<std::vector<std::byte>, wire::kCallWindow> rooms_;
-  wire::ClientChannel channel_;
+  std::uint64_t epoch_;
+  std::optional<wire::ClientChannel> channel_;
   Jobs jobs_;
   std::uint64_t job_serial_ = 0;
   int calls_left_;
