@@ -177,8 +177,10 @@ expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime un
 }
 
 void ItemReader::cancel() noexcept {
-  if (!is_open()) return;
+  if (!state_) return;
+  // An ended stream, too, holds its place on the channel until its items are taken.
   state_->channel->cancel();
+  if (!is_open()) return;
   state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
 }
 

@@ -190,10 +190,9 @@ std::optional<ConstBytes> CallChannel::next_item() noexcept {
 }
 
 void CallChannel::cancel() noexcept {
-  if (!link_) return;
   const ConstBytes frame = wire_.cancel(0, rt::now());
   // It only saves the server work: nothing is lost with it.
-  if (!frame.empty()) static_cast<void>(link_->send(frame));
+  if (link_ && !frame.empty()) static_cast<void>(link_->send(frame));
 }
 
 ConstBytes CallChannel::keep(ConstBytes request) {

@@ -26,7 +26,6 @@ class CppBackEnd final : public BackEnd {
                         std::nullopt});
     }
     for (const Service& service : model.services) {
-      check_manners(service, errors);
       check_classes(model, service, errors);
       check_members(service, errors);
     }
@@ -39,21 +38,6 @@ class CppBackEnd final : public BackEnd {
   }
 
  private:
-  /// The model, the fingerprint and the JSON have them; this back end does not.
-  static void check_manners(const Service& service, Diagnostics& errors) {
-    for (const Method& method : service.methods) {
-      const char* attribute = method.oneway        ? "rtpm_oneway"
-                              : method.is_deferred ? "rtpm_deferred"
-                              : method.is_stream   ? "rtpm_stream"
-                                                   : nullptr;
-      if (attribute == nullptr) continue;
-      errors.push_back({method.location,
-                        "method `" + method.name + "` has `" + attribute +
-                            "`, for which this version generates no C++",
-                        "remove the attribute, or use the model: rtpmc --emit json", std::nullopt});
-    }
-  }
-
   /// The three generated classes must not be data types of the schema too.
   static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
     const auto report = [&](const std::string& name, const std::string& kind,

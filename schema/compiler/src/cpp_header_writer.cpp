@@ -11,6 +11,7 @@ namespace rtpm::schema::cpp {
 namespace {
 
 constexpr const char* kOptions = "const ::rtpm::rpc::CallOptions& options = {}";
+constexpr const char* kStreamOptions = "const ::rtpm::rpc::StreamOptions& options = {}";
 
 /// The generated data types that the services use, as flatc names their files.
 std::string data_includes(const Model& model) {
@@ -39,12 +40,27 @@ std::string data_includes(const Model& model) {
   return text;
 }
 
+std::string waiting_of(OnewayLevel level) {
+  switch (level) {
+    case OnewayLevel::kSent:
+      return "waits for nothing";
+    case OnewayLevel::kReceived:
+      return "waits until the server is about to run it";
+    case OnewayLevel::kDone:
+      break;
+  }
+  return "waits until it ran";
+}
+
 std::string facts(const Method& method) {
   std::string text = "Method " + std::to_string(method.id);
   if (method.is_idempotent) text += ", idempotent";
   if (method.deadline_us) {
     text += ", waits " + std::to_string(*method.deadline_us) + " us if no deadline is given";
   }
+  if (method.oneway) text += ", oneway: its caller " + waiting_of(*method.oneway);
+  if (method.is_deferred) text += ", answered later";
+  if (method.is_stream) text += ", answered by a stream";
   if (method.max_size) {
     text += ", request and reply of " + std::to_string(*method.max_size) + " bytes at most";
   }
@@ -71,19 +87,22 @@ std::string priority_facts(const Service& service) {
              : "Calls without a priority run at " + number + '.';
 }
 
-constexpr const char* kRealTime = "RT: alloc-free once a channel of the priority's band is open.";
+std::string real_time(const Method& method) {
+  return method.is_stream ? "Opening allocates, taking items does not."
+                          : "RT: alloc-free once a channel of the priority's band is open.";
+}
 
 std::string client_method(const Model& model, const Service& service, const Method& method) {
-  Function head{
-      .lead = "[[nodiscard]] ",
-      .result = client_result(model, method),
-      .name = method_name(service, method),
-      .parameters = {"const " + payload_type(model, method.request) + "& request", kOptions},
-      .tail = " noexcept;"};
+  Function head{.lead = "[[nodiscard]] ",
+                .result = client_result(model, method),
+                .name = method_name(service, method),
+                .parameters = {"const " + payload_type(model, method.request) + "& request",
+                               method.is_stream ? kStreamOptions : kOptions},
+                .tail = method.is_stream ? ";" : " noexcept;"};
   const std::string docs = comment(documentation_of(model, method), "  ");
   if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
   if (method.request.kind != PayloadKind::kTable) {
-    return docs + comment({kRealTime}, "  ") + function(head, "  ");
+    return docs + comment({real_time(method)}, "  ") + function(head, "  ");
   }
   Function encoded = head;
   encoded.name += "_encoded";
@@ -97,7 +116,7 @@ std::string client_method(const Model& model, const Service& service, const Meth
                  "  ") +
          function(head, "  ") +
          comment({"As " + head.name + "(), with a finished FlatBuffer of " + table.substr(2) + '.',
-                  kRealTime},
+                  real_time(method)},
                  "  ") +
          function(encoded, "  ");
 }
@@ -149,7 +168,13 @@ std::string servant_method(const Model& model, const Service& service, const Met
   if (method.request.kind != PayloadKind::kEmpty) {
     head.parameters.push_back("const " + payload_type(model, method.request) + "& request");
   }
-  if (method.reply.kind == PayloadKind::kTable) {
+  if (method.is_stream) {
+    head.parameters.push_back(late_type(model, method) + " items");
+    lines.push_back("Keep `items` and write to it, on any thread, until you finish it.");
+  } else if (method.is_deferred) {
+    head.parameters.push_back(late_type(model, method) + " reply");
+    lines.push_back("Keep `reply` and complete it later, on any thread.");
+  } else if (method.reply.kind == PayloadKind::kTable) {
     head.parameters.push_back("::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
                               ">& reply");
     lines.push_back("Build the answer in `reply` and finish it once.");
@@ -211,7 +236,24 @@ std::string payload_type(const Model& model, const Payload& payload) {
   return type_name(model.objects[payload.table].name);
 }
 
+std::string late_type(const Model& model, const Method& method) {
+  const std::string type = payload_type(model, method.reply);
+  const bool is_table = method.reply.kind == PayloadKind::kTable;
+  if (method.is_stream) {
+    return std::string("::rtpm::rpc::") + (is_table ? "TableWriter<" : "StructWriter<") + type +
+           '>';
+  }
+  if (method.reply.kind == PayloadKind::kEmpty) return "::rtpm::rpc::LateNothing";
+  return std::string("::rtpm::rpc::") + (is_table ? "LateTable<" : "LateStruct<") + type + '>';
+}
+
 std::string client_result(const Model& model, const Method& method) {
+  if (method.is_stream) {
+    const bool is_table = method.reply.kind == PayloadKind::kTable;
+    return std::string("::rtpm::expected<::rtpm::rpc::") +
+           (is_table ? "TableStream<" : "StructStream<") + payload_type(model, method.reply) +
+           ">, ::rtpm::rpc::CallError>";
+  }
   std::string value = "void";
   if (method.reply.kind == PayloadKind::kStruct) value = payload_type(model, method.reply);
   if (method.reply.kind == PayloadKind::kTable) {
@@ -221,6 +263,7 @@ std::string client_result(const Model& model, const Method& method) {
 }
 
 std::string servant_result(const Model& model, const Method& method) {
+  if (method.is_stream || method.is_deferred) return "void";
   const bool is_struct = method.reply.kind == PayloadKind::kStruct;
   return "::rtpm::rpc::Result<" + (is_struct ? payload_type(model, method.reply) : "void") + '>';
 }

@@ -64,23 +64,34 @@ std::string limits(const Model& model, const Payload& payload) {
 std::string call(const Model& model, const Service& service, std::size_t index,
                  const std::string& request) {
   const Method& method = service.methods[index];
+  const std::string arguments = "rtpm_binding_, k" + short_name(service.name) + "Methods[" +
+                                std::to_string(index) + "], " + request;
+  const bool is_table = method.reply.kind == PayloadKind::kTable;
+  if (method.oneway && *method.oneway != OnewayLevel::kDone) {
+    const bool is_sent = *method.oneway == OnewayLevel::kSent;
+    return "  return ::rtpm::rpc::send_oneway(\n      " + arguments +
+           ", ::rtpm::wire::Delivery::" + (is_sent ? "kSent" : "kReceipt") + ", options);\n";
+  }
+  if (method.is_stream) {
+    return std::string("  return ::rtpm::rpc::open_") + (is_table ? "table" : "struct") +
+           "_stream<" + payload_type(model, method.reply) + ">(\n      " + arguments + ", options" +
+           (is_table ? limits(model, method.reply) : "") + ");\n";
+  }
   std::string function = "nothing";
   if (method.reply.kind == PayloadKind::kStruct) {
     function = "struct<" + payload_type(model, method.reply) + '>';
   } else if (method.reply.kind == PayloadKind::kTable) {
     function = "table<" + payload_type(model, method.reply) + '>';
   }
-  return "  return ::rtpm::rpc::call_for_" + function + "(\n      rtpm_binding_, k" +
-         short_name(service.name) + "Methods[" + std::to_string(index) + "], " + request +
-         ", options" +
-         (method.reply.kind == PayloadKind::kTable ? limits(model, method.reply) : "") + ");\n";
+  return "  return ::rtpm::rpc::call_for_" + function + "(\n      " + arguments + ", options" +
+         (is_table ? limits(model, method.reply) : "") + ");\n";
 }
 
 /// The definition of the method that sends `request`, an expression of its parameter.
 std::string sending_method(const Model& model, const Service& service, std::size_t index,
                            Function head, const std::string& request) {
-  head.tail = " noexcept {";
   const Method& method = service.methods[index];
+  head.tail = method.is_stream ? " {" : " noexcept {";
   std::string check;
   if (method.max_size && method.request.kind == PayloadKind::kTable) {
     check = "  if (request.size() > " + std::to_string(*method.max_size) +
@@ -96,7 +107,9 @@ std::string client_method(const Model& model, const Service& service, std::size_
       .lead = "",
       .result = client_result(model, method),
       .name = short_name(service.name) + "Client::" + method_name(service, method),
-      .parameters = {"const " + type + "& request", "const ::rtpm::rpc::CallOptions& options"},
+      .parameters = {"const " + type + "& request",
+                     std::string("const ::rtpm::rpc::") +
+                         (method.is_stream ? "StreamOptions" : "CallOptions") + "& options"},
       .tail = " {"};
   switch (method.request.kind) {
     case PayloadKind::kEmpty:
@@ -185,6 +198,11 @@ std::string dispatch_case(const Model& model, const Service& service, const Meth
       "this->" + name + (method.request.kind == PayloadKind::kEmpty ? "(" : "(argument, ");
   const std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
                            request_check(model, method) + argument(model, method);
+  if (method.is_stream || method.is_deferred) {
+    return text + "      return ::rtpm::rpc::run_late<" + late_type(model, method) +
+           ">(\n          ::rtpm::rpc::" + (method.is_stream ? "open_stream" : "defer") +
+           "(context), [&](auto late) { " + call + "::std::move(late), context); });\n    }\n";
+  }
   switch (method.reply.kind) {
     case PayloadKind::kEmpty:
       return text + "      return ::rtpm::rpc::reply_with_nothing(" + call + "context));\n    }\n";
@@ -205,7 +223,8 @@ std::string servant(const Model& model, const Service& service) {
   const std::string stem = short_name(service.name);
   bool uses_reply = false;
   for (const Method& method : service.methods)
-    uses_reply |= method.reply.kind != PayloadKind::kEmpty;
+    uses_reply |=
+        method.reply.kind != PayloadKind::kEmpty && !method.is_stream && !method.is_deferred;
   std::string text =
       "\nconst ::rtpm::rpc::InterfaceDescriptor& " + stem +
       "Servant::interface() const noexcept {\n  return k" + stem +

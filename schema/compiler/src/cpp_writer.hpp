@@ -18,6 +18,9 @@ namespace rtpm::schema::cpp {
 [[nodiscard]] std::string client_result(const Model& model, const Method& method);
 /// What a servant's method returns: "::rtpm::rpc::Result<::lab::Pose>".
 [[nodiscard]] std::string servant_result(const Model& model, const Method& method);
+/// What a method that answers later, or with a stream, is given to do so:
+/// "::rtpm::rpc::LateStruct<::lab::Pose>".
+[[nodiscard]] std::string late_type(const Model& model, const Method& method);
 /// The C++ type that a payload is handled as.
 [[nodiscard]] std::string payload_type(const Model& model, const Payload& payload);
 

@@ -210,6 +210,36 @@ TEST_P(LateAnswers, TimeOutLikeAnyOther) {
   EXPECT_TRUE(binding_->call(kNote, {}));
 }
 
+// What the schema says of priorities holds where whoever adds the object says nothing.
+TEST_P(LateAnswers, RunAtThePriorityOfTheirInterface) {
+  class Declared final : public Servant {
+   public:
+    const InterfaceDescriptor& interface() const noexcept override { return interface_; }
+    DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
+                            const CallContext& context) override {
+      seen = context.priority.value();
+      return {};
+    }
+    std::atomic<int> seen{-1};
+
+   private:
+    InterfaceDescriptor interface_{.name = "test.Late",
+                                   .fingerprint = 4712,
+                                   .methods = kMethods,
+                                   .priority_model = PriorityModel::kServerDeclared,
+                                   .priority = 777};
+  };
+  Declared servant;
+  auto server = *Server::create(quiet_config());
+  ASSERT_TRUE(server->add("declared", servant));
+  ASSERT_TRUE(server->start());
+  auto binding = Binding::bind(node_, server->url("declared"), kInterface,
+                               {.deadline = rtpm::test::kPatience});
+  ASSERT_TRUE(binding) << binding.error().text;
+  EXPECT_TRUE(binding->call(kNote, {}, {.priority = 5}));
+  EXPECT_EQ(servant.seen, 777);
+}
+
 // --- oneways -------------------------------------------------------------------------------------
 
 TEST_P(LateAnswers, OnewaysRunInOrderWithoutBeingWaitedFor) {
@@ -303,6 +333,21 @@ TEST_P(LateAnswers, StreamsEndWithTheServantsWord) {
   writer.finish(wire::Status::kGone);
   EXPECT_EQ(text_of_next(*reader), "one");
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kNoSuchObject));
+}
+
+TEST_P(LateAnswers, StreamsMayBeLeftWithItemsUntaken) {
+  for (int i = 0; i < 3; ++i) {
+    auto reader = binding_->open_stream(kCount, {});
+    ASSERT_TRUE(reader);
+    ItemWriter writer = servant_.writer();
+    write(writer, "one");
+    write(writer, "two");
+    writer.finish();
+    EXPECT_EQ(text_of_next(*reader), "one");
+    // The end may be here by now; the second item is left.
+    static_cast<void>(binding_->call(kNote, {}));
+  }
+  EXPECT_TRUE(binding_->call(kNote, {})) << "their channel serves other calls again";
 }
 
 TEST_P(LateAnswers, StreamsEndWithTheServer) {

@@ -4,6 +4,7 @@
 // IWYU pragma: begin_exports
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/interface.hpp"
+#include "rtpm/rpc/late_tables.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/tables.hpp"
 // IWYU pragma: end_exports

@@ -79,7 +79,12 @@ class Server {
   /// Ownership: `servant` must outlive stop().   Set-up only: before start().
   /// Errors: a path in use or malformed, too many objects, a declared priority above the ceiling.
   [[nodiscard]] virtual expected<void, SetupError> add(std::string_view path, Servant& servant,
-                                                       ObjectOptions options = {}) = 0;
+                                                       ObjectOptions options) = 0;
+  /// The same, with the priority model and the priority of the servant's schema.
+  [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant) {
+    const InterfaceDescriptor& interface = servant.interface();
+    return add(path, servant, {interface.priority_model, interface.priority});
+  }
 
   /// Starts the lanes. From then on they allocate nothing.   Set-up only.
   /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
