@@ -35,7 +35,9 @@ void SimClient::make_channel() {
                                              .channel = 1,
                                              .clock_domain = profile_.clock_domain,
                                              .message_size_max = kMessageSizeMax,
-                                             .open_call_max = profile_.open_call_max},
+                                             .open_call_max = profile_.open_call_max,
+                                             .handshake_number = static_cast<std::uint32_t>(
+                                                 random_.between(0, 0xffff'ffff))},
                    buffer_);
 }
 

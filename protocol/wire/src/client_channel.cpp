@@ -14,7 +14,7 @@ constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 }  // namespace
 
 ClientChannel::ClientChannel(const ClientChannelConfig& config, MutableBytes buffer)
-    : config_(config), buffer_(buffer) {
+    : config_(config), buffer_(buffer), handshake_number_(config.handshake_number) {
   RTPM_ASSERT(buffer.size() >= kHelloFrameSize, "a channel's buffer holds a HELLO");
   RTPM_ASSERT(config.client_epoch != 0, "a client has an epoch");
   RTPM_ASSERT(config.open_call_max >= 1 && config.open_call_max <= kCallWindow,

@@ -59,7 +59,8 @@ CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
       config_(config),
       buffer_(frame_size_of(address, config)),
       wire_({medium_of(address.transport), client_epoch, number, clock_domain,
-             config.message_size_max},
+             config.message_size_max, /*open_call_max=*/1,
+             static_cast<std::uint32_t>(rt::random_u64())},
             buffer_) {}
 
 CallChannel::~CallChannel() {

@@ -300,7 +300,7 @@ TEST_F(OptionsTest, NamesAWrongTypeOrRangeWithWhatWasExpected) {
   expect_error({"--cases", "a,,b"}, {"--cases 'a,,b' is not a list with commas"});
   expect_error({"--format", "xml"}, {"--format 'xml' is not table or json"});
   expect_error({"--realtime", "yes"}, {"is not prefer, require or off"});
-  expect_error({"--wait", "sleep"}, {"is not adaptive, block or spin"});
+  expect_error({"--wait", "sleep"}, {"is not adaptive, periodic, block or spin"});
   set_variable("RTPM_PORT", "http");
   expect_error({}, {"RTPM_PORT 'http' is not a whole number"});
 }
@@ -357,7 +357,7 @@ TEST_F(OptionsTest, PrintsHelpAndVersion) {
     EXPECT_EQ(help.err, "");
     for (const char* const part :
          {"rtpm-test: tries options", "--port NUMBER", "Port to serve [7420]", "--verbose ",
-          "--realtime prefer|require|off", "--wait adaptive|block|spin", "--dump-config"}) {
+          "--realtime prefer|require|off", "--wait adaptive|periodic|block|spin", "--dump-config"}) {
       EXPECT_NE(help.out.find(part), std::string::npos) << part << " in:\n" << help.out;
     }
   }

@@ -203,6 +203,18 @@ TEST_F(ClientHandshake, EndsAnEarlierSession) {
   EXPECT_FALSE(channel_.is_ready());
 }
 
+// hp-4-2: a client that starts anew at its former address must not be given its former session.
+TEST_F(ClientHandshake, IsNumberedFromWhereItsLifeBegan) {
+  alignas(16) std::array<std::byte, 256> buffer{};
+  const auto number_of_first = [&](std::uint32_t drawn) {
+    ClientChannel channel({.client_epoch = 1, .handshake_number = drawn}, buffer);
+    const MonotonicTime now = time_from_ns(1'000'000'000);
+    return decode_frame(channel.open(0, now + std::chrono::seconds{1}, now))->call_id;
+  };
+  EXPECT_EQ(number_of_first(4711), 4712u);
+  EXPECT_EQ(number_of_first(0xffff'ffff), 0u);
+}
+
 // hp-3-1
 TEST_F(ClientHandshake, DropsTheKindsThatOnlyServersReceive) {
   for (const FrameKind kind :

@@ -28,6 +28,9 @@ struct ClientChannelConfig {
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   std::uint16_t open_call_max = 1;  ///< Calls at a time, 1…kCallWindow, if the server grants them.
+  /// Drawn at random in each life of the program: the first handshake has the number behind it. So
+  /// an answer to an earlier life at the same address is told apart (hp-4-2).
+  std::uint32_t handshake_number = 0;
 };
 
 /// When a caller is told that its call is done.
@@ -211,7 +214,7 @@ class ClientChannel {
   bool is_opening_ = false;  ///< A handshake is on its way.
   bool may_answer_cookie_ = false;
   Priority hello_priority_{};
-  std::uint32_t handshake_number_ = 0;
+  std::uint32_t handshake_number_;
   MonotonicTime hello_deadline_ = kNever;
   Cookie cookie_{};
   Welcome welcome_{};
