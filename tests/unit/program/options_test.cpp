@@ -357,7 +357,8 @@ TEST_F(OptionsTest, PrintsHelpAndVersion) {
     EXPECT_EQ(help.err, "");
     for (const char* const part :
          {"rtpm-test: tries options", "--port NUMBER", "Port to serve [7420]", "--verbose ",
-          "--realtime prefer|require|off", "--wait adaptive|periodic|block|spin", "--dump-config"}) {
+          "--realtime prefer|require|off", "--wait adaptive|periodic|block|spin",
+          "--dump-config"}) {
       EXPECT_NE(help.out.find(part), std::string::npos) << part << " in:\n" << help.out;
     }
   }

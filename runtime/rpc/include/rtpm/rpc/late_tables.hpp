@@ -79,9 +79,11 @@ template <class T>
 
 /// Opens a stream of tables with an encoded request.
 template <class T>
-[[nodiscard]] expected<TableStream<T>, CallError> open_table_stream(
-    Binding& binding, const MethodDescriptor& method, ConstBytes request,
-    const StreamOptions& options, TableLimits limits = {}) {
+[[nodiscard]] expected<TableStream<T>, CallError> open_table_stream(Binding& binding,
+                                                                    const MethodDescriptor& method,
+                                                                    ConstBytes request,
+                                                                    const StreamOptions& options,
+                                                                    TableLimits limits = {}) {
   auto reader = binding.open_stream(method, request, options);
   if (!reader) return unexpected{reader.error()};
   return TableStream<T>{std::move(*reader), limits};
