@@ -212,7 +212,7 @@ class World {
     Header header;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
-    Header ack_frame = ack_header(header, now_);
+    Header ack_frame = header_about(header, FrameKind::kAck, FragmentAck::kSize, now_);
     ack_frame.flags = is_asking ? kFlagAckWanted : std::uint16_t{0};
     encode(ack_frame, frame.data());
     FragmentAck ack;

@@ -276,7 +276,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
 
 // `is_asking`: nothing came for a time, so that the server is to send something (hp-5.6-7).
 ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept {
-  Header header = ack_header(call.header, now);
+  Header header = header_about(call.header, FrameKind::kAck, FragmentAck::kSize, now);
   if (is_asking) header.flags = kFlagAckWanted;
   encode(header, small_frame_.data());
   encode(call.reply.ack(), MutableBytes(small_frame_).subspan(kHeaderSize));
@@ -396,15 +396,10 @@ std::optional<ConstBytes> ClientChannel::next_item(CallIndex index) noexcept {
 }
 
 ConstBytes ClientChannel::credit_frame(Call& call, MonotonicTime now) noexcept {
-  Header header = call.header;
-  header.kind = FrameKind::kCredit;
+  Header header = header_about(call.header, FrameKind::kCredit, StreamCredit::kSize, now);
   header.flags = call.is_asking ? kFlagAckWanted : std::uint16_t{0};
-  header.fragment_index = 0;
-  header.fragment_count = 1;
-  header.payload_size = header.message_size = StreamCredit::kSize;
   header.budget_us = budget_of(call, now);
   header.item = call.credit_sent = call.items.limit();
-  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
   encode(header, small_frame_.data());
   encode(call.items.credit(), MutableBytes(small_frame_).subspan(kHeaderSize));
   call.is_credit_due = call.is_asking = false;
@@ -421,17 +416,7 @@ ConstBytes ClientChannel::cancel(CallIndex index, MonotonicTime now) noexcept {
 }
 
 ConstBytes ClientChannel::cancel_frame(const Header& about, MonotonicTime now) noexcept {
-  Header header = about;
-  header.kind = FrameKind::kCancel;
-  header.flags = 0;
-  header.status = Status::kOk;
-  header.fragment_index = 0;
-  header.fragment_count = 1;
-  header.payload_size = header.message_size = 0;
-  header.budget_us = 0;
-  header.item = 0;
-  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  encode(header, small_frame_.data());
+  encode(header_about(about, FrameKind::kCancel, 0, now), small_frame_.data());
   return ConstBytes(small_frame_).first(kHeaderSize);
 }
 

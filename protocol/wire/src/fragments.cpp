@@ -48,20 +48,6 @@ std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept {
   return ack;
 }
 
-Header ack_header(const Header& about, MonotonicTime now) noexcept {
-  Header header = about;
-  header.kind = FrameKind::kAck;
-  header.flags = 0;
-  header.status = Status::kOk;
-  header.fragment_index = 0;
-  header.fragment_count = 1;
-  header.payload_size = header.message_size = FragmentAck::kSize;
-  header.budget_us = 0;
-  header.item = 0;
-  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  return header;
-}
-
 void IncomingMessage::begin(const Header& header, MutableBytes room) noexcept {
   RTPM_ASSERT(room.size() >= header.message_size, "the room holds the message");
   header_ = header;

@@ -115,6 +115,25 @@ expected<Header, DropReason> decode(ConstBytes bytes) noexcept {
   return header;
 }
 
+void mark_repeated(std::byte* frame) noexcept {
+  store_le<std::uint16_t>(frame + kAtFlags, kFlagRepeated);
+}
+
+Header header_about(const Header& about, FrameKind kind, std::size_t payload_size,
+                    MonotonicTime now) noexcept {
+  Header header;
+  header.kind = kind;
+  header.priority = about.priority;
+  header.session = about.session;
+  header.call_id = about.call_id;
+  header.service = about.service;
+  header.method = about.method;
+  header.payload_size = header.message_size = static_cast<std::uint32_t>(payload_size);
+  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  header.trace_id = about.trace_id;
+  return header;
+}
+
 std::uint32_t fragment_size_of(const Header& header) noexcept {
   const std::uint32_t count = header.fragment_count;
   if (count < 2 || count > kFragmentCountMax || header.fragment_index >= count ||

@@ -102,7 +102,7 @@ Verdict ServerSessions::on_copy(Slot& slot, Session& session, const Header& head
 ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
                                       std::uint32_t slot_index) noexcept {
   std::byte* const frame = frame_of(session_index, slot_index);
-  store_le<std::uint16_t>(frame + 6, kFlagRepeated);
+  mark_repeated(frame);
   return {frame, sessions_[session_index].slots[slot_index].frame_size};
 }
 
@@ -184,7 +184,7 @@ Verdict ServerSessions::on_fragment(Slot& slot, Session& session, const Header& 
 
 Verdict ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
                                     std::uint32_t item_count, MonotonicTime now) noexcept {
-  Header header = ack_header(about, now);
+  Header header = header_about(about, FrameKind::kAck, FragmentAck::kSize, now);
   header.item = item_count;
   encode(header, answer_.data());
   encode(ack, MutableBytes(answer_).subspan(kHeaderSize));
@@ -226,6 +226,13 @@ ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
   return frame;
 }
 
+// Whether somebody still waits for what is in a room. A request that is being served is in use,
+// however late it is.
+bool ServerSessions::is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept {
+  const Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+  return bulk.deadline > now || slot.state == Slot::State::kRunning;
+}
+
 // A room for a large message; where none is free, that of one for which nobody waits any more.
 std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexcept {
   for (std::size_t i = 0; i < bulks_.size(); ++i) {
@@ -233,8 +240,7 @@ std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexce
     if (bulk.use == Bulk::Use::kScratch) continue;
     if (bulk.use != Bulk::Use::kFree) {
       Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
-      // A request that is being served is in use, however late it is.
-      if (bulk.deadline > now || slot.state == Slot::State::kRunning) continue;
+      if (is_awaited(bulk, now)) continue;
       // Of half a request that is forgotten any more is a late copy.
       slot.state = Slot::State::kDone;
       free_bulk(slot);
@@ -247,9 +253,7 @@ std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexce
 
 std::uint32_t ServerSessions::large_message_count(MonotonicTime now) const noexcept {
   return static_cast<std::uint32_t>(std::ranges::count_if(bulks_, [&](const Bulk& bulk) {
-    if (bulk.use == Bulk::Use::kFree || bulk.use == Bulk::Use::kScratch) return false;
-    const Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
-    return bulk.deadline > now || slot.state == Slot::State::kRunning;
+    return bulk.use != Bulk::Use::kFree && bulk.use != Bulk::Use::kScratch && is_awaited(bulk, now);
   }));
 }
 
@@ -348,17 +352,10 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
 
 ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Status status,
                                        std::uint32_t payload_size, MonotonicTime now) noexcept {
-  // hp-5.1-2: what is not set here is repeated from the call.
-  Header header = request.header;
-  header.kind = FrameKind::kReply;
-  header.flags = 0;
+  // hp-5.1-2
+  Header header = header_about(request.header, FrameKind::kReply, payload_size, now);
   header.status = status;
-  header.fragment_index = 0;
-  header.fragment_count = 1;
-  header.payload_size = header.message_size = payload_size;
   header.budget_us = to_us(now - request.received);
-  header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  header.item = 0;
   if (slot.stream != kNoStream) {
     // hp-5.10-6: so the caller knows what it lacks. Kept until it has all.
     header.item = streams_[slot.stream].items.count();

@@ -109,7 +109,7 @@ ConstBytes OutgoingStream::next() noexcept {
   repairs_ &= repairs_ - 1;
   const std::uint32_t number = first_missing_ + bit;
   std::byte* const frame = frame_of(number);
-  store_le<std::uint16_t>(frame + 6, kFlagRepeated);
+  mark_repeated(frame);
   return {frame, kHeaderSize + sizes_[number % kStreamWindow]};
 }
 

@@ -72,7 +72,7 @@ expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method,
   if (!ready) return unexpected{ready.error()};
   auto state = std::make_unique<PendingReply::State>(*impl_, plan, *ready);
   state->request = state->channel->keep(request);
-  if (auto begun = state->channel->begin(ready->parameters, state->request); !begun) {
+  if (auto begun = state->channel->begin(ready->parameters, state->request, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
   return PendingReply(std::move(state));
@@ -81,7 +81,7 @@ expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method,
 bool PendingReply::wait(MonotonicTime until) noexcept {
   RTPM_ASSERT(state_ != nullptr, "a call was begun");
   if (state_->outcome.kind == CallOutcome::Kind::kGoing) {
-    state_->outcome = state_->channel->finish(until);
+    state_->outcome = state_->channel->finish(until, rt::now());
   }
   return state_->outcome.kind != CallOutcome::Kind::kGoing;
 }
@@ -149,7 +149,7 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
   if (!ready) return unexpected{ready.error()};
   auto state = std::make_unique<ItemReader::State>(ready->channel);
   const ConstBytes kept = state->channel->keep(request);
-  if (auto begun = state->channel->begin(ready->parameters, kept); !begun) {
+  if (auto begun = state->channel->begin(ready->parameters, kept, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
   return ItemReader(std::move(state));
@@ -167,7 +167,7 @@ expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime un
     // What is here comes before the end that may have come with it.
     if (const auto item = state_->channel->next_item()) return item;
     if (!is_open()) break;
-    state_->outcome = state_->channel->finish(until);
+    state_->outcome = state_->channel->finish(until, rt::now());
     if (state_->outcome.kind == CallOutcome::Kind::kGoing) return unexpected{CallError::kTimeout};
   }
   const CallOutcome& outcome = state_->outcome;

@@ -122,15 +122,15 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
 }
 
 CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request) noexcept {
-  if (auto begun = begin(parameters, request); !begun) return {.error = begun.error()};
+  const MonotonicTime now = rt::now();
+  if (auto begun = begin(parameters, request, now); !begun) return {.error = begun.error()};
   // What was merely sent is over.
   if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
-  return finish();
+  return finish(kNever, now);
 }
 
-expected<void, CallError> CallChannel::begin(wire::CallParameters parameters,
-                                             ConstBytes request) noexcept {
-  const MonotonicTime now = rt::now();
+expected<void, CallError> CallChannel::begin(wire::CallParameters parameters, ConstBytes request,
+                                             MonotonicTime now) noexcept {
   if (parameters.delivery == wire::Delivery::kSent) {
     look_for_loss(now);
     // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
@@ -150,8 +150,8 @@ expected<void, CallError> CallChannel::begin(wire::CallParameters parameters,
   return {};
 }
 
-CallOutcome CallChannel::finish(MonotonicTime until) noexcept {
-  const auto event = wait_for_event(rt::now(), /*may_spin=*/true, until);
+CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
+  const auto event = wait_for_event(now, /*may_spin=*/true, until);
   switch (event ? event->kind : wire::ChannelEvent::Kind::kBroken) {
     case wire::ChannelEvent::Kind::kReply:
       return {CallOutcome::Kind::kReply, {}, event->status, event->payload};

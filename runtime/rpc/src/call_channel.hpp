@@ -75,10 +75,10 @@ class CallChannel {
                                  ConstBytes request) noexcept;
   /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
   /// stream, the memory is the channel's own.   Errors: kTooLarge, kDisconnected.
-  [[nodiscard]] expected<void, CallError> begin(wire::CallParameters parameters,
-                                                ConstBytes request) noexcept;
+  [[nodiscard]] expected<void, CallError> begin(wire::CallParameters parameters, ConstBytes request,
+                                                MonotonicTime now) noexcept;
   /// Waits for the call's end, or its items, but not beyond `until`: then the outcome is kGoing.
-  [[nodiscard]] CallOutcome finish(MonotonicTime until = kNever) noexcept;
+  [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// The next item of the stream that is here, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
   /// Tells the server that nobody waits for the call any more.

@@ -217,7 +217,9 @@ class LargeCalls : public testing::Test {
   Bytes ack_frame(std::uint32_t call_id, const FragmentAck& ack) {
     Bytes payload(FragmentAck::kSize);
     encode(ack, payload);
-    return frame_of(ack_header(header_of(peer_.call_frame(call_id, "")), at(0s)), payload);
+    return frame_of(header_about(header_of(peer_.call_frame(call_id, "")), FrameKind::kAck,
+                                 FragmentAck::kSize, at(0s)),
+                    payload);
   }
 
   Bytes bulk_;
@@ -451,9 +453,13 @@ TEST_F(LargeReplies, AreAskedForByTheFirstFragmentOfALargeRequest) {
   FragmentAck all;
   all.first_missing = 3;
   encode(all, payload);
-  EXPECT_EQ(
-      channel_.on_frame(frame_of(ack_header(header_of(sent), at(1ms)), payload), at(1ms)).kind,
-      Kind::kNothing);
+  EXPECT_EQ(channel_
+                .on_frame(frame_of(header_about(header_of(sent), FrameKind::kAck,
+                                                FragmentAck::kSize, at(1ms)),
+                                   payload),
+                          at(1ms))
+                .kind,
+            Kind::kNothing);
   const ChannelEvent event = channel_.on_time(channel_.next_time());
   ASSERT_EQ(event.kind, Kind::kSend);
   const Header again = header_of(event.frame);

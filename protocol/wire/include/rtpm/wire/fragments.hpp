@@ -47,9 +47,6 @@ struct FragmentAck {
 void encode(const FragmentAck& ack, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept;
 
-/// The header of the ACK that answers, or asks about, frames like `about`.   RT: alloc-free.
-[[nodiscard]] Header ack_header(const Header& about, MonotonicTime now) noexcept;
-
 /// Collects one message from its fragments, in whatever order and how often they come.
 /// Ownership: writes into the room it was given.   RT: alloc-free.
 class IncomingMessage {

@@ -5,6 +5,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
 #include "rtpm/wire/counters.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/status.hpp"
@@ -70,6 +71,14 @@ void encode(const Header& header, std::byte* to) noexcept;
 
 /// As decode(), for a whole frame: exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
+
+/// Marks a frame that encode() wrote as a copy of one sent before.   RT: alloc-free.
+void mark_repeated(std::byte* frame) noexcept;
+
+/// The header of a frame of one piece that is about the call of `about`: it names the same call,
+/// and states nothing else yet.   RT: alloc-free.
+[[nodiscard]] Header header_about(const Header& about, FrameKind kind, std::size_t payload_size,
+                                  MonotonicTime now) noexcept;
 
 /// The size of all fragments but the last, told by any one of several; 0 if the numbers contradict
 /// each other or the limits.   RT: alloc-free.

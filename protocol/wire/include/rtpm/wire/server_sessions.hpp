@@ -242,6 +242,7 @@ class ServerSessions {
   void make_bulks();
   void make_streams();
   [[nodiscard]] ConstBytes next_repair() noexcept;
+  [[nodiscard]] bool is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept;
   [[nodiscard]] std::uint16_t take_bulk(Bulk::Use use, MonotonicTime now) noexcept;
   void free_bulk(Slot& slot) noexcept;
   [[nodiscard]] std::uint32_t index_of(const Session& session) const noexcept {
