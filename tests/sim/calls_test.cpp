@@ -303,7 +303,7 @@ TEST(Seeds, GiveTheSameHistoryEachTime) {
 // Where even the datagrams' checksum is missing nobody can keep the promises of a call. But nothing
 // breaks, hangs or stays behind.
 TEST(Corruption, NeitherBreaksNorLeavesAnythingBehind) {
-  const std::uint64_t seed_count = number_from_environment("RTPM_SEEDS").value_or(500) / 5;
+  const std::uint64_t seed_count = number_from_environment("RTPM_SEEDS").value_or(2000) / 5;
   for (std::uint64_t seed = 0; seed < seed_count && !testing::Test::HasFailure(); ++seed) {
     Conversation conversation(seed, /*is_told=*/false, /*has_checksum=*/false);
     conversation.play();

@@ -76,7 +76,7 @@ Verdict ServerSessions::on_copy(Slot& slot, Session& session, const Header& head
     if (slot.stream != kNoStream) {
       // Its caller shows that it is there, and asks for items as before.
       Stream& stream = streams_[slot.stream];
-      stream.deadline = std::max(stream.deadline, deadline_of(session, header, now));
+      stream.deadline = std::max(stream.deadline, lease_of(session, header, now));
       item_count = stream.items.count();
     }
     if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);

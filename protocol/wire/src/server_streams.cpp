@@ -16,12 +16,18 @@ Verdict ServerSessions::begin_stream(const Request& request, Slot& slot) noexcep
   const bool is_datagram = config_.medium == Medium::kDatagram;
   found->session_index = request.session_index;
   found->slot_index = request.slot_index;
-  found->deadline = request.deadline;
+  found->deadline = std::min(request.deadline, request.received + kStreamLease);
   found->items.begin(request.header, config_.stream_memory.subspan(index * room_size, room_size),
                      is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax, is_datagram);
   slot.stream = static_cast<std::uint16_t>(index);
   ++open_stream_count_;
   return {Verdict::Action::kDispatch, {}, request};
+}
+
+// hp-5.10-7: until when a stream is kept without hearing of its caller, whatever that states.
+MonotonicTime ServerSessions::lease_of(const Session& session, const Header& header,
+                                       MonotonicTime now) const noexcept {
+  return std::min(deadline_of(session, header, now), now + kStreamLease);
 }
 
 void ServerSessions::free_stream(Slot& slot) noexcept {
@@ -73,7 +79,7 @@ Verdict ServerSessions::on_credit(const Header& header, ConstBytes payload, cons
   if (slot.stream != kNoStream) {
     Stream& stream = streams_[slot.stream];
     // A late copy does not take back what a newer one promised.
-    stream.deadline = std::max(stream.deadline, deadline_of(*session, header, now));
+    stream.deadline = std::max(stream.deadline, lease_of(*session, header, now));
     stream.items.on_credit(*credit, header.item, is_asked);
     if (slot.state == Slot::State::kRunning) verdict.credit_tag = slot.tag;
     repairing_ = slot.stream;

@@ -223,6 +223,8 @@ class ServerSessions {
                                   MonotonicTime now) noexcept;
   [[nodiscard]] Verdict begin_stream(const Request& request, Slot& slot) noexcept;
   [[nodiscard]] Verdict dispatch(const Request& request, Slot& slot) noexcept;
+  [[nodiscard]] MonotonicTime lease_of(const Session& session, const Header& header,
+                                       MonotonicTime now) const noexcept;
   void free_stream(Slot& slot) noexcept;
   void cancel(Slot& slot) noexcept;
   [[nodiscard]] ConstBytes kept_reply(std::uint32_t session_index,
