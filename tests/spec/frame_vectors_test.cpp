@@ -132,6 +132,7 @@ TEST(Constants, AreTheCodes) {
   EXPECT_EQ(constants.at("session_service"), wire::kSessionService);
   EXPECT_EQ(constants.at("method_bind"), wire::kMethodBind);
   EXPECT_EQ(constants.at("method_ping"), wire::kMethodPing);
+  EXPECT_EQ(constants.at("method_describe"), wire::kMethodDescribe);
 
   const auto us = [](Duration duration) { return duration.count() / 1000; };
   const Json expected{{"datagram_frame_size_max", wire::kDatagramFrameSizeMax},

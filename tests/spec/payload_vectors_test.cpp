@@ -6,6 +6,7 @@
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/handshake.hpp"
+#include "rtpm/wire/interface_text.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "rtpm/wire/stream.hpp"
 #include "rtpm/wire/url.hpp"
@@ -259,6 +260,18 @@ TEST(UrlVectors, AreTakenApartOrNot) {
   }
   for (const Json& text : vectors.at("bad")) {
     EXPECT_FALSE(wire::parse_url(text.get<std::string>())) << text;
+  }
+}
+
+// hp-12.2-1, hp-12.2-2, hp-6.3-2
+TEST(VersionVectors, AreUnderstoodOrNot) {
+  const Json pairs = read_vectors("versions.json").at("pairs");
+  EXPECT_GT(pairs.size(), 80u);
+  for (const Json& pair : pairs) {
+    const auto obstacle = wire::find_obstacle(pair.at("client").get<std::string>(),
+                                              pair.at("server").get<std::string>());
+    EXPECT_EQ(!obstacle, pair.at("is_understood"))
+        << pair.at("name") << ": " << obstacle.value_or("nothing differs");
   }
 }
 

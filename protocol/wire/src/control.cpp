@@ -80,6 +80,18 @@ std::optional<BindReply> decode_bind_reply(ConstBytes payload) noexcept {
   return reply;
 }
 
+void encode_describe_request(std::uint32_t service, MutableBytes to) noexcept {
+  ByteWriter writer(to);
+  writer.put(service);
+  RTPM_ASSERT(writer.ok(), "a describe request has its size");
+}
+
+// hp-6.3-1
+std::optional<std::uint32_t> decode_describe_request(ConstBytes payload) noexcept {
+  if (payload.size() != kDescribeRequestSize) return std::nullopt;
+  return ByteReader(payload).take<std::uint32_t>();
+}
+
 MethodEntry method_entry(ConstBytes bind_reply, std::uint16_t index) noexcept {
   ByteReader reader(bind_reply.subspan(BindReply::kSize + index * MethodEntry::kSize));
   MethodEntry entry;

@@ -19,11 +19,11 @@ std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& inter
   const std::string server = url.substr(0, url.size() - path.size() - 1);
   const std::string interface_name(interface.name);
   if (outcome.kind == CallOutcome::Kind::kReply) {
-    if (outcome.differing_method != nullptr) {
+    if (!outcome.difference.empty()) {
       return "'" + path + "' at " + server + " has another " + interface_name +
-             " than this program: method '" + std::string(outcome.differing_method->name) +
-             "' (id " + std::to_string(outcome.differing_method->id) +
-             ") is missing or differs there. Remedy: generate both from the same schema.";
+             " than this program: " + outcome.difference +
+             ". Remedy: generate both from the same schema, or from versions that "
+             "`rtpmc check --conform` calls compatible.";
     }
     if (outcome.status == wire::Status::kWrongInterface) {
       return "'" + path + "' at " + server + " is a " + outcome.other_interface.data() +

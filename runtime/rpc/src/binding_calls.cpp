@@ -55,68 +55,8 @@ CallError error_of(wire::Status status) noexcept {
                                                                  : CallError::kBadReply;
 }
 
-namespace {
-
-// The first method of ours that the server has not, or has otherwise; null if all agree. What a
-// list that is not complete leaves out is not held against the server: a call will tell.
-const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
-                                         const wire::BindReply& reply,
-                                         ConstBytes payload) noexcept {
-  for (const MethodDescriptor& method : ours.methods) {
-    bool is_same = !reply.is_method_list_complete;
-    for (std::uint16_t i = 0; i < reply.method_count; ++i) {
-      const wire::MethodEntry entry = wire::method_entry(payload, i);
-      if (entry.id != method.id) continue;
-      is_same = entry.fingerprint == method.fingerprint;
-      break;
-    }
-    if (!is_same) return &method;
-  }
-  return nullptr;
-}
-
-}  // namespace
-
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
-}
-
-BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
-                               MonotonicTime deadline) noexcept {
-  std::array<std::byte, 512> request{};
-  const std::size_t size =
-      encode(wire::BindRequest{path, interface.name, interface.fingerprint}, request);
-  RTPM_ASSERT(size > 0, "path and interface name fit a bind");
-  const CallOutcome outcome =
-      channel.call({wire::kSessionService, wire::kMethodBind, priority, 0, deadline},
-                   ConstBytes(request).first(size));
-  BindOutcome result{outcome.kind, outcome.error, {}, outcome.status, nullptr, {}};
-  if (outcome.kind != CallOutcome::Kind::kReply) return result;
-  if (outcome.status != wire::Status::kOk) {
-    result.error = error_of(outcome.status);
-    const std::string_view other = ByteReader(outcome.payload).take_text();
-    std::ranges::copy(other.substr(0, result.other_interface.size() - 1),
-                      result.other_interface.begin());
-    return result;
-  }
-  const auto reply = wire::decode_bind_reply(outcome.payload);
-  if (!reply) {
-    result.kind = CallOutcome::Kind::kFailed;
-    result.error = CallError::kBadReply;
-    return result;
-  }
-  if (reply->fingerprint != interface.fingerprint) {
-    // hp-6.1-2: a server may have more methods than we know; those that we know must be the same.
-    result.differing_method = first_difference(interface, *reply, outcome.payload);
-    if (result.differing_method != nullptr) {
-      result.status = wire::Status::kWrongInterface;
-      result.error = CallError::kNoSuchMethod;
-      return result;
-    }
-  }
-  result.bound = {channel.server_epoch(), reply->service, reply->priority,
-                  reply->is_server_declared};
-  return result;
 }
 
 Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,

@@ -29,6 +29,7 @@ struct Bound {
   std::uint32_t service = 0;
   Priority priority{};
   bool is_server_declared = false;
+  std::uint64_t fingerprint = 0;  ///< Of the server's view of the interface.
 };
 
 /// What came of asking a server for an object. `what` is for a person.
@@ -37,7 +38,7 @@ struct BindOutcome {
   CallError error = CallError::kTimeout;
   Bound bound{};
   wire::Status status = wire::Status::kOk;
-  const MethodDescriptor* differing_method = nullptr;
+  std::string difference{};  ///< In the interface; empty: it is the same, or one that will do.
   std::array<char, 96> other_interface{};
 };
 
@@ -51,6 +52,8 @@ class Binding::Impl {
         interface(interface_in),
         default_deadline(default_deadline_in) {}
 
+  /// Asks for the object. RT: alloc-free, unless the server has a version of the interface that
+  /// this binding has not met yet: then it compares the two.
   [[nodiscard]] BindOutcome ask(CallChannel& channel, Priority priority,
                                 MonotonicTime deadline) noexcept;
   /// Whom a call goes to.

@@ -101,6 +101,7 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
     if (header.method == wire::kMethodBind) return objects_.bind(request.payload, reply);
     // hp-6.2-1
     if (header.method == wire::kMethodPing) return {wire::Status::kOk, 0};
+    if (header.method == wire::kMethodDescribe) return objects_.describe(request.payload, reply);
     return {wire::Status::kNoSuchMethod, 0};
   }
   const Object* object = objects_.find(header.service);

@@ -1,6 +1,7 @@
 #include "object_table.hpp"
 
 #include <algorithm>
+#include <span>
 
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -82,6 +83,19 @@ DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const n
   }
   const auto service = static_cast<std::uint32_t>(found - objects_.begin()) + 1;
   return {wire::Status::kOk, write_bind_reply(service, *found, reply)};
+}
+
+// hp-6.3-1
+DispatchResult ObjectTable::describe(ConstBytes request, MutableBytes reply) const noexcept {
+  const auto service = wire::decode_describe_request(request);
+  if (!service) return {wire::Status::kBadRequest, 0};
+  const Object* const object = find(*service);
+  if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
+  const std::string_view text = object->servant->interface().text;
+  if (text.empty()) return {wire::Status::kNoSuchMethod, 0};
+  if (text.size() > reply.size()) return {wire::Status::kTooLarge, 0};
+  std::ranges::copy(std::as_bytes(std::span(text)), reply.begin());
+  return {wire::Status::kOk, static_cast<std::uint32_t>(text.size())};
 }
 
 }  // namespace rtpm::rpc

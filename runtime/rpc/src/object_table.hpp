@@ -29,6 +29,8 @@ class ObjectTable {
   [[nodiscard]] const Object* find(std::uint32_t service) const noexcept;
   /// Answers a bind (spec/hprotocol.md#hp-6).   RT: alloc-free.
   [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply) const noexcept;
+  /// Answers a describe (spec/hprotocol.md#hp-6.3).   RT: alloc-free.
+  [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply) const noexcept;
 
  private:
   std::vector<Object> objects_;

@@ -63,7 +63,8 @@ expected<void, RealtimeError> set_affinity(const ThreadConfig& config) {
     } else {
       is_possible = false;
     }
-    list += (list.empty() ? "" : ",") + std::to_string(cpu);
+    if (!list.empty()) list += ',';
+    list += std::to_string(cpu);
   }
   int error = is_possible ? pthread_setaffinity_np(pthread_self(), sizeof cpus, &cpus) : EINVAL;
   // The system leaves out, without a word, those that the machine has not.

@@ -86,7 +86,10 @@ std::string type_name(const std::string& qualified_name) {
   const std::string own = short_name(qualified_name);
   const bool is_escaped =
       (is_keyword(own) && !contains(kFlatcLeaves, own)) || contains(kOnlyFlatcEscapes, own);
-  return "::" + namespace_name(qualified_name) + (is_escaped ? "_" : "");
+  std::string name = "::";
+  name += namespace_name(qualified_name);
+  if (is_escaped) name += '_';
+  return name;
 }
 
 std::string function(const Function& function, std::string_view indent) {
@@ -110,7 +113,7 @@ std::string function(const Function& function, std::string_view indent) {
   if (deeper.size() + parameters.size() + 1 + function.tail.size() <= kColumnMax) {
     return text + '\n' + deeper + parameters + ')' + function.tail + '\n';
   }
-  std::string separator;
+  std::string_view separator;
   for (const std::string& parameter : function.parameters) {
     text.append(separator).append(1, '\n').append(deeper).append(parameter);
     separator = ",";
@@ -119,11 +122,13 @@ std::string function(const Function& function, std::string_view indent) {
 }
 
 std::string hexadecimal(std::uint64_t value, std::size_t digits) {
-  std::string text(digits, '0');
-  for (auto digit = text.rbegin(); digit != text.rend(); ++digit, value >>= 4) {
-    *digit = "0123456789abcdef"[value & 0xF];
+  constexpr std::size_t kLeadSize = 2;
+  std::string text(kLeadSize + digits, '0');
+  text[1] = 'x';
+  for (std::size_t at = text.size(); at > kLeadSize; value >>= 4) {
+    text[--at] = "0123456789abcdef"[value & 0xF];
   }
-  return "0x" + text;
+  return text;
 }
 
 std::string literal(std::string_view text) {

@@ -3,6 +3,7 @@
 
 #include "cpp_names.hpp"
 #include "cpp_writer.hpp"
+#include "rtpm/schema/fingerprint.hpp"
 #include "rtpm/schema/schema_text.hpp"
 #include "verify_limits.hpp"
 
@@ -23,9 +24,8 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-/// The service's schema as a literal that no text of it can end.
-std::string schema_literal(const Model& model, const Service& service) {
-  const std::string text = schema_text(model, service);
+/// A text of several lines as a literal that nothing in it can end.
+std::string raw_literal(const std::string& text) {
   std::string mark = "rtpm";
   while (text.find(')' + mark + '"') != std::string::npos)
     mark += '_';
@@ -48,7 +48,9 @@ std::string descriptors(const Model& model, const Service& service,
           "Interface{\n    .name = " + literal(service.name) +
           ",\n    .fingerprint = " + hexadecimal(service.fingerprint, 16) +
           ",\n    .compiler_version = " + literal(compiler_version) + ",\n    .methods = k" + stem +
-          "Methods" + priority(service) + ",\n    .schema = " + schema_literal(model, service) +
+          "Methods" + priority(service) +
+          ",\n    .schema = " + raw_literal(schema_text(model, service)) +
+          ",\n    .text = " + raw_literal(interface_text(model, service)) +
           "};\n\n}  // namespace\n";
   return text;
 }

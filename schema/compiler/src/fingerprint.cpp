@@ -123,27 +123,47 @@ std::string text_of(const Model& model, const Payload& payload) {
   return std::string(spelling_of(payload.kind)) + ' ' + model.objects[payload.table].name;
 }
 
+/// The three lines before a method's types.
+std::string head_of(const Model& model, const Method& method) {
+  return "method " + std::to_string(method.id) + ' ' + method.name + manner_of(method) +
+         "\nrequest " + text_of(model, method.request) + "\nreply " + text_of(model, method.reply) +
+         '\n';
+}
+
+std::vector<const Method*> by_id(const Service& service) {
+  std::vector<const Method*> methods;
+  for (const Method& method : service.methods)
+    methods.push_back(&method);
+  std::sort(methods.begin(), methods.end(),
+            [](const Method* a, const Method* b) { return a->id < b->id; });
+  return methods;
+}
+
 }  // namespace
 
 std::string canonical_text(const Model& model, const Method& method) {
   TypeWriter types(model);
   types.reach_object(method.request.table);
   types.reach_object(method.reply.table);
-  return "method " + std::to_string(method.id) + ' ' + method.name + manner_of(method) +
-         "\nrequest " + text_of(model, method.request) + "\nreply " + text_of(model, method.reply) +
-         '\n' + types.text();
+  return head_of(model, method) + types.text();
 }
 
 std::string canonical_text(const Model& model, const Service& service) {
-  std::vector<const Method*> methods;
-  for (const Method& method : service.methods)
-    methods.push_back(&method);
-  std::sort(methods.begin(), methods.end(),
-            [](const Method* a, const Method* b) { return a->id < b->id; });
   std::string text = "service " + service.name + '\n';
-  for (const Method* method : methods)
+  for (const Method* method : by_id(service))
     text += canonical_text(model, *method);
   return text;
+}
+
+std::string interface_text(const Model& model, const Service& service) {
+  std::string text = "service " + service.name + '\n';
+  TypeWriter types(model);
+  for (const Method* method : by_id(service)) {
+    text += head_of(model, *method);
+    types.reach_object(method->request.table);
+    types.reach_object(method->reply.table);
+  }
+  return text + types.text();
 }
 
 std::string canonical_text(const Model& model, const Object& event) {

@@ -11,6 +11,7 @@ import conversations
 import deliveries
 import fingerprints
 import single_frames
+import versions
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent
 
@@ -28,6 +29,7 @@ def files():
     yield 'bind-reply.json', single_frames.bind_replies()
     yield 'urls.json', single_frames.urls()
     yield 'fingerprints.json', fingerprints.fingerprints()
+    yield 'versions.json', versions.versions()
     for conversation in conversations.conversations() + deliveries.conversations():
         yield f'conversations/{conversation.name}.json', conversation.document()
 

@@ -431,7 +431,7 @@ def constants():
         magic='4850', version=1, header_size=64, kinds=KINDS, statuses=STATUSES,
         flags={'repeated': REPEATED, 'ack_wanted': ACK_WANTED, 'no_reply': NO_REPLY,
                'reply_on_receipt': REPLY_ON_RECEIPT},
-        session_service=0, method_bind=1, method_ping=2, default_port=7420,
+        session_service=0, method_bind=1, method_ping=2, method_describe=3, default_port=7420,
         limits=dict(datagram_frame_size_max=1408, datagram_payload_size_max=1344,
                     stream_frame_size_max=64 * KIB, stream_payload_size_max=64 * KIB - 64,
                     fragment_window=32, stream_fragment_window=4, fragment_count_max=12_544,

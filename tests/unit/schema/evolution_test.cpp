@@ -7,6 +7,8 @@
 
 #include "evolution_exchange.hpp"
 #include "evolution_schema.hpp"
+#include "rtpm/schema/fingerprint.hpp"
+#include "rtpm/wire/interface_text.hpp"
 #include "scratch_folder.hpp"
 
 // The proof of `rtpmc check --conform`: schemas are edited at random, old and new sides exchange
@@ -44,6 +46,45 @@ Prediction predict(const std::vector<Change>& changes) {
     prediction.is_by_meaning |= is_promise(change);
   }
   return prediction;
+}
+
+/// What a bind cannot tell: what is gone looks as if the other side were the older one, and limits
+/// are no part of what is compared.
+bool is_passed_over_at_bind(const Change& change) {
+  switch (change.kind) {
+    case ChangeKind::kFieldRemoved:
+      return change.reading.is_by_meaning;
+    case ChangeKind::kEnumValueRemoved:
+    case ChangeKind::kFieldRangeNarrowed:
+    case ChangeKind::kFieldRangeWidened:
+    case ChangeKind::kMaxSizeRaised:
+    case ChangeKind::kMaxSizeLowered:
+      return true;
+    default:
+      return false;
+  }
+}
+
+/// Whether a client binds to a server of the other version.
+bool can_bind(const Side& client, const Side& server) {
+  const auto text = [](const Side& side) {
+    return interface_text(side.model(), side.model().services.front());
+  };
+  return !wire::find_obstacle(text(client), text(server));
+}
+
+/// What binds is just what was said to be compatible, and nothing that is misread.
+void expect_bind(const char* who, bool binds, bool is_said_to_break, bool is_passed_over,
+                 bool is_understood) {
+  if (is_said_to_break && !is_passed_over) {
+    EXPECT_FALSE(binds) << who << " bind";
+  }
+  if (!is_said_to_break) {
+    EXPECT_TRUE(binds) << who << " do not bind";
+  }
+  if (!is_understood) {
+    EXPECT_FALSE(binds) << who << " bind, and do not understand";
+  }
 }
 
 std::string describe(const Side& before, const Side& after, const std::vector<Change>& changes) {
@@ -95,6 +136,12 @@ TEST(Evolution, EveryEditIsJudgedAsOldAndNewUnderstandEachOther) {
           << what << "nothing shows the break\n"
           << describe(before, after, changes);
     }
+    const bool is_passed_over = std::any_of(changes.begin(), changes.end(), is_passed_over_at_bind);
+    expect_bind("old clients", can_bind(before, after), said.breaks_old_clients, is_passed_over,
+                old_clients_work);
+    expect_bind("new clients", can_bind(after, before), said.breaks_new_clients, is_passed_over,
+                new_clients_work);
+    ASSERT_FALSE(HasFailure()) << what << describe(before, after, changes);
     ++edits[*kind];
     shown[*kind] += !old_clients_work || !new_clients_work ? 1 : 0;
   }
@@ -127,6 +174,15 @@ TEST(Evolution, SeveralEditsAtOnceAreAsGoodAsTheWorst) {
         << "seed " << seed << '\n'
         << describe(before, after, changes);
     ASSERT_TRUE(said.breaks_new_clients || can_call(after, before, random))
+        << "seed " << seed << '\n'
+        << describe(before, after, changes);
+    ASSERT_TRUE(said.breaks_old_clients || can_bind(before, after)) << "seed " << seed;
+    ASSERT_TRUE(said.breaks_new_clients || can_bind(after, before)) << "seed " << seed;
+    // What binds in spite of what is said is understood as far as bytes show.
+    ASSERT_TRUE(!can_bind(before, after) || can_call(before, after, random))
+        << "seed " << seed << '\n'
+        << describe(before, after, changes);
+    ASSERT_TRUE(!can_bind(after, before) || can_call(after, before, random))
         << "seed " << seed << '\n'
         << describe(before, after, changes);
   }

@@ -43,6 +43,11 @@ struct MethodEntry {
 void encode(const BindReply& reply, MutableBytes to) noexcept;
 void encode(const MethodEntry& entry, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<BindReply> decode_bind_reply(ConstBytes payload) noexcept;
+/// The request of a describe: the object's number.   Source: spec/hprotocol.md#hp-6.3.
+inline constexpr std::size_t kDescribeRequestSize = 4;
+void encode_describe_request(std::uint32_t service, MutableBytes to) noexcept;
+[[nodiscard]] std::optional<std::uint32_t> decode_describe_request(ConstBytes payload) noexcept;
+
 /// The entry number `index` of a payload that decode_bind_reply() took.
 [[nodiscard]] MethodEntry method_entry(ConstBytes bind_reply, std::uint16_t index) noexcept;
 

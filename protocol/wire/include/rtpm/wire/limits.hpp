@@ -75,5 +75,6 @@ inline constexpr std::size_t kPathSizeMax = 200;
 inline constexpr std::uint32_t kSessionService = 0;
 inline constexpr std::uint16_t kMethodBind = 1;
 inline constexpr std::uint16_t kMethodPing = 2;
+inline constexpr std::uint16_t kMethodDescribe = 3;
 
 }  // namespace rtpm::wire

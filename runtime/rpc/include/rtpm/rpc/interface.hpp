@@ -34,6 +34,9 @@ struct InterfaceDescriptor {
   Priority priority = 0;                                            ///< `rtpm_priority`.
   /// The service's own schema, complete, for whoever has no generated code of it.
   std::string_view schema{};
+  /// What both sides must agree on, as a text in which two versions can be compared. Empty: only
+  /// equal fingerprints will do.   Source: spec/hprotocol.md#hp-12.2.
+  std::string_view text{};
 };
 
 /// A request or reply without content, `rtpm.Empty` in a schema: no bytes on the wire.

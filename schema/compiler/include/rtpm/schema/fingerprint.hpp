@@ -30,6 +30,11 @@ namespace rtpm::schema {
 /// The text of a service: its name and its methods' texts by id.
 [[nodiscard]] std::string canonical_text(const Model& model, const Service& service);
 
+/// What a server tells of its interface, so that clients of other versions can compare it with
+/// theirs: as the text of the service, but each type once, behind all methods.
+/// Source: spec/hprotocol.md#hp-12.2.
+[[nodiscard]] std::string interface_text(const Model& model, const Service& service);
+
 /// The text of an event, one of the model's own objects: its number, name and types.
 [[nodiscard]] std::string canonical_text(const Model& model, const Object& event);
 
