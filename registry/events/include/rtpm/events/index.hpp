@@ -1,0 +1,88 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "rtpm/events/program.hpp"
+
+namespace rtpm::events {
+
+/// Which subscriptions an event has to be shown to, found by its type and source: what it costs
+/// grows with them, not with the subscriptions of other types.
+/// Ownership: its memory, taken when built.   Threads: one at a time.   RT: alloc-free.
+class SubscriptionIndex {
+ public:
+  /// For so many interests in all.
+  explicit SubscriptionIndex(std::size_t interest_count_max);
+
+  /// Lets `subscription` (below 2^30) be found by `interests`; false if there is no room, and then
+  /// nothing is changed. `is_decided`: the program need not be asked.
+  [[nodiscard]] bool add(std::uint32_t subscription, std::span<const Interest> interests,
+                         bool is_decided) noexcept;
+  /// Takes away what add() put.
+  void remove(std::uint32_t subscription, std::span<const Interest> interests) noexcept;
+  [[nodiscard]] bool has_room(std::size_t interest_count) const noexcept {
+    return interest_count <= free_count_;
+  }
+
+  /// Calls visit(subscription, is_decided, may_repeat) for all that may want the event.
+  /// may_repeat: it could be visited once more for the same event.
+  template <class Visitor>
+  void visit(EventType type, SourceId source, Visitor visit) const noexcept {
+    const std::uint64_t both = std::uint64_t{type} << 32 | source;
+    if (key_counts_[kExact] > 0) visit_list(find(kExact, both), visit);
+    if (key_counts_[kOfType] > 0) visit_list(find(kOfType, std::uint64_t{type} << 32), visit);
+    if (key_counts_[kOfSource] > 0) visit_list(find(kOfSource, source), visit);
+    visit_list(everything_, visit);
+  }
+
+ private:
+  enum Kind : std::uint8_t { kExact, kOfType, kOfSource, kKindCount, kEverything = kKindCount };
+  static constexpr std::uint32_t kNone = 0xffff'ffff;
+  static constexpr std::uint32_t kDecidedBit = 1U << 31;
+  static constexpr std::uint32_t kRepeatBit = 1U << 30;
+  static constexpr std::size_t kChunkCapacity = 14;
+
+  /// Entries that lie side by side: a cache line.
+  struct alignas(64) Chunk {
+    std::uint32_t next = kNone;
+    std::uint32_t count = 0;
+    std::array<std::uint32_t, kChunkCapacity> entries{};
+  };
+  struct Key {
+    std::uint64_t value = 0;
+    Kind kind = kExact;
+    std::uint32_t list = kNone;  ///< kNone: the place is free.
+  };
+
+  template <class Visitor>
+  void visit_list(std::uint32_t list, Visitor& visit) const noexcept {
+    for (; list != kNone; list = chunks_[list].next) {
+      const Chunk& chunk = chunks_[list];
+      for (std::uint32_t i = 0; i < chunk.count; ++i) {
+        const std::uint32_t entry = chunk.entries[i];
+        visit(entry & ~(kDecidedBit | kRepeatBit), (entry & kDecidedBit) != 0,
+              (entry & kRepeatBit) != 0);
+      }
+    }
+  }
+  [[nodiscard]] std::size_t home_of(Kind kind, std::uint64_t value) const noexcept;
+  [[nodiscard]] std::size_t place_of(Kind kind, std::uint64_t value) const noexcept;
+  [[nodiscard]] std::uint32_t find(Kind kind, std::uint64_t value) const noexcept {
+    return keys_[place_of(kind, value)].list;
+  }
+  void push(std::uint32_t& list, std::uint32_t entry) noexcept;
+  void erase(std::uint32_t& list, std::uint32_t subscription) noexcept;
+  void free_key(std::size_t place) noexcept;
+
+  std::vector<Key> keys_;
+  std::vector<Chunk> chunks_;
+  std::uint32_t first_free_ = kNone;
+  std::size_t free_count_ = 0;
+  std::uint32_t everything_ = kNone;
+  std::array<std::size_t, kKindCount> key_counts_{};
+};
+
+}  // namespace rtpm::events

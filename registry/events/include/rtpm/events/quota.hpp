@@ -1,0 +1,54 @@
+#pragma once
+
+#include <cstdint>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::events {
+
+/// How much one supplier may push: so many events and bytes a second, and `burst_s` seconds' worth
+/// at once. What is above is refused and counted, so that who floods harms only itself.
+struct Quota {
+  double events_per_s = 2e6;
+  double bytes_per_s = 500e6;
+  double burst_s = 0.1;
+};
+
+/// Keeps to a quota.   Threads: one at a time.   RT: alloc-free.
+class QuotaMeter {
+ public:
+  explicit QuotaMeter(const Quota& quota = {}) noexcept
+      : quota_(quota),
+        events_(quota.events_per_s * quota.burst_s),
+        bytes_(quota.bytes_per_s * quota.burst_s) {}
+
+  /// Whether an event of so many bytes is within the quota; then it counts.
+  [[nodiscard]] bool take(std::size_t size, MonotonicTime now) noexcept {
+    const double elapsed_s = now > last_ ? static_cast<double>((now - last_).count()) * 1e-9 : 0;
+    last_ = now > last_ ? now : last_;
+    refill(events_, quota_.events_per_s, elapsed_s);
+    refill(bytes_, quota_.bytes_per_s, elapsed_s);
+    const auto wanted = static_cast<double>(size);
+    // An event larger than a whole burst passes when nothing was pushed for the burst's time.
+    if (events_ < 1 || (bytes_ < wanted && bytes_ < quota_.bytes_per_s * quota_.burst_s)) {
+      return false;
+    }
+    events_ -= 1;
+    bytes_ -= wanted;
+    return true;
+  }
+
+ private:
+  void refill(double& level, double rate, double elapsed_s) const noexcept {
+    const double full = rate * quota_.burst_s;
+    level += rate * elapsed_s;
+    if (level > full) level = full;
+  }
+
+  Quota quota_;
+  double events_ = 0;
+  double bytes_ = 0;
+  MonotonicTime last_{};
+};
+
+}  // namespace rtpm::events

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string_view>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/events/event.hpp"
+
+/// The numbers in payloads that a filter may look at, found without generated code.
+namespace rtpm::events {
+
+/// The type of a number in a payload.
+enum class ScalarType : std::uint8_t {
+  kBool,
+  kInt8,
+  kUint8,
+  kInt16,
+  kUint16,
+  kInt32,
+  kUint32,
+  kInt64,
+  kUint64,
+  kFloat,
+  kDouble,
+};
+inline constexpr int kScalarTypeCount = 11;
+
+/// As a schema spells it: "bool", "int8", … "double".
+[[nodiscard]] std::string_view to_string(ScalarType type) noexcept;
+[[nodiscard]] bool is_real(ScalarType type) noexcept;
+[[nodiscard]] bool is_signed(ScalarType type) noexcept;
+[[nodiscard]] std::size_t size_of(ScalarType type) noexcept;
+
+/// A number, as wide as its kind goes.
+struct Scalar {
+  enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
+  Kind kind = Kind::kSigned;
+  std::int64_t integer = 0;   ///< Of kSigned,
+  std::uint64_t natural = 0;  ///< of kUnsigned,
+  double real = 0;            ///< of kReal.
+
+  [[nodiscard]] static constexpr Scalar of(std::int64_t value) noexcept {
+    return {Kind::kSigned, value, 0, 0};
+  }
+  [[nodiscard]] static constexpr Scalar of(std::uint64_t value) noexcept {
+    return {Kind::kUnsigned, 0, value, 0};
+  }
+  [[nodiscard]] static constexpr Scalar of(double value) noexcept {
+    return {Kind::kReal, 0, 0, value};
+  }
+  [[nodiscard]] static constexpr Scalar of(int value) noexcept {
+    return of(static_cast<std::int64_t>(value));
+  }
+  [[nodiscard]] static constexpr Scalar of(bool value) noexcept {
+    return of(static_cast<std::uint64_t>(value));
+  }
+  [[nodiscard]] constexpr double as_real() const noexcept {
+    return kind == Kind::kReal       ? real
+           : kind == Kind::kUnsigned ? static_cast<double>(natural)
+                                     : static_cast<double>(integer);
+  }
+  friend bool operator==(const Scalar&, const Scalar&) = default;
+};
+
+/// Where a number stands in a payload: through tables by their slots, then at an offset inside the
+/// last slot's struct. Without slots the payload is the bare struct.
+struct FieldPath {
+  static constexpr std::size_t kSlotCountMax = 4;
+  std::array<std::uint16_t, kSlotCountMax> slots{};
+  std::uint8_t slot_count = 0;
+  std::uint16_t offset = 0;  ///< Bytes.
+  friend bool operator==(const FieldPath&, const FieldPath&) = default;
+};
+
+/// A number of an event's payload.
+struct FieldDescriptor {
+  std::string_view name{};  ///< With dots through structs and tables: "pose.position_m.x".
+  ScalarType type = ScalarType::kDouble;
+  FieldPath path{};
+  Scalar default_value{};  ///< What it is where the table leaves it out.
+};
+
+/// What the schema says of one type of event. Generated code has a constant of static life for
+/// each; what else makes one keeps what it refers to.
+struct EventDescriptor {
+  EventType type = 0;
+  std::string_view name{};  ///< Fully qualified, "lab.Pose".
+  std::uint64_t schema_id = 0;
+  std::span<const FieldDescriptor> fields{};  ///< Every number, in any order.
+};
+
+/// The number in an untrusted payload; nothing where the payload is too short or its tables lead
+/// out of it.   RT: alloc-free.
+[[nodiscard]] std::optional<Scalar> read_scalar(ConstBytes payload, const FieldPath& path,
+                                                ScalarType type,
+                                                const Scalar& default_value) noexcept;
+
+}  // namespace rtpm::events

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/events/program.hpp"
+
+namespace rtpm::events {
+
+/// "event type 7", with its name if it has one.
+[[nodiscard]] std::string in_words(EventType type, const EventDescriptor* descriptor);
+
+/// The field, or why there is none, in words.
+[[nodiscard]] expected<const FieldDescriptor*, std::string> find_field(
+    EventType type, std::string_view name, const DescriptorSource& types);
+
+/// Turns a tree into a program, node by node, children first.
+class Compiler {
+ public:
+  explicit Compiler(const DescriptorSource& types) noexcept : types_(types) {}
+  [[nodiscard]] expected<Program, FilterError> compile(const Filter& filter);
+
+ private:
+  /// What the parent has to know of a node.
+  struct Made {
+    std::size_t index = 0;
+    std::size_t group_size = 1;  ///< How many events it may deliver together.
+    std::vector<Interest> interests{};
+    bool is_decided_by_interest = false;
+    bool keeps = false;        ///< A conjunction is in it,
+    bool has_timeout = false;  ///< a timeout,
+    /// timeouts of silence whose group is the node's parent.
+    std::vector<std::size_t> silences{};
+  };
+  using Result = expected<Made, FilterError>;
+  using Children = std::vector<Made>;
+
+  [[nodiscard]] Result make(const Filter& filter, const std::string& place, std::size_t depth);
+  [[nodiscard]] Result make_match(const Filter& filter);
+  [[nodiscard]] Result make_where(const Filter& filter, const std::string& place);
+  [[nodiscard]] Result make_timeout(const Filter& filter, const std::string& place);
+  [[nodiscard]] Result make_group(const Filter& filter, const std::string& place,
+                                  const Children& children);
+  [[nodiscard]] static std::vector<Interest> interests_of(const Filter& filter,
+                                                          const Children& children);
+  void keep_for(Program::Node& node, const Children& children);
+  [[nodiscard]] std::size_t add(const Program::Node& node);
+
+  const DescriptorSource& types_;
+  Program program_{};
+};
+
+}  // namespace rtpm::events

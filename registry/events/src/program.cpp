@@ -1,0 +1,282 @@
+#include "rtpm/events/program.hpp"
+
+#include <algorithm>
+#include <bit>
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::events {
+namespace {
+
+constexpr std::uint64_t bit(std::size_t index) noexcept {
+  return std::uint64_t{1} << index;
+}
+
+template <class T>
+bool compare(T value, Comparison comparison, T operand) noexcept {
+  switch (comparison) {
+    case Comparison::kEqual:
+      return value == operand;
+    case Comparison::kNotEqual:
+      return value != operand;
+    case Comparison::kLess:
+      return value < operand;
+    case Comparison::kLessOrEqual:
+      return value <= operand;
+    case Comparison::kGreater:
+      return value > operand;
+    case Comparison::kGreaterOrEqual:
+      return value >= operand;
+    case Comparison::kHasAnyBit:
+      break;
+  }
+  if constexpr (std::is_integral_v<T>) return (value & operand) != 0;
+  return false;
+}
+
+// Both are of the kind that the field's type has: the compiler has seen to that.
+bool compare(const Scalar& value, Comparison comparison, const Scalar& operand) noexcept {
+  switch (value.kind) {
+    case Scalar::Kind::kSigned:
+      return compare(value.integer, comparison, operand.integer);
+    case Scalar::Kind::kUnsigned:
+      return compare(value.natural, comparison, operand.natural);
+    case Scalar::Kind::kReal:
+      break;
+  }
+  return compare(value.real, comparison, operand.real);
+}
+
+}  // namespace
+
+void Program::start(MonotonicTime now) noexcept {
+  for (Timer& timer : timers_) {
+    timer.due = now + timer.span;
+    timer.count = 0;
+  }
+}
+
+bool Program::is_match(const Node& node, const EventHeader& header) noexcept {
+  return ((header.type ^ node.type) & node.type_mask) == 0 &&
+         ((header.source ^ node.source) & node.source_mask) == 0;
+}
+
+bool Program::is_where(const Node& node, const EventView& event) noexcept {
+  if (event.header.type != node.type || event.header.schema_id != node.schema_id) return false;
+  const auto value = read_scalar(event.payload, node.path, node.field_type, node.default_value);
+  return value && compare(*value, node.comparison, node.operand);
+}
+
+bool Program::accepts(const EventView& event) const noexcept {
+  Bits accepted = 0;
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    const Node& node = nodes_[i];
+    bool is_accepted = false;
+    switch (node.kind) {
+      case Filter::Kind::kNull:
+        is_accepted = true;
+        break;
+      case Filter::Kind::kMatch:
+        is_accepted = is_match(node, event.header);
+        break;
+      case Filter::Kind::kWhere:
+        is_accepted = is_where(node, event);
+        break;
+      case Filter::Kind::kAny:
+        is_accepted = (accepted & node.children) != 0;
+        break;
+      case Filter::Kind::kAll:
+        is_accepted = (accepted & node.children) == node.children;
+        break;
+      case Filter::Kind::kNot:
+        is_accepted = (accepted & node.children) == 0;
+        break;
+      default:
+        break;
+    }
+    if (is_accepted) accepted |= bit(i);
+  }
+  return (accepted & bit(nodes_.size() - 1)) != 0;
+}
+
+// What every node says of the event; of a timeout, if `timer` names its node, which no other leaf
+// accepts.
+Program::Bits Program::judge(const EventRef& event, std::optional<std::size_t> timer) noexcept {
+  Bits accepted = 0;
+  const EventView view = event ? event.view() : EventView{};
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    const Node& node = nodes_[i];
+    bool is_accepted = false;
+    switch (node.kind) {
+      case Filter::Kind::kNull:
+        is_accepted = !timer;
+        break;
+      case Filter::Kind::kMatch:
+        is_accepted = !timer && is_match(node, view.header);
+        break;
+      case Filter::Kind::kWhere:
+        is_accepted = !timer && is_where(node, view);
+        break;
+      case Filter::Kind::kAny:
+        is_accepted = (accepted & node.children) != 0;
+        break;
+      case Filter::Kind::kAll:
+        is_accepted = (accepted & node.children) == node.children;
+        break;
+      case Filter::Kind::kNot:
+        is_accepted = !timer && (accepted & node.children) == 0;
+        break;
+      case Filter::Kind::kCorrelate:
+        is_accepted = fill(node, accepted, event);
+        break;
+      case Filter::Kind::kOnce:
+      case Filter::Kind::kEvery:
+      case Filter::Kind::kSilence:
+        is_accepted = timer == i;
+        break;
+    }
+    if (is_accepted) accepted |= bit(i);
+  }
+  return accepted;
+}
+
+std::span<Program::Kept> Program::kept_of(const Node& node) noexcept {
+  return std::span(kept_).subspan(node.kept_begin,
+                                  static_cast<std::size_t>(std::popcount(node.children)));
+}
+std::span<const Program::Kept> Program::kept_of(const Node& node) const noexcept {
+  return std::span(kept_).subspan(node.kept_begin,
+                                  static_cast<std::size_t>(std::popcount(node.children)));
+}
+
+// Keeps what a child accepted; true if the conjunction is complete by it.
+bool Program::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
+  if ((accepted & node.children) == 0) return false;
+  Kept* chosen = nullptr;
+  for (Kept& kept : kept_of(node)) {
+    if ((accepted & bit(kept.child)) == 0) continue;
+    if (!kept.is_filled) {
+      chosen = &kept;
+      break;
+    }
+    const auto age = [](const Kept& each) { return each.events[0].header().origin; };
+    if (chosen == nullptr || age(kept) < age(*chosen)) chosen = &kept;
+  }
+  chosen->events.clear();
+  collect(chosen->child, accepted, event, chosen->events);
+  chosen->is_filled = true;
+  return is_complete(node);
+}
+
+bool Program::is_complete(const Node& node) const noexcept {
+  MonotonicTime first = kNever;
+  MonotonicTime last = MonotonicTime::min();
+  for (const Kept& kept : kept_of(node)) {
+    if (!kept.is_filled) return false;
+    for (const EventRef& event : kept.events) {
+      // A timeout is no event that happened: its time is only when it came.
+      if (event.header().type == kTimeoutType) continue;
+      first = std::min(first, event.header().origin);
+      last = std::max(last, event.header().origin);
+    }
+  }
+  // In this order nothing overflows, whatever times a supplier states.
+  if (node.skew_ns == 0 || first >= last) return true;
+  const auto apart =
+      static_cast<std::uint64_t>(to_ns(last)) - static_cast<std::uint64_t>(to_ns(first));
+  return apart <= static_cast<std::uint64_t>(node.skew_ns);
+}
+
+// What the node, which accepted, delivers. The compiler has bounded both depth and number.
+void Program::collect(std::size_t index, Bits accepted, const EventRef& event,
+                      Group& group) const noexcept {
+  const Node& node = nodes_[index];
+  switch (node.kind) {
+    case Filter::Kind::kAny: {
+      const Bits first = accepted & node.children;
+      collect(static_cast<std::size_t>(std::countr_zero(first)), accepted, event, group);
+      return;
+    }
+    case Filter::Kind::kAll:
+      for (Bits left = node.children; left != 0; left &= left - 1) {
+        Group part;
+        collect(static_cast<std::size_t>(std::countr_zero(left)), accepted, event, part);
+        for (const EventRef& each : part) {
+          if (std::find(group.begin(), group.end(), each) == group.end()) group.add(each);
+        }
+      }
+      return;
+    case Filter::Kind::kCorrelate:
+      for (const Kept& kept : kept_of(node)) {
+        for (const EventRef& each : kept.events)
+          group.add(each);
+      }
+      return;
+    default:
+      group.add(event);
+  }
+}
+
+// What follows once all nodes have judged; whether the root accepted.
+bool Program::finish(Bits accepted, const EventRef& event, MonotonicTime now,
+                     Group& group) noexcept {
+  const bool is_accepted = (accepted & bit(nodes_.size() - 1)) != 0;
+  if (is_accepted) collect(nodes_.size() - 1, accepted, event, group);
+  for (std::size_t i = 0; i < nodes_.size() && !kept_.empty(); ++i) {
+    if (nodes_[i].kind != Filter::Kind::kCorrelate || (accepted & bit(i)) == 0) continue;
+    for (Kept& kept : kept_of(nodes_[i])) {
+      kept.is_filled = false;
+      kept.events.clear();
+    }
+  }
+  for (Timer& timer : timers_) {
+    if (timer.kind == Filter::Kind::kSilence && (accepted & bit(timer.group)) != 0) {
+      timer.due = now + timer.span;
+    }
+  }
+  return is_accepted;
+}
+
+bool Program::on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept {
+  if (is_stateless()) return accepts(event.view());
+  const bool is_accepted = finish(judge(event, std::nullopt), event, now, group);
+  if (group.size() == 1 && group[0] == event) group.clear();
+  return is_accepted;
+}
+
+bool Program::on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
+                         Group& group) noexcept {
+  return finish(judge(event, due.node), event, now, group);
+}
+
+void Program::release_events() noexcept {
+  for (Kept& kept : kept_) {
+    kept.is_filled = false;
+    kept.events.clear();
+  }
+}
+
+MonotonicTime Program::next_time() const noexcept {
+  MonotonicTime next = kNever;
+  for (const Timer& timer : timers_)
+    next = std::min(next, timer.due);
+  return next;
+}
+
+std::optional<Program::Due> Program::take_due(MonotonicTime now) noexcept {
+  const auto first = std::ranges::min_element(timers_, {}, &Timer::due);
+  if (first == timers_.end() || first->due > now) return std::nullopt;
+  const Due due{first->node, first->tag, first->due, ++first->count};
+  if (first->kind == Filter::Kind::kOnce) {
+    first->due = kNever;
+  } else if (first->kind == Filter::Kind::kSilence) {
+    first->due = now + first->span;
+  } else {
+    // Whole periods on, so that the pace stays; what was missed is not made up for.
+    const auto missed = (now - first->due) / first->span;
+    first->due += (missed + 1) * first->span;
+  }
+  return due;
+}
+
+}  // namespace rtpm::events
