@@ -4,6 +4,7 @@
 #include <bit>
 #include <cstring>
 
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -254,10 +255,18 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
   const MonotonicTime spin_end =
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
-  bool is_spinning = may_spin;
+  // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
+  const rt::RealtimeBudget& budget = rt::this_thread_budget();
+  bool is_spinning = may_spin && !budget.is_spent(now);
   while (true) {
     if (!is_spinning && !may_have_more_) {
-      link_->wait(std::min(until, wire_.next_time()));
+      MonotonicTime wake = std::min(until, wire_.next_time());
+      if (may_spin && now < spin_end) wake = std::min(wake, now + rt::RealtimeBudget::kNap);
+      if (budget.must_sleep(now)) {
+        rt::sleep_until(now + rt::RealtimeBudget::kNap);
+      } else {
+        link_->wait(wake);
+      }
     }
     const auto frame = link_->receive();
     // What came together with this one lies in the link's buffer and would wake no poll.
@@ -274,7 +283,7 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
       if (event.kind == wire::ChannelEvent::Kind::kNothing) event = wire_.on_time(now);
     } else if (frame.error() == transport::IoError::kNothing) {
       event = wire_.on_time(now);
-      is_spinning = may_spin && now < spin_end;
+      is_spinning = may_spin && now < spin_end && !budget.is_spent(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -107,19 +108,47 @@ void Lane::run() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (turn()) {
       spin_end = kNever;
+      nap_if_overdue();
       continue;
     }
-    if (config_.wait.strategy == rt::WaitStrategy::kSpin) continue;
+    if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
+      // Looking at the clock each turn would take longer than the turn.
+      constexpr std::uint32_t kTurnsPerGlance = 64;
+      if (++glance_count_ % kTurnsPerGlance == 0 && rt::this_thread_budget().is_limited()) {
+        rest_if_spent(rt::now());
+      }
+      continue;
+    }
     if (config_.wait.strategy != rt::WaitStrategy::kBlock) {
       const MonotonicTime now = rt::now();
       if (spin_end == kNever) spin_end = now + spin_time();
-      if (now < spin_end) continue;
+      if (now < spin_end) {
+        rest_if_spent(now);
+        continue;
+      }
     }
     if (is_periodic_ && sleep_to_next_turn()) continue;
     spin_end = kNever;
     static_cast<void>(look_around(next_time()));
   }
   say_goodbye();
+}
+
+// A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
+void Lane::rest_if_spent(MonotonicTime now) noexcept {
+  const rt::RealtimeBudget& budget = rt::this_thread_budget();
+  if (!budget.is_spent(now)) return;
+  if (budget.must_sleep(now)) {
+    rt::sleep_until(now + rt::RealtimeBudget::kNap);
+  } else {
+    static_cast<void>(look_around(std::min(now + rt::RealtimeBudget::kNap, next_time())));
+  }
+}
+
+// The same for one with so much to do that it never comes to wait.
+void Lane::nap_if_overdue() noexcept {
+  const Duration nap = rt::this_thread_budget().overdue(received_);
+  if (nap > Duration{0}) rt::sleep_until(rt::now() + nap);
 }
 
 // Where callers come at a steady pace, spinning on after one is a waste, unless it calls again.
@@ -291,8 +320,9 @@ bool Lane::serve_datagram() noexcept {
   const auto datagram = port_->receive(datagram_);
   if (!datagram) return false;
   is_unpublished_ = true;
+  received_ = rt::now();
   const wire::Verdict verdict =
-      datagram_sessions_.on_frame(datagram->bytes, datagram->peer, rt::now());
+      datagram_sessions_.on_frame(datagram->bytes, datagram->peer, received_);
   ConstBytes answer = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = run_request(datagram_sessions_, verdict.request);

@@ -74,6 +74,8 @@ class Lane {
   [[nodiscard]] bool turn() noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
+  void rest_if_spent(MonotonicTime now) noexcept;
+  void nap_if_overdue() noexcept;
   [[nodiscard]] Duration spin_time() const noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
@@ -136,7 +138,8 @@ class Lane {
   Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;
-  std::uint32_t streak_ = 0;  ///< Frames taken from hot_ without a look at the others.
+  std::uint32_t glance_count_ = 0;  ///< Turns of a lane that spins, for looks at the clock.
+  std::uint32_t streak_ = 0;        ///< Frames taken from hot_ without a look at the others.
   MonotonicTime last_look_{};
   MonotonicTime received_{};  ///< When the last frame was taken.
   bool is_periodic_ = false;

@@ -212,6 +212,13 @@ expected<void, SetupError> ServerImpl::start() {
     thread_config.priority = lane->config().priority;
     thread_config.cpus = lane->config().cpus;
     thread_config.realtime = config_.realtime;
+    thread_config.schedule = lane->config().schedule;
+    if (lane->config().wait.strategy == rt::WaitStrategy::kSpin) {
+      if (auto possible = rt::check_spinning(thread_config); !possible) {
+        stop();
+        return unexpected{in_words(config_, possible.error().text)};
+      }
+    }
     auto thread = rt::Thread::start(thread_config, [&lane = *lane] { lane.run(); });
     if (!thread) {
       stop();

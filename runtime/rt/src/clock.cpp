@@ -3,6 +3,8 @@
 #include <cerrno>
 #include <ctime>
 
+#include "rtpm/rt/budget.hpp"
+
 namespace rtpm::rt {
 
 MonotonicTime now() noexcept {
@@ -12,6 +14,7 @@ MonotonicTime now() noexcept {
 }
 
 void sleep_until(MonotonicTime time) noexcept {
+  const AsleepScope asleep;
   timespec until{};
   until.tv_sec = to_ns(time) / 1'000'000'000;
   until.tv_nsec = to_ns(time) % 1'000'000'000;

@@ -7,15 +7,22 @@
 #include <atomic>
 #include <cerrno>
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/report.hpp"
 
 namespace rtpm::rt {
 namespace {
 
 thread_local int no_allocation_depth = 0;
+
+constexpr const char* kLockSubject = "memory lock";
+constexpr const char* kLockRemedy =
+    "raise RLIMIT_MEMLOCK (ulimit -l unlimited, or LimitMEMLOCK=infinity in a systemd unit), or "
+    "say --realtime off.";
 
 std::string memory_lock_text(int error) {
   rlimit limit{};
@@ -24,31 +31,58 @@ std::string memory_lock_text(int error) {
                             ? std::string("unlimited")
                             : std::to_string(limit.rlim_cur / 1024) + " KiB";
   return "memory can't be locked (" + std::string(std::strerror(error)) + "; the limit is " +
-         allowed +
-         "): page faults may delay real-time threads. Remedy: raise RLIMIT_MEMLOCK "
-         "(ulimit -l unlimited, or LimitMEMLOCK=infinity in a systemd unit), or say "
-         "--realtime off.";
+         allowed + "): page faults may delay real-time threads";
+}
+
+void touch(MutableBytes memory) noexcept {
+  constexpr std::size_t kPageSize = 4096;
+  auto* const bytes = const_cast<volatile std::byte*>(memory.data());
+  for (std::size_t i = 0; i < memory.size(); i += kPageSize)
+    bytes[i] = bytes[i];
+  if (!memory.empty()) bytes[memory.size() - 1] = bytes[memory.size() - 1];
 }
 
 }  // namespace
 
 expected<void, RealtimeError> lock_memory(RealtimeMode mode) {
-  if (mode == RealtimeMode::kOff) return {};
+  if (mode == RealtimeMode::kOff) {
+    note_setup({kLockSubject, Grant::kNotAsked, "memory is not locked", ""});
+    return {};
+  }
   // Memory that malloc returned to the kernel would fault, unlocked, when it is needed again.
   mallopt(M_TRIM_THRESHOLD, -1);
   mallopt(M_MMAP_MAX, 0);
   // On fault: what was touched stays, and memory kept for large messages costs nothing before one
   // comes. Threads touch their stacks when they start, and containers their elements.
-  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) return {};
-  const int error = errno;
-  if (mode == RealtimeMode::kRequire) {
-    return unexpected{RealtimeError{memory_lock_text(error)}};
+  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
+    note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
+    return {};
   }
+  const int error = errno;
+  const std::string text = memory_lock_text(error);
+  const std::string sentence = text + ". Remedy: " + kLockRemedy;
+  if (mode == RealtimeMode::kRequire) return unexpected{RealtimeError{sentence}};
+  note_setup({kLockSubject, Grant::kRefused, text, kLockRemedy});
   static std::atomic<bool> is_told{false};
   if (!is_told.exchange(true)) {
-    std::fprintf(stderr, "rtpm: warning: %s\n", memory_lock_text(error).c_str());
+    std::fprintf(stderr, "rtpm: warning: %s\n", sentence.c_str());
   }
   return {};
+}
+
+void prefault(MutableBytes memory) noexcept {
+  touch(memory);
+}
+
+bool prefault_heap(std::size_t size) noexcept {
+  // Else the block would be a mapping of its own, which goes back to the system when it is freed.
+  mallopt(M_TRIM_THRESHOLD, -1);
+  mallopt(M_MMAP_MAX, 0);
+  auto* const block = static_cast<std::byte*>(std::malloc(size));
+  if (block == nullptr) return false;
+  touch({block, size});
+  std::free(block);
+  return true;
 }
 
 NoAllocationScope::NoAllocationScope() noexcept {

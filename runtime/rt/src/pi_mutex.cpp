@@ -1,6 +1,12 @@
 #include "rtpm/rt/pi_mutex.hpp"
 
+#include <algorithm>
+#include <cerrno>
+#include <cstdint>
+#include <ctime>
+
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/budget.hpp"
 
 namespace rtpm::rt {
 
@@ -20,12 +26,29 @@ PiMutex::~PiMutex() {
 }
 
 void PiMutex::lock() noexcept {
+  // What is free is taken without a look at the clock; the rest counts as sleep.
+  if (pthread_mutex_trylock(&mutex_) == 0) return;
+  const AsleepScope asleep;
   const int error = pthread_mutex_lock(&mutex_);
   RTPM_ASSERT(error == 0, "a mutex is locked once per thread");
 }
 
 bool PiMutex::try_lock() noexcept {
   return pthread_mutex_trylock(&mutex_) == 0;
+}
+
+bool PiMutex::try_lock_until(MonotonicTime deadline) noexcept {
+  if (deadline == kNever) {
+    lock();
+    return true;
+  }
+  if (pthread_mutex_trylock(&mutex_) == 0) return true;
+  const std::int64_t ns = std::max<std::int64_t>(to_ns(deadline), 0);
+  const timespec until{ns / 1'000'000'000, ns % 1'000'000'000};
+  const AsleepScope asleep;
+  const int error = pthread_mutex_clocklock(&mutex_, CLOCK_MONOTONIC, &until);
+  RTPM_ASSERT(error == 0 || error == ETIMEDOUT, "a mutex is locked once per thread");
+  return error == 0;
 }
 
 void PiMutex::unlock() noexcept {

@@ -4,6 +4,8 @@
 #include <sched.h>
 
 #include "native_level.hpp"
+#include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::rt {
 namespace {
@@ -23,11 +25,16 @@ bool set_current_priority(Priority priority) noexcept {
   return set_native_level(to_native(priority));
 }
 
+int native_level() noexcept {
+  return thread_level;
+}
+
 bool set_native_level(int level) noexcept {
   if (thread_level == level) return true;
   sched_param parameter{};
   parameter.sched_priority = level;
   if (pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter) != 0) return false;
+  if (thread_level == 0) this_thread_budget() = RealtimeBudget(realtime_limit(), now());
   thread_level = level;
   return true;
 }
@@ -35,6 +42,7 @@ bool set_native_level(int level) noexcept {
 void note_thread_priority(Priority priority, bool is_fifo) noexcept {
   thread_priority = priority;
   thread_level = is_fifo ? to_native(priority) : 0;
+  this_thread_budget() = is_fifo ? RealtimeBudget(realtime_limit(), now()) : RealtimeBudget();
 }
 
 void adopt_priority(Priority priority) noexcept {

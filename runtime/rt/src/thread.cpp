@@ -15,6 +15,8 @@
 #include "native_level.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/rt/report.hpp"
+#include "setup_text.hpp"
 
 namespace rtpm::rt {
 namespace {
@@ -36,14 +38,43 @@ constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
     stack[i] = std::byte{0};
 }
 
-std::string scheduling_text(const ThreadConfig& config, int level, int error) {
+// A refusal, and what can be done about it.
+struct Refusal {
+  std::string text;
+  std::string remedy;
+  [[nodiscard]] std::string sentence() const { return text + ". Remedy: " + remedy; }
+};
+
+std::string subject_of(const ThreadConfig& config) {
+  return "thread '" + config.name + "'";
+}
+
+Refusal scheduling_refusal(const ThreadConfig& config, int level, int error) {
   rlimit limit{};
   getrlimit(RLIMIT_RTPRIO, &limit);
-  return "thread '" + config.name + "' can't run at SCHED_FIFO " + std::to_string(level) + " (" +
-         std::strerror(error) + "; the limit is " + std::to_string(limit.rlim_cur) +
-         "): its latency is not bounded. Remedy: give the user the right (a line '<user> - rtprio "
-         "90' in /etc/security/limits.conf, LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), "
-         "or say --realtime off.";
+  Refusal refusal;
+  refusal.text = subject_of(config) + " can't run at SCHED_FIFO " + std::to_string(level) + " (" +
+                 std::strerror(error) + "; the limit is " + std::to_string(limit.rlim_cur) +
+                 "): its latency is not bounded";
+  if (is_group_without_realtime()) {
+    refusal.remedy =
+        "give the control group of this process (see: /proc/self/cgroup) some cpu.rt_runtime_us, "
+        "or start it in the root group; or say --realtime off.";
+  } else {
+    refusal.remedy =
+        "give the user the right (a line '<user> - rtprio 90' in /etc/security/limits.conf, "
+        "LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), or say --realtime off.";
+  }
+  return refusal;
+}
+
+// Which CPUs the thread has and how it is scheduled, for the report.
+void note_scheduling(const ThreadConfig& config, Grant grant, const std::string& how,
+                     const std::string& remedy) {
+  std::string text = how;
+  for (const int cpu : config.cpus)
+    text += (cpu == config.cpus.front() ? ", on CPU " : ",") + std::to_string(cpu);
+  note_setup({subject_of(config), grant, text, remedy});
 }
 
 void warn_once(const std::string& text) {
@@ -92,13 +123,38 @@ std::string_view to_string(RealtimeMode mode) noexcept {
   return "unknown";
 }
 
+std::string_view to_string(Schedule schedule) noexcept {
+  switch (schedule) {
+    case Schedule::kFifo:
+      return "fifo";
+    case Schedule::kTimeShared:
+      return "time-shared";
+  }
+  return "unknown";
+}
+
+std::string throttling_text(RealtimeLimit limit) {
+  const auto ms = [](Duration time) {
+    return std::to_string(std::chrono::duration_cast<std::chrono::milliseconds>(time).count());
+  };
+  return "the kernel stops the real-time threads of a CPU that run for more than " +
+         ms(limit.runtime) + " of " + ms(limit.period) + " ms";
+}
+
+std::string throttling_remedy() {
+  return "sysctl -w kernel.sched_rt_runtime_us=-1, where every real-time thread is known to leave "
+         "the CPU by itself.";
+}
+
 expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) {
   // The system takes at most 15 bytes; a longer name is cut rather than lost.
   pthread_setname_np(pthread_self(), config.name.substr(0, 15).c_str());
   if (auto confined = set_affinity(config); !confined) return confined;
   if (!config.priority) return {};
-  if (config.realtime == RealtimeMode::kOff) {
+  if (config.realtime == RealtimeMode::kOff || config.schedule == Schedule::kTimeShared) {
     note_thread_priority(*config.priority, false);
+    const bool is_wish = config.schedule == Schedule::kTimeShared;
+    note_scheduling(config, is_wish ? Grant::kGranted : Grant::kNotAsked, "time-shared", "");
     return {};
   }
   const int level = to_native(*config.priority);
@@ -106,11 +162,40 @@ expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) 
   parameter.sched_priority = level;
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);
   note_thread_priority(*config.priority, error == 0);
-  if (error == 0) return {};
-  if (config.realtime == RealtimeMode::kRequire) {
-    return unexpected{RealtimeError{scheduling_text(config, level, error)}};
+  if (error == 0) {
+    note_scheduling(config, Grant::kGranted, "SCHED_FIFO " + std::to_string(level), "");
+    return {};
   }
-  warn_once(scheduling_text(config, level, error));
+  const Refusal refusal = scheduling_refusal(config, level, error);
+  if (config.realtime == RealtimeMode::kRequire) {
+    return unexpected{RealtimeError{refusal.sentence()}};
+  }
+  note_scheduling(config, Grant::kRefused, "time-shared: " + refusal.text, refusal.remedy);
+  warn_once(refusal.sentence());
+  return {};
+}
+
+expected<void, RealtimeError> check_spinning(const ThreadConfig& config) {
+  const RealtimeLimit limit = realtime_limit();
+  if (!limit.is_limited() || !config.priority || config.realtime == RealtimeMode::kOff ||
+      config.schedule == Schedule::kTimeShared) {
+    return {};
+  }
+  const std::string remedy = throttling_remedy() +
+                             " Or let it wait 'adaptive' or 'periodic', or spin time-shared on a "
+                             "CPU of its own.";
+  if (config.realtime == RealtimeMode::kRequire) {
+    return unexpected{RealtimeError{subject_of(config) + " can't spin without end at SCHED_FIFO: " +
+                                    throttling_text(limit) + ". Remedy: " + remedy}};
+  }
+  const RealtimeBudget budget(limit, MonotonicTime{});
+  const auto per_mille = static_cast<int>(1000 * budget.sleep_share());
+  note_setup({"spin of '" + config.name + "'", Grant::kPartly,
+              "it blocks for " + std::to_string(per_mille / 10) + "." +
+                  std::to_string(per_mille % 10) + " % of its time, " +
+                  std::to_string(RealtimeBudget::kNap.count() / 1000) +
+                  " µs at a time or until a call comes, because " + throttling_text(limit),
+              remedy});
   return {};
 }
 

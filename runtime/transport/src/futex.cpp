@@ -6,10 +6,13 @@
 
 #include <ctime>
 
+#include "rtpm/rt/budget.hpp"
+
 namespace rtpm::transport {
 
 void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value,
                    MonotonicTime until) noexcept {
+  const rt::AsleepScope asleep;
   timespec time{};
   time.tv_sec = to_ns(until) / 1'000'000'000;
   time.tv_nsec = to_ns(until) % 1'000'000'000;

@@ -9,8 +9,10 @@
 #include <cerrno>
 #include <cstring>
 #include <limits>
+#include <optional>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::transport {
@@ -49,9 +51,12 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
     timeout.tv_sec = left_ns / 1'000'000'000;
     timeout.tv_nsec = left_ns % 1'000'000'000;
   }
+  std::optional<rt::AsleepScope> asleep;
+  if (until != kAlready) asleep.emplace();
   // To the nanosecond, for lanes that wake just ahead of their callers.
   const int count = epoll_pwait2(epoll_.number(), events.data(), event_count_max,
                                  until == kNever ? nullptr : &timeout, nullptr);
+  asleep.reset();
   RTPM_ASSERT(count >= 0 || errno == EINTR, "the poller's own descriptor is good");
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);

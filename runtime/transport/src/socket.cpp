@@ -9,6 +9,7 @@
 
 #include <array>
 
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::transport {
@@ -62,6 +63,7 @@ void set_traffic_class(int socket, Priority priority) noexcept {
 namespace {
 
 bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
+  const rt::AsleepScope asleep;
   pollfd entry{descriptor, events, 0};
   if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
   // A time long past may be so far away that no difference can be told.

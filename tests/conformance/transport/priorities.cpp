@@ -55,6 +55,23 @@ TEST_P(TransportSuite, RunsACallAtTheCallersFifoLevel) {
   }
 }
 
+// A low lane may be kept off the real-time levels, whatever its callers' priorities say.
+TEST_P(TransportSuite, RunsTheCallsOfATimeSharedLaneTimeShared) {
+  if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
+  ServerConfig config = three_lanes(rt::RealtimeMode::kRequire);
+  config.lanes.front().schedule = rt::Schedule::kTimeShared;
+  EchoServer server(config);
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  for (const int priority : {0, kLow, 9'999, 0}) {
+    const echo::Place place = place_of(binding, {.priority = priority});
+    EXPECT_EQ(scheduling(place), rtpm::test::kTimeShared) << priority;
+    EXPECT_EQ(place.priority, priority) << "which what the servant calls in turn has all the same";
+  }
+  EXPECT_EQ(scheduling(place_of(binding, {.priority = kHigh})),
+            rtpm::test::fifo(rt::to_native(kHigh)));
+}
+
 TEST_P(TransportSuite, TakesThePriorityOfTheCallingThread) {
   EchoServer server(three_lanes());
   Node node(node_config());

@@ -3,13 +3,16 @@
 #include <gtest/gtest.h>
 #include <sched.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/host.hpp"
+#include "rtpm/rt/report.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -227,6 +230,30 @@ TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
   });
   expect_text(child.said, {"server 'strict'", "Remedy", "--realtime off"});
   EXPECT_EQ(child.status, 0) << child.errors;
+}
+
+// What the kernel throttles does not spin; whoever requires it is told.
+TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
+  if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
+  if (!rt::realtime_limit().is_limited()) GTEST_SKIP() << "the kernel throttles nothing here";
+  const auto outcome_of = [](rt::RealtimeMode mode, rt::Schedule schedule) -> std::string {
+    ServerConfig config;
+    config.realtime = mode;
+    LaneConfig lane;
+    lane.name = "greedy";
+    lane.wait.strategy = rt::WaitStrategy::kSpin;
+    lane.schedule = schedule;
+    config.lanes = {lane};
+    const auto server = Server::create(config);
+    if (!server) return server.error().text;
+    const auto started = (*server)->start();
+    return started ? "it started" : started.error().text;
+  };
+  expect_text(outcome_of(rt::RealtimeMode::kRequire, rt::Schedule::kFifo),
+              {"greedy", "Remedy", "kernel.sched_rt_runtime_us=-1"});
+  EXPECT_EQ(outcome_of(rt::RealtimeMode::kPrefer, rt::Schedule::kFifo), "it started");
+  EXPECT_EQ(outcome_of(rt::RealtimeMode::kRequire, rt::Schedule::kTimeShared), "it started");
+  EXPECT_EQ(std::ranges::count(rt::setup_report(), "spin of 'greedy'", &rt::SetupNote::subject), 1);
 }
 
 TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {

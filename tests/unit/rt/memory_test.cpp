@@ -2,10 +2,16 @@
 
 #include <gtest/gtest.h>
 
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+#include <array>
+#include <cstdlib>
 #include <fstream>
 #include <string>
 #include <thread>
 
+#include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 
@@ -131,6 +137,37 @@ TEST(AllowAllocationScope, ChangesNothingWhereNothingIsForbidden) {
     EXPECT_FALSE(is_allocation_forbidden());
   }
   EXPECT_FALSE(is_allocation_forbidden());
+}
+
+TEST(Prefault, MakesPagesResidentAndKeepsWhatTheyHold) {
+  constexpr std::size_t kSize = std::size_t{64} * 4096;
+  LazyMemory memory(kSize);
+  ASSERT_EQ(memory.bytes().size(), kSize);
+  memory.bytes()[5000] = std::byte{7};
+  prefault(memory.bytes());
+  std::array<unsigned char, 64> residents{};
+  ASSERT_EQ(mincore(memory.bytes().data(), kSize, residents.data()), 0);
+  for (const unsigned char resident : residents)
+    EXPECT_EQ(resident & 1, 1);
+  EXPECT_EQ(memory.bytes()[5000], std::byte{7});
+  prefault({});
+}
+
+TEST(Prefault, OfTheHeapKeepsItMapped) {
+  const auto child = test::run_in_child([] {
+    constexpr std::size_t kSize = std::size_t{32} << 20;
+    if (!prefault_heap(kSize)) return std::string("no memory");
+    rusage before{};
+    getrusage(RUSAGE_SELF, &before);
+    auto* const block = static_cast<volatile char*>(std::malloc(kSize / 2));
+    for (std::size_t i = 0; i < kSize / 2; i += 4096)
+      block[i] = 1;
+    rusage after{};
+    getrusage(RUSAGE_SELF, &after);
+    std::free(const_cast<char*>(block));
+    return std::string(after.ru_minflt - before.ru_minflt < 100 ? "no faults" : "faults");
+  });
+  EXPECT_EQ(child.said, "no faults");
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/test/os.hpp"
@@ -45,6 +46,29 @@ TEST(PiMutex, CanBeTried) {
     if (is_free_there) mutex.unlock();
   }).join();
   EXPECT_TRUE(is_free_there);
+}
+
+TEST(PiMutex, IsWaitedForUntilADeadline) {
+  using namespace std::chrono_literals;
+  PiMutex mutex;
+  ASSERT_TRUE(mutex.try_lock_until(now() + 20s));
+  std::thread([&] {
+    EXPECT_FALSE(mutex.try_lock_until(now() - 1s)) << "a time that is over";
+    const MonotonicTime deadline = now() + 2ms;
+    EXPECT_FALSE(mutex.try_lock_until(deadline));
+    EXPECT_GE(now(), deadline);
+  }).join();
+  std::atomic<bool> is_waiting{false};
+  bool had_it = false;
+  std::thread waiter([&] {
+    is_waiting = true;
+    had_it = mutex.try_lock_until(now() + 20s);
+    if (had_it) mutex.unlock();
+  });
+  ASSERT_TRUE(test::await([&] { return is_waiting.load(); }));
+  mutex.unlock();
+  waiter.join();
+  EXPECT_TRUE(had_it);
 }
 
 // Else a middle thread could keep the holder, and with it the most urgent waiter, from running.

@@ -31,6 +31,10 @@ struct LaneConfig {
   Priority priority = 0;    ///< At least at which it waits and receives; raised to `low`.
   rt::WaitConfig wait{};    ///< How it waits for traffic.
   std::vector<int> cpus{};  ///< To which it is confined; empty: the starter's.
+  /// kTimeShared: behind every real-time thread, and outside the kernel's throttling. For lanes
+  /// whose calls may keep a CPU busy and are not urgent: they can't hold the lanes above them up,
+  /// which may run on the same CPU at kFifo.
+  rt::Schedule schedule = rt::Schedule::kFifo;
 };
 
 /// How a server is set up.

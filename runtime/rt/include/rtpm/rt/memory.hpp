@@ -1,5 +1,8 @@
 #pragma once
 
+#include <cstddef>
+
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/rt/thread.hpp"
 
@@ -9,6 +12,16 @@ namespace rtpm::rt {
 /// meets a page fault.   Set-up only.
 /// Errors: with kRequire, a memory-lock limit that is too small.
 [[nodiscard]] expected<void, RealtimeError> lock_memory(RealtimeMode mode);
+
+/// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time
+/// thread touches it first, as memory is locked only once it is resident. Threads' stacks are made
+/// so by Thread::start.   Threads: nobody else writes there meanwhile.   Set-up only.
+void prefault(MutableBytes memory) noexcept;
+
+/// Has the heap hold `size` bytes more that are resident and free, for set-up work that comes later
+/// and shall not wait for pages; freed heap stays mapped from here on. False without memory.
+/// Set-up only.
+[[nodiscard]] bool prefault_heap(std::size_t size) noexcept;
 
 /// Says that the calling thread allocates nothing from here on. The thread itself is unchanged;
 /// the allocation guard that tests link looks at this and aborts on a breach.

@@ -2,6 +2,8 @@
 
 #include <pthread.h>
 
+#include "rtpm/base/time.hpp"
+
 namespace rtpm::rt {
 
 /// A mutex with priority inheritance: who holds it runs at the priority of the most urgent waiter,
@@ -16,6 +18,9 @@ class PiMutex {
   ~PiMutex();
   void lock() noexcept;
   [[nodiscard]] bool try_lock() noexcept;
+  /// Waits for it, but no longer than until `deadline` of the monotonic clock, which nobody can
+  /// set; true if the caller has it.
+  [[nodiscard]] bool try_lock_until(MonotonicTime deadline) noexcept;
   void unlock() noexcept;
 
  private:

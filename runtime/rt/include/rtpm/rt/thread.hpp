@@ -24,12 +24,27 @@ enum class RealtimeMode : std::uint8_t {
 /// "prefer", "require" or "off".
 [[nodiscard]] std::string_view to_string(RealtimeMode mode) noexcept;
 
+/// Among whom the system shares the CPU out.
+enum class Schedule : std::uint8_t {
+  /// SCHED_FIFO: before all time-shared threads, and before those of lower priority. What keeps a
+  /// CPU busy there is subject to the kernel's throttling, see budget.hpp.
+  kFifo,
+  /// With everything else on the machine, behind every real-time thread: for work that may fill a
+  /// CPU and is not urgent.
+  kTimeShared,
+};
+
+/// "fifo" or "time-shared".
+[[nodiscard]] std::string_view to_string(Schedule schedule) noexcept;
+
 /// How a thread is to run.
 struct ThreadConfig {
   std::string name;                    ///< Shown by the system; at most 15 bytes are.
   std::optional<Priority> priority{};  ///< SCHED_FIFO at its native level; none: time-shared.
   std::vector<int> cpus{};             ///< To which it is confined; empty: its starter's.
   RealtimeMode realtime = RealtimeMode::kPrefer;
+  /// kTimeShared: the priority is that of its calls only.
+  Schedule schedule = Schedule::kFifo;
 };
 
 /// Why the operating system did not give what was asked: one sentence with the remedy.
@@ -61,5 +76,10 @@ class Thread {
 
 /// Gives the calling thread name, scheduling and affinity.   Set-up only.
 [[nodiscard]] expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config);
+
+/// Says what becomes of a thread that is to spin without end. Where the kernel throttles, one at
+/// SCHED_FIFO can't: it naps as budget.hpp says, which setup_report() tells.   Set-up only.
+/// Errors: with kRequire, the throttling, as a nap is not what was asked for.
+[[nodiscard]] expected<void, RealtimeError> check_spinning(const ThreadConfig& config);
 
 }  // namespace rtpm::rt

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace rtpm::rt {
+
+/// How far the system gave what was asked.
+enum class Grant : std::uint8_t {
+  kGranted,
+  kPartly,    ///< It works, but something bounds how well; the remedy says what would help.
+  kRefused,   ///< It does not; what stands in its place is said.
+  kNotAsked,  ///< The configuration did not want it.
+};
+
+/// "granted", "partly", "refused" or "not asked".
+[[nodiscard]] std::string_view to_string(Grant grant) noexcept;
+
+/// One thing that was asked of the system, and what came of it, in words.
+struct SetupNote {
+  std::string subject;  ///< "thread 'lane-0'", "memory lock".
+  Grant grant = Grant::kGranted;
+  std::string text;    ///< What is so, a clause.
+  std::string remedy;  ///< What the user can do about it; empty: nothing is needed.
+};
+
+/// How many subjects are kept at most: who started more threads sees the first ones.
+inline constexpr std::size_t kSetupNoteCountMax = 256;
+
+/// What this process asked of the system so far: threads, memory, CPU latency. Each subject once,
+/// as it was last.   Threads: any.   Set-up only.
+[[nodiscard]] std::vector<SetupNote> setup_report();
+
+/// What this host would give the calling process, tried for real, and what else bounds latency
+/// here: throttling, the clock, CPU frequency, quotas. Locks the memory of the process.
+/// Set-up only.
+[[nodiscard]] std::vector<SetupNote> survey_host();
+
+/// The notes as lines, each with its remedy below.   Set-up only.
+[[nodiscard]] std::string to_text(const std::vector<SetupNote>& notes);
+
+/// Adds a note to setup_report(), in place of the one with its subject.   Threads: any. Set-up
+/// only.
+void note_setup(SetupNote note);
+
+}  // namespace rtpm::rt

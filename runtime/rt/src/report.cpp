@@ -1,0 +1,71 @@
+#include "rtpm/rt/report.hpp"
+
+#include <algorithm>
+#include <mutex>
+#include <utility>
+
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+// Made at its first use and never freed: threads may end after main() does.
+struct Notes {
+  PiMutex mutex;
+  std::vector<SetupNote> list;
+};
+Notes& notes() {
+  static auto* const all = new Notes;
+  return *all;
+}
+
+}  // namespace
+
+std::string_view to_string(Grant grant) noexcept {
+  switch (grant) {
+    case Grant::kGranted:
+      return "granted";
+    case Grant::kPartly:
+      return "partly";
+    case Grant::kRefused:
+      return "refused";
+    case Grant::kNotAsked:
+      return "not asked";
+  }
+  return "unknown";
+}
+
+std::vector<SetupNote> setup_report() {
+  const std::lock_guard lock(notes().mutex);
+  return notes().list;
+}
+
+void note_setup(SetupNote note) {
+  const std::lock_guard lock(notes().mutex);
+  auto& list = notes().list;
+  const auto known = std::ranges::find(list, note.subject, &SetupNote::subject);
+  if (known != list.end()) {
+    *known = std::move(note);
+  } else if (list.size() < kSetupNoteCountMax) {
+    list.push_back(std::move(note));
+  }
+}
+
+std::string to_text(const std::vector<SetupNote>& list) {
+  std::size_t width = 0;
+  for (const SetupNote& note : list)
+    width = std::max(width, note.subject.size());
+  constexpr std::size_t kGrantWidth = 11;
+  std::string text;
+  for (const SetupNote& note : list) {
+    const std::string grant(to_string(note.grant));
+    text += note.subject + std::string(width - note.subject.size() + 2, ' ') + grant +
+            std::string(kGrantWidth - grant.size(), ' ') + note.text + "\n";
+    if (!note.remedy.empty()) {
+      text += std::string(width + 2 + kGrantWidth, ' ') + "Remedy: " + note.remedy + "\n";
+    }
+  }
+  return text;
+}
+
+}  // namespace rtpm::rt

@@ -1,0 +1,139 @@
+#include "rtpm/rt/budget.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr RealtimeLimit kUsual{950ms, 1s};
+constexpr MonotonicTime kStart{1'000s};
+
+TEST(RealtimeLimit, IsTheKernelsWhereNoGroupHasANarrowerOne) {
+  std::ifstream runtime_file("/proc/sys/kernel/sched_rt_runtime_us");
+  std::int64_t runtime_us = 0;
+  if (!(runtime_file >> runtime_us)) GTEST_SKIP() << "the kernel does not tell its limit";
+  const RealtimeLimit limit = realtime_limit();
+  if (runtime_us < 0) {
+    EXPECT_FALSE(limit.is_limited());
+  } else {
+    EXPECT_LE(limit.runtime, std::chrono::microseconds{runtime_us});
+  }
+}
+
+TEST(RealtimeBudget, OfAThreadWithoutALimitIsNeverSpent) {
+  RealtimeBudget budget;
+  EXPECT_FALSE(budget.is_limited());
+  budget.on_slept(kStart, kStart + 1s);
+  EXPECT_FALSE(budget.is_spent(kStart + 1h));
+  EXPECT_EQ(budget.overdue(kStart + 1h), 0ns);
+  EXPECT_FALSE(RealtimeBudget({1s, 1s}, kStart).is_limited()) << "the kernel leaves it all";
+}
+
+TEST(RealtimeBudget, IsSpentAfterABurst) {
+  const RealtimeBudget budget(kUsual, kStart);
+  EXPECT_FALSE(budget.is_spent(kStart + RealtimeBudget::kBurst - 1us));
+  EXPECT_TRUE(budget.is_spent(kStart + RealtimeBudget::kBurst));
+}
+
+// The promise to the kernel: in no second more than the runtime, whenever the second begins.
+TEST(RealtimeBudget, KeepsAThreadThatNapsWhenItIsSpentBelowTheLimit) {
+  RealtimeBudget budget(kUsual, kStart);
+  constexpr Duration kStep = 10us;
+  std::vector<Duration> awake_at;  // Awake time up to each step.
+  Duration awake{0};
+  MonotonicTime now = kStart;
+  while (now < kStart + 5s) {
+    if (budget.is_spent(now)) {
+      budget.on_slept(now, now + RealtimeBudget::kNap);
+      for (Duration slept{0}; slept < RealtimeBudget::kNap; slept += kStep)
+        awake_at.push_back(awake);
+      now += RealtimeBudget::kNap;
+      continue;
+    }
+    now += kStep;
+    awake += kStep;
+    awake_at.push_back(awake);
+  }
+  const auto second = static_cast<std::size_t>(1s / kStep);
+  Duration most{0};
+  for (std::size_t i = second; i < awake_at.size(); ++i)
+    most = std::max(most, awake_at[i] - awake_at[i - second]);
+  EXPECT_LT(most, kUsual.runtime);
+  EXPECT_GT(most, 900ms) << "it may use most of what there is";
+}
+
+TEST(RealtimeBudget, EarnsNothingByCallsThatReturnAtOnce) {
+  RealtimeBudget budget(kUsual, kStart);
+  MonotonicTime now = kStart;
+  for (; now < kStart + 200ms; now += 10us)
+    budget.on_slept(now, now + 4us);
+  // What the calls took is not spent, either.
+  EXPECT_TRUE(budget.is_spent(now));
+}
+
+TEST(RealtimeBudget, OfARestedThreadIsABurst) {
+  RealtimeBudget budget(kUsual, kStart);
+  budget.on_slept(kStart, kStart + 1h);
+  EXPECT_FALSE(budget.is_spent(kStart + 1h));
+  EXPECT_TRUE(budget.is_spent(kStart + 1h + RealtimeBudget::kBurst));
+}
+
+TEST(RealtimeBudget, IsOverdueOnlyAfterTheChancesToSleepWereMissed) {
+  const RealtimeBudget budget(kUsual, kStart);
+  const MonotonicTime spent = kStart + RealtimeBudget::kBurst;
+  EXPECT_EQ(budget.overdue(spent + 1ms), 0ns);
+  EXPECT_GE(budget.overdue(spent + 2ms), RealtimeBudget::kNap);
+  const Duration nap = budget.overdue(spent + 100ms);
+  EXPECT_GT(nap, 5ms);
+  EXPECT_LT(nap, 10ms) << "a debt of 100 ms awake is some 7 ms asleep";
+}
+
+TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
+  const auto is_limited_for = [](const ThreadConfig& config) {
+    bool is_limited = false;
+    auto thread = Thread::start(config, [&] { is_limited = this_thread_budget().is_limited(); });
+    if (!thread) {
+      ADD_FAILURE() << thread.error().text;
+    } else {
+      thread->join();
+    }
+    return is_limited;
+  };
+  EXPECT_FALSE(is_limited_for({.name = "none"}));
+  EXPECT_FALSE(is_limited_for({.name = "off", .priority = 5, .realtime = RealtimeMode::kOff}));
+  EXPECT_FALSE(
+      is_limited_for({.name = "shared", .priority = 5, .schedule = Schedule::kTimeShared}));
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  EXPECT_EQ(is_limited_for({.name = "fifo", .priority = 5}), realtime_limit().is_limited());
+}
+
+TEST(AsleepScope, CreditsTheThreadsSleep) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  if (!realtime_limit().is_limited()) GTEST_SKIP() << "nothing limits real-time threads here";
+  bool was_spent = false;
+  bool is_spent_after_sleep = true;
+  auto thread = Thread::start({.name = "sleeper", .priority = 5}, [&] {
+    // As if it had run for long.
+    this_thread_budget() = RealtimeBudget(kUsual, now() - RealtimeBudget::kBurst);
+    was_spent = this_thread_budget().is_spent(now());
+    sleep_until(now() + 5ms);
+    is_spent_after_sleep = this_thread_budget().is_spent(now());
+  });
+  ASSERT_TRUE(thread) << thread.error().text;
+  thread->join();
+  EXPECT_TRUE(was_spent);
+  EXPECT_FALSE(is_spent_after_sleep);
+}
+
+}  // namespace
+}  // namespace rtpm::rt
