@@ -154,6 +154,7 @@ std::size_t end_of_block(std::string_view code, std::size_t open) {
 const std::vector<Exemption>& exemptions() {
   static const std::vector<Exemption> kExemptions{
       {"print", "protocol/base/src/assert.cpp", "prints the bug that ends the process"},
+      {"print", "runtime/rt/src/cpu_latency.cpp", "the one warning that CPUs may sleep deeply"},
       {"print", "runtime/rt/src/memory.cpp", "the one warning that memory is not locked"},
       {"print", "runtime/rt/src/thread.cpp", "the one warning that a thread is time-shared"},
       {"function", "runtime/rt/include/rtpm/rt/thread.hpp", "a thread's body, taken at set-up"},
