@@ -1,4 +1,6 @@
+#include <algorithm>
 #include <map>
+#include <set>
 #include <string>
 #include <utility>
 #include <vector>
@@ -34,11 +36,12 @@ class CppBackEnd final : public BackEnd {
 
   [[nodiscard]] std::vector<GeneratedFile> generate(const Model& model) const override {
     return {{model.file_stem + ".rtpm.hpp", cpp::header(model, version_)},
+            {model.file_stem + ".rtpm.functions.hpp", cpp::functions_header(model, version_)},
             {model.file_stem + ".rtpm.cpp", cpp::source(model, version_)}};
   }
 
  private:
-  /// The three generated classes must not be data types of the schema too.
+  /// The generated classes must not be data types of the schema too.
   static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
     const auto report = [&](const std::string& name, const std::string& kind,
                             const Location& place) {
@@ -49,7 +52,7 @@ class CppBackEnd final : public BackEnd {
       if (place.line != 0) error.note = Note{place, "the " + kind + " is here"};
       errors.push_back(std::move(error));
     };
-    for (const char* suffix : {"Client", "Servant", "MethodId"}) {
+    for (const char* suffix : {"Client", "Servant", "MethodId", "Functions", "FunctionServant"}) {
       const std::string name = service.name + suffix;
       for (const Object& object : model.objects) {
         if (object.name != name) continue;
@@ -65,11 +68,14 @@ class CppBackEnd final : public BackEnd {
   /// Two methods must not become the same member, by an underscore or by the `_encoded` form.
   static void check_members(const Service& service, Diagnostics& errors) {
     std::map<std::string, const Method*> members;
+    std::set<std::pair<const Method*, const Method*>> told;
     for (const Method& method : service.methods)
       members.emplace(method.name, &method);
     const auto check = [&](const Method& method, const std::string& member) {
       const auto [other, is_new] = members.emplace(member, &method);
       if (is_new || other->second == &method) return;
+      // Two that share several names are told once.
+      if (!told.insert(std::minmax({other->second, &method})).second) return;
       errors.push_back(
           {other->second->location,
            "method `" + other->second->name + "` is named as what `" + method.name +
@@ -80,7 +86,11 @@ class CppBackEnd final : public BackEnd {
     for (const Method& method : service.methods) {
       const std::string name = method_name(service, method);
       check(method, name);
-      if (method.request.kind == PayloadKind::kTable) check(method, name + "_encoded");
+      const bool is_table = method.request.kind == PayloadKind::kTable;
+      if (is_table) check(method, name + "_encoded");
+      if (!cpp::can_begin(method)) continue;
+      check(method, cpp::begin_name(method));
+      if (is_table) check(method, cpp::begin_name(method) + "_encoded");
     }
   }
 

@@ -92,6 +92,37 @@ std::string real_time(const Method& method) {
                           : "RT: alloc-free once a channel of the priority's band is open.";
 }
 
+/// What is said of the form that packs a table.
+std::string packing(const Method& method, const std::string& encoded) {
+  if (method.is_stream) {
+    return "Set-up only: it packs the request on the heap; " + encoded +
+           "() takes one that you built.";
+  }
+  return "Set-up only: it packs the request on the heap; in real time call " + encoded + "().";
+}
+
+/// The forms that begin a call and return.
+std::string begin_methods(const Model& model, const Service& service, const Method& method) {
+  if (!can_begin(method)) return {};
+  const std::string name = method_name(service, method);
+  const bool is_table = method.request.kind == PayloadKind::kTable;
+  const std::string type = payload_type(model, method.request);
+  Function head{.lead = "[[nodiscard]] ",
+                .result = begin_result(model, method),
+                .name = begin_name(method),
+                .parameters = {"const " + type + (is_table ? "T" : "") + "& request", kOptions},
+                .tail = ";"};
+  if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
+  std::string text = comment({"Begins " + name + "() and returns; take the reply later.",
+                              "Allocates the call's state; waiting for it and taking it do not."},
+                             "  ") +
+                     function(head, "  ");
+  if (!is_table) return text;
+  head.name += "_encoded";
+  head.parameters.front() = "::rtpm::ConstBytes request";
+  return text + function(head, "  ");
+}
+
 std::string client_method(const Model& model, const Service& service, const Method& method) {
   Function head{.lead = "[[nodiscard]] ",
                 .result = client_result(model, method),
@@ -102,7 +133,8 @@ std::string client_method(const Model& model, const Service& service, const Meth
   const std::string docs = comment(documentation_of(model, method), "  ");
   if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
   if (method.request.kind != PayloadKind::kTable) {
-    return docs + comment({real_time(method)}, "  ") + function(head, "  ");
+    return docs + comment({real_time(method)}, "  ") + function(head, "  ") +
+           begin_methods(model, service, method);
   }
   Function encoded = head;
   encoded.name += "_encoded";
@@ -110,15 +142,11 @@ std::string client_method(const Model& model, const Service& service, const Meth
   const std::string table = payload_type(model, method.request);
   head.parameters.front() = "const " + table + "T& request";
   head.tail = ";";
-  return docs +
-         comment({"Set-up only: it packs the request on the heap; in real time call " +
-                  encoded.name + "()."},
-                 "  ") +
-         function(head, "  ") +
+  return docs + comment({packing(method, encoded.name)}, "  ") + function(head, "  ") +
          comment({"As " + head.name + "(), with a finished FlatBuffer of " + table.substr(2) + '.',
                   real_time(method)},
                  "  ") +
-         function(encoded, "  ");
+         function(encoded, "  ") + begin_methods(model, service, method);
 }
 
 std::string client_class(const Model& model, const Service& service) {
@@ -165,21 +193,15 @@ std::string servant_method(const Model& model, const Service& service, const Met
                 .parameters = {},
                 .tail = " = 0;"};
   Documentation lines = documentation_of(model, method);
-  if (method.request.kind != PayloadKind::kEmpty) {
-    head.parameters.push_back("const " + payload_type(model, method.request) + "& request");
-  }
+  for (const Parameter& parameter : servant_parameters(model, method))
+    head.parameters.push_back(parameter.type + ' ' + parameter.name);
   if (method.is_stream) {
-    head.parameters.push_back(late_type(model, method) + " items");
     lines.push_back("Keep `items` and write to it, on any thread, until you finish it.");
   } else if (method.is_deferred) {
-    head.parameters.push_back(late_type(model, method) + " reply");
     lines.push_back("Keep `reply` and complete it later, on any thread.");
   } else if (method.reply.kind == PayloadKind::kTable) {
-    head.parameters.push_back("::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) +
-                              ">& reply");
     lines.push_back("Build the answer in `reply` and finish it once.");
   }
-  head.parameters.push_back("const ::rtpm::rpc::CallContext& context");
   return comment(lines, "  ") + function(head, "  ");
 }
 
@@ -204,7 +226,7 @@ std::string servant_class(const Model& model, const Service& service) {
       "  /// Runs the method with the number `method_id`; the server calls it.\n"
       "  ::rtpm::rpc::DispatchResult dispatch(\n"
       "      ::std::uint16_t method_id, ::rtpm::ConstBytes request, ::rtpm::MutableBytes reply,\n"
-      "      const ::rtpm::rpc::CallContext& context) final;\n};\n";
+      "      const ::rtpm::rpc::CallContext& context) override;\n};\n";
   return text;
 }
 
@@ -236,23 +258,64 @@ std::string payload_type(const Model& model, const Payload& payload) {
   return type_name(model.objects[payload.table].name);
 }
 
-std::string late_type(const Model& model, const Method& method) {
+std::string reply_handle(const Model& model, const Method& method, const std::string& stem) {
   const std::string type = payload_type(model, method.reply);
-  const bool is_table = method.reply.kind == PayloadKind::kTable;
-  if (method.is_stream) {
-    return std::string("::rtpm::rpc::") + (is_table ? "TableWriter<" : "StructWriter<") + type +
-           '>';
+  switch (method.reply.kind) {
+    case PayloadKind::kEmpty:
+      return "::rtpm::rpc::" + stem + "Nothing";
+    case PayloadKind::kStruct:
+      return "::rtpm::rpc::" + stem + "Struct<" + type + '>';
+    case PayloadKind::kTable:
+      break;
   }
-  if (method.reply.kind == PayloadKind::kEmpty) return "::rtpm::rpc::LateNothing";
-  return std::string("::rtpm::rpc::") + (is_table ? "LateTable<" : "LateStruct<") + type + '>';
+  return "::rtpm::rpc::" + stem + "Table<" + type + '>';
+}
+
+std::string late_type(const Model& model, const Method& method) {
+  if (!method.is_stream) return reply_handle(model, method, "Late");
+  const bool is_table = method.reply.kind == PayloadKind::kTable;
+  return std::string("::rtpm::rpc::") + (is_table ? "TableWriter<" : "StructWriter<") +
+         payload_type(model, method.reply) + '>';
+}
+
+std::vector<Parameter> servant_parameters(const Model& model, const Method& method) {
+  std::vector<Parameter> parameters;
+  if (method.request.kind != PayloadKind::kEmpty) {
+    parameters.push_back({"const " + payload_type(model, method.request) + '&', "request"});
+  }
+  if (method.is_stream) {
+    parameters.push_back({late_type(model, method), "items"});
+  } else if (method.is_deferred) {
+    parameters.push_back({late_type(model, method), "reply"});
+  } else if (method.reply.kind == PayloadKind::kTable) {
+    parameters.push_back(
+        {"::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) + ">&", "reply"});
+  }
+  parameters.push_back({"const ::rtpm::rpc::CallContext&", "context"});
+  return parameters;
+}
+
+bool can_begin(const Method& method) noexcept {
+  return !method.is_stream && !method.oneway;
+}
+
+std::string begin_name(const Method& method) {
+  return "begin_" + method.name;
+}
+
+std::string begin_result(const Model& model, const Method& method) {
+  return "::rtpm::expected<" + reply_handle(model, method, "Pending") + ", ::rtpm::rpc::CallError>";
+}
+
+std::string stream_type(const Model& model, const Method& method) {
+  const bool is_table = method.reply.kind == PayloadKind::kTable;
+  return std::string("::rtpm::rpc::") + (is_table ? "TableStream<" : "StructStream<") +
+         payload_type(model, method.reply) + '>';
 }
 
 std::string client_result(const Model& model, const Method& method) {
   if (method.is_stream) {
-    const bool is_table = method.reply.kind == PayloadKind::kTable;
-    return std::string("::rtpm::expected<::rtpm::rpc::") +
-           (is_table ? "TableStream<" : "StructStream<") + payload_type(model, method.reply) +
-           ">, ::rtpm::rpc::CallError>";
+    return "::rtpm::expected<" + stream_type(model, method) + ", ::rtpm::rpc::CallError>";
   }
   std::string value = "void";
   if (method.reply.kind == PayloadKind::kStruct) value = payload_type(model, method.reply);

@@ -53,6 +53,10 @@ bool contains(const Names& names, std::string_view name) {
   return std::find(std::begin(names), std::end(names), name) != std::end(names);
 }
 
+bool is_escaped_by_flatc(std::string_view name) noexcept {
+  return (is_keyword(name) && !contains(kFlatcLeaves, name)) || contains(kOnlyFlatcEscapes, name);
+}
+
 }  // namespace
 
 bool is_keyword(std::string_view name) noexcept {
@@ -60,8 +64,8 @@ bool is_keyword(std::string_view name) noexcept {
 }
 
 std::string method_name(const Service& service, const Method& method) {
-  constexpr std::array<std::string_view, 4> kOwn{"binding", "dispatch", "interface",
-                                                 "rtpm_binding_"};
+  constexpr std::array<std::string_view, 5> kOwn{"binding", "dispatch", "interface",
+                                                 "rtpm_functions_", "rtpm_binding_"};
   const std::string class_stem = short_name(service.name);
   const bool is_taken = is_keyword(method.name) || contains(kOwn, method.name) ||
                         method.name == class_stem + "Client" ||
@@ -83,13 +87,14 @@ std::string namespace_name(const std::string& namespace_with_dots) {
 }
 
 std::string type_name(const std::string& qualified_name) {
-  const std::string own = short_name(qualified_name);
-  const bool is_escaped =
-      (is_keyword(own) && !contains(kFlatcLeaves, own)) || contains(kOnlyFlatcEscapes, own);
   std::string name = "::";
   name += namespace_name(qualified_name);
-  if (is_escaped) name += '_';
+  if (is_escaped_by_flatc(short_name(qualified_name))) name += '_';
   return name;
+}
+
+std::string data_name(const std::string& name) {
+  return is_escaped_by_flatc(name) ? name + '_' : name;
 }
 
 std::string function(const Function& function, std::string_view indent) {

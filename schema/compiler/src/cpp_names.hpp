@@ -18,6 +18,8 @@ namespace rtpm::schema::cpp {
 
 /// "::lab::Force" of "lab.Force", the type that flatc generates.
 [[nodiscard]] std::string type_name(const std::string& qualified_name);
+/// A name of a field, or of an enumeration's value, as flatc writes it.
+[[nodiscard]] std::string data_name(const std::string& name);
 /// "lab::arms" of "lab.arms".
 [[nodiscard]] std::string namespace_name(const std::string& namespace_with_dots);
 

@@ -2,6 +2,7 @@
 #include <string>
 
 #include "cpp_names.hpp"
+#include "cpp_ranges.hpp"
 #include "cpp_writer.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 #include "rtpm/schema/schema_text.hpp"
@@ -58,7 +59,7 @@ std::string descriptors(const Model& model, const Service& service,
 /// The limits of a table's verification, as the last argument.
 std::string limits(const Model& model, const Payload& payload) {
   const VerifyLimits limits = verify_limits(model, payload.table);
-  return ", {.depth = " + std::to_string(limits.depth) +
+  return ",\n          ::rtpm::rpc::TableLimits{.depth = " + std::to_string(limits.depth) +
          ", .tables = " + std::to_string(limits.tables) + '}';
 }
 
@@ -75,9 +76,8 @@ std::string call(const Model& model, const Service& service, std::size_t index,
            ", ::rtpm::wire::Delivery::" + (is_sent ? "kSent" : "kReceipt") + ", options);\n";
   }
   if (method.is_stream) {
-    return std::string("  return ::rtpm::rpc::open_") + (is_table ? "table" : "struct") +
-           "_stream<" + payload_type(model, method.reply) + ">(\n      " + arguments + ", options" +
-           (is_table ? limits(model, method.reply) : "") + ");\n";
+    return "  return ::rtpm::rpc::open_stream_of<" + stream_type(model, method) + ">(\n      " +
+           arguments + ", options" + (is_table ? limits(model, method.reply) : "") + ");\n";
   }
   std::string function = "nothing";
   if (method.reply.kind == PayloadKind::kStruct) {
@@ -89,17 +89,52 @@ std::string call(const Model& model, const Service& service, std::size_t index,
          (is_table ? limits(model, method.reply) : "") + ");\n";
 }
 
+/// Packs `request` on the heap.
+std::string packing(const std::string& type) {
+  return "  ::flatbuffers::FlatBufferBuilder builder;\n  builder.Finish(" + type +
+         "::Pack(builder, &request));\n";
+}
+
+/// The refusal of a request that is larger than the schema allows.
+std::string size_check(const Method& method) {
+  if (!method.max_size || method.request.kind != PayloadKind::kTable) return {};
+  return "  if (request.size() > " + std::to_string(*method.max_size) +
+         ") {\n    return ::rtpm::unexpected{::rtpm::rpc::CallError::kTooLarge};\n  }\n";
+}
+
+/// The definitions of the methods that begin a call of `request`.
+std::string begin_methods(const Model& model, const Service& service, std::size_t index,
+                          Function head, const std::string& request) {
+  const Method& method = service.methods[index];
+  if (!can_begin(method)) return {};
+  const std::string class_name = short_name(service.name) + "Client::";
+  head.result = begin_result(model, method);
+  head.name = class_name + begin_name(method);
+  head.tail = " {";
+  std::string text;
+  if (method.request.kind == PayloadKind::kTable) {
+    const std::string type = payload_type(model, method.request);
+    Function packed = head;
+    packed.parameters.front() = "const " + type + "T& request";
+    text = '\n' + function(packed, "") + packing(type) + "  return this->" + begin_name(method) +
+           "_encoded(::rtpm::rpc::table_bytes(builder), options);\n}\n";
+    head.name += "_encoded";
+  }
+  const bool is_table = method.reply.kind == PayloadKind::kTable;
+  return text + '\n' + function(head, "") + size_check(method) +
+         "  return ::rtpm::rpc::begin_call<" + reply_handle(model, method, "Pending") +
+         ">(\n      rtpm_binding_, k" + short_name(service.name) + "Methods[" +
+         std::to_string(index) + "], " + request + ", options" +
+         (is_table ? limits(model, method.reply) : "") + ");\n}\n";
+}
+
 /// The definition of the method that sends `request`, an expression of its parameter.
 std::string sending_method(const Model& model, const Service& service, std::size_t index,
                            Function head, const std::string& request) {
   const Method& method = service.methods[index];
   head.tail = method.is_stream ? " {" : " noexcept {";
-  std::string check;
-  if (method.max_size && method.request.kind == PayloadKind::kTable) {
-    check = "  if (request.size() > " + std::to_string(*method.max_size) +
-            ") {\n    return ::rtpm::unexpected{::rtpm::rpc::CallError::kTooLarge};\n  }\n";
-  }
-  return '\n' + function(head, "") + check + call(model, service, index, request) + "}\n";
+  return '\n' + function(head, "") + size_check(method) + call(model, service, index, request) +
+         "}\n" + begin_methods(model, service, index, head, request);
 }
 
 std::string client_method(const Model& model, const Service& service, std::size_t index) {
@@ -126,8 +161,7 @@ std::string client_method(const Model& model, const Service& service, std::size_
   encoded.name += "_encoded";
   encoded.parameters.front() = "::rtpm::ConstBytes request";
   head.parameters.front() = "const " + type + "T& request";
-  return '\n' + function(head, "") + "  ::flatbuffers::FlatBufferBuilder builder;\n" +
-         "  builder.Finish(" + type + "::Pack(builder, &request));\n  return this->" +
+  return '\n' + function(head, "") + packing(type) + "  return this->" +
          method_name(service, method) +
          "_encoded(::rtpm::rpc::table_bytes(builder), options);\n}\n" +
          sending_method(model, service, index, encoded, "request");
@@ -173,19 +207,23 @@ std::string request_check(const Model& model, const Method& method) {
          ";\n      }\n";
 }
 
-/// The line that makes `argument` of the request, if the method takes one.
-std::string argument(const Model& model, const Method& method) {
+/// The lines that make `argument` of the request, if the method takes one, and look at its ranges.
+std::string argument(const Model& model, const Ranges& ranges, const Method& method) {
   const std::string type = payload_type(model, method.request);
   const std::string lead = "      const auto& argument = ";
+  const std::string range_check = ranges.are_in(method.request)
+                                      ? "      if (!rtpm_in_range(argument)) {\n        return " +
+                                            status("kBadRequest") + ";\n      }\n"
+                                      : "";
   switch (method.request.kind) {
     case PayloadKind::kEmpty:
       return "";
     case PayloadKind::kStruct:
-      return lead + "::rtpm::rpc::view_struct<" + type + ">(request);\n";
+      return lead + "::rtpm::rpc::view_struct<" + type + ">(request);\n" + range_check;
     case PayloadKind::kTable:
       break;
   }
-  return lead + "*::flatbuffers::GetRoot<" + type + ">(request.data());\n";
+  return lead + "*::flatbuffers::GetRoot<" + type + ">(request.data());\n" + range_check;
 }
 
 /// What a reply is built in.
@@ -194,16 +232,24 @@ std::string reply_memory(const Method& method) {
   return "::rtpm::rpc::at_most(reply, " + std::to_string(*method.max_size) + ')';
 }
 
-std::string dispatch_case(const Model& model, const Service& service, const Method& method) {
+/// What the handle of a late table is told of sizes, as the last argument.
+std::string late_size(const Method& method) {
+  if (!method.max_size || method.reply.kind != PayloadKind::kTable) return {};
+  return ", " + std::to_string(*method.max_size) + 'u';
+}
+
+std::string dispatch_case(const Model& model, const Ranges& ranges, const Service& service,
+                          const Method& method) {
   const std::string name = method_name(service, method);
   const std::string call =
       "this->" + name + (method.request.kind == PayloadKind::kEmpty ? "(" : "(argument, ");
   const std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
-                           request_check(model, method) + argument(model, method);
+                           request_check(model, method) + argument(model, ranges, method);
   if (method.is_stream || method.is_deferred) {
     return text + "      return ::rtpm::rpc::run_late<" + late_type(model, method) +
            ">(\n          ::rtpm::rpc::" + (method.is_stream ? "open_stream" : "defer") +
-           "(context), [&](auto late) { " + call + "::std::move(late), context); });\n    }\n";
+           "(context), [&](auto late) { " + call + "::std::move(late), context); }" +
+           late_size(method) + ");\n    }\n";
   }
   switch (method.reply.kind) {
     case PayloadKind::kEmpty:
@@ -221,7 +267,7 @@ std::string dispatch_case(const Model& model, const Service& service, const Meth
          "      return builder.complete();\n    }\n";
 }
 
-std::string servant(const Model& model, const Service& service) {
+std::string servant(const Model& model, const Ranges& ranges, const Service& service) {
   const std::string stem = short_name(service.name);
   bool uses_reply = false;
   for (const Method& method : service.methods)
@@ -240,7 +286,7 @@ std::string servant(const Model& model, const Service& service) {
       "  switch (static_cast<" +
       stem + "MethodId>(method_id)) {\n";
   for (const Method& method : service.methods)
-    text += dispatch_case(model, service, method);
+    text += dispatch_case(model, ranges, service, method);
   return text + "  }\n  return " + status("kNoSuchMethod") + ";\n}\n";
 }
 
@@ -250,13 +296,14 @@ std::string source(const Model& model, const std::string& compiler_version) {
   std::string text =
       banner(model, compiler_version) + "#include " + literal(model.file_stem + ".rtpm.hpp") + '\n';
   if (model.services.empty()) return text;
-  text += "\n#include <chrono>\n";
+  const Ranges ranges(model);
+  text += "\n#include <chrono>\n" + ranges.functions();
   for (const Service& service : model.services) {
     const std::string scope = namespace_name(namespace_of(service.name));
     text += '\n';
     if (!scope.empty()) text += "namespace " + scope + " {\n";
     text += descriptors(model, service, compiler_version) + client(model, service) +
-            servant(model, service);
+            servant(model, ranges, service);
     if (!scope.empty()) text += "\n}  // namespace " + scope + '\n';
   }
   return text;

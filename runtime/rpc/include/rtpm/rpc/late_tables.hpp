@@ -1,13 +1,22 @@
 #pragma once
 
+#include <cstdint>
+#include <limits>
 #include <optional>
 #include <utility>
 
+#include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rpc/tables.hpp"
 
-/// What generated code is made of where a method answers later, with a stream, or not at all.
+/// What generated code is made of where a call is begun and ends later, or a method answers later,
+/// with a stream, or not at all.
 namespace rtpm::rpc {
+
+/// No `rtpm_max_size` in the schema.
+inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::max();
+
+// --- the caller's side ---------------------------------------------------------------------------
 
 /// Sends an encoded request without waiting for more than `delivery` says.
 [[nodiscard]] inline expected<void, CallError> send_oneway(Binding& binding,
@@ -18,11 +27,82 @@ namespace rtpm::rpc {
   return binding.send(method, request, delivery, options);
 }
 
-/// The items of a stream, each a T. See ItemReader for all but the items' type.
-template <class T>
-class StructStream {
+/// A call that was begun, whatever its reply is. See PendingReply for ownership and threads.
+class Pending {
  public:
-  explicit StructStream(ItemReader reader) noexcept : reader_(std::move(reader)) {}
+  /// Whether take() would not wait; looks once.   RT: alloc-free, at most two syscalls.
+  [[nodiscard]] bool is_done() noexcept { return reply_.is_done(); }
+  /// Waits for the end, but not beyond `until`; true if it is there.   RT: alloc-free.
+  [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
+  /// Ends the call: nobody waits for it any more; it may have run.   RT: alloc-free.
+  void cancel() noexcept { reply_.cancel(); }
+
+ protected:
+  explicit Pending(PendingReply reply) noexcept : reply_(std::move(reply)) {}
+  PendingReply reply_;
+};
+
+/// A call that was begun and gives nothing back.
+class PendingNothing : public Pending {
+ public:
+  using Result = expected<void, CallError>;
+  explicit PendingNothing(PendingReply reply) noexcept : Pending(std::move(reply)) {}
+  /// Waits for the end, once.   RT: alloc-free.   Errors: as CallError says.
+  [[nodiscard]] Result take() noexcept { return read_nothing(reply_.take()); }
+};
+
+/// A call that was begun and gives a T back.
+template <class T>
+class PendingStruct : public Pending {
+ public:
+  using Result = expected<T, CallError>;
+  explicit PendingStruct(PendingReply reply) noexcept : Pending(std::move(reply)) {}
+  /// Waits for the end and gives the reply, once.   RT: alloc-free.   Errors: as CallError says.
+  [[nodiscard]] Result take() noexcept { return read_struct<T>(reply_.take()); }
+};
+
+/// A call that was begun and gives a table T back.
+template <class T>
+class PendingTable : public Pending {
+ public:
+  using Result = expected<TableReply<T>, CallError>;
+  PendingTable(PendingReply reply, TableLimits limits) noexcept
+      : Pending(std::move(reply)), limits_(limits) {}
+  /// Waits for the end and gives the reply, once.   RT: alloc-free.   Errors: as CallError says.
+  [[nodiscard]] Result take() noexcept { return read_table<T>(reply_.take(), limits_); }
+
+ private:
+  TableLimits limits_;
+};
+
+/// Begins a call with an encoded request; `Handle` is made of its pending reply and `more`.
+template <class Handle, class... More>
+[[nodiscard]] expected<Handle, CallError> begin_call(Binding& binding,
+                                                     const MethodDescriptor& method,
+                                                     ConstBytes request, const CallOptions& options,
+                                                     More... more) {
+  auto reply = binding.begin(method, request, options);
+  if (!reply) return unexpected{reply.error()};
+  return Handle{std::move(*reply), more...};
+}
+
+/// A stream that was opened, whatever its items are. See ItemReader for ownership and threads.
+class OpenStream {
+ public:
+  [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
+  /// Ends the stream; the server is told.   RT: alloc-free.
+  void cancel() noexcept { reader_.cancel(); }
+
+ protected:
+  explicit OpenStream(ItemReader reader) noexcept : reader_(std::move(reader)) {}
+  ItemReader reader_;
+};
+
+/// The items of a stream, each a T.
+template <class T>
+class StructStream : public OpenStream {
+ public:
+  explicit StructStream(ItemReader reader) noexcept : OpenStream(std::move(reader)) {}
 
   /// The next item, waiting until `until` at most; without one: the stream has ended in order.
   /// Errors: kTimeout: none came in time; kBadReply: an item is none; others: the stream ended.
@@ -36,19 +116,14 @@ class StructStream {
     std::memcpy(&value, (*item)->data(), sizeof value);
     return std::optional<T>{value};
   }
-  [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
-  void cancel() noexcept { reader_.cancel(); }
-
- private:
-  ItemReader reader_;
 };
 
 /// The items of a stream, each a table T.
 template <class T>
-class TableStream {
+class TableStream : public OpenStream {
  public:
   TableStream(ItemReader reader, TableLimits limits) noexcept
-      : reader_(std::move(reader)), limits_(limits) {}
+      : OpenStream(std::move(reader)), limits_(limits) {}
 
   /// The next item, valid until the next call; null: the stream has ended in order. Errors and
   /// RT class as StructStream::next().
@@ -59,137 +134,151 @@ class TableStream {
     if (!is_valid_table<T>(**item, limits_)) return unexpected{CallError::kBadReply};
     return flatbuffers::GetRoot<T>((*item)->data());
   }
-  [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
-  void cancel() noexcept { reader_.cancel(); }
 
  private:
-  ItemReader reader_;
   TableLimits limits_;
 };
 
-/// Opens a stream of structs with an encoded request.
-template <class T>
-[[nodiscard]] expected<StructStream<T>, CallError> open_struct_stream(
-    Binding& binding, const MethodDescriptor& method, ConstBytes request,
-    const StreamOptions& options) {
+/// Opens a stream with an encoded request; `Stream` is made of its reader and `more`.
+template <class Stream, class... More>
+[[nodiscard]] expected<Stream, CallError> open_stream_of(Binding& binding,
+                                                         const MethodDescriptor& method,
+                                                         ConstBytes request,
+                                                         const StreamOptions& options,
+                                                         More... more) {
   auto reader = binding.open_stream(method, request, options);
   if (!reader) return unexpected{reader.error()};
-  return StructStream<T>{std::move(*reader)};
+  return Stream{std::move(*reader), more...};
 }
 
-/// Opens a stream of tables with an encoded request.
-template <class T>
-[[nodiscard]] expected<TableStream<T>, CallError> open_table_stream(Binding& binding,
-                                                                    const MethodDescriptor& method,
-                                                                    ConstBytes request,
-                                                                    const StreamOptions& options,
-                                                                    TableLimits limits = {}) {
-  auto reader = binding.open_stream(method, request, options);
-  if (!reader) return unexpected{reader.error()};
-  return TableStream<T>{std::move(*reader), limits};
-}
+// --- the servant's side --------------------------------------------------------------------------
 
-/// Writes the items of a stream, each a T. See ItemWriter for all but the items' type.
+/// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
+/// kinds. Ownership: move-only; what nobody ended ends as failed. Threads: one at a time, any.
+template <class Call>
+class LateAnswer {
+ public:
+  /// Ends the call without an answer.   RT: alloc-free, at most one syscall.
+  void fail(Refusal refusal) noexcept { end(to_status(refusal)); }
+  /// False once the caller has cancelled, gone, or been told that the server stops.
+  /// RT: alloc-free.
+  [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
+  /// After which nobody waits for the answer.   RT: alloc-free.
+  [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
+  /// False once it was ended, or moved away.
+  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(call_); }
+
+ protected:
+  LateAnswer() noexcept = default;
+  explicit LateAnswer(Call call) noexcept : call_(std::move(call)) {}
+  void end(wire::Status status) noexcept {
+    if constexpr (requires { call_.finish(status); }) {
+      call_.finish(status);
+    } else {
+      call_.complete(status);
+    }
+  }
+  Call call_;
+};
+
+/// Writes the items of a stream, whatever they are.
+class StreamWriter : public LateAnswer<ItemWriter> {
+ public:
+  /// Ends the stream behind the items written so far.   RT: alloc-free, at most one syscall.
+  void finish() noexcept { call_.finish(); }
+  /// The most bytes of an item, by the caller's transport.
+  [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
+
+ protected:
+  using LateAnswer::LateAnswer;
+};
+
+/// Writes the items of a stream, each a T.
 template <class T>
-class StructWriter {
+class StructWriter : public StreamWriter {
  public:
   StructWriter() noexcept = default;
-  explicit StructWriter(ItemWriter writer) noexcept : writer_(std::move(writer)) {}
+  explicit StructWriter(ItemWriter writer) noexcept : StreamWriter(std::move(writer)) {}
 
   /// RT: alloc-free, at most one syscall.   Errors: kFull: the caller does not keep up; kEnded.
   [[nodiscard]] expected<void, StreamError> write(const T& item) noexcept {
-    return writer_.write(struct_bytes(item));
+    return call_.write(struct_bytes(item));
   }
-  void finish() noexcept { writer_.finish(); }
-  void fail(Refusal refusal) noexcept { writer_.finish(to_status(refusal)); }
-  [[nodiscard]] bool is_awaited() const noexcept { return writer_.is_awaited(); }
-  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(writer_); }
-
- private:
-  ItemWriter writer_;
 };
 
 /// Writes the items of a stream, each a finished FlatBuffer with a T as its root.
 template <class T>
-class TableWriter {
+class TableWriter : public StreamWriter {
  public:
   TableWriter() noexcept = default;
-  explicit TableWriter(ItemWriter writer) noexcept : writer_(std::move(writer)) {}
+  explicit TableWriter(ItemWriter writer, std::uint32_t size_max = kAnySize) noexcept
+      : StreamWriter(std::move(writer)), size_max_(size_max) {}
 
-  /// RT: alloc-free, at most one syscall.   Errors: as StreamError says.
+  /// RT: alloc-free, at most one syscall.   Errors: as StreamError says; kTooLarge also above the
+  /// schema's `rtpm_max_size`.
   [[nodiscard]] expected<void, StreamError> write(
       const flatbuffers::FlatBufferBuilder& finished) noexcept {
-    return writer_.write(table_bytes(finished));
+    const ConstBytes item = table_bytes(finished);
+    if (item.size() > size_max_) return unexpected{StreamError::kTooLarge};
+    return call_.write(item);
   }
-  void finish() noexcept { writer_.finish(); }
-  void fail(Refusal refusal) noexcept { writer_.finish(to_status(refusal)); }
-  [[nodiscard]] bool is_awaited() const noexcept { return writer_.is_awaited(); }
-  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(writer_); }
 
  private:
-  ItemWriter writer_;
+  std::uint32_t size_max_ = kAnySize;
 };
 
 /// A reply without content that comes later.
-class LateNothing {
+class LateNothing : public LateAnswer<DeferredReply> {
  public:
   LateNothing() noexcept = default;
-  explicit LateNothing(DeferredReply reply) noexcept : reply_(std::move(reply)) {}
+  explicit LateNothing(DeferredReply reply) noexcept : LateAnswer(std::move(reply)) {}
   /// Ends the call, once.   RT: alloc-free, at most one syscall.
   void complete(const Result<void>& result = {}) noexcept {
-    reply_.complete(reply_with_nothing(result).status);
+    end(reply_with_nothing(result).status);
   }
-  [[nodiscard]] bool is_awaited() const noexcept { return reply_.is_awaited(); }
-  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(reply_); }
-
- private:
-  DeferredReply reply_;
 };
 
 /// A reply, a T, that comes later.
 template <class T>
-class LateStruct {
+class LateStruct : public LateAnswer<DeferredReply> {
  public:
   LateStruct() noexcept = default;
-  explicit LateStruct(DeferredReply reply) noexcept : reply_(std::move(reply)) {}
+  explicit LateStruct(DeferredReply reply) noexcept : LateAnswer(std::move(reply)) {}
   /// Ends the call, once.   RT: alloc-free, at most one syscall.
   void complete(const Result<T>& result) noexcept {
-    const DispatchResult end = reply_with_struct(result, reply_.buffer());
-    reply_.complete(end.status, end.reply_size);
+    const DispatchResult done = reply_with_struct(result, call_.buffer());
+    call_.complete(done.status, done.reply_size);
   }
-  [[nodiscard]] bool is_awaited() const noexcept { return reply_.is_awaited(); }
-  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(reply_); }
-
- private:
-  DeferredReply reply_;
 };
 
 /// A reply, a table T, that comes later.
 template <class T>
-class LateTable {
+class LateTable : public LateAnswer<DeferredReply> {
  public:
   LateTable() noexcept = default;
-  explicit LateTable(DeferredReply reply) noexcept : reply_(std::move(reply)) {}
-  /// To build the answer in, in the memory that it is sent from; then complete() with it.
-  [[nodiscard]] ReplyBuilder<T> builder() noexcept { return ReplyBuilder<T>{reply_.buffer()}; }
+  explicit LateTable(DeferredReply reply, std::uint32_t size_max = kAnySize) noexcept
+      : LateAnswer(std::move(reply)), size_max_(size_max) {}
+  /// To build the answer in, in the memory that it is sent from; then complete() with it. What is
+  /// larger than the session or the schema's `rtpm_max_size` allows ends as kTooLarge.
+  [[nodiscard]] ReplyBuilder<T> builder() noexcept {
+    return ReplyBuilder<T>{at_most(call_.buffer(), size_max_)};
+  }
   /// Ends the call, once.   RT: alloc-free, at most one syscall.
   void complete(ReplyBuilder<T>& builder) noexcept {
-    const DispatchResult end = builder.complete();
-    reply_.complete(end.status, end.reply_size);
+    const DispatchResult done = builder.complete();
+    call_.complete(done.status, done.reply_size);
   }
-  void fail(Refusal refusal) noexcept { reply_.complete(to_status(refusal)); }
-  [[nodiscard]] bool is_awaited() const noexcept { return reply_.is_awaited(); }
-  [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(reply_); }
 
  private:
-  DeferredReply reply_;
+  std::uint32_t size_max_ = kAnySize;
 };
 
-/// Has `method` run with a handle of type Late for its answer; overload if there is none left.
-template <class Late, class Handle, class Method>
-[[nodiscard]] DispatchResult run_late(Handle handle, Method method) {
+/// Has `method` run with a handle of type Late for its answer, made of `handle` and `more`;
+/// overload if there is none left.
+template <class Late, class Handle, class Method, class... More>
+[[nodiscard]] DispatchResult run_late(Handle handle, Method method, More... more) {
   if (!handle) return {wire::Status::kOverload, 0};
-  method(Late{std::move(handle)});
+  method(Late{std::move(handle), more...});
   return {};
 }
 

@@ -114,14 +114,40 @@ template <class T>
   return verifier.VerifyBuffer<T>(nullptr);
 }
 
+/// What a reply without content says.
+[[nodiscard]] inline expected<void, CallError> read_nothing(
+    const expected<ReplyLease, CallError>& reply) noexcept {
+  if (!reply) return unexpected{reply.error()};
+  if (!reply->bytes().empty()) return unexpected{CallError::kBadReply};
+  return {};
+}
+
+/// The bare struct that a reply is.
+template <class T>
+[[nodiscard]] expected<T, CallError> read_struct(
+    const expected<ReplyLease, CallError>& reply) noexcept {
+  static_assert(std::is_trivially_copyable_v<T>);
+  if (!reply) return unexpected{reply.error()};
+  if (reply->bytes().size() != sizeof(T)) return unexpected{CallError::kBadReply};
+  T value;
+  std::memcpy(&value, reply->bytes().data(), sizeof value);
+  return value;
+}
+
+/// The table that a reply is, checked.
+template <class T>
+[[nodiscard]] expected<TableReply<T>, CallError> read_table(expected<ReplyLease, CallError> reply,
+                                                            TableLimits limits) noexcept {
+  if (!reply) return unexpected{reply.error()};
+  if (!is_valid_table<T>(reply->bytes(), limits)) return unexpected{CallError::kBadReply};
+  return TableReply<T>{std::move(*reply)};
+}
+
 /// Calls with an encoded request and takes a reply without content.
 [[nodiscard]] inline expected<void, CallError> call_for_nothing(
     Binding& binding, const MethodDescriptor& method, ConstBytes request,
     const CallOptions& options) noexcept {
-  auto reply = binding.call(method, request, options);
-  if (!reply) return unexpected{reply.error()};
-  if (!reply->bytes().empty()) return unexpected{CallError::kBadReply};
-  return {};
+  return read_nothing(binding.call(method, request, options));
 }
 
 /// Calls with an encoded request and takes a reply that is a bare struct.
@@ -130,13 +156,7 @@ template <class T>
                                                      const MethodDescriptor& method,
                                                      ConstBytes request,
                                                      const CallOptions& options) noexcept {
-  static_assert(std::is_trivially_copyable_v<T>);
-  auto reply = binding.call(method, request, options);
-  if (!reply) return unexpected{reply.error()};
-  if (reply->bytes().size() != sizeof(T)) return unexpected{CallError::kBadReply};
-  T value;
-  std::memcpy(&value, reply->bytes().data(), sizeof value);
-  return value;
+  return read_struct<T>(binding.call(method, request, options));
 }
 
 /// Calls with an encoded request and takes a reply that is a table.
@@ -146,10 +166,7 @@ template <class T>
                                                                 ConstBytes request,
                                                                 const CallOptions& options,
                                                                 TableLimits limits = {}) noexcept {
-  auto reply = binding.call(method, request, options);
-  if (!reply) return unexpected{reply.error()};
-  if (!is_valid_table<T>(reply->bytes(), limits)) return unexpected{CallError::kBadReply};
-  return TableReply<T>{std::move(*reply)};
+  return read_table<T>(binding.call(method, request, options), limits);
 }
 
 /// The bytes of a struct as they stand on the wire.
@@ -167,6 +184,54 @@ template <class T>
   RTPM_ASSERT(reinterpret_cast<std::uintptr_t>(request.data()) % alignof(T) == 0,
               "a request is not aligned to 16 bytes");
   return *static_cast<const T*>(static_cast<const void*>(request.data()));
+}
+
+/// Whether a number is within its `rtpm_range`; no number (NaN) is not.
+template <class T>
+[[nodiscard]] constexpr bool is_within(T value, double low, double high) noexcept {
+  const auto number = static_cast<double>(value);
+  return low <= number && number <= high;
+}
+/// Whether an optional number is; one that is absent is.
+template <class T>
+[[nodiscard]] constexpr bool is_within(const flatbuffers::Optional<T>& value, double low,
+                                       double high) noexcept {
+  return !value || is_within(*value, low, high);
+}
+/// Whether each number of a vector or array is, if it is there.
+template <class Numbers>
+[[nodiscard]] bool are_within(const Numbers* numbers, double low, double high) noexcept {
+  return numbers == nullptr || std::all_of(numbers->begin(), numbers->end(), [&](auto number) {
+           return is_within(number, low, high);
+         });
+}
+
+/// An element of a vector or array, which FlatBuffers gives as a pointer or a reference.
+template <class T>
+[[nodiscard]] const T& item_of(const T& item) noexcept {
+  return item;
+}
+template <class T>
+[[nodiscard]] const T& item_of(const T* item) noexcept {
+  return *item;
+}
+/// Whether `holds` is true of each struct or table of a vector or array, if it is there.
+template <class Items, class Predicate>
+[[nodiscard]] bool all_of(const Items* items, Predicate holds) noexcept {
+  for (flatbuffers::uoffset_t i = 0; items != nullptr && i < items->size(); ++i) {
+    if (!holds(item_of(items->Get(i)))) return false;
+  }
+  return true;
+}
+/// The same of a vector of unions: `holds` is given each member's type and address.
+template <class Type, class Types, class Items, class Predicate>
+[[nodiscard]] bool all_members_of(const Types* types, const Items* items,
+                                  Predicate holds) noexcept {
+  for (flatbuffers::uoffset_t i = 0; items != nullptr && types != nullptr && i < items->size();
+       ++i) {
+    if (!holds(static_cast<Type>(types->Get(i)), items->Get(i))) return false;
+  }
+  return true;
 }
 
 /// The memory of a reply that the schema gives a largest size.

@@ -1,0 +1,126 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::rpc {
+
+/// Calls that were begun and what is to be done when they end, run by whoever polls:
+///
+///     completions.then(arm.begin_get_pose(), [&](const auto& pose) { show(pose); });
+///     while (is_running) completions.wait(next_frame);
+///
+/// The callback is given what take() gives: the reply, or the error, also that the call could not
+/// be begun. It runs once, in poll(), wait() or the end of this, and may add more calls.
+/// Ownership: holds the calls and callbacks; refers to the bindings of the calls, which must
+/// outlive it. Its end cancels what is open: the callbacks are told kCancelled.
+/// Limits: each open call holds a call channel, so NodeConfig::channel_count_max is the limit.
+/// Threads: one at a time.   Adding allocates; waiting is alloc-free but for what callbacks do.
+class Completions {
+ public:
+  Completions() noexcept = default;
+  Completions(const Completions&) = delete;
+  Completions& operator=(const Completions&) = delete;
+  ~Completions();
+
+  /// Adds what a generated begin_x() gave, and what is to be done with its result.
+  template <class Pending, class Callback>
+  void then(expected<Pending, CallError> begun, Callback callback) {
+    add(std::make_unique<Call<Pending, Callback>>(std::move(begun), std::move(callback)));
+  }
+
+  /// Looks at each call once and runs the callbacks of those that ended; how many ended. It also
+  /// repeats what got lost, so call it now and then.   RT: at most two syscalls a call.
+  std::size_t poll();
+  /// Waits until a call has ended, but not beyond `until`, and runs the callbacks; how many ended.
+  /// With several open calls it looks at each once a millisecond. Returns at once if none is open.
+  std::size_t wait(MonotonicTime until);
+  /// Calls whose callback has not run yet.
+  [[nodiscard]] std::size_t open_count() const noexcept { return open_.size(); }
+
+ private:
+  friend class CompletionThread;
+
+  class Entry {
+   public:
+    Entry() = default;
+    Entry(const Entry&) = delete;
+    Entry& operator=(const Entry&) = delete;
+    virtual ~Entry() = default;
+    [[nodiscard]] virtual bool wait(MonotonicTime until) noexcept = 0;
+    virtual void cancel() noexcept = 0;
+    virtual void complete() = 0;
+  };
+
+  template <class Pending, class Callback>
+  class Call final : public Entry {
+   public:
+    Call(expected<Pending, CallError> begun, Callback callback)
+        : begun_(std::move(begun)), callback_(std::move(callback)) {}
+    [[nodiscard]] bool wait(MonotonicTime until) noexcept override {
+      return !begun_ || begun_->wait(until);
+    }
+    void cancel() noexcept override {
+      if (begun_) begun_->cancel();
+    }
+    void complete() override {
+      if (begun_) {
+        callback_(begun_->take());
+      } else {
+        callback_(typename Pending::Result{unexpected{begun_.error()}});
+      }
+    }
+
+   private:
+    expected<Pending, CallError> begun_;
+    Callback callback_;
+  };
+
+  void add(std::unique_ptr<Entry> entry) { open_.push_back(std::move(entry)); }
+
+  std::vector<std::unique_ptr<Entry>> open_{};
+};
+
+/// The same with a thread of its own that waits and runs the callbacks:
+///
+///     auto thread = rpc::CompletionThread::start({.name = "replies"}).value();
+///     thread->then(arm.begin_get_pose(), [](const auto& pose) { … });
+///
+/// Callbacks run one after the other on that thread and must not wait long: others wait behind
+/// them. They may add calls.
+/// Real-time class: set-up. The thread looks at open calls once a millisecond; a loop that counts
+/// microseconds holds the pending reply itself and waits for it.
+/// Ownership: as Completions; its end cancels what is open and joins the thread.
+/// Threads: then() from any.
+class CompletionThread {
+ public:
+  /// Starts the thread. Without a priority in `config` it is time-shared.   Set-up only.
+  /// Errors: as rt::Thread::start().
+  [[nodiscard]] static expected<std::unique_ptr<CompletionThread>, SetupError> start(
+      const rt::ThreadConfig& config);
+  CompletionThread(const CompletionThread&) = delete;
+  CompletionThread& operator=(const CompletionThread&) = delete;
+  ~CompletionThread();
+
+  /// As Completions::then(); the callback runs on this object's thread.
+  template <class Pending, class Callback>
+  void then(expected<Pending, CallError> begun, Callback callback) {
+    add(std::make_unique<Completions::Call<Pending, Callback>>(std::move(begun),
+                                                               std::move(callback)));
+  }
+
+ private:
+  class Impl;
+  explicit CompletionThread(std::unique_ptr<Impl> impl) noexcept;
+  void add(std::unique_ptr<Completions::Entry> entry);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::rpc

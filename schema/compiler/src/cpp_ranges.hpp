@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstddef>
+#include <set>
+#include <string>
+
+#include "rtpm/schema/model.hpp"
+
+namespace rtpm::schema::cpp {
+
+/// The checks of `rtpm_range`: what a skeleton looks at before a method runs.
+/// Ownership: refers to the model, which must outlive it.
+class Ranges {
+ public:
+  explicit Ranges(const Model& model);
+
+  /// Whether a request has numbers with a range, at whatever depth.
+  [[nodiscard]] bool are_in(const Payload& request) const;
+  /// Functions `rtpm_in_range(value)` for each such type of all requests, in an anonymous
+  /// namespace; empty if there is none.
+  [[nodiscard]] std::string functions() const;
+
+ private:
+  [[nodiscard]] bool are_in(const Type& type) const;
+  [[nodiscard]] bool are_in(const Object& object) const;
+  [[nodiscard]] bool are_in(const Enum& enumeration) const;
+  [[nodiscard]] std::string field_check(const Object& object, const Field& field) const;
+  [[nodiscard]] std::string definition(const Object& object) const;
+  [[nodiscard]] std::string definition(const Enum& enumeration) const;
+
+  const Model& model_;
+  std::set<std::size_t> objects_{};
+  std::set<std::size_t> unions_{};
+};
+
+}  // namespace rtpm::schema::cpp

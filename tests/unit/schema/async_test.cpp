@@ -1,0 +1,214 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <optional>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "late.rtpm.functions.hpp"
+#include "rtpm/rpc/completions.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+// Calls that are begun and end later, with generated code, over a real server.
+namespace {
+
+using namespace std::chrono_literals;
+using rtpm::rpc::CallContext;
+using rtpm::rpc::CallError;
+using rtpm::rt::now;
+
+constexpr auto kPatience = 20s;
+
+/// A feed whose answers wait until somebody asks for them.
+class GeneratedAsync : public testing::Test {
+ protected:
+  GeneratedAsync() {
+    rtpm::rpc::ServerConfig config;
+    config.realtime = rtpm::rt::RealtimeMode::kOff;
+    server_ = *rtpm::rpc::Server::create(config);
+    EXPECT_TRUE(server_->add("feed", feed_));
+    EXPECT_TRUE(server_->start());
+    rtpm::rpc::NodeConfig node;
+    node.default_deadline = kPatience;
+    node_.emplace(node);
+    auto client = late::FeedClient::bind(*node_, server_->url("feed"), {.deadline = kPatience});
+    EXPECT_TRUE(client) << client.error().text;
+    client_.emplace(std::move(*client));
+  }
+  ~GeneratedAsync() override { server_->stop(); }
+
+  [[nodiscard]] static late::NoteT note(const std::string& text) {
+    late::NoteT note;
+    note.text = text;
+    return note;
+  }
+  /// Answers the call that came first of those that wait.
+  void answer(double force) {
+    const auto end = now() + kPatience;
+    while (now() < end) {
+      const std::lock_guard lock(mutex_);
+      if (waiting_.empty()) continue;
+      waiting_.front().complete(late::Sample{1, force});
+      waiting_.erase(waiting_.begin());
+      return;
+    }
+    ADD_FAILURE() << "no call waits";
+  }
+
+  std::mutex mutex_;
+  std::vector<rtpm::rpc::LateStruct<late::Sample>> waiting_;
+  late::FeedFunctionServant feed_{{
+      .wait =
+          [this](rtpm::rpc::LateStruct<late::Sample> reply, const CallContext&) {
+            const rtpm::rt::AllowAllocationScope is_allowed;
+            const std::lock_guard lock(mutex_);
+            waiting_.push_back(std::move(reply));
+          },
+      .rest =
+          [](const late::Sample& request, rtpm::rpc::LateNothing reply, const CallContext&) {
+            if (request.number() == 0) return reply.fail(rtpm::rpc::Refusal::kGone);
+            reply.complete();
+          },
+      .describe =
+          [](const late::Note& request, rtpm::rpc::LateTable<late::Note> reply,
+             const CallContext&) {
+            const rtpm::rt::AllowAllocationScope is_allowed;
+            auto builder = reply.builder();
+            // As long as the request says.
+            const std::string text(std::stoul(request.text()->str()), 'x');
+            builder.finish(late::CreateNoteDirect(builder.builder(), text.c_str()));
+            reply.complete(builder);
+          },
+      .log =
+          [](const late::Note& request, rtpm::rpc::TableWriter<late::Note> items,
+             const CallContext&) {
+            const rtpm::rt::AllowAllocationScope is_allowed;
+            flatbuffers::FlatBufferBuilder builder;
+            const std::string text(std::stoul(request.text()->str()), 'x');
+            builder.Finish(late::CreateNoteDirect(builder, text.c_str()));
+            const auto written = items.write(builder);
+            if (written) return items.finish();
+            EXPECT_EQ(written.error(), rtpm::rpc::StreamError::kTooLarge);
+            items.fail(rtpm::rpc::Refusal::kFailed);
+          },
+  }};
+  std::unique_ptr<rtpm::rpc::Server> server_;
+  std::optional<rtpm::rpc::Node> node_;
+  std::optional<late::FeedClient> client_;
+};
+
+TEST_F(GeneratedAsync, HandlesWaitForTheirReplies) {
+  auto first = client_->begin_wait();
+  auto second = client_->begin_wait();
+  auto nothing = client_->begin_rest(late::Sample{1, 0});
+  auto refused = client_->begin_rest(late::Sample{0, 0});
+  auto table = client_->begin_describe(note("3"));
+  ASSERT_TRUE(first && second && nothing && refused && table);
+  EXPECT_FALSE(first->is_done());
+  EXPECT_FALSE(second->wait(now() + 1ms));
+  EXPECT_TRUE(nothing->take());
+  EXPECT_EQ(refused->take().error(), CallError::kNoSuchObject);
+  const auto text = table->take();
+  ASSERT_TRUE(text);
+  EXPECT_EQ((*text)->text()->str(), "xxx");
+  answer(1);
+  answer(2);
+  EXPECT_TRUE(first->wait(now() + kPatience));
+  const auto sample = first->take();
+  const auto other = second->take();
+  ASSERT_TRUE(sample && other);
+  EXPECT_DOUBLE_EQ(sample->force_newton() + other->force_newton(), 3);
+}
+
+TEST_F(GeneratedAsync, AHandleMayCancelItsCall) {
+  auto pending = client_->begin_wait();
+  ASSERT_TRUE(pending);
+  pending->cancel();
+  EXPECT_TRUE(pending->is_done());
+  EXPECT_EQ(pending->take().error(), CallError::kCancelled);
+}
+
+TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
+  rtpm::rpc::Completions completions;
+  std::vector<double> forces;
+  std::size_t others = 0;
+  const auto keep = [&](const rtpm::expected<late::Sample, CallError>& sample) {
+    ASSERT_TRUE(sample);
+    forces.push_back(sample->force_newton());
+  };
+  completions.then(client_->begin_wait(), keep);
+  completions.then(client_->begin_wait(), keep);
+  completions.then(client_->begin_describe(note("1")), [&](const auto& text) {
+    ASSERT_TRUE(text);
+    others += (*text)->text()->size();
+    // A callback may go on.
+    completions.then(client_->begin_rest(late::Sample{1, 0}),
+                     [&](const auto& done) { others += done ? 10U : 0U; });
+  });
+  while (others < 11)
+    ASSERT_GT(completions.wait(now() + kPatience), 0u);
+  EXPECT_EQ(completions.open_count(), 2u);
+  EXPECT_EQ(completions.poll(), 0u);
+  EXPECT_EQ(completions.wait(now() + 1ms), 0u);
+  answer(1);
+  answer(2);
+  while (completions.open_count() > 0)
+    ASSERT_GT(completions.wait(now() + kPatience), 0u);
+  EXPECT_EQ(forces.size(), 2u);
+}
+
+TEST_F(GeneratedAsync, CompletionsTellTheirEndAndWhatCouldNotBegin) {
+  std::vector<CallError> errors;
+  const auto keep = [&](const auto& result) { errors.push_back(result.error()); };
+  {
+    rtpm::rpc::Completions completions;
+    completions.then(client_->begin_wait(), keep);
+    completions.then(client_->begin_describe(note(std::string(300, '0'))), keep);
+    EXPECT_EQ(completions.poll(), 1u);
+    EXPECT_EQ(errors, std::vector{CallError::kTooLarge});
+  }
+  EXPECT_EQ(errors, (std::vector{CallError::kTooLarge, CallError::kCancelled}));
+}
+
+TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
+  auto thread = rtpm::rpc::CompletionThread::start({.name = "replies"});
+  ASSERT_TRUE(thread) << thread.error().text;
+  std::atomic<double> force{0};
+  std::atomic<bool> is_cancelled{false};
+  std::atomic<std::thread::id> ran_by{};
+  (*thread)->then(client_->begin_wait(), [&](const auto& sample) {
+    ran_by = std::this_thread::get_id();
+    if (sample) force = sample->force_newton();
+  });
+  answer(0.5);
+  const auto end = now() + kPatience;
+  while (force < 0.5 && now() < end)
+    std::this_thread::sleep_for(1ms);
+  EXPECT_DOUBLE_EQ(force, 0.5);
+  EXPECT_NE(ran_by.load(), std::this_thread::get_id());
+  (*thread)->then(client_->begin_wait(), [&](const auto& sample) {
+    is_cancelled = !sample && sample.error() == CallError::kCancelled;
+  });
+  thread->reset();
+  EXPECT_TRUE(is_cancelled);
+}
+
+// rtpm_max_size holds for what comes later, too.
+TEST_F(GeneratedAsync, LateRepliesAndItemsHaveTheirLargestSize) {
+  EXPECT_TRUE(client_->describe(note("200")));
+  EXPECT_EQ(client_->describe(note("256")).error(), CallError::kTooLarge);
+  auto fits = client_->log(note("64"));
+  auto too_large = client_->log(note("128"));
+  ASSERT_TRUE(fits && too_large);
+  const auto item = fits->next(now() + kPatience);
+  ASSERT_TRUE(item && *item);
+  EXPECT_EQ((*item)->text()->size(), 64u);
+  EXPECT_EQ(too_large->next(now() + kPatience).error(), CallError::kServantFailed);
+}
+
+}  // namespace
