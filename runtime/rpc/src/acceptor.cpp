@@ -66,7 +66,7 @@ void Acceptor::run() noexcept {
       }
     }
     drop_late(rt::now());
-    free_ended();
+    mind_lanes();
   }
 }
 
@@ -134,10 +134,11 @@ void Acceptor::drop_late(MonotonicTime now) noexcept {
   }
 }
 
-void Acceptor::free_ended() noexcept {
+void Acceptor::mind_lanes() noexcept {
   for (const auto& lane : *lanes_) {
     while (lane->take_back() != nullptr) {
     }
+    lane->mind_threads();
   }
 }
 

@@ -34,6 +34,14 @@ std::size_t bulk_size(const LaneSetup& setup) noexcept {
   return room * (setup.large_message_count_max + 1);
 }
 
+// How many calls may be unfinished: waiting, running, or deferred.
+std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
+  const LaneConfig& config = setup.config;
+  if (!Crew::is_wanted(config, setup.borrows)) return setup.deferred_call_count_max;
+  return setup.deferred_call_count_max + config.buffered_request_max + Crew::static_count(config) +
+         config.dynamic_threads + setup.lendable_thread_count;
+}
+
 std::size_t stream_size(const LaneSetup& setup, wire::Medium medium) noexcept {
   return setup.stream_count_max * wire::stream_room_size(medium);
 }
@@ -70,6 +78,8 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
     : config_(setup.config),
       band_(setup.band),
       objects_(*setup.objects),
+      inbound_priority_(setup.inbound_priority),
+      lower_(setup.lower),
       acceptor_bell_(setup.acceptor_bell),
       port_(std::move(port)),
       poller_(std::move(poller)),
@@ -85,8 +95,9 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
           stream_config(setup.sessions, stream_bulk_.bytes(), stream_streams_.bytes())),
       memory_sessions_(
           memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
-      pending_(std::make_shared<PendingPool>(setup.deferred_call_count_max,
-                                             setup.sessions.message_size_max, poller_)),
+      pending_(std::make_shared<PendingPool>(
+          call_count_max(setup), setup.deferred_call_count_max, setup.sessions.message_size_max,
+          Crew::is_wanted(setup.config, setup.borrows), poller_)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
       turns_per_look_(kTurnsPerLook) {
   // A connection that is served while it stands in the list may enter it a second time.
@@ -94,6 +105,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   memory_sources_.reserve(connections_.size());
   const bool is_added = poller_.add(port_->descriptor(), kUdp);
   RTPM_ASSERT(is_added, "a new poller takes a socket");
+  if (Crew::is_wanted(config_, setup.borrows)) crew_.emplace(config_, call_count_max(setup));
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
                                       config_.wait.strategy == rt::WaitStrategy::kPeriodic)) {
@@ -105,33 +117,37 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
 void Lane::run() noexcept {
   const rt::NoAllocationScope no_allocation;
   MonotonicTime spin_end = kNever;
-  while (!is_stopping_.load(std::memory_order_acquire)) {
-    if (turn()) {
-      spin_end = kNever;
-      nap_if_overdue();
-      continue;
-    }
-    if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
-      // Looking at the clock each turn would take longer than the turn.
-      constexpr std::uint32_t kTurnsPerGlance = 64;
-      if (++glance_count_ % kTurnsPerGlance == 0 && rt::this_thread_budget().is_limited()) {
-        rest_if_spent(rt::now());
-      }
-      continue;
-    }
-    if (config_.wait.strategy != rt::WaitStrategy::kBlock) {
-      const MonotonicTime now = rt::now();
-      if (spin_end == kNever) spin_end = now + spin_time();
-      if (now < spin_end) {
-        rest_if_spent(now);
-        continue;
-      }
-    }
-    if (is_periodic_ && sleep_to_next_turn()) continue;
-    spin_end = kNever;
-    static_cast<void>(look_around(next_time()));
-  }
+  while (!is_stopping_.load(std::memory_order_acquire))
+    step(spin_end);
   say_goodbye();
+}
+
+// Serves what is there, or waits as the lane's strategy says.
+void Lane::step(MonotonicTime& spin_end) noexcept {
+  if (turn()) {
+    spin_end = kNever;
+    nap_if_overdue();
+    return;
+  }
+  if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
+    // Looking at the clock each turn would take longer than the turn.
+    constexpr std::uint32_t kTurnsPerGlance = 64;
+    if (++glance_count_ % kTurnsPerGlance == 0 && rt::this_thread_budget().is_limited()) {
+      rest_if_spent(rt::now());
+    }
+    return;
+  }
+  if (config_.wait.strategy != rt::WaitStrategy::kBlock) {
+    const MonotonicTime now = rt::now();
+    if (spin_end == kNever) spin_end = now + spin_time();
+    if (now < spin_end) {
+      rest_if_spent(now);
+      return;
+    }
+  }
+  if (is_periodic_ && sleep_to_next_turn()) return;
+  spin_end = kNever;
+  static_cast<void>(look_around(next_time()));
 }
 
 // A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
@@ -139,7 +155,7 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
   const rt::RealtimeBudget& budget = rt::this_thread_budget();
   if (!budget.is_spent(now)) return;
   if (budget.must_sleep(now)) {
-    rt::sleep_until(now + rt::RealtimeBudget::kNap);
+    nap(now + rt::RealtimeBudget::kNap);
   } else {
     static_cast<void>(look_around(std::min(now + rt::RealtimeBudget::kNap, next_time())));
   }
@@ -147,8 +163,15 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
 
 // The same for one with so much to do that it never comes to wait.
 void Lane::nap_if_overdue() noexcept {
-  const Duration nap = rt::this_thread_budget().overdue(received_);
-  if (nap > Duration{0}) rt::sleep_until(rt::now() + nap);
+  const Duration rest = rt::this_thread_budget().overdue(received_);
+  if (rest > Duration{0}) nap(rt::now() + rest);
+}
+
+// Sleeps without looking at anything. Others may use the lane meanwhile.
+void Lane::nap(MonotonicTime until) noexcept {
+  if (crew_) crew_->mutex().unlock();
+  rt::sleep_until(until);
+  if (crew_) crew_->mutex().lock();
 }
 
 // Where callers come at a steady pace, spinning on after one is a waste, unless it calls again.
@@ -245,7 +268,7 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   last_look_ = received_;
   const bool may_sleep = until != transport::Poller::kAlready;
   if (!leftovers_.empty() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
-  const std::size_t count = poller_.wait(until, ready_);
+  const std::size_t count = wait_for_news(until);
   if (may_sleep) end_sleep();
   if (pending_->open_count() > 0) look_at_time();
   bool has_served = serve_leftovers();
@@ -256,6 +279,7 @@ bool Lane::look_around(MonotonicTime until) noexcept {
       has_served = true;
       continue;
     }
+    // Another thread may have retired it in the meantime, which serve_one() sees.
     const bool has_frame = serve_one(source);
     // Only then, as the caller waits for its reply and not for this.
     if (source != kUdp && connections_[source].stream) connections_[source].stream->on_ready();
@@ -265,6 +289,15 @@ bool Lane::look_around(MonotonicTime until) noexcept {
     hot_ = source == kUdp || connections_[source].stream ? source : kUdp;
   }
   return has_served;
+}
+
+// Others may use the lane while it sleeps.
+std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
+  const bool is_shared = crew_ && until != transport::Poller::kAlready;
+  if (is_shared) crew_->mutex().unlock();
+  const std::size_t count = poller_.wait(until, ready_);
+  if (is_shared) crew_->mutex().lock();
+  return count;
 }
 
 // Has the callers through memory ring when they call; false if one has called by now.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "crew.hpp"
 #include "object_table.hpp"
 #include "pending.hpp"
 #include "rtpm/base/latest.hpp"
@@ -31,22 +32,39 @@ struct LaneSetup {
   std::uint32_t large_message_count_max = 0;
   std::uint32_t deferred_call_count_max = 0;
   std::uint32_t stream_count_max = 0;
-  transport::Poller* acceptor_bell = nullptr;  ///< Rung when a connection is given back.
+  PriorityTransform inbound_priority = nullptr;
+  /// The next lower lane, if this one may borrow its threads, and those of the ones below.
+  class Lane* lower = nullptr;
+  bool borrows = false;                     ///< Or lends.
+  std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
+  /// Of the thread that frees ended connections and starts threads.
+  transport::Poller* acceptor_bell = nullptr;
 };
 
-/// The runtime of one lane: its sockets, its sessions and the loop that its thread runs. The thread
-/// that receives a request runs the servant and sends the reply.
-/// Threads: run() on the lane's thread; adopt() and take_back() from the acceptor; stop() and
-/// counters() from any; close() when no other thread uses it but for counters().
+/// The runtime of one lane: its sockets, its sessions and the loop that its thread runs, or its
+/// threads in turn. The thread that receives a request runs the servant and sends the reply.
+/// Threads: run() on the lane's thread; adopt(), take_back() and mind_threads() from the acceptor;
+/// lend() from other lanes; stop() and counters() from any; close() when no other thread uses it
+/// but for counters(); everything that is private on the one thread, or by one at a time with the
+/// crew's lock.
 class Lane {
  public:
   Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
 
-  /// Serves until stop().   RT: alloc-free.
+  /// Starts its threads.   Set-up only.   Errors: as rt::Thread::start().
+  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime);
+  /// Serves until stop(), if the lane has but one thread.   RT: alloc-free.
   void run() noexcept;
   void stop() noexcept;
-  /// After run() has ended: closes the sockets, so that callers see at once that nobody serves
-  /// them.
+  /// After stop(): waits until its threads have ended.
+  void join() noexcept;
+  /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
+  void mind_threads() noexcept;
+  /// Has a thread of this lane, or of one below, that rests run a call of another.
+  /// RT: alloc-free.
+  [[nodiscard]] Loan lend(Lane& borrower, PendingCall& call) noexcept;
+  /// After its threads have ended: closes the sockets, so that callers see at once that nobody
+  /// serves them.
   void close() noexcept;
 
   /// Gives the lane an accepted connection; false if too many wait already.
@@ -71,7 +89,10 @@ class Lane {
   using Source = std::uint64_t;
   static constexpr Source kUdp = ~std::uint64_t{0} - 1;
 
+  void step(MonotonicTime& spin_end) noexcept;
+  void nap(MonotonicTime until) noexcept;
   [[nodiscard]] bool turn() noexcept;
+  [[nodiscard]] std::size_t wait_for_news(MonotonicTime until) noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
   void rest_if_spent(MonotonicTime now) noexcept;
@@ -106,8 +127,26 @@ class Lane {
   [[nodiscard]] bool look_at_pending() noexcept;
   void look_at_time() noexcept;
   void say_goodbye() noexcept;
-  [[nodiscard]] DispatchResult run_servant(Servant& servant, const wire::Request& request,
-                                           MutableBytes reply, const CallContext& context) noexcept;
+  [[nodiscard]] Priority priority_of(const Object& object,
+                                     const wire::Header& header) const noexcept;
+  [[nodiscard]] DispatchResult run_servant(const Object& object, const wire::Request& request,
+                                           MutableBytes reply, Deferral& deferral,
+                                           bool& has_thrown) noexcept;
+  [[nodiscard]] rt::ThreadConfig thread_config(std::uint32_t index) const;
+  [[nodiscard]] expected<rt::Thread, rt::RealtimeError> start_worker(Worker& worker,
+                                                                     std::uint32_t index);
+  void work(Worker& me) noexcept;
+  void lead() noexcept;
+  void find_help() noexcept;
+  [[nodiscard]] Loan borrow() noexcept;
+  [[nodiscard]] bool find_place(PendingCall& call, wire::ServerSessions& sessions,
+                                const wire::Request& request, const Object& object) noexcept;
+  void run_borrowed(PendingCall& first, Crew& lender) noexcept;
+  void run_queued(PendingCall& call, Crew* lender = nullptr) noexcept;
+  [[nodiscard]] ConstBytes queue_request(wire::ServerSessions& sessions,
+                                         const wire::Request& request,
+                                         const Object& object) noexcept;
+  void end_crew() noexcept;
   void adopt_waiting() noexcept;
   void retire(Source source) noexcept;
   void give_back(std::unique_ptr<transport::Connection>& stream) noexcept;
@@ -116,7 +155,12 @@ class Lane {
   LaneConfig config_;
   Band band_;
   const ObjectTable& objects_;
+  PriorityTransform inbound_priority_;
+  Lane* lower_;
   transport::Poller* acceptor_bell_;
+  rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
+  rt::Thread thread_;  ///< The one, where there is no crew.
+  std::optional<Crew> crew_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   transport::Poller poller_;
   rt::LazyMemory datagram_bulk_;

@@ -4,6 +4,7 @@
 #include <exception>
 #include <utility>
 
+#include "current_call.hpp"
 #include "lane.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -58,6 +59,12 @@ class LaneDeferral final : public Deferral {
 
 ConstBytes Lane::run_request(wire::ServerSessions& sessions,
                              const wire::Request& request) noexcept {
+  if (crew_) {
+    const Object* const object = request.header.service == wire::kSessionService
+                                     ? nullptr
+                                     : objects_.find(request.header.service);
+    if (object != nullptr) return queue_request(sessions, request, *object);
+  }
   if (request.wants_receipt()) return run_accepted(sessions, request);
   const MutableBytes reply = sessions.reply_buffer(request);
   LaneDeferral deferral(pending_, sessions, request);
@@ -106,26 +113,41 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
   }
   const Object* object = objects_.find(header.service);
   if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
-  const bool is_declared = object->options.model == PriorityModel::kServerDeclared;
-  const Priority priority = is_declared ? object->options.priority : header.priority;
-  const CallContext context{priority,       request.deadline, request.received,
-                            header.session, header.trace_id,  &deferral};
   ++counters_.call_count;
   if (is_periodic_) foresight_.on_arrival(header.session, request.received);
-  // The request runs at its own level. Afterwards the lane waits at that level, too, unless it is
-  // below the lane's: so a caller that keeps its priority costs no syscall from call to call.
-  rt::adopt_priority(priority);
-  const DispatchResult result = run_servant(*object->servant, request, reply, context);
-  if (priority < config_.priority) rt::adopt_priority(config_.priority);
+  bool has_thrown = false;
+  const DispatchResult result = run_servant(*object, request, reply, deferral, has_thrown);
+  if (has_thrown) ++counters_.servant_failure_count;
+  // The lane waits on at the request's level, unless that is below its own: so a caller that keeps
+  // its priority costs no syscall from call to call.
+  if (rt::current_priority() < config_.priority) rt::adopt_priority(config_.priority);
   return result;
 }
 
-DispatchResult Lane::run_servant(Servant& servant, const wire::Request& request, MutableBytes reply,
-                                 const CallContext& context) noexcept {
+Priority Lane::priority_of(const Object& object, const wire::Header& header) const noexcept {
+  Priority priority = header.priority;
+  if (object.options.model == PriorityModel::kServerDeclared) priority = object.options.priority;
+  if (inbound_priority_ != nullptr) priority = inbound_priority_(priority, object.path);
+  return priority;
+}
+
+// Runs the method at the request's own level.
+DispatchResult Lane::run_servant(const Object& object, const wire::Request& request,
+                                 MutableBytes reply, Deferral& deferral,
+                                 bool& has_thrown) noexcept {
+  const wire::Header& header = request.header;
+  const CallContext context{priority_of(object, header),
+                            request.deadline,
+                            request.received,
+                            header.session,
+                            header.trace_id,
+                            &deferral};
+  rt::adopt_priority(context.priority);
+  const CurrentCall current(context);
   try {
-    return servant.dispatch(request.header.method, request.payload, reply, context);
+    return object.servant->dispatch(header.method, request.payload, reply, context);
   } catch (...) {
-    ++counters_.servant_failure_count;
+    has_thrown = true;
     return {wire::Status::kServantFailed, 0};
   }
 }
@@ -201,7 +223,8 @@ void Lane::serve_pending_call(PendingCall& call) noexcept {
   if (call.sessions == nullptr) return;
   wire::ServerSessions& sessions = *call.sessions;
   const bool is_ended = call.is_ended.load(std::memory_order_acquire);
-  if (!send_items(call) || !is_ended) return;
+  // The method may still read its request.
+  if (!send_items(call) || !is_ended || call.is_running) return;
   const auto peer = sessions.peer_of(call.request);
   const MutableBytes room = sessions.reply_buffer(call.request);
   std::uint32_t size = call.size;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <mutex>
+#include <utility>
 
 #include "rtpm/base/assert.hpp"
 
@@ -17,33 +18,54 @@ std::size_t rounded(std::size_t size) noexcept {
 
 }  // namespace
 
-PendingPool::PendingPool(std::uint32_t count, std::uint32_t message_size_max,
+PendingPool::PendingPool(std::uint32_t count, std::uint32_t deferred_count_max,
+                         std::uint32_t message_size_max, bool keeps_requests,
                          transport::Poller& bell)
-    : replies_(count * rounded(message_size_max)), calls_(count), bell_(&bell) {
+    : replies_(count * rounded(message_size_max)),
+      requests_(keeps_requests ? replies_.bytes().size() : 0),
+      calls_(count),
+      deferred_count_max_(deferred_count_max),
+      bell_(&bell) {
   const std::size_t room = replies_.bytes().size() / std::max(count, 1U);
-  for (std::size_t i = 0; i < calls_.size(); ++i) {
-    calls_[i].reply =
-        replies_.bytes().subspan(i * room, std::min<std::size_t>(room, message_size_max));
+  const std::size_t size = std::min<std::size_t>(room, message_size_max);
+  free_.reserve(count);
+  for (std::size_t i = calls_.size(); i-- > 0;) {
+    free_.push_back(&calls_[i]);
+    calls_[i].reply = replies_.bytes().subspan(i * room, size);
+    if (keeps_requests) calls_[i].request_room = requests_.bytes().subspan(i * room, size);
     calls_[i].items =
         rt::LazyMemory(PendingCall::kItemCountMax * std::size_t{wire::kStreamFrameSizeMax});
   }
 }
 
 PendingCall* PendingPool::take() noexcept {
-  const auto found = std::ranges::find_if(
-      calls_, [](const PendingCall& call) { return call.sessions == nullptr; });
-  if (found == calls_.end()) return nullptr;
+  if (free_.empty()) return nullptr;
+  PendingCall* const found = free_.back();
+  free_.pop_back();
   ++open_count_;
   found->is_awaited.store(true, std::memory_order_relaxed);
   found->is_ended.store(false, std::memory_order_relaxed);
   found->written_count.store(0, std::memory_order_relaxed);
   found->sent_count.store(0, std::memory_order_relaxed);
-  return &*found;
+  return found;
 }
 
 void PendingPool::give_back(PendingCall& call) noexcept {
   call.sessions = nullptr;
+  if (std::exchange(call.is_deferred, false)) {
+    deferred_count_.fetch_sub(1, std::memory_order_relaxed);
+  }
+  free_.push_back(&call);
   --open_count_;
+}
+
+bool PendingPool::keep_deferred(PendingCall& call) noexcept {
+  if (deferred_count_.fetch_add(1, std::memory_order_relaxed) >= deferred_count_max_) {
+    deferred_count_.fetch_sub(1, std::memory_order_relaxed);
+    return false;
+  }
+  call.is_deferred = true;
+  return true;
 }
 
 void PendingPool::notify(PendingCall& call) noexcept {

@@ -15,6 +15,8 @@
 
 namespace rtpm::rpc {
 
+struct Object;
+
 /// A call that its method has not ended. One thread at a time writes (the method's), the lane
 /// reads.
 struct PendingCall {
@@ -24,6 +26,11 @@ struct PendingCall {
   wire::Request request{};
   wire::ServerSessions* sessions = nullptr;  ///< Null: free.
   std::uint32_t item_size_max = 0;
+  // Of a lane with a crew.
+  const Object* object = nullptr;
+  MutableBytes request_room{};
+  bool is_running = false;   ///< Or waits for it: not to be ended yet.
+  bool is_deferred = false;  ///< It counts as such; of the method's thread while that runs.
 
   // Shared.
   std::atomic<PendingCall*> next_ready{nullptr};
@@ -45,11 +52,16 @@ struct PendingCall {
 /// any.   RT: alloc-free but for construction.
 class PendingPool {
  public:
-  PendingPool(std::uint32_t count, std::uint32_t message_size_max, transport::Poller& bell);
+  /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
+  /// `keeps_requests`: each place has room for the request, too.
+  PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
+              bool keeps_requests, transport::Poller& bell);
 
   /// A free place, or null.
   [[nodiscard]] PendingCall* take() noexcept;
   void give_back(PendingCall& call) noexcept;
+  /// Lets a call that has a place outlast its method; false if too many do.   Threads: any.
+  [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;
   [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
     return static_cast<std::uint32_t>(&call - calls_.data()) + 1;
   }
@@ -81,8 +93,12 @@ class PendingPool {
 
  private:
   rt::LazyMemory replies_;
+  rt::LazyMemory requests_;
   std::vector<PendingCall> calls_;
+  std::vector<PendingCall*> free_;  ///< The last was used last. Sized once.
   std::uint32_t open_count_ = 0;
+  std::uint32_t deferred_count_max_;
+  std::atomic<std::uint32_t> deferred_count_{0};
   std::atomic<PendingCall*> ready_{nullptr};
   std::atomic<bool> is_asleep_{false};
   rt::PiMutex ringing_;

@@ -17,6 +17,35 @@ namespace {
 
 constexpr std::size_t kLaneCountMax = 64;
 
+constexpr std::uint32_t kThreadCountMax = 64;
+constexpr std::uint32_t kBufferedRequestMax = 4096;
+
+SetupError out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
+                        std::uint32_t high) {
+  return {what + " is " + std::to_string(value) + ". Remedy: choose " + std::to_string(low) +
+          " to " + std::to_string(high) + "."};
+}
+
+expected<void, SetupError> check_threads(const LaneConfig& lane, const std::string& low) {
+  const std::string name = "of the lane from priority " + low;
+  if (lane.static_threads < 1 || lane.static_threads > kThreadCountMax) {
+    return unexpected{
+        out_of_range("static_threads " + name, lane.static_threads, 1, kThreadCountMax)};
+  }
+  if (lane.dynamic_threads > kThreadCountMax) {
+    return unexpected{
+        out_of_range("dynamic_threads " + name, lane.dynamic_threads, 0, kThreadCountMax)};
+  }
+  if (lane.dynamic_idle < Duration{0}) {
+    return setup_error("dynamic_idle " + name + " is negative. Remedy: choose 0 or more.");
+  }
+  if (lane.buffered_request_max > kBufferedRequestMax) {
+    return unexpected{out_of_range("buffered_request_max " + name, lane.buffered_request_max, 0,
+                                   kBufferedRequestMax)};
+  }
+  return {};
+}
+
 // Sorts the lanes by band and completes what they leave open.
 expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
   if (lanes.empty()) lanes.push_back({});
@@ -36,6 +65,7 @@ expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConf
       return setup_error("two lanes begin at priority " + low +
                          ". Remedy: let each lane begin at a priority of its own.");
     }
+    if (auto checked = check_threads(lanes[i], low); !checked) return unexpected{checked.error()};
     if (lanes[i].name.empty()) lanes[i].name = "lane-" + low;
     lanes[i].priority = std::max(lanes[i].priority, lanes[i].low);
   }
@@ -93,7 +123,6 @@ class ServerImpl final : public Server {
   ObjectTable objects_;
   std::unique_ptr<Acceptor> acceptor_;
   std::vector<std::unique_ptr<Lane>> lanes_;
-  std::vector<rt::Thread> threads_;
   bool is_started_ = false;
   bool is_stopped_ = false;
 };
@@ -178,6 +207,8 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.large_message_count_max = config_.large_message_count_max;
   setup.deferred_call_count_max = config_.deferred_call_count_max;
   setup.stream_count_max = config_.stream_count_max;
+  setup.inbound_priority = config_.inbound_priority;
+  setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto poller = transport::Poller::open();
     if (!poller) return unexpected{in_words(config_, poller.error().text)};
@@ -188,6 +219,9 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
     setup.sessions.band = setup.band;
     setup.sessions.key = {rt::random_u64(), rt::random_u64()};
     lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
+    if (!config_.borrows) continue;
+    setup.lower = lanes_.back().get();
+    setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
   }
   return {};
 }
@@ -207,24 +241,10 @@ expected<void, SetupError> ServerImpl::start() {
     return unexpected{in_words(config_, locked.error().text)};
   }
   for (const auto& lane : lanes_) {
-    rt::ThreadConfig thread_config;
-    thread_config.name = lane->config().name;
-    thread_config.priority = lane->config().priority;
-    thread_config.cpus = lane->config().cpus;
-    thread_config.realtime = config_.realtime;
-    thread_config.schedule = lane->config().schedule;
-    if (lane->config().wait.strategy == rt::WaitStrategy::kSpin) {
-      if (auto possible = rt::check_spinning(thread_config); !possible) {
-        stop();
-        return unexpected{in_words(config_, possible.error().text)};
-      }
-    }
-    auto thread = rt::Thread::start(thread_config, [&lane = *lane] { lane.run(); });
-    if (!thread) {
+    if (auto started = lane->start(config_.realtime); !started) {
       stop();
-      return unexpected{in_words(config_, thread.error().text)};
+      return unexpected{in_words(config_, started.error().text)};
     }
-    threads_.push_back(std::move(*thread));
   }
   if (auto accepting = acceptor_->start(lanes_, cpus_left_by(config_.lanes)); !accepting) {
     stop();
@@ -238,7 +258,8 @@ void ServerImpl::stop() noexcept {
   if (acceptor_) acceptor_->stop();
   for (const auto& lane : lanes_)
     lane->stop();
-  threads_.clear();
+  for (const auto& lane : lanes_)
+    lane->join();
   for (const auto& lane : lanes_)
     lane->close();
 }
@@ -252,6 +273,10 @@ ServerCounters ServerImpl::counters() const noexcept {
     sum.connection_count += one.connection_count;
     sum.connection_lost_count += one.connection_lost_count;
     sum.deferred_count += one.deferred_count;
+    sum.overload_count += one.overload_count;
+    sum.late_count += one.late_count;
+    sum.borrowed_count += one.borrowed_count;
+    sum.queued_count_max = std::max(sum.queued_count_max, one.queued_count_max);
     sum.broken_memory_count += one.broken_memory_count;
     sum.send_failure_count += one.send_failure_count;
     sum.frames.add(one.frames);

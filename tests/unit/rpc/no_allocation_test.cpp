@@ -35,7 +35,7 @@ class NoAllocation : public testing::TestWithParam<Row> {
     if (!rtpm::test::is_alloc_guard_active()) GTEST_SKIP() << rtpm::test::kAllocGuardInactive;
   }
   static ServerConfig server_config() {
-    LaneConfig low;
+    LaneConfig low = quiet_lane();
     low.wait.strategy = GetParam().wait;
     LaneConfig high = low;
     high.low = 20'000;

@@ -15,7 +15,11 @@ struct ServerCounters {
   std::uint64_t broken_memory_count = 0;    ///< Of these, because shared memory held nonsense.
   std::uint64_t send_failure_count = 0;     ///< Replies that the socket or ring did not take.
   std::uint64_t deferred_count = 0;         ///< Calls whose methods took a reply to give later.
-  wire::FrameCounters frames{};             ///< Frames taken and dropped, by reason.
+  std::uint64_t overload_count = 0;    ///< Calls refused because all threads and places were taken.
+  std::uint64_t late_count = 0;        ///< Calls not run because their time ended as they waited.
+  std::uint64_t borrowed_count = 0;    ///< Calls run by a thread of a lower lane.
+  std::uint64_t queued_count_max = 0;  ///< As many calls have waited at a time, in one lane.
+  wire::FrameCounters frames{};        ///< Frames taken and dropped, by reason.
 };
 
 }  // namespace rtpm::rpc

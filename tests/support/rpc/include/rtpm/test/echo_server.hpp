@@ -26,9 +26,17 @@ using rtpm::test::await;
 using rtpm::test::Bytes;
 using rtpm::test::RawPeer;
 
+#ifndef RTPM_TEST_BUFFERED_REQUESTS
+#define RTPM_TEST_BUFFERED_REQUESTS 0
+#endif
+/// Suites are built for each kind of lane: with one thread that does all, or several.
+inline constexpr std::uint32_t kBufferedRequests = RTPM_TEST_BUFFERED_REQUESTS;
+
 /// Lanes that block at once and are not real-time: what a test needs that is not about time.
 [[nodiscard]] inline LaneConfig quiet_lane(Priority low = 0) {
-  return {.low = low, .wait = {.strategy = rt::WaitStrategy::kBlock}};
+  return {.low = low,
+          .wait = {.strategy = rt::WaitStrategy::kBlock},
+          .buffered_request_max = kBufferedRequests};
 }
 [[nodiscard]] inline ServerConfig quiet_config(std::vector<LaneConfig> lanes = {quiet_lane()}) {
   ServerConfig config;

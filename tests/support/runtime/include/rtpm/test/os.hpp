@@ -5,10 +5,13 @@
 #include <unistd.h>
 
 #include <array>
+#include <filesystem>
 #include <fstream>
 #include <iterator>
 #include <sstream>
 #include <string>
+#include <string_view>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -45,6 +48,18 @@ inline constexpr Scheduling kTimeShared{SCHED_OTHER, 0};
   std::array<char, 16> name{};
   pthread_getname_np(pthread_self(), name.data(), name.size());
   return name.data();
+}
+
+/// The threads of this process whose name begins so.
+[[nodiscard]] inline std::vector<pid_t> threads_named(std::string_view begin) {
+  std::vector<pid_t> found;
+  std::error_code gone;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task", gone)) {
+    std::string name;
+    std::getline(std::ifstream(task.path() / "comm"), name);
+    if (name.starts_with(begin)) found.push_back(std::stoi(task.path().filename()));
+  }
+  return found;
 }
 
 [[nodiscard]] inline std::vector<int> cpus_of_this_thread() {

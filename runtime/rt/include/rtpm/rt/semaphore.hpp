@@ -1,0 +1,26 @@
+#pragma once
+
+#include <semaphore.h>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::rt {
+
+/// A count that one thread raises and another waits for: how a thread that rests is called. Unlike
+/// a condition variable it holds no lock of its own that could keep a more urgent thread waiting.
+/// Threads: any.   RT: alloc-free; post() is one syscall where somebody waits, else none.
+class Semaphore {
+ public:
+  Semaphore() noexcept;
+  Semaphore(const Semaphore&) = delete;
+  Semaphore& operator=(const Semaphore&) = delete;
+  ~Semaphore();
+  void post() noexcept;
+  /// Waits until the count is above 0, and lowers it; false if it was not by `deadline`.
+  [[nodiscard]] bool wait_until(MonotonicTime deadline) noexcept;
+
+ private:
+  sem_t semaphore_;
+};
+
+}  // namespace rtpm::rt

@@ -1,0 +1,41 @@
+#include "rtpm/rt/semaphore.hpp"
+
+#include <cerrno>
+#include <ctime>
+
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::rt {
+
+Semaphore::Semaphore() noexcept {
+  sem_init(&semaphore_, /*pshared=*/0, 0);
+}
+
+Semaphore::~Semaphore() {
+  sem_destroy(&semaphore_);
+}
+
+void Semaphore::post() noexcept {
+  const int error = sem_post(&semaphore_);
+  RTPM_ASSERT(error == 0, "a semaphore is waited for as often as it is posted");
+}
+
+bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
+  if (deadline == kNever) {
+    while (sem_wait(&semaphore_) != 0) {
+    }
+    return true;
+  }
+  const auto since_boot = deadline.time_since_epoch();
+  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since_boot);
+  timespec until{};
+  until.tv_sec = static_cast<std::time_t>(seconds.count());
+  until.tv_nsec = static_cast<long>(std::chrono::nanoseconds(since_boot - seconds).count());
+  int result = 0;
+  do {
+    result = sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until);
+  } while (result != 0 && errno == EINTR);
+  return result == 0;
+}
+
+}  // namespace rtpm::rt

@@ -1,0 +1,326 @@
+#include <gtest/gtest.h>
+
+#include <array>
+#include <atomic>
+#include <cstring>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/os.hpp"
+
+// Lanes of several threads: how many calls run at a time, what waits, and what is refused.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+LaneConfig lane_of(std::uint32_t threads, std::uint32_t buffered = 0, Priority low = 0) {
+  LaneConfig lane = quiet_lane(low);
+  lane.static_threads = threads;
+  lane.buffered_request_max = buffered;
+  return lane;
+}
+
+/// Calls that are inside `hold`, each from a thread of its own.
+class Holders {
+ public:
+  Holders(EchoServer& server, Binding& binding) : server_(server), binding_(binding) {}
+  ~Holders() { end(); }
+  Holders(const Holders&) = delete;
+  Holders& operator=(const Holders&) = delete;
+
+  void add(const CallOptions& options = {}) {
+    threads_.emplace_back([this, options] {
+      if (binding_.call(echo::kHold, {}, options)) ++done_count_;
+    });
+  }
+  void add_inside(int count, const CallOptions& options = {}) {
+    const int inside_count = server_.servant.gate().inside_count() + count;
+    for (int i = 0; i < count; ++i)
+      add(options);
+    EXPECT_TRUE(await([&] { return server_.servant.gate().inside_count() == inside_count; }));
+  }
+  void end() {
+    server_.servant.gate().open();
+    for (std::thread& thread : threads_)
+      thread.join();
+    threads_.clear();
+  }
+  [[nodiscard]] int done_count() const { return done_count_.load(); }
+
+ private:
+  EchoServer& server_;
+  Binding& binding_;
+  std::vector<std::thread> threads_;
+  std::atomic<int> done_count_{0};
+};
+
+CallError error_of_call(Binding& binding, const CallOptions& options = {}) {
+  const auto reply = binding.call(echo::kEchoOnce, {}, options);
+  return reply ? CallError{} : reply.error();
+}
+
+TEST(Crew, RunsAsManyCallsAtATimeAsItHasThreads) {
+  EchoServer server(quiet_config({lane_of(3)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  Holders holders(server, binding);
+  holders.add_inside(2);
+  EXPECT_TRUE(binding.call(echo::kEcho, {})) << "the third thread is free";
+  holders.add_inside(1);
+  EXPECT_EQ(error_of_call(binding), CallError::kOverload) << "all are busy, and none may wait";
+  EXPECT_TRUE(await([&] { return server.server->counters().overload_count == 1; }));
+  holders.end();
+  EXPECT_EQ(holders.done_count(), 3);
+  EXPECT_TRUE(binding.call(echo::kEcho, {})) << "it recovers";
+}
+
+TEST(Crew, KeepsAsManyCallsWaitingAsItMay) {
+  EchoServer server(quiet_config({lane_of(1, 2)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  Holders holders(server, binding);
+  holders.add_inside(1);
+  holders.add();
+  holders.add();
+  ASSERT_TRUE(await([&] { return server.server->counters().queued_count_max == 2; }));
+  EXPECT_EQ(error_of_call(binding), CallError::kOverload);
+  holders.end();
+  EXPECT_EQ(holders.done_count(), 3);
+}
+
+TEST(Crew, KeepsNoMoreBytesWaitingThanItMay) {
+  LaneConfig lane = lane_of(1, 10);
+  lane.buffered_byte_max = 1000;
+  EchoServer server(quiet_config({lane}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  Holders holders(server, binding);
+  holders.add_inside(1);
+  const Bytes large(1001);
+  const auto reply = binding.call(echo::kEchoOnce, large);
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error(), CallError::kOverload);
+  holders.end();
+  EXPECT_TRUE(binding.call(echo::kEchoOnce, large)) << "what need not wait has no such bound";
+}
+
+/// Notes at which priorities its calls run, and in which order.
+class NotingServant final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
+  DispatchResult dispatch(std::uint16_t method_id, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    if (method_id == echo::kHold.id) {
+      gate.pass();
+    } else {
+      const std::lock_guard lock(mutex_);
+      const rt::AllowAllocationScope is_allowed;
+      order_.push_back(context.priority.value());
+    }
+    return {};
+  }
+  [[nodiscard]] std::vector<int> order() {
+    const std::lock_guard lock(mutex_);
+    return order_;
+  }
+  echo::Gate gate;
+
+ private:
+  std::mutex mutex_;
+  std::vector<int> order_;
+};
+
+// One lane for all priorities must not serve them in the order in which they came.
+TEST(Crew, RunsTheMostUrgentFirst) {
+  NotingServant servant;
+  auto server = std::move(*Server::create(quiet_config({lane_of(1, 16)})));
+  ASSERT_TRUE(server->add("echo", servant));
+  ASSERT_TRUE(server->start());
+  Node node(quiet_node());
+  auto binding = Binding::bind(node, server->url("echo"), echo::kInterface);
+  ASSERT_TRUE(binding);
+  std::vector<std::thread> threads;
+  threads.emplace_back([&] { EXPECT_TRUE(binding->call(echo::kHold, {})); });
+  ASSERT_TRUE(await([&] { return servant.gate.inside_count() == 1; }));
+  std::uint64_t waiting_count = 0;
+  for (const std::uint16_t priority :
+       std::to_array<std::uint16_t>({100, 30'000, 200, 20'000, 200})) {
+    threads.emplace_back(
+        [&, priority] { EXPECT_TRUE(binding->call(echo::kEcho, {}, {.priority = priority})); });
+    ++waiting_count;
+    ASSERT_TRUE(await([&] { return server->counters().queued_count_max == waiting_count; }));
+  }
+  servant.gate.open();
+  for (std::thread& thread : threads)
+    thread.join();
+  EXPECT_EQ(servant.order(), (std::vector<int>{30'000, 20'000, 200, 200, 100}));
+  server->stop();
+}
+
+TEST(Crew, DropsWhatWaitedTooLong) {
+  EchoServer server(quiet_config({lane_of(1, 4)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  Holders holders(server, binding);
+  holders.add_inside(1);
+  EXPECT_EQ(error_of_call(binding, {.deadline = 5ms}), CallError::kTimeout);
+  holders.end();
+  EXPECT_TRUE(await([&] { return server.server->counters().late_count == 1; }));
+  EXPECT_EQ(server.servant.run_count(), 1) << "only the one that held the lane";
+}
+
+TEST(Crew, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
+  LaneConfig lane = lane_of(1);
+  lane.name = "grows";
+  lane.dynamic_threads = 2;
+  lane.dynamic_idle = 20ms;
+  EchoServer server(quiet_config({lane}));
+  const auto thread_count = [] { return rtpm::test::threads_named("grows").size(); };
+  EXPECT_EQ(thread_count(), 2) << "one receives, one runs";
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  Holders holders(server, binding);
+  holders.add_inside(3);
+  EXPECT_EQ(thread_count(), 4);
+  EXPECT_EQ(error_of_call(binding), CallError::kOverload);
+  holders.end();
+  EXPECT_TRUE(await([&] { return thread_count() == 2; })) << "nobody needs them any more";
+  Holders again(server, binding);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}));
+}
+
+TEST(Crew, BorrowsAThreadOfALowerLane) {
+  ServerConfig config = quiet_config({lane_of(1, 0, 0), lane_of(1, 0, 20'000)});
+  config.borrows = true;
+  EchoServer server(std::move(config));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server, {.warm_up = {100, 30'000}});
+  Holders holders(server, binding);
+  holders.add_inside(1, {.priority = 30'000});
+  const auto reply = binding.call(echo::kWhere, {}, {.priority = 31'000});
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  echo::Place place{};
+  std::memcpy(&place, reply->bytes().data(), sizeof place);
+  EXPECT_EQ(place.priority, 31'000);
+  EXPECT_EQ(std::string_view(place.thread_name.data()).substr(0, 6), "lane-0");
+  EXPECT_TRUE(await([&] { return server.server->counters().borrowed_count == 1; }));
+  const auto low = binding.call(echo::kWhere, {}, {.priority = 100});
+  ASSERT_TRUE(low) << "it has come back";
+  holders.add_inside(1, {.priority = 30'000});
+  EXPECT_EQ(error_of_call(binding, {.priority = 30'000}), CallError::kOverload);
+  EXPECT_EQ(error_of_call(binding, {.priority = 100}), CallError::kOverload)
+      << "its only thread is lent";
+  holders.end();
+  EXPECT_TRUE(await([&] { return binding.call(echo::kEcho, {}, {.priority = 100}).has_value(); }));
+}
+
+TEST(Crew, LendsNothingUpwardsToALowerLane) {
+  ServerConfig config = quiet_config({lane_of(1, 0, 0), lane_of(1, 0, 20'000)});
+  config.borrows = true;
+  EchoServer server(std::move(config));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server, {.warm_up = {100, 30'000}});
+  Holders holders(server, binding);
+  holders.add_inside(1, {.priority = 100});
+  EXPECT_EQ(error_of_call(binding, {.priority = 100}), CallError::kOverload);
+  EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
+}
+
+// A servant that blocks for ever hurts only its lane.
+TEST(Crew, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
+  EchoServer server(quiet_config({lane_of(2, 1, 0), lane_of(1, 1, 20'000)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server, {.warm_up = {100, 30'000}});
+  Holders holders(server, binding);
+  holders.add_inside(2, {.priority = 100});
+  for (int i = 0; i < 10; ++i)
+    EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
+}
+
+TEST(Crew, TellsThoseWhoWaitThatItStops) {
+  auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, *server);
+  std::atomic<bool> has_run{false};
+  std::thread running([&] { has_run = binding.call(echo::kHold, {}).has_value(); });
+  ASSERT_TRUE(await([&] { return server->servant.gate().inside_count() == 1; }));
+  CallError error{};
+  std::thread waiting([&] { error = error_of_call(binding); });
+  ASSERT_TRUE(await([&] { return server->server->counters().queued_count_max == 1; }));
+  std::thread stopping([&] { server->server->stop(); });
+  waiting.join();
+  EXPECT_EQ(error, CallError::kStopped) << "before the call that runs has ended";
+  server->servant.gate().open();
+  running.join();
+  EXPECT_TRUE(has_run) << "what runs is finished and answered";
+  stopping.join();
+}
+
+TEST(Crew, AnswersACallThatOverrunsTheStopWithItsStop) {
+  auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, *server);
+  CallError error{};
+  std::thread running([&] {
+    const auto reply = binding.call(echo::kHold, {});
+    if (!reply) error = reply.error();
+  });
+  ASSERT_TRUE(await([&] { return server->servant.gate().inside_count() == 1; }));
+  std::thread stopping([&] { server->server->stop(); });
+  running.join();
+  EXPECT_EQ(error, CallError::kStopped);
+  server->servant.gate().open();
+  stopping.join();
+}
+
+TEST(Crew, ServesManyCallersAtOnceOverEveryTransport) {
+  for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
+    ServerConfig config = quiet_config({lane_of(2, 64, 0), lane_of(2, 64, 20'000)});
+    config.borrows = true;
+    config.lanes.front().dynamic_threads = 2;
+    config.lanes.front().dynamic_idle = 1ms;
+    EchoServer server(std::move(config));
+    Node node(quiet_node(transport));
+    Binding binding = bind_echo(node, server);
+    std::vector<std::thread> threads;
+    for (int number = 0; number < 8; ++number) {
+      threads.emplace_back([&binding, number] {
+        const auto priority = static_cast<std::uint16_t>(number * 4000);
+        for (int i = 0; i < 300; ++i) {
+          const std::string text = std::to_string(number) + " " + std::to_string(i);
+          const auto reply = binding.call(echo::kEchoOnce, bytes_of(text), {.priority = priority});
+          ASSERT_TRUE(reply) << to_string(reply.error());
+          ASSERT_EQ(text_of(*reply), text);
+        }
+      });
+    }
+    for (std::thread& thread : threads)
+      thread.join();
+    EXPECT_EQ(server.servant.run_count(), 8 * 300);
+  }
+}
+
+TEST(CrewSetUp, RefusesNumbersOutOfRange) {
+  const auto error_of = [](auto change) {
+    LaneConfig lane = quiet_lane();
+    change(lane);
+    const auto server = Server::create(quiet_config({lane}));
+    return server ? std::string() : server.error().text;
+  };
+  expect_text(error_of([](LaneConfig& lane) { lane.static_threads = 0; }),
+              {"static_threads of the lane from priority 0 is 0", "1 to 64"});
+  expect_text(error_of([](LaneConfig& lane) { lane.static_threads = 65; }), {"Remedy"});
+  expect_text(error_of([](LaneConfig& lane) { lane.dynamic_threads = 65; }), {"0 to 64"});
+  expect_text(error_of([](LaneConfig& lane) { lane.dynamic_idle = -1ns; }), {"negative"});
+  expect_text(error_of([](LaneConfig& lane) { lane.buffered_request_max = 4097; }), {"4096"});
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
