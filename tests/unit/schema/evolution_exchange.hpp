@@ -29,7 +29,8 @@ class Side {
 
   /// What this side reads in the bytes, member by member; nothing if it does not take `verified`,
   /// which is the same but for what the verifier of the reflection and that of generated code judge
-  /// differently. Adds the places of unions' types to `union_types`, if given.
+  /// differently; empty: the bytes are believed. Adds the places of unions' types to `union_types`,
+  /// if given.
   [[nodiscard]] std::optional<nlohmann::json> read(
       const std::string& table, PayloadKind kind, const std::string& bytes,
       const std::string& verified, std::vector<std::size_t>* union_types = nullptr) const;

@@ -373,7 +373,7 @@ constexpr Outcome (*kEdits[])(const Edit&) = {
 }  // namespace
 
 std::string SchemaText::text() const {
-  std::string text = "include \"rtpm.fbs\";\nnamespace lab;\n";
+  std::string text = "include \"rtpm.fbs\";\nnamespace " + name_space + ";\n";
   for (const TypeText& type : types)
     text += text_of(type);
   text += "rpc_service Arm (rtpm_priority: " + std::to_string(priority) + ") {\n";

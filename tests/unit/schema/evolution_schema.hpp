@@ -50,6 +50,7 @@ struct MethodText {
 };
 
 struct SchemaText {
+  std::string name_space = "lab";
   std::vector<TypeText> types{};  ///< In the order in which they may use each other.
   std::vector<MethodText> methods{};
   std::uint32_t priority = 0;

@@ -1,0 +1,193 @@
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <map>
+#include <sstream>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "evolution_samples.hpp"
+#include "scratch_folder.hpp"
+
+// One edit of each kind with code that is really generated and built: a program has all old
+// versions, another all new ones; each serves, and the other calls.
+namespace rtpm::schema {
+namespace {
+
+using test::EvolutionSample;
+using test::Side;
+
+/// What a program told of one method of one sample; method 0 is the bind.
+struct Told {
+  std::string what{};  ///< "bound", "request", "reply" or "error".
+  std::string rest{};  ///< Bytes, or the error's text.
+};
+using Report = std::map<std::pair<int, int>, Told>;
+
+Report parse(const std::string& text) {
+  Report report;
+  std::istringstream lines(text);
+  for (std::string line; std::getline(lines, line);) {
+    std::istringstream words(line);
+    int sample = 0;
+    int method = 0;
+    Told told;
+    if (!(words >> sample >> method >> told.what)) continue;
+    std::getline(words >> std::ws, told.rest);
+    if (told.what != "error") {
+      std::string bytes;
+      for (std::size_t i = 0; i + 1 < told.rest.size(); i += 2)
+        bytes += static_cast<char>(std::stoi(told.rest.substr(i, 2), nullptr, 16));
+      told.rest = bytes;
+    }
+    report[{sample, method}] = told;
+  }
+  return report;
+}
+
+struct Exchange {
+  Report client;
+  Report server;
+};
+
+std::string await_port(const std::filesystem::path& file) {
+  for (int i = 0; i < 2000; ++i) {
+    const std::string text = test::read_file(file);
+    if (text.starts_with("port ") && text.find('\n') != std::string::npos) {
+      return text.substr(5, text.find('\n') - 5);
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds{10});
+  }
+  ADD_FAILURE() << "the server tells no port";
+  return "1";
+}
+
+Exchange exchange(const std::string& client, const std::string& server) {
+  const test::ScratchFolder folder;
+  const std::filesystem::path served = folder.path() / "served";
+  const std::filesystem::path called = folder.path() / "called";
+  folder.write("served", "");
+  std::FILE* const running =
+      popen(('\'' + server + "' serve > '" + served.string() + '\'').c_str(), "w");
+  const std::string port = await_port(served);
+  const std::string command =
+      '\'' + client + "' call 127.0.0.1:" + port + " > '" + called.string() + '\'';
+  EXPECT_EQ(std::system(command.c_str()), 0);
+  EXPECT_EQ(pclose(running), 0);
+  return {parse(test::read_file(called)), parse(test::read_file(served))};
+}
+
+/// Code that packs a vector without elements, or an empty text, leaves it out.
+nlohmann::json packed(nlohmann::json value) {
+  if (value.is_array() && value.empty()) return nullptr;
+  if (value.is_structured()) {
+    for (auto& inner : value)
+      inner = packed(inner);
+  }
+  return value;
+}
+
+/// Whether what `writer` wrote is what `reader` made of it.
+bool arrived(const Side& writer, const Payload& sent, const std::string& bytes, const Side& reader,
+             const Payload& expected, const std::string& repacked) {
+  const auto name = [](const Side& side, const Payload& payload) {
+    return side.model().objects[payload.table].name;
+  };
+  const auto written = writer.read(name(writer, sent), sent.kind, bytes, bytes);
+  const auto read = reader.read(name(reader, expected), expected.kind, repacked, {});
+  const bool is_good = written && read && test::is_understood(packed(*written), packed(*read));
+  EXPECT_TRUE(is_good) << "written " << (written ? packed(*written).dump() : "nothing") << "\nread "
+                       << (read ? packed(*read).dump() : "nothing");
+  return is_good;
+}
+
+/// Whether all methods of a sample were called and understood.
+bool is_understood_throughout(int sample, Side& client, Side& server, const Exchange& exchange) {
+  for (const Method& method : client.model().services.front().methods) {
+    const auto& methods = server.model().services.front().methods;
+    const auto serving = std::find_if(methods.begin(), methods.end(),
+                                      [&](const Method& one) { return one.id == method.id; });
+    const auto request = exchange.server.find({sample, method.id});
+    const auto reply = exchange.client.find({sample, method.id});
+    if (serving == methods.end() || request == exchange.server.end() ||
+        reply == exchange.client.end() || reply->second.what != "reply") {
+      ADD_FAILURE() << "sample " << sample << ": method " << method.name << " is not answered: "
+                    << (reply == exchange.client.end() ? "" : reply->second.rest);
+      return false;
+    }
+    if (!arrived(client, method.request, sample_message(client, method.request, method.id, true),
+                 server, serving->request, request->second.rest) ||
+        !arrived(server, serving->reply, sample_message(server, serving->reply, method.id, false),
+                 client, method.reply, reply->second.rest)) {
+      ADD_FAILURE() << "sample " << sample << ": method " << method.name << " is misunderstood";
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Every sample, with clients of one version and servers of the other.
+int expect_as_said(const std::vector<EvolutionSample>& samples, bool are_clients_old) {
+  const std::string before = RTPM_EVOLUTION_PEER "before";
+  const std::string after = RTPM_EVOLUTION_PEER "after";
+  const Exchange told = are_clients_old ? exchange(before, after) : exchange(after, before);
+  int bound_count = 0;
+  for (std::size_t i = 0; i < samples.size(); ++i) {
+    const auto number = static_cast<int>(i);
+    Side old_side(samples[i].before);
+    Side new_side(samples[i].after);
+    bool is_said_to_break = false;
+    bool is_limit = false;
+    for (const Change& change : compare(old_side.model(), new_side.model())) {
+      is_said_to_break |= are_clients_old ? change.breaks_old_clients : change.breaks_new_clients;
+      is_limit |= change.kind == ChangeKind::kFieldRangeNarrowed ||
+                  change.kind == ChangeKind::kFieldRangeWidened ||
+                  ((change.kind == ChangeKind::kFieldRemoved ||
+                    change.kind == ChangeKind::kEnumValueRemoved) &&
+                   change.reading.is_by_meaning);
+    }
+    const auto bind = told.client.find({number, 0});
+    if (bind == told.client.end()) {
+      ADD_FAILURE() << "the client told nothing of sample " << i;
+      continue;
+    }
+    const bool is_bound = bind->second.what == "bound";
+    const std::string words = "sample " + std::to_string(i) + ", " +
+                              std::string(name_of(samples[i].kind)) + ": " + bind->second.rest;
+    // What a bind cannot tell is judged by the calls alone.
+    if (!is_limit) {
+      EXPECT_EQ(is_bound, !is_said_to_break) << words;
+    }
+    if (!is_bound) {
+      EXPECT_NE(bind->second.rest.find("has another lab"), std::string::npos) << words;
+      continue;
+    }
+    ++bound_count;
+    Side& client = are_clients_old ? old_side : new_side;
+    Side& server = are_clients_old ? new_side : old_side;
+    EXPECT_TRUE(is_understood_throughout(number, client, server, told)) << words;
+  }
+  return bound_count;
+}
+
+TEST(EvolutionBuilt, OldAndNewProgramsTalkWhereItWasSaid) {
+  const std::vector<EvolutionSample> samples = test::evolution_samples();
+  EXPECT_GE(samples.size(), 28u);
+  const int old_clients = expect_as_said(samples, true);
+  const int new_clients = expect_as_said(samples, false);
+  RecordProperty("samples", static_cast<int>(samples.size()));
+  RecordProperty("old clients bound", old_clients);
+  RecordProperty("new clients bound", new_clients);
+  EXPECT_GE(old_clients, 8);
+  EXPECT_GE(new_clients, 8);
+}
+
+}  // namespace
+}  // namespace rtpm::schema

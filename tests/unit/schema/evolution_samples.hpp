@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "evolution_exchange.hpp"
+#include "evolution_schema.hpp"
+
+/// A sample of the random edits, of which both sides are generated, built and run.
+namespace rtpm::schema::test {
+
+struct EvolutionSample {
+  ChangeKind kind{};
+  SchemaText before{};  ///< Each sample has a namespace of its own: "lab0", "lab1".
+  SchemaText after{};
+};
+
+/// One edit of each kind, the same ones in every program.
+[[nodiscard]] std::vector<EvolutionSample> evolution_samples();
+
+/// What `side` writes for a method's request or reply, the same in every program.
+[[nodiscard]] std::string sample_message(Side& side, const Payload& payload, std::uint16_t method,
+                                         bool is_request);
+
+}  // namespace rtpm::schema::test
