@@ -42,7 +42,7 @@ std::string value_in(const fs::path& path, const std::string& key) {
 bool is_measured_thread(pid_t thread) {
   sched_param parameter{};
   return sched_getscheduler(thread) == SCHED_FIFO && sched_getparam(thread, &parameter) == 0 &&
-         parameter.sched_priority >= rt::to_native(kHighPriority);
+         parameter.sched_priority >= rt::level_of(kHighPriority);
 }
 
 }  // namespace

@@ -84,10 +84,12 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   // A name is looked up once, here, where waiting for a name server does no harm to a call.
   const auto host = transport::numeric_address_of(parts->host);
   if (!host) return setup_error("'" + *url + "' can't be bound: " + host.error().text);
+  const ServerAddress address = address_of(node, options, *host, parts->port, deadline);
   Endpoint& endpoint =
-      node.impl().endpoint(address_of(node, options, *host, parts->port, deadline));
-  auto impl = std::make_unique<Impl>(endpoint, parts->path, *url, interface,
+      options.is_private ? node.impl().private_endpoint(address) : node.impl().endpoint(address);
+  auto impl = std::make_unique<Impl>(node, endpoint, parts->path, *url, interface,
                                      node.config().default_deadline);
+  impl->is_private = options.is_private;
   const Priority priority = !options.warm_up.empty() ? options.warm_up.front()
                                                      : rt::current_priority().value_or(Priority{0});
   auto taken = endpoint.take(priority);
@@ -111,13 +113,17 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   Binding binding(std::move(impl));
   std::vector<Priority> priorities = options.warm_up;
   // Calls without a priority of their own go at the object's.
-  if (outcome.bound.is_server_declared || priorities.empty()) {
-    priorities.push_back(outcome.bound.is_server_declared ? outcome.bound.priority : priority);
-  }
-  if (auto warm = binding.impl_->warm_up(priorities, deadline); !warm) {
+  if (outcome.bound.is_server_declared) priorities = {outcome.bound.priority};
+  const auto warm = priorities.empty() ? binding.impl_->warm_up_all(deadline)
+                                       : binding.impl_->warm_up(priorities, deadline);
+  if (!warm) {
     return setup_error(explain({.error = warm.error()}, interface, parts->path, *url));
   }
   return binding;
+}
+
+Binding::Impl::~Impl() {
+  if (is_private) node.impl().give_back(endpoint);
 }
 
 Binding::Binding(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}

@@ -3,6 +3,7 @@
 #include <mutex>
 
 #include "binding_impl.hpp"
+#include "current_call.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 
@@ -63,19 +64,26 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
                                         const CallOptions& options) const noexcept {
   const Duration usual =
       method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
-  return {.method = method.id,
-          .is_idempotent = method.is_idempotent,
-          .wanted = options.priority ? options.priority : rt::current_priority(),
-          .trace_id = options.trace_id,
-          .deadline = deadline_after(options.deadline.value_or(usual))};
+  MonotonicTime deadline = deadline_after(options.deadline.value_or(usual));
+  // Beyond that nobody waits for what this call is for.
+  const CallContext* const outer = CurrentCall::get();
+  if (outer != nullptr && !options.deadline) deadline = std::min(deadline, outer->deadline);
+  return {
+      .method = method.id,
+      .is_idempotent = method.is_idempotent,
+      .wanted = options.priority ? options.priority : rt::current_priority(),
+      .trace_id = options.trace_id == 0 && outer != nullptr ? outer->trace_id : options.trace_id,
+      .deadline = deadline};
 }
 
 expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& plan) noexcept {
   for (int round = 0; round < kRoundCountMax; ++round) {
     Bound now_bound = remembered();
     // hp-6.1-3
-    const Priority priority =
+    Priority priority =
         now_bound.is_server_declared || !plan.wanted ? now_bound.priority : *plan.wanted;
+    if (const auto transform = node.config().outbound_priority)
+      priority = transform(priority, path);
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
@@ -148,6 +156,19 @@ expected<void, CallError> Binding::Impl::warm_up(std::span<const Priority> prior
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
     if (auto ready = channel->make_ready(priority, deadline); !ready) return ready;
+  }
+  return {};
+}
+
+expected<void, CallError> Binding::Impl::warm_up_all(MonotonicTime deadline) noexcept {
+  for (int next = Priority::kLowest; next <= Priority::kHighest;) {
+    auto taken = endpoint.take(Priority{next});
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) return ready;
+    const wire::Welcome& welcome = channel->welcome();
+    if (welcome.band.high >= welcome.ceiling) break;
+    next = welcome.band.high.value() + 1;
   }
   return {};
 }

@@ -44,13 +44,17 @@ struct BindOutcome {
 
 class Binding::Impl {
  public:
-  Impl(Endpoint& endpoint_in, std::string path_in, std::string url_in,
+  Impl(Node& node_in, Endpoint& endpoint_in, std::string path_in, std::string url_in,
        const InterfaceDescriptor& interface_in, Duration default_deadline_in)
-      : endpoint(endpoint_in),
+      : node(node_in),
+        endpoint(endpoint_in),
         path(std::move(path_in)),
         url(std::move(url_in)),
         interface(interface_in),
         default_deadline(default_deadline_in) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl();
 
   /// Asks for the object. RT: alloc-free, unless the server has a version of the interface that
   /// this binding has not met yet: then it compares the two.
@@ -85,6 +89,8 @@ class Binding::Impl {
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
   [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
                                                   MonotonicTime deadline) noexcept;
+  /// The same for each band that the server has.
+  [[nodiscard]] expected<void, CallError> warm_up_all(MonotonicTime deadline) noexcept;
   void remember(const Bound& value) noexcept {
     const std::lock_guard lock(writing);
     bound.write(value);
@@ -98,7 +104,9 @@ class Binding::Impl {
     return *value;
   }
 
+  Node& node;
   Endpoint& endpoint;
+  bool is_private = false;
   std::string path;
   std::string url;
   const InterfaceDescriptor& interface;

@@ -86,6 +86,8 @@ class CallChannel {
   /// A copy of the request that lives as long as the call.   Set-up, when it grows.
   [[nodiscard]] ConstBytes keep(ConstBytes request);
 
+  /// What the server said when it gave the session.
+  [[nodiscard]] const wire::Welcome& welcome() const noexcept { return wire_.welcome(); }
   /// The epoch of the server that gave the session.
   [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
   /// What is known of the server's clock.   RT: alloc-free.

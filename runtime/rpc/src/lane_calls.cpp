@@ -6,6 +6,7 @@
 
 #include "current_call.hpp"
 #include "lane.hpp"
+#include "policy.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
@@ -63,7 +64,9 @@ ConstBytes Lane::run_request(wire::ServerSessions& sessions,
     const Object* const object = request.header.service == wire::kSessionService
                                      ? nullptr
                                      : objects_.find(request.header.service);
-    if (object != nullptr) return queue_request(sessions, request, *object);
+    if (object != nullptr && admits(object->options, request.header.priority)) {
+      return queue_request(sessions, request, *object);
+    }
   }
   if (request.wants_receipt()) return run_accepted(sessions, request);
   const MutableBytes reply = sessions.reply_buffer(request);
@@ -80,8 +83,8 @@ ConstBytes Lane::run_request(wire::ServerSessions& sessions,
 // hp-5.8-3: the caller goes on as soon as it is clear that its call will run.
 ConstBytes Lane::run_accepted(wire::ServerSessions& sessions,
                               const wire::Request& request) noexcept {
-  const bool will_run = is_served(request);
-  const auto status = will_run ? wire::Status::kOk : wire::Status::kNoSuchObject;
+  const wire::Status status = standing_of(request);
+  const bool will_run = status == wire::Status::kOk;
   const auto peer = sessions.peer_of(request);
   RTPM_ASSERT(peer.has_value(), "a request that just came has a session");
   send(sessions, *peer, sessions.accept(request, status, rt::now()));
@@ -96,9 +99,14 @@ ConstBytes Lane::run_accepted(wire::ServerSessions& sessions,
   return sessions.complete(request, result.status, 0, rt::now());
 }
 
-bool Lane::is_served(const wire::Request& request) const noexcept {
-  return request.header.service != wire::kSessionService &&
-         objects_.find(request.header.service) != nullptr;
+// Whether a method would run.
+wire::Status Lane::standing_of(const wire::Request& request) const noexcept {
+  const Object* const object = request.header.service == wire::kSessionService
+                                   ? nullptr
+                                   : objects_.find(request.header.service);
+  if (object == nullptr) return wire::Status::kNoSuchObject;
+  if (!admits(object->options, request.header.priority)) return wire::Status::kPriorityNotAllowed;
+  return wire::Status::kOk;
 }
 
 DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
@@ -111,8 +119,10 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
     if (header.method == wire::kMethodDescribe) return objects_.describe(request.payload, reply);
     return {wire::Status::kNoSuchMethod, 0};
   }
-  const Object* object = objects_.find(header.service);
-  if (object == nullptr) return {wire::Status::kNoSuchObject, 0};
+  if (const wire::Status status = standing_of(request); status != wire::Status::kOk) {
+    return {status, 0};
+  }
+  const Object* const object = objects_.find(header.service);
   ++counters_.call_count;
   if (is_periodic_) foresight_.on_arrival(header.session, request.received);
   bool has_thrown = false;
@@ -127,6 +137,7 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
 Priority Lane::priority_of(const Object& object, const wire::Header& header) const noexcept {
   Priority priority = header.priority;
   if (object.options.model == PriorityModel::kServerDeclared) priority = object.options.priority;
+  if (object.options.model == PriorityModel::kNone) priority = config_.priority;
   if (inbound_priority_ != nullptr) priority = inbound_priority_(priority, object.path);
   return priority;
 }

@@ -34,6 +34,25 @@ Endpoint& Node::Impl::endpoint(const ServerAddress& address) {
   return *endpoint;
 }
 
+Endpoint& Node::Impl::private_endpoint(const ServerAddress& address) {
+  const std::lock_guard lock(mutex_);
+  for (PrivateEndpoint& each : private_endpoints_) {
+    if (each.is_taken || each.endpoint->address() != address) continue;
+    each.is_taken = true;
+    return *each.endpoint;
+  }
+  private_endpoints_.push_back(
+      {std::make_unique<Endpoint>(address, config, epoch_, clock_domain_), /*is_taken=*/true});
+  return *private_endpoints_.back().endpoint;
+}
+
+void Node::Impl::give_back(Endpoint& endpoint) noexcept {
+  const std::lock_guard lock(mutex_);
+  for (PrivateEndpoint& each : private_endpoints_) {
+    if (each.endpoint.get() == &endpoint) each.is_taken = false;
+  }
+}
+
 Node::Node(NodeConfig config) : impl_(std::make_unique<Impl>(std::move(config))) {}
 Node::~Node() = default;
 

@@ -4,6 +4,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <vector>
 
 #include "endpoint.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -17,6 +18,9 @@ class Node::Impl {
 
   /// The endpoint of the address, made at its first use.   Set-up only.
   [[nodiscard]] Endpoint& endpoint(const ServerAddress& address);
+  /// An endpoint that nobody else uses until it is given back.   Set-up only.
+  [[nodiscard]] Endpoint& private_endpoint(const ServerAddress& address);
+  void give_back(Endpoint& endpoint) noexcept;
 
   NodeConfig config;
   Resolver* resolver = nullptr;
@@ -26,6 +30,11 @@ class Node::Impl {
   std::uint64_t clock_domain_;
   rt::PiMutex mutex_;
   std::map<ServerAddress, std::unique_ptr<Endpoint>> endpoints_;
+  struct PrivateEndpoint {
+    std::unique_ptr<Endpoint> endpoint;
+    bool is_taken = false;
+  };
+  std::vector<PrivateEndpoint> private_endpoints_;
 };
 
 }  // namespace rtpm::rpc

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <span>
+#include <utility>
 
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -31,7 +32,7 @@ expected<void, SetupError> ObjectTable::add(std::string_view path, Servant& serv
                        std::to_string(ceiling.value()) +
                        ". Remedy: declare a lower one or raise ServerConfig::ceiling.");
   }
-  objects_.push_back({name, &servant, options});
+  objects_.push_back({name, &servant, std::move(options)});
   return {};
 }
 

@@ -5,6 +5,7 @@
 #include "acceptor.hpp"
 #include "lane.hpp"
 #include "object_table.hpp"
+#include "policy.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/shared_memory.hpp"
@@ -229,7 +230,10 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
 expected<void, SetupError> ServerImpl::add(std::string_view path, Servant& servant,
                                            ObjectOptions options) {
   RTPM_ASSERT(!is_started_, "objects are added before the server starts");
-  auto added = objects_.add(path, servant, options, config_.ceiling);
+  if (auto legal = check_policy(path, options, config_.lanes, config_.borrows); !legal) {
+    return unexpected{in_words(config_, legal.error().text)};
+  }
+  auto added = objects_.add(path, servant, std::move(options), config_.ceiling);
   if (!added) return unexpected{in_words(config_, added.error().text)};
   return {};
 }

@@ -10,8 +10,8 @@ namespace {
 // The level it had, or 0 if it stays as it is.
 int raise_to(Priority ceiling) noexcept {
   const int level = native_level();
-  if (level == 0 || level >= to_native(ceiling)) return 0;
-  return set_native_level(to_native(ceiling)) ? level : 0;
+  if (level == 0 || level >= level_of(ceiling)) return 0;
+  return set_native_level(level_of(ceiling)) ? level : 0;
 }
 
 void lower_to(int level) noexcept {

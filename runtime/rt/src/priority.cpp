@@ -3,6 +3,8 @@
 #include <pthread.h>
 #include <sched.h>
 
+#include <string>
+
 #include "native_level.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -10,11 +12,35 @@
 namespace rtpm::rt {
 namespace {
 
+// Set before there are threads.
+PriorityMapping priority_mapping = nullptr;
+
 thread_local std::optional<Priority> thread_priority;
 // The SCHED_FIFO level the thread is known to have; 0: not known, ask the system.
 thread_local int thread_level = 0;
 
 }  // namespace
+
+expected<void, RealtimeError> set_priority_mapping(PriorityMapping mapping) {
+  constexpr int kLevelMax = 98;  // The kernel's own threads keep 99.
+  int previous = 1;
+  for (int value = Priority::kLowest; mapping != nullptr && value <= Priority::kHighest; ++value) {
+    const int level = mapping(Priority{value});
+    if (level < previous || level > kLevelMax) {
+      return unexpected{RealtimeError{
+          "the priority mapping gives priority " + std::to_string(value) + " level " +
+          std::to_string(level) + ". Remedy: give each priority a level from 1 to 98, and none a " +
+          "lower one than a priority below it."}};
+    }
+    previous = level;
+  }
+  priority_mapping = mapping;
+  return {};
+}
+
+int level_of(Priority priority) noexcept {
+  return priority_mapping != nullptr ? priority_mapping(priority) : to_native(priority);
+}
 
 std::optional<Priority> current_priority() noexcept {
   return thread_priority;
@@ -22,7 +48,7 @@ std::optional<Priority> current_priority() noexcept {
 
 bool set_current_priority(Priority priority) noexcept {
   thread_priority = priority;
-  return set_native_level(to_native(priority));
+  return set_native_level(level_of(priority));
 }
 
 int native_level() noexcept {
@@ -41,13 +67,13 @@ bool set_native_level(int level) noexcept {
 
 void note_thread_priority(Priority priority, bool is_fifo) noexcept {
   thread_priority = priority;
-  thread_level = is_fifo ? to_native(priority) : 0;
+  thread_level = is_fifo ? level_of(priority) : 0;
   this_thread_budget() = is_fifo ? RealtimeBudget(realtime_limit(), now()) : RealtimeBudget();
 }
 
 void adopt_priority(Priority priority) noexcept {
   thread_priority = priority;
-  if (thread_level != 0) set_native_level(to_native(priority));
+  if (thread_level != 0) set_native_level(level_of(priority));
 }
 
 ScopedPriority::ScopedPriority(Priority priority) noexcept

@@ -157,7 +157,7 @@ expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) 
     note_scheduling(config, is_wish ? Grant::kGranted : Grant::kNotAsked, "time-shared", "");
     return {};
   }
-  const int level = to_native(*config.priority);
+  const int level = level_of(*config.priority);
   sched_param parameter{};
   parameter.sched_priority = level;
   const int error = pthread_setschedparam(pthread_self(), SCHED_FIFO, &parameter);

@@ -9,7 +9,7 @@
 #include <thread>
 #include <vector>
 
-#include "rtpm/rt/memory.hpp"
+#include "noting_servant.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/test/os.hpp"
 
@@ -110,32 +110,6 @@ TEST(Crew, KeepsNoMoreBytesWaitingThanItMay) {
   holders.end();
   EXPECT_TRUE(binding.call(echo::kEchoOnce, large)) << "what need not wait has no such bound";
 }
-
-/// Notes at which priorities its calls run, and in which order.
-class NotingServant final : public Servant {
- public:
-  const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
-  DispatchResult dispatch(std::uint16_t method_id, ConstBytes, MutableBytes,
-                          const CallContext& context) override {
-    if (method_id == echo::kHold.id) {
-      gate.pass();
-    } else {
-      const std::lock_guard lock(mutex_);
-      const rt::AllowAllocationScope is_allowed;
-      order_.push_back(context.priority.value());
-    }
-    return {};
-  }
-  [[nodiscard]] std::vector<int> order() {
-    const std::lock_guard lock(mutex_);
-    return order_;
-  }
-  echo::Gate gate;
-
- private:
-  std::mutex mutex_;
-  std::vector<int> order_;
-};
 
 // One lane for all priorities must not serve them in the order in which they came.
 TEST(Crew, RunsTheMostUrgentFirst) {

@@ -144,5 +144,36 @@ TEST(ScopedPriority, LeavesATimeSharedThreadTimeShared) {
   });
 }
 
+TEST(PriorityMapping, IsReplaceable) {
+  EXPECT_EQ(level_of(32'767), to_native(32'767));
+  const auto three_levels = [](Priority priority) { return 10 + priority.value() / 10'923 * 20; };
+  ASSERT_TRUE(set_priority_mapping(three_levels));
+  EXPECT_EQ(level_of(0), 10);
+  EXPECT_EQ(level_of(11'000), 30);
+  EXPECT_EQ(level_of(32'767), 50);
+  if (rtpm::test::has_realtime_right()) {
+    std::thread([] {
+      EXPECT_TRUE(set_current_priority(11'000));
+      EXPECT_EQ(rtpm::test::scheduling_of_this_thread(), rtpm::test::fifo(30));
+    }).join();
+  }
+  ASSERT_TRUE(set_priority_mapping(nullptr));
+  EXPECT_EQ(level_of(11'000), to_native(11'000));
+}
+
+TEST(PriorityMapping, IsRefusedIfItGivesALevelThatIsNotAllowed) {
+  const auto text_of = [](PriorityMapping mapping) {
+    const auto set = set_priority_mapping(mapping);
+    return set ? std::string() : set.error().text;
+  };
+  EXPECT_NE(text_of([](Priority) { return 99; }).find("priority 0 level 99"), std::string::npos);
+  EXPECT_NE(text_of([](Priority) { return 0; }).find("level 0"), std::string::npos);
+  const std::string falls =
+      text_of([](Priority priority) { return priority.value() < 7 ? 50 : 49; });
+  EXPECT_NE(falls.find("priority 7 level 49"), std::string::npos) << falls;
+  EXPECT_NE(falls.find("Remedy"), std::string::npos);
+  EXPECT_EQ(level_of(7), to_native(7)) << "as it was";
+}
+
 }  // namespace
 }  // namespace rtpm::rt

@@ -25,9 +25,10 @@ namespace rtpm::rpc {
 struct CallOptions {
   /// The call's priority; default: the calling thread's current_priority(), else the object's.
   std::optional<Priority> priority{};
-  /// How long the caller waits, from now on; default: the method's, else the node's.
+  /// How long the caller waits, from now on; default: the method's, else the node's, but in a
+  /// method not longer than its own caller waits.
   std::optional<Duration> deadline{};
-  /// Passed on to the servant, to follow one action across programs.
+  /// Passed on to the servant, to follow one action across programs; in a method, 0 is its own's.
   std::uint64_t trace_id = 0;
 };
 
@@ -45,8 +46,11 @@ struct BindOptions {
   /// How long bind() may take, the registry's answer included.
   Duration deadline = std::chrono::seconds{1};
   /// The priorities that calls will have: a channel of each band is opened now, so that the first
-  /// call is as fast as the thousandth. Empty: the thread's current priority.
+  /// call is as fast as the thousandth. Empty: all, up to the server's ceiling.
   std::vector<Priority> warm_up{};
+  /// The binding shares its channels with no other of the node.   Source: RT-CORBA's private
+  /// connections.
+  bool is_private = false;
 };
 
 /// A reply's bytes and the call channel that holds them; the channel is given back when this ends,

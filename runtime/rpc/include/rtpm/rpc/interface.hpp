@@ -13,7 +13,14 @@ namespace rtpm::rpc {
 enum class PriorityModel : std::uint8_t {
   kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
   kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
+  kNone,              ///< Nobody: methods run at the lane's own priority. For servers of one lane.
 };
+
+/// Gives a call another priority than the one it carries: that at which its method runs
+/// (ServerConfig::inbound_priority), or with which it goes out (NodeConfig::outbound_priority).
+/// `path` is the object's. Runs for each call, on the thread that serves or makes it: it must not
+/// allocate, lock or throw.   Source: RT-CORBA's priority transforms.
+using PriorityTransform = Priority (*)(Priority priority, std::string_view path);
 
 /// What generated code says of one method.
 struct MethodDescriptor {

@@ -9,6 +9,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/interface.hpp"
 #include "rtpm/rt/wait.hpp"
 
 namespace rtpm::rpc {
@@ -42,6 +43,7 @@ struct NodeConfig {
   rt::WaitConfig wait{};                                ///< How a caller waits for its reply.
   Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
   Transport transport = Transport::kAuto;               ///< For bindings that state none.
+  PriorityTransform outbound_priority = nullptr;  ///< None: calls go out at their own priority.
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
   /// Where servers have their sockets for shared memory, if not under abstract names: as

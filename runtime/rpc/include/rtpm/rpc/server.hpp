@@ -11,6 +11,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
@@ -18,16 +19,29 @@
 namespace rtpm::rpc {
 
 /// How an object is served.
+///
+/// A lane receives at its own priority; the method runs as the model says:
+///
+///     lanes     model       bands   legal                                  receives   runs
+///     several   none        any     no: the lane would decide              -          -
+///     several   declared    any     if a band has the declared priority    its lane   declared
+///     several   propagated  any     if a band has the call's priority      its lane   the call's
+///     one       none        no      yes                                    lane       lane
+///     one       none        yes     no: nothing is said of priorities      -          -
+///     one       declared    any     if a band has the declared priority    lane       declared
+///     one       propagated  any     if a band has the call's priority      lane       the call's
+///
+/// What is illegal in itself is refused by Server::add(), a call outside of all bands with
+/// kPriorityNotAllowed. Bands in one lane need one that keeps requests
+/// (LaneConfig::buffered_request_max), as others serve calls in the order in which they come.
+/// Source: RT-CORBA's policies; here a priority need only lie within a lane's band, not be equal to
+/// its own.
 struct ObjectOptions {
   PriorityModel model = PriorityModel::kClientPropagated;
   Priority priority = 0;  ///< Declared, or the default for callers without one.
+  /// The priorities that calls may have: at most 16 bands that do not overlap; empty: all.
+  std::vector<Band> bands{};
 };
-
-/// Gives a call another priority than the one it carries: that at which its method runs (inbound,
-/// at the server) or with which it goes out (outbound, at the node). `path` is the object's. It
-/// runs for each call on the thread that serves or makes it: no allocation, no lock, no exception.
-/// Source: RT-CORBA's priority transforms.
-using PriorityTransform = Priority (*)(Priority priority, std::string_view path);
 
 /// One lane: its own sockets and its own threads that serve the priorities from `low` up to where
 /// the next lane begins.
@@ -106,13 +120,14 @@ class Server {
 
   /// Serves `servant` under `path` ("lab/arm0"), without leading slash, 1…200 bytes.
   /// Ownership: `servant` must outlive stop().   Set-up only: before start().
-  /// Errors: a path in use or malformed, too many objects, a declared priority above the ceiling.
+  /// Errors: a path in use or malformed, too many objects, a declared priority above the ceiling,
+  /// options that contradict one another or the lanes.
   [[nodiscard]] virtual expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                        ObjectOptions options) = 0;
   /// The same, with the priority model and the priority of the servant's schema.
   [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant) {
     const InterfaceDescriptor& interface = servant.interface();
-    return add(path, servant, {interface.priority_model, interface.priority});
+    return add(path, servant, {interface.priority_model, interface.priority, {}});
   }
 
   /// Starts the lanes. From then on they allocate nothing.   Set-up only.

@@ -2,7 +2,9 @@
 
 #include <optional>
 
+#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/rt/thread.hpp"
 
 namespace rtpm::rt {
 
@@ -16,6 +18,19 @@ inline constexpr int kNativeHighest = 89;
 [[nodiscard]] constexpr int to_native(Priority priority) noexcept {
   return kNativeLowest + (kNativeHighest - kNativeLowest) * priority.value() / Priority::kHighest;
 }
+
+/// Turns a priority into a SCHED_FIFO level. It must not allocate, lock or throw.
+using PriorityMapping = int (*)(Priority priority);
+
+/// Has all threads of the program use another mapping than to_native(); null: that one again.
+/// Levels 1 to 98 are allowed, and a higher priority must not have a lower level.
+/// Set-up only: before the first thread with a priority.   Threads: one.
+/// Errors: a level that is not allowed, with the priority that gets it; the mapping stays as it
+/// was. Source: RT-CORBA's PriorityMapping, which may be replaced.
+[[nodiscard]] expected<void, RealtimeError> set_priority_mapping(PriorityMapping mapping);
+
+/// The level of a priority by the mapping in force.   RT: alloc-free, as far as the mapping is.
+[[nodiscard]] int level_of(Priority priority) noexcept;
 
 /// The calling thread's priority, which its calls carry; none until it was set.   RT: alloc-free.
 [[nodiscard]] std::optional<Priority> current_priority() noexcept;
