@@ -134,6 +134,8 @@ expected<void, CallError> CallChannel::begin(wire::CallParameters parameters, Co
                                              MonotonicTime now) noexcept {
   if (parameters.delivery == wire::Delivery::kSent) {
     look_for_loss(now);
+    // Nothing was sent: the next call binds the next life of the server.
+    if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
     // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
     if (request.size() > buffer_.size() - wire::kHeaderSize) {
       parameters.delivery = wire::Delivery::kReceipt;

@@ -143,6 +143,12 @@ std::uint32_t ItemWriter::item_size_max() const noexcept {
   return call_ == nullptr ? 0 : call_->item_size_max;
 }
 
+std::uint32_t ItemWriter::waiting_count() const noexcept {
+  if (call_ == nullptr) return 0;
+  return call_->written_count.load(std::memory_order_relaxed) -
+         call_->sent_count.load(std::memory_order_acquire);
+}
+
 expected<void, StreamError> ItemWriter::write(ConstBytes item) noexcept {
   if (!is_awaited()) return unexpected{StreamError::kEnded};
   if (item.size() > call_->item_size_max) return unexpected{StreamError::kTooLarge};

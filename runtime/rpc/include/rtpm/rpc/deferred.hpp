@@ -77,6 +77,9 @@ class ItemWriter : public UnfinishedCall {
   ItemWriter() noexcept = default;
   /// The most bytes of an item, by the caller's transport.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept;
+  /// How many items were written that the lane has not sent, as the caller takes no more now: who
+  /// prefers the newest writes only while it is 0.
+  [[nodiscard]] std::uint32_t waiting_count() const noexcept;
   /// Gives the caller one more item. It is copied; the lane sends it as soon as the caller takes
   /// more. Errors: as StreamError says; the item was not taken.
   [[nodiscard]] expected<void, StreamError> write(ConstBytes item) noexcept;

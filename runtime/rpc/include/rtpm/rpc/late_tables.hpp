@@ -188,6 +188,8 @@ class StreamWriter : public LateAnswer<ItemWriter> {
   void finish() noexcept { call_.finish(); }
   /// The most bytes of an item, by the caller's transport.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
+  /// How many items wait for their caller to take more.
+  [[nodiscard]] std::uint32_t waiting_count() const noexcept { return call_.waiting_count(); }
 
  protected:
   using LateAnswer::LateAnswer;

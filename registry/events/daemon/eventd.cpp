@@ -1,0 +1,101 @@
+// rtpm-eventd: serves a hub of events, and binds its name.
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/names/registration.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+
+namespace {
+
+using namespace std::chrono_literals;
+
+struct Configuration {
+  std::string host = "127.0.0.1";
+  std::uint16_t port = rtpm::events::kDefaultHubPort;
+  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  std::string name{rtpm::events::kHubPath};
+  rtpm::rt::RealtimeMode realtime = rtpm::rt::RealtimeMode::kPrefer;
+  rtpm::rt::WaitConfig wait{};
+  std::uint64_t subscriptions_max = 1024;
+  std::uint64_t history = 8;
+  double quota = 2e6;
+};
+
+int fail(const std::string& text) {
+  std::fprintf(stderr, "rtpm-eventd: %s\n", text.c_str());
+  return 1;
+}
+
+rtpm::events::HubConfig hub_config(const Configuration& configuration) {
+  rtpm::events::HubConfig hub;
+  hub.limits.subscription_count_max = static_cast<std::uint32_t>(configuration.subscriptions_max);
+  hub.limits.interest_count_max = 8 * hub.limits.subscription_count_max;
+  hub.limits.history_depth = static_cast<std::uint32_t>(configuration.history);
+  hub.quota.events_per_s = configuration.quota;
+  hub.realtime = configuration.realtime;
+  return hub;
+}
+
+int serve(const Configuration& configuration) {
+  const rtpm::program::StopSignal stop;
+  const auto hub_settings = hub_config(configuration);
+  auto hub = rtpm::events::Hub::create(hub_settings);
+  if (!hub) return fail(hub.error().text);
+  auto settings = rtpm::events::server_config_for(hub_settings);
+  settings.host = configuration.host;
+  settings.port = configuration.port;
+  settings.realtime = configuration.realtime;
+  // Two bands: what is urgent is not sent behind what is not.
+  settings.lanes = {{.name = "events-low", .low = 0, .wait = configuration.wait},
+                    {.name = "events-high", .low = 16'384, .wait = configuration.wait}};
+  auto server = rtpm::rpc::Server::create(settings);
+  if (!server) return fail(server.error().text);
+  if (auto added = (*server)->add(rtpm::events::kHubPath, (*hub)->servant()); !added) {
+    return fail(added.error().text);
+  }
+  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  const std::string url = (*server)->url(rtpm::events::kHubPath);
+  rtpm::rpc::Node node;
+  std::unique_ptr<rtpm::names::Registration> name;
+  if (!configuration.name.empty()) {
+    auto bound = rtpm::names::Registration::create(node, configuration.registry, configuration.name,
+                                                   url, "rtpm.events.Hub");
+    if (!bound) return fail(bound.error().text);
+    name = std::move(*bound);
+  }
+  std::printf("events at %s\n", url.c_str());
+  std::fflush(stdout);
+  stop.wait();
+  name.reset();
+  (*server)->stop();
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Configuration configuration;
+  rtpm::program::Options options("rtpm-eventd", "a hub of events");
+  options.add("host", configuration.host,
+              "Numeric IPv4 address to serve; 0.0.0.0 opens it to the network");
+  options.add("port", configuration.port, "Port to serve, UDP and TCP; 0: any");
+  options.add_registry(configuration.registry);
+  options.add("name", configuration.name, "Name to bind at the registry; empty: none");
+  options.add("subscriptions-max", configuration.subscriptions_max, "How many consumers it serves",
+              {1, 1024});
+  options.add("history", configuration.history,
+              "Events of each type and source that late joiners may get", {0, 64});
+  options.add("quota", configuration.quota, "Events a second that one supplier may push");
+  options.add_wait(configuration.wait);
+  options.add_realtime(configuration.realtime);
+  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+  return serve(configuration);
+}

@@ -1,0 +1,114 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/delivery.hpp"
+#include "rtpm/events/event.hpp"
+#include "rtpm/events/filter.hpp"
+#include "rtpm/events/scalar.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+
+/// What a consumer is told besides events.
+enum class NoticeKind : std::uint8_t {
+  kSubscribed,    ///< Events come from now on.
+  kLosses,        ///< Some were lost; Notice::losses says how many of each cause in all.
+  kInterrupted,   ///< The hub is gone, or dropped the subscription; the text says why. It tries on.
+  kResubscribed,  ///< It is back; what came in Notice::gap is lost.
+  kEnded,         ///< The subscription has ended and stays so: unsubscribed, or refused anew.
+  kHandlerFailed,  ///< on_events() threw; the event counts as taken.
+};
+
+struct Notice {
+  NoticeKind kind = NoticeKind::kSubscribed;
+  std::string_view text{};  ///< For people; valid during the call.
+  Losses losses{};          ///< Since create(), over all lives of the hub.
+  Duration gap{0};          ///< kResubscribed: since the hub was last heard.
+  bool has_hub_restarted = false;
+};
+
+/// What a program does with events. All is called from the consumer's own thread, one at a time. It
+/// may unsubscribe its consumer, change or suspend it; it may throw, which is counted and told. It
+/// must not destroy its consumer.
+class EventHandler {
+ public:
+  virtual ~EventHandler() = default;
+  /// One delivery: an event, or the events of a conjunction in the order of the filter's children.
+  /// Valid during the call; payloads are aligned to 16 bytes.
+  virtual void on_events(std::span<const EventView> events) = 0;
+  virtual void on_notice(const Notice& notice) { static_cast<void>(notice); }
+};
+
+/// How a consumer is set up.
+struct ConsumerConfig {
+  std::string name = "consumer";  ///< Of its thread, "ev-<name>", and in the hub's report.
+  Filter filter{};
+  DeliveryPolicy delivery{};
+  Priority priority{};  ///< Of its thread, and at which the hub sends to it.
+  std::vector<int> cpus{};
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  /// The types whose fields it filters by. Constants of static life.
+  std::vector<const EventDescriptor*> types{};
+  rpc::Transport transport = rpc::Transport::kAuto;
+  Duration deadline = std::chrono::seconds{1};  ///< Of create(), and of each try to come back.
+};
+
+/// What a consumer got.
+struct ConsumerCounters {
+  std::uint64_t event_count = 0;
+  std::uint64_t delivery_count = 0;
+  std::uint64_t handler_failure_count = 0;
+  std::uint64_t resubscription_count = 0;
+  std::uint64_t broken_count = 0;  ///< Items that were none.
+  Losses losses{};
+};
+
+/// Subscribes at a hub and hands what comes to a handler, on a thread of its own. When the hub
+/// restarts, or the way to it is lost, it subscribes again by itself and tells the gap.
+/// Ownership: refers to its node and handler, which must outlive it.   Threads: any.
+class Consumer {
+ public:
+  /// Subscribes at the hub at `target`, a URL or a name.   Set-up only.
+  /// Errors: no hub there; the filter or policy is refused (the text names the node and the field);
+  /// a right that the process lacks.
+  [[nodiscard]] static expected<std::unique_ptr<Consumer>, rpc::SetupError> create(
+      rpc::Node& node, const std::string& target, ConsumerConfig config, EventHandler& handler);
+  Consumer(const Consumer&) = delete;
+  Consumer& operator=(const Consumer&) = delete;
+  /// Unsubscribes, and waits until the handler has returned.
+  ~Consumer();
+
+  /// Puts another filter and policy in the place of the present ones, losing no event: each is
+  /// judged by the one or the other.   Set-up only.
+  /// Errors: as create(); then nothing is changed.
+  [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
+                                                       const DeliveryPolicy& delivery);
+  /// From now on nothing comes, and what is missed is counted, until resume(). Set-up only.
+  [[nodiscard]] expected<void, rpc::CallError> suspend();
+  [[nodiscard]] expected<void, rpc::CallError> resume();
+  /// Ends the subscription. From the handler it returns at once, and the thread ends after the
+  /// handler; from elsewhere it waits for that. May be called again.
+  void unsubscribe();
+
+  [[nodiscard]] bool is_subscribed() const noexcept;
+  [[nodiscard]] ConsumerCounters counters() const;
+
+ private:
+  class Impl;
+  explicit Consumer(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::events

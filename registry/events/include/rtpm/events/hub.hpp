@@ -1,0 +1,86 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/events/exchange.hpp"
+#include "rtpm/events/quota.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/servant.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+
+/// How a hub is set up.
+struct HubConfig {
+  ExchangeLimits limits{};
+  Quota quota{};                             ///< Of each supplier.
+  std::uint32_t supplier_count_max = 256;    ///< More take the place of the longest silent one.
+  std::optional<Priority> priority{16'384};  ///< Of its own thread, which keeps timeouts.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// What became of the events of a supplier, or of all.
+struct IntakeCounters {
+  std::uint64_t taken_count = 0;
+  std::uint64_t over_quota_count = 0;  ///< Refused: the supplier pushes more than it may.
+  std::uint64_t too_large_count = 0;
+  std::uint64_t bad_count = 0;        ///< No event, or of no type.
+  std::uint64_t no_memory_count = 0;  ///< The hub is too small for what its consumers hold.
+};
+
+/// A hub of events, as an object for any server: rtpm-eventd's, or one in the supplier's own
+/// program. Suppliers' events are matched in the lane that receives them, at their priority; each
+/// consumer's are sent by the lane of its own. A thread "rtpm-hub" keeps timeouts and clears away
+/// those who left.
+///
+/// Nobody waits for a consumer: what one does not take waits in its own queue, then is dropped,
+/// counted, and told.
+///
+///     auto hub = Hub::create().value();
+///     auto server = rpc::Server::create(server_config_for(*hub)).value();
+///     server->add(kHubPath, hub->servant());
+///
+/// Ownership: must outlive the server's stop().   Threads: any.
+class Hub {
+ public:
+  /// Takes all its memory and starts its thread.   Set-up only.
+  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  [[nodiscard]] static expected<std::unique_ptr<Hub>, rpc::SetupError> create(
+      const HubConfig& config = {});
+
+  Hub(const Hub&) = delete;
+  Hub& operator=(const Hub&) = delete;
+  virtual ~Hub() = default;
+
+  [[nodiscard]] virtual rpc::Servant& servant() noexcept = 0;
+  /// Another in each life.
+  [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
+
+  /// Takes events, one encoded after the other, from a supplier in this program; what Supplier does
+  /// by itself.   RT: alloc-free; waits for nobody but who matches events at the same time, by a
+  /// lock that passes priority on.
+  virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
+  /// Tells of a type. Set-up only.   Errors: as TypeCatalog::add().
+  [[nodiscard]] virtual expected<void, std::string> add_type(const EventDescriptor& descriptor) = 0;
+
+  /// Of an event, in bytes.
+  [[nodiscard]] virtual std::uint32_t payload_size_max() const noexcept = 0;
+  /// Over all suppliers.
+  [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
+  [[nodiscard]] virtual std::size_t subscription_count() const noexcept = 0;
+
+ protected:
+  Hub() = default;
+};
+
+/// Limits of a server that fit a hub's: a stream for each subscription.
+[[nodiscard]] rpc::ServerConfig server_config_for(const HubConfig& config);
+
+}  // namespace rtpm::events

@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/event.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/events/scalar.hpp"
+#include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::events {
+
+/// How a supplier is set up.
+struct SupplierConfig {
+  std::string name = "supplier";  ///< For people, in the hub's report.
+  Priority priority{};            ///< Of its events, and at which they are matched.
+  /// What its events are, so that consumers may filter by their fields. Constants of static life.
+  std::vector<const EventDescriptor*> types{};
+  std::uint8_t hops = 1;  ///< How many further hubs may send its events on.
+  /// How often it asks the hub what became of its events and how its clock stands.
+  Duration attend_interval = std::chrono::milliseconds{250};
+  rpc::Transport transport = rpc::Transport::kAuto;
+  Duration deadline = std::chrono::seconds{1};  ///< Of create().
+};
+
+/// What is pushed, but for what the supplier adds by itself.
+struct EventDraft {
+  EventType type = 0;
+  SourceId source = 0;
+  std::uint64_t schema_id = 0;
+  ConstBytes payload{};
+  std::optional<MonotonicTime> origin{};  ///< On this host's clock; none: now.
+};
+
+/// Pushes events to a hub: one elsewhere, or one in this program. It never waits for a consumer,
+/// nor for the hub's answer; what the hub refused it tells later (intake()). When the hub restarts,
+/// it goes on with the new one. Ownership: refers to its node or hub, which must outlive it.
+/// Threads: push(), add() and flush() from any, one waits for the other's copy.
+class Supplier {
+ public:
+  /// Binds the hub at `target`, a URL or a name. Set-up only. A time-shared thread "rtpm-attend"
+  /// stays.
+  /// Errors: no hub there; a type that the hub knows by another schema.
+  [[nodiscard]] static expected<std::unique_ptr<Supplier>, rpc::SetupError> create(
+      rpc::Node& node, const std::string& target, const SupplierConfig& config = {});
+  /// The same for a hub in this program: events take no way at all.
+  [[nodiscard]] static expected<std::unique_ptr<Supplier>, rpc::SetupError> create(
+      Hub& hub, const SupplierConfig& config = {});
+  Supplier(const Supplier&) = delete;
+  Supplier& operator=(const Supplier&) = delete;
+  ~Supplier();
+
+  /// Pushes one event, and what add() has gathered before it. The payload is copied.
+  /// RT: alloc-free; one send, as any oneway call.
+  /// Errors: kTooLarge: more than the hub takes; others: as any oneway call that is merely sent;
+  /// try again with the next event.
+  [[nodiscard]] expected<void, rpc::CallError> push(const EventDraft& event) noexcept;
+  /// Gathers an event for the next flush(), which comes by itself when no more fit a frame.
+  /// RT: as push().   Errors: as push().
+  [[nodiscard]] expected<void, rpc::CallError> add(const EventDraft& event) noexcept;
+  /// Pushes what was gathered, in one frame.   RT: as push().
+  [[nodiscard]] expected<void, rpc::CallError> flush() noexcept;
+
+  /// What became of its events in this life of the hub, as the hub said when it was last asked.
+  [[nodiscard]] IntakeCounters intake() const noexcept;
+  /// Whether the hub answered when it was last asked.
+  [[nodiscard]] bool is_attended() const noexcept;
+
+ private:
+  class Impl;
+  explicit Supplier(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::events

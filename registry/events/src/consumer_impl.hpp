@@ -1,0 +1,85 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "assembler.hpp"
+#include "idl.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+
+/// A consumer: its thread subscribes, reads, hands over, and subscribes again.
+class Consumer::Impl {
+ public:
+  Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl();
+
+  [[nodiscard]] expected<void, rpc::SetupError> begin();
+  [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
+                                                       const DeliveryPolicy& delivery);
+  [[nodiscard]] expected<void, rpc::CallError> control(Action action);
+  void unsubscribe();
+  [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
+  [[nodiscard]] ConsumerCounters counters() const;
+
+ private:
+  /// A subscription in one life of the hub.
+  struct Session {
+    std::shared_ptr<HubClient> client;  ///< Outlives the stream.
+    rpc::TableStream<Batch> stream;
+    const Batch* first = nullptr;  ///< The item with the welcome, until it is taken.
+  };
+  /// Why there is no session.
+  struct Failure {
+    std::string text;
+    bool is_final = false;  ///< The hub refused: trying again is in vain.
+  };
+  using Opened = expected<std::unique_ptr<Session>, Failure>;
+
+  void run();
+  [[nodiscard]] bool come_back(Session& session);
+  [[nodiscard]] Opened open();
+  [[nodiscard]] SubscribeRequestT request() const;
+  [[nodiscard]] std::string read(Session& session);
+  void take(const Batch& batch);
+  void take_losses(const Losses& losses);
+  void hand_over(std::span<const EventView> events);
+  void tell(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
+            bool has_hub_restarted = false);
+  void report_begin(std::optional<rpc::SetupError> error);
+  [[nodiscard]] bool sleep_unless_stopping(Duration span);
+
+  rpc::Node& node_;
+  const std::string target_;
+  EventHandler& handler_;
+  Assembler assembler_;
+
+  mutable std::mutex mutex_;  ///< Of what follows; never held while the handler runs.
+  std::condition_variable changed_;
+  ConsumerConfig config_;  ///< Its filter and delivery change.
+  std::shared_ptr<HubClient> control_client_{};
+  bool has_begun_ = false;
+  std::optional<rpc::SetupError> begin_error_{};
+  ConsumerCounters counters_{};
+  Losses earlier_losses_{};  ///< Of earlier sessions.
+
+  MonotonicTime last_heard_{};
+  std::uint64_t last_epoch_ = 0;
+  bool is_suspended_ = false;
+  std::atomic<std::uint64_t> subscription_id_{0};
+  std::atomic<bool> is_stopping_{false};
+  std::atomic<std::thread::id> own_thread_{};
+  std::mutex join_mutex_;
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::events

@@ -1,0 +1,222 @@
+#include "rtpm/events/hub.hpp"
+
+#include "hub_impl.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+
+namespace rtpm::events {
+namespace {
+
+using namespace std::chrono_literals;
+
+// How often consumers are looked at that left without a word.
+constexpr Duration kSweepInterval = 250ms;
+// When a consumer that took no more is tried again, if no event comes sooner.
+constexpr Duration kBacklogInterval = 1ms;
+// So many events are matched in one go; then others who wait for the hub have their turn.
+constexpr int kEventsPerTurn = 16;
+
+}  // namespace
+
+expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
+  auto poller = transport::Poller::open();
+  if (!poller) return rpc::setup_error(std::move(poller.error().text));
+  auto hub = std::make_unique<HubImpl>(config, std::move(*poller));
+  if (auto started = hub->start(config); !started) {
+    return rpc::setup_error(std::move(started.error().text));
+  }
+  return std::unique_ptr<Hub>(std::move(hub));
+}
+
+rpc::ServerConfig server_config_for(const HubConfig& config) {
+  const std::uint32_t count = std::min(config.limits.subscription_count_max, 1024U);
+  rpc::ServerConfig server;
+  server.name = "events";
+  server.session_count_max = 2 * count + 64;
+  server.message_size_max = 128 * 1024;
+  for (const auto& each : config.limits.store.classes) {
+    server.message_size_max = std::max(server.message_size_max, 2 * each.payload_size_max);
+  }
+  server.deferred_call_count_max = count;
+  server.stream_count_max = count;
+  return server;
+}
+
+HubImpl::HubImpl(const HubConfig& config, transport::Poller poller)
+    : epoch_(rt::random_u64()),
+      clock_domain_(rt::clock_domain()),
+      exchange_(config.limits),
+      outlets_(config.limits.subscription_count_max),
+      intake_(config.supplier_count_max, config.quota),
+      poller_(std::move(poller)) {}
+
+expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
+  auto thread = rt::Thread::start(
+      {.name = "rtpm-hub", .priority = config.priority, .realtime = config.realtime},
+      [this] { run(); });
+  if (!thread) return unexpected{std::move(thread.error())};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+HubImpl::~HubImpl() {
+  is_stopping_.store(true, std::memory_order_release);
+  poller_.ring();
+  thread_.join();
+}
+
+// --- what comes in ---------------------------------------------------------------------------
+
+void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept {
+  EventReader reader(events);
+  bool has_more = true;
+  while (has_more) {
+    const std::lock_guard lock(mutex_);
+    const MonotonicTime now = rt::now();
+    Intake::Supplier& its = intake_.find(supplier, now);
+    for (int i = 0; i < kEventsPerTurn && has_more; ++i) {
+      auto event = reader.next();
+      has_more = event.has_value();
+      if (has_more) {
+        event->header.hub_received = now;
+        event->header.hub_sent = {};
+        event->header.priority = priority;
+        event->header.is_replayed = false;
+        event->header.is_continued = false;
+        take(its, *event, now);
+      } else if (event.error() == EventError::kBroken) {
+        ++its.counters.bad_count;
+        ++intake_counters_.bad_count;
+      }
+    }
+    pump_ready(now);
+    ring_if_needed(now);
+  }
+}
+
+void HubImpl::take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept {
+  const auto count = [&](std::uint64_t IntakeCounters::*counter) {
+    ++(supplier.counters.*counter);
+    ++(intake_counters_.*counter);
+  };
+  if (!supplier.meter.take(event_span(event.payload.size()), now)) {
+    return count(&IntakeCounters::over_quota_count);
+  }
+  const auto offered = exchange_.offer(event, now);
+  if (offered) return count(&IntakeCounters::taken_count);
+  switch (offered.error()) {
+    case OfferError::kBadType:
+      return count(&IntakeCounters::bad_count);
+    case OfferError::kTooLarge:
+      return count(&IntakeCounters::too_large_count);
+    case OfferError::kNoMemory:
+      return count(&IntakeCounters::no_memory_count);
+  }
+}
+
+// --- what goes out ---------------------------------------------------------------------------
+
+void HubImpl::pump_ready(MonotonicTime now) noexcept {
+  while (const auto number = exchange_.take_ready())
+    pump(*number, now);
+}
+
+void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
+  Outlet& outlet = outlets_[number];
+  if (outlet.is_dead) return;
+  if (exchange_.has_failed(number)) {
+    // Behind what still waits, its end says why.
+    outlet.writer.fail(rpc::Refusal::kOverload);
+    outlet.is_dead = true;
+    has_dead_ = true;
+    return;
+  }
+  const auto outcome =
+      outlet.pump(exchange_.queue(number), exchange_.losses(number), builder_, now);
+  outlet.is_backlogged = outcome == Outlet::Outcome::kBacklog;
+  has_backlog_ |= outlet.is_backlogged;
+  if (outcome != Outlet::Outcome::kGone) return;
+  outlet.is_dead = true;
+  has_dead_ = true;
+}
+
+// The hub's thread sleeps until what it knew of; what is due sooner by now wakes it.
+void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
+  MonotonicTime next = exchange_.next_time();
+  if (has_backlog_) next = std::min(next, now + kBacklogInterval);
+  if (has_dead_) next = now;
+  if (next >= sleeping_until_) return;
+  sleeping_until_ = MonotonicTime::min();
+  poller_.ring();
+}
+
+void HubImpl::run() noexcept {
+  std::array<std::uint64_t, 8> tags{};
+  MonotonicTime next_sweep = rt::now() + kSweepInterval;
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    MonotonicTime until = kNever;
+    {
+      const std::lock_guard lock(mutex_);
+      const MonotonicTime now = rt::now();
+      exchange_.on_time(now);
+      pump_ready(now);
+      const bool is_sweep = now >= next_sweep;
+      if (is_sweep) next_sweep = now + kSweepInterval;
+      look_at_all(is_sweep, now);
+      until = std::min(exchange_.next_time(), next_sweep);
+      if (has_backlog_) until = std::min(until, now + kBacklogInterval);
+      sleeping_until_ = until;
+    }
+    bury_dead();
+    static_cast<void>(poller_.wait(until, tags));
+  }
+}
+
+// Those who took no more before; at times all, as who left without a word is seen by nothing else.
+void HubImpl::look_at_all(bool is_sweep, MonotonicTime now) noexcept {
+  if (!has_backlog_ && !is_sweep) return;
+  has_backlog_ = false;
+  for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
+    Outlet& outlet = outlets_[i];
+    if (outlet.id == 0 || outlet.is_dead) continue;
+    if (is_sweep && !outlet.writer.is_awaited()) {
+      outlet.is_dead = true;
+      has_dead_ = true;
+    } else if (outlet.is_backlogged || is_sweep) {
+      pump(i, now);
+    }
+  }
+}
+
+// Frees the places of those who left, each for itself, so that nobody waits for the freeing.
+void HubImpl::bury_dead() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!std::exchange(has_dead_, false)) return;
+  }
+  for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
+    Exchange::Prepared leftover;
+    Outlet outlet;
+    const std::lock_guard lock(mutex_);
+    if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
+    leftover = exchange_.unsubscribe(i);
+    std::swap(outlet, outlets_[i]);
+  }
+}
+
+expected<void, std::string> HubImpl::add_type(const EventDescriptor& descriptor) {
+  const std::lock_guard lock(types_mutex_);
+  return types_.add(descriptor);
+}
+
+IntakeCounters HubImpl::intake() const noexcept {
+  const std::lock_guard lock(mutex_);
+  return intake_counters_;
+}
+
+std::size_t HubImpl::subscription_count() const noexcept {
+  const std::lock_guard lock(mutex_);
+  return exchange_.size();
+}
+
+}  // namespace rtpm::events

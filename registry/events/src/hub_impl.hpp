@@ -1,0 +1,94 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "idl.hpp"
+#include "intake.hpp"
+#include "outlet.hpp"
+#include "rtpm/events/catalog.hpp"
+#include "rtpm/events/exchange.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/poller.hpp"
+
+namespace rtpm::events {
+
+/// The hub: an exchange behind a lock, served by lanes, with a thread that keeps its timeouts.
+class HubImpl final : public Hub, public HubServant {
+ public:
+  HubImpl(const HubConfig& config, transport::Poller poller);
+  ~HubImpl() override;
+  [[nodiscard]] expected<void, rt::RealtimeError> start(const HubConfig& config);
+
+  rpc::Servant& servant() noexcept override { return *this; }
+  std::uint64_t epoch() const noexcept override { return epoch_; }
+  void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept override;
+  expected<void, std::string> add_type(const EventDescriptor& descriptor) override;
+  std::uint32_t payload_size_max() const noexcept override {
+    return exchange_.store().payload_size_max();
+  }
+  IntakeCounters intake() const noexcept override;
+  std::size_t subscription_count() const noexcept override;
+
+  rpc::Result<HubFacts> about(const rpc::CallContext& context) override;
+  rpc::Result<void> push(const PushRequest& request, const rpc::CallContext& context) override;
+  void subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch> items,
+                 const rpc::CallContext& context) override;
+  rpc::Result<void> change(const ChangeRequest& request, rpc::ReplyBuilder<ChangeReply>& reply,
+                           const rpc::CallContext& context) override;
+  rpc::Result<void> control(const Control& request, const rpc::CallContext& context) override;
+  rpc::Result<void> attend(const AttendRequest& request, rpc::ReplyBuilder<AttendReply>& reply,
+                           const rpc::CallContext& context) override;
+  rpc::Result<void> report(rpc::ReplyBuilder<ReportReply>& reply,
+                           const rpc::CallContext& context) override;
+
+ private:
+  using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
+
+  [[nodiscard]] HubFacts facts() const noexcept;
+  /// Empty, or why one of the types was not taken. With types_mutex_ held.
+  [[nodiscard]] std::string add_types(const Types* types);
+  [[nodiscard]] expected<Exchange::Prepared, std::string> prepare(const FilterNode& filter,
+                                                                  const DeliveryEntry& delivery,
+                                                                  const Types* types);
+  void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
+  [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
+
+  // With mutex_ held:
+  void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
+  void pump_ready(MonotonicTime now) noexcept;
+  void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
+  void ring_if_needed(MonotonicTime now) noexcept;
+  void look_at_all(bool is_sweep, MonotonicTime now) noexcept;
+
+  void run() noexcept;
+  void bury_dead() noexcept;
+
+  const std::uint64_t epoch_;
+  const std::uint64_t clock_domain_;
+
+  mutable rt::PiMutex types_mutex_;
+  TypeCatalog types_{};
+
+  mutable rt::PiMutex mutex_;  ///< Of all that follows. Held for no longer than some events take.
+  Exchange exchange_;
+  std::vector<Outlet> outlets_;  ///< By the subscription's number.
+  Intake intake_;
+  IntakeCounters intake_counters_{};
+  ItemBuilder builder_{};
+  bool has_backlog_ = false;
+  bool has_dead_ = false;
+  MonotonicTime sleeping_until_ = kNever;
+
+  transport::Poller poller_;
+  std::atomic<bool> is_stopping_{false};
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::events

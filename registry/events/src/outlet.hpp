@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "idl.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/delivery.hpp"
+
+namespace rtpm::events {
+
+/// Builds the items of subscriptions, one at a time, in memory taken when built.
+/// Threads: one at a time.   RT: alloc-free.
+class ItemBuilder {
+ public:
+  ItemBuilder();
+
+  /// What one item is to hold besides events.
+  struct Extras {
+    const Welcome* welcome = nullptr;
+    const Losses* losses = nullptr;
+  };
+  /// A part of an event that is larger than an item.
+  struct EventPart {
+    EventView event{};
+    std::size_t offset = 0;
+    std::size_t size = 0;
+  };
+  /// As many events from the front of the queue as fit `size_max` bytes; how many, the builder
+  /// holds the item.
+  [[nodiscard]] std::size_t build(const DeliveryQueue& queue, const Extras& extras,
+                                  std::size_t size_max, MonotonicTime now) noexcept;
+  void build_part(const EventPart& part, const Extras& extras, MonotonicTime now) noexcept;
+  void build_refusal(std::string_view text) noexcept;
+
+  /// The item that was built last.
+  [[nodiscard]] const flatbuffers::FlatBufferBuilder& item() const noexcept { return builder_; }
+
+ private:
+  [[nodiscard]] std::uint8_t* begin(std::size_t event_bytes) noexcept;
+  void finish(const Extras& extras, const Part* part) noexcept;
+
+  std::vector<std::uint64_t> memory_;
+  rpc::LentMemory lent_;
+  flatbuffers::FlatBufferBuilder builder_;
+  flatbuffers::Offset<flatbuffers::Vector<std::uint8_t>> events_{};
+};
+
+/// Where one subscription's events leave the hub: its stream, and what the consumer was told.
+/// Threads: one at a time.   RT: alloc-free.
+class Outlet {
+ public:
+  /// What became of a try to send.
+  enum class Outcome : std::uint8_t {
+    kDone,     ///< Nothing waits.
+    kBacklog,  ///< Its consumer takes no more now. Try later.
+    kGone,     ///< Its consumer is gone.
+  };
+
+  std::uint64_t id = 0;  ///< 0: no subscription.
+  std::string name{};
+  rpc::TableWriter<Batch> writer{};
+  Welcome welcome{};
+  bool is_welcome_due = false;
+  bool is_latest_only = false;
+  bool is_suspended = false;
+  bool is_backlogged = false;
+  bool is_dead = false;
+
+  /// Sends what waits in the queue, as far as the consumer takes it.
+  [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,
+                             MonotonicTime now) noexcept;
+
+ private:
+  [[nodiscard]] bool has_room() const noexcept;
+  [[nodiscard]] expected<void, rpc::StreamError> send_once(DeliveryQueue& queue, Losses& losses,
+                                                           ItemBuilder& builder,
+                                                           MonotonicTime now) noexcept;
+
+  Losses told_{};
+  EventRef partial_{};  ///< The event that is being sent in parts,
+  bool is_partial_continued_ = false;
+  std::size_t partial_offset_ = 0;  ///< and how much of it is.
+};
+
+}  // namespace rtpm::events

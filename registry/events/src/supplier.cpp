@@ -1,0 +1,270 @@
+#include "rtpm/events/supplier.hpp"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <condition_variable>
+#include <mutex>
+#include <utility>
+
+#include "idl.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+namespace {
+
+// A batch fills a frame of shared memory, with room for what stands around it.
+constexpr std::size_t kBatchSizeMax = 15 * 1024;
+constexpr std::size_t kRequestOverheadMax = 256;
+constexpr std::size_t kSequenceCountMax = 256;
+
+IntakeCounters counters_of(const SupplierCounts& counts) noexcept {
+  return {counts.taken(), counts.over_quota(), counts.too_large(), counts.bad(),
+          counts.no_memory()};
+}
+
+/// How the hub's clock stands to ours.
+struct HubClock {
+  Duration offset{0};
+  std::uint32_t uncertainty_ns = 0;
+};
+
+}  // namespace
+
+class Supplier::Impl {
+ public:
+  explicit Impl(SupplierConfig config) : config_(std::move(config)), id_(rt::random_u64()) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() {
+    if (!thread_.is_running()) return;
+    {
+      const std::lock_guard lock(ending_mutex_);
+      is_ending_ = true;
+    }
+    ending_.notify_all();
+    thread_.join();
+  }
+
+  [[nodiscard]] expected<void, rpc::SetupError> begin(rpc::Node& node, std::string target) {
+    node_ = &node;
+    target_ = std::move(target);
+    auto client = bind();
+    if (!client) return unexpected{std::move(client.error())};
+    client_.emplace(std::move(*client));
+    if (std::string refusal = attend(); !refusal.empty()) return rpc::setup_error(refusal);
+    const auto about = client_->about({}, {.deadline = config_.deadline});
+    if (about) reserve(about->payload_size_max());
+    auto thread = rt::Thread::start({.name = "rtpm-attend", .realtime = rt::RealtimeMode::kOff},
+                                    [this] { keep_attending(); });
+    if (!thread) return rpc::setup_error(std::move(thread.error().text));
+    thread_ = std::move(*thread);
+    return {};
+  }
+  [[nodiscard]] expected<void, rpc::SetupError> begin(Hub& hub) {
+    hub_ = &hub;
+    reserve(hub.payload_size_max());
+    for (const EventDescriptor* each : config_.types) {
+      if (auto added = hub.add_type(*each); !added) return rpc::setup_error(added.error());
+    }
+    is_attended_ = true;
+    return {};
+  }
+
+  [[nodiscard]] expected<void, rpc::CallError> add(const EventDraft& draft) noexcept {
+    const std::size_t span = event_span(draft.payload.size());
+    if (span > memory_.size() * sizeof(memory_[0])) return unexpected{rpc::CallError::kTooLarge};
+    if (size_ > 0 && size_ + span > kBatchSizeMax) {
+      if (auto sent = flush(); !sent) return sent;
+    }
+    const HubClock clock = clock_.read().value_or(HubClock{});
+    EventWriter writer(std::as_writable_bytes(std::span(memory_)).subspan(size_));
+    const bool is_put = writer.put({.type = draft.type,
+                                    .source = draft.source,
+                                    .sequence = next_sequence(draft.type, draft.source),
+                                    .origin = draft.origin.value_or(rt::now()) + clock.offset,
+                                    .schema_id = draft.schema_id,
+                                    .origin_uncertainty_ns = clock.uncertainty_ns,
+                                    .priority = config_.priority,
+                                    .hops_left = config_.hops},
+                                   draft.payload);
+    if (!is_put) return unexpected{rpc::CallError::kTooLarge};
+    size_ += span;
+    return {};
+  }
+
+  [[nodiscard]] expected<void, rpc::CallError> flush() noexcept {
+    if (size_ == 0) return {};
+    const ConstBytes events = std::as_bytes(std::span(memory_)).first(std::exchange(size_, 0));
+    if (hub_ != nullptr) {
+      hub_->push(id_, events, config_.priority);
+      return {};
+    }
+    rpc::LentMemory lent(std::as_writable_bytes(std::span(request_)));
+    flatbuffers::FlatBufferBuilder builder(request_.size() * sizeof(request_[0]), &lent);
+    builder.ForceVectorAlignment(events.size(), 1, 16);
+    const auto bytes =
+        builder.CreateVector(reinterpret_cast<const std::uint8_t*>(events.data()), events.size());
+    builder.Finish(CreatePushRequest(builder, id_, bytes));
+    return client_->push_encoded(rpc::table_bytes(builder), {.priority = config_.priority});
+  }
+
+  rt::PiMutex mutex;  ///< Of add() and flush().
+
+  [[nodiscard]] IntakeCounters intake() const noexcept {
+    return intake_.read().value_or(IntakeCounters{});
+  }
+  [[nodiscard]] bool is_attended() const noexcept { return is_attended_; }
+
+ private:
+  struct Counter {
+    EventType type = 0;
+    SourceId source = 0;
+    std::uint64_t count = 0;
+  };
+
+  [[nodiscard]] expected<HubClient, rpc::SetupError> bind() {
+    return HubClient::bind(*node_, target_,
+                           {.transport = config_.transport,
+                            .deadline = config_.deadline,
+                            .warm_up = {config_.priority}});
+  }
+
+  void reserve(std::size_t payload_size_max) {
+    const std::size_t size = std::max(kBatchSizeMax, event_span(payload_size_max));
+    memory_.resize(size / sizeof(memory_[0]));
+    request_.resize((size + kRequestOverheadMax) / sizeof(request_[0]));
+  }
+
+  // More than the table holds count as 0: "not counted".
+  [[nodiscard]] std::uint64_t next_sequence(EventType type, SourceId source) noexcept {
+    for (std::size_t i = 0; i < counter_count_; ++i) {
+      if (counters_[i].type == type && counters_[i].source == source) return ++counters_[i].count;
+    }
+    if (counter_count_ == counters_.size()) return 0;
+    counters_[counter_count_++] = {type, source, 1};
+    return 1;
+  }
+
+  // Tells of ourselves and asks how we fare; why the hub refused a type, or does not answer.
+  [[nodiscard]] std::string attend() {
+    AttendRequestT request;
+    request.supplier = id_;
+    request.name = config_.name;
+    for (const EventDescriptor* each : config_.types)
+      request.types.push_back(entry_of(*each));
+    const auto reply = client_->attend(request, {.priority = 0, .deadline = config_.deadline});
+    is_attended_ = reply.has_value();
+    if (!reply) return std::string(rpc::to_string(reply.error()));
+    intake_.write(counters_of(*(*reply)->counts()));
+    read_clock();
+    return (*reply)->refusal() == nullptr ? std::string() : (*reply)->refusal()->str();
+  }
+
+  void read_clock() {
+    const auto about = client_->about({}, {.priority = 0});
+    if (!about) return;
+    HubClock clock;
+    if (about->clock_domain() != rt::clock_domain() || about->clock_domain() == 0) {
+      const auto hub = client_->binding().ping({.priority = 0});
+      if (!hub) return;
+      clock.offset = hub->offset;
+      clock.uncertainty_ns = static_cast<std::uint32_t>(
+          std::clamp<std::int64_t>(hub->uncertainty.count(), 0, kUncertaintyUnknown));
+      if (hub->uncertainty == Duration::max()) clock.offset = Duration{0};
+    }
+    clock_.write(clock);
+  }
+
+  void keep_attending() {
+    std::unique_lock lock(ending_mutex_);
+    while (!ending_.wait_for(lock, config_.attend_interval, [this] { return is_ending_; })) {
+      lock.unlock();
+      // A type that is refused by now was told at the begin; here only the hub's life counts.
+      static_cast<void>(attend());
+      if (!is_attended_) bind_again();
+      lock.lock();
+    }
+  }
+
+  // The name may lead elsewhere by now.
+  void bind_again() {
+    auto client = bind();
+    if (!client) return;
+    {
+      const std::lock_guard lock(mutex);
+      std::swap(*client_, *client);
+    }
+    static_cast<void>(attend());
+  }
+
+  const SupplierConfig config_;
+  const std::uint64_t id_;
+  rpc::Node* node_ = nullptr;
+  std::string target_{};
+  std::optional<HubClient> client_{};
+  Hub* hub_ = nullptr;
+
+  struct alignas(16) Line {
+    std::byte bytes[16];
+  };
+  std::vector<Line> memory_{};  ///< What was gathered,
+  std::size_t size_ = 0;        ///< in bytes.
+  std::vector<Line> request_{};
+  std::array<Counter, kSequenceCountMax> counters_{};
+  std::size_t counter_count_ = 0;
+
+  Latest<HubClock> clock_;
+  Latest<IntakeCounters> intake_;
+  std::atomic<bool> is_attended_{false};
+  std::mutex ending_mutex_;
+  std::condition_variable ending_;
+  bool is_ending_ = false;
+  rt::Thread thread_{};
+};
+
+Supplier::Supplier(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Supplier::~Supplier() = default;
+
+expected<std::unique_ptr<Supplier>, rpc::SetupError> Supplier::create(
+    rpc::Node& node, const std::string& target, const SupplierConfig& config) {
+  auto impl = std::make_unique<Impl>(config);
+  if (auto begun = impl->begin(node, target); !begun) return unexpected{std::move(begun.error())};
+  return std::unique_ptr<Supplier>(new Supplier(std::move(impl)));
+}
+
+expected<std::unique_ptr<Supplier>, rpc::SetupError> Supplier::create(
+    Hub& hub, const SupplierConfig& config) {
+  auto impl = std::make_unique<Impl>(config);
+  if (auto begun = impl->begin(hub); !begun) return unexpected{std::move(begun.error())};
+  return std::unique_ptr<Supplier>(new Supplier(std::move(impl)));
+}
+
+expected<void, rpc::CallError> Supplier::push(const EventDraft& event) noexcept {
+  const std::lock_guard lock(impl_->mutex);
+  if (auto added = impl_->add(event); !added) return added;
+  return impl_->flush();
+}
+
+expected<void, rpc::CallError> Supplier::add(const EventDraft& event) noexcept {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->add(event);
+}
+
+expected<void, rpc::CallError> Supplier::flush() noexcept {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->flush();
+}
+
+IntakeCounters Supplier::intake() const noexcept {
+  return impl_->intake();
+}
+bool Supplier::is_attended() const noexcept {
+  return impl_->is_attended();
+}
+
+}  // namespace rtpm::events

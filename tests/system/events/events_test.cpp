@@ -1,0 +1,142 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <string>
+
+#include "../programs.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/process.hpp"
+
+#include <events.rtpm.hpp>
+
+// A hub, suppliers and consumers as processes, of which some stop or die.
+namespace rtpm::system_test {
+namespace {
+
+using namespace std::chrono_literals;
+using namespace std::string_literals;
+
+class Events : public testing::TestWithParam<const char*> {
+ protected:
+  void SetUp() override {
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+    hub_ = start_hub(0);
+    ASSERT_TRUE(hub_);
+    supplier_.emplace(std::vector{path_of("events-peer"), "supply"s, registry_->url, kHub});
+    ASSERT_TRUE(supplier_->wait_for_output("supplying\n", kPatience)) << supplier_->errors();
+  }
+
+  [[nodiscard]] std::optional<Daemon> start_hub(std::uint16_t port) const {
+    return start_daemon("rtpm-eventd", {"--port", std::to_string(port), "--registry",
+                                        registry_->url, "--realtime", "off", "--wait", "block"});
+  }
+  /// A consumer that has got its first event.
+  [[nodiscard]] test::Process start_consumer() const {
+    test::Process consumer({path_of("events-peer"), "consume", registry_->url, kHub, GetParam()});
+    EXPECT_TRUE(consumer.wait_for_output("event ", kPatience))
+        << consumer.output() << consumer.errors();
+    return consumer;
+  }
+  /// Waits until it gets `count` further events.
+  static void expect_events(test::Process& consumer, int count) {
+    const std::size_t begin = consumer.output().size();
+    const MonotonicTime give_up = rt::now() + kPatience;
+    int seen = 0;
+    while (seen < count && rt::now() < give_up) {
+      static_cast<void>(consumer.wait_for_output("nothing that it prints", 10ms));
+      seen = test::line_count(std::string_view(consumer.output()).substr(begin));
+    }
+    EXPECT_GE(seen, count) << consumer.errors();
+  }
+  /// The sequences that a consumer printed, which must be without a gap.
+  static void expect_no_gap(const test::Process& consumer) {
+    std::uint64_t last = 0;
+    const std::string& text = consumer.output();
+    for (std::size_t at = text.find("event "); at != std::string::npos;
+         at = text.find("event ", at + 1)) {
+      // The last line may be half there.
+      if (text.find('\n', at) == std::string::npos) break;
+      const std::uint64_t sequence = std::stoull(text.substr(at + 6));
+      EXPECT_TRUE(last == 0 || sequence == last + 1) << last << " then " << sequence;
+      last = sequence;
+    }
+    EXPECT_GT(last, 0U);
+  }
+  [[nodiscard]] std::size_t subscription_count() const {
+    rpc::Node node;
+    auto hub = events::HubClient::bind(node, hub_->url);
+    EXPECT_TRUE(hub);
+    if (!hub) return 0;
+    const auto report = hub->report();
+    EXPECT_TRUE(report);
+    return report ? (*report)->subscriptions()->size() : 0;
+  }
+
+  static inline const std::string kHub{events::kHubPath};
+  std::optional<Daemon> registry_{};
+  std::optional<Daemon> hub_{};
+  std::optional<test::Process> supplier_{};
+};
+
+TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
+  test::Process stopped = start_consumer();
+  test::Process other = start_consumer();
+  stopped.send_signal(SIGSTOP);
+  expect_events(other, 4000);
+  expect_no_gap(other);
+  stopped.send_signal(SIGCONT);
+  // It was away for longer than a stream is kept: it subscribes anew by itself.
+  EXPECT_TRUE(stopped.wait_for_output("resubscribed\n", kPatience)) << stopped.output();
+  expect_events(stopped, 10);
+}
+
+TEST_P(Events, KilledConsumerLeavesItsPlaceAndHarmsNobody) {
+  test::Process other = start_consumer();
+  {
+    test::Process killed = start_consumer();
+    EXPECT_EQ(subscription_count(), 2U);
+    killed.send_signal(SIGKILL);
+    EXPECT_TRUE(killed.wait(kPatience));
+  }
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (subscription_count() > 1 && rt::now() < give_up)
+    expect_events(other, 10);
+  EXPECT_EQ(subscription_count(), 1U);
+  expect_no_gap(other);
+}
+
+TEST_P(Events, KilledHubIsReplacedAndAllGoOnByThemselves) {
+  test::Process consumer = start_consumer();
+  const std::uint16_t port = hub_->port();
+  hub_->process.send_signal(SIGKILL);
+  EXPECT_TRUE(hub_->process.wait(kPatience));
+  EXPECT_TRUE(consumer.wait_for_output("interrupted", kPatience)) << consumer.output();
+  hub_ = start_hub(port);
+  ASSERT_TRUE(hub_);
+  EXPECT_TRUE(consumer.wait_for_output("resubscribed to another life\n", kPatience))
+      << consumer.output();
+  expect_events(consumer, 20);
+}
+
+TEST_P(Events, KilledSupplierIsReplaced) {
+  test::Process consumer = start_consumer();
+  supplier_->send_signal(SIGKILL);
+  supplier_.emplace(std::vector{path_of("events-peer"), "supply"s, registry_->url, kHub});
+  ASSERT_TRUE(supplier_->wait_for_output("supplying\n", kPatience));
+  expect_events(consumer, 100);
+}
+
+INSTANTIATE_TEST_SUITE_P(Deliveries, Events, testing::Values("stream"),
+                         [](const auto& each) { return std::string(each.param); });
+
+TEST(EventsDaemon, SaysWhatIsWrongInOneSentence) {
+  const auto end = run_program("rtpm-eventd", {"--registry", "rtpm://127.0.0.1:1/rtpm/names",
+                                               "--port", "0", "--realtime", "off"});
+  expect_one_sentence(end, 1, {"rtpm-eventd", "127.0.0.1:1"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test

@@ -1,0 +1,353 @@
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "served_hub.hpp"
+
+// A hub behind a server, on every transport.
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+/// Waits until the hub has taken so many events.
+void await_taken(const Hub& hub, std::uint64_t count) {
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub.intake().taken_count < count && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 100us);
+  EXPECT_EQ(hub.intake().taken_count, count);
+}
+
+class HubOn : public testing::TestWithParam<rpc::Transport> {
+ protected:
+  ServedHub hub_{};
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+TEST_P(HubOn, DeliversWhatTheFilterAccepts) {
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer = make_consumer(
+      node_, hub_, recorder_,
+      any_of({of_type(kButton), where(kPose, "x", Comparison::kGreater, Scalar::of(1))}), {},
+      GetParam());
+  push(*supplier, kPose, 1, {.x = 0.5});
+  push(*supplier, kPose, 1, {.x = 1.5});
+  push(*supplier, kGaze);
+  push(*supplier, kButton, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  EXPECT_EQ(recorder_.text(), "5.1#2 6.2#1");
+  EXPECT_TRUE(recorder_.is_aligned_);
+  EXPECT_EQ(recorder_.last_payload_.size(), sizeof(PosePayload));
+  EXPECT_LE(recorder_.last_header_.origin, recorder_.last_header_.hub_received);
+  EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
+}
+
+TEST_P(HubOn, DeliversConjunctionsTogether) {
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer = make_consumer(node_, hub_, recorder_,
+                                      correlate({of_type(kPose), of_type(kGaze)}), {}, GetParam());
+  push(*supplier, kPose);
+  push(*supplier, kPose);
+  push(*supplier, kGaze);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.0#2+7.0#1");
+}
+
+TEST_P(HubOn, DeliversTimeouts) {
+  const auto consumer =
+      make_consumer(node_, hub_, recorder_, any_of({of_type(kPose), once(1ms, 9)}), {}, GetParam());
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "@9");
+}
+
+TEST_P(HubOn, TakesBatches) {
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer =
+      make_consumer(node_, hub_, recorder_, of_type(kPose), {.queue_capacity = 1000}, GetParam());
+  for (int i = 0; i < 500; ++i) {
+    ASSERT_TRUE(supplier->add({.type = kPose}));
+  }
+  ASSERT_TRUE(supplier->flush());
+  ASSERT_TRUE(recorder_.await_deliveries(500));
+  EXPECT_EQ(recorder_.last_header_.sequence, 500U);
+  EXPECT_EQ(consumer->counters().losses, Losses{});
+}
+
+TEST_P(HubOn, DeliversLargeEventsInParts) {
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose), {}, GetParam());
+  std::vector<std::byte> payload(60'000);
+  for (std::size_t i = 0; i < payload.size(); ++i)
+    payload[i] = static_cast<std::byte>(i * 31);
+  ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
+  push(*supplier, kPose);
+  ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.text(), "5.0#1 5.0#2 5.0#3");
+  EXPECT_EQ(recorder_.last_payload_, payload);
+}
+
+TEST_P(HubOn, RefusesAFilterInWords) {
+  const auto refused =
+      Consumer::create(node_, hub_.url(),
+                       {.filter = any_of({where(kPose, "y", Comparison::kLess, Scalar::of(1))}),
+                        .realtime = rt::RealtimeMode::kOff,
+                        .types = {&kPoseDescriptor},
+                        .transport = GetParam(),
+                        .deadline = kPatience},
+                       recorder_);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text.find("any[0].where"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text.find("'y'"), std::string::npos) << refused.error().text;
+  EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+}
+
+INSTANTIATE_TEST_SUITE_P(Transports, HubOn,
+                         testing::Values(rpc::Transport::kUdp, rpc::Transport::kTcp,
+                                         rpc::Transport::kSharedMemory),
+                         [](const auto& each) { return std::string(to_string(each.param)); });
+
+class HubTest : public testing::Test {
+ protected:
+  ServedHub hub_{};
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+TEST_F(HubTest, SupplierInTheHubsProgramNeedsNoCall) {
+  auto supplier = Supplier::create(hub_.hub(), {.types = {&kPoseDescriptor}});
+  ASSERT_TRUE(supplier);
+  const auto consumer = make_consumer(node_, hub_, recorder_,
+                                      where(kPose, "step", Comparison::kEqual, Scalar::of(3)));
+  push(**supplier, kPose, 0, {.step = 2});
+  push(**supplier, kPose, 0, {.step = 3});
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.0#2");
+}
+
+TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {
+  const auto supplier = make_supplier(node_, hub_);
+  push(*supplier, kPose);
+  push(*supplier, kPose);
+  Recorder early;
+  const auto other = make_consumer(node_, hub_, early, of_type(kButton));
+  push(*supplier, kButton);
+  // What the hub sent on, it has remembered.
+  ASSERT_TRUE(early.await_deliveries(1));
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose), {.replay = 1});
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "~5.0#2");
+}
+
+TEST_F(HubTest, SubscriptionIsChangedSuspendedAndResumed) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  ASSERT_TRUE(consumer->change(of_type(kButton), {}));
+  push(*supplier, kPose);
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  const auto refused = consumer->change(where(99, "z", Comparison::kLess, {}), {});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text.find("'z'"), std::string::npos);
+  ASSERT_TRUE(consumer->suspend());
+  push(*supplier, kButton);
+  await_taken(hub_.hub(), 4);
+  ASSERT_TRUE(consumer->resume());
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kLosses));
+  EXPECT_EQ(recorder_.notice(NoticeKind::kLosses).losses.suspended_count, 1U);
+}
+
+TEST_F(HubTest, SubscriptionSurvivesARestartOfTheHub) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  hub_.stop();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kInterrupted));
+  hub_.start();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kResubscribed));
+  EXPECT_TRUE(recorder_.notice(NoticeKind::kResubscribed).has_hub_restarted);
+  EXPECT_GT(recorder_.notice(NoticeKind::kResubscribed).gap, 0ns);
+  for (int i = 0; i < 10'000 && recorder_.text().find(' ') == std::string::npos; ++i) {
+    static_cast<void>(supplier->push({.type = kPose}));
+    static_cast<void>(recorder_.await([](const Recorder&) { return true; }));
+  }
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  EXPECT_EQ(consumer->counters().resubscription_count, 1U);
+}
+
+TEST_F(HubTest, SubscriptionThatIsRefusedAfterARestartEndsWithTheReason) {
+  const auto added = hub_.hub().add_type(kPoseDescriptor);
+  ASSERT_TRUE(added);
+  const auto consumer =
+      make_consumer(node_, hub_, recorder_, where(kPose, "x", Comparison::kLess, Scalar::of(1)));
+  hub_.stop();
+  hub_.start();
+  // Nobody has told the new hub what a pose is.
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kEnded));
+  EXPECT_NE(recorder_.texts_.back().find("'x'"), std::string::npos) << recorder_.texts_.back();
+}
+
+TEST_F(HubTest, HandlerMayUnsubscribeInItsCallback) {
+  class Leaver final : public Recorder {
+   public:
+    void on_events(std::span<const EventView> events) override {
+      {
+        const std::lock_guard lock(mutex_);
+        if (consumer == nullptr) return;
+      }
+      consumer->unsubscribe();
+      Recorder::on_events(events);
+    }
+    void set(Consumer& it) {
+      const std::lock_guard lock(mutex_);
+      consumer = &it;
+    }
+    Consumer* consumer = nullptr;
+  };
+  Leaver leaver;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, leaver, of_type(kPose));
+  leaver.set(*consumer);
+  push(*supplier, kPose);
+  push(*supplier, kPose);
+  ASSERT_TRUE(leaver.await_notice(NoticeKind::kEnded));
+  EXPECT_EQ(leaver.deliveries_.size(), 1U);
+  EXPECT_FALSE(consumer->is_subscribed());
+}
+
+TEST_F(HubTest, HandlerThatThrowsIsCountedAndGoesOn) {
+  class Thrower final : public Recorder {
+   public:
+    void on_events(std::span<const EventView> events) override {
+      Recorder::on_events(events);
+      if (events[0].header.sequence == 1) static_cast<void>(std::vector<int>().at(1));
+    }
+  };
+  Thrower thrower;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, thrower, of_type(kPose));
+  push(*supplier, kPose);
+  push(*supplier, kPose);
+  ASSERT_TRUE(thrower.await_deliveries(2));
+  ASSERT_TRUE(thrower.await_notice(NoticeKind::kHandlerFailed));
+  EXPECT_EQ(consumer->counters().handler_failure_count, 1U);
+}
+
+TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
+  for (int i = 0; i < 3; ++i) {
+    const auto consumer = make_consumer(node_, hub_, recorder_, everything());
+    EXPECT_GE(hub_.hub().subscription_count(), 1U);
+  }
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub_.hub().subscription_count() > 0 && rt::now() < give_up) {
+    rt::sleep_until(rt::now() + 1ms);
+  }
+  EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+}
+
+/// Holds its thread until the test lets it go.
+class Sleeper final : public Recorder {
+ public:
+  void on_events(std::span<const EventView> events) override {
+    Recorder::on_events(events);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return is_free; });
+  }
+  void release() {
+    const std::lock_guard lock(mutex_);
+    is_free = true;
+    changed_.notify_all();
+  }
+  bool is_free = false;
+};
+
+TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {
+  Sleeper sleeper;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose), {.queue_capacity = 4});
+  const auto quick = make_consumer(node_, hub_, recorder_, of_type(kPose));
+  constexpr std::size_t kCount = 1000;
+  for (std::size_t i = 1; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    ASSERT_TRUE(recorder_.await_deliveries(i));
+  }
+  EXPECT_EQ(quick->counters().losses, Losses{});
+  sleeper.release();
+  ASSERT_TRUE(sleeper.await_notice(NoticeKind::kLosses));
+  ASSERT_TRUE(
+      sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
+  EXPECT_EQ(slow->counters().event_count + slow->counters().losses.overflow_count, kCount);
+}
+
+TEST_F(HubTest, ConsumerWhosePolicyIsToDisconnectIsToldWhyAndComesBack) {
+  Sleeper sleeper;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose),
+                                  {.when_full = QueuePolicy::kDisconnect, .queue_capacity = 4});
+  for (int i = 0; i < 1000; ++i)
+    push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  sleeper.release();
+  ASSERT_TRUE(sleeper.await_notice(NoticeKind::kInterrupted));
+  EXPECT_NE(sleeper.texts_[1].find("queue was full"), std::string::npos) << sleeper.texts_[1];
+  ASSERT_TRUE(sleeper.await_notice(NoticeKind::kResubscribed));
+  EXPECT_FALSE(sleeper.notice(NoticeKind::kResubscribed).has_hub_restarted);
+}
+
+TEST(HubLimits, SupplierThatFloodsHarmsOnlyItself) {
+  ServedHub hub({.quota = {.events_per_s = 100, .bytes_per_s = 1e6, .burst_s = 0.1}});
+  rpc::Node node;
+  Recorder recorder;
+  const auto flooder = make_supplier(node, hub);
+  const auto other = make_supplier(node, hub);
+  const auto consumer = make_consumer(node, hub, recorder, of_type(kButton));
+  for (int i = 0; i < 1000; ++i)
+    push(*flooder, kPose);
+  push(*other, kButton);
+  ASSERT_TRUE(recorder.await_deliveries(1));
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (flooder->intake().over_quota_count == 0 && rt::now() < give_up) {
+    rt::sleep_until(rt::now() + 1ms);
+  }
+  EXPECT_GT(flooder->intake().over_quota_count, 500U);
+  EXPECT_EQ(other->intake().over_quota_count, 0U);
+}
+
+TEST(HubLimits, EventThatIsTooLargeIsRefusedAtOnce) {
+  ServedHub hub;
+  rpc::Node node;
+  const auto supplier = make_supplier(node, hub);
+  const std::vector<std::byte> payload(65'537);
+  EXPECT_EQ(supplier->push({.type = kPose, .payload = payload}).error(), rpc::CallError::kTooLarge);
+}
+
+TEST(HubLimits, HubThatIsFullSaysSo) {
+  ServedHub hub({.limits = {.subscription_count_max = 1}});
+  rpc::Node node;
+  Recorder recorder;
+  const auto first = make_consumer(node, hub, recorder, everything());
+  const auto second = Consumer::create(
+      node, hub.url(), {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder);
+  ASSERT_FALSE(second);
+}
+
+TEST(HubLimits, NoHubIsSaidSo) {
+  rpc::Node node;
+  Recorder recorder;
+  const auto consumer =
+      Consumer::create(node, "rtpm://127.0.0.1:1/rtpm/events",
+                       {.realtime = rt::RealtimeMode::kOff, .deadline = 100ms}, recorder);
+  ASSERT_FALSE(consumer);
+  EXPECT_NE(consumer.error().text.find("127.0.0.1:1"), std::string::npos) << consumer.error().text;
+}
+
+}  // namespace
+}  // namespace rtpm::events::test

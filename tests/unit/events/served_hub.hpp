@@ -1,0 +1,169 @@
+#pragma once
+
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <condition_variable>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <string>
+#include <vector>
+
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/events/supplier.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "table.hpp"
+
+/// A hub behind a server, and handlers that write down what they get.
+namespace rtpm::events::test {
+
+inline constexpr std::chrono::seconds kPatience{20};
+
+/// A hub that a test may end and start again at the same address.
+class ServedHub {
+ public:
+  explicit ServedHub(HubConfig config = {}) : config_(std::move(config)) {
+    config_.realtime = rt::RealtimeMode::kOff;
+    config_.priority.reset();
+    start();
+  }
+  ~ServedHub() { stop(); }
+  ServedHub(const ServedHub&) = delete;
+  ServedHub& operator=(const ServedHub&) = delete;
+
+  void start() {
+    auto hub = Hub::create(config_);
+    ASSERT_TRUE(hub) << hub.error().text;
+    hub_ = std::move(*hub);
+    auto settings = server_config_for(config_);
+    settings.port = port_;
+    settings.realtime = rt::RealtimeMode::kOff;
+    auto server = rpc::Server::create(settings);
+    ASSERT_TRUE(server) << server.error().text;
+    server_ = std::move(*server);
+    ASSERT_TRUE(server_->add(kHubPath, hub_->servant()));
+    const auto started = server_->start();
+    ASSERT_TRUE(started) << started.error().text;
+    port_ = server_->port();
+  }
+  void stop() {
+    if (server_) server_->stop();
+    server_.reset();
+    hub_.reset();
+  }
+  [[nodiscard]] Hub& hub() { return *hub_; }
+  [[nodiscard]] std::string url() const {
+    return "rtpm://127.0.0.1:" + std::to_string(port_) + "/" + std::string(kHubPath);
+  }
+
+ private:
+  HubConfig config_;
+  std::uint16_t port_ = 0;
+  std::unique_ptr<Hub> hub_{};
+  std::unique_ptr<rpc::Server> server_{};
+};
+
+/// Writes down deliveries as Table does, and notices.
+class Recorder : public EventHandler {
+ public:
+  void on_events(std::span<const EventView> events) override {
+    std::string text;
+    for (const EventView& event : events) {
+      if (!text.empty()) text += "+";
+      text += name_of(event.header);
+    }
+    const std::lock_guard lock(mutex_);
+    deliveries_.push_back(text);
+    last_payload_.assign(events.back().payload.begin(), events.back().payload.end());
+    last_header_ = events.back().header;
+    is_aligned_ = reinterpret_cast<std::uintptr_t>(events.back().payload.data()) % 16 == 0;
+    changed_.notify_all();
+  }
+  void on_notice(const Notice& notice) override {
+    const std::lock_guard lock(mutex_);
+    notices_.push_back(notice);
+    texts_.emplace_back(notice.text);
+    changed_.notify_all();
+  }
+
+  /// Waits until `is_so(*this)`, with the recorder locked; false if it does not come to that.
+  template <class Condition>
+  [[nodiscard]] bool await(Condition is_so) {
+    std::unique_lock lock(mutex_);
+    return changed_.wait_for(lock, kPatience, [&] { return is_so(*this); });
+  }
+  [[nodiscard]] bool await_deliveries(std::size_t count) {
+    return await([&](const Recorder& it) { return it.deliveries_.size() >= count; });
+  }
+  [[nodiscard]] bool await_notice(NoticeKind kind) {
+    return await([&](const Recorder& it) { return it.has(kind); });
+  }
+  [[nodiscard]] bool has(NoticeKind kind) const {
+    return std::ranges::any_of(notices_, [&](const Notice& each) { return each.kind == kind; });
+  }
+  /// All so far, with blanks between.
+  [[nodiscard]] std::string text() {
+    const std::lock_guard lock(mutex_);
+    std::string text;
+    for (const std::string& each : deliveries_)
+      text += (text.empty() ? "" : " ") + each;
+    return text;
+  }
+  [[nodiscard]] Notice notice(NoticeKind kind) {
+    const std::lock_guard lock(mutex_);
+    const auto found = std::ranges::find(notices_, kind, &Notice::kind);
+    EXPECT_NE(found, notices_.end());
+    return found == notices_.end() ? Notice{} : *found;
+  }
+
+  std::vector<std::string> deliveries_{};
+  std::vector<Notice> notices_{};
+  std::vector<std::string> texts_{};
+  std::vector<std::byte> last_payload_{};
+  EventHeader last_header_{};
+  bool is_aligned_ = false;
+
+ protected:
+  std::mutex mutex_{};
+  std::condition_variable changed_{};
+};
+
+inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema, kPoseFields};
+
+inline std::unique_ptr<Supplier> make_supplier(rpc::Node& node, const ServedHub& hub,
+                                               rpc::Transport transport = rpc::Transport::kAuto) {
+  auto supplier = Supplier::create(
+      node, hub.url(),
+      {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience});
+  EXPECT_TRUE(supplier) << supplier.error().text;
+  return supplier ? std::move(*supplier) : nullptr;
+}
+
+inline std::unique_ptr<Consumer> make_consumer(rpc::Node& node, const ServedHub& hub,
+                                               EventHandler& handler, const Filter& filter,
+                                               const DeliveryPolicy& delivery = {},
+                                               rpc::Transport transport = rpc::Transport::kAuto) {
+  auto consumer = Consumer::create(node, hub.url(),
+                                   {.filter = filter,
+                                    .delivery = delivery,
+                                    .realtime = rt::RealtimeMode::kOff,
+                                    .transport = transport,
+                                    .deadline = kPatience},
+                                   handler);
+  EXPECT_TRUE(consumer) << consumer.error().text;
+  return consumer ? std::move(*consumer) : nullptr;
+}
+
+/// Pushes a pose or another event with a pose's payload.
+inline void push(Supplier& supplier, EventType type, SourceId source = 0,
+                 const PosePayload& payload = {}) {
+  const auto bytes = std::as_bytes(std::span<const PosePayload, 1>(&payload, 1));
+  const auto pushed =
+      supplier.push({.type = type, .source = source, .schema_id = kPoseSchema, .payload = bytes});
+  EXPECT_TRUE(pushed) << rpc::to_string(pushed.error());
+}
+
+}  // namespace rtpm::events::test
