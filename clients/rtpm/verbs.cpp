@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <string_view>
 
+#include "host_verbs.hpp"
 #include "remote.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
@@ -75,6 +76,8 @@ constexpr std::array kVerbs{
          "call TARGET METHOD [JSON]: calls a method, such as "
          "`call lab/arm0 set_force '{x: 1}'`",
          &call},
+    Verb{"lanes", 0, 1, "lanes [watch]: what the lanes of this host's servers do", &lanes},
+    Verb{"doctor", 0, 0, "doctor: what this host gives to real-time programs", &doctor},
 };
 
 }  // namespace

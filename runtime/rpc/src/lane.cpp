@@ -1,4 +1,5 @@
 #include "lane.hpp"
+#include "lane_table_owner.hpp"
 
 #include <algorithm>
 #include <exception>
@@ -99,7 +100,9 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
           call_count_max(setup), setup.deferred_call_count_max, setup.sessions.message_size_max,
           Crew::is_wanted(setup.config, setup.borrows), poller_)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
-      turns_per_look_(kTurnsPerLook) {
+      turns_per_look_(kTurnsPerLook),
+      slot_(*setup.slot) {
+  show_config();
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
@@ -115,6 +118,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
 }
 
 void Lane::run() noexcept {
+  BusyMark::show_at(&slot_.busy_since_ns.front());
   const rt::NoAllocationScope no_allocation;
   MonotonicTime spin_end = kNever;
   while (!is_stopping_.load(std::memory_order_acquire))
@@ -126,7 +130,7 @@ void Lane::run() noexcept {
 void Lane::step(MonotonicTime& spin_end) noexcept {
   if (turn()) {
     spin_end = kNever;
-    nap_if_overdue();
+    nap_if_overdue(received_);
     return;
   }
   if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
@@ -154,6 +158,7 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
 void Lane::rest_if_spent(MonotonicTime now) noexcept {
   const rt::RealtimeBudget& budget = rt::this_thread_budget();
   if (!budget.is_spent(now)) return;
+  ++sample_.rest_count;
   if (budget.must_sleep(now)) {
     nap(now + rt::RealtimeBudget::kNap);
   } else {
@@ -162,9 +167,11 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
 }
 
 // The same for one with so much to do that it never comes to wait.
-void Lane::nap_if_overdue() noexcept {
-  const Duration rest = rt::this_thread_budget().overdue(received_);
-  if (rest > Duration{0}) nap(rt::now() + rest);
+void Lane::nap_if_overdue(MonotonicTime now) noexcept {
+  const Duration rest = rt::this_thread_budget().overdue(now);
+  if (rest == Duration{0}) return;
+  ++sample_.rest_count;
+  nap(now + rest);
 }
 
 // Sleeps without looking at anything. Others may use the lane meanwhile.
@@ -363,6 +370,7 @@ bool Lane::serve_datagram() noexcept {
   for (; !answer.empty(); answer = datagram_sessions_.next_frame(rt::now())) {
     if (!port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
   }
+  end_cycle(std::max(completed_, received_));
   after_frame(verdict.credit_tag);
   return true;
 }
@@ -391,6 +399,7 @@ bool Lane::serve_stream(Source source) noexcept {
     is_good = connection.stream->send(answer, transport::Poller::kAlready).has_value();
     if (!is_good) ++counters_.send_failure_count;
   }
+  end_cycle(std::max(completed_, received_));
   after_frame(verdict.credit_tag);
   if (!connection.stream) return true;  // It ended as its stream's items were sent.
   if (!is_good) {
@@ -454,13 +463,36 @@ void Lane::give_back(std::unique_ptr<transport::Connection>& stream) noexcept {
   acceptor_bell_->ring();
 }
 
+// What of the lane stays as it is, for others to see.
+void Lane::show_config() noexcept {
+  const std::size_t size = std::min(config_.name.size(), slot_.name.size() - 1);
+  std::copy_n(config_.name.begin(), size, slot_.name.begin());
+  slot_.band_low = static_cast<std::uint16_t>(band_.low.value());
+  slot_.band_high = static_cast<std::uint16_t>(band_.high.value());
+  slot_.priority = static_cast<std::uint16_t>(config_.priority.value());
+  slot_.wait = static_cast<std::uint8_t>(config_.wait.strategy);
+  slot_.schedule = static_cast<std::uint8_t>(config_.schedule);
+}
+
+// A frame was dealt with. `end`: when its answer was written, or when it was taken.
+void Lane::end_cycle(MonotonicTime end) noexcept {
+  ++sample_.cycle_count;
+  sample_.last_cycle_end_ns = to_ns(end);
+  sample_.longest_cycle_ns =
+      std::max(sample_.longest_cycle_ns, std::int64_t{(end - received_).count()});
+}
+
 void Lane::publish() noexcept {
   if (!is_unpublished_) return;
   is_unpublished_ = false;
   counters_.frames = datagram_sessions_.counters();
   counters_.frames.add(stream_sessions_.counters());
   counters_.frames.add(memory_sessions_.counters());
-  published_.write(counters_);
+  sample_.counters = counters_;
+  sample_.queued_count = crew_ ? crew_->queued_count() : 0;
+  sample_.open_call_count = pending_->open_count();
+  sample_.open_connection_count = connection_count_;
+  slot_.sample.write(sample_);
 }
 
 }  // namespace rtpm::rpc

@@ -10,9 +10,9 @@
 #include "crew.hpp"
 #include "object_table.hpp"
 #include "pending.hpp"
-#include "rtpm/base/latest.hpp"
 #include "rtpm/base/ring.hpp"
 #include "rtpm/rpc/counters.hpp"
+#include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/rt/periodic.hpp"
@@ -39,6 +39,7 @@ struct LaneSetup {
   std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
   /// Of the thread that frees ended connections and starts threads.
   transport::Poller* acceptor_bell = nullptr;
+  LaneSlot* slot = nullptr;  ///< Where others see what it does.
 };
 
 /// The runtime of one lane: its sockets, its sessions and the loop that its thread runs, or its
@@ -75,7 +76,7 @@ class Lane {
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] const LaneConfig& config() const noexcept { return config_; }
   [[nodiscard]] ServerCounters counters() const noexcept {
-    return published_.read().value_or(ServerCounters{});
+    return slot_.sample.read().value_or(LaneSample{}).counters;
   }
 
  private:
@@ -96,7 +97,7 @@ class Lane {
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
   void rest_if_spent(MonotonicTime now) noexcept;
-  void nap_if_overdue() noexcept;
+  void nap_if_overdue(MonotonicTime now) noexcept;
   [[nodiscard]] Duration spin_time() const noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
@@ -151,6 +152,8 @@ class Lane {
   void retire(Source source) noexcept;
   void give_back(std::unique_ptr<transport::Connection>& stream) noexcept;
   void publish() noexcept;
+  void show_config() noexcept;
+  void end_cycle(MonotonicTime end) noexcept;
 
   LaneConfig config_;
   Band band_;
@@ -185,12 +188,14 @@ class Lane {
   std::uint32_t glance_count_ = 0;  ///< Turns of a lane that spins, for looks at the clock.
   std::uint32_t streak_ = 0;        ///< Frames taken from hot_ without a look at the others.
   MonotonicTime last_look_{};
-  MonotonicTime received_{};  ///< When the last frame was taken.
+  MonotonicTime received_{};   ///< When the last frame was taken,
+  MonotonicTime completed_{};  ///< and when a call's answer was written last.
   bool is_periodic_ = false;
   bool has_rhythm_ = false;  ///< At the last look ahead.
   rt::Foresight foresight_;
   bool is_unpublished_ = false;
   ServerCounters counters_{};
+  LaneSample sample_{};  ///< But for its counters, which publish() adds.
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};
   alignas(64) std::array<std::uint64_t, 64> ready_{};
 
@@ -199,7 +204,7 @@ class Lane {
   Handover leaving_;
   std::atomic<bool> has_arrivals_{false};
   std::atomic<bool> is_stopping_{false};
-  Latest<ServerCounters> published_;
+  LaneSlot& slot_;
 };
 
 }  // namespace rtpm::rpc

@@ -6,6 +6,7 @@
 
 #include "current_call.hpp"
 #include "lane.hpp"
+#include "lane_table_owner.hpp"
 #include "policy.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -77,7 +78,8 @@ ConstBytes Lane::run_request(wire::ServerSessions& sessions,
     return {};
   }
   RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
-  return sessions.complete(request, result.status, result.reply_size, rt::now());
+  completed_ = rt::now();
+  return sessions.complete(request, result.status, result.reply_size, completed_);
 }
 
 // hp-5.8-3: the caller goes on as soon as it is clear that its call will run.
@@ -96,7 +98,8 @@ ConstBytes Lane::run_accepted(wire::ServerSessions& sessions,
     ++counters_.deferred_count;
     return {};
   }
-  return sessions.complete(request, result.status, 0, rt::now());
+  completed_ = rt::now();
+  return sessions.complete(request, result.status, 0, completed_);
 }
 
 // Whether a method would run.
@@ -155,6 +158,7 @@ DispatchResult Lane::run_servant(const Object& object, const wire::Request& requ
                             &deferral};
   rt::adopt_priority(context.priority);
   const CurrentCall current(context);
+  const BusyMark busy(request.received);
   try {
     return object.servant->dispatch(header.method, request.payload, reply, context);
   } catch (...) {

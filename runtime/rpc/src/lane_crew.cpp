@@ -7,6 +7,7 @@
 
 #include "crew.hpp"
 #include "lane.hpp"
+#include "lane_table_owner.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -79,7 +80,10 @@ rt::ThreadConfig Lane::thread_config(std::uint32_t index) const {
 expected<rt::Thread, rt::RealtimeError> Lane::start_worker(Worker& worker, std::uint32_t index) {
   worker.is_started = true;
   worker.has_ended.store(false, std::memory_order_relaxed);
-  auto thread = rt::Thread::start(thread_config(index), [this, &worker] { work(worker); });
+  auto thread = rt::Thread::start(thread_config(index), [this, &worker, index] {
+    BusyMark::show_at(&slot_.busy_since_ns[index]);
+    work(worker);
+  });
   worker.is_started = thread.has_value();
   return thread;
 }
@@ -221,11 +225,15 @@ void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
     call.size = result->reply_size;
     call.is_ended.store(true, std::memory_order_release);
   }
+  const MonotonicTime now = rt::now();
+  const std::int64_t cycle_ns = (now - call.request.received).count();
+  sample_.longest_cycle_ns = std::max(sample_.longest_cycle_ns, cycle_ns);
   is_unpublished_ = true;
   // Who is answered may call at once, where this thread is at home.
   if (lender != nullptr) lender->expect_back();
   serve_pending_call(call);
   publish();
+  nap_if_overdue(now);
 }
 
 // Keeps a call until a thread has time for it, or refuses it.

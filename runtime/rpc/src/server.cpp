@@ -4,6 +4,7 @@
 
 #include "acceptor.hpp"
 #include "lane.hpp"
+#include "lane_table_owner.hpp"
 #include "object_table.hpp"
 #include "policy.hpp"
 #include "rtpm/rt/host.hpp"
@@ -123,6 +124,7 @@ class ServerImpl final : public Server {
   std::uint16_t port_ = 0;
   ObjectTable objects_;
   std::unique_ptr<Acceptor> acceptor_;
+  rt::PublicMemory lane_table_;
   std::vector<std::unique_ptr<Lane>> lanes_;
   bool is_started_ = false;
   bool is_stopped_ = false;
@@ -205,6 +207,9 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.sessions.ceiling = config_.ceiling;
   setup.sessions.session_count_max = config_.session_count_max;
   setup.sessions.message_size_max = config_.message_size_max;
+  auto table = make_lane_table(config_, port_);
+  if (!table) return unexpected{in_words(config_, table.error())};
+  lane_table_ = std::move(*table);
   setup.large_message_count_max = config_.large_message_count_max;
   setup.deferred_call_count_max = config_.deferred_call_count_max;
   setup.stream_count_max = config_.stream_count_max;
@@ -219,11 +224,14 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
                   is_last ? Priority{Priority::kHighest} : Priority{lows[i + 1].value() - 1}};
     setup.sessions.band = setup.band;
     setup.sessions.key = {rt::random_u64(), rt::random_u64()};
+    setup.slot = &slot_of(lane_table_, i);
     lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
     if (!config_.borrows) continue;
     setup.lower = lanes_.back().get();
     setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
   }
+  // SYNC POINT lane-table: only now it can be read, when all of its lanes are in it.
+  open_to_readers(lane_table_);
   return {};
 }
 

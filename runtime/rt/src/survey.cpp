@@ -110,7 +110,7 @@ SetupNote survey_kernel() {
     return {"kernel", Grant::kGranted, "it is a real-time kernel (PREEMPT_RT)", ""};
   }
   return {"kernel", Grant::kPartly,
-          "it is not a real-time kernel: its own work may delay a thread for some hundred µs",
+          "it is not a real-time kernel: its own work may delay real-time threads",
           "install linux-image-rt-amd64, where the tail matters."};
 }
 

@@ -49,6 +49,25 @@ TEST_F(Tool, DescribesAndLists) {
   EXPECT_EQ(listed.output, "room/light\troom.Light\n");
 }
 
+TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {
+  ASSERT_EQ(run({"call", light_, "get"}).exit_code, 0);
+  const auto end = run({"lanes"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_TRUE(end.output.starts_with("PROCESS")) << end.output;
+  const std::string port = light_.substr(0, light_.find("/room"));
+  const std::string server = "@" + port.substr(port.rfind('/') + 1);
+  EXPECT_NE(end.output.find(server), end.output.npos) << server << " is not in\n" << end.output;
+  EXPECT_EQ(run({"lanes", "always"}).exit_code, 2);
+}
+
+TEST_F(Tool, SaysWhatTheHostGives) {
+  const auto end = run({"doctor"});
+  for (const char* subject : {"real-time", "throttling", "memory lock", "clock"})
+    EXPECT_NE(end.output.find(subject), end.output.npos) << end.output;
+  const bool is_refused = end.output.find("refused") != end.output.npos;
+  EXPECT_EQ(end.exit_code, is_refused ? 1 : 0);
+}
+
 TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
   struct Case {
     std::vector<std::string> arguments;

@@ -1,0 +1,185 @@
+#include "host_verbs.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <map>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/lane_table.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/report.hpp"
+
+// The verbs about this host, which call nobody.
+namespace rtpm::tool {
+namespace {
+
+constexpr Duration kWatchInterval = std::chrono::seconds{1};
+
+using Row = std::vector<std::string>;
+
+const Row kHead{"PROCESS", "SERVER", "LANE",    "BAND", "WAIT",   "CALLS", "PER-S", "LONGEST",
+                "QUEUE",   "OPEN",   "DROPPED", "LATE", "COPIES", "RESTS", "RUNS",  "FOR"};
+
+/// A time in the unit that suits it: "12.3 us".
+std::string time_text(std::int64_t ns) {
+  constexpr std::array<std::pair<std::int64_t, const char*>, 3> kUnits{
+      {{1'000'000'000, "s"}, {1'000'000, "ms"}, {1'000, "us"}}};
+  std::array<char, 32> text{};
+  for (const auto& [size, name] : kUnits) {
+    if (ns < size) continue;
+    std::snprintf(text.data(), text.size(), "%.1f %s",
+                  static_cast<double>(ns) / static_cast<double>(size), name);
+    return text.data();
+  }
+  return std::to_string(ns) + " ns";
+}
+
+std::uint64_t dropped_count(const wire::FrameCounters& frames) {
+  std::uint64_t sum = 0;
+  for (const std::uint64_t count : frames.dropped)
+    sum += count;
+  return sum;
+}
+
+/// When and how many calls a lane had run at the last look, by which the rate is told.
+struct Earlier {
+  MonotonicTime when{};
+  std::uint64_t call_count = 0;
+};
+using History = std::map<std::pair<int, std::string>, Earlier>;
+
+std::string rate_of(const rpc::LaneTable& table, const rpc::LaneReading& lane,
+                    std::uint64_t call_count, History& history) {
+  const MonotonicTime now = rt::now();
+  const std::string place = std::to_string(table.port()) + "/" + lane.name;
+  Earlier& earlier = history[{table.process_id(), place}];
+  const Earlier before = std::exchange(earlier, {now, call_count});
+  if (before.when == MonotonicTime{} || call_count < before.call_count) return "-";
+  const double seconds = std::chrono::duration<double>(now - before.when).count();
+  const double rate = static_cast<double>(call_count - before.call_count) / seconds;
+  return std::to_string(static_cast<std::uint64_t>(rate + 0.5));
+}
+
+Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& history) {
+  const rpc::LaneSample sample = lane.sample.value_or(rpc::LaneSample{});
+  const rpc::ServerCounters& counters = sample.counters;
+  const std::int64_t busy_ns =
+      lane.busy_since == MonotonicTime{} ? 0 : (rt::now() - lane.busy_since).count();
+  const std::string band = std::to_string(lane.band_low) + "-" + std::to_string(lane.band_high);
+  const bool is_shared = lane.schedule == "time-shared";
+  return {std::to_string(table.process_id()),
+          table.server_name() + "@" + table.host() + ":" + std::to_string(table.port()),
+          lane.name,
+          band,
+          lane.wait + (is_shared ? ",shared" : ""),
+          std::to_string(counters.call_count),
+          rate_of(table, lane, counters.call_count, history),
+          time_text(sample.longest_cycle_ns),
+          std::to_string(sample.queued_count),
+          std::to_string(sample.open_call_count),
+          std::to_string(dropped_count(counters.frames)),
+          std::to_string(counters.frames.expired_count + counters.late_count),
+          std::to_string(counters.frames.duplicate_answered_count +
+                         counters.frames.dropped_for(wire::DropReason::kDuplicateRunning)),
+          std::to_string(sample.rest_count),
+          std::to_string(lane.busy_count),
+          busy_ns > 0 ? time_text(busy_ns) : "-"};
+}
+
+/// What a row has no room for: why frames were dropped and calls failed.
+std::string remarks_of(const rpc::LaneReading& lane) {
+  if (!lane.sample) return {};
+  std::string text;
+  const auto add = [&](std::string_view what, std::uint64_t count) {
+    if (count > 0) text.append(" ").append(what).append("=").append(std::to_string(count));
+  };
+  const rpc::ServerCounters& counters = lane.sample->counters;
+  for (std::size_t i = 0; i < wire::kDropReasonCount; ++i)
+    add(to_string(static_cast<wire::DropReason>(i)), counters.frames.dropped[i]);
+  add("refused", counters.frames.refused_count);
+  add("overload", counters.overload_count);
+  add("borrowed", counters.borrowed_count);
+  add("queued_max", counters.queued_count_max);
+  add("evicted", counters.frames.session_evicted_count);
+  add("servant_failures", counters.servant_failure_count);
+  add("send_failures", counters.send_failure_count);
+  add("broken_memory", counters.broken_memory_count);
+  return text.empty() ? text : "  " + lane.name + ":" + text + "\n";
+}
+
+std::string aligned(const std::vector<Row>& rows) {
+  std::vector<std::size_t> widths(kHead.size());
+  for (const Row& row : rows) {
+    for (std::size_t i = 0; i < row.size(); ++i)
+      widths[i] = std::max(widths[i], row[i].size());
+  }
+  std::string text;
+  for (const Row& row : rows) {
+    std::string line;
+    for (std::size_t i = 0; i < row.size(); ++i) {
+      const std::string space(widths[i] - row[i].size(), ' ');
+      constexpr std::size_t kTextColumns = 5;  // Those are flush left, the numbers right.
+      line += (i == 0 ? "" : "  ") + (i < kTextColumns ? row[i] + space : space + row[i]);
+    }
+    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
+  }
+  return text;
+}
+
+std::string picture_of_lanes(History& history) {
+  std::vector<Row> rows{kHead};
+  std::string remarks;
+  for (const rpc::LaneTable& table : rpc::LaneTable::find()) {
+    if (!table.is_known()) {
+      remarks += "  process " + std::to_string(table.process_id()) + " has a table of version " +
+                 std::to_string(table.version()) + ", which this rtpm can't read\n";
+      continue;
+    }
+    for (const rpc::LaneReading& lane : table.read()) {
+      rows.push_back(row_of(table, lane, history));
+      remarks += remarks_of(lane);
+    }
+  }
+  if (rows.size() == 1 && remarks.empty()) {
+    return "no servers that you may look at run on this host\n";
+  }
+  return aligned(rows) + remarks;
+}
+
+}  // namespace
+
+int lanes(const Request& request) {
+  const bool is_watch = !request.arguments.empty();
+  if (is_watch && request.arguments[0] != "watch") {
+    std::fprintf(stderr, "rtpm: usage: rtpm lanes [watch]\n");
+    return 2;
+  }
+  History history;
+  if (!is_watch) {
+    std::fputs(picture_of_lanes(history).c_str(), stdout);
+    return 0;
+  }
+  program::StopSignal stop;
+  do {
+    const std::string picture = picture_of_lanes(history);
+    // From the top of an empty screen.
+    std::printf("\x1b[H\x1b[2J%s", picture.c_str());
+    std::fflush(stdout);
+  } while (!stop.wait_for(kWatchInterval));
+  return 0;
+}
+
+int doctor(const Request&) {
+  const auto notes = rt::survey_host();
+  std::fputs(rt::to_text(notes).c_str(), stdout);
+  const bool is_refused = std::ranges::any_of(
+      notes, [](const rt::SetupNote& note) { return note.grant == rt::Grant::kRefused; });
+  return is_refused ? 1 : 0;
+}
+
+}  // namespace rtpm::tool

@@ -1,0 +1,117 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/counters.hpp"
+#include "rtpm/rt/public_memory.hpp"
+
+/// What every server shows of its lanes to other processes of the same user, in memory that they
+/// read without its help: a header and, one after the other, a slot per lane. `rtpm lanes` prints
+/// it. All numbers are of the machine's own byte order; a change of any struct here, or of
+/// ServerCounters, is a new kLaneTableVersion.
+namespace rtpm::rpc {
+
+/// The name of the memory, as rt::find_public_memory() takes it.
+inline constexpr std::string_view kLaneTableName = "lanes";
+inline constexpr std::uint64_t kLaneTableMagic = 0x5345'4e41'4c4d'5052;  // "RPMLANES"
+inline constexpr std::uint32_t kLaneTableVersion = 1;
+
+/// How many threads a lane has at most: 64 static ones, 64 dynamic ones, and who receives
+/// meanwhile.
+inline constexpr std::size_t kLaneThreadCountMax = 129;
+
+/// What a lane counts while it serves. A cycle is from when a frame was taken up to when its answer
+/// was written, the method included.
+struct LaneSample {
+  ServerCounters counters{};
+  std::uint64_t cycle_count = 0;            ///< Frames that were taken and dealt with.
+  std::int64_t longest_cycle_ns = 0;        ///< The longest of these.
+  std::int64_t last_cycle_end_ns = 0;       ///< On CLOCK_MONOTONIC; 0: none yet.
+  std::uint64_t queued_count = 0;           ///< Calls that wait for a thread, now.
+  std::uint64_t open_call_count = 0;        ///< Calls that are deferred, or streams, now.
+  std::uint64_t open_connection_count = 0;  ///< Over TCP and through memory, now.
+  std::uint64_t rest_count = 0;             ///< Rests for the kernel's sake, see rt/budget.hpp.
+};
+
+/// One lane. All but the atomics is written before the table can be found, and stays.
+struct alignas(64) LaneSlot {
+  std::array<char, 32> name{};  ///< Ends with 0.
+  std::uint16_t band_low = 0;   ///< Priorities.
+  std::uint16_t band_high = 0;
+  std::uint16_t priority = 0;
+  std::uint8_t wait = 0;      ///< rt::WaitStrategy.
+  std::uint8_t schedule = 0;  ///< rt::Schedule.
+  /// Of each thread: when the call whose method it runs was received; 0: it runs none.
+  std::array<std::atomic<std::int64_t>, kLaneThreadCountMax> busy_since_ns{};
+  Latest<LaneSample> sample{};
+};
+
+struct alignas(64) LaneTableHeader {
+  std::atomic<std::uint64_t> magic{0};  ///< Written last.
+  std::uint32_t version = 0;
+  std::uint32_t slot_size = 0;  ///< Bytes from one slot to the next; the first is behind this.
+  std::uint32_t slot_count = 0;
+  std::uint16_t port = 0;
+  std::uint16_t reserved = 0;
+  std::int64_t created_ns = 0;         ///< On CLOCK_MONOTONIC.
+  std::array<char, 64> server_name{};  ///< Ends with 0.
+  std::array<char, 48> host{};         ///< Ends with 0.
+};
+
+static_assert(std::atomic<std::int64_t>::is_always_lock_free);
+
+/// A lane as a reader saw it. Texts hold printable ASCII only.
+struct LaneReading {
+  std::string name{};
+  int band_low = 0;
+  int band_high = 0;
+  int priority = 0;
+  std::string wait{};            ///< "adaptive"; "unknown" if it is none that is known here.
+  std::string schedule{};        ///< "fifo".
+  std::uint32_t busy_count = 0;  ///< Threads that run methods.
+  MonotonicTime busy_since{};    ///< Since when the one does that runs longest; the epoch: none.
+  /// None: nothing was served yet, or the lane was stopped in the middle of writing.
+  std::optional<LaneSample> sample{};
+};
+
+/// Another process's table of lanes.
+/// Threads: one at a time.   Set-up only.
+class LaneTable {
+ public:
+  /// The tables of all servers that the caller may look at. A table of another version is there
+  /// too, but has no lanes: see is_known().
+  [[nodiscard]] static std::vector<LaneTable> find();
+
+  [[nodiscard]] int process_id() const noexcept { return view_.process_id(); }
+  [[nodiscard]] bool is_alive() const noexcept { return view_.is_alive(); }
+  /// False: its version is not spoken here, or it is not whole.
+  [[nodiscard]] bool is_known() const noexcept { return slot_count_ > 0; }
+  [[nodiscard]] std::uint32_t version() const noexcept { return version_; }
+  [[nodiscard]] const std::string& server_name() const noexcept { return server_name_; }
+  [[nodiscard]] const std::string& host() const noexcept { return host_; }
+  [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
+  /// What the lanes show now, whatever the process does.
+  [[nodiscard]] std::vector<LaneReading> read() const;
+
+ private:
+  explicit LaneTable(rt::PublicView view);
+  void check();
+
+  rt::PublicView view_;
+  std::uint32_t version_ = 0;
+  std::uint32_t slot_count_ = 0;
+  std::uint16_t port_ = 0;
+  std::string server_name_{};
+  std::string host_{};
+};
+
+}  // namespace rtpm::rpc

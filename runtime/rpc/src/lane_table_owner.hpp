@@ -1,0 +1,34 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+
+#include "rtpm/rpc/lane_table.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/public_memory.hpp"
+
+/// The server's side of its table of lanes.
+namespace rtpm::rpc {
+
+/// A table with a slot for each lane of `config`, which nobody takes for one yet.   Set-up only.
+/// Errors: as rt::PublicMemory::create().
+[[nodiscard]] expected<rt::PublicMemory, std::string> make_lane_table(const ServerConfig& config,
+                                                                      std::uint16_t port);
+[[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
+/// From here on others read it.
+void open_to_readers(const rt::PublicMemory& table) noexcept;
+
+/// Shows that the calling thread runs a method.   RT: alloc-free, two stores.
+class BusyMark {
+ public:
+  /// Where the thread's marks are shown from now on.
+  static void show_at(std::atomic<std::int64_t>* place) noexcept;
+  explicit BusyMark(MonotonicTime received) noexcept;
+  BusyMark(const BusyMark&) = delete;
+  BusyMark& operator=(const BusyMark&) = delete;
+  ~BusyMark();
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+
+namespace rtpm::rt {
+
+/// Memory of this process that other processes of the same user, and root, can find by its name and
+/// read, whatever this process does: it need not answer, nor even run. It is an anonymous file that
+/// only this process holds, so that nothing is left of it however the process ends.
+/// Ownership: unmaps at its end; readers keep what they have mapped.   Threads: as any memory.
+class PublicMemory {
+ public:
+  PublicMemory() noexcept = default;
+  /// Zeros, aligned to a page, resident. Nobody else can write there or change the size.
+  /// `name`: of letters, digits and '-', the same for all memory of one kind.   Set-up only.
+  /// Errors: no descriptor or memory left: a sentence with the remedy.
+  [[nodiscard]] static expected<PublicMemory, std::string> create(std::string_view name,
+                                                                  std::size_t size);
+  PublicMemory(PublicMemory&& other) noexcept;
+  PublicMemory& operator=(PublicMemory&& other) noexcept;
+  ~PublicMemory();
+  [[nodiscard]] MutableBytes bytes() const noexcept { return bytes_; }
+
+ private:
+  int file_ = -1;
+  MutableBytes bytes_{};
+};
+
+/// Such memory of some process, as a reader has it. What is in it was written by the other process,
+/// which may be of any version, or hostile: it may change at any time, but stays readable.
+/// Ownership: unmaps at its end.
+class PublicView {
+ public:
+  PublicView(PublicView&& other) noexcept;
+  PublicView& operator=(PublicView&& other) noexcept;
+  ~PublicView();
+  [[nodiscard]] ConstBytes bytes() const noexcept { return bytes_; }
+  /// The process, by the number that it has here.
+  [[nodiscard]] int process_id() const noexcept { return process_id_; }
+  /// False once the process has ended.
+  [[nodiscard]] bool is_alive() const noexcept;
+
+ private:
+  friend std::vector<PublicView> find_public_memory(std::string_view name, std::size_t size_max);
+  PublicView(int process_id, int process_folder, ConstBytes bytes) noexcept
+      : process_id_(process_id), process_folder_(process_folder), bytes_(bytes) {}
+
+  int process_id_;
+  int process_folder_;  ///< Open: the number may be another process's later, this not.
+  ConstBytes bytes_;
+};
+
+/// All memory of that name that the caller may read, of processes in ascending order of their
+/// numbers, each memory once. Left out is what could shrink under its reader, and what is larger
+/// than `size_max`.   Set-up only.
+[[nodiscard]] std::vector<PublicView> find_public_memory(std::string_view name,
+                                                         std::size_t size_max);
+
+}  // namespace rtpm::rt
