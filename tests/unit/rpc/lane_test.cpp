@@ -97,6 +97,7 @@ class LaneAlone {
     setup.sessions.message_size_max = 1024;
     setup.objects = &objects_;
     setup.acceptor_bell = &acceptor_bell_;
+    setup.slot = &slot_;
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
     lane_ = std::make_unique<Lane>(
         setup,
@@ -125,6 +126,7 @@ class LaneAlone {
  private:
   ObjectTable objects_;
   transport::Poller acceptor_bell_ = std::move(*transport::Poller::open());
+  LaneSlot slot_;
   std::unique_ptr<Lane> lane_;
   std::thread thread_;
 };
