@@ -12,6 +12,7 @@ int main(int argc, char** argv) {
   std::vector<std::string> arguments;
   std::string registry{rtpm::names::kDefaultRegistryUrl};
   rtpm::Duration deadline = std::chrono::seconds{1};
+  rtpm::Duration stream_time{0};
   rtpm::Priority priority = 0;
   rtpm::program::Options options("rtpm", "looks at servers and calls their objects");
   options.add_positional("verb", verb, rtpm::tool::verbs_help(),
@@ -21,16 +22,20 @@ int main(int argc, char** argv) {
   options.add_registry(registry);
   options.add("deadline", deadline, "How long a call may take",
               {std::chrono::microseconds{1}, std::chrono::hours{1}});
+  options.add("for", stream_time, "How long a stream is taken; 0s: until it ends, or Ctrl-C",
+              {rtpm::Duration{0}, std::chrono::hours{24}});
   options.add("priority", priority, "The call's priority");
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, registry);
   node.use(resolver);
-  return rtpm::tool::run(verb,
-                         {.node = node,
-                          .resolver = resolver,
-                          .registry = registry,
-                          .arguments = arguments,
-                          .options = {.priority = priority, .deadline = deadline, .trace_id = 0}});
+  return rtpm::tool::run(
+      verb,
+      {.node = node,
+       .resolver = resolver,
+       .registry = registry,
+       .arguments = arguments,
+       .options = {.priority = priority, .deadline = deadline, .trace_id = 0},
+       .stream_time = stream_time > rtpm::Duration{0} ? std::optional(stream_time) : std::nullopt});
 }

@@ -1,9 +1,11 @@
 #include "remote.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
 #include "rtpm/introspection/catalog.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
@@ -11,6 +13,21 @@ namespace {
 
 rpc::SetupError at(const std::string& url, rpc::CallError error, const std::string& what) {
   return {what + " of " + url + ": " + std::string(to_string(error))};
+}
+
+// How long a stream may be silent until the tool looks whether it is to end.
+constexpr Duration kLookInterval = std::chrono::milliseconds{100};
+
+wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
+  switch (level) {
+    case schema::OnewayLevel::kSent:
+      return wire::Delivery::kSent;
+    case schema::OnewayLevel::kReceived:
+      return wire::Delivery::kReceipt;
+    case schema::OnewayLevel::kDone:
+      break;
+  }
+  return wire::Delivery::kReply;
 }
 
 }  // namespace
@@ -70,9 +87,10 @@ expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
   return object;
 }
 
-expected<std::string, rpc::SetupError> RemoteObject::call(std::string_view method,
-                                                          std::string_view json,
-                                                          const rpc::CallOptions& options) {
+expected<void, rpc::SetupError> RemoteObject::call(std::string_view method, std::string_view json,
+                                                   const rpc::CallOptions& options,
+                                                   std::optional<Duration> stream_time,
+                                                   const Print& print) {
   const schema::Method* found = dynamic_->find(method);
   if (found == nullptr) {
     std::string names;
@@ -82,19 +100,59 @@ expected<std::string, rpc::SetupError> RemoteObject::call(std::string_view metho
     return rpc::setup_error(dynamic_->service().name + " has no method `" + std::string(method) +
                             "`; it has " + names);
   }
-  if (found->oneway || found->is_stream) {
-    return rpc::setup_error("`" + found->name + "` is " + (found->oneway ? "oneway" : "a stream") +
-                            ", which this tool cannot call");
-  }
   std::string error;
   const auto request = dynamic_->encode(found->request, json, error);
   if (!request) return rpc::setup_error("the request does not fit the schema: " + error);
-  const auto index = static_cast<std::size_t>(found - dynamic_->service().methods.data());
-  const auto reply = binding_->call(methods_[index], *request, options);
+  const rpc::MethodDescriptor& called =
+      methods_[static_cast<std::size_t>(found - dynamic_->service().methods.data())];
+  if (found->oneway) {
+    const auto sent = binding_->send(called, *request, delivery_of(*found->oneway), options);
+    if (!sent) return rpc::setup_error(std::string(to_string(sent.error())));
+    return {};
+  }
+  if (found->is_stream) {
+    rpc::StreamOptions stream{.call = options};
+    // It is this side that ends it.
+    stream.call.deadline.reset();
+    auto reader = binding_->open_stream(called, *request, stream);
+    if (!reader) return rpc::setup_error(std::string(to_string(reader.error())));
+    return take_items(*found, *reader, stream_time, print);
+  }
+  const auto reply = binding_->call(called, *request, options);
   if (!reply) return rpc::setup_error(std::string(to_string(reply.error())));
-  auto text = dynamic_->decode(found->reply, reply->bytes());
+  bool goes_on = true;
+  return print_payload(found->reply, reply->bytes(), goes_on, print);
+}
+
+expected<void, rpc::SetupError> RemoteObject::take_items(const schema::Method& method,
+                                                         rpc::ItemReader& reader,
+                                                         std::optional<Duration> stream_time,
+                                                         const Print& print) {
+  const MonotonicTime end = stream_time ? rt::now() + *stream_time : kNever;
+  for (bool goes_on = true; goes_on;) {
+    const auto item = reader.next(std::min(end, rt::now() + kLookInterval));
+    if (!item && item.error() == rpc::CallError::kTimeout) {
+      if (rt::now() >= end) break;  // As long as it was wanted.
+      if (!reader.is_open()) return rpc::setup_error(std::string(to_string(item.error())));
+      goes_on = print({});
+      continue;
+    }
+    if (!item) return rpc::setup_error(std::string(to_string(item.error())));
+    if (!*item) break;
+    if (auto printed = print_payload(method.reply, **item, goes_on, print); !printed)
+      return printed;
+  }
+  reader.cancel();
+  return {};
+}
+
+expected<void, rpc::SetupError> RemoteObject::print_payload(const schema::Payload& payload,
+                                                            ConstBytes bytes, bool& goes_on,
+                                                            const Print& print) {
+  const auto text = dynamic_->decode(payload, bytes);
   if (!text) return rpc::setup_error("the reply does not fit the schema");
-  return *std::move(text);
+  goes_on = print(*text);
+  return {};
 }
 
 }  // namespace rtpm::tool

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -26,13 +28,26 @@ class RemoteObject {
   [[nodiscard]] const std::string& schema() const noexcept { return schema_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
 
-  /// Calls `method` with a request in JSON and gives its reply in JSON.
-  [[nodiscard]] expected<std::string, rpc::SetupError> call(std::string_view method,
-                                                            std::string_view json,
-                                                            const rpc::CallOptions& options);
+  /// Where the answer goes: the reply in JSON, or each item of a stream as it comes; while none
+  /// comes, now and then an empty text. False: the stream is to end.
+  using Print = std::function<bool(std::string_view json)>;
+
+  /// Calls `method` with a request in JSON. A oneway has no answer; its caller waits as the schema
+  /// says. A stream goes on until it ends, `print` wants no more, or `stream_time` is over.
+  [[nodiscard]] expected<void, rpc::SetupError> call(std::string_view method, std::string_view json,
+                                                     const rpc::CallOptions& options,
+                                                     std::optional<Duration> stream_time,
+                                                     const Print& print);
 
  private:
   RemoteObject() = default;
+  [[nodiscard]] expected<void, rpc::SetupError> take_items(const schema::Method& method,
+                                                           rpc::ItemReader& reader,
+                                                           std::optional<Duration> stream_time,
+                                                           const Print& print);
+  [[nodiscard]] expected<void, rpc::SetupError> print_payload(const schema::Payload& payload,
+                                                              ConstBytes bytes, bool& goes_on,
+                                                              const Print& print);
 
   std::string schema_{};
   std::string compiler_version_{};

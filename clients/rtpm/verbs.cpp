@@ -2,12 +2,14 @@
 
 #include <array>
 #include <cstdio>
+#include <memory>
 #include <string_view>
 
 #include "host_verbs.hpp"
 #include "remote.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/program/stop_signal.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -49,15 +51,30 @@ int describe(const Request& request) {
   return 0;
 }
 
+bool is_stream_of(RemoteObject& object, const std::string& method) {
+  const schema::Method* const found = object.dynamic().find(method);
+  return found != nullptr && found->is_stream;
+}
+
 int call(const Request& request) {
   const auto url = url_of(request.arguments[0], request.resolver);
   if (!url) return fail(url.error().text);
   const auto object = RemoteObject::open(request.node, *url);
   if (!object) return fail(object.error().text);
   const std::string json = request.arguments.size() > 2 ? request.arguments[2] : std::string{};
-  const auto reply = (*object)->call(request.arguments[1], json, request.options);
-  if (!reply) return fail(request.arguments[1] + ": " + reply.error().text);
-  std::printf("%s\n", reply->c_str());
+  // Ctrl-C ends a stream in order, so that its server need not find out.
+  const bool is_stream = is_stream_of(**object, request.arguments[1]);
+  const auto stop = is_stream ? std::make_unique<program::StopSignal>() : nullptr;
+  const auto print = [&](std::string_view text) {
+    if (!text.empty()) {
+      std::printf("%.*s\n", static_cast<int>(text.size()), text.data());
+      std::fflush(stdout);
+    }
+    return stop == nullptr || !stop->is_requested();
+  };
+  const auto called =
+      (*object)->call(request.arguments[1], json, request.options, request.stream_time, print);
+  if (!called) return fail(request.arguments[1] + ": " + called.error().text);
   return 0;
 }
 
@@ -74,7 +91,7 @@ constexpr std::array kVerbs{
     Verb{"describe", 1, 1, "describe TARGET: the schema of an object", &describe},
     Verb{"call", 2, 3,
          "call TARGET METHOD [JSON]: calls a method, such as "
-         "`call lab/arm0 set_force '{x: 1}'`",
+         "`call lab/arm0 set_force '{x: 1}'`, and prints its reply, or a stream's items",
          &call},
     Verb{"lanes", 0, 1, "lanes [watch]: what the lanes of this host's servers do", &lanes},
     Verb{"doctor", 0, 0, "doctor: what this host gives to real-time programs", &doctor},

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,7 @@ struct Request {
   std::string registry{};
   std::vector<std::string> arguments{};  ///< Behind the verb.
   rpc::CallOptions options{};
+  std::optional<Duration> stream_time{};  ///< How long a stream is taken; none: until it ends.
 };
 
 /// Runs `verb`: prints what it found, or one sentence on standard error. The program's exit code:

@@ -10,6 +10,7 @@
 #include "configuration.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/server.hpp"
+#include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -99,6 +100,11 @@ int serve(const Configuration& configuration) {
   if (!server) return fail(server.error().text);
   gvd::DeviceServer& served = **device;
   if (auto added = (*server)->add(configuration.name, served.servant()); !added) {
+    return fail(added.error().text);
+  }
+  introspection::Catalog catalog;
+  catalog.add(configuration.name, served.servant());
+  if (auto added = (*server)->add(introspection::kPath, catalog); !added) {
     return fail(added.error().text);
   }
   if (auto started = served.start(); !started) return fail(started.error().text);

@@ -3,6 +3,7 @@
 #include <cstdio>
 #include <string>
 
+#include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
 #include "rtpm/program/options.hpp"
@@ -36,6 +37,11 @@ int serve(const Configuration& configuration) {
   if (!server) return fail(server.error().text);
   const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared};
   if (const auto added = (*server)->add(rtpm::names::kRegistryPath, *registry, lowest); !added) {
+    return fail(added.error().text);
+  }
+  rtpm::introspection::Catalog catalog;
+  catalog.add(std::string(rtpm::names::kRegistryPath), *registry);
+  if (const auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
     return fail(added.error().text);
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text);

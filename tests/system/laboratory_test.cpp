@@ -34,6 +34,22 @@ TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
   expect_orderly_end(*registry_);
 }
 
+TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
+  const auto run_tool = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
+    return run_program("rtpm", arguments);
+  };
+  const auto read = run_tool({"call", "lab/arm0", "read"});
+  EXPECT_EQ(read.exit_code, 0) << read.errors;
+  EXPECT_NE(read.output.find("position"), std::string::npos) << read.output;
+  const auto described = run_tool({"describe", registry_->url});
+  EXPECT_EQ(described.exit_code, 0) << described.errors;
+  EXPECT_NE(described.output.find("rpc_service Names"), std::string::npos) << described.output;
+  const auto resolved = run_tool({"call", registry_->url, "resolve", "{name: \"lab/arm0\"}"});
+  EXPECT_EQ(resolved.exit_code, 0) << resolved.errors;
+  EXPECT_NE(resolved.output.find(device_->url), std::string::npos) << resolved.output;
+}
+
 TEST_F(Laboratory, ARecordedHandMovesTheArm) {
   const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_hand.csv";
   std::ofstream(file) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1,0,0.01,0.02\n";

@@ -131,6 +131,7 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
   bool has_thrown = false;
   const DispatchResult result = run_servant(*object, request, reply, deferral, has_thrown);
   if (has_thrown) ++counters_.servant_failure_count;
+  if (result.status == wire::Status::kBadRequest) ++counters_.bad_request_count;
   // The lane waits on at the request's level, unless that is below its own: so a caller that keeps
   // its priority costs no syscall from call to call.
   if (rt::current_priority() < config_.priority) rt::adopt_priority(config_.priority);

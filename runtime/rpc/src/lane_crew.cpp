@@ -215,6 +215,7 @@ void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
   crew_->lock_from_aside();
   crew_->end_run();
   counters_.servant_failure_count += has_thrown ? 1 : 0;
+  counters_.bad_request_count += result->status == wire::Status::kBadRequest ? 1U : 0U;
   counters_.late_count += is_in_time ? 0 : 1;
   call.is_running = false;
   if (deferral.is_taken()) {

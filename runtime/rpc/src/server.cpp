@@ -282,6 +282,7 @@ ServerCounters ServerImpl::counters() const noexcept {
     const ServerCounters one = lane->counters();
     sum.call_count += one.call_count;
     sum.servant_failure_count += one.servant_failure_count;
+    sum.bad_request_count += one.bad_request_count;
     sum.connection_count += one.connection_count;
     sum.connection_lost_count += one.connection_lost_count;
     sum.deferred_count += one.deferred_count;

@@ -27,9 +27,21 @@ class Light final : public room::LightServant {
     reply.finish(room::CreateScene(reply.builder(), &scene));
     return {};
   }
+  rpc::Result<void> flash(const room::Colour& request, const rpc::CallContext&) override {
+    colour_ = request;
+    return {};
+  }
+  void fade(const room::Colour& request, rpc::StructWriter<room::Colour> items,
+            const rpc::CallContext&) override {
+    for (const float share : {1.0F, 0.5F, 0.25F})
+      EXPECT_TRUE(items.write({request.red() * share, request.green() * share, 0}));
+    if (request.red() >= 0) return items.finish();
+    endless_ = std::move(items);
+  }
 
  private:
   room::Colour colour_{};
+  rpc::StructWriter<room::Colour> endless_{};
 };
 
 /// A server with a light and a catalog of it.

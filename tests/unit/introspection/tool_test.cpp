@@ -41,6 +41,28 @@ TEST_F(Tool, CallsWithATable) {
       "{\"name\": \"dusk again\",\"colours\": [{\"red\": 1.0,\"green\": 0.0,\"blue\": 0.0}]}\n");
 }
 
+TEST_F(Tool, SendsOneways) {
+  const auto flash = run({"call", light_, "flash", "{red: 0, green: 0, blue: 1}"});
+  EXPECT_EQ(flash.exit_code, 0) << flash.errors;
+  EXPECT_EQ(flash.output, "");
+  EXPECT_EQ(run({"call", light_, "get"}).output, "{\"red\": 0.0,\"green\": 0.0,\"blue\": 1.0}\n");
+}
+
+TEST_F(Tool, PrintsTheItemsOfAStream) {
+  const auto fade = run({"call", light_, "fade", "{red: 1, green: 0, blue: 0}"});
+  EXPECT_EQ(fade.exit_code, 0) << fade.errors;
+  EXPECT_EQ(fade.output,
+            "{\"red\": 1.0,\"green\": 0.0,\"blue\": 0.0}\n"
+            "{\"red\": 0.5,\"green\": 0.0,\"blue\": 0.0}\n"
+            "{\"red\": 0.25,\"green\": 0.0,\"blue\": 0.0}\n");
+}
+
+TEST_F(Tool, TakesAStreamForAsLongAsWanted) {
+  const auto fade = run({"call", light_, "fade", "{red: -1, green: 0, blue: 0}", "--for", "200ms"});
+  EXPECT_EQ(fade.exit_code, 0) << fade.errors;
+  EXPECT_EQ(rtpm::test::line_count(fade.output), 3);
+}
+
 TEST_F(Tool, DescribesAndLists) {
   const auto described = run({"describe", light_});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
@@ -75,7 +97,9 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
     std::string words;
   };
   const Case cases[] = {
-      {{"call", light_, "dim"}, 1, "room.Light has no method `dim`; it has set, get, scene"},
+      {{"call", light_, "dim"},
+       1,
+       "room.Light has no method `dim`; it has set, get, scene, flash, fade"},
       {{"call", light_, "set", "{red: \"x\"}"}, 1, "the request does not fit the schema"},
       {{"call", room_.url("room/window"), "get"}, 1, "the description of"},
       {{"call", "rtpm://127.0.0.1:1/room/light", "get"},

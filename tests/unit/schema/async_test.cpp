@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <optional>
@@ -63,6 +64,7 @@ class GeneratedAsync : public testing::Test {
   std::mutex mutex_;
   std::vector<rtpm::rpc::LateStruct<late::Sample>> waiting_;
   late::FeedFunctionServant feed_{{
+      .mark = [](const late::Note&, const CallContext&) -> rtpm::rpc::Result<void> { return {}; },
       .wait =
           [this](rtpm::rpc::LateStruct<late::Sample> reply, const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
@@ -196,6 +198,13 @@ TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
   });
   thread->reset();
   EXPECT_TRUE(is_cancelled);
+}
+
+TEST_F(GeneratedAsync, RequestsThatAreNoneAreCounted) {
+  const rtpm::rpc::MethodDescriptor mark{.id = 2, .name = "mark"};
+  const std::array<std::byte, 3> garbage{};
+  EXPECT_EQ(client_->binding().call(mark, garbage).error(), CallError::kBadRequest);
+  EXPECT_EQ(server_->counters().bad_request_count, 1u);
 }
 
 // rtpm_max_size holds for what comes later, too.

@@ -10,6 +10,7 @@ namespace rtpm::rpc {
 struct ServerCounters {
   std::uint64_t call_count = 0;             ///< Servant methods run.
   std::uint64_t servant_failure_count = 0;  ///< Of these, ended by an exception.
+  std::uint64_t bad_request_count = 0;      ///< Of these, refused: not what the schema says.
   std::uint64_t connection_count = 0;       ///< Accepted, over TCP or through shared memory.
   std::uint64_t connection_lost_count = 0;  ///< Of these, ended, in order or not.
   std::uint64_t broken_memory_count = 0;    ///< Of these, because shared memory held nonsense.
