@@ -337,7 +337,11 @@ std::string header(const Model& model, const std::string& compiler_version) {
     text += "#include <cstdint>\n#include <string_view>\n#include <utility>\n\n";
   text += data_includes(model);
   if (model.services.empty()) return text;
-  text += "#include \"rtpm/rpc/generated.hpp\"\n";
+  text +=
+      "#include \"rtpm/rpc/generated.hpp\"\n\n"
+      "static_assert(::rtpm::rpc::kGeneratedForm == 1,\n"
+      "              \"this is by an rtpmc of another version than RTPM's headers: generate " +
+      model.file_stem + ".rtpm.hpp anew\");\n";
   for (const Service& service : model.services) {
     const std::string scope = namespace_name(namespace_of(service.name));
     text += '\n';

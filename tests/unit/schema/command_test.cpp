@@ -1,7 +1,6 @@
 #include "command_line.hpp"
 
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
 #include <algorithm>
 #include <cstdlib>
@@ -12,6 +11,7 @@
 #include <vector>
 
 #include "rtpm/schema/output.hpp"
+#include "rtpmc_program.hpp"
 #include "scratch_folder.hpp"
 
 // rtpmc as a program: what it takes, writes, says and ends with.
@@ -19,7 +19,12 @@ namespace rtpm::schema {
 namespace {
 
 namespace fs = std::filesystem;
+using test::idl_flag;
+using test::names_in;
+using test::Outcome;
+using test::quoted;
 using test::read_file;
+using test::run;
 using test::ScratchFolder;
 
 constexpr std::string_view kGood =
@@ -28,44 +33,6 @@ constexpr std::string_view kGood =
 constexpr std::string_view kBad =
     "include \"rtpm.fbs\";\nnamespace lab;\n"
     "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty; }\n";
-
-struct Outcome {
-  int exit_code = -1;
-  std::string output{};
-  std::string errors{};
-};
-
-std::string quoted(const std::string& text) {
-  return '\'' + text + '\'';
-}
-
-/// Runs rtpmc in `folder` with `arguments`, which a shell reads.
-Outcome run(const ScratchFolder& folder, const std::string& arguments) {
-  const std::string output = (folder.path() / "stdout.txt").string();
-  const std::string errors = (folder.path() / "stderr.txt").string();
-  const int status =
-      std::system(("cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_RTPMC) + ' ' +
-                   arguments + " > " + quoted(output) + " 2> " + quoted(errors))
-                      .c_str());
-  Outcome result{WIFEXITED(status) ? WEXITSTATUS(status) : -1, read_file(output),
-                 read_file(errors)};
-  fs::remove(output);
-  fs::remove(errors);
-  return result;
-}
-
-std::string idl_flag() {
-  return "-I " + quoted(RTPM_IDL_FOLDER) + ' ';
-}
-
-std::vector<std::string> names_in(const fs::path& folder) {
-  std::vector<std::string> names;
-  if (!fs::exists(folder)) return names;
-  for (const auto& entry : fs::directory_iterator(folder)) {
-    names.push_back(entry.path().filename().string());
-  }
-  return names;
-}
 
 TEST(Rtpmc, WritesItsFilesIntoANewFolderWithSpaces) {
   const ScratchFolder folder;
@@ -133,8 +100,9 @@ TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
       run(folder, idl_flag() + "-I 'in c' --cpp -o 'o ut' --depfile arm.d arm.fbs");
   ASSERT_EQ(result.exit_code, 0) << result.errors;
   const std::string text = read_file(folder.path() / "arm.d");
-  EXPECT_TRUE(text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.functions.hpp "
-                               "o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs"))
+  EXPECT_TRUE(
+      text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.functions.hpp "
+                       "o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs"))
       << text;
   EXPECT_NE(text.find("in\\ c/base.fbs"), std::string::npos) << text;
   EXPECT_NE(text.find("rtpm.fbs"), std::string::npos) << text;

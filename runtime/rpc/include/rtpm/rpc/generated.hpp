@@ -8,3 +8,11 @@
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/tables.hpp"
 // IWYU pragma: end_exports
+
+namespace rtpm::rpc {
+
+/// Which form of generated code fits these headers: code of an rtpmc that writes another one does
+/// not compile, and says why.
+inline constexpr int kGeneratedForm = 1;
+
+}  // namespace rtpm::rpc
