@@ -1,8 +1,9 @@
 # rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir])
 #
 # Makes the static library <name> from schemas: for each a.fbs, rtpmc generates the stubs and
-# skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and flatc the data types
-# (a_generated.h). Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
+# skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and what is known of its
+# events (a.rtpm.events.hpp, for whoever links rtpm::events), and flatc the data types (a_generated.h).
+# Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
 # file, so an edit there regenerates. INCLUDE: further folders for `include` in schemas; RTPM's own
 # folder of schemas is always searched. An included schema must itself be among SCHEMAS, or in a
 # library that LINK names; RTPM's own, rtpm::idl, is always linked. CONFORM: a folder with older
@@ -59,8 +60,8 @@ function(rtpm_generate)
         set(conform --conform "${older}/${stem}.fbs")
       endif()
     endif()
-    set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.functions.hpp" "${out}/${stem}.rtpm.cpp"
-      "${out}/${stem}_generated.h")
+    set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.functions.hpp" "${out}/${stem}.rtpm.events.hpp"
+      "${out}/${stem}.rtpm.cpp" "${out}/${stem}_generated.h")
     # rtpmc comes first because its errors are the better ones. flatc writes no file for a schema
     # that declares no types of its own: the touch makes the one that CMake was promised.
     add_custom_command(

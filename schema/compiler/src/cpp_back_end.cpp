@@ -27,6 +27,7 @@ class CppBackEnd final : public BackEnd {
                         "choose another name: flatc's own code would not compile either",
                         std::nullopt});
     }
+    check_events(model, errors);
     for (const Service& service : model.services) {
       check_classes(model, service, errors);
       check_members(service, errors);
@@ -37,31 +38,44 @@ class CppBackEnd final : public BackEnd {
   [[nodiscard]] std::vector<GeneratedFile> generate(const Model& model) const override {
     return {{model.file_stem + ".rtpm.hpp", cpp::header(model, version_)},
             {model.file_stem + ".rtpm.functions.hpp", cpp::functions_header(model, version_)},
+            {model.file_stem + ".rtpm.events.hpp", cpp::events_header(model, version_)},
             {model.file_stem + ".rtpm.cpp", cpp::source(model, version_)}};
   }
 
  private:
-  /// The generated classes must not be data types of the schema too.
-  static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
-    const auto report = [&](const std::string& name, const std::string& kind,
-                            const Location& place) {
-      Diagnostic error{service.location,
-                       "service `" + service.name + "` becomes the class `" + short_name(name) +
-                           "`, which is " + with_article(kind) + " of the schema too",
-                       "rename the service or the " + kind, std::nullopt};
-      if (place.line != 0) error.note = Note{place, "the " + kind + " is here"};
+  /// What a service or an event becomes must not be a data type of the schema too. `what` is
+  /// "service `lab.Arm`", declared at `place`.
+  static void check_class(const Model& model, const std::string& what, const std::string& remedy,
+                          const Location& place, const std::string& name, Diagnostics& errors) {
+    const auto report = [&](const std::string& kind, const Location& other) {
+      Diagnostic error{place,
+                       what + " becomes the class `" + short_name(name) + "`, which is " +
+                           with_article(kind) + " of the schema too",
+                       "rename the " + remedy + " or the " + kind, std::nullopt};
+      if (other.line != 0) error.note = Note{other, "the " + kind + " is here"};
       errors.push_back(std::move(error));
     };
+    for (const Object& object : model.objects) {
+      if (object.name == name) report(object.is_struct ? "struct" : "table", object.location);
+    }
+    for (const Enum& enumeration : model.enums) {
+      if (enumeration.name == name)
+        report(enumeration.is_union ? "union" : "enum", enumeration.location);
+    }
+  }
+
+  static void check_classes(const Model& model, const Service& service, Diagnostics& errors) {
     for (const char* suffix : {"Client", "Servant", "MethodId", "Functions", "FunctionServant"}) {
-      const std::string name = service.name + suffix;
-      for (const Object& object : model.objects) {
-        if (object.name != name) continue;
-        report(name, object.is_struct ? "struct" : "table", object.location);
-      }
-      for (const Enum& enumeration : model.enums) {
-        if (enumeration.name != name) continue;
-        report(name, enumeration.is_union ? "union" : "enum", enumeration.location);
-      }
+      check_class(model, "service `" + service.name + '`', "service", service.location,
+                  service.name + suffix, errors);
+    }
+  }
+
+  static void check_events(const Model& model, Diagnostics& errors) {
+    for (const Object& object : model.objects) {
+      if (!object.event_id || object.declaration_file != model.declaration_file) continue;
+      check_class(model, "event `" + object.name + '`', "event", object.location,
+                  object.name + "Event", errors);
     }
   }
 

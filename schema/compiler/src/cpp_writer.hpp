@@ -11,6 +11,9 @@ namespace rtpm::schema::cpp {
 [[nodiscard]] std::string header(const Model& model, const std::string& compiler_version);
 /// The text of <stem>.rtpm.functions.hpp: for each service a servant made of functions.
 [[nodiscard]] std::string functions_header(const Model& model, const std::string& compiler_version);
+/// The text of <stem>.rtpm.events.hpp: for each event of the file what suppliers, consumers and
+/// filters need.
+[[nodiscard]] std::string events_header(const Model& model, const std::string& compiler_version);
 /// The text of <stem>.rtpm.cpp: the descriptors and what the classes do.
 [[nodiscard]] std::string source(const Model& model, const std::string& compiler_version);
 

@@ -40,7 +40,7 @@ TEST(Rtpmc, WritesItsFilesIntoANewFolderWithSpaces) {
   const Outcome result = run(folder, idl_flag() + "--cpp -o 'out dir/deep' 'a dir/my arm.fbs'");
   EXPECT_EQ(result.exit_code, 0) << result.errors;
   EXPECT_EQ(result.errors, "");
-  EXPECT_EQ(names_in(folder.path() / "out dir/deep").size(), 3u);
+  EXPECT_EQ(names_in(folder.path() / "out dir/deep").size(), 4u);
   const std::string header = read_file(folder.path() / "out dir/deep/my arm.rtpm.hpp");
   EXPECT_NE(header.find("class ArmClient"), std::string::npos);
   EXPECT_NE(read_file(folder.path() / "out dir/deep/my arm.rtpm.cpp").find(RTPM_VERSION),
@@ -64,7 +64,7 @@ TEST(Rtpmc, SchemaErrorLeavesTheOldFilesAsTheyWere) {
   folder.write("arm.fbs", kBad);
   EXPECT_EQ(run(folder, idl_flag() + "--cpp -o out arm.fbs").exit_code, 1);
   EXPECT_EQ(read_file(folder.path() / "out/arm.rtpm.hpp"), before);
-  EXPECT_EQ(names_in(folder.path() / "out").size(), 3u);
+  EXPECT_EQ(names_in(folder.path() / "out").size(), 4u);
 }
 
 TEST(Rtpmc, MissingSchemaIsNamed) {
@@ -102,7 +102,7 @@ TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
   const std::string text = read_file(folder.path() / "arm.d");
   EXPECT_TRUE(
       text.starts_with("o\\ ut/arm.rtpm.hpp o\\ ut/arm.rtpm.functions.hpp "
-                       "o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs"))
+                       "o\\ ut/arm.rtpm.events.hpp o\\ ut/arm.rtpm.cpp: \\\n  arm.fbs"))
       << text;
   EXPECT_NE(text.find("in\\ c/base.fbs"), std::string::npos) << text;
   EXPECT_NE(text.find("rtpm.fbs"), std::string::npos) << text;
@@ -167,7 +167,7 @@ TEST(Rtpmc, PrintsTheModelOrWritesIt) {
 
   ASSERT_EQ(run(folder, idl_flag() + "--emit json --cpp -o out arm.fbs").exit_code, 0);
   EXPECT_EQ(read_file(folder.path() / "out/arm.rtpm.json"), printed.output);
-  EXPECT_EQ(names_in(folder.path() / "out").size(), 4u);
+  EXPECT_EQ(names_in(folder.path() / "out").size(), 5u);
 }
 
 // What no comment may break: quotation marks, backslashes and bytes below 32.
