@@ -1,5 +1,8 @@
 #include "configuration.hpp"
 
+#include <algorithm>
+#include <vector>
+
 #include "rtpm/names/defaults.hpp"
 
 namespace rtpm::deviced {
@@ -18,16 +21,30 @@ void add_device(program::Options& options, Configuration& configuration) {
               "Of the device's own thread, above every caller's");
 }
 
+/// Two lanes: haptic loops, which come at a steady pace, are waited for as they come and are never
+/// behind anything else; the rest (displays, tools, set-up) blocks and costs nothing while it is
+/// idle.
+std::vector<rpc::LaneConfig> default_lanes() {
+  constexpr Priority kHigh{16384};
+  return {{.name = "lane-rest", .wait = {.strategy = rt::WaitStrategy::kBlock}},
+          {.name = "lane-haptic",
+           .low = kHigh,
+           .priority = kHigh,
+           .wait = {.strategy = rt::WaitStrategy::kPeriodic}}};
+}
+
 void add_service(program::Options& options, Configuration& configuration) {
-  options.add("host", configuration.host,
-              "Numeric IPv4 address to serve and to be found at; one of the network's opens it to "
-              "the network");
-  options.add("port", configuration.port, "Port to serve, UDP and TCP; 0: any");
   options.add_registry(configuration.registry);
-  options.add("high", configuration.high,
-              "Calls from this priority on have a lane of their own, for haptic loops");
-  options.add_realtime(configuration.realtime);
-  options.add_wait(configuration.wait);
+  configuration.settings.server.lanes = default_lanes();
+  program::add_server(options, configuration.settings);
+}
+
+/// Where the most urgent lane begins.
+Priority highest_low(const Configuration& configuration) {
+  Priority highest = Priority::kLowest;
+  for (const rpc::LaneConfig& lane : configuration.settings.server.lanes)
+    highest = std::max(highest, lane.low);
+  return highest;
 }
 
 void add_safety(program::Options& options, Configuration& configuration) {
@@ -52,18 +69,15 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   add_service(options, configuration);
   add_safety(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
-  if (configuration.host == "0.0.0.0") {
+  if (configuration.settings.server.host == "0.0.0.0") {
     return options.usage_error(
         "--host 0.0.0.0 is no address that a client could be told; give the one of this host by "
         "which clients reach it");
   }
-  if (configuration.high == Priority::kLowest) {
+  if (configuration.device_priority <= highest_low(configuration)) {
     return options.usage_error(
-        "--high 0 leaves no priority to the lane of the rest; give 1 to 32767");
-  }
-  if (configuration.device_priority <= configuration.high) {
-    return options.usage_error(
-        "--device-priority is not above --high, so callers could delay the device; raise it");
+        "--device-priority is not above where the most urgent lane begins, so callers could delay "
+        "the device; raise it, or lower that lane's --lane-NAME-low");
   }
   if (configuration.is_free && !configuration.hand.empty()) {
     return options.usage_error("--free and --hand contradict each other; give one of them");

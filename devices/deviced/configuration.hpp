@@ -7,8 +7,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/program/options.hpp"
-#include "rtpm/rt/thread.hpp"
-#include "rtpm/rt/wait.hpp"
+#include "rtpm/program/server_options.hpp"
 
 namespace rtpm::deviced {
 
@@ -20,13 +19,8 @@ struct Configuration {
   bool is_free = false;  ///< Nobody holds the arm.
   std::uint64_t seed = 1;
   double rate_hz = 1000;
-  std::string host = "127.0.0.1";
-  std::uint16_t port = 0;
+  program::ServerSettings settings{};  ///< Its server's.
   std::string registry{};
-  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// Its callers are control loops, which come at a steady pace.
-  rt::WaitConfig wait{.strategy = rt::WaitStrategy::kPeriodic};
-  Priority high = 16384;  ///< Where the lane of haptic loops begins.
   Priority device_priority = 30000;
   double force_max_newton = 0;  ///< 0: what the device gives.
   Duration hold_max = std::chrono::milliseconds{100};

@@ -67,23 +67,7 @@ gvd::DeviceServerConfig device_config(const Configuration& configuration,
   config.cycle.listener = &reporter;
   config.thread.name = "device";
   config.thread.priority = configuration.device_priority;
-  config.thread.realtime = configuration.realtime;
-  return config;
-}
-
-/// Two lanes: haptic loops wait as the configuration says and are never behind anything else; the
-/// rest (displays, tools, set-up) blocks and costs nothing while it is idle.
-rpc::ServerConfig server_config(const Configuration& configuration) {
-  rpc::ServerConfig config;
-  config.name = configuration.name;
-  config.host = configuration.host;
-  config.port = configuration.port;
-  config.realtime = configuration.realtime;
-  config.lanes = {{.name = "lane-rest", .wait = {.strategy = rt::WaitStrategy::kBlock}},
-                  {.name = "lane-haptic",
-                   .low = configuration.high,
-                   .priority = configuration.high,
-                   .wait = configuration.wait}};
+  config.thread.realtime = configuration.settings.server.realtime;
   return config;
 }
 
@@ -96,7 +80,11 @@ int serve(const Configuration& configuration) {
   auto device = gvd::DeviceServer::create(std::move(*driver),
                                           device_config(configuration, descriptor, reporter));
   if (!device) return fail(device.error().text);
-  auto server = rpc::Server::create(server_config(configuration));
+  const auto prepared = program::prepare(configuration.settings);
+  if (!prepared) return fail(prepared.error().text);
+  rpc::ServerConfig server_config = configuration.settings.server;
+  server_config.name = configuration.name;
+  auto server = rpc::Server::create(std::move(server_config));
   if (!server) return fail(server.error().text);
   gvd::DeviceServer& served = **device;
   if (auto added = (*server)->add(configuration.name, served.servant()); !added) {
@@ -119,6 +107,7 @@ int serve(const Configuration& configuration) {
     if (!bound) return fail(bound.error().text);
     registration = std::move(*bound);
   }
+  program::show_setup(configuration.settings);
   std::printf("serving %s at %s\n", configuration.name.c_str(), url.c_str());
   std::fflush(stdout);
 

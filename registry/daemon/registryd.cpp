@@ -7,15 +7,14 @@
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
 #include "rtpm/program/options.hpp"
+#include "rtpm/program/server_options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/server.hpp"
 
 namespace {
 
 struct Configuration {
-  std::string host = "127.0.0.1";
-  std::uint16_t port = rtpm::names::kDefaultRegistryPort;
-  rtpm::rt::RealtimeMode realtime = rtpm::rt::RealtimeMode::kPrefer;
+  rtpm::program::ServerSettings settings{};
   rtpm::names::Limits limits{};
 };
 
@@ -27,13 +26,9 @@ int fail(const std::string& text) {
 int serve(const Configuration& configuration) {
   const rtpm::program::StopSignal stop;
   const auto registry = rtpm::names::make_servant(configuration.limits);
-  // One lane that blocks: nobody asks for names in a real-time loop, so a core is worth more.
-  auto server = rtpm::rpc::Server::create(
-      {.name = "registry",
-       .host = configuration.host,
-       .port = configuration.port,
-       .lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}},
-       .realtime = configuration.realtime});
+  const auto prepared = rtpm::program::prepare(configuration.settings);
+  if (!prepared) return fail(prepared.error().text);
+  auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text);
   const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared};
   if (const auto added = (*server)->add(rtpm::names::kRegistryPath, *registry, lowest); !added) {
@@ -45,6 +40,7 @@ int serve(const Configuration& configuration) {
     return fail(added.error().text);
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text);
+  rtpm::program::show_setup(configuration.settings);
   std::printf("registry at %s\n", (*server)->url(rtpm::names::kRegistryPath).c_str());
   std::fflush(stdout);
   stop.wait();
@@ -59,13 +55,15 @@ int main(int argc, char** argv) {
   std::uint64_t name_count_max = configuration.limits.name_count_max;
   std::uint64_t name_count_per_server_max = configuration.limits.name_count_per_owner_max;
   rtpm::program::Options options("rtpm-registryd", "the registry, where servers bind their names");
-  options.add("host", configuration.host,
-              "Numeric IPv4 address to serve; 0.0.0.0 opens it to the network");
-  options.add("port", configuration.port, "Port to serve, UDP and TCP; 0: any");
+  rtpm::rpc::ServerConfig& server = configuration.settings.server;
+  server.name = "registry";
+  server.port = rtpm::names::kDefaultRegistryPort;
+  // One lane that blocks: nobody asks for names in a real-time loop, so a core is worth more.
+  server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
+  rtpm::program::add_server(options, configuration.settings);
   options.add("names-max", name_count_max, "How many names it holds", {1, 1'000'000});
   options.add("names-per-server-max", name_count_per_server_max,
               "How many of them one server may bind", {1, 1'000'000});
-  options.add_realtime(configuration.realtime);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   configuration.limits.name_count_max = name_count_max;
   configuration.limits.name_count_per_owner_max = name_count_per_server_max;

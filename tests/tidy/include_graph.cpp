@@ -26,7 +26,7 @@ const std::vector<Part>& parts() {
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
       {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},
-      {"runtime/program/", "program", {"base", "rt"}},
+      {"runtime/program/", "program", {"base", "wire", "rt", "rpc"}},
       {"registry/names/", "names", {"base", "wire", "rt", "transport", "rpc", "program"}},
       {"registry/introspection/", "introspection", {"base", "wire", "rpc"}},
       {"registry/events/",

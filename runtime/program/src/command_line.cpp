@@ -102,6 +102,24 @@ expected<CommandLine, UsageError> parse_command_line(const std::vector<std::stri
   return Parser(arguments, settings).run();
 }
 
+std::optional<std::string> early_flag(const std::string& flag,
+                                      const std::vector<std::string_view>& arguments) {
+  std::optional<std::string> text;
+  for (std::size_t i = 0; i < arguments.size() && arguments[i] != "--"; ++i) {
+    const std::string_view argument = arguments[i];
+    std::string_view value;
+    if (argument == flag && i + 1 < arguments.size()) {
+      value = arguments[i + 1];
+    } else if (argument.starts_with(flag + "=")) {
+      value = argument.substr(flag.size() + 1);
+    } else {
+      continue;
+    }
+    text = text ? *text + "," + std::string(value) : std::string(value);
+  }
+  return text;
+}
+
 std::string suggestion(std::string_view word, const std::vector<std::string>& candidates) {
   const std::string candidate = nearest(word, candidates);
   return candidate.empty() ? "" : " (did you mean '" + candidate + "'?)";

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -36,6 +37,11 @@ struct CommandLine {
 /// list.
 [[nodiscard]] expected<CommandLine, UsageError> parse_command_line(
     const std::vector<std::string_view>& arguments, const std::vector<Setting>& settings);
+
+/// The value of a flag, given once or more often, as far as it can be told without knowing which
+/// other flags take one: for those that decide about that.   Set-up only.
+[[nodiscard]] std::optional<std::string> early_flag(const std::string& flag,
+                                                    const std::vector<std::string_view>& arguments);
 
 /// " (did you mean 'port'?)", or nothing if no candidate resembles `word`.
 [[nodiscard]] std::string suggestion(std::string_view word,

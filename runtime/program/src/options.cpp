@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdio>
 #include <cstdlib>
+#include <functional>
 #include <utility>
 
 #include "command_line.hpp"
@@ -23,6 +24,13 @@ struct Positional {
   std::string name;
   Setting setting;
   Presence presence;
+};
+
+/// A list of names that bring options with them.
+struct Group {
+  std::string key;
+  std::vector<std::string>* names;
+  std::function<void(const std::vector<std::string>&)> add_members;
 };
 
 std::string variable_of(std::string_view key) {
@@ -77,6 +85,7 @@ struct Options::Impl {
   std::vector<std::string> sources{};  ///< Of each setting: where its value came from.
   std::vector<Positional> positionals{};
   std::string config_path{};
+  std::vector<Group> groups{};
 
   void add(std::string key, std::string help, Setting setting) {
     RTPM_ASSERT(is_key(key), "a key is of lower-case letters, digits and '-'");
@@ -105,6 +114,9 @@ struct Options::Impl {
     return {};
   }
 
+  [[nodiscard]] std::optional<std::string> early_text(
+      const std::string& key, const std::vector<std::string_view>& arguments) const;
+  void add_members(const std::vector<std::string_view>& arguments);
   expected<void, UsageError> apply_file(const std::string& path);
   expected<void, UsageError> apply_environment(const CommandLine& command_line);
   expected<void, UsageError> apply_flags(const CommandLine& command_line);
@@ -113,6 +125,30 @@ struct Options::Impl {
   [[nodiscard]] std::string help_text() const;
   [[nodiscard]] std::string dump_text();
 };
+
+/// What will be said of a key, before it is known which other keys there are. What is wrong with it
+/// is told later.
+std::optional<std::string> Options::Impl::early_text(
+    const std::string& key, const std::vector<std::string_view>& arguments) const {
+  if (auto text = early_flag("--" + key, arguments)) return text;
+  if (const char* const text = std::getenv(variable_of(key).c_str())) return text;
+  std::optional<std::string> path = early_flag("--" + std::string(kConfigKey), arguments);
+  const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
+  if (!path && config_variable != nullptr) path = config_variable;
+  if (!path) return std::nullopt;
+  const auto lines = read_config_file(*path);
+  if (!lines) return std::nullopt;
+  const auto line = std::ranges::find(*lines, key, &ConfigLine::key);
+  return line == lines->end() ? std::nullopt : std::optional(line->value);
+}
+
+void Options::Impl::add_members(const std::vector<std::string_view>& arguments) {
+  for (const Group& group : std::exchange(groups, {})) {
+    const auto text = early_text(group.key, arguments);
+    if (text) static_cast<void>(find(group.key)->read(*text));
+    group.add_members(*group.names);
+  }
+}
 
 expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
   const auto lines = read_config_file(path);
@@ -279,6 +315,16 @@ void Options::add(std::string key, Priority& value, std::string help) {
 void Options::add(std::string key, std::vector<std::string>& value, std::string help) {
   impl_->add(std::move(key), std::move(help), setting_of(value));
 }
+void Options::add(std::string key, std::vector<int>& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+void Options::add_off_or_time(std::string key, std::optional<Duration>& value, std::string help) {
+  impl_->add(std::move(key), std::move(help), setting_of(value));
+}
+void Options::add(std::string key, std::uint32_t& value, std::string help,
+                  Range<std::uint32_t> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
+}
 
 void Options::add_choice(std::string key, std::string& value,
                          const std::vector<std::string>& choices, std::string help) {
@@ -314,12 +360,26 @@ void Options::add_realtime(rt::RealtimeMode& mode) {
              enum_setting(mode, std::array{kPrefer, kRequire, kOff}));
 }
 
-void Options::add_wait(rt::WaitConfig& wait) {
+void Options::add_wait(rt::WaitConfig& wait, const std::string& prefix) {
   using enum rt::WaitStrategy;
-  impl_->add("wait", "How to wait for traffic: spin a while and then block, block, or spin",
+  impl_->add(prefix + "wait",
+             "How to wait for traffic: spin a while and then block, block, or spin",
              enum_setting(wait.strategy, std::array{kAdaptive, kPeriodic, kBlock, kSpin}));
-  impl_->add("spin", "How long an adaptive wait spins before it blocks",
+  impl_->add(prefix + "spin", "How long an adaptive wait spins before it blocks",
              setting_of(wait.spin, {Duration{0}, std::chrono::seconds{1}}));
+}
+
+void Options::add_schedule(std::string key, rt::Schedule& schedule, std::string help) {
+  using enum rt::Schedule;
+  impl_->add(std::move(key), std::move(help),
+             enum_setting(schedule, std::array{kFifo, kTimeShared}));
+}
+
+void Options::add_group(std::string key, std::vector<std::string>& names, std::string help,
+                        std::size_t size_max,
+                        std::function<void(const std::vector<std::string>&)> add_members) {
+  impl_->groups.push_back({key, &names, std::move(add_members)});
+  impl_->add(std::move(key), std::move(help), setting_of_names(names, size_max));
 }
 
 void Options::add_registry(std::string& url) {
@@ -330,6 +390,7 @@ void Options::add_registry(std::string& url) {
 
 std::optional<int> Options::parse(int argc, const char* const* argv) {
   const std::vector<std::string_view> arguments(argv + std::min(argc, 1), argv + argc);
+  impl_->add_members(arguments);
   const auto command_line = parse_command_line(arguments, impl_->settings);
   if (!command_line) return usage_error(command_line.error().text);
   if (command_line->wants_help || command_line->wants_version) {

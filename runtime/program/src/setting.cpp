@@ -128,6 +128,9 @@ Setting setting_of(int& value, Range<int> range) {
 Setting setting_of(std::uint16_t& value, Range<std::uint16_t> range) {
   return number_setting(value, range, "a whole number");
 }
+Setting setting_of(std::uint32_t& value, Range<std::uint32_t> range) {
+  return number_setting(value, range, "a whole number");
+}
 Setting setting_of(std::uint64_t& value, Range<std::uint64_t> range) {
   return number_setting(value, range, "a whole number");
 }
@@ -180,6 +183,68 @@ Setting setting_of(std::vector<std::string>& value) {
   setting.write = [&value] { return joined(value, ","); };
   RTPM_ASSERT(read_list(setting.write()) == value,
               "a list's default has items that are not empty and hold no comma or outer blank");
+  return setting;
+}
+
+Setting setting_of(std::vector<int>& value) {
+  constexpr Range<int> kCpus{0, 1023};
+  Setting setting;
+  setting.placeholder = "NUMBER,NUMBER";
+  setting.expected = "a list of numbers from 0 to 1023, with commas";
+  setting.is_list = true;
+  setting.read = [&value](std::string_view text) {
+    const auto items = read_list(text);
+    if (!items) return false;
+    std::vector<int> numbers;
+    for (const std::string& item : *items) {
+      const auto number = read_number(std::string_view(item), kCpus);
+      if (!number) return false;
+      numbers.push_back(*number);
+    }
+    value = std::move(numbers);
+    return true;
+  };
+  setting.write = [&value] {
+    std::vector<std::string> items;
+    for (const int number : value)
+      items.push_back(number_text(number));
+    return joined(items, ",");
+  };
+  return setting;
+}
+
+Setting setting_of(std::optional<Duration>& value) {
+  Setting setting;
+  setting.placeholder = "off|TIME";
+  setting.expected = "off, or a time with a unit, such as 20us";
+  setting.read = [&value](std::string_view text) {
+    const std::optional<Duration> duration = parse_duration(text);
+    if (text != "off" && (!duration || *duration < Duration{0})) return false;
+    value = text == "off" ? std::nullopt : duration;
+    return true;
+  };
+  setting.write = [&value] { return value ? duration_text(*value) : "off"; };
+  return setting;
+}
+
+Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max) {
+  Setting setting = setting_of(value);
+  setting.placeholder = "NAME,NAME";
+  setting.expected = "a list of different names of lower-case letters and digits, of up to " +
+                     number_text(size_max) + " bytes each";
+  setting.read = [&value, size_max](std::string_view text) {
+    auto names = read_list(text);
+    if (!names || names->empty()) return false;
+    for (auto name = names->begin(); name != names->end(); ++name) {
+      constexpr const char* kLetters = "abcdefghijklmnopqrstuvwxyz0123456789";
+      if (name->size() > size_max || name->find_first_not_of(kLetters) != std::string::npos ||
+          std::find(names->begin(), name, *name) != name) {
+        return false;
+      }
+    }
+    value = std::move(*names);
+    return true;
+  };
   return setting;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -28,11 +29,17 @@ struct Setting {
 [[nodiscard]] Setting setting_of(bool& value);
 [[nodiscard]] Setting setting_of(int& value, Range<int> range);
 [[nodiscard]] Setting setting_of(std::uint16_t& value, Range<std::uint16_t> range);
+[[nodiscard]] Setting setting_of(std::uint32_t& value, Range<std::uint32_t> range);
 [[nodiscard]] Setting setting_of(std::uint64_t& value, Range<std::uint64_t> range);
 [[nodiscard]] Setting setting_of(double& value, Range<double> range);
 [[nodiscard]] Setting setting_of(Duration& value, Range<Duration> range);
 [[nodiscard]] Setting setting_of(Priority& value);
 [[nodiscard]] Setting setting_of(std::vector<std::string>& value);
+[[nodiscard]] Setting setting_of(std::vector<int>& value);
+/// A time, or "off".
+[[nodiscard]] Setting setting_of(std::optional<Duration>& value);
+/// Different names of lower-case letters and digits, at most `size_max` bytes each.
+[[nodiscard]] Setting setting_of_names(std::vector<std::string>& value, std::size_t size_max);
 /// One of `choices`, as `read` and `write` know them.
 [[nodiscard]] Setting setting_of_choice(const std::vector<std::string>& choices,
                                         std::function<void(std::string_view)> read,

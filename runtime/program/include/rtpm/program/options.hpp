@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -59,6 +60,8 @@ class Options {
            Range<int> range = {INT32_MIN, INT32_MAX});
   void add(std::string key, std::uint16_t& value, std::string help,
            Range<std::uint16_t> range = {0, UINT16_MAX});
+  void add(std::string key, std::uint32_t& value, std::string help,
+           Range<std::uint32_t> range = {0, UINT32_MAX});
   void add(std::string key, std::uint64_t& value, std::string help,
            Range<std::uint64_t> range = {0, UINT64_MAX});
   void add(std::string key, double& value, std::string help, Range<double> range = {-1e308, 1e308});
@@ -66,6 +69,17 @@ class Options {
            Range<Duration> range = {Duration{0}, Duration::max()});
   void add(std::string key, Priority& value, std::string help);
   void add(std::string key, std::vector<std::string>& value, std::string help);
+  /// The numbers are of CPUs: from 0 to 1023.
+  void add(std::string key, std::vector<int>& value, std::string help);
+  /// Adds an option that is a time, or "off" for none.
+  void add_off_or_time(std::string key, std::optional<Duration>& value, std::string help);
+  /// Adds a list of names, each of which has options of its own: `add_members` adds them for the
+  /// names that file, environment and flags say, or else for those that `names` holds. It is called
+  /// once, from parse(), with different names of lower-case letters and digits, at most `size_max`
+  /// bytes each.
+  void add_group(std::string key, std::vector<std::string>& names, std::string help,
+                 std::size_t size_max,
+                 std::function<void(const std::vector<std::string>& names)> add_members);
   /// Adds an option that is one of `choices`.
   void add_choice(std::string key, std::string& value, const std::vector<std::string>& choices,
                   std::string help);
@@ -80,8 +94,11 @@ class Options {
 
   /// Adds --realtime prefer|require|off.
   void add_realtime(rt::RealtimeMode& mode);
-  /// Adds --wait adaptive|block|spin and --spin DURATION.
-  void add_wait(rt::WaitConfig& wait);
+  /// Adds --wait adaptive|periodic|block|spin and --spin DURATION, each with `prefix` before its
+  /// key.
+  void add_wait(rt::WaitConfig& wait, const std::string& prefix = {});
+  /// Adds an option that is fifo or time-shared.
+  void add_schedule(std::string key, rt::Schedule& schedule, std::string help);
   /// Adds --registry URL.
   void add_registry(std::string& url);
 

@@ -1,0 +1,116 @@
+#include "rtpm/program/server_options.hpp"
+
+#include <algorithm>
+#include <cstdio>
+#include <string_view>
+#include <utility>
+
+#include "rtpm/rt/report.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::program {
+namespace {
+
+constexpr std::string_view kLanePrefix = "lane-";
+/// Of all 15 bytes of a thread's name, what its prefix leaves.
+constexpr std::size_t kLaneNameSizeMax = 10;
+
+/// The name by which options speak of a lane.
+std::string short_name_of(const rpc::LaneConfig& lane) {
+  const std::string_view name = lane.name;
+  return std::string(name.starts_with(kLanePrefix) ? name.substr(kLanePrefix.size()) : name);
+}
+
+/// The lanes of those names: with the defaults that are there, else with a lane's own.
+std::vector<rpc::LaneConfig> lanes_named(const std::vector<std::string>& names,
+                                         const std::vector<rpc::LaneConfig>& defaults) {
+  std::vector<rpc::LaneConfig> lanes;
+  for (const std::string& name : names) {
+    const auto known = std::ranges::find(defaults, name, &short_name_of);
+    lanes.push_back(known != defaults.end()
+                        ? *known
+                        : rpc::LaneConfig{.name = std::string(kLanePrefix) + name});
+  }
+  return lanes;
+}
+
+void add_lane(Options& options, const std::string& name, rpc::LaneConfig& lane) {
+  const std::string key = std::string(kLanePrefix) + name + "-";
+  constexpr std::uint32_t kThreadCountMax = 64;
+  options.add(key + "low", lane.low, "The lowest priority that the lane serves");
+  options.add(key + "priority", lane.priority, "At least at which it waits and receives");
+  options.add(key + "cpus", lane.cpus, "To which CPUs it is confined; none: all");
+  options.add_wait(lane.wait, key);
+  options.add_schedule(key + "schedule", lane.schedule,
+                       "fifo: before all time-shared threads; time-shared: behind every real-time "
+                       "thread");
+  options.add(key + "threads", lane.static_threads, "How many calls run at a time",
+              {1, kThreadCountMax});
+  options.add(key + "dynamic-threads", lane.dynamic_threads,
+              "How many more may, on threads that start when they are needed",
+              {0, kThreadCountMax});
+  options.add(key + "dynamic-idle", lane.dynamic_idle, "After how long such a thread ends");
+  options.add(key + "buffered-requests", lane.buffered_request_max,
+              "How many calls may wait while all threads run others", {0, 4096});
+  options.add(key + "buffered-bytes", lane.buffered_byte_max,
+              "How many bytes their requests may have together");
+}
+
+void add_limits(Options& options, rpc::ServerConfig& server) {
+  options.add("ceiling", server.ceiling, "The highest priority that callers are granted");
+  options.add("borrows", server.borrows,
+              "Lets a lane whose threads are all busy take one of a lower lane");
+  options.add("sessions-max", server.session_count_max, "Callers' sessions, per lane and transport",
+              {1, 0xffff});
+  options.add("message-size-max", server.message_size_max, "Bytes of a request or reply",
+              {static_cast<std::uint32_t>(wire::kMessageSizeFloor),
+               static_cast<std::uint32_t>(wire::kMessageSizeCeiling)});
+  options.add("large-messages-max", server.large_message_count_max,
+              "Messages larger than a frame that a lane holds at a time, per transport", {0, 1024});
+  options.add("deferred-calls-max", server.deferred_call_count_max,
+              "Calls of a lane that may be unfinished at a time", {0, 4096});
+  options.add("streams-max", server.stream_count_max,
+              "How many of them may be streams, per transport", {0, 1024});
+}
+
+}  // namespace
+
+void add_server(Options& options, ServerSettings& settings) {
+  rpc::ServerConfig& server = settings.server;
+  options.add("host", server.host,
+              "Numeric IPv4 address to serve and to be found at; one of the network's opens it to "
+              "the network");
+  options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
+  options.add("shared-memory", server.shared_memory,
+              "Whether callers of the same user on this host are served through memory");
+  options.add("shared-memory-folder", server.shared_memory_folder,
+              "Where the socket for that is; empty: an abstract name");
+  options.add_realtime(server.realtime);
+  options.add_off_or_time("cpu-latency", settings.cpu_latency,
+                          "Within which time CPUs are to wake, for the whole machine; off: as the "
+                          "system likes");
+  options.add("setup-report", settings.shows_setup,
+              "Print on standard error what the system granted of it");
+  add_limits(options, server);
+  settings.lanes.clear();
+  for (const rpc::LaneConfig& lane : server.lanes)
+    settings.lanes.push_back(short_name_of(lane));
+  options.add_group("lanes", settings.lanes, "The names of the lanes, each with options as below",
+                    kLaneNameSizeMax, [&options, &settings](const std::vector<std::string>& names) {
+                      auto& lanes = settings.server.lanes;
+                      lanes = lanes_named(names, lanes);
+                      for (std::size_t i = 0; i < lanes.size(); ++i)
+                        add_lane(options, names[i], lanes[i]);
+                    });
+}
+
+expected<rt::CpuLatencyRequest, rt::RealtimeError> prepare(const ServerSettings& settings) {
+  if (!settings.cpu_latency) return rt::CpuLatencyRequest{};
+  return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
+}
+
+void show_setup(const ServerSettings& settings) {
+  if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);
+}
+
+}  // namespace rtpm::program
