@@ -106,6 +106,7 @@ std::string remarks_of(const rpc::LaneReading& lane) {
   add("borrowed", counters.borrowed_count);
   add("queued_max", counters.queued_count_max);
   add("evicted", counters.frames.session_evicted_count);
+  add("bad_requests", counters.bad_request_count);
   add("servant_failures", counters.servant_failure_count);
   add("send_failures", counters.send_failure_count);
   add("broken_memory", counters.broken_memory_count);
