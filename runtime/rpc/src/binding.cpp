@@ -84,6 +84,8 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   // A name is looked up once, here, where waiting for a name server does no harm to a call.
   const auto host = transport::numeric_address_of(parts->host);
   if (!host) return setup_error("'" + *url + "' can't be bound: " + host.error().text);
+  const bool may_be_local = node.config().collocates && options.transport == Transport::kAuto &&
+                            node.config().transport == Transport::kAuto;
   const ServerAddress address = address_of(node, options, *host, parts->port, deadline);
   Endpoint& endpoint =
       options.is_private ? node.impl().private_endpoint(address) : node.impl().endpoint(address);
@@ -110,6 +112,7 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
     return setup_error(explain(outcome, interface, parts->path, *url));
   }
   impl->remember(outcome.bound);
+  if (may_be_local) impl->door = LocalDoor::find(outcome.bound.server_epoch);
   Binding binding(std::move(impl));
   std::vector<Priority> priorities = options.warm_up;
   // Calls without a priority of their own go at the object's.
@@ -142,7 +145,7 @@ std::string_view Binding::url() const noexcept {
 }
 
 Transport Binding::transport() const noexcept {
-  return impl_->endpoint.address().transport;
+  return impl_->door ? Transport::kLocal : impl_->endpoint.address().transport;
 }
 
 }  // namespace rtpm::rpc

@@ -58,6 +58,7 @@ CallError error_of(wire::Status status) noexcept {
 
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
+  if (local_ != nullptr) local_->release();
 }
 
 Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
@@ -79,11 +80,7 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
 expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& plan) noexcept {
   for (int round = 0; round < kRoundCountMax; ++round) {
     Bound now_bound = remembered();
-    // hp-6.1-3
-    Priority priority =
-        now_bound.is_server_declared || !plan.wanted ? now_bound.priority : *plan.wanted;
-    if (const auto transform = node.config().outbound_priority)
-      priority = transform(priority, path);
+    const Priority priority = priority_of(plan, now_bound);
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
@@ -134,7 +131,16 @@ expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const
   return {};
 }
 
+Priority Binding::Impl::priority_of(const Plan& plan, const Bound& to) const noexcept {
+  const Priority priority = to.is_server_declared || !plan.wanted ? to.priority : *plan.wanted;
+  const PriorityTransform transform = node.config().outbound_priority;
+  return transform == nullptr ? priority : transform(priority, path);
+}
+
 expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes request) noexcept {
+  if (door) {
+    if (auto outcome = call_locally(plan, request)) return std::move(*outcome);
+  }
   for (int round = 0; round < kRoundCountMax; ++round) {
     const auto ready = make_ready(plan);
     if (!ready) return unexpected{ready.error()};

@@ -9,6 +9,7 @@
 
 #include "call_channel.hpp"
 #include "endpoint.hpp"
+#include "local.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/rpc/binding.hpp"
@@ -87,6 +88,11 @@ class Binding::Impl {
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
+  /// The priority with which a call goes out (hp-6.1-3).
+  [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;
+  /// Calls through the door; nothing if the call has to go over a transport.
+  [[nodiscard]] std::optional<expected<ReplyLease, CallError>> call_locally(
+      const Plan& plan, ConstBytes request) noexcept;
   [[nodiscard]] expected<void, CallError> warm_up(std::span<const Priority> priorities,
                                                   MonotonicTime deadline) noexcept;
   /// The same for each band that the server has.
@@ -107,6 +113,9 @@ class Binding::Impl {
   Node& node;
   Endpoint& endpoint;
   bool is_private = false;
+  /// Where the object's server is in this program; else null.
+  std::shared_ptr<LocalDoor> door{};
+  std::uint64_t local_session = LocalChannels::next_session();
   std::string path;
   std::string url;
   const InterfaceDescriptor& interface;

@@ -46,6 +46,7 @@ auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTim
                                                 priority, deadline);
     case Transport::kUdp:
     case Transport::kAuto:
+    case Transport::kLocal:
       break;
   }
   return transport::open_udp_link(address.host, address.port, priority);
@@ -270,7 +271,12 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
         link_->wait(wake);
       }
     }
-    const auto frame = link_->receive();
+    auto frame = link_->receive();
+    if (!frame && frame.error() == transport::IoError::kRefused) {
+      // The system tells a refusal before what came earlier, such as the CLOSE of a server that
+      // stopped.
+      if (auto earlier = link_->receive()) frame = earlier;
+    }
     // What came together with this one lies in the link's buffer and would wake no poll.
     may_have_more_ = frame.has_value();
     now = rt::now();

@@ -96,9 +96,11 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
           stream_config(setup.sessions, stream_bulk_.bytes(), stream_streams_.bytes())),
       memory_sessions_(
           memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
-      pending_(std::make_shared<PendingPool>(
-          call_count_max(setup), setup.deferred_call_count_max, setup.sessions.message_size_max,
-          Crew::is_wanted(setup.config, setup.borrows), poller_)),
+      bell_(std::make_shared<Doorbell>(poller_)),
+      pending_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
+                                             setup.sessions.message_size_max,
+                                             Crew::is_wanted(setup.config, setup.borrows), bell_)),
+      gate_(std::make_shared<LocalGate>(bell_, *this)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
       turns_per_look_(kTurnsPerLook),
       slot_(*setup.slot) {
@@ -178,7 +180,7 @@ void Lane::nap_if_overdue(MonotonicTime now) noexcept {
 void Lane::nap(MonotonicTime until) noexcept {
   if (crew_) crew_->mutex().unlock();
   rt::sleep_until(until);
-  if (crew_) crew_->mutex().lock();
+  if (crew_) crew_->lock_from_aside();
 }
 
 // Where callers come at a steady pace, spinning on after one is a waste, unless it calls again.
@@ -214,7 +216,7 @@ void Lane::stop() noexcept {
 }
 
 void Lane::close() noexcept {
-  pending_->close();
+  bell_->close();
   port_.reset();
   while (arriving_.pop()) {
   }
@@ -248,8 +250,9 @@ bool Lane::turn() noexcept {
   // SYNC POINT lane-arrivals
   if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
   if (pending_->open_count() > 0 && look_at_pending()) return true;
+  if (hot_ != kLocal && gate_->has_calls()) hot_ = kLocal;
   const bool has_served = serve_one(hot_);
-  if (has_served && connection_count_ == 0) return true;
+  if (has_served && connection_count_ == 0 && hot_ != kLocal) return true;
   // What costs no syscall is looked at each turn, unless there is something anyway.
   if (!has_served && serve_memory()) return true;
   if (!is_look_due(has_served)) return has_served;
@@ -261,7 +264,7 @@ bool Lane::turn() noexcept {
 
 // Whether it is time to look at the sources that are not hot.
 bool Lane::is_look_due(bool has_served) noexcept {
-  if (connection_count_ == 0) return false;
+  if (connection_count_ == 0 && hot_ != kLocal) return false;
   if (!has_served) return ++turn_count_ >= turns_per_look_;
   if (++streak_ < kStreakMax) return false;
   return !is_memory(hot_) || received_ - last_look_ >= kTimePerLookMax;
@@ -310,7 +313,8 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
 // Has the callers through memory ring when they call; false if one has called by now.
 bool Lane::announce_sleep() noexcept {
   if (pending_->open_count() > 0) tell_cancelled();
-  bool may_sleep = pending_->announce_sleep();
+  bell_->announce_sleep();
+  bool may_sleep = pending_->may_sleep() && gate_->may_sleep();
   for (const Source source : memory_sources_) {
     if (!connections_[source].stream->announce_sleep()) may_sleep = false;
   }
@@ -318,7 +322,7 @@ bool Lane::announce_sleep() noexcept {
 }
 
 void Lane::end_sleep() noexcept {
-  pending_->end_sleep();
+  bell_->end_sleep();
   for (const Source source : memory_sources_)
     connections_[source].stream->end_sleep();
 }
@@ -350,6 +354,7 @@ bool Lane::serve_leftovers() noexcept {
 }
 
 bool Lane::serve_one(Source source) noexcept {
+  if (source == kLocal) return serve_local();
   const bool has_served = source == kUdp ? serve_datagram() : serve_stream(source);
   // Each time, because a lane that never rests is the one whose counters people want to see.
   publish();

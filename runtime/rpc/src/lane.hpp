@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "crew.hpp"
+#include "local.hpp"
 #include "object_table.hpp"
 #include "pending.hpp"
 #include "rtpm/base/ring.hpp"
@@ -73,6 +74,11 @@ class Lane {
   /// A connection that ended, to be freed where freeing is allowed; or null.
   [[nodiscard]] std::unique_ptr<transport::Connection> take_back() noexcept;
 
+  /// Where calls of the same program come in.
+  [[nodiscard]] const std::shared_ptr<LocalGate>& gate() const noexcept { return gate_; }
+  /// On a thread that runs a method for this lane: runs another one inside of it.   RT: alloc-free.
+  [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
+
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] const LaneConfig& config() const noexcept { return config_; }
   [[nodiscard]] ServerCounters counters() const noexcept {
@@ -86,9 +92,10 @@ class Lane {
     bool is_memory = false;
     bool has_leftovers = false;  ///< It stands in leftovers_.
   };
-  /// Index into connections_, or kUdp.
+  /// Index into connections_, or kUdp, or kLocal: the calls of the same program.
   using Source = std::uint64_t;
   static constexpr Source kUdp = ~std::uint64_t{0} - 1;
+  static constexpr Source kLocal = ~std::uint64_t{0} - 2;
 
   void step(MonotonicTime& spin_end) noexcept;
   void nap(MonotonicTime until) noexcept;
@@ -103,8 +110,9 @@ class Lane {
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
+  /// A look at it is no syscall.
   [[nodiscard]] bool is_memory(Source source) const noexcept {
-    return source != kUdp && connections_[source].is_memory;
+    return source == kLocal || (source != kUdp && connections_[source].is_memory);
   }
   [[nodiscard]] bool serve_memory() noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
@@ -140,8 +148,15 @@ class Lane {
   void lead() noexcept;
   void find_help() noexcept;
   [[nodiscard]] Loan borrow() noexcept;
-  [[nodiscard]] bool find_place(PendingCall& call, wire::ServerSessions& sessions,
-                                const wire::Request& request, const Object& object) noexcept;
+  [[nodiscard]] bool take_in(PendingCall& call, wire::ServerSessions& sessions,
+                             const wire::Request& request, const Object& object) noexcept;
+  [[nodiscard]] bool find_place(PendingCall& call, const Object& object) noexcept;
+  void note_queued(const wire::Request& request) noexcept;
+  [[nodiscard]] DispatchResult run_now(const Object& object, const wire::Request& request,
+                                       MutableBytes reply, Deferral& deferral) noexcept;
+  [[nodiscard]] bool serve_local() noexcept;
+  void serve_local_call(LocalChannel& channel) noexcept;
+  void serve_pending_local(PendingCall& call) noexcept;
   void run_borrowed(PendingCall& first, Crew& lender) noexcept;
   void run_queued(PendingCall& call, Crew* lender = nullptr) noexcept;
   [[nodiscard]] ConstBytes queue_request(wire::ServerSessions& sessions,
@@ -175,7 +190,9 @@ class Lane {
   wire::ServerSessions datagram_sessions_;
   wire::ServerSessions stream_sessions_;
   wire::ServerSessions memory_sessions_;  ///< Of connections through shared memory.
+  std::shared_ptr<Doorbell> bell_;
   std::shared_ptr<PendingPool> pending_;
+  std::shared_ptr<LocalGate> gate_;
   std::vector<Connection> connections_;
   /// Connections with whole frames in their buffers, which wake no poll. Sized once.
   std::vector<Source> leftovers_;

@@ -43,10 +43,9 @@ class LaneDeferral final : public Deferral {
     PendingCall* const call = pool_->take();
     if (call == nullptr) return nullptr;
     is_taken_ = true;
-    call->request = request_;
+    call->take_in(request_, sessions_);
     // It views the frame, or a room, that is another's when the method has returned.
     call->request.payload = {};
-    call->sessions = &sessions_;
     sessions_.set_tag(request_, pool_->tag_of(*call));
     return call;
   }
@@ -126,10 +125,16 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
     return {status, 0};
   }
   const Object* const object = objects_.find(header.service);
+  return run_now(*object, request, reply, deferral);
+}
+
+// Runs a method on the lane's own thread.
+DispatchResult Lane::run_now(const Object& object, const wire::Request& request, MutableBytes reply,
+                             Deferral& deferral) noexcept {
   ++counters_.call_count;
-  if (is_periodic_) foresight_.on_arrival(header.session, request.received);
+  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
   bool has_thrown = false;
-  const DispatchResult result = run_servant(*object, request, reply, deferral, has_thrown);
+  const DispatchResult result = run_servant(object, request, reply, deferral, has_thrown);
   if (has_thrown) ++counters_.servant_failure_count;
   if (result.status == wire::Status::kBadRequest) ++counters_.bad_request_count;
   // The lane waits on at the request's level, unless that is below its own: so a caller that keeps
@@ -158,7 +163,7 @@ DispatchResult Lane::run_servant(const Object& object, const wire::Request& requ
                             header.trace_id,
                             &deferral};
   rt::adopt_priority(context.priority);
-  const CurrentCall current(context);
+  const CurrentCall current(context, *this);
   const BusyMark busy(request.received);
   try {
     return object.servant->dispatch(header.method, request.payload, reply, context);
@@ -215,32 +220,19 @@ bool Lane::look_at_pending() noexcept {
 }
 
 bool Lane::serve_pending() noexcept {
-  PendingCall* newest = pending_->take_ready();
-  // Turned round, so that whoever was first is served first.
-  PendingCall* first = nullptr;
-  while (newest != nullptr) {
-    PendingCall* const next = newest->next_ready.load(std::memory_order_relaxed);
-    newest->next_ready.store(first, std::memory_order_relaxed);
-    first = std::exchange(newest, next);
-  }
-  const bool has_some = first != nullptr;
-  while (first != nullptr) {
-    PendingCall& call = *first;
-    first = call.next_ready.load(std::memory_order_relaxed);
-    call.is_queued.exchange(false, std::memory_order_acq_rel);
-    serve_pending_call(call);
-  }
+  const bool has_some = pending_->take_ready([&](PendingCall& call) { serve_pending_call(call); });
   publish();
   return has_some;
 }
 
 void Lane::serve_pending_call(PendingCall& call) noexcept {
   // Whoever ended it may have been slower to tell so than the lane to see it.
-  if (call.sessions == nullptr) return;
-  wire::ServerSessions& sessions = *call.sessions;
+  if (!call.is_taken) return;
   const bool is_ended = call.is_ended.load(std::memory_order_acquire);
   // The method may still read its request.
   if (!send_items(call) || !is_ended || call.is_running) return;
+  if (call.sessions == nullptr) return serve_pending_local(call);
+  wire::ServerSessions& sessions = *call.sessions;
   const auto peer = sessions.peer_of(call.request);
   const MutableBytes room = sessions.reply_buffer(call.request);
   std::uint32_t size = call.size;
@@ -294,9 +286,15 @@ void Lane::look_at_time() noexcept {
 
 // hp-4.5-2
 void Lane::say_goodbye() noexcept {
+  gate_->close();
   pending_->for_each_open([&](PendingCall& call) {
-    const auto peer = call.sessions->peer_of(call.request);
     call.is_awaited.store(false, std::memory_order_release);
+    if (call.local != nullptr) {
+      // One that still runs has its caller's memory, and is ended by its own thread.
+      if (!call.is_running) std::exchange(call.local, nullptr)->finish(wire::Status::kStopping, 0);
+      return;
+    }
+    const auto peer = call.sessions->peer_of(call.request);
     const ConstBytes frame =
         call.sessions->complete(call.request, wire::Status::kStopping, 0, rt::now());
     if (peer) send(*call.sessions, *peer, frame);

@@ -41,6 +41,7 @@ class QueuedDeferral final : public Deferral {
   [[nodiscard]] bool take() noexcept {
     RTPM_ASSERT(!is_taken_, "a call is deferred once");
     is_taken_ = pool_->keep_deferred(call_);
+    if (is_taken_) call_.reply = call_.reply_room;
     return is_taken_;
   }
 
@@ -242,7 +243,7 @@ ConstBytes Lane::queue_request(wire::ServerSessions& sessions, const wire::Reque
                                const Object& object) noexcept {
   const bool is_stopping = is_stopping_.load(std::memory_order_relaxed);
   PendingCall* const call = is_stopping ? nullptr : pending_->take();
-  if (call == nullptr || !find_place(*call, sessions, request, object)) {
+  if (call == nullptr || !take_in(*call, sessions, request, object)) {
     const auto refusal = is_stopping ? wire::Status::kStopping : wire::Status::kOverload;
     ++counters_.overload_count;
     if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
@@ -250,39 +251,48 @@ ConstBytes Lane::queue_request(wire::ServerSessions& sessions, const wire::Reque
     static_cast<void>(sessions.complete(request, refusal, 0, request.received));
     return frame;
   }
-  ++counters_.call_count;
-  counters_.queued_count_max =
-      std::max<std::uint64_t>(counters_.queued_count_max, crew_->queued_count());
-  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
+  note_queued(request);
   if (!request.wants_receipt()) return {};
   return sessions.accept(request, wire::Status::kOk, request.received);
 }
 
-// Puts a call among those that wait, unless there is neither place nor help; then gives it back.
-bool Lane::find_place(PendingCall& call, wire::ServerSessions& sessions,
-                      const wire::Request& request, const Object& object) noexcept {
+void Lane::note_queued(const wire::Request& request) noexcept {
+  ++counters_.call_count;
+  counters_.queued_count_max =
+      std::max<std::uint64_t>(counters_.queued_count_max, crew_->queued_count());
+  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
+}
+
+// Copies a request that came over a wire; false if there is no place for it.
+bool Lane::take_in(PendingCall& call, wire::ServerSessions& sessions, const wire::Request& request,
+                   const Object& object) noexcept {
   const std::size_t size = request.payload.size();
-  const bool has_place = crew_->has_place_for(size);
-  call.request = request;
+  call.take_in(request, sessions);
   call.request.payload = ConstBytes(call.request_room).first(size);
   if (size > 0) std::memcpy(call.request_room.data(), request.payload.data(), size);
-  call.object = &object;
-  call.sessions = &sessions;
-  call.is_running = true;
   call.item_size_max =
       request.wants_stream() ? static_cast<std::uint32_t>(sessions.item_buffer(request).size()) : 0;
-  crew_->enqueue(call, priority_of(object, request.header), size);
-  if (!has_place && borrow() == Loan::kNone) {
-    crew_->withdraw(call);
-    pending_->give_back(call);
-    return false;
-  }
+  if (!find_place(call, object)) return false;
   sessions.set_tag(request, pending_->tag_of(call));
   return true;
 }
 
+// Puts a call among those that wait, unless there is neither place nor help; then gives it back.
+bool Lane::find_place(PendingCall& call, const Object& object) noexcept {
+  const std::size_t size = call.request.payload.size();
+  const bool has_place = crew_->has_place_for(size);
+  call.object = &object;
+  call.is_running = true;
+  crew_->enqueue(call, priority_of(object, call.request.header), size);
+  if (has_place || borrow() != Loan::kNone) return true;
+  crew_->withdraw(call);
+  pending_->give_back(call);
+  return false;
+}
+
 // The end of the lane: what waits is told so, what runs has some time.
 void Lane::end_crew() noexcept {
+  gate_->close();
   while (PendingCall* const call = crew_->take_any()) {
     call->is_running = false;
     call->status = wire::Status::kStopping;

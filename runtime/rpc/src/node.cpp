@@ -15,12 +15,17 @@ std::string_view to_string(Transport transport) noexcept {
       return "tcp";
     case Transport::kSharedMemory:
       return "shm";
+    case Transport::kLocal:
+      return "local";
   }
   return "unknown";
 }
 
 Node::Impl::Impl(NodeConfig node_config)
-    : config(std::move(node_config)), epoch_(rt::random_u64()), clock_domain_(rt::clock_domain()) {
+    : config(std::move(node_config)),
+      local_channels(config.channel_count_max, config.message_size_max),
+      epoch_(rt::random_u64()),
+      clock_domain_(rt::clock_domain()) {
   // On one CPU a caller that spins only keeps the server from running.
   if (rt::usable_cpu_count() == 1 && config.wait.strategy == rt::WaitStrategy::kAdaptive) {
     config.wait.strategy = rt::WaitStrategy::kBlock;

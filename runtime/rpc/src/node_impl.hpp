@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "endpoint.hpp"
+#include "local.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 
@@ -24,6 +25,7 @@ class Node::Impl {
 
   NodeConfig config;
   Resolver* resolver = nullptr;
+  LocalChannels local_channels;
 
  private:
   std::uint64_t epoch_;

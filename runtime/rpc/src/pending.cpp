@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstring>
-#include <mutex>
 #include <utility>
 
 #include "rtpm/base/assert.hpp"
@@ -20,18 +19,18 @@ std::size_t rounded(std::size_t size) noexcept {
 
 PendingPool::PendingPool(std::uint32_t count, std::uint32_t deferred_count_max,
                          std::uint32_t message_size_max, bool keeps_requests,
-                         transport::Poller& bell)
+                         std::shared_ptr<Doorbell> bell)
     : replies_(count * rounded(message_size_max)),
       requests_(keeps_requests ? replies_.bytes().size() : 0),
       calls_(count),
       deferred_count_max_(deferred_count_max),
-      bell_(&bell) {
+      bell_(std::move(bell)) {
   const std::size_t room = replies_.bytes().size() / std::max(count, 1U);
   const std::size_t size = std::min<std::size_t>(room, message_size_max);
   free_.reserve(count);
   for (std::size_t i = calls_.size(); i-- > 0;) {
     free_.push_back(&calls_[i]);
-    calls_[i].reply = replies_.bytes().subspan(i * room, size);
+    calls_[i].reply_room = replies_.bytes().subspan(i * room, size);
     if (keeps_requests) calls_[i].request_room = requests_.bytes().subspan(i * room, size);
     calls_[i].items =
         rt::LazyMemory(PendingCall::kItemCountMax * std::size_t{wire::kStreamFrameSizeMax});
@@ -43,6 +42,7 @@ PendingCall* PendingPool::take() noexcept {
   PendingCall* const found = free_.back();
   free_.pop_back();
   ++open_count_;
+  found->is_taken = true;
   found->is_awaited.store(true, std::memory_order_relaxed);
   found->is_ended.store(false, std::memory_order_relaxed);
   found->written_count.store(0, std::memory_order_relaxed);
@@ -51,7 +51,7 @@ PendingCall* PendingPool::take() noexcept {
 }
 
 void PendingPool::give_back(PendingCall& call) noexcept {
-  call.sessions = nullptr;
+  call.is_taken = false;
   if (std::exchange(call.is_deferred, false)) {
     deferred_count_.fetch_sub(1, std::memory_order_relaxed);
   }
@@ -69,29 +69,8 @@ bool PendingPool::keep_deferred(PendingCall& call) noexcept {
 }
 
 void PendingPool::notify(PendingCall& call) noexcept {
-  if (!call.is_queued.exchange(true, std::memory_order_acq_rel)) {
-    PendingCall* first = ready_.load(std::memory_order_relaxed);
-    do {
-      call.next_ready.store(first, std::memory_order_relaxed);
-      // SYNC POINT pending-ready: what the call has is written before it stands in the list.
-    } while (!ready_.compare_exchange_weak(first, &call, std::memory_order_seq_cst,
-                                           std::memory_order_relaxed));
-  }
-  // SYNC POINT pending-sleep: either the lane sees the list before it sleeps, or it is seen asleep.
-  if (!is_asleep_.load(std::memory_order_seq_cst)) return;
-  const std::lock_guard lock(ringing_);
-  if (bell_ != nullptr) bell_->ring();
-}
-
-bool PendingPool::announce_sleep() noexcept {
-  is_asleep_.store(true, std::memory_order_seq_cst);
-  // SYNC POINT pending-sleep
-  return ready_.load(std::memory_order_seq_cst) == nullptr;
-}
-
-void PendingPool::close() noexcept {
-  const std::lock_guard lock(ringing_);
-  bell_ = nullptr;
+  if (!call.is_queued.exchange(true, std::memory_order_acq_rel)) ready_.push(call);
+  bell_->wake();
 }
 
 std::string_view to_string(StreamError error) noexcept {

@@ -6,11 +6,11 @@
 #include <memory>
 #include <vector>
 
+#include "local.hpp"
+#include "ready_list.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
-#include "rtpm/rt/pi_mutex.hpp"
-#include "rtpm/transport/poller.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
 namespace rtpm::rpc {
@@ -24,13 +24,32 @@ struct PendingCall {
 
   // The lane's own.
   wire::Request request{};
-  wire::ServerSessions* sessions = nullptr;  ///< Null: free.
+  bool is_taken = false;
+  wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
+  LocalChannel* local = nullptr;
   std::uint32_t item_size_max = 0;
   // Of a lane with a crew.
   const Object* object = nullptr;
   MutableBytes request_room{};
   bool is_running = false;   ///< Or waits for it: not to be ended yet.
   bool is_deferred = false;  ///< It counts as such; of the method's thread while that runs.
+
+  /// A call that came over a wire; the request's payload stays where it is.
+  void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {
+    request = its_request;
+    sessions = &its_sessions;
+    local = nullptr;
+    reply = reply_room;
+  }
+  /// A call of the same program, which is answered where it wants its reply, unless that comes
+  /// later: its caller may be gone by then.
+  void take_in(const wire::Request& its_request, LocalChannel& channel, bool is_late) noexcept {
+    request = its_request;
+    sessions = nullptr;
+    local = &channel;
+    reply = is_late ? reply_room : channel.reply();
+    item_size_max = 0;
+  }
 
   // Shared.
   std::atomic<PendingCall*> next_ready{nullptr};
@@ -40,6 +59,7 @@ struct PendingCall {
   wire::Status status = wire::Status::kOk;  ///< With is_ended.
   std::uint32_t size = 0;
   MutableBytes reply{};
+  MutableBytes reply_room{};
   rt::LazyMemory items{};
   std::array<std::uint32_t, kItemCountMax> item_sizes{};
   std::atomic<std::uint32_t> written_count{0};
@@ -48,14 +68,13 @@ struct PendingCall {
 
 /// The unfinished calls of one lane, a bounded number, and the list of those that have something
 /// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end. Threads:
-/// take(), give_back(), next_ready(), sleep(), wake() and close() on the lane's thread; notify() on
-/// any.   RT: alloc-free but for construction.
+/// notify() and keep_deferred() any; the rest the lane's.   RT: alloc-free but for construction.
 class PendingPool {
  public:
   /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
   /// `keeps_requests`: each place has room for the request, too.
   PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
-              bool keeps_requests, transport::Poller& bell);
+              bool keeps_requests, std::shared_ptr<Doorbell> bell);
 
   /// A free place, or null.
   [[nodiscard]] PendingCall* take() noexcept;
@@ -71,25 +90,22 @@ class PendingPool {
   template <class Visitor>
   void for_each_open(Visitor visit) noexcept {
     for (PendingCall& call : calls_) {
-      if (call.sessions != nullptr) visit(call);
+      if (call.is_taken) visit(call);
     }
   }
 
   /// The call has items, or ended: the lane shall look.
   void notify(PendingCall& call) noexcept;
-  [[nodiscard]] bool has_ready() const noexcept {
-    return ready_.load(std::memory_order_relaxed) != nullptr;
+  [[nodiscard]] bool has_ready() const noexcept { return !ready_.is_empty(); }
+  [[nodiscard]] bool may_sleep() const noexcept { return ready_.is_empty_before_sleep(); }
+  /// Visits all calls that were notified, and gives back whether there were any.
+  template <class Visitor>
+  bool take_ready(Visitor visit) noexcept {
+    return ready_.take([&](PendingCall& call) {
+      call.is_queued.exchange(false, std::memory_order_acq_rel);
+      visit(call);
+    });
   }
-  /// All calls that were notified, linked by next_ready, the last notified first; or null.
-  [[nodiscard]] PendingCall* take_ready() noexcept {
-    return ready_.exchange(nullptr, std::memory_order_acquire);
-  }
-
-  /// From here on until wake() a notify() rings; false if one came before.
-  [[nodiscard]] bool announce_sleep() noexcept;
-  void end_sleep() noexcept { is_asleep_.store(false, std::memory_order_relaxed); }
-  /// The lane ends: nobody rings any more.
-  void close() noexcept;
 
  private:
   rt::LazyMemory replies_;
@@ -99,10 +115,8 @@ class PendingPool {
   std::uint32_t open_count_ = 0;
   std::uint32_t deferred_count_max_;
   std::atomic<std::uint32_t> deferred_count_{0};
-  std::atomic<PendingCall*> ready_{nullptr};
-  std::atomic<bool> is_asleep_{false};
-  rt::PiMutex ringing_;
-  transport::Poller* bell_;
+  ReadyList<PendingCall> ready_;
+  std::shared_ptr<Doorbell> bell_;
 };
 
 }  // namespace rtpm::rpc

@@ -119,6 +119,7 @@ class ServerImpl final : public Server {
   expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
   expected<std::optional<transport::SharedMemoryListener>, SetupError> open_memory_listener();
   expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
+  void open_door();
 
   ServerConfig config_;
   std::uint16_t port_ = 0;
@@ -126,6 +127,8 @@ class ServerImpl final : public Server {
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
   std::vector<std::unique_ptr<Lane>> lanes_;
+  std::uint64_t epoch_ = rt::random_u64();
+  std::shared_ptr<LocalDoor> door_;
   bool is_started_ = false;
   bool is_stopped_ = false;
 };
@@ -202,7 +205,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   LaneSetup setup;
   setup.objects = &objects_;
   setup.acceptor_bell = &acceptor_->bell();
-  setup.sessions.epoch = rt::random_u64();
+  setup.sessions.epoch = epoch_;
   setup.sessions.clock_domain = rt::clock_domain();
   setup.sessions.ceiling = config_.ceiling;
   setup.sessions.session_count_max = config_.session_count_max;
@@ -262,11 +265,23 @@ expected<void, SetupError> ServerImpl::start() {
     stop();
     return unexpected{in_words(config_, accepting.error().text)};
   }
+  open_door();
   return {};
+}
+
+// Lets callers of the same program in without a transport.
+void ServerImpl::open_door() {
+  std::vector<LocalDoor::Entry> entries;
+  for (const auto& lane : lanes_)
+    entries.push_back({lane->band(), lane->gate()});
+  door_ = std::make_shared<LocalDoor>(epoch_, config_.ceiling, config_.message_size_max,
+                                      std::move(entries));
+  LocalDoor::open(door_);
 }
 
 void ServerImpl::stop() noexcept {
   is_stopped_ = true;
+  if (door_) LocalDoor::close(*door_);
   if (acceptor_) acceptor_->stop();
   for (const auto& lane : lanes_)
     lane->stop();

@@ -322,7 +322,7 @@ TEST_P(TransportSuite, SurvivesAClientThatIsKilledInMidCall) {
   close(address[1]);
 }
 
-TEST_P(TransportSuite, CountsGarbageByItsReasonAndGoesOn) {
+TEST_P(WireSuite, CountsGarbageByItsReasonAndGoesOn) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -360,7 +360,7 @@ TEST_P(TransportSuite, CountsGarbageByItsReasonAndGoesOn) {
   EXPECT_EQ(server.server->counters().connection_lost_count, is_udp() ? 0 : count);
 }
 
-TEST_P(TransportSuite, RefusesCallsWithoutASession) {
+TEST_P(WireSuite, RefusesCallsWithoutASession) {
   EchoServer server;
   RawPeer peer(transport(), server.server->port());
   peer.send(peer.call_frame(5, echo::kEcho.id));
@@ -371,7 +371,7 @@ TEST_P(TransportSuite, RefusesCallsWithoutASession) {
   EXPECT_EQ(server.servant.run_count(), 0);
 }
 
-TEST_P(TransportSuite, SurvivesRandomBytes) {
+TEST_P(WireSuite, SurvivesRandomBytes) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -391,7 +391,7 @@ TEST_P(TransportSuite, SurvivesRandomBytes) {
   }
 }
 
-TEST_P(TransportSuite, AnswersUnreadableRequestsToTheSessionItself) {
+TEST_P(WireSuite, AnswersUnreadableRequestsToTheSessionItself) {
   EchoServer server;
   RawPeer peer(transport(), server.server->port());
   ASSERT_TRUE(peer.open());
@@ -409,7 +409,7 @@ TEST_P(TransportSuite, AnswersUnreadableRequestsToTheSessionItself) {
   EXPECT_EQ(answer->status, wire::Status::kNoSuchObject);
 }
 
-TEST_P(TransportSuite, RefusesMoreSessionsThanItHasPlacesFor) {
+TEST_P(WireSuite, RefusesMoreSessionsThanItHasPlacesFor) {
   ServerConfig config = quiet_config();
   config.session_count_max = 2;
   EchoServer server(config);

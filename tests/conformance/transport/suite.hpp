@@ -47,4 +47,7 @@ class TransportSuite : public testing::TestWithParam<Transport> {
   }
 };
 
+/// What those keep that have frames; the tests that speak with their own.
+class WireSuite : public TransportSuite {};
+
 }  // namespace rtpm::rpc::test

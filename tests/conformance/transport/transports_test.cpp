@@ -5,5 +5,9 @@ namespace rtpm::rpc::test {
 INSTANTIATE_TEST_SUITE_P(Udp, TransportSuite, testing::Values(Transport::kUdp));
 INSTANTIATE_TEST_SUITE_P(Tcp, TransportSuite, testing::Values(Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, TransportSuite, testing::Values(Transport::kSharedMemory));
+INSTANTIATE_TEST_SUITE_P(Udp, WireSuite, testing::Values(Transport::kUdp));
+INSTANTIATE_TEST_SUITE_P(Tcp, WireSuite, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SharedMemory, WireSuite, testing::Values(Transport::kSharedMemory));
+INSTANTIATE_TEST_SUITE_P(Local, TransportSuite, testing::Values(Transport::kLocal));
 
 }  // namespace rtpm::rpc::test

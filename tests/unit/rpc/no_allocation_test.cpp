@@ -70,7 +70,10 @@ INSTANTIATE_TEST_SUITE_P(All, NoAllocation,
                                          Row{Transport::kTcp, rt::WaitStrategy::kSpin},
                                          Row{Transport::kSharedMemory, rt::WaitStrategy::kAdaptive},
                                          Row{Transport::kSharedMemory, rt::WaitStrategy::kBlock},
-                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kSpin}),
+                                         Row{Transport::kSharedMemory, rt::WaitStrategy::kSpin},
+                                         Row{Transport::kLocal, rt::WaitStrategy::kAdaptive},
+                                         Row{Transport::kLocal, rt::WaitStrategy::kBlock},
+                                         Row{Transport::kLocal, rt::WaitStrategy::kSpin}),
                          [](const auto& row) {
                            return std::string(to_string(row.param.transport)) + "_" +
                                   std::string(to_string(row.param.wait));

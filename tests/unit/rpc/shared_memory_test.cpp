@@ -17,6 +17,13 @@
 namespace rtpm::rpc {
 namespace {
 
+// As if the server were another program.
+NodeConfig apart(Transport transport) {
+  NodeConfig config = test::quiet_node(transport);
+  config.collocates = false;
+  return config;
+}
+
 using namespace test;
 namespace fs = std::filesystem;
 
@@ -26,7 +33,7 @@ std::string memory_name(const EchoServer& server) {
 
 TEST(SharedMemoryChoice, IsTakenByItselfOnOneHost) {
   EchoServer server;
-  Node node(quiet_node(Transport::kAuto));
+  Node node(apart(Transport::kAuto));
   Binding binding = bind_echo(node, server);
   EXPECT_EQ(binding.transport(), Transport::kSharedMemory);
   const auto reply = binding.call(echo::kEcho, bytes_of("through memory"));
@@ -39,7 +46,7 @@ TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
   ServerConfig config = quiet_config();
   config.shared_memory = false;
   EchoServer server(config);
-  Node node(quiet_node(Transport::kAuto));
+  Node node(apart(Transport::kAuto));
   Binding binding = bind_echo(node, server);
   EXPECT_EQ(binding.transport(), Transport::kUdp);
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
@@ -52,7 +59,7 @@ TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
 TEST(SharedMemoryChoice, IsTheCallersToMake) {
   EchoServer server;
   for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
-    Node node(quiet_node(Transport::kAuto));
+    Node node(apart(Transport::kAuto));
     Binding binding = bind_echo(node, server, {.transport = transport});
     EXPECT_EQ(binding.transport(), transport);
     EXPECT_TRUE(binding.call(echo::kEcho, {}));
@@ -66,9 +73,9 @@ TEST(SharedMemoryChoice, FindsAServerInAFolderAndOtherServersBesideIt) {
     ServerConfig config = quiet_config();
     config.shared_memory_folder = name;
     EchoServer server(config);
-    Node stranger(quiet_node(Transport::kAuto));
+    Node stranger(apart(Transport::kAuto));
     EXPECT_EQ(bind_echo(stranger, server).transport(), Transport::kUdp);
-    NodeConfig knowing = quiet_node(Transport::kAuto);
+    NodeConfig knowing = apart(Transport::kAuto);
     knowing.shared_memory_folder = name;
     Node node(knowing);
     Binding binding = bind_echo(node, server);

@@ -63,6 +63,7 @@ class ReplyLease {
   ReplyLease& operator=(ReplyLease&& other) noexcept {
     std::swap(bytes_, other.bytes_);
     std::swap(channel_, other.channel_);
+    std::swap(local_, other.local_);
     return *this;
   }
   ~ReplyLease();
@@ -75,9 +76,12 @@ class ReplyLease {
   friend class PendingReply;
   ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
       : bytes_(bytes), channel_(channel) {}
+  ReplyLease(ConstBytes bytes, class LocalChannel& channel) noexcept
+      : bytes_(bytes), local_(&channel) {}
 
   ConstBytes bytes_{};
   class CallChannel* channel_ = nullptr;
+  class LocalChannel* local_ = nullptr;
 };
 
 /// An object of some server, bound: what every generated stub holds.

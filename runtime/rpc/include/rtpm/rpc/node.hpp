@@ -29,13 +29,18 @@ class Resolver {
 
 /// Over what a binding sends its calls.
 enum class Transport : std::uint8_t {
-  kAuto,  ///< The best that reaches the server: shared memory on one host, else UDP.
+  /// The best that reaches the server: none in the same program, shared memory on one host, else
+  /// UDP.
+  kAuto,
   kUdp,
   kTcp,
   kSharedMemory,
+  /// The server is in the same program: its lane runs the call, on memory that both sides see.
+  /// Said by Binding::transport(); what is asked for is kAuto.
+  kLocal,
 };
 
-/// "auto", "udp", "tcp" or "shm".
+/// "auto", "udp", "tcp", "shm" or "local".
 [[nodiscard]] std::string_view to_string(Transport transport) noexcept;
 
 /// How a program calls others.
@@ -44,6 +49,8 @@ struct NodeConfig {
   Duration default_deadline = std::chrono::seconds{1};  ///< For methods and calls that state none.
   Transport transport = Transport::kAuto;               ///< For bindings that state none.
   PriorityTransform outbound_priority = nullptr;  ///< None: calls go out at their own priority.
+  /// Has calls to servers of the same program run without a transport, where none is asked for.
+  bool collocates = true;
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
   std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
   /// Where servers have their sockets for shared memory, if not under abstract names: as

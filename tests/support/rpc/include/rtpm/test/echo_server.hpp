@@ -72,7 +72,8 @@ struct EchoServer {
 
 [[nodiscard]] inline NodeConfig quiet_node(Transport transport = Transport::kUdp) {
   NodeConfig config;
-  config.transport = transport;
+  // That is what comes of kAuto where the server is in the same program.
+  config.transport = transport == Transport::kLocal ? Transport::kAuto : transport;
   config.wait.strategy = rt::WaitStrategy::kBlock;
   config.default_deadline = rtpm::test::kPatience;
   return config;

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <atomic>
+#include <mutex>
+
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/transport/poller.hpp"
+
+namespace rtpm::rpc {
+
+/// Wakes a lane that sleeps, and costs one look at a flag while it does not. It may outlive the
+/// lane. Threads: wake() any; the others the lane's.   RT: alloc-free.
+class Doorbell {
+ public:
+  explicit Doorbell(transport::Poller& bell) noexcept : bell_(&bell) {}
+
+  /// What the lane is to see is in its list: either the lane sees it before it sleeps, or it is
+  /// seen asleep here.
+  void wake() noexcept {
+    // SYNC POINT doorbell
+    if (!is_asleep_.load(std::memory_order_seq_cst)) return;
+    const std::lock_guard lock(ringing_);
+    if (bell_ != nullptr) bell_->ring();
+  }
+  /// From here on until end_sleep() a wake() rings. Look at the lists behind it.
+  void announce_sleep() noexcept {
+    // SYNC POINT doorbell
+    is_asleep_.store(true, std::memory_order_seq_cst);
+  }
+  void end_sleep() noexcept { is_asleep_.store(false, std::memory_order_relaxed); }
+  /// The lane ends: nobody rings any more.
+  void close() noexcept {
+    const std::lock_guard lock(ringing_);
+    bell_ = nullptr;
+  }
+
+ private:
+  std::atomic<bool> is_asleep_{false};
+  rt::PiMutex ringing_;
+  transport::Poller* bell_;
+};
+
+/// Things that any thread hands to one that takes them all; linked through their `next_ready`, a
+/// std::atomic<T*>. A thing stands in it once at a time.
+/// Threads: push() any; take() one at a time.   RT: alloc-free, no lock.
+template <class T>
+class ReadyList {
+ public:
+  void push(T& thing) noexcept {
+    T* first = first_.load(std::memory_order_relaxed);
+    do {
+      thing.next_ready.store(first, std::memory_order_relaxed);
+      // SYNC POINT ready-list: what the thing has is written before it stands in the list.
+    } while (!first_.compare_exchange_weak(first, &thing, std::memory_order_seq_cst,
+                                           std::memory_order_relaxed));
+  }
+  [[nodiscard]] bool is_empty() const noexcept {
+    return first_.load(std::memory_order_relaxed) == nullptr;
+  }
+  /// The same, in one order with Doorbell::announce_sleep().
+  [[nodiscard]] bool is_empty_before_sleep() const noexcept {
+    return first_.load(std::memory_order_seq_cst) == nullptr;
+  }
+  /// Takes all and visits them, the first pushed first; gives back whether there were any. Each is
+  /// out of the list when it is visited.
+  template <class Visitor>
+  bool take(Visitor visit) noexcept {
+    // SYNC POINT ready-list
+    T* newest = first_.exchange(nullptr, std::memory_order_seq_cst);
+    T* first = nullptr;
+    while (newest != nullptr) {
+      T* const next = newest->next_ready.load(std::memory_order_relaxed);
+      newest->next_ready.store(first, std::memory_order_relaxed);
+      first = newest;
+      newest = next;
+    }
+    const bool has_some = first != nullptr;
+    while (first != nullptr) {
+      T& thing = *first;
+      first = thing.next_ready.load(std::memory_order_relaxed);
+      visit(thing);
+    }
+    return has_some;
+  }
+
+ private:
+  std::atomic<T*> first_{nullptr};
+};
+
+}  // namespace rtpm::rpc
