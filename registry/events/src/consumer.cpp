@@ -5,6 +5,7 @@
 #include "consumer_impl.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -19,6 +20,10 @@ constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
 // Items on their way to who wants the newest: each is one that is older.
 constexpr std::uint32_t kLatestWindow = 2;
+// Who reads the ring looks at its stream only so often: it tells of little, and lives on.
+constexpr Duration kRingLookInterval = 50ms;
+constexpr std::string_view kQueueWasFull =
+    "The subscription has ended, as its queue was full and its policy is to disconnect then.";
 constexpr std::size_t kEventSizeMax = std::size_t{16} * 1024 * 1024;
 
 void add(Losses& to, const Losses& more) {
@@ -143,12 +148,16 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   if (is_latest) options.window = kLatestWindow;
-  auto stream = client->subscribe(request(), options);
+  std::unique_ptr<RingSession> ring = open_ring(*client);
+  SubscribeRequestT wish = request();
+  if (ring) wish.ring = ring->id();
+  auto stream = client->subscribe(wish, options);
   if (!stream) return failed(std::string(rpc::to_string(stream.error())));
   const auto first = stream->next(rt::now() + config_.deadline);
   if (!first) return failed(std::string(rpc::to_string(first.error())));
   if (*first != nullptr && (*first)->refusal() != nullptr) {
-    return unexpected{Failure{(*first)->refusal()->str(), /*is_final=*/true}};
+    // With a ring the hub may just have become another.
+    return unexpected{Failure{(*first)->refusal()->str(), /*is_final=*/ring == nullptr}};
   }
   if (*first == nullptr || (*first)->welcome() == nullptr) {
     return failed("The hub does not welcome its consumers: it is of another release.");
@@ -157,44 +166,103 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   {
     const std::lock_guard lock(mutex_);
     earlier_losses_ = counters_.losses;
+    hub_losses_ = {};
+    ring_losses_ = {};
     control_client_ = std::make_shared<HubClient>(std::move(*client));
   }
-  auto session = std::make_unique<Session>(Session{control_client_, std::move(*stream), *first});
+  if (ring) {
+    ring->begin(welcome.ring_place(), welcome.subscription(), welcome.ring_position(),
+                config_.delivery);
+  }
+  reads_ring_ = ring != nullptr;
+  auto session = std::make_unique<Session>(
+      Session{control_client_, std::move(*stream), *first, std::move(ring)});
   subscription_id_ = welcome.subscription();
   last_heard_ = rt::now();
   last_epoch_ = welcome.epoch();
   return session;
 }
 
+std::unique_ptr<RingSession> Consumer::Impl::open_ring(HubClient& client) {
+  if (!config_.shared_ring) return nullptr;
+  const auto about = client.about({}, {.priority = 0, .deadline = config_.deadline});
+  if (!about || about->ring() == 0 || about->clock_domain() != rt::clock_domain()) return nullptr;
+  return RingSession::open(about->ring(), rt::now() + config_.deadline);
+}
+
+std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, MonotonicTime until) {
+  const auto batch = session.stream.next(until);
+  if (batch) {
+    last_heard_ = rt::now();
+    if (*batch == nullptr) return "The hub ended the subscription.";
+    if ((*batch)->refusal() != nullptr) return (*batch)->refusal()->str();
+    take(**batch);
+    return std::nullopt;
+  }
+  if (batch.error() == rpc::CallError::kOverload) return std::string(kQueueWasFull);
+  if (!session.stream.is_open()) return std::string(rpc::to_string(batch.error()));
+  if (batch.error() != rpc::CallError::kTimeout) {
+    const std::lock_guard lock(mutex_);
+    ++counters_.broken_count;
+  }
+  return std::nullopt;
+}
+
 // Reads until the stream ends; why it did.
 std::string Consumer::Impl::read(Session& session) {
   if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
+  if (session.ring) return read_ring(session);
   while (!is_stopping_) {
-    const auto batch = session.stream.next(rt::now() + kLookMax);
-    if (batch) {
-      last_heard_ = rt::now();
-      if (*batch == nullptr) return "The hub ended the subscription.";
-      if ((*batch)->refusal() != nullptr) return (*batch)->refusal()->str();
-      take(**batch);
-      continue;
+    if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
+  }
+  return {};
+}
+
+// The events come in the ring; the stream tells of losses in the hub, and of the end.
+std::string Consumer::Impl::read_ring(Session& session) {
+  RingSession& ring = *session.ring;
+  const rt::WaitStrategy strategy = node_.config().wait.strategy;
+  const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
+  MonotonicTime next_look{};
+  while (!is_stopping_) {
+    const MonotonicTime now = rt::now();
+    if (now >= next_look) {
+      if (auto why = look_at_stream(session, now)) return std::move(*why);
+      if (has_new_policy_.exchange(false)) {
+        const std::lock_guard lock(mutex_);
+        ring.set_policy(config_.delivery);
+      }
+      if (ring.losses() != ring_losses_) {
+        ring_losses_ = ring.losses();
+        update_losses();
+      }
+      next_look = now + kRingLookInterval;
     }
-    if (batch.error() == rpc::CallError::kOverload) {
-      return "The hub ended the subscription, as its queue was full and its policy is to "
-             "disconnect then.";
+    switch (ring.take(hand)) {
+      case RingSession::Outcome::kDelivered:
+        last_heard_ = now;
+        break;
+      case RingSession::Outcome::kNothing:
+        ring.wait(strategy, next_look);
+        // Woken for nothing in the ring: there may be something in the stream.
+        if (!ring.has_more()) next_look = MonotonicTime{};
+        break;
+      case RingSession::Outcome::kFallenBehind:
+        return std::string(kQueueWasFull);
+      case RingSession::Outcome::kGone:
+        return "The hub dropped the subscription, as it heard nothing of this consumer.";
+      case RingSession::Outcome::kBroken:
+        return "The hub's ring holds what is no event: it is of another release.";
     }
-    if (session.stream.is_open()) {
-      if (batch.error() == rpc::CallError::kTimeout) continue;
-      const std::lock_guard lock(mutex_);
-      ++counters_.broken_count;
-      continue;
-    }
-    return std::string(rpc::to_string(batch.error()));
   }
   return {};
 }
 
 void Consumer::Impl::take(const Batch& batch) {
-  if (batch.losses() != nullptr) take_losses(losses_of(*batch.losses()));
+  if (batch.losses() != nullptr) {
+    hub_losses_ = losses_of(*batch.losses());
+    update_losses();
+  }
   const auto* events = batch.events();
   if (events == nullptr) return;
   const ConstBytes bytes = std::as_bytes(std::span(events->data(), events->size()));
@@ -208,11 +276,12 @@ void Consumer::Impl::take(const Batch& batch) {
   ++counters_.broken_count;
 }
 
-void Consumer::Impl::take_losses(const Losses& losses) {
+void Consumer::Impl::update_losses() {
   {
     const std::lock_guard lock(mutex_);
     counters_.losses = earlier_losses_;
-    add(counters_.losses, losses);
+    add(counters_.losses, hub_losses_);
+    add(counters_.losses, ring_losses_);
   }
   tell(NoticeKind::kLosses, "");
 }
@@ -271,6 +340,7 @@ expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
   const std::lock_guard lock(mutex_);
   config_.filter = filter;
   config_.delivery = delivery;
+  has_new_policy_ = true;
   return {};
 }
 
@@ -329,6 +399,9 @@ void Consumer::unsubscribe() {
 }
 bool Consumer::is_subscribed() const noexcept {
   return impl_->is_subscribed();
+}
+bool Consumer::reads_ring() const noexcept {
+  return impl_->reads_ring();
 }
 ConsumerCounters Consumer::counters() const {
   return impl_->counters();

@@ -10,6 +10,7 @@
 
 #include "assembler.hpp"
 #include "idl.hpp"
+#include "ring_session.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/rt/thread.hpp"
 
@@ -29,6 +30,7 @@ class Consumer::Impl {
   [[nodiscard]] expected<void, rpc::CallError> control(Action action);
   void unsubscribe();
   [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
+  [[nodiscard]] bool reads_ring() const noexcept { return reads_ring_; }
   [[nodiscard]] ConsumerCounters counters() const;
 
  private:
@@ -36,7 +38,8 @@ class Consumer::Impl {
   struct Session {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
-    const Batch* first = nullptr;  ///< The item with the welcome, until it is taken.
+    const Batch* first = nullptr;         ///< The item with the welcome, until it is taken.
+    std::unique_ptr<RingSession> ring{};  ///< Null: its events come in the stream.
   };
   /// Why there is no session.
   struct Failure {
@@ -49,9 +52,13 @@ class Consumer::Impl {
   [[nodiscard]] bool come_back(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
+  [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client);
   [[nodiscard]] std::string read(Session& session);
+  [[nodiscard]] std::string read_ring(Session& session);
+  /// Looks at the stream until `until`; why it ended, if it did.
+  [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
   void take(const Batch& batch);
-  void take_losses(const Losses& losses);
+  void update_losses();
   void hand_over(std::span<const EventView> events);
   void tell(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
             bool has_hub_restarted = false);
@@ -75,6 +82,10 @@ class Consumer::Impl {
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
   bool is_suspended_ = false;
+  Losses hub_losses_{};   ///< Of this session, as the hub told,
+  Losses ring_losses_{};  ///< and on our side of the ring.
+  std::atomic<bool> reads_ring_{false};
+  std::atomic<bool> has_new_policy_{false};
   std::atomic<std::uint64_t> subscription_id_{0};
   std::atomic<bool> is_stopping_{false};
   std::atomic<std::thread::id> own_thread_{};

@@ -1,5 +1,8 @@
 #include "rtpm/events/hub.hpp"
 
+#include <algorithm>
+#include <array>
+
 #include "hub_impl.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -15,13 +18,23 @@ constexpr Duration kSweepInterval = 250ms;
 constexpr Duration kBacklogInterval = 1ms;
 // So many events are matched in one go; then others who wait for the hub have their turn.
 constexpr int kEventsPerTurn = 16;
+constexpr std::uint64_t kDoor = 1;
 
 }  // namespace
 
 expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
   auto poller = transport::Poller::open();
   if (!poller) return rpc::setup_error(std::move(poller.error().text));
-  auto hub = std::make_unique<HubImpl>(config, std::move(*poller));
+  std::unique_ptr<RingOutlet> ring;
+  if (config.ring_size != 0) {
+    std::uint32_t payload_size_max = 0;
+    for (const auto& each : config.limits.store.classes)
+      payload_size_max = std::max(payload_size_max, each.payload_size_max);
+    auto made = RingOutlet::make(config.ring_size, payload_size_max);
+    if (!made) return rpc::setup_error(std::move(made.error().text));
+    ring = std::move(*made);
+  }
+  auto hub = std::make_unique<HubImpl>(config, std::move(*poller), std::move(ring));
   if (auto started = hub->start(config); !started) {
     return rpc::setup_error(std::move(started.error().text));
   }
@@ -42,15 +55,22 @@ rpc::ServerConfig server_config_for(const HubConfig& config) {
   return server;
 }
 
-HubImpl::HubImpl(const HubConfig& config, transport::Poller poller)
+HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
+                 std::unique_ptr<RingOutlet> ring)
     : epoch_(rt::random_u64()),
       clock_domain_(rt::clock_domain()),
-      exchange_(config.limits),
+      ring_(std::move(ring)),
+      exchange_(config.limits, ring_.get()),
       outlets_(config.limits.subscription_count_max),
       intake_(config.supplier_count_max, config.quota),
-      poller_(std::move(poller)) {}
+      poller_(std::move(poller)) {
+  if (ring_) ring_->count_losses_in(exchange_);
+}
 
 expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
+  if (ring_ && !poller_.add(ring_->door(), kDoor)) {
+    return unexpected{rt::RealtimeError{"The hub can't wait for who reads its ring."}};
+  }
   auto thread = rt::Thread::start(
       {.name = "rtpm-hub", .priority = config.priority, .realtime = config.realtime},
       [this] { run(); });
@@ -71,6 +91,7 @@ void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority)
   EventReader reader(events);
   bool has_more = true;
   while (has_more) {
+    const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
     Intake::Supplier& its = intake_.find(supplier, now);
@@ -119,6 +140,7 @@ void HubImpl::take(Intake::Supplier& supplier, const EventView& event, Monotonic
 void HubImpl::pump_ready(MonotonicTime now) noexcept {
   while (const auto number = exchange_.take_ready())
     pump(*number, now);
+  if (ring_) wake_bits_.fetch_or(ring_->take_wake_bits());
 }
 
 void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
@@ -140,6 +162,11 @@ void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
   has_dead_ = true;
 }
 
+// Readers of the ring are woken once for all that was written, and by nobody who holds the lock.
+HubImpl::WakeAfter::~WakeAfter() {
+  if (hub_.ring_ != nullptr) hub_.ring_->wake(hub_.wake_bits_.exchange(0));
+}
+
 // The hub's thread sleeps until what it knew of; what is due sooner by now wakes it.
 void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
   MonotonicTime next = exchange_.next_time();
@@ -156,6 +183,7 @@ void HubImpl::run() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     MonotonicTime until = kNever;
     {
+      const WakeAfter wake_after(*this);
       const std::lock_guard lock(mutex_);
       const MonotonicTime now = rt::now();
       exchange_.on_time(now);
@@ -168,7 +196,10 @@ void HubImpl::run() noexcept {
       sleeping_until_ = until;
     }
     bury_dead();
-    static_cast<void>(poller_.wait(until, tags));
+    const std::size_t count = poller_.wait(until, tags);
+    if (ring_ && std::find(tags.begin(), tags.begin() + count, kDoor) != tags.begin() + count) {
+      ring_->let_in();
+    }
   }
 }
 
@@ -199,6 +230,7 @@ void HubImpl::bury_dead() noexcept {
     Outlet outlet;
     const std::lock_guard lock(mutex_);
     if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
+    if (exchange_.is_broadcast(i)) ring_->end_place(i);
     leftover = exchange_.unsubscribe(i);
     std::swap(outlet, outlets_[i]);
   }

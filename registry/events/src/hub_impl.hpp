@@ -10,6 +10,7 @@
 #include "idl.hpp"
 #include "intake.hpp"
 #include "outlet.hpp"
+#include "ring_outlet.hpp"
 #include "rtpm/events/catalog.hpp"
 #include "rtpm/events/exchange.hpp"
 #include "rtpm/events/hub.hpp"
@@ -22,7 +23,8 @@ namespace rtpm::events {
 /// The hub: an exchange behind a lock, served by lanes, with a thread that keeps its timeouts.
 class HubImpl final : public Hub, public HubServant {
  public:
-  HubImpl(const HubConfig& config, transport::Poller poller);
+  /// `ring` may be null.
+  HubImpl(const HubConfig& config, transport::Poller poller, std::unique_ptr<RingOutlet> ring);
   ~HubImpl() override;
   [[nodiscard]] expected<void, rt::RealtimeError> start(const HubConfig& config);
 
@@ -51,12 +53,25 @@ class HubImpl final : public Hub, public HubServant {
  private:
   using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
 
+  /// Made before the lock is taken, so that it ends after it.
+  class WakeAfter {
+   public:
+    explicit WakeAfter(HubImpl& hub) noexcept : hub_(hub) {}
+    WakeAfter(const WakeAfter&) = delete;
+    WakeAfter& operator=(const WakeAfter&) = delete;
+    ~WakeAfter();
+
+   private:
+    HubImpl& hub_;
+  };
+
   [[nodiscard]] HubFacts facts() const noexcept;
   /// Empty, or why one of the types was not taken. With types_mutex_ held.
   [[nodiscard]] std::string add_types(const Types* types);
   [[nodiscard]] expected<Exchange::Prepared, std::string> prepare(const FilterNode& filter,
                                                                   const DeliveryEntry& delivery,
-                                                                  const Types* types);
+                                                                  const Types* types,
+                                                                  bool is_broadcast = false);
   void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
   [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
 
@@ -76,6 +91,7 @@ class HubImpl final : public Hub, public HubServant {
   mutable rt::PiMutex types_mutex_;
   TypeCatalog types_{};
 
+  const std::unique_ptr<RingOutlet> ring_;  ///< Null: none. Written with mutex_ held.
   mutable rt::PiMutex mutex_;  ///< Of all that follows. Held for no longer than some events take.
   Exchange exchange_;
   std::vector<Outlet> outlets_;  ///< By the subscription's number.
@@ -86,6 +102,7 @@ class HubImpl final : public Hub, public HubServant {
   bool has_dead_ = false;
   MonotonicTime sleeping_until_ = kNever;
 
+  std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring that are to be woken.
   transport::Poller poller_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};

@@ -22,7 +22,8 @@ SupplierCounts counts_of(const IntakeCounters& counters) noexcept {
 }  // namespace
 
 HubFacts HubImpl::facts() const noexcept {
-  return {epoch_, clock_domain_, to_ns(rt::now()), 0, exchange_.store().payload_size_max()};
+  return {epoch_, clock_domain_, to_ns(rt::now()), ring_ ? ring_->id() : 0,
+          exchange_.store().payload_size_max()};
 }
 
 rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext&) {
@@ -46,7 +47,7 @@ std::string HubImpl::add_types(const Types* types) {
 
 expected<Exchange::Prepared, std::string> HubImpl::prepare(const FilterNode& filter,
                                                            const DeliveryEntry& delivery,
-                                                           const Types* types) {
+                                                           const Types* types, bool is_broadcast) {
   const auto wanted = filter_of(filter);
   const auto policy = policy_of(delivery);
   if (!wanted || !policy) {
@@ -54,7 +55,7 @@ expected<Exchange::Prepared, std::string> HubImpl::prepare(const FilterNode& fil
   }
   const std::lock_guard lock(types_mutex_);
   if (std::string text = add_types(types); !text.empty()) return unexpected{std::move(text)};
-  auto prepared = Exchange::prepare(*wanted, *policy, types_);
+  auto prepared = Exchange::prepare(*wanted, *policy, types_, is_broadcast);
   if (!prepared) return unexpected{std::move(prepared.error().text)};
   return std::move(*prepared);
 }
@@ -69,7 +70,11 @@ void HubImpl::refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexc
 void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch> items,
                         const rpc::CallContext&) {
   const rt::AllowAllocationScope is_allowed;
-  auto prepared = prepare(*request.filter(), *request.delivery(), request.types());
+  const bool reads_ring = ring_ != nullptr && request.ring() == ring_->id();
+  if (request.ring() != 0 && !reads_ring) {
+    return refuse(items, "The hub's ring is another: ask for it again.");
+  }
+  auto prepared = prepare(*request.filter(), *request.delivery(), request.types(), reads_ring);
   if (!prepared) return refuse(items, prepared.error());
   Outlet outlet;
   outlet.id = rt::random_u64();
@@ -79,12 +84,16 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   outlet.is_latest_only =
       static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
   {
+    const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
+    const auto place = exchange_.next_number();
+    const std::uint64_t position = reads_ring && place ? ring_->begin_place(*place, outlet.id) : 0;
     if (const auto number = exchange_.subscribe(std::move(*prepared), now)) {
-      outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number);
+      outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number, position);
       std::swap(outlets_[*number], outlet);
       pump(*number, now);
+      pump_ready(now);
       ring_if_needed(now);
       return;
     }
@@ -104,6 +113,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
   std::string refusal;
   auto prepared = prepare(*request.filter(), *request.delivery(), request.types());
   if (prepared) {
+    const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
     const auto number = find(request.subscription());
     if (!number) return unexpected{rpc::Refusal::kGone};
@@ -126,6 +136,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
 }
 
 rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContext&) {
+  const WakeAfter wake_after(*this);
   const std::lock_guard lock(mutex_);
   const auto number = find(request.subscription());
   if (!number) return unexpected{rpc::Refusal::kGone};
@@ -143,6 +154,8 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
       outlet.writer.finish();
       outlet.is_dead = true;
       has_dead_ = true;
+      // Who reads the ring sleeps there, and is to look at its stream.
+      wake_bits_.fetch_or(1U << (*number % 32));
       break;
     default:
       return unexpected{rpc::Refusal::kBadRequest};

@@ -11,7 +11,8 @@
 
 #include <events.rtpm.hpp>
 
-// A hub, suppliers and consumers as processes, of which some stop or die.
+// A hub, suppliers and consumers as processes, of which some stop or die. Each way of delivery: by
+// a stream of the consumer's own, and by the ring that all on the hub's host share.
 namespace rtpm::system_test {
 namespace {
 
@@ -129,7 +130,7 @@ TEST_P(Events, KilledSupplierIsReplaced) {
   expect_events(consumer, 100);
 }
 
-INSTANTIATE_TEST_SUITE_P(Deliveries, Events, testing::Values("stream"),
+INSTANTIATE_TEST_SUITE_P(Deliveries, Events, testing::Values("stream", "ring"),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST(EventsDaemon, SaysWhatIsWrongInOneSentence) {

@@ -1,6 +1,6 @@
 // A supplier or a consumer as a process of its own, for the tests of whole systems.
 //   events-peer supply REGISTRY HUB    pushes an event of type 5 each millisecond, for ever
-//   events-peer consume REGISTRY HUB   prints a line for each event and each notice
+//   events-peer consume REGISTRY HUB ring|stream   prints a line for each event and each notice
 #include <chrono>
 #include <cstdio>
 #include <cstring>
@@ -69,14 +69,17 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
   return 0;
 }
 
-int consume(rtpm::rpc::Node& node, const std::string& hub) {
+int consume(rtpm::rpc::Node& node, const std::string& hub, bool shared_ring) {
   const rtpm::program::StopSignal stop;
   Printer printer;
-  auto consumer = Consumer::create(
-      node, hub,
-      {.filter = of_type(kTick), .realtime = rtpm::rt::RealtimeMode::kOff, .deadline = 10s},
-      printer);
+  auto consumer = Consumer::create(node, hub,
+                                   {.filter = of_type(kTick),
+                                    .realtime = rtpm::rt::RealtimeMode::kOff,
+                                    .shared_ring = shared_ring,
+                                    .deadline = 10s},
+                                   printer);
   if (!consumer) return fail(consumer.error().text);
+  if ((*consumer)->reads_ring() != shared_ring) return fail("it does not read what it shall");
   stop.wait();
   return 0;
 }
@@ -89,5 +92,5 @@ int main(int argc, char** argv) {
   rtpm::names::RegistryResolver resolver(node, argv[2]);
   node.use(resolver);
   if (std::strcmp(argv[1], "supply") == 0) return supply(node, argv[3]);
-  return consume(node, argv[3]);
+  return consume(node, argv[3], argc > 4 && std::strcmp(argv[4], "ring") == 0);
 }

@@ -20,7 +20,7 @@
 /// A hub behind a server, and handlers that write down what they get.
 namespace rtpm::events::test {
 
-inline constexpr std::chrono::seconds kPatience{20};
+inline constexpr std::chrono::seconds kPatience{10};
 
 /// A hub that a test may end and start again at the same address.
 class ServedHub {
@@ -145,12 +145,14 @@ inline std::unique_ptr<Supplier> make_supplier(rpc::Node& node, const ServedHub&
 inline std::unique_ptr<Consumer> make_consumer(rpc::Node& node, const ServedHub& hub,
                                                EventHandler& handler, const Filter& filter,
                                                const DeliveryPolicy& delivery = {},
-                                               rpc::Transport transport = rpc::Transport::kAuto) {
+                                               rpc::Transport transport = rpc::Transport::kAuto,
+                                               bool shared_ring = false) {
   auto consumer = Consumer::create(node, hub.url(),
                                    {.filter = filter,
                                     .delivery = delivery,
                                     .realtime = rt::RealtimeMode::kOff,
                                     .transport = transport,
+                                    .shared_ring = shared_ring,
                                     .deadline = kPatience},
                                    handler);
   EXPECT_TRUE(consumer) << consumer.error().text;

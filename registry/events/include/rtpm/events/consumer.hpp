@@ -62,6 +62,9 @@ struct ConsumerConfig {
   /// The types whose fields it filters by. Constants of static life.
   std::vector<const EventDescriptor*> types{};
   rpc::Transport transport = rpc::Transport::kAuto;
+  /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
+  /// stream of its own.
+  bool shared_ring = true;
   Duration deadline = std::chrono::seconds{1};  ///< Of create(), and of each try to come back.
 };
 
@@ -103,6 +106,8 @@ class Consumer {
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
+  /// Whether it reads the hub's ring.
+  [[nodiscard]] bool reads_ring() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;
 
  private:

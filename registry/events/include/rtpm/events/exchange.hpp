@@ -84,6 +84,11 @@ class Exchange {
   /// interests are left.
   [[nodiscard]] std::optional<SubscriptionNumber> subscribe(Prepared prepared,
                                                             MonotonicTime now) noexcept;
+  /// The number that the next subscription gets; nothing if there is no place.
+  [[nodiscard]] std::optional<SubscriptionNumber> next_number() const noexcept {
+    if (free_.empty()) return std::nullopt;
+    return free_.back();
+  }
   /// Puts another filter and policy in the place of the present ones at once: each event is judged
   /// by the one or the other, and what waits in the queue still comes. Conjunctions and timeouts
   /// begin anew. False if too few interests are left: nothing is changed. Else `prepared` is what

@@ -24,6 +24,9 @@ struct HubConfig {
   std::uint32_t supplier_count_max = 256;    ///< More take the place of the longest silent one.
   std::optional<Priority> priority{16'384};  ///< Of its own thread, which keeps timeouts.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  /// Bytes of the ring that consumers on this host read, 2^n of at least 64 Ki; 0: none, each gets
+  /// its events in a stream of its own.
+  std::uint32_t ring_size = 4 * 1024 * 1024;
 };
 
 /// What became of the events of a supplier, or of all.
@@ -37,11 +40,12 @@ struct IntakeCounters {
 
 /// A hub of events, as an object for any server: rtpm-eventd's, or one in the supplier's own
 /// program. Suppliers' events are matched in the lane that receives them, at their priority; each
-/// consumer's are sent by the lane of its own. A thread "rtpm-hub" keeps timeouts and clears away
-/// those who left.
+/// consumer's are sent by the lane of its own, or stand in a ring that all consumers on this host
+/// read: then an event is written once, however many want it. A thread "rtpm-hub" keeps timeouts
+/// and clears away those who left.
 ///
 /// Nobody waits for a consumer: what one does not take waits in its own queue, then is dropped,
-/// counted, and told.
+/// counted, and told. Who reads the ring too slowly is overrun, which the hub does not even notice.
 ///
 ///     auto hub = Hub::create().value();
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
@@ -51,7 +55,7 @@ struct IntakeCounters {
 class Hub {
  public:
   /// Takes all its memory and starts its thread.   Set-up only.
-  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  /// Errors: with RealtimeMode::kRequire, a right that the process lacks; no memory for the ring.
   [[nodiscard]] static expected<std::unique_ptr<Hub>, rpc::SetupError> create(
       const HubConfig& config = {});
 

@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/events/exchange.hpp"
+#include "rtpm/events/ring.hpp"
+#include "rtpm/transport/broadcast_memory.hpp"
+
+namespace rtpm::events {
+
+/// The ring of a hub: where the events leave that consumers on its host read.
+/// Threads: broadcast() and take_wake_bits() with the hub's lock; wake() from any; let_in() from
+/// one.
+class RingOutlet final : public Broadcaster {
+ public:
+  /// `size` bytes of records, for events of up to `payload_size_max`.   Set-up only.
+  [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, transport::TransportError> make(
+      std::uint32_t size, std::uint32_t payload_size_max);
+
+  [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
+  /// Lets the counts of losses be told: what does not fit the ring is lost for all.
+  void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
+
+  void broadcast(std::span<const SubscriptionNumber> subscriptions,
+                 std::span<const EventRef> group) noexcept override;
+  /// Where a subscription that begins now has its first event.
+  [[nodiscard]] std::uint64_t begin_place(SubscriptionNumber number, std::uint64_t owner) noexcept {
+    writer_.begin_place(number, owner);
+    return writer_.position();
+  }
+  void end_place(SubscriptionNumber number) noexcept { writer_.end_place(number); }
+  /// For whom something was written since it was last asked.
+  [[nodiscard]] std::uint32_t take_wake_bits() noexcept { return std::exchange(wake_bits_, 0); }
+  void wake(std::uint32_t bits) noexcept {
+    if (bits != 0) transport::wake_broadcast(writer_.word(), bits);
+  }
+
+  /// Readable when somebody asks for the memory; then let_in().
+  [[nodiscard]] int door() const noexcept { return door_.descriptor(); }
+  void let_in() noexcept { door_.let_in(memory_); }
+
+ private:
+  RingOutlet(std::uint64_t id, transport::BroadcastMemory memory, transport::BroadcastDoor door,
+             std::uint32_t payload_size_max);
+
+  std::uint64_t id_;
+  transport::BroadcastMemory memory_;
+  transport::BroadcastDoor door_;
+  RingWriter writer_;
+  std::vector<std::uint64_t> encoded_;  ///< Room for one delivery.
+  Exchange* exchange_ = nullptr;
+  std::uint32_t wake_bits_ = 0;
+};
+
+}  // namespace rtpm::events

@@ -1,0 +1,158 @@
+#include "rtpm/transport/broadcast_memory.hpp"
+
+#include <fcntl.h>
+#include <linux/futex.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <cerrno>
+#include <climits>
+#include <cstdio>
+#include <cstring>
+#include <ctime>
+#include <string>
+
+#include "rtpm/rt/clock.hpp"
+#include "unix_socket.hpp"
+
+#ifndef F_SEAL_FUTURE_WRITE
+#define F_SEAL_FUTURE_WRITE 0x0010
+#endif
+
+namespace rtpm::transport {
+namespace {
+
+// The one byte that comes with the descriptor.
+constexpr std::byte kHere{0x42};
+
+TransportError not_made(const std::string& cause) {
+  return {"memory to broadcast in can't be made (" + cause +
+          "). Remedy: raise the limits of memory and open files (ulimit -v, ulimit -n), or do "
+          "without."};
+}
+
+TransportError not_got(const std::string& cause) {
+  return {"the memory to read from is not given (" + cause +
+          "). Remedy: see that the program that writes it runs, as the same user."};
+}
+
+// "\0rtpm-broadcast/0123456789abcdef".
+socklen_t to_native(std::uint64_t id, sockaddr_un& native) noexcept {
+  native = {};
+  native.sun_family = AF_UNIX;
+  const int size = std::snprintf(native.sun_path + 1, sizeof native.sun_path - 1,
+                                 "rtpm-broadcast/%016llx", static_cast<unsigned long long>(id));
+  return static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 +
+                                static_cast<std::size_t>(size));
+}
+
+timespec to_timespec(MonotonicTime time) noexcept {
+  timespec native{};
+  native.tv_sec = to_ns(time) / 1'000'000'000;
+  native.tv_nsec = to_ns(time) % 1'000'000'000;
+  return native;
+}
+
+}  // namespace
+
+expected<BroadcastMemory, TransportError> BroadcastMemory::make(std::size_t size) {
+  const Descriptor writable(memfd_create("rtpm-broadcast", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!writable.is_open() || ftruncate(writable.number(), static_cast<off_t>(size)) != 0) {
+    return unexpected{not_made(std::strerror(errno))};
+  }
+  void* const begin =
+      mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, writable.number(), 0);
+  if (begin == MAP_FAILED) return unexpected{not_made(std::strerror(errno))};
+  const MutableBytes bytes{static_cast<std::byte*>(begin), size};
+  // The mapping that there is stays writable; from here on nobody gets another, nor changes the
+  // size under those who read.
+  const int seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
+  const std::string path = "/proc/self/fd/" + std::to_string(writable.number());
+  Descriptor readable;
+  if (fcntl(writable.number(), F_ADD_SEALS, seals) == 0) {
+    readable = Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  }
+  if (!readable.is_open()) {
+    const int error = errno;
+    munmap(begin, size);
+    return unexpected{not_made(std::strerror(error))};
+  }
+  return BroadcastMemory(std::move(readable), bytes);
+}
+
+BroadcastMemory::~BroadcastMemory() {
+  if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
+}
+
+expected<BroadcastDoor, TransportError> BroadcastDoor::open(std::uint64_t id) {
+  sockaddr_un native{};
+  const socklen_t size = to_native(id, native);
+  Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open() ||
+      bind(socket.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 ||
+      listen(socket.number(), 128) != 0) {
+    return unexpected{not_made(std::strerror(errno))};
+  }
+  return BroadcastDoor(std::move(socket));
+}
+
+void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
+  while (true) {
+    const Descriptor asking(
+        accept4(socket_.number(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    if (!asking.is_open()) return;
+    if (!is_trusted(asking.number())) continue;
+    // One message always fits a new socket; who left already needs none.
+    static_cast<void>(send_message(asking.number(), std::array{kHere}, memory.descriptor()));
+  }
+}
+
+expected<BroadcastView, TransportError> BroadcastView::open(std::uint64_t id,
+                                                            MonotonicTime deadline) {
+  sockaddr_un native{};
+  const socklen_t size = to_native(id, native);
+  const Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open() ||
+      connect(socket.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0) {
+    return unexpected{not_got(std::strerror(errno))};
+  }
+  if (!is_trusted(socket.number())) return unexpected{not_got("the writer is another user's")};
+  while (!wait_readable(socket.number(), deadline)) {
+    if (rt::now() >= deadline) return unexpected{not_got("the writer does not answer")};
+  }
+  std::array<std::byte, 2> message{};
+  const ReceivedMessage received = receive_message(socket.number(), message);
+  struct stat status {};
+  const int memory = received.descriptor.number();
+  if (received.size != 1 || !received.descriptor.is_open() ||
+      (fcntl(memory, F_GET_SEALS) & F_SEAL_SHRINK) == 0 || fstat(memory, &status) != 0 ||
+      status.st_size <= 0) {
+    return unexpected{not_got("the writer refused")};
+  }
+  const auto bytes = static_cast<std::size_t>(status.st_size);
+  void* const begin = mmap(nullptr, bytes, PROT_READ, MAP_SHARED | MAP_POPULATE, memory, 0);
+  if (begin == MAP_FAILED) return unexpected{not_got(std::strerror(errno))};
+  return BroadcastView(ConstBytes{static_cast<const std::byte*>(begin), bytes});
+}
+
+BroadcastView::~BroadcastView() {
+  if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+}
+
+void sleep_on_broadcast(const std::atomic<std::uint32_t>& word, std::uint32_t value,
+                        std::uint32_t bits, MonotonicTime until) noexcept {
+  const timespec time = to_timespec(until);
+  syscall(SYS_futex, &word, FUTEX_WAIT_BITSET, value, until == kNever ? nullptr : &time, nullptr,
+          bits);
+}
+
+void wake_broadcast(std::atomic<std::uint32_t>& word, std::uint32_t bits) noexcept {
+  syscall(SYS_futex, &word, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, bits);
+}
+
+}  // namespace rtpm::transport

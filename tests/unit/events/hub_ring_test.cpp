@@ -1,0 +1,200 @@
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "served_hub.hpp"
+
+// Consumers that read the hub's ring: they are to notice no difference.
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class HubRing : public testing::Test {
+ protected:
+  [[nodiscard]] std::unique_ptr<Consumer> join(EventHandler& handler, const Filter& filter,
+                                               const DeliveryPolicy& delivery = {}) {
+    auto consumer =
+        make_consumer(node_, hub_, handler, filter, delivery, rpc::Transport::kAuto, true);
+    EXPECT_TRUE(consumer != nullptr && consumer->reads_ring());
+    return consumer;
+  }
+  ServedHub hub_{};
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+/// Holds its thread until the test lets it go.
+class Sleeper final : public Recorder {
+ public:
+  void on_events(std::span<const EventView> events) override {
+    Recorder::on_events(events);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return is_free; });
+  }
+  void release() {
+    const std::lock_guard lock(mutex_);
+    is_free = true;
+    changed_.notify_all();
+  }
+  bool is_free = false;
+};
+
+TEST_F(HubRing, EachConsumerGetsWhatItsFilterAccepts) {
+  const auto supplier = make_supplier(node_, hub_);
+  Recorder buttons;
+  Recorder pairs;
+  const auto first = join(recorder_, where(kPose, "x", Comparison::kGreater, Scalar::of(1)));
+  const auto second = join(buttons, of_type(kButton));
+  const auto third = join(pairs, correlate({of_type(kButton), of_type(kPose)}));
+  push(*supplier, kPose, 1, {.x = 0.5});
+  push(*supplier, kPose, 1, {.x = 1.5});
+  push(*supplier, kButton, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  ASSERT_TRUE(buttons.await_deliveries(1));
+  ASSERT_TRUE(pairs.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.1#2");
+  EXPECT_EQ(buttons.text(), "6.2#1");
+  EXPECT_EQ(pairs.text(), "6.2#1+5.1#2");
+  EXPECT_TRUE(recorder_.is_aligned_);
+  EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
+}
+
+TEST_F(HubRing, TimeoutsAndReplaysComeToo) {
+  const auto supplier = make_supplier(node_, hub_);
+  push(*supplier, kPose);
+  Recorder early;
+  const auto other = join(early, of_type(kButton));
+  push(*supplier, kButton);
+  ASSERT_TRUE(early.await_deliveries(1));
+  const auto consumer = join(recorder_, any_of({of_type(kPose), once(1ms, 9)}), {.replay = 1});
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  EXPECT_EQ(recorder_.text(), "~5.0#1 @9");
+}
+
+TEST_F(HubRing, LargeEventsComeWhole) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = join(recorder_, of_type(kPose));
+  std::vector<std::byte> payload(65'000);
+  for (std::size_t i = 0; i < payload.size(); ++i)
+    payload[i] = static_cast<std::byte>(i * 31);
+  ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.last_payload_, payload);
+}
+
+TEST_F(HubRing, IsChangedSuspendedResumedAndEnded) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = join(recorder_, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  ASSERT_TRUE(consumer->change(of_type(kButton), {.queue_capacity = 5}));
+  push(*supplier, kPose);
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  ASSERT_TRUE(consumer->suspend());
+  push(*supplier, kButton);
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub_.hub().intake().taken_count < 4 && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 100us);
+  ASSERT_TRUE(consumer->resume());
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kLosses));
+  EXPECT_EQ(recorder_.notice(NoticeKind::kLosses).losses.suspended_count, 1U);
+  consumer->unsubscribe();
+  EXPECT_TRUE(recorder_.has(NoticeKind::kEnded));
+}
+
+TEST_F(HubRing, SurvivesARestartOfTheHub) {
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = join(recorder_, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  hub_.stop();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kInterrupted));
+  hub_.start();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kResubscribed));
+  EXPECT_TRUE(consumer->reads_ring());
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (recorder_.text().find(' ') == std::string::npos && rt::now() < give_up)
+    static_cast<void>(supplier->push({.type = kPose}));
+  EXPECT_TRUE(recorder_.await_deliveries(2));
+}
+
+TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndIsToldItsLosses) {
+  Sleeper oldest;
+  Sleeper latest;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto first = join(oldest, of_type(kPose), {.queue_capacity = 4});
+  const auto second =
+      join(latest, of_type(kPose), {.when_full = QueuePolicy::kKeepLatest, .queue_capacity = 2});
+  const auto quick = join(recorder_, of_type(kPose), {.queue_capacity = 1000});
+  push(*supplier, kPose);
+  ASSERT_TRUE(oldest.await_deliveries(1));
+  ASSERT_TRUE(latest.await_deliveries(1));
+  for (int i = 0; i < 100; ++i)
+    push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(101));
+  oldest.release();
+  latest.release();
+  ASSERT_TRUE(oldest.await_deliveries(5));
+  ASSERT_TRUE(latest.await_deliveries(2));
+  EXPECT_EQ(oldest.text(), "5.0#1 5.0#98 5.0#99 5.0#100 5.0#101");
+  EXPECT_EQ(latest.text(), "5.0#1 5.0#101");
+  ASSERT_TRUE(oldest.await_notice(NoticeKind::kLosses));
+  EXPECT_EQ(first->counters().losses.overflow_count, 96U);
+  ASSERT_TRUE(latest.await_notice(NoticeKind::kLosses));
+  EXPECT_EQ(second->counters().losses.replaced_count, 99U);
+  EXPECT_EQ(quick->counters().losses, Losses{});
+}
+
+TEST(HubRingLimits, ConsumerThatIsOverrunIsToldHowManyItMissed) {
+  ServedHub hub({.ring_size = 64 * 1024});
+  rpc::Node node;
+  Sleeper sleeper;
+  Recorder quick;
+  const auto supplier = make_supplier(node, hub);
+  const auto slow = make_consumer(node, hub, sleeper, of_type(kPose), {}, rpc::Transport::kAuto,
+                                  /*shared_ring=*/true);
+  const auto other = make_consumer(node, hub, quick, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  constexpr std::size_t kCount = 2000;
+  for (std::size_t i = 2; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    ASSERT_TRUE(quick.await_deliveries(i));
+  }
+  sleeper.release();
+  ASSERT_TRUE(sleeper.await([&](const Recorder& it) {
+    return !it.notices_.empty() && it.notices_.back().losses.overrun_count > 0;
+  }));
+  push(*supplier, kPose);
+  ASSERT_TRUE(
+      sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount + 1; }));
+  const ConsumerCounters counters = slow->counters();
+  EXPECT_EQ(counters.event_count + counters.losses.total(), kCount + 1);
+}
+
+TEST(HubRingLimits, HubWithoutARingServesStreams) {
+  ServedHub hub({.ring_size = 0});
+  rpc::Node node;
+  Recorder recorder;
+  const auto supplier = make_supplier(node, hub);
+  const auto consumer = make_consumer(node, hub, recorder, of_type(kPose), {},
+                                      rpc::Transport::kAuto, /*shared_ring=*/true);
+  EXPECT_FALSE(consumer->reads_ring());
+  push(*supplier, kPose);
+  EXPECT_TRUE(recorder.await_deliveries(1));
+}
+
+TEST(HubRingLimits, RingOfAnImpossibleSizeIsRefused) {
+  const auto hub = Hub::create({.realtime = rt::RealtimeMode::kOff, .ring_size = 100'000});
+  ASSERT_FALSE(hub);
+  EXPECT_NE(hub.error().text.find("100000"), std::string::npos) << hub.error().text;
+}
+
+}  // namespace
+}  // namespace rtpm::events::test

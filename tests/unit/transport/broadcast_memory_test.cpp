@@ -1,0 +1,105 @@
+#include "rtpm/transport/broadcast_memory.hpp"
+
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <new>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::size_t kSize = 8192;
+
+/// Memory, a door to it, and a thread that lets readers in.
+class Broadcast : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto memory = BroadcastMemory::make(kSize);
+    ASSERT_TRUE(memory) << memory.error().text;
+    memory_.emplace(std::move(*memory));
+    auto door = BroadcastDoor::open(id_);
+    ASSERT_TRUE(door) << door.error().text;
+    door_.emplace(std::move(*door));
+  }
+  /// A view, with the door opened for it meanwhile.
+  expected<BroadcastView, TransportError> view() {
+    std::thread porter([this] {
+      static_cast<void>(wait_readable(door_->descriptor(), rt::now() + 10s));
+      door_->let_in(*memory_);
+    });
+    auto view = BroadcastView::open(id_, rt::now() + 10s);
+    porter.join();
+    return view;
+  }
+
+  const std::uint64_t id_ = rt::random_u64();
+  std::optional<BroadcastMemory> memory_{};
+  std::optional<BroadcastDoor> door_{};
+};
+
+TEST_F(Broadcast, ReaderSeesWhatIsWritten) {
+  const auto seen = view();
+  ASSERT_TRUE(seen) << seen.error().text;
+  ASSERT_EQ(seen->bytes().size(), kSize);
+  memory_->bytes()[100] = std::byte{42};
+  EXPECT_EQ(seen->bytes()[100], std::byte{42});
+}
+
+TEST_F(Broadcast, ReaderThatMeansHarmCannotWriteIt) {
+  const int descriptor = memory_->descriptor();
+  EXPECT_EQ(mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0), MAP_FAILED);
+  EXPECT_LT(write(descriptor, "x", 1), 0);
+  EXPECT_NE(ftruncate(descriptor, 0), 0);
+  // Not even through the way by which a process opens its own descriptors anew.
+  const std::string path = "/proc/self/fd/" + std::to_string(descriptor);
+  const Descriptor again(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  if (again.is_open()) {
+    EXPECT_EQ(mmap(nullptr, kSize, PROT_READ | PROT_WRITE, MAP_SHARED, again.number(), 0),
+              MAP_FAILED);
+    EXPECT_LT(pwrite(again.number(), "x", 1, 0), 0);
+  }
+  const auto seen = view();
+  ASSERT_TRUE(seen);
+  EXPECT_NE(mprotect(const_cast<std::byte*>(seen->bytes().data()), kSize, PROT_READ | PROT_WRITE),
+            0);
+}
+
+TEST_F(Broadcast, SleeperOnTheReadersSideIsWokenForItsBit) {
+  auto* const word = new (memory_->bytes().data()) std::atomic<std::uint32_t>(0);
+  const auto seen = view();
+  ASSERT_TRUE(seen);
+  std::atomic<bool> is_awake{false};
+  std::thread sleeper([&] {
+    const auto* const its =
+        reinterpret_cast<const std::atomic<std::uint32_t>*>(seen->bytes().data());
+    while (its->load() == 0)
+      sleep_on_broadcast(*its, 0, 2, rt::now() + 10s);
+    is_awake = true;
+  });
+  word->store(1);
+  const MonotonicTime begin = rt::now();
+  while (!is_awake && rt::now() < begin + 10s)
+    wake_broadcast(*word, 2);
+  EXPECT_TRUE(is_awake);
+  sleeper.join();
+}
+
+TEST(BroadcastView, SaysThatNobodyIsThere) {
+  const auto none = BroadcastView::open(rt::random_u64(), rt::now() + 10ms);
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().text.find("Remedy"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace rtpm::transport
