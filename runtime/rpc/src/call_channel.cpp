@@ -277,8 +277,8 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
       // stopped.
       if (auto earlier = link_->receive()) frame = earlier;
     }
-    // What came together with this one lies in the link's buffer and would wake no poll.
-    may_have_more_ = frame.has_value();
+    // What came together with this one may lie in a stream's buffer and would wake no poll.
+    may_have_more_ = frame.has_value() && link_->medium() == wire::Medium::kStream;
     now = rt::now();
     wire::ChannelEvent event;
     if (frame) {

@@ -3,6 +3,7 @@
 
 #include <array>
 #include <cstring>
+#include <mutex>
 #include <string>
 #include <thread>
 
@@ -10,9 +11,11 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/lock_guard.hpp"
 
 // A call allocates nothing on either side: lanes stand in a NoAllocationScope by themselves, the
-// caller does here, and the guard that this binary links aborts on a breach by either.
+// caller does here, and the guard that this binary links aborts on a breach by either. So does the
+// one for locks: whatever of this takes a lock takes one with priority inheritance.
 namespace rtpm::rpc {
 namespace {
 
@@ -134,6 +137,37 @@ TEST_P(NoAllocation, IsBrokenByAServantThatAllocates) {
   EXPECT_TRUE(binding.call(echo::kAllocate, {}));
   EXPECT_EQ(rtpm::test::allocation_breach_count() - before, 2u)
       << "one block, taken and given back";
+}
+
+/// A servant that takes a lock as any program has them.
+class LockingServant final : public Servant {
+ public:
+  [[nodiscard]] const InterfaceDescriptor& interface() const noexcept override {
+    return echo::kInterface;
+  }
+  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes, const CallContext&) override {
+    const std::lock_guard lock(mutex_);
+    return {wire::Status::kOk, 0};
+  }
+
+ private:
+  std::mutex mutex_;
+};
+
+TEST(NoLock, IsBrokenByAServantThatTakesOneWithoutInheritance) {
+  if (!rtpm::test::is_lock_guard_active()) GTEST_SKIP() << rtpm::test::kLockGuardInactive;
+  LockingServant servant;
+  const auto server = std::move(*Server::create(quiet_config()));
+  ASSERT_TRUE(server->add("lock", servant));
+  ASSERT_TRUE(server->start());
+  Node node(quiet_node());
+  auto binding = Binding::bind(node, server->url("lock"), echo::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text;
+  const rtpm::test::CountLockBreachesOnly count_only;
+  const auto before = rtpm::test::lock_breach_count();
+  EXPECT_TRUE(binding->call(echo::kEcho, {}));
+  EXPECT_EQ(rtpm::test::lock_breach_count() - before, 1u);
+  server->stop();
 }
 
 TEST(NoAllocationDeathTest, EndsTheProgramOfAServantThatAllocates) {

@@ -13,6 +13,7 @@
 #include <cerrno>
 #include <map>
 #include <memory>
+#include <set>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -103,8 +104,8 @@ class WatchingServant final : public Servant {
 constexpr int kCallCount = 200;
 constexpr const char* kMayNot = "seccomp's notifications are not to be had here";
 
-/// The system calls of kCallCount calls through shared memory, a line for each kind.
-std::string count_in_this_process(rt::WaitStrategy wait) {
+/// The system calls of kCallCount calls, a line for each kind.
+std::string count_in_this_process(Transport transport, rt::WaitStrategy wait) {
   auto& of_caller = *new SyscallCounter;
   auto& of_lane = *new SyscallCounter;
   WatchingServant servant(of_lane);
@@ -112,7 +113,7 @@ std::string count_in_this_process(rt::WaitStrategy wait) {
   lane.wait.strategy = wait;
   auto server = std::move(*Server::create(quiet_config({lane})));
   if (!server->add("echo", servant) || !server->start()) return "there is no server";
-  NodeConfig config = quiet_node(Transport::kSharedMemory);
+  NodeConfig config = quiet_node(transport);
   config.wait.strategy = wait;
   std::string text;
   {
@@ -137,8 +138,9 @@ std::string count_in_this_process(rt::WaitStrategy wait) {
 
 class Syscalls : public testing::Test {
  protected:
-  void count(rt::WaitStrategy wait) {
-    const auto child = rtpm::test::run_in_child([&] { return count_in_this_process(wait); });
+  void count(Transport transport, rt::WaitStrategy wait) {
+    const auto child =
+        rtpm::test::run_in_child([&] { return count_in_this_process(transport, wait); });
     if (child.said == kMayNot) GTEST_SKIP() << kMayNot;
     ASSERT_TRUE(child.said.ends_with("counted 0 0")) << child.said << child.errors;
     text_ = child.said;
@@ -152,13 +154,19 @@ class Syscalls : public testing::Test {
     }
   }
 
+  /// No calls but of these kinds.
+  void expect_only(const std::map<int, int>& counts, const std::set<int>& kinds) const {
+    for (const auto& [number, times] : counts)
+      EXPECT_TRUE(kinds.contains(number)) << "system call " << number << " in\n" << text_;
+  }
+
   std::map<int, int> caller_;
   std::map<int, int> lane_;
   std::string text_;
 };
 
 TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
-  count(rt::WaitStrategy::kSpin);
+  count(Transport::kSharedMemory, rt::WaitStrategy::kSpin);
   // Both look at their sockets now and then, however many calls there are.
   caller_.erase(SYS_recvfrom);
   lane_.erase(SYS_epoll_pwait2);
@@ -167,11 +175,49 @@ TEST_F(Syscalls, AreNoneOfACallThroughMemoryThatIsSpunFor) {
 }
 
 TEST_F(Syscalls, OfACallThroughMemoryThatBlocksAreOneWakeUpASide) {
-  count(rt::WaitStrategy::kBlock);
+  count(Transport::kSharedMemory, rt::WaitStrategy::kBlock);
   EXPECT_LE(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_GT(lane_[SYS_epoll_pwait2], 0) << "or nothing was counted";
   EXPECT_LE(lane_[SYS_futex], kCallCount) << text_;
   EXPECT_EQ(lane_[SYS_sendto], 0) << text_;
+}
+
+// A late answer makes a caller send again, which it may where the counting takes so long.
+constexpr int kAboutOneEach = kCallCount + kCallCount / 4;
+
+TEST_F(Syscalls, OfACallOverUdpThatIsSpunForAreASendASideAndReceives) {
+  count(Transport::kUdp, rt::WaitStrategy::kSpin);
+  EXPECT_GE(caller_[SYS_sendto], kCallCount) << text_;
+  EXPECT_LE(caller_[SYS_sendto], kAboutOneEach) << text_;
+  EXPECT_LE(lane_[SYS_sendto], kAboutOneEach) << text_;
+  expect_only(caller_, {SYS_sendto, SYS_recvfrom});
+  expect_only(lane_, {SYS_sendto, SYS_recvfrom});
+}
+
+TEST_F(Syscalls, OfACallOverUdpThatBlocksAreASendAWaitAndAReceiveASide) {
+  count(Transport::kUdp, rt::WaitStrategy::kBlock);
+  EXPECT_GE(caller_[SYS_sendto], kCallCount) << text_;
+  EXPECT_LE(caller_[SYS_sendto], kAboutOneEach) << text_;
+  EXPECT_LE(caller_[SYS_recvfrom], kAboutOneEach) << text_;
+  EXPECT_LE(caller_[SYS_ppoll], kAboutOneEach) << text_;
+  expect_only(caller_, {SYS_sendto, SYS_recvfrom, SYS_ppoll});
+  EXPECT_LE(lane_[SYS_sendto], kAboutOneEach) << text_;
+  // A lane looks once more before it waits: where several call, that is a wait less.
+  EXPECT_LE(lane_[SYS_recvfrom], 2 * kAboutOneEach) << text_;
+  EXPECT_LE(lane_[SYS_epoll_pwait2], kAboutOneEach) << text_;
+  expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_epoll_pwait2});
+}
+
+TEST_F(Syscalls, OfACallOverTcpThatBlocksAreASendASideAndNoMoreThanTwoReceives) {
+  count(Transport::kTcp, rt::WaitStrategy::kBlock);
+  EXPECT_EQ(caller_[SYS_sendto], kCallCount) << text_;
+  EXPECT_LE(caller_[SYS_recvfrom], 2 * kCallCount) << text_;
+  EXPECT_LE(caller_[SYS_ppoll], kCallCount) << text_;
+  expect_only(caller_, {SYS_sendto, SYS_recvfrom, SYS_ppoll});
+  EXPECT_EQ(lane_[SYS_sendto], kCallCount) << text_;
+  EXPECT_LE(lane_[SYS_recvfrom], 2 * kAboutOneEach) << text_;
+  EXPECT_LE(lane_[SYS_epoll_pwait2], kAboutOneEach) << text_;
+  expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_epoll_pwait2});
 }
 
 }  // namespace

@@ -1,0 +1,143 @@
+#include "rtpm/test/lock_guard.hpp"
+
+#include <dlfcn.h>
+#include <execinfo.h>
+#include <pthread.h>
+#include <unistd.h>
+
+#include <array>
+#include <atomic>
+#include <cstdlib>
+#include <string_view>
+
+#include "rtpm/rt/memory.hpp"
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define RTPM_TEST_HAS_SANITIZER 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
+    __has_feature(memory_sanitizer)
+#define RTPM_TEST_HAS_SANITIZER 1
+#endif
+#endif
+
+namespace rtpm::test {
+namespace {
+
+std::atomic<std::uint64_t> breach_count{0};
+std::atomic<int> count_only_depth{0};
+
+#ifndef RTPM_TEST_HAS_SANITIZER
+
+void print(std::string_view text) noexcept {
+  [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), text.size());
+}
+
+[[noreturn]] void report_and_abort(std::string_view function) noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  print("rtpm: bug: ");
+  print(function);
+  print(" was called by a real-time thread for a lock without priority inheritance; its stack:\n");
+  std::array<void*, 48> frames{};
+  const int count = backtrace(frames.data(), static_cast<int>(frames.size()));
+  backtrace_symbols_fd(frames.data(), count, STDERR_FILENO);
+  std::abort();
+}
+
+void breach(std::string_view function) noexcept {
+  breach_count.fetch_add(1, std::memory_order_relaxed);
+  if (count_only_depth.load(std::memory_order_relaxed) == 0) report_and_abort(function);
+}
+
+// The protocol stands in the kind, as the C library keeps it; there is no function to ask for it.
+bool inherits_priority(const pthread_mutex_t& mutex) noexcept {
+  constexpr int kInherit = 32;
+  constexpr int kProtect = 64;
+  return (mutex.__data.__kind & (kInherit | kProtect)) != 0;
+}
+
+void check(const pthread_mutex_t& mutex, std::string_view function) noexcept {
+  if (rt::is_allocation_forbidden() && !inherits_priority(mutex)) breach(function);
+}
+
+// The C library's own function behind the one that stands here.
+template <class Function>
+Function* original(std::atomic<Function*>& known, const char* name) noexcept {
+  Function* function = known.load(std::memory_order_acquire);
+  if (function != nullptr) return function;
+  function = reinterpret_cast<Function*>(dlsym(RTLD_NEXT, name));
+  known.store(function, std::memory_order_release);
+  return function;
+}
+
+using Lock = int(pthread_mutex_t*);
+using ClockLock = int(pthread_mutex_t*, clockid_t, const timespec*);
+using ReadWriteLock = int(pthread_rwlock_t*);
+std::atomic<Lock*> real_lock{nullptr};
+std::atomic<Lock*> real_trylock{nullptr};
+std::atomic<ClockLock*> real_clocklock{nullptr};
+std::atomic<ReadWriteLock*> real_read_lock{nullptr};
+std::atomic<ReadWriteLock*> real_write_lock{nullptr};
+
+#endif
+
+}  // namespace
+
+bool is_lock_guard_active() noexcept {
+#ifdef RTPM_TEST_HAS_SANITIZER
+  return false;
+#else
+  return true;
+#endif
+}
+
+std::uint64_t lock_breach_count() noexcept {
+  return breach_count.load(std::memory_order_relaxed);
+}
+
+CountLockBreachesOnly::CountLockBreachesOnly() noexcept {
+  count_only_depth.fetch_add(1, std::memory_order_relaxed);
+}
+
+CountLockBreachesOnly::~CountLockBreachesOnly() {
+  count_only_depth.fetch_sub(1, std::memory_order_relaxed);
+}
+
+}  // namespace rtpm::test
+
+#ifndef RTPM_TEST_HAS_SANITIZER
+
+// NOLINTBEGIN(readability-inconsistent-declaration-parameter-name)
+extern "C" {
+
+int pthread_mutex_lock(pthread_mutex_t* mutex) noexcept {
+  rtpm::test::check(*mutex, "pthread_mutex_lock");
+  return rtpm::test::original(rtpm::test::real_lock, "pthread_mutex_lock")(mutex);
+}
+
+int pthread_mutex_trylock(pthread_mutex_t* mutex) noexcept {
+  rtpm::test::check(*mutex, "pthread_mutex_trylock");
+  return rtpm::test::original(rtpm::test::real_trylock, "pthread_mutex_trylock")(mutex);
+}
+
+int pthread_mutex_clocklock(pthread_mutex_t* mutex, clockid_t clock,
+                            const timespec* until) noexcept {
+  rtpm::test::check(*mutex, "pthread_mutex_clocklock");
+  return rtpm::test::original(rtpm::test::real_clocklock, "pthread_mutex_clocklock")(mutex, clock,
+                                                                                     until);
+}
+
+int pthread_rwlock_rdlock(pthread_rwlock_t* lock) noexcept {
+  if (rtpm::rt::is_allocation_forbidden()) rtpm::test::breach("pthread_rwlock_rdlock");
+  return rtpm::test::original(rtpm::test::real_read_lock, "pthread_rwlock_rdlock")(lock);
+}
+
+int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
+  if (rtpm::rt::is_allocation_forbidden()) rtpm::test::breach("pthread_rwlock_wrlock");
+  return rtpm::test::original(rtpm::test::real_write_lock, "pthread_rwlock_wrlock")(lock);
+}
+
+}  // extern "C"
+// NOLINTEND(readability-inconsistent-declaration-parameter-name)
+
+#endif
