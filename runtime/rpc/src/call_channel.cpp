@@ -259,8 +259,8 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
       config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
   int refusal_count = 0;
   // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
-  const rt::RealtimeBudget& budget = rt::this_thread_budget();
-  bool is_spinning = may_spin && !budget.is_spent(now);
+  rt::RealtimeBudget& budget = rt::this_thread_budget();
+  bool is_spinning = may_spin && !budget.must_rest(now);
   while (true) {
     if (!is_spinning && !may_have_more_) {
       MonotonicTime wake = std::min(until, wire_.next_time());
@@ -291,7 +291,7 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
       if (event.kind == wire::ChannelEvent::Kind::kNothing) event = wire_.on_time(now);
     } else if (frame.error() == transport::IoError::kNothing) {
       event = wire_.on_time(now);
-      is_spinning = may_spin && now < spin_end && !budget.is_spent(now);
+      is_spinning = may_spin && now < spin_end && !budget.must_rest(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.

@@ -158,8 +158,8 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
 
 // A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
 void Lane::rest_if_spent(MonotonicTime now) noexcept {
-  const rt::RealtimeBudget& budget = rt::this_thread_budget();
-  if (!budget.is_spent(now)) return;
+  rt::RealtimeBudget& budget = rt::this_thread_budget();
+  if (!budget.must_rest(now)) return;
   ++sample_.rest_count;
   if (budget.must_sleep(now)) {
     nap(now + rt::RealtimeBudget::kNap);
@@ -170,7 +170,9 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
 
 // The same for one with so much to do that it never comes to wait.
 void Lane::nap_if_overdue(MonotonicTime now) noexcept {
-  const Duration rest = rt::this_thread_budget().overdue(now);
+  rt::RealtimeBudget& budget = rt::this_thread_budget();
+  if (budget.overdue(now) == Duration{0} || !budget.must_rest(now)) return;
+  const Duration rest = budget.overdue(now);
   if (rest == Duration{0}) return;
   ++sample_.rest_count;
   nap(now + rest);

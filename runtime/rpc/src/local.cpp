@@ -6,8 +6,10 @@
 #include <mutex>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -16,7 +18,7 @@ namespace {
 constexpr int kLooksPerGlance = 32;
 
 struct Directory {
-  std::mutex mutex;
+  rt::PiMutex mutex;
   std::map<std::uint64_t, std::weak_ptr<LocalDoor>> doors;
   /// Of nodes that are gone while a lane still runs a call of theirs.
   std::vector<std::unique_ptr<LocalChannel>> orphans;
@@ -52,13 +54,15 @@ bool LocalChannel::write(const LocalCallParameters& parameters, ConstBytes reque
 bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
   const bool is_endless = how.strategy == rt::WaitStrategy::kSpin;
   if (how.strategy != rt::WaitStrategy::kBlock) {
+    MonotonicTime now = rt::now();
     const MonotonicTime spin_end =
-        is_endless ? parameters_.deadline : std::min(parameters_.deadline, rt::now() + how.spin);
+        is_endless ? parameters_.deadline : std::min(parameters_.deadline, now + how.spin);
     do {
       for (int i = 0; i < kLooksPerGlance; ++i) {
         if (state_.load(std::memory_order_acquire) == State::kDone) return true;
       }
-    } while (rt::now() < spin_end);
+      now = rt::now();
+    } while (now < spin_end && !rt::this_thread_budget().must_rest(now));
   }
   State state = State::kSubmitted;
   if (!state_.compare_exchange_strong(state, State::kWaiting, std::memory_order_acq_rel)) {

@@ -115,6 +115,21 @@ RealtimeBudget::RealtimeBudget(RealtimeLimit limit, MonotonicTime now) noexcept 
   const double share = std::clamp(share_of(limit) - kReserve, 0.05, 0.99);
   earned_per_slept_ = share / (1 - share);
   spent_ = now + kBurst;
+  compared_ = now;
+  run_time_ = run_time();
+}
+
+bool RealtimeBudget::is_spent_indeed(MonotonicTime now) noexcept {
+  const Duration ran = run_time();
+  const Duration missing = (now - compared_) - (ran - run_time_) - slept_;
+  compared_ = now;
+  run_time_ = ran;
+  slept_ = Duration{0};
+  if (missing > kPreemptionMax) {
+    on_slept(now - missing, now, missing);
+    slept_ = Duration{0};
+  }
+  return is_spent(now);
 }
 
 Duration RealtimeBudget::overdue(MonotonicTime now) const noexcept {
@@ -132,6 +147,7 @@ void RealtimeBudget::on_slept(MonotonicTime begin, MonotonicTime end,
   const double earned = std::min(static_cast<double>(off.count()) * earned_per_slept_, 1e10);
   // The sleep itself is not spent.
   spent_ = std::min(spent_ + off + Duration{static_cast<Duration::rep>(earned)}, end + kBurst);
+  slept_ += off;
   is_block_in_vain_ = was_spent && off < kNap / 2;
 }
 

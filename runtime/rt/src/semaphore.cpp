@@ -4,6 +4,7 @@
 #include <ctime>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/budget.hpp"
 
 namespace rtpm::rt {
 
@@ -21,6 +22,9 @@ void Semaphore::post() noexcept {
 }
 
 bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
+  // What is there already is no sleep.
+  if (sem_trywait(&semaphore_) == 0) return true;
+  const AsleepScope asleep;
   if (deadline == kNever) {
     while (sem_wait(&semaphore_) != 0) {
     }

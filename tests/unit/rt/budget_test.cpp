@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <ctime>
 #include <fstream>
 #include <vector>
 
@@ -115,6 +116,39 @@ TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
       is_limited_for({.name = "shared", .priority = 5, .schedule = Schedule::kTimeShared}));
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   EXPECT_EQ(is_limited_for({.name = "fifo", .priority = 5}), realtime_limit().is_limited());
+}
+
+// A method may block in its own way: that is no time awake, and no reason to make its lane sleep.
+TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  bool was_spent = false;
+  bool must_rest = true;
+  auto thread = Thread::start({.name = "blocker", .priority = 5}, [&] {
+    this_thread_budget() = RealtimeBudget(kUsual, now());
+    timespec pause{0, 60'000'000};
+    clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
+    was_spent = this_thread_budget().is_spent(now());
+    must_rest = this_thread_budget().must_rest(now());
+  });
+  ASSERT_TRUE(thread) << thread.error().text;
+  thread->join();
+  EXPECT_TRUE(was_spent) << "the account does not know better";
+  EXPECT_FALSE(must_rest);
+}
+
+TEST(RealtimeBudget, IsSpentByWhatRuns) {
+  if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
+  bool must_rest = false;
+  auto thread = Thread::start({.name = "runner", .priority = 5}, [&] {
+    this_thread_budget() = RealtimeBudget(kUsual, now());
+    // It may have to go on for longer, as others of the machine take the CPU away.
+    const MonotonicTime end = now() + 20s;
+    while (!must_rest && now() < end)
+      must_rest = this_thread_budget().must_rest(now());
+  });
+  ASSERT_TRUE(thread) << thread.error().text;
+  thread->join();
+  EXPECT_TRUE(must_rest);
 }
 
 TEST(AsleepScope, CreditsTheThreadsSleep) {

@@ -46,14 +46,21 @@ class RealtimeBudget {
   [[nodiscard]] double sleep_share() const noexcept {
     return is_limited() ? 1 / (1 + earned_per_slept_) : 0;
   }
-  /// Whether to block rather than spin: for kNap, or until there is work.
+  /// Whether to block rather than spin: for kNap, or until there is work. Where the account says so
+  /// it is held against the thread's own time first, which has what blocked elsewhere: in a method,
+  /// say. For the thread itself.   RT: alloc-free, a syscall when the account says so.
+  [[nodiscard]] bool must_rest(MonotonicTime now) noexcept {
+    return is_spent(now) && is_spent_indeed(now);
+  }
+  /// What the account says.
   [[nodiscard]] bool is_spent(MonotonicTime now) const noexcept { return now >= spent_; }
   /// Whether to sleep for kNap instead, whatever comes: work is so dense that the last block ended
   /// before it had earned anything. One late answer is better than many that are a little late.
   [[nodiscard]] bool must_sleep(MonotonicTime now) const noexcept {
     return is_block_in_vain_ && is_spent(now);
   }
-  /// How long to sleep although there is work; 0 for as long as pauses between the work will do.
+  /// How long to sleep although there is work, for after must_rest(); 0 for as long as pauses
+  /// between the work will do.
   [[nodiscard]] Duration overdue(MonotonicTime now) const noexcept;
   /// Whether on_slept() is to be told the very time that the thread was off its CPU: where there is
   /// little left, it matters.
@@ -69,9 +76,17 @@ class RealtimeBudget {
   static constexpr Duration kDebtMax = std::chrono::milliseconds{2};
   static constexpr Duration kWakeCost = std::chrono::microseconds{10};
 
+  /// Off the CPU for longer than this without a word: blocked, not preempted.
+  static constexpr Duration kPreemptionMax = std::chrono::milliseconds{5};
+
+  [[nodiscard]] bool is_spent_indeed(MonotonicTime now) noexcept;
+
   MonotonicTime spent_ = kNever;  ///< When the budget is spent if the thread stays awake.
   double earned_per_slept_ = 0;   ///< Time awake for time asleep; 0: no limit.
   bool is_block_in_vain_ = false;
+  MonotonicTime compared_{};  ///< When the account was last held against the thread's own time,
+  Duration run_time_{0};      ///< that time then,
+  Duration slept_{0};         ///< and how much sleep was entered since.
 };
 
 /// The calling thread's. It has a limit while RTPM has the thread at a real-time level; a level
