@@ -8,8 +8,13 @@
 #include <cstdlib>
 #include <cstring>
 #include <new>
+#include <optional>
 #include <string>
+#include <utility>
 
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
 #include "wrench.rtpm.hpp"
@@ -84,6 +89,135 @@ void generated_call_48_bytes(benchmark::State& state) {
   state.counters["allocations"] = static_cast<double>(allocation_count - before);
 }
 BENCHMARK(generated_call_48_bytes);
+
+/// Does what Tip does with bytes alone: what a lane's round trip costs without generated code.
+class RawTip final : public rpc::Servant {
+ public:
+  [[nodiscard]] const rpc::InterfaceDescriptor& interface() const noexcept override {
+    return TipClient::interface();
+  }
+  rpc::DispatchResult dispatch(std::uint16_t, ConstBytes request, MutableBytes reply,
+                               const rpc::CallContext&) override {
+    double fx = 0;
+    std::memcpy(reply.data(), request.data(), sizeof(Wrench));
+    std::memcpy(&fx, reply.data(), sizeof fx);
+    fx += 1;
+    std::memcpy(reply.data(), &fx, sizeof fx);
+    return {wire::Status::kOk, sizeof(Wrench)};
+  }
+};
+
+/// Calls both from a method of the same lane, which then runs them at once: no thread stands
+/// between, so that tens of nanoseconds show.
+class Runner final : public rpc::Servant {
+ public:
+  static constexpr int kCallCount = 1000;
+  struct Times {
+    Duration raw{};
+    Duration generated{};
+    std::uint64_t allocation_count = 0;
+  };
+
+  Runner(rpc::Binding& raw, TipClient& generated) : raw_(raw), generated_(generated) {}
+  [[nodiscard]] const rpc::InterfaceDescriptor& interface() const noexcept override {
+    return TipClient::interface();
+  }
+  rpc::DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
+                               const rpc::CallContext&) override {
+    const rpc::MethodDescriptor& method = TipClient::interface().methods.front();
+    Wrench wrench(1, 2, 3, 4, 5, 6);
+    const MonotonicTime begin = rt::now();
+    for (int i = 0; i < kCallCount; ++i) {
+      const auto reply = raw_.call(method, rpc::struct_bytes(wrench));
+      if (!reply) return {wire::Status::kServantFailed, 0};
+      std::memcpy(&wrench, reply->bytes().data(), sizeof wrench);
+    }
+    const MonotonicTime middle = rt::now();
+    const std::uint64_t before = allocation_count;
+    for (int i = 0; i < kCallCount; ++i) {
+      const auto reply = generated_.exchange(wrench);
+      if (!reply) return {wire::Status::kServantFailed, 0};
+      wrench = *reply;
+    }
+    times.generated = rt::now() - middle;
+    times.raw = middle - begin;
+    times.allocation_count = allocation_count - before;
+    benchmark::DoNotOptimize(wrench);
+    return {};
+  }
+
+  Times times{};
+
+ private:
+  rpc::Binding& raw_;
+  TipClient& generated_;
+};
+
+/// The runner, once it is there.
+class Late final : public rpc::Servant {
+ public:
+  explicit Late(std::optional<Runner>& runner) : runner_(runner) {}
+  [[nodiscard]] const rpc::InterfaceDescriptor& interface() const noexcept override {
+    return TipClient::interface();
+  }
+  rpc::DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
+                               const rpc::CallContext& context) override {
+    return runner_->dispatch(method_id, request, reply, context);
+  }
+
+ private:
+  std::optional<Runner>& runner_;
+};
+
+/// A call of 48 bytes to a collocated object through its lane: the whole of it, what of that is
+/// generated code, and its allocations.
+void collocated_call_48_bytes(benchmark::State& state) {
+  Tip tip;
+  RawTip raw_tip;
+  rpc::ServerConfig config;
+  config.realtime = rt::RealtimeMode::kOff;
+  config.lanes = {{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
+  const auto server = *rpc::Server::create(config);
+  rpc::Node node;
+  // The bindings are made once the server runs; until then nobody calls the runner.
+  std::optional<TipClient> generated;
+  std::optional<rpc::Binding> raw;
+  std::optional<Runner> runner;
+  Late late(runner);
+  if (!server->add("tip", tip) || !server->add("raw", raw_tip) || !server->add("run", late) ||
+      !server->start()) {
+    return state.SkipWithError("the server does not start");
+  }
+  const auto bind = [&](const char* path) {
+    return rpc::Binding::bind(node, server->url(path), TipClient::interface());
+  };
+  auto client = TipClient::bind(node, server->url("tip"));
+  auto raw_binding = bind("raw");
+  auto run = bind("run");
+  if (!client || !raw_binding || !run) return state.SkipWithError("the bind failed");
+  generated.emplace(std::move(*client));
+  raw.emplace(std::move(*raw_binding));
+  runner.emplace(*raw, *generated);
+  Duration added{0};
+  std::uint64_t allocations = 0;
+  for (auto _ : state) {
+    if (!run->call(TipClient::interface().methods.front(), {},
+                   {.deadline = std::chrono::seconds{9}})) {
+      state.SkipWithError("the call failed");
+      break;
+    }
+    const Runner::Times& times = runner->times;
+    state.SetIterationTime(std::chrono::duration<double>(times.generated).count() /
+                           Runner::kCallCount);
+    added += times.generated - times.raw;
+    allocations += times.allocation_count;
+  }
+  const double calls = static_cast<double>(state.iterations()) * Runner::kCallCount;
+  state.counters["added_ns"] = static_cast<double>(to_ns(added)) / calls;
+  state.counters["allocations"] = static_cast<double>(allocations);
+  server->stop();
+}
+BENCHMARK(collocated_call_48_bytes)->UseManualTime()->Unit(benchmark::kNanosecond);
 
 /// A schema of `services` services with ten methods each.
 std::string large_schema(int services) {

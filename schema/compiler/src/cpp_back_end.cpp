@@ -74,8 +74,10 @@ class CppBackEnd final : public BackEnd {
   static void check_events(const Model& model, Diagnostics& errors) {
     for (const Object& object : model.objects) {
       if (!object.event_id || object.declaration_file != model.declaration_file) continue;
-      check_class(model, "event `" + object.name + '`', "event", object.location,
-                  object.name + "Event", errors);
+      for (const char* suffix : {"Event", "Supplier", "Consumer"}) {
+        check_class(model, "event `" + object.name + '`', "event", object.location,
+                    object.name + suffix, errors);
+      }
     }
   }
 

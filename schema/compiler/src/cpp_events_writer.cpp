@@ -163,7 +163,10 @@ std::string event(const Model& model, std::size_t index) {
          "  static constexpr ::rtpm::events::EventDescriptor kDescriptor{\n      .type = kType, "
          ".name = " +
          literal(object.name) + ", .schema_id = kSchemaId" +
-         (numbers.empty() ? "" : ", .fields = kFields") + "};\n};\n";
+         (numbers.empty() ? "" : ", .fields = kFields") + "};\n};\n\n/// Pushes " + object.name +
+         ".\nusing " + short_name(object.name) + "Supplier = ::rtpm::events::TypedSupplier<" +
+         name + ">;\n/// Gets " + object.name + ".\nusing " + short_name(object.name) +
+         "Consumer = ::rtpm::events::TypedConsumer<" + name + ">;\n";
 }
 
 }  // namespace
@@ -182,8 +185,8 @@ std::string events_header(const Model& model, const std::string& compiler_versio
   }
   if (events.empty()) return text + "// The schema has no events.\n";
   return text + "#include <cstdint>\n#include <limits>\n\n#include " +
-         literal(model.file_stem + "_generated.h") +
-         "\n#include \"rtpm/events/scalar.hpp\"\n#include \"rtpm/rpc/tables.hpp\"\n" + events;
+         literal(model.file_stem + "_generated.h") + "\n#include \"rtpm/events/typed.hpp\"\n" +
+         events;
 }
 
 }  // namespace rtpm::schema::cpp

@@ -6,6 +6,7 @@
 
 #include "json_writer.hpp"
 #include "rtpm/schema/back_end.hpp"
+#include "rtpm/schema/fingerprint.hpp"
 #include "spelling.hpp"
 
 // The form is described in schema/model.md; a change that a reader would misread raises the
@@ -71,6 +72,7 @@ class ModelWriter {
   void write_service(const Service& service) {
     json_.object().text("name", service.name);
     json_.text("fingerprint", hexadecimal(service.fingerprint, 16));
+    json_.text("text", interface_text(model_, service));
     json_.text("priority_model", spelling_of(service.priority_model));
     if (service.priority) json_.number("priority", std::int64_t{*service.priority});
     write_documentation(service.documentation);

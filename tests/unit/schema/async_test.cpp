@@ -204,6 +204,10 @@ TEST_F(GeneratedAsync, RequestsThatAreNoneAreCounted) {
   const rtpm::rpc::MethodDescriptor mark{.id = 2, .name = "mark"};
   const std::array<std::byte, 3> garbage{};
   EXPECT_EQ(client_->binding().call(mark, garbage).error(), CallError::kBadRequest);
+  // A lane publishes its counts after its reply.
+  const auto end = now() + kPatience;
+  while (server_->counters().bad_request_count == 0 && now() < end)
+    std::this_thread::sleep_for(1ms);
   EXPECT_EQ(server_->counters().bad_request_count, 1u);
 }
 

@@ -1,12 +1,21 @@
 #include <gtest/gtest.h>
 
-#include <algorithm>
 #include <array>
+#include <atomic>
+#include <chrono>
+#include <deque>
 #include <limits>
 #include <map>
+#include <memory>
 #include <string>
+#include <thread>
 
 #include "quantities.rtpm.events.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
 
 // What generated code says of events, against payloads that its data types write.
 namespace {
@@ -86,6 +95,104 @@ TEST(GeneratedEvents, HaveDefaultsWhereThePayloadLeavesThemOut) {
   EXPECT_EQ(found.at("endless"), Scalar::of(-std::numeric_limits<double>::infinity()));
   EXPECT_EQ(found.count("gone"), 0u) << "deprecated";
   EXPECT_EQ(found.at("plane.distance_m"), Scalar::of(0.0)) << "of a table that is absent";
+}
+
+/// A hub behind a server.
+class TypedEvents : public testing::Test {
+ protected:
+  static constexpr std::chrono::seconds kPatience{20};
+
+  TypedEvents() {
+    rtpm::events::HubConfig config;
+    config.realtime = rtpm::rt::RealtimeMode::kOff;
+    config.priority.reset();
+    hub_ = *rtpm::events::Hub::create(config);
+    rtpm::rpc::ServerConfig serving;
+    serving.realtime = rtpm::rt::RealtimeMode::kOff;
+    server_ = *rtpm::rpc::Server::create(serving);
+    EXPECT_TRUE(server_->add(rtpm::events::kHubPath, hub_->servant()));
+    EXPECT_TRUE(server_->start());
+    url_ = server_->url(rtpm::events::kHubPath);
+  }
+  ~TypedEvents() override { server_->stop(); }
+
+  /// The settings of a consumer that tells when it is there.
+  template <class Consumer>
+  Consumer consume(typename Consumer::OnEvent on_event, rtpm::events::ConsumerConfig config = {}) {
+    config.realtime = rtpm::rt::RealtimeMode::kOff;
+    std::atomic<bool>& is_there = is_there_.emplace_back(false);
+    auto consumer = Consumer::create(
+        node_, url_, std::move(on_event), std::move(config), [&](const auto& notice) {
+          is_there = is_there || notice.kind == rtpm::events::NoticeKind::kSubscribed;
+        });
+    EXPECT_TRUE(consumer) << consumer.error().text;
+    EXPECT_TRUE(await([&] { return is_there.load(); })) << "no subscription";
+    return std::move(*consumer);
+  }
+  template <class Condition>
+  [[nodiscard]] static bool await(Condition condition) {
+    const auto end = rtpm::rt::now() + kPatience;
+    while (!condition()) {
+      if (rtpm::rt::now() > end) return false;
+      std::this_thread::sleep_for(std::chrono::milliseconds{1});
+    }
+    return true;
+  }
+
+  std::unique_ptr<rtpm::events::Hub> hub_;
+  std::unique_ptr<rtpm::rpc::Server> server_;
+  std::string url_;
+  rtpm::rpc::Node node_;
+  std::deque<std::atomic<bool>> is_there_;
+};
+
+TEST_F(TypedEvents, GoFromTheirSuppliersToTheirConsumers) {
+  std::atomic<double> touched_x{0};
+  std::atomic<std::uint32_t> touched_by{0};
+  std::atomic<int> step{0};
+  const auto touched = consume<lab::quantities::TouchedConsumer>(
+      [&](const lab::quantities::Force& force, const rtpm::events::EventHeader& header) {
+        touched_by = header.source;
+        touched_x = force.x();
+      });
+  rtpm::events::ConsumerConfig only_far;
+  only_far.filter = rtpm::events::where(MovedEvent::kType, "distance_m",
+                                        rtpm::events::Comparison::kGreater, Scalar::of(1.0));
+  const auto moved = consume<lab::quantities::MovedConsumer>(
+      [&](const lab::quantities::Moved& event, const auto&) { step += event.step(); }, only_far);
+
+  auto touches = lab::quantities::TouchedSupplier::create(node_, url_, 3);
+  auto moves = lab::quantities::MovedSupplier::create(*hub_);
+  ASSERT_TRUE(touches) << touches.error().text;
+  ASSERT_TRUE(moves) << moves.error().text;
+  ASSERT_TRUE(touches->push({1.5, 0, 0}));
+  for (const auto& [distance, steps] : {std::pair{0.5, std::int16_t{100}}, {2.0, 7}}) {
+    flatbuffers::FlatBufferBuilder builder;
+    lab::quantities::MovedT event;
+    event.distance_m = distance;
+    event.step = steps;
+    builder.Finish(lab::quantities::Moved::Pack(builder, &event));
+    ASSERT_TRUE(moves->add(builder));
+  }
+  ASSERT_TRUE(moves->flush());
+  EXPECT_TRUE(await([&] { return touched_x > 1.4 && step != 0; }));
+  EXPECT_EQ(touched_by, 3u);
+  EXPECT_EQ(step, 7) << "what is near was filtered by the hub";
+}
+
+TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndLeftOut) {
+  std::atomic<int> count{0};
+  auto touched =
+      consume<lab::quantities::TouchedConsumer>([&](const auto&, const auto&) { ++count; });
+  auto supplier = rtpm::events::Supplier::create(node_, url_);
+  ASSERT_TRUE(supplier) << supplier.error().text;
+  const lab::quantities::Force force(1, 2, 3);
+  const rtpm::ConstBytes bytes = rtpm::rpc::struct_bytes(force);
+  ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .schema_id = 1, .payload = bytes}));
+  ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .payload = bytes.first(8)}));
+  ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .payload = bytes}));
+  EXPECT_TRUE(await([&] { return count == 1; }));
+  EXPECT_EQ(touched.bad_payload_count(), 2u);
 }
 
 }  // namespace

@@ -1,0 +1,181 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/supplier.hpp"
+#include "rtpm/rpc/tables.hpp"
+
+/// Suppliers and consumers of one type of event, which generated code names: for the event
+/// `lab.Touched` of a schema, `lab::TouchedSupplier` and `lab::TouchedConsumer`. `Event` is what
+/// rtpmc makes of an event, `lab::TouchedEvent`: its number, schema id, payload and fields.
+namespace rtpm::events {
+
+/// Pushes events of one type and source. What Supplier says of threads, RT and errors holds.
+template <class Event>
+class TypedSupplier {
+ public:
+  using Payload = typename Event::Payload;
+
+  /// Binds the hub at `target`, a URL or a name. Set-up only.   Errors: as Supplier::create().
+  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> create(rpc::Node& node,
+                                                                       const std::string& target,
+                                                                       SourceId source = 0,
+                                                                       SupplierConfig config = {}) {
+    return of(Supplier::create(node, target, with_type(std::move(config))), source);
+  }
+  /// The same for a hub in this program.
+  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> create(Hub& hub,
+                                                                       SourceId source = 0,
+                                                                       SupplierConfig config = {}) {
+    return of(Supplier::create(hub, with_type(std::move(config))), source);
+  }
+  /// Shares a supplier of several types, which was told of `Event::kDescriptor` when it was made.
+  TypedSupplier(std::shared_ptr<Supplier> supplier, SourceId source) noexcept
+      : supplier_(std::move(supplier)), source_(source) {}
+
+  /// Pushes one event that happened at `origin`, none: now.   RT, errors: as Supplier::push().
+  [[nodiscard]] expected<void, rpc::CallError> push(
+      const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
+      requires(Event::kIsStruct) {
+    return supplier_->push(draft(rpc::struct_bytes(payload), origin));
+  }
+  [[nodiscard]] expected<void, rpc::CallError> push(
+      const flatbuffers::FlatBufferBuilder& finished,
+      std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
+    return supplier_->push(draft(rpc::table_bytes(finished), origin));
+  }
+  /// Gathers one event for the next flush().   RT, errors: as Supplier::add().
+  [[nodiscard]] expected<void, rpc::CallError> add(
+      const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
+      requires(Event::kIsStruct) {
+    return supplier_->add(draft(rpc::struct_bytes(payload), origin));
+  }
+  [[nodiscard]] expected<void, rpc::CallError> add(
+      const flatbuffers::FlatBufferBuilder& finished,
+      std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
+    return supplier_->add(draft(rpc::table_bytes(finished), origin));
+  }
+  /// Pushes what was gathered.   RT, errors: as Supplier::flush().
+  [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
+
+  /// What it pushes through: to ask what became of its events.
+  [[nodiscard]] Supplier& supplier() noexcept { return *supplier_; }
+
+ private:
+  [[nodiscard]] static SupplierConfig with_type(SupplierConfig config) {
+    config.types.push_back(&Event::kDescriptor);
+    return config;
+  }
+  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> of(
+      expected<std::unique_ptr<Supplier>, rpc::SetupError> created, SourceId source) {
+    if (!created) return unexpected{std::move(created.error())};
+    return TypedSupplier(std::move(*created), source);
+  }
+  [[nodiscard]] EventDraft draft(ConstBytes payload,
+                                 std::optional<MonotonicTime> origin) const noexcept {
+    return {.type = Event::kType,
+            .source = source_,
+            .schema_id = Event::kSchemaId,
+            .payload = payload,
+            .origin = origin};
+  }
+
+  std::shared_ptr<Supplier> supplier_;
+  SourceId source_;
+};
+
+/// Hands the events of one type to a function, on a thread of its own; see Consumer.
+/// Ownership: refers to its node, which must outlive it.   Threads: any.
+template <class Event>
+class TypedConsumer {
+ public:
+  using Payload = typename Event::Payload;
+  /// One event; valid during the call. What EventHandler says of on_events() holds.
+  using OnEvent = std::function<void(const Payload& payload, const EventHeader& header)>;
+  using OnNotice = std::function<void(const Notice& notice)>;
+
+  /// Subscribes at the hub at `target`, a URL or a name: to all events of the type, or to what
+  /// `config.filter` accepts of them.   Set-up only.   Errors: as Consumer::create().
+  [[nodiscard]] static expected<TypedConsumer, rpc::SetupError> create(rpc::Node& node,
+                                                                       const std::string& target,
+                                                                       OnEvent on_event,
+                                                                       ConsumerConfig config = {},
+                                                                       OnNotice on_notice = {}) {
+    config.types.push_back(&Event::kDescriptor);
+    if (config.filter.kind == Filter::Kind::kNull) config.filter = of_type(Event::kType);
+    auto handler = std::make_unique<Handler>(std::move(on_event), std::move(on_notice));
+    auto consumer = Consumer::create(node, target, std::move(config), *handler);
+    if (!consumer) return unexpected{std::move(consumer.error())};
+    return TypedConsumer(std::move(handler), std::move(*consumer));
+  }
+
+  TypedConsumer(TypedConsumer&&) noexcept = default;
+  TypedConsumer& operator=(TypedConsumer&& other) noexcept {
+    // Each consumer stays with the handler that it refers to.
+    std::swap(handler_, other.handler_);
+    std::swap(consumer_, other.consumer_);
+    return *this;
+  }
+  ~TypedConsumer() = default;
+
+  /// To change, suspend or end the subscription.
+  [[nodiscard]] Consumer& consumer() noexcept { return *consumer_; }
+  /// Events that were left out because their payload is none of this type's, or of another version
+  /// of it: the schemas of supplier and consumer differ.   RT: alloc-free, any thread.
+  [[nodiscard]] std::uint64_t bad_payload_count() const noexcept {
+    return handler_->bad_payload_count.load(std::memory_order_relaxed);
+  }
+
+ private:
+  struct Handler final : EventHandler {
+    Handler(OnEvent event, OnNotice notice)
+        : on_event(std::move(event)), on_notice_function(std::move(notice)) {}
+
+    void on_events(std::span<const EventView> events) override {
+      for (const EventView& event : events) {
+        // A filter may let other types and timeouts through; they are not this consumer's.
+        if (event.header.type != Event::kType) continue;
+        const bool is_known =
+            event.header.schema_id == Event::kSchemaId || event.header.schema_id == 0;
+        const Payload* const payload = is_known ? read(event.payload) : nullptr;
+        if (payload == nullptr) {
+          bad_payload_count.fetch_add(1, std::memory_order_relaxed);
+        } else {
+          on_event(*payload, event.header);
+        }
+      }
+    }
+    void on_notice(const Notice& notice) override {
+      if (on_notice_function) on_notice_function(notice);
+    }
+    [[nodiscard]] static const Payload* read(ConstBytes payload) noexcept {
+      if constexpr (Event::kIsStruct) {
+        if (payload.size() != sizeof(Payload)) return nullptr;
+        return &rpc::view_struct<Payload>(payload);
+      } else {
+        if (!rpc::is_valid_table<Payload>(payload, Event::kLimits)) return nullptr;
+        return flatbuffers::GetRoot<Payload>(payload.data());
+      }
+    }
+
+    OnEvent on_event;
+    OnNotice on_notice_function;
+    std::atomic<std::uint64_t> bad_payload_count{0};
+  };
+
+  TypedConsumer(std::unique_ptr<Handler> handler, std::unique_ptr<Consumer> consumer) noexcept
+      : handler_(std::move(handler)), consumer_(std::move(consumer)) {}
+
+  std::unique_ptr<Handler> handler_;
+  std::unique_ptr<Consumer> consumer_;  // Ends before its handler.
+};
+
+}  // namespace rtpm::events
