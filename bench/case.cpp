@@ -6,7 +6,7 @@
 namespace rtpm::bench {
 
 std::span<const Case> cases() {
-  static constexpr std::array<Case, 5> kCases{{
+  static constexpr std::array<Case, 6> kCases{{
       {"call", "48-byte calls one after the other, beside raw sockets with the same wait",
        run_call},
       {"paced", "48-byte calls at a fixed rate, timed from when each was due", run_paced},
@@ -15,6 +15,8 @@ std::span<const Case> cases() {
        run_isolation},
       {"bulk", "a 1 kHz caller of high priority while 1 MiB messages go to and fro below it",
        run_bulk},
+      {"events", "32-byte events at 1 kHz through a hub to 1…256 consumers, beside a raw relay",
+       run_events},
       {"two-node", "48-byte calls between two network namespaces, with packet loss if wanted",
        run_two_node},
   }};

@@ -21,6 +21,7 @@ struct Arguments {
   std::vector<std::string> transports{"udp", "tcp", "shm"};
   std::vector<std::string> waits{"adaptive"};
   std::vector<std::string> low_callers{"0", "1", "4"};
+  std::vector<std::string> consumers{"1", "4", "16", "64", "256"};
   bool is_json = false;
 };
 
@@ -33,15 +34,17 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("wait", arguments.waits,
               "how callers and lanes wait: adaptive, periodic, block, spin, or several");
   options.add("spin", settings.spin, "how long the adaptive wait spins");
-  options.add("samples", settings.sample_count,
-              "calls per side and result; 0: 100000 for call, 10000 for the others",
-              {0, 100'000'000});
+  options.add(
+      "samples", settings.sample_count,
+      "calls per side and result; 0: 100000 for call, 2000 for events, 10000 for the others",
+      {0, 100'000'000});
   options.add("rounds", settings.round_count, "parts of a run, of which the medians are shown",
               {1, 1000});
   options.add("rate", settings.rate_hz, "calls per second of paced, isolation and bulk",
               {1, 100'000});
   options.add("low-callers", arguments.low_callers,
               "numbers of low-priority callers for isolation");
+  options.add("consumers", arguments.consumers, "numbers of consumers for events");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
   options.add("calls", settings.call_count, "calls of two-node; 0: as --samples says",
@@ -76,6 +79,14 @@ std::optional<int> caller_count_of(const std::string& text) {
   return std::stoi(text);
 }
 
+std::optional<int> consumer_count_of(const std::string& text) {
+  const bool is_number = !text.empty() && text.size() <= 3 &&
+                         std::all_of(text.begin(), text.end(),
+                                     [](char digit) { return digit >= '0' && digit <= '9'; });
+  if (!is_number || std::stoi(text) < 1 || std::stoi(text) > 256) return std::nullopt;
+  return std::stoi(text);
+}
+
 /// Turns every text of a list into what it means.
 /// @return the first that means nothing, or nothing if all do.
 template <class T, class Parse>
@@ -102,6 +113,10 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
   if (const auto wrong =
           translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {
     return "--low-callers takes numbers from 0 to 64, not '" + *wrong + "'";
+  }
+  if (const auto wrong =
+          translate(arguments.consumers, settings.consumer_counts, consumer_count_of)) {
+    return "--consumers takes numbers from 1 to 256, not '" + *wrong + "'";
   }
   if (arguments.verb == "list") {
     if (!arguments.cases.empty()) return "list takes no case, but got '" + arguments.cases[0] + "'";

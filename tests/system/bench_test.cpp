@@ -11,7 +11,7 @@ namespace {
 TEST(Bench, ListsItsCases) {
   const auto end = run_program("rtpm-bench", {"list"});
   EXPECT_EQ(end.exit_code, 0);
-  for (const std::string_view name : {"call", "paced", "isolation", "bulk", "two-node"}) {
+  for (const std::string_view name : {"call", "paced", "isolation", "bulk", "events", "two-node"}) {
     EXPECT_NE(("\n" + end.output).find("\n" + std::string(name)), std::string::npos) << name;
   }
 }

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <cstring>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::bench {
+
+/// The 32 bytes of an event that the events case pushes.
+struct EventStamp {
+  std::int64_t due_ns = 0;   ///< When it was to be pushed.
+  std::uint32_t block = 0;   ///< Of which stretch of the run it is,
+  std::uint32_t number = 0;  ///< and which of its events.
+  std::uint64_t filling[2]{};
+};
+static_assert(sizeof(EventStamp) == 32);
+
+/// Where consumers write down when each event reached them. Threads: note() by each consumer for
+/// its own row; the rest by one that waits for them.   RT: note() is alloc-free.
+class EventBoard {
+ public:
+  EventBoard(std::size_t consumer_count, std::size_t event_count)
+      : event_count_(event_count), cells_(consumer_count * event_count) {}
+
+  /// Begins another stretch; events of earlier ones no longer count.
+  void begin(std::uint32_t block) {
+    for (std::int64_t& cell : cells_)
+      cell = 0;
+    arrived_count_.store(0, std::memory_order_relaxed);
+    block_.store(block, std::memory_order_release);
+  }
+  /// An event reached a consumer.
+  void note(std::size_t consumer, ConstBytes bytes, MonotonicTime now) noexcept {
+    EventStamp stamp;
+    if (bytes.size() < sizeof stamp) return;
+    std::memcpy(&stamp, bytes.data(), sizeof stamp);
+    if (stamp.block != block_.load(std::memory_order_acquire) || stamp.number >= event_count_) {
+      return;
+    }
+    cells_[consumer * event_count_ + stamp.number] = to_ns(now) - stamp.due_ns;
+    arrived_count_.fetch_add(1, std::memory_order_release);
+  }
+  [[nodiscard]] std::uint64_t arrived_count() const noexcept {
+    return arrived_count_.load(std::memory_order_acquire);
+  }
+  /// The latency, 0 if it did not arrive.
+  [[nodiscard]] Duration at(std::size_t consumer, std::size_t event) const noexcept {
+    return Duration{cells_[consumer * event_count_ + event]};
+  }
+  [[nodiscard]] std::size_t event_count() const noexcept { return event_count_; }
+
+ private:
+  std::size_t event_count_;
+  std::vector<std::int64_t> cells_;
+  std::atomic<std::uint32_t> block_{0};
+  std::atomic<std::uint64_t> arrived_count_{0};
+};
+
+}  // namespace rtpm::bench

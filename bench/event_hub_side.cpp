@@ -1,0 +1,211 @@
+#include <atomic>
+#include <vector>
+
+#include "event_sides.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub.hpp"
+#include "rtpm/events/supplier.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr events::EventType kStampType = 1;
+constexpr Duration kSetUpPatience = 10s;
+constexpr std::uint32_t kConsumerCountMax = 512;
+
+rpc::Transport transport_of(Carrier carrier) {
+  switch (carrier) {
+    case Carrier::kUdp:
+      return rpc::Transport::kUdp;
+    case Carrier::kTcp:
+      return rpc::Transport::kTcp;
+    case Carrier::kSharedMemory:
+      break;
+  }
+  return rpc::Transport::kSharedMemory;
+}
+
+rpc::NodeConfig node_config(const rt::WaitConfig& wait) {
+  rpc::NodeConfig config;
+  config.wait = wait;
+  config.channel_count_max = kConsumerCountMax + 64;
+  return config;
+}
+
+// Consumers block, on both sides: many that spin on one CPU would only keep each other from it.
+constexpr rt::WaitConfig kBlock{.strategy = rt::WaitStrategy::kBlock};
+
+class Noter final : public events::EventHandler {
+ public:
+  Noter(EventBoard* board, std::size_t number) : board_(board), number_(number) {}
+  void on_events(std::span<const events::EventView> events) override {
+    if (board_ != nullptr) board_->note(number_, events[0].payload, rt::now());
+    count.fetch_add(events.size(), std::memory_order_relaxed);
+    if (is_slow.load(std::memory_order_relaxed)) rt::sleep_until(rt::now() + 100ms);
+  }
+  std::atomic<bool> is_slow{false};
+  std::atomic<std::uint64_t> count{0};
+
+ private:
+  EventBoard* board_;
+  std::size_t number_;
+};
+
+/// Consumers of one node, each with its handler.
+struct Consumers {
+  explicit Consumers(const rt::WaitConfig& wait) : node(node_config(wait)) {}
+  [[nodiscard]] expected<void, std::string> add(const EventSetting& setting, const std::string& hub,
+                                                EventBoard* board, std::uint32_t capacity) {
+    handlers.push_back(std::make_unique<Noter>(board, handlers.size()));
+    auto consumer =
+        events::Consumer::create(node, hub,
+                                 {.name = "bench",
+                                  .filter = events::of_type(kStampType),
+                                  .delivery = {.queue_capacity = capacity},
+                                  .priority = kHighPriority,
+                                  .cpus = {setting.placement.client_cpu},
+                                  .realtime = setting.realtime,
+                                  .transport = transport_of(setting.carrier),
+                                  .shared_ring = setting.carrier == Carrier::kSharedMemory,
+                                  .deadline = kSetUpPatience},
+                                 *handlers.back());
+    if (!consumer) return unexpected{consumer.error().text};
+    consumers.push_back(std::move(*consumer));
+    return {};
+  }
+  rpc::Node node;
+  std::vector<std::unique_ptr<Noter>> handlers{};
+  std::vector<std::unique_ptr<events::Consumer>> consumers{};
+};
+
+class HubSide final : public EventSide {
+ public:
+  HubSide() : consumers_(kBlock), node_(node_config(kBlock)) {}
+
+  [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting,
+                                                  const std::string& hub, EventBoard& board) {
+    auto supplier = events::Supplier::create(node_, hub,
+                                             {.name = "bench",
+                                              .priority = kHighPriority,
+                                              .transport = transport_of(setting.carrier),
+                                              .deadline = kSetUpPatience});
+    if (!supplier) return unexpected{supplier.error().text};
+    supplier_ = std::move(*supplier);
+    for (int i = 0; i < setting.consumer_count; ++i) {
+      if (auto added = consumers_.add(setting, hub, &board, 64); !added) return added;
+    }
+    return {};
+  }
+
+  expected<void, std::string> push(const EventStamp& stamp) override {
+    const auto pushed = supplier_->push(
+        {.type = kStampType, .payload = std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1))});
+    if (pushed) return {};
+    return unexpected{std::string(rpc::to_string(pushed.error()))};
+  }
+  void set_slow(int count) override {
+    const auto first = consumers_.handlers.size() - static_cast<std::size_t>(count);
+    for (std::size_t i = 0; i < consumers_.handlers.size(); ++i)
+      consumers_.handlers[i]->is_slow = i >= first;
+  }
+  std::uint64_t lost_count() const override {
+    std::uint64_t lost = 0;
+    for (const auto& consumer : consumers_.consumers)
+      lost += consumer->counters().losses.total();
+    return lost;
+  }
+
+ private:
+  Consumers consumers_;
+  rpc::Node node_;
+  std::unique_ptr<events::Supplier> supplier_{};
+};
+
+}  // namespace
+
+expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
+  return ServerProcess::start([setting]() -> expected<std::string, std::string> {
+    events::HubConfig config;
+    config.limits.subscription_count_max = kConsumerCountMax;
+    config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
+    config.priority = kHighPriority;
+    config.realtime = setting.realtime;
+    auto hub = events::Hub::create(config);
+    if (!hub) return unexpected{hub.error().text};
+    auto server_config = events::server_config_for(config);
+    server_config.realtime = setting.realtime;
+    server_config.lanes = {{.name = "bench-hub",
+                            .priority = kHighPriority,
+                            .wait = setting.wait,
+                            .cpus = {setting.placement.server_cpu}}};
+    auto server = rpc::Server::create(server_config);
+    if (!server) return unexpected{server.error().text};
+    if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
+      return unexpected{added.error().text};
+    }
+    if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+    // They serve until the process ends.
+    static_cast<void>(hub->release());
+    return (*server).release()->url(events::kHubPath);
+  });
+}
+
+expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
+                                                          const std::string& hub, int count) {
+  return ServerProcess::start([setting, hub, count]() -> expected<std::string, std::string> {
+    auto consumers = std::make_unique<Consumers>(kBlock);
+    for (int i = 0; i < count; ++i) {
+      if (auto added = consumers->add(setting, hub, nullptr, 64); !added) {
+        return unexpected{added.error()};
+      }
+    }
+    static_cast<void>(consumers.release());
+    return std::string("ready");
+  });
+}
+
+expected<std::unique_ptr<EventSide>, std::string> connect_events(const EventSetting& setting,
+                                                                 const std::string& hub,
+                                                                 EventBoard& board) {
+  auto side = std::make_unique<HubSide>();
+  if (auto begun = side->begin(setting, hub, board); !begun) return unexpected{begun.error()};
+  return std::unique_ptr<EventSide>(std::move(side));
+}
+
+expected<double, std::string> measure_event_rate(const EventSetting& setting,
+                                                 const std::string& hub, Duration length) {
+  Consumers consumers(kBlock);
+  if (auto added = consumers.add(setting, hub, nullptr, 4096); !added) {
+    return unexpected{added.error()};
+  }
+  rpc::Node node(node_config(kBlock));
+  auto supplier = events::Supplier::create(node, hub,
+                                           {.priority = kHighPriority,
+                                            .transport = transport_of(setting.carrier),
+                                            .deadline = kSetUpPatience});
+  if (!supplier) return unexpected{supplier.error().text};
+  const EventStamp stamp{};
+  const auto payload = std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1));
+  const std::uint64_t before = consumers.handlers[0]->count;
+  const MonotonicTime begin = rt::now();
+  MonotonicTime now = begin;
+  while (now < begin + length) {
+    for (int i = 0; i < 128; ++i) {
+      if (auto added = (*supplier)->add({.type = kStampType, .payload = payload, .origin = now});
+          !added) {
+        return unexpected{std::string(rpc::to_string(added.error()))};
+      }
+    }
+    now = rt::now();
+  }
+  const std::uint64_t got = consumers.handlers[0]->count - before;
+  return static_cast<double>(got) * 1e9 / static_cast<double>((now - begin).count());
+}
+
+}  // namespace rtpm::bench

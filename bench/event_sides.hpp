@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstddef>
+#include <memory>
+#include <string>
+
+#include "event_board.hpp"
+#include "rtpm/base/expected.hpp"
+#include "server_process.hpp"
+#include "settings.hpp"
+
+/// The two contenders of the events case: a hub, its supplier and consumers; and what the sockets
+/// themselves cost: a relay that sends each datagram on to all who asked.
+namespace rtpm::bench {
+
+/// How both sides are set up.
+struct EventSetting {
+  Carrier carrier = Carrier::kSharedMemory;  ///< Of RTPM; the floor has UDP.
+  rt::WaitConfig wait{};                     ///< Of the hub's lane and of the relay.
+  int consumer_count = 1;
+  Placement placement{};
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// Supplier and consumers of one side. Threads: push() from one.
+class EventSide {
+ public:
+  virtual ~EventSide() = default;
+  [[nodiscard]] virtual expected<void, std::string> push(const EventStamp& stamp) = 0;
+  /// Lets the last `count` consumers take a tenth of a second for each event, or no more.
+  virtual void set_slow(int count) = 0;
+  /// What the consumers were told that they lost.
+  [[nodiscard]] virtual std::uint64_t lost_count() const = 0;
+};
+
+/// A hub in a process of its own. Fork it before this process starts a thread.
+[[nodiscard]] expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting);
+/// A process of `count` consumers that note nothing: to be stopped.
+[[nodiscard]] expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
+                                                                        const std::string& hub,
+                                                                        int count);
+/// The floor's relay in a process of its own.
+[[nodiscard]] expected<ServerProcess, std::string> start_event_relay(const EventSetting& setting);
+
+[[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_events(
+    const EventSetting& setting, const std::string& hub, EventBoard& board);
+[[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_relay(
+    const EventSetting& setting, const std::string& relay, EventBoard& board);
+
+/// Events a second that one consumer got while one supplier pushed as many as it could, in batches.
+[[nodiscard]] expected<double, std::string> measure_event_rate(const EventSetting& setting,
+                                                               const std::string& hub,
+                                                               Duration length);
+
+}  // namespace rtpm::bench

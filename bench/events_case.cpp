@@ -1,0 +1,281 @@
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <vector>
+
+#include "case.hpp"
+#include "disturbance.hpp"
+#include "duel.hpp"
+#include "event_sides.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr std::uint64_t kEventCountDefault = 2'000;
+/// Events of one side before the other's turn.
+constexpr std::size_t kBlockSize = 200;
+/// How long the last of a block may take to arrive.
+constexpr Duration kBlockPatience = 500ms;
+/// Of the isolation result: so many consumers, of which so many are stopped and so many slow.
+constexpr int kCrowd = 64;
+constexpr int kStopped = 8;
+constexpr int kSlow = 8;
+
+/// What one contender showed: each delivery, and of each event the last.
+struct Finding {
+  Finding(int round_count, std::size_t count, int consumer_count)
+      : each(round_count, count * static_cast<std::size_t>(consumer_count)),
+        last(round_count, count) {}
+  Samples each;
+  Samples last;
+  std::uint64_t missing_count = 0;
+};
+
+/// Pushes one block at its pace and takes what the first `consumer_count` consumers saw.
+expected<void, std::string> measure_block(const Settings& settings, EventSide& side,
+                                          EventBoard& board, std::uint32_t block,
+                                          int consumer_count, Finding& finding) {
+  const auto consumers = static_cast<std::size_t>(consumer_count);
+  const Duration period{static_cast<std::int64_t>(1e9 / settings.rate_hz)};
+  board.begin(block);
+  MonotonicTime due = rt::now() + period;
+  for (std::uint32_t i = 0; i < board.event_count(); ++i, due += period) {
+    rt::sleep_until(due);
+    const EventStamp stamp{.due_ns = to_ns(rt::now()), .block = block, .number = i};
+    if (auto pushed = side.push(stamp); !pushed) return pushed;
+  }
+  const MonotonicTime give_up = rt::now() + kBlockPatience;
+  while (board.arrived_count() < consumers * board.event_count() && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  for (std::size_t event = 0; event < board.event_count(); ++event) {
+    Duration last{0};
+    for (std::size_t consumer = 0; consumer < consumers; ++consumer) {
+      const Duration latency = board.at(consumer, event);
+      if (latency > Duration{0}) {
+        finding.each.add(latency);
+        last = std::max(last, latency);
+      } else {
+        ++finding.missing_count;
+      }
+    }
+    finding.last.add(last);
+  }
+  return {};
+}
+
+std::string title_of(const EventSetting& setting) {
+  return "events, " + std::string(to_string(setting.carrier)) + ", " +
+         std::string(rt::to_string(setting.wait.strategy)) + " wait, " +
+         std::to_string(setting.consumer_count) +
+         (setting.consumer_count == 1 ? " consumer" : " consumers");
+}
+
+void add_head(Result& result, const EventSetting& setting, const Settings& settings,
+              std::size_t count) {
+  JsonObject& json = result.json;
+  json.add("case", "events");
+  json.add("transport", to_string(setting.carrier));
+  json.add("wait", rt::to_string(setting.wait.strategy));
+  json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
+  json.add("n", static_cast<std::int64_t>(count));
+  json.add("rounds", settings.round_count);
+  json.add("rate_hz", settings.rate_hz);
+  json.add("consumers", setting.consumer_count);
+}
+
+void add_ratio(JsonObject& json, std::string_view name, const Samples& rtpm, const Samples& floor,
+               double percent) {
+  json.add(name, ratio_at(rtpm, floor, percent).median);
+}
+
+std::size_t count_per_round(const Settings& settings) {
+  const std::uint64_t count =
+      settings.sample_count == 0 ? kEventCountDefault : settings.sample_count;
+  const auto per_round = count / static_cast<std::uint64_t>(settings.round_count);
+  return static_cast<std::size_t>(std::max<std::uint64_t>(kBlockSize, per_round) / kBlockSize *
+                                  kBlockSize);
+}
+
+/// Hub and relay by turns, with so many consumers.
+expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
+                                            Result& result) {
+  auto hub = start_event_hub(setting);
+  if (!hub) return unexpected{hub.error()};
+  auto relay = start_event_relay(setting);
+  if (!relay) return unexpected{relay.error()};
+  const std::size_t per_round = count_per_round(settings);
+  std::array<Finding, 2> findings{Finding(settings.round_count, per_round, setting.consumer_count),
+                                  Finding(settings.round_count, per_round, setting.consumer_count)};
+  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kBlockSize);
+  std::uint64_t lost = 0;
+  const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
+  const DisturbanceWatch watch({hub->id(), relay->id()});
+  auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
+    auto rtpm = connect_events(setting, hub->address(), board);
+    if (!rtpm) return unexpected{rtpm.error()};
+    auto floor = connect_relay(setting, relay->address(), board);
+    if (!floor) return unexpected{floor.error()};
+    std::uint32_t block = 0;
+    for (int round = 0; round < settings.round_count; ++round) {
+      for (Finding& finding : findings) {
+        finding.each.begin_round(round);
+        finding.last.begin_round(round);
+      }
+      for (std::size_t done = 0; done < per_round; done += kBlockSize) {
+        for (std::size_t turn = 0; turn < 2; ++turn) {
+          const std::size_t which = (turn + block / 2) % 2;
+          if (auto pushed = measure_block(settings, which == 0 ? **rtpm : **floor, board, ++block,
+                                          setting.consumer_count, findings[which]);
+              !pushed) {
+            return pushed;
+          }
+        }
+      }
+    }
+    lost = (*rtpm)->lost_count();
+    return {};
+  });
+  if (!measured) return measured;
+  const auto& [rtpm, floor] = findings;
+  add_head(result, setting, settings, rtpm.last.count());
+  add_percentiles(result.json, "each_", rtpm.each.percentiles());
+  add_percentiles(result.json, "last_", rtpm.last.percentiles());
+  add_percentiles(result.json, "floor_each_", floor.each.percentiles());
+  add_percentiles(result.json, "floor_last_", floor.last.percentiles());
+  add_ratio(result.json, "ratio_each_p50", rtpm.each, floor.each, 50);
+  add_ratio(result.json, "ratio_each_p99", rtpm.each, floor.each, 99);
+  add_ratio(result.json, "ratio_last_p50", rtpm.last, floor.last, 50);
+  add_ratio(result.json, "ratio_last_p99", rtpm.last, floor.last, 99);
+  result.json.add("lost", static_cast<std::int64_t>(lost));
+  result.json.add("missing", static_cast<std::int64_t>(rtpm.missing_count));
+  result.json.add("floor_missing", static_cast<std::int64_t>(floor.missing_count));
+  result.rows = {{"RTPM, each", rtpm.each.percentiles()},
+                 {"RTPM, last", rtpm.last.percentiles()},
+                 {"raw floor, each", floor.each.percentiles()},
+                 {"raw floor, last", floor.last.percentiles()}};
+  watch.finish(result, rtpm.last.percentiles().max);
+  return {};
+}
+
+/// The others' latencies while all are well, and while some are stopped and some slow, by turns.
+expected<void, std::string> measure_isolation(const Settings& settings, EventSetting setting,
+                                              Result& result) {
+  setting.consumer_count = kCrowd - kStopped;
+  const int measured_count = setting.consumer_count - kSlow;
+  auto hub = start_event_hub(setting);
+  if (!hub) return unexpected{hub.error()};
+  auto idle = start_idle_consumers(setting, hub->address(), kStopped);
+  if (!idle) return unexpected{idle.error()};
+  const std::size_t per_round = count_per_round(settings);
+  std::array<Finding, 2> findings{Finding(settings.round_count, per_round, measured_count),
+                                  Finding(settings.round_count, per_round, measured_count)};
+  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kBlockSize);
+  const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
+  auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
+    auto side = connect_events(setting, hub->address(), board);
+    if (!side) return unexpected{side.error()};
+    std::uint32_t block = 0;
+    for (int round = 0; round < settings.round_count; ++round) {
+      for (Finding& finding : findings) {
+        finding.each.begin_round(round);
+        finding.last.begin_round(round);
+      }
+      for (std::size_t done = 0; done < per_round; done += kBlockSize) {
+        for (const bool is_bad : {false, true}) {
+          (*side)->set_slow(is_bad ? kSlow : 0);
+          if (is_bad) idle->pause();
+          auto pushed = measure_block(settings, **side, board, ++block, measured_count,
+                                      findings[is_bad ? 1 : 0]);
+          if (is_bad) idle->resume();
+          if (!pushed) return pushed;
+        }
+      }
+    }
+    return {};
+  });
+  if (!measured) return measured;
+  const auto& [well, bad] = findings;
+  setting.consumer_count = kCrowd;
+  add_head(result, setting, settings, bad.last.count());
+  result.json.add("stopped", kStopped);
+  result.json.add("slow", kSlow);
+  add_percentiles(result.json, "each_", bad.each.percentiles());
+  add_percentiles(result.json, "last_", bad.last.percentiles());
+  add_percentiles(result.json, "well_each_", well.each.percentiles());
+  add_percentiles(result.json, "well_last_", well.last.percentiles());
+  add_ratio(result.json, "bad_over_well_p50", bad.each, well.each, 50);
+  add_ratio(result.json, "bad_over_well_p99", bad.each, well.each, 99);
+  result.rows = {{"others, all well", well.each.percentiles()},
+                 {"others, some bad", bad.each.percentiles()}};
+  result.title = title_of(setting) + ", 8 stopped and 8 slow";
+  return {};
+}
+
+expected<void, std::string> measure_rate(const Settings&, const EventSetting& setting,
+                                         Result& result) {
+  auto hub = start_event_hub(setting);
+  if (!hub) return unexpected{hub.error()};
+  std::optional<double> rate;
+  // Not at real-time priority: it would leave nothing to the rest for too long.
+  EventSetting time_shared = setting;
+  time_shared.realtime = rt::RealtimeMode::kOff;
+  auto measured = measure_event_rate(time_shared, hub->address(), 1s);
+  if (!measured) return unexpected{measured.error()};
+  result.title = "events, " + std::string(to_string(setting.carrier)) + ", as many as go through";
+  result.json.add("case", "events");
+  result.json.add("transport", to_string(setting.carrier));
+  result.json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
+  result.json.add("consumers", 1);
+  result.json.add("events_per_s", *measured);
+  result.notes.push_back(short_text(*measured / 1e6) +
+                         " million events a second reached one consumer.");
+  return {};
+}
+
+using Measure = expected<void, std::string> (*)(const Settings&, EventSetting, Result&);
+
+bool report_one(const Settings& settings, const EventSetting& setting, Measure measure,
+                Report& report) {
+  Result result{.title = title_of(setting)};
+  if (auto measured = measure(settings, setting, result); !measured) {
+    say_not_measured(title_of(setting), measured.error());
+    return false;
+  }
+  report.add(result);
+  return true;
+}
+
+}  // namespace
+
+bool run_events(const Settings& settings, Report& report) {
+  const Measure fan_out = [](const Settings& s, EventSetting e, Result& r) {
+    return measure_fan_out(s, e, r);
+  };
+  const Measure rate = [](const Settings& s, EventSetting e, Result& r) {
+    return measure_rate(s, e, r);
+  };
+  bool is_complete = true;
+  for (const Carrier carrier : settings.carriers) {
+    for (const rt::WaitStrategy strategy : settings.waits) {
+      EventSetting setting{.carrier = carrier,
+                           .wait = {.strategy = strategy, .spin = settings.spin},
+                           .placement = choose_placement(),
+                           .realtime = settings.realtime};
+      for (const int count : settings.consumer_counts) {
+        setting.consumer_count = count;
+        is_complete = report_one(settings, setting, fan_out, report) && is_complete;
+      }
+      setting.consumer_count = kCrowd;
+      is_complete = report_one(settings, setting, measure_isolation, report) && is_complete;
+      setting.consumer_count = 1;
+      is_complete = report_one(settings, setting, rate, report) && is_complete;
+    }
+  }
+  return is_complete;
+}
+
+}  // namespace rtpm::bench
