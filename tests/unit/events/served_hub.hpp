@@ -133,8 +133,11 @@ class Recorder : public EventHandler {
 
 inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema, kPoseFields};
 
-inline std::unique_ptr<Supplier> make_supplier(rpc::Node& node, const ServedHub& hub,
-                                               rpc::Transport transport = rpc::Transport::kAuto) {
+/// Through memory and not straight into the hub's lane, which takes only so many calls at a time:
+/// tests push as fast as they can.
+inline std::unique_ptr<Supplier> make_supplier(
+    rpc::Node& node, const ServedHub& hub,
+    rpc::Transport transport = rpc::Transport::kSharedMemory) {
   auto supplier = Supplier::create(
       node, hub.url(),
       {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience});
