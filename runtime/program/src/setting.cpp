@@ -12,6 +12,8 @@
 namespace rtpm::program {
 namespace {
 
+constexpr Range<int> kCpus{0, 1023};
+
 /// The number that is all of `text`, if it is one and in the range.
 template <class T>
 std::optional<T> read_number(std::string_view text, Range<T> range) {
@@ -187,7 +189,6 @@ Setting setting_of(std::vector<std::string>& value) {
 }
 
 Setting setting_of(std::vector<int>& value) {
-  constexpr Range<int> kCpus{0, 1023};
   Setting setting;
   setting.placeholder = "NUMBER,NUMBER";
   setting.expected = "a list of numbers from 0 to 1023, with commas";
