@@ -18,13 +18,6 @@
 namespace rtpm::rt {
 namespace {
 
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-constexpr bool kHasSanitizer = true;
-#else
-constexpr bool kHasSanitizer = false;
-#endif
-constexpr const char* kSanitizersLockNothing = "sanitizers make locking memory a no-op";
-
 /// The process's locked memory as the system counts it.
 std::size_t locked_kib() {
   std::ifstream status("/proc/self/status");
@@ -41,7 +34,7 @@ std::size_t locked_kib() {
 constexpr rlim_t kTooLittle = 64 * 1024;
 
 TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
-  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     const auto locked = lock_memory(RealtimeMode::kRequire);
     if (!locked) return "refused: " + locked.error().text;
@@ -57,7 +50,7 @@ TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
 }
 
 TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
-  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     test::drop_realtime_rights(kTooLittle);
     const auto locked = lock_memory(RealtimeMode::kRequire);
@@ -71,7 +64,7 @@ TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
 }
 
 TEST(LockMemory, WarnsOnceWhenPreferred) {
-  if (kHasSanitizer) GTEST_SKIP() << kSanitizersLockNothing;
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     test::drop_realtime_rights(kTooLittle);
     for (int i = 0; i < 3; ++i) {
@@ -154,6 +147,7 @@ TEST(Prefault, MakesPagesResidentAndKeepsWhatTheyHold) {
 }
 
 TEST(Prefault, OfTheHeapKeepsItMapped) {
+  if (test::kHasSanitizer) GTEST_SKIP() << "sanitizers have a heap of their own";
   const auto child = test::run_in_child([] {
     constexpr std::size_t kSize = std::size_t{32} << 20;
     if (!prefault_heap(kSize)) return std::string("no memory");

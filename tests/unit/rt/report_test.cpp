@@ -46,6 +46,7 @@ TEST(SetupReport, SaysHowEachThreadRuns) {
 }
 
 TEST(SetupReport, SaysWhatWasRefusedWithTheRemedy) {
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
     const auto thread = Thread::start({.name = "wish", .priority = 9}, [] {});
@@ -108,6 +109,7 @@ TEST(Survey, AsksForAllThatRtpmAsksFor) {
 }
 
 TEST(Survey, SaysWhatIsRefusedWithoutTheRights) {
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
     std::string text;

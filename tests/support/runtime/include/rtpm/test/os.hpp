@@ -21,6 +21,13 @@
 /// What the operating system itself says of a thread, for tests that do not take RTPM's word.
 namespace rtpm::test {
 
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+inline constexpr bool kHasSanitizer = true;
+#else
+inline constexpr bool kHasSanitizer = false;
+#endif
+inline constexpr const char* kSanitizersLockNothing = "sanitizers make locking memory a no-op";
+
 /// How the calling thread is scheduled by the system.
 struct Scheduling {
   int policy = 0;
