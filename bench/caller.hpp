@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <functional>
 #include <string>
 
@@ -26,6 +27,19 @@ class Caller {
   [[nodiscard]] virtual expected<void, std::string> echo() = 0;
   /// As echo(), but the server computes for `duration` first.
   [[nodiscard]] virtual expected<void, std::string> work(Duration duration) = 0;
+};
+
+/// One thread that keeps many echoes in flight.
+/// Threads: one.
+class Pipeline {
+ public:
+  Pipeline() = default;
+  Pipeline(const Pipeline&) = delete;
+  Pipeline& operator=(const Pipeline&) = delete;
+  virtual ~Pipeline() = default;
+
+  /// Makes `count` echoes, of which as many as were asked for are on their way at a time.
+  [[nodiscard]] virtual expected<void, std::string> run(std::uint64_t count) = 0;
 };
 
 /// One call, to be made again and again by one thread; fails with the reason.

@@ -6,7 +6,7 @@
 namespace rtpm::bench {
 
 std::span<const Case> cases() {
-  static constexpr std::array<Case, 6> kCases{{
+  static constexpr std::array<Case, 7> kCases{{
       {"call", "48-byte calls one after the other, beside raw sockets with the same wait",
        run_call},
       {"paced", "48-byte calls at a fixed rate, timed from when each was due", run_paced},
@@ -17,6 +17,8 @@ std::span<const Case> cases() {
        run_bulk},
       {"events", "32-byte events at 1 kHz through a hub to 1…256 consumers, beside a raw relay",
        run_events},
+      {"throughput", "48-byte calls, many on their way at a time, beside a raw UDP socket",
+       run_throughput},
       {"two-node", "48-byte calls between two network namespaces, with packet loss if wanted",
        run_two_node},
   }};

@@ -25,6 +25,7 @@ bool run_paced(const Settings& settings, Report& report);
 bool run_isolation(const Settings& settings, Report& report);
 bool run_bulk(const Settings& settings, Report& report);
 bool run_events(const Settings& settings, Report& report);
+bool run_throughput(const Settings& settings, Report& report);
 bool run_two_node(const Settings& settings, Report& report);
 
 /// "rtpm-bench: <what>: <why>" on standard error.

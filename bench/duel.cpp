@@ -175,6 +175,14 @@ expected<std::unique_ptr<NumberedCaller>, std::string> Duel::connect_numbered() 
   return connect_numbered_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
 }
 
+expected<std::unique_ptr<Pipeline>, std::string> Duel::connect_pipeline(std::size_t in_flight) {
+  if (impl_->turn == Side::kFloor) {
+    return connect_floor_pipeline(impl_->config.host, impl_->floor_high_port, in_flight);
+  }
+  return connect_rtpm_pipeline(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority,
+                               in_flight);
+}
+
 std::uint16_t Duel::rtpm_port() const {
   const auto url = wire::parse_url(impl_->rtpm_server.address());
   RTPM_ASSERT(url.has_value(), "a server gives a URL");

@@ -60,6 +60,9 @@ class Duel {
   [[nodiscard]] expected<Job, std::string> connect_bulk(std::size_t size);
   /// RTPM's server runs: a caller of high priority whose calls are numbered.
   [[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered();
+  /// A pipeline of high priority to the server whose turn it is; of the raw one over UDP only.
+  [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_pipeline(
+      std::size_t in_flight);
   /// Where RTPM's server serves.
   [[nodiscard]] std::uint16_t rtpm_port() const;
 

@@ -235,6 +235,51 @@ class FloorCaller final : public Caller {
   Frame received_{};
 };
 
+class FloorPipeline final : public Pipeline {
+ public:
+  FloorPipeline(Socket socket, std::size_t in_flight)
+      : socket_(std::move(socket)), in_flight_(in_flight) {
+    for (std::size_t i = wire::kHeaderSize; i < sent_.size(); ++i)
+      sent_[i] = static_cast<std::byte>(i);
+  }
+
+  expected<void, std::string> run(std::uint64_t count) override {
+    std::uint64_t begun = 0;
+    for (std::uint64_t taken = 0; taken < count; ++taken) {
+      for (; begun < std::min<std::uint64_t>(count, taken + in_flight_); ++begun) {
+        if (send(socket_.handle(), sent_.data(), sent_.size(), MSG_NOSIGNAL) < 0) {
+          return unexpected{system_text("send")};
+        }
+      }
+      if (recv(socket_.handle(), received_.data(), received_.size(), 0) < 0) {
+        return unexpected{system_text("receive")};
+      }
+      if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+    }
+    return {};
+  }
+
+ private:
+  Socket socket_;
+  std::size_t in_flight_;
+  Frame sent_{};
+  Frame received_{};
+};
+
+expected<Socket, std::string> connect_socket(Carrier carrier, const std::string& host,
+                                             std::uint16_t port) {
+  Socket socket = open_socket(carrier);
+  const sockaddr_in address = address_of(host, port);
+  if (connect(socket.handle(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
+    return unexpected{system_text("connect")};
+  }
+  if (carrier == Carrier::kTcp) send_at_once(socket.handle());
+  // Nothing waits without end: a blocked receive gives up, too.
+  const timeval timeout{.tv_sec = kTimeout.count() / 1'000'000'000, .tv_usec = 0};
+  setsockopt(socket.handle(), SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
+  return socket;
+}
+
 }  // namespace
 
 void compute_for(Duration duration) noexcept {
@@ -259,16 +304,17 @@ expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(Carrier carr
                                                                     const std::string& host,
                                                                     std::uint16_t port,
                                                                     const rt::WaitConfig& wait) {
-  Socket socket = open_socket(carrier);
-  const sockaddr_in address = address_of(host, port);
-  if (connect(socket.handle(), reinterpret_cast<const sockaddr*>(&address), sizeof address) != 0) {
-    return unexpected{system_text("connect")};
-  }
-  if (carrier == Carrier::kTcp) send_at_once(socket.handle());
-  // Nothing waits without end: a blocked receive gives up, too.
-  const timeval timeout{.tv_sec = kTimeout.count() / 1'000'000'000, .tv_usec = 0};
-  setsockopt(socket.handle(), SOL_SOCKET, SO_RCVTIMEO, &timeout, sizeof timeout);
-  return std::unique_ptr<Caller>(std::make_unique<FloorCaller>(carrier, std::move(socket), wait));
+  auto socket = connect_socket(carrier, host, port);
+  if (!socket) return unexpected{socket.error()};
+  return std::unique_ptr<Caller>(std::make_unique<FloorCaller>(carrier, std::move(*socket), wait));
+}
+
+expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(const std::string& host,
+                                                                        std::uint16_t port,
+                                                                        std::size_t in_flight) {
+  auto socket = connect_socket(Carrier::kUdp, host, port);
+  if (!socket) return unexpected{socket.error()};
+  return std::unique_ptr<Pipeline>(std::make_unique<FloorPipeline>(std::move(*socket), in_flight));
 }
 
 }  // namespace rtpm::bench

@@ -39,4 +39,8 @@ struct FloorLaneConfig {
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
     Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait);
 
+/// As connect_floor_caller(), over UDP: a pipeline on one socket.   Set-up only.
+[[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(
+    const std::string& host, std::uint16_t port, std::size_t in_flight);
+
 }  // namespace rtpm::bench

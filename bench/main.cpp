@@ -47,6 +47,8 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("consumers", arguments.consumers, "numbers of consumers for events");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
+  options.add("in-flight", settings.in_flight, "calls of throughput on their way at a time",
+              {1, 64});
   options.add("calls", settings.call_count, "calls of two-node; 0: as --samples says",
               {0, 10'000'000});
   options.add("deadline", settings.deadline, "deadline of each call of two-node",

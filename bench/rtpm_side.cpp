@@ -1,8 +1,10 @@
 #include "rtpm_side.hpp"
 
+#include <algorithm>
 #include <atomic>
 #include <bench.rtpm.hpp>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 namespace rtpm::bench {
@@ -69,6 +71,34 @@ class RtpmCaller final : public Caller {
 
  private:
   EchoClient client_;
+  Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
+};
+
+class RtpmPipeline final : public Pipeline {
+ public:
+  RtpmPipeline(EchoClient client, std::size_t in_flight)
+      : client_(std::move(client)), pending_(in_flight) {}
+
+  expected<void, std::string> run(std::uint64_t count) override {
+    std::uint64_t begun = 0;
+    for (std::uint64_t taken = 0; taken < count; ++taken) {
+      for (; begun < std::min(count, taken + pending_.size()); ++begun) {
+        auto call = client_.begin_echo(wrench_);
+        if (!call) return unexpected{std::string(rpc::to_string(call.error()))};
+        pending_[begun % pending_.size()].emplace(std::move(*call));
+      }
+      const auto reply = pending_[taken % pending_.size()]->take();
+      if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+      if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
+        return unexpected{std::string("RTPM's echo differs")};
+      }
+    }
+    return {};
+  }
+
+ private:
+  EchoClient client_;
+  std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
 };
 
@@ -166,6 +196,15 @@ expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& 
     }
     return {};
   });
+}
+
+expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(rpc::Node& node,
+                                                                       const std::string& url,
+                                                                       Priority priority,
+                                                                       std::size_t in_flight) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  return std::unique_ptr<Pipeline>(std::make_unique<RtpmPipeline>(std::move(*client), in_flight));
 }
 
 expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(

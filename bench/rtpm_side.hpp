@@ -39,6 +39,10 @@ struct RtpmServerConfig {
 [[nodiscard]] expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
                                                           Priority priority, std::size_t size);
 
+/// As connect_rtpm_caller().
+[[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(
+    rpc::Node& node, const std::string& url, Priority priority, std::size_t in_flight);
+
 /// What a server noted of numbered calls.
 struct NumberedRuns {
   std::uint64_t distinct_count = 0;  ///< Numbers that ran.
