@@ -25,6 +25,8 @@ constexpr std::uint32_t kTurnsPerLook = 8;
 // call. So while that is hot and nothing else comes, the looks become rarer, up to these bounds.
 constexpr std::uint32_t kTurnsPerLookMax = 8192;
 constexpr Duration kTimePerLookMax = std::chrono::microseconds{100};
+// So often at most are all connections through memory looked at while one has calls without end.
+constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
 
 // What a lane keeps for messages larger than a frame: one more room than may be held, where replies
 // are written.
@@ -256,7 +258,10 @@ bool Lane::turn() noexcept {
   const bool has_served = serve_one(hot_);
   if (has_served && connection_count_ == 0 && hot_ != kLocal) return true;
   // What costs no syscall is looked at each turn, unless there is something anyway.
-  if (!has_served && serve_memory()) return true;
+  if (!has_served || is_memory_look_due()) {
+    last_memory_look_ = received_;
+    if (serve_memory()) return true;
+  }
   if (!is_look_due(has_served)) return has_served;
   const bool has_found = look_around(transport::Poller::kAlready);
   turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
@@ -264,11 +269,16 @@ bool Lane::turn() noexcept {
   return serve_memory() || has_found || has_served;
 }
 
+// A caller that calls again at once must not keep others of its band waiting call after call.
+bool Lane::is_memory_look_due() const noexcept {
+  return memory_sources_.size() > 1 && received_ - last_memory_look_ >= kTimePerMemoryLook;
+}
+
 // Whether it is time to look at the sources that are not hot.
 bool Lane::is_look_due(bool has_served) noexcept {
   if (connection_count_ == 0 && hot_ != kLocal) return false;
   if (!has_served) return ++turn_count_ >= turns_per_look_;
-  if (++streak_ < kStreakMax) return false;
+  if (++streak_ < kStreakMax && received_ - last_look_ < kTimePerLookMax) return false;
   return !is_memory(hot_) || received_ - last_look_ >= kTimePerLookMax;
 }
 
@@ -285,7 +295,9 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   if (pending_->open_count() > 0) look_at_time();
   bool has_served = serve_leftovers();
   for (std::size_t i = 0; i < count; ++i) {
-    const Source source = ready_[i];
+    Source source = ready_[i];
+    const bool is_event = source >= kEvent && source < kEvent + connections_.size();
+    if (is_event) source -= kEvent;
     if (source == transport::Poller::kBell) {
       // It rings once. Whoever goes to sleep after it would not hear what it was about.
       has_served = true;
@@ -294,7 +306,9 @@ bool Lane::look_around(MonotonicTime until) noexcept {
     // Another thread may have retired it in the meantime, which serve_one() sees.
     const bool has_frame = serve_one(source);
     // Only then, as the caller waits for its reply and not for this.
-    if (source != kUdp && connections_[source].stream) connections_[source].stream->on_ready();
+    if (!is_event && source != kUdp && connections_[source].stream) {
+      connections_[source].stream->on_ready();
+    }
     if (!has_frame) continue;
     has_served = true;
     // It may have gone in the meantime; then the datagrams are as good a guess as any.
@@ -430,7 +444,7 @@ void Lane::adopt_waiting() noexcept {
     const auto place =
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
-    if (count >= connections_.size() / 2 || !poller_.add((*stream)->descriptor(), source)) {
+    if (count >= connections_.size() / 2 || !listen_to(**stream, source)) {
       // The lane is full: the connection ends, which its client sees at once.
       give_back(*stream);
       continue;
@@ -445,10 +459,18 @@ void Lane::adopt_waiting() noexcept {
   }
 }
 
+bool Lane::listen_to(const transport::Connection& stream, Source source) noexcept {
+  if (!poller_.add(stream.descriptor(), source)) return false;
+  if (stream.event() < 0 || poller_.add_event(stream.event(), kEvent + source)) return true;
+  poller_.remove(stream.descriptor());
+  return false;
+}
+
 void Lane::retire(Source source) noexcept {
   Connection& connection = connections_[source];
   // Later the place is tried again: the acceptor takes connections back as they come.
   poller_.remove(connection.stream->descriptor());
+  if (const int event = connection.stream->event(); event >= 0) poller_.remove(event);
   (connection.is_memory ? memory_sessions_ : stream_sessions_).forget(connection.peer);
   if (connection.is_memory) {
     *std::ranges::find(memory_sources_, source) = memory_sources_.back();

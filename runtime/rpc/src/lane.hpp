@@ -96,6 +96,8 @@ class Lane {
   using Source = std::uint64_t;
   static constexpr Source kUdp = ~std::uint64_t{0} - 1;
   static constexpr Source kLocal = ~std::uint64_t{0} - 2;
+  /// What is added to a source where a poll tells of its event.
+  static constexpr std::uint64_t kEvent = std::uint64_t{1} << 32;
 
   void step(MonotonicTime& spin_end) noexcept;
   void nap(MonotonicTime until) noexcept;
@@ -108,6 +110,8 @@ class Lane {
   [[nodiscard]] Duration spin_time() const noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
+  [[nodiscard]] bool is_memory_look_due() const noexcept;
+  [[nodiscard]] bool listen_to(const transport::Connection& stream, Source source) noexcept;
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
   /// A look at it is no syscall.
@@ -205,8 +209,9 @@ class Lane {
   std::uint32_t glance_count_ = 0;  ///< Turns of a lane that spins, for looks at the clock.
   std::uint32_t streak_ = 0;        ///< Frames taken from hot_ without a look at the others.
   MonotonicTime last_look_{};
-  MonotonicTime received_{};   ///< When the last frame was taken,
-  MonotonicTime completed_{};  ///< and when a call's answer was written last.
+  MonotonicTime last_memory_look_{};  ///< At all connections through memory.
+  MonotonicTime received_{};          ///< When the last frame was taken,
+  MonotonicTime completed_{};         ///< and when a call's answer was written last.
   bool is_periodic_ = false;
   bool has_rhythm_ = false;  ///< At the last look ahead.
   rt::Foresight foresight_;

@@ -108,7 +108,8 @@ void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
     if (!asking.is_open()) return;
     if (!is_trusted(asking.number())) continue;
     // One message always fits a new socket; who left already needs none.
-    static_cast<void>(send_message(asking.number(), std::array{kHere}, memory.descriptor()));
+    static_cast<void>(
+        send_message(asking.number(), std::array{kHere}, std::array{memory.descriptor()}));
   }
 }
 
@@ -128,10 +129,10 @@ expected<BroadcastView, TransportError> BroadcastView::open(std::uint64_t id,
   std::array<std::byte, 2> message{};
   const ReceivedMessage received = receive_message(socket.number(), message);
   struct stat status {};
-  const int memory = received.descriptor.number();
-  if (received.size != 1 || !received.descriptor.is_open() ||
-      (fcntl(memory, F_GET_SEALS) & F_SEAL_SHRINK) == 0 || fstat(memory, &status) != 0 ||
-      status.st_size <= 0) {
+  const int memory = received.descriptors[0].number();
+  const int seals = fcntl(memory, F_GET_SEALS);
+  if (received.size != 1 || seals < 0 || (seals & F_SEAL_SHRINK) == 0 ||
+      fstat(memory, &status) != 0 || status.st_size <= 0) {
     return unexpected{not_got("the writer refused")};
   }
   const auto bytes = static_cast<std::size_t>(status.st_size);

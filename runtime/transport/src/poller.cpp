@@ -30,11 +30,24 @@ expected<Poller, TransportError> Poller::open() {
   return poller;
 }
 
-bool Poller::add(int descriptor, std::uint64_t tag) noexcept {
+namespace {
+
+bool add_to(const Descriptor& epoll, int descriptor, std::uint64_t tag,
+            std::uint32_t events) noexcept {
   epoll_event event{};
-  event.events = EPOLLIN;
+  event.events = events;
   event.data.u64 = tag;
-  return epoll_ctl(epoll_.number(), EPOLL_CTL_ADD, descriptor, &event) == 0;
+  return epoll_ctl(epoll.number(), EPOLL_CTL_ADD, descriptor, &event) == 0;
+}
+
+}  // namespace
+
+bool Poller::add(int descriptor, std::uint64_t tag) noexcept {
+  return add_to(epoll_, descriptor, tag, EPOLLIN);
+}
+
+bool Poller::add_event(int descriptor, std::uint64_t tag) noexcept {
+  return add_to(epoll_, descriptor, tag, EPOLLIN | static_cast<std::uint32_t>(EPOLLET));
 }
 
 void Poller::remove(int descriptor) noexcept {

@@ -32,8 +32,8 @@ constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
 class SharedMemoryLink final : public Link {
  public:
-  SharedMemoryLink(Descriptor socket, SharedMapping mapping, RingSizes sizes)
-      : connection_(std::move(socket), std::move(mapping), sizes,
+  SharedMemoryLink(Descriptor socket, Descriptor event, SharedMapping mapping, RingSizes sizes)
+      : connection_(std::move(socket), std::move(event), std::move(mapping), sizes,
                     SharedMemoryConnection::Side::kClient) {}
 
   expected<void, IoError> send(ConstBytes frame) noexcept override {
@@ -91,6 +91,7 @@ TransportError not_reached(const SharedMemoryAddress& address, const std::string
 struct Grant {
   Descriptor socket;
   Descriptor memory;
+  Descriptor event;
   SetupAnswer answer{};
 };
 
@@ -118,7 +119,7 @@ expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const Se
   }
   std::array<std::byte, SetupAnswer::kSize + 1> message{};
   ReceivedMessage received;
-  if (send_message(socket, encode(request), -1)) {
+  if (send_message(socket, encode(request), {})) {
     while (!wait_readable(socket, deadline)) {
       if (rt::now() < deadline) continue;
       return unexpected{not_reached(address, "the server does not answer",
@@ -134,7 +135,8 @@ expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const Se
         "run both as one user and of one release, or use another "
         "transport.")};
   }
-  grant.memory = std::move(received.descriptor);
+  grant.memory = std::move(received.descriptors[0]);
+  grant.event = std::move(received.descriptors[1]);
   grant.answer = *answer;
   return grant;
 }
@@ -163,17 +165,19 @@ expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
   auto grant = ask(address, {.priority = priority, .only_asks = false}, deadline);
   if (!grant) return unexpected{grant.error()};
   const RingSizes sizes = grant->answer.sizes;
-  if (!is_sound(grant->memory.number(), sizes)) {
+  if (!is_sound(grant->memory.number(), sizes) || !grant->event.is_open()) {
     return unexpected{not_reached(address, "the server gave memory that breaks the rules",
                                   "use another transport.")};
   }
+  // hp-16.3-3: whatever it is, a signal does not wait.
+  fcntl(grant->event.number(), F_SETFL, O_NONBLOCK);
   SharedMapping mapping(grant->memory.number(), memory_size(sizes));
   if (mapping.bytes().empty()) {
     return unexpected{not_reached(address, std::strerror(errno),
                                   "raise the limits of memory (ulimit -v, ulimit -l).")};
   }
-  return std::unique_ptr<Link>(
-      std::make_unique<SharedMemoryLink>(std::move(grant->socket), std::move(mapping), sizes));
+  return std::unique_ptr<Link>(std::make_unique<SharedMemoryLink>(
+      std::move(grant->socket), std::move(grant->event), std::move(mapping), sizes));
 }
 
 }  // namespace rtpm::transport

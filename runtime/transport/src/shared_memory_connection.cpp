@@ -1,6 +1,7 @@
 #include <poll.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -59,9 +60,10 @@ SharedMapping::~SharedMapping() {
   if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
 }
 
-SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, SharedMapping mapping,
-                                               RingSizes sizes, Side side)
+SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, Descriptor event,
+                                               SharedMapping mapping, RingSizes sizes, Side side)
     : socket_(std::move(socket)),
+      event_(std::move(event)),
       mapping_(std::move(mapping)),
       writer_(writer_of(mapping_.bytes(), sizes, side)),
       reader_(reader_of(mapping_.bytes(), sizes, side)),
@@ -81,6 +83,9 @@ expected<void, IoError> SharedMemoryConnection::send(ConstBytes frame,
         return {};
       case RecordWriter::Outcome::kWrittenForWord:
         wake_on_word(writer_.sleeping());
+        return {};
+      case RecordWriter::Outcome::kWrittenForEvent:
+        signal_event();
         return {};
       case RecordWriter::Outcome::kWritten:
         return {};
@@ -107,6 +112,13 @@ expected<ConstBytes, IoError> SharedMemoryConnection::receive() noexcept {
 void SharedMemoryConnection::ring_bell() noexcept {
   const std::byte bell{};
   const ssize_t size = ::send(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_NOSIGNAL);
+  static_cast<void>(size);
+}
+
+// hp-16.3-3
+void SharedMemoryConnection::signal_event() noexcept {
+  const std::uint64_t one = 1;
+  const ssize_t size = ::write(event_.number(), &one, sizeof one);
   static_cast<void>(size);
 }
 

@@ -1,4 +1,5 @@
 #include <fcntl.h>
+#include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
@@ -43,7 +44,7 @@ Descriptor make_memory(std::size_t size) noexcept {
 
 void refuse(int socket, SetupStatus status) {
   const auto answer = encode(SetupAnswer{.status = status});
-  static_cast<void>(send_message(socket, answer, -1));
+  static_cast<void>(send_message(socket, answer, {}));
 }
 
 }  // namespace
@@ -104,16 +105,18 @@ std::optional<SharedMemoryClient> welcome_shared_memory_client(Descriptor socket
   }
   const Descriptor memory = make_memory(memory_size(kRingSizes));
   SharedMapping mapping(memory.number(), memory_size(kRingSizes));
-  if (!memory.is_open() || mapping.bytes().empty()) {
+  Descriptor event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  if (!memory.is_open() || !event.is_open() || mapping.bytes().empty()) {
     refuse(socket.number(), SetupStatus::kNoMemory);
     return std::nullopt;
   }
   const auto answer = encode(SetupAnswer{.sizes = kRingSizes});
-  if (!send_message(socket.number(), answer, memory.number())) return std::nullopt;
-  return SharedMemoryClient{
-      request->request.priority,
-      std::make_unique<SharedMemoryConnection>(std::move(socket), std::move(mapping), kRingSizes,
-                                               SharedMemoryConnection::Side::kServer)};
+  const std::array descriptors{memory.number(), event.number()};
+  if (!send_message(socket.number(), answer, descriptors)) return std::nullopt;
+  return SharedMemoryClient{request->request.priority,
+                            std::make_unique<SharedMemoryConnection>(
+                                std::move(socket), std::move(event), std::move(mapping), kRingSizes,
+                                SharedMemoryConnection::Side::kServer)};
 }
 
 }  // namespace rtpm::transport

@@ -5,9 +5,12 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstring>
+
+#include "rtpm/base/assert.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -45,20 +48,21 @@ bool is_trusted(int socket) noexcept {
          (credentials.uid == geteuid() || credentials.uid == 0);
 }
 
-bool send_message(int socket, ConstBytes message, int descriptor) noexcept {
+bool send_message(int socket, ConstBytes message, std::span<const int> descriptors) noexcept {
+  RTPM_ASSERT(descriptors.size() <= kDescriptorCountMax, "a message has room for its descriptors");
   iovec part{const_cast<std::byte*>(message.data()), message.size()};
-  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof descriptor)> control{};
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(kDescriptorCountMax * sizeof(int))> control{};
   msghdr header{};
   header.msg_iov = &part;
   header.msg_iovlen = 1;
-  if (descriptor >= 0) {
+  if (!descriptors.empty()) {
     header.msg_control = control.data();
-    header.msg_controllen = control.size();
+    header.msg_controllen = CMSG_SPACE(descriptors.size_bytes());
     cmsghdr* const rights = CMSG_FIRSTHDR(&header);
     rights->cmsg_level = SOL_SOCKET;
     rights->cmsg_type = SCM_RIGHTS;
-    rights->cmsg_len = CMSG_LEN(sizeof descriptor);
-    std::memcpy(CMSG_DATA(rights), &descriptor, sizeof descriptor);
+    rights->cmsg_len = CMSG_LEN(descriptors.size_bytes());
+    std::memcpy(CMSG_DATA(rights), descriptors.data(), descriptors.size_bytes());
   }
   return sendmsg(socket, &header, MSG_DONTWAIT | MSG_NOSIGNAL) ==
          static_cast<ssize_t>(message.size());
@@ -66,9 +70,8 @@ bool send_message(int socket, ConstBytes message, int descriptor) noexcept {
 
 ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
   iovec part{to.data(), to.size()};
-  // Room for one descriptor: the system closes what more a peer may send.
-  int descriptor = -1;
-  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof descriptor)> control{};
+  // Room for so many descriptors: the system closes what more a peer may send.
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(kDescriptorCountMax * sizeof(int))> control{};
   msghdr header{};
   header.msg_iov = &part;
   header.msg_iovlen = 1;
@@ -78,10 +81,14 @@ ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
   ReceivedMessage message;
   if (size < 0) return message;
   const cmsghdr* const rights = CMSG_FIRSTHDR(&header);
-  if (rights != nullptr && rights->cmsg_level == SOL_SOCKET && rights->cmsg_type == SCM_RIGHTS &&
-      rights->cmsg_len == CMSG_LEN(sizeof descriptor)) {
-    std::memcpy(&descriptor, CMSG_DATA(rights), sizeof descriptor);
-    message.descriptor = Descriptor(descriptor);
+  if (rights != nullptr && rights->cmsg_level == SOL_SOCKET && rights->cmsg_type == SCM_RIGHTS) {
+    const std::size_t count =
+        std::min((rights->cmsg_len - CMSG_LEN(0)) / sizeof(int), message.descriptors.size());
+    for (std::size_t i = 0; i < count; ++i) {
+      int number = -1;
+      std::memcpy(&number, CMSG_DATA(rights) + i * sizeof number, sizeof number);
+      message.descriptors[i] = Descriptor(number);
+    }
   }
   message.size = static_cast<std::size_t>(size);
   return message;

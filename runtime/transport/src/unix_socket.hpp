@@ -1,5 +1,7 @@
 #pragma once
 
+#include <array>
+#include <span>
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
@@ -23,15 +25,19 @@ namespace rtpm::transport {
 /// when it connected, or began to listen.   Source: spec/hprotocol.md#hp-16.1.
 [[nodiscard]] bool is_trusted(int socket) noexcept;
 
-/// Sends one message, with a descriptor if it is not negative; false if it did not go whole.
-[[nodiscard]] bool send_message(int socket, ConstBytes message, int descriptor) noexcept;
+/// How many descriptors a message has at most.
+inline constexpr std::size_t kDescriptorCountMax = 2;
+
+/// Sends one message with descriptors; false if it did not go whole.
+[[nodiscard]] bool send_message(int socket, ConstBytes message,
+                                std::span<const int> descriptors) noexcept;
 
 /// What one message was.
 struct ReceivedMessage {
   std::size_t size = 0;  ///< 0: none, or the end.
-  Descriptor descriptor;
+  std::array<Descriptor, kDescriptorCountMax> descriptors;
 };
-/// Takes the message that is there into `to`, and the descriptor that came with it.
+/// Takes the message that is there into `to`, and the descriptors that came with it.
 [[nodiscard]] ReceivedMessage receive_message(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport

@@ -43,17 +43,18 @@ inline constexpr std::size_t kAnswerSize = 32;
   return request;
 }
 
-/// What came as one message, with the descriptor that came with it.
+/// What came as one message, with the descriptors that came with it.
 struct RawMessage {
   Bytes bytes;
   Descriptor descriptor;
+  Descriptor second;
 };
 /// Waits for a message; empty: the end.
 [[nodiscard]] inline RawMessage take_message(int socket) {
   RawMessage message;
   message.bytes.resize(256);
   iovec part{message.bytes.data(), message.bytes.size()};
-  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int))> control{};
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(2 * sizeof(int))> control{};
   msghdr header{};
   header.msg_iov = &part;
   header.msg_iovlen = 1;
@@ -66,6 +67,10 @@ struct RawMessage {
     int number = -1;
     std::memcpy(&number, CMSG_DATA(rights), sizeof number);
     message.descriptor = Descriptor(number);
+    if (rights->cmsg_len == CMSG_LEN(2 * sizeof number)) {
+      std::memcpy(&number, CMSG_DATA(rights) + sizeof number, sizeof number);
+      message.second = Descriptor(number);
+    }
   }
   return message;
 }

@@ -6,6 +6,7 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 
+#include <array>
 #include <atomic>
 #include <filesystem>
 #include <fstream>
@@ -20,6 +21,7 @@
 #include "raw_shared_client.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
+#include "rtpm/transport/poller.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::transport {
@@ -100,6 +102,8 @@ class RawPair {
     RawMessage answer = take_message(socket.number());
     EXPECT_EQ(answer.bytes.size(), kAnswerSize);
     memory.emplace(std::move(answer.descriptor), load_le<std::uint32_t>(answer.bytes.data() + 8));
+    event = std::move(answer.second);
+    EXPECT_TRUE(event.is_open());
   }
   /// How many bells wait.
   int take_bells() const {
@@ -110,6 +114,7 @@ class RawPair {
     return count;
   }
   Descriptor socket;
+  Descriptor event;
   std::optional<RawMemory> memory;
   std::unique_ptr<Connection> connection;
 };
@@ -326,6 +331,9 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
   const Descriptor sealed(memfd_create("sealed", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   ASSERT_EQ(ftruncate(sealed.number(), 1 << 16), 0);
   ASSERT_EQ(fcntl(sealed.number(), F_ADD_SEALS, F_SEAL_SHRINK), 0);
+  const Descriptor without_event(memfd_create("sealed", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  ASSERT_EQ(ftruncate(without_event.number(), 1 << 20), 0);
+  ASSERT_EQ(fcntl(without_event.number(), F_ADD_SEALS, F_SEAL_SHRINK), 0);
   struct Answer {
     std::uint32_t ring_size;
     int memory;
@@ -333,7 +341,8 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
   for (const Answer& answer :
        {Answer{128 * 1024, unsealed.number()}, Answer{128 * 1024, sealed.number()},
         Answer{0, sealed.number()}, Answer{48 * 1024, sealed.number()},
-        Answer{1u << 31, sealed.number()}, Answer{128 * 1024, -1}}) {
+        Answer{1u << 31, sealed.number()}, Answer{128 * 1024, -1},
+        Answer{128 * 1024, without_event.number()}}) {
     std::thread server([&] { answer_badly(host.listener, answer.ring_size, answer.memory); });
     const auto link = open_shared_memory_link(host.address, 0, soon());
     server.join();
@@ -490,6 +499,21 @@ TEST(SharedMemory, RingsOnceForASleeper) {
   EXPECT_EQ(pair.memory->to_client_sleeping(), 0u);
 }
 
+// hp-16.3-1: by the specification alone.
+TEST(SharedMemory, WakesAServerByTheEventThatCameWithTheAnswer) {
+  Host host;
+  RawPair pair(host);
+  auto poller = Poller::open();
+  ASSERT_TRUE(poller);
+  ASSERT_TRUE(poller->add_event(pair.connection->event(), 7));
+  ASSERT_TRUE(pair.connection->announce_sleep());
+  EXPECT_EQ(pair.memory->to_server_sleeping(), 3u);
+  const std::uint64_t one = 1;
+  ASSERT_EQ(write(pair.event.number(), &one, sizeof one), 8);
+  std::array<std::uint64_t, 4> tags{};
+  EXPECT_EQ(poller->wait(soon(), tags), 1);
+}
+
 // hp-16.3-1
 TEST(SharedMemory, WakesWhoSleepsOnTheWordWithoutABell) {
   Host host;
@@ -518,13 +542,19 @@ TEST(SharedMemory, WakesWhoSleepsOnTheWordWithoutABell) {
 TEST(SharedMemory, WakesAServerThatSleeps) {
   Host host;
   Pair pair(host);
+  auto poller = Poller::open();
+  ASSERT_TRUE(poller);
+  ASSERT_TRUE(poller->add_event(pair.connection->event(), 7));
+  std::array<std::uint64_t, 4> tags{};
   ASSERT_TRUE(pair.connection->announce_sleep());
-  EXPECT_FALSE(wait_readable(pair.connection->descriptor(), rt::now()));
+  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0);
   ASSERT_TRUE(pair.link->send(frame_of(1)));
-  EXPECT_TRUE(wait_readable(pair.connection->descriptor(), soon()));
-  pair.connection->on_ready();
+  ASSERT_EQ(poller->wait(soon(), tags), 1);
+  EXPECT_EQ(tags[0], 7);
   pair.connection->end_sleep();
-  EXPECT_FALSE(wait_readable(pair.connection->descriptor(), rt::now())) << "the bell was taken";
+  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0) << "one signal, one wake-up";
+  ASSERT_TRUE(pair.link->send(frame_of(1)));
+  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0) << "nobody sleeps";
   EXPECT_FALSE(pair.connection->announce_sleep()) << "the frame is still there";
   pair.connection->end_sleep();
   expect_frame(*pair.connection, frame_of(1));

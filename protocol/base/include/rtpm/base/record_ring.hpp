@@ -31,8 +31,9 @@ static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
 /// Where the reader of a ring sleeps.   Source: spec/hprotocol.md#hp-16.3.
 enum class RecordSleep : std::uint32_t {
   kAwake = 0,
-  kAtBell = 1,  ///< Where a bell reaches it, with other things.
-  kAtWord = 2,  ///< On the word that says so.
+  kAtBell = 1,   ///< Where a bell reaches it, with other things.
+  kAtWord = 2,   ///< On the word that says so.
+  kAtEvent = 3,  ///< Where an event of its own reaches it, with other things.
 };
 
 /// Records begin at multiples of this: a word with the size, the bytes, and what is left of the
@@ -142,10 +143,11 @@ class RecordWriter {
  public:
   enum class Outcome : std::uint8_t {
     kWritten,
-    kWrittenForBell,  ///< The reader sleeps: ring its bell.
-    kWrittenForWord,  ///< The reader sleeps on sleeping(): wake it there.
-    kFull,            ///< Nothing was written. Try again when the reader has read.
-    kBroken,          ///< The shared words hold nonsense: nothing was written; give it up.
+    kWrittenForBell,   ///< The reader sleeps: ring its bell.
+    kWrittenForWord,   ///< The reader sleeps on sleeping(): wake it there.
+    kWrittenForEvent,  ///< The reader sleeps: signal its event.
+    kFull,             ///< Nothing was written. Try again when the reader has read.
+    kBroken,           ///< The shared words hold nonsense: nothing was written; give it up.
   };
 
   RecordWriter(RecordRingControl& control, MutableBytes data) noexcept
@@ -180,8 +182,10 @@ class RecordWriter {
       memory_.expect_write(tail_ + ahead);
     }
     if (sleep == 0) return Outcome::kWritten;
-    return sleep == static_cast<std::uint32_t>(RecordSleep::kAtWord) ? Outcome::kWrittenForWord
-                                                                     : Outcome::kWrittenForBell;
+    if (sleep == static_cast<std::uint32_t>(RecordSleep::kAtWord)) return Outcome::kWrittenForWord;
+    if (sleep == static_cast<std::uint32_t>(RecordSleep::kAtEvent))
+      return Outcome::kWrittenForEvent;
+    return Outcome::kWrittenForBell;
   }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 

@@ -31,6 +31,9 @@ class Connection {
   /// Whether frames come through memory, which is cheap to look at and which no poll tells of
   /// unless announce_sleep() was called before.
   [[nodiscard]] virtual bool is_memory() const noexcept { return false; }
+  /// What else wakes: see Poller::add_event(). Then the frames are there, and on_ready() is not
+  /// called. Negative: nothing.
+  [[nodiscard]] virtual int event() const noexcept { return -1; }
   /// The poll reported the descriptor.   RT: at most one syscall.
   virtual void on_ready() noexcept {}
   /// From here on until end_sleep() a poll tells of frames; false if there is one already.

@@ -23,6 +23,9 @@ class Poller {
 
   /// Reports `descriptor` as `tag` (not kBell) while it can be read. False if the system refuses.
   [[nodiscard]] bool add(int descriptor, std::uint64_t tag) noexcept;
+  /// Reports an eventfd as `tag` each time that it is signalled. Nobody takes the signals: that
+  /// spares a syscall each, and their count has room for more than come in a lifetime.
+  [[nodiscard]] bool add_event(int descriptor, std::uint64_t tag) noexcept;
   void remove(int descriptor) noexcept;
 
   /// Waits until something can be read, the bell rang, or `until` (kNever: for ever; kAlready: only

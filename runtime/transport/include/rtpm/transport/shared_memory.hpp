@@ -59,18 +59,21 @@ struct RingSizes {
 class SharedMemoryConnection final : public Connection {
  public:
   enum class Side : std::uint8_t { kServer, kClient };
-  /// `mapping` is not empty and holds rings of `sizes`.
-  SharedMemoryConnection(Descriptor socket, SharedMapping mapping, RingSizes sizes, Side side);
+  /// `event` is the eventfd with which the client wakes the server; `mapping` is not empty and
+  /// holds rings of `sizes`.
+  SharedMemoryConnection(Descriptor socket, Descriptor event, SharedMapping mapping,
+                         RingSizes sizes, Side side);
 
   /// Errors: kFailed: larger than a frame may be; kBroken and kClosed: end the connection.
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   expected<ConstBytes, IoError> receive() noexcept override;
   bool has_buffered() const noexcept override { return reader_.has_record(); }
   int descriptor() const noexcept override { return socket_.number(); }
+  int event() const noexcept override { return event_.number(); }
   bool is_memory() const noexcept override { return true; }
   void on_ready() noexcept override;
   bool announce_sleep() noexcept override {
-    return reader_.announce_sleep(RecordSleep::kAtBell) && !is_closed_;
+    return reader_.announce_sleep(RecordSleep::kAtEvent) && !is_closed_;
   }
   void end_sleep() noexcept override { reader_.end_sleep(); }
 
@@ -83,12 +86,14 @@ class SharedMemoryConnection final : public Connection {
 
  private:
   void ring_bell() noexcept;
+  void signal_event() noexcept;
   [[nodiscard]] bool await_room(MonotonicTime until) noexcept;
 
   struct alignas(64) CacheLine {
     std::byte bytes[64];
   };
   Descriptor socket_;
+  Descriptor event_;
   SharedMapping mapping_;
   RecordWriter writer_;
   RecordReader reader_;
