@@ -47,9 +47,14 @@ class EventSide {
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_relay(
     const EventSetting& setting, const std::string& relay, EventBoard& board);
 
-/// Events a second that one consumer got while one supplier pushed as many as it could, in batches.
-[[nodiscard]] expected<double, std::string> measure_event_rate(const EventSetting& setting,
-                                                               const std::string& hub,
-                                                               Duration length);
+/// How many events a second went through.
+struct EventRate {
+  double events_per_s = 0;          ///< That one consumer got, in the best of three bursts.
+  std::uint64_t missing_count = 0;  ///< Pushed and not got, of all bursts,
+  std::uint64_t lost_count = 0;     ///< and how many of them the consumer was told of.
+};
+/// One supplier pushes as many as it can, in batches; one consumer takes them.
+[[nodiscard]] expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
+                                                                  const std::string& hub);
 
 }  // namespace rtpm::bench

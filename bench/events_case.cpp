@@ -1,7 +1,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <optional>
 #include <vector>
 
 #include "case.hpp"
@@ -219,19 +218,17 @@ expected<void, std::string> measure_rate(const Settings&, const EventSetting& se
                                          Result& result) {
   auto hub = start_event_hub(setting);
   if (!hub) return unexpected{hub.error()};
-  std::optional<double> rate;
-  // Not at real-time priority: it would leave nothing to the rest for too long.
-  EventSetting time_shared = setting;
-  time_shared.realtime = rt::RealtimeMode::kOff;
-  auto measured = measure_event_rate(time_shared, hub->address(), 1s);
+  const auto measured = measure_event_rate(setting, hub->address());
   if (!measured) return unexpected{measured.error()};
   result.title = "events, " + std::string(to_string(setting.carrier)) + ", as many as go through";
   result.json.add("case", "events");
   result.json.add("transport", to_string(setting.carrier));
   result.json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   result.json.add("consumers", 1);
-  result.json.add("events_per_s", *measured);
-  result.notes.push_back(short_text(*measured / 1e6) +
+  result.json.add("events_per_s", measured->events_per_s);
+  result.json.add("missing", static_cast<std::int64_t>(measured->missing_count));
+  result.json.add("lost", static_cast<std::int64_t>(measured->lost_count));
+  result.notes.push_back(short_text(measured->events_per_s / 1e6) +
                          " million events a second reached one consumer.");
   return {};
 }
