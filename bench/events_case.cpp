@@ -229,7 +229,8 @@ expected<void, std::string> measure_rate(const Settings&, const EventSetting& se
   result.json.add("missing", static_cast<std::int64_t>(measured->missing_count));
   result.json.add("lost", static_cast<std::int64_t>(measured->lost_count));
   result.notes.push_back(short_text(measured->events_per_s / 1e6) +
-                         " million events a second reached one consumer.");
+                         " million events a second reached one consumer, who missed " +
+                         std::to_string(measured->missing_count) + " of 300000.");
   return {};
 }
 

@@ -1,6 +1,7 @@
 #include "compiler.hpp"
 
 #include <algorithm>
+#include <bit>
 
 #include "operand.hpp"
 
@@ -62,6 +63,26 @@ bool wants_any_type(const std::vector<Interest>& interests) {
   return std::ranges::any_of(interests, [](const Interest& each) { return !each.type; });
 }
 
+std::uint64_t bits_of(const Scalar& scalar) noexcept {
+  switch (scalar.kind) {
+    case Scalar::Kind::kSigned:
+      return static_cast<std::uint64_t>(scalar.integer);
+    case Scalar::Kind::kUnsigned:
+      return scalar.natural;
+    case Scalar::Kind::kReal:
+      break;
+  }
+  return std::bit_cast<std::uint64_t>(scalar.real);
+}
+
+// Whether a child of "all" says nothing that a comparison beside it does not say, too.
+bool is_implied(const Filter& child, const std::vector<Filter>& siblings) {
+  return child.kind == Kind::kMatch && child.type_mask == kWholeNumber && child.source_mask == 0 &&
+         std::ranges::any_of(siblings, [&](const Filter& sibling) {
+           return sibling.kind == Kind::kWhere && sibling.type == child.type;
+         });
+}
+
 std::string in_words(Duration span) {
   return std::to_string(span.count()) + " ns";
 }
@@ -95,6 +116,7 @@ expected<Program, FilterError> Compiler::compile(const Filter& filter) {
     program_.timers_[timer].group = root->index;
   program_.interests_ = std::move(root->interests);
   program_.is_decided_by_interest_ = root->is_decided_by_interest;
+  program_.is_stateless_ = program_.timers_.empty() && program_.kept_.empty();
   return std::move(program_);
 }
 
@@ -108,11 +130,19 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
   Children children;
   std::size_t number = 0;
   for (const Filter& child : filter.children) {
+    if (filter.kind == Kind::kAll && is_implied(child, filter.children)) {
+      ++number;
+      continue;
+    }
     const std::string child_place =
         place + "[" + std::to_string(number++) + "]." + std::string(to_string(child.kind));
     auto made = make(child, child_place, depth + 1);
     if (!made) return made;
     children.push_back(std::move(*made));
+  }
+  // "All" of one is that one.
+  if (filter.kind == Kind::kAll && children.size() == 1 && !children[0].has_timeout) {
+    return std::move(children[0]);
   }
   if (program_.nodes_.size() >= kFilterNodeCountMax) {
     return refuse(place, "a filter has at most " + std::to_string(kFilterNodeCountMax) + " nodes");
@@ -172,8 +202,11 @@ Compiler::Result Compiler::make_where(const Filter& filter, const std::string& p
   node.type = filter.type;
   node.path = (*field)->path;
   node.schema_id = descriptor->schema_id;
-  node.operand = *operand;
-  node.default_value = (*field)->default_value;
+  node.operand_bits = bits_of(*operand);
+  // Of the field's kind, whatever the descriptor has it in.
+  const auto default_value =
+      operand_for((*field)->type, Comparison::kEqual, (*field)->default_value);
+  node.default_bits = default_value ? bits_of(*default_value) : 0;
   return Made{.index = add(node), .interests = {{.type = filter.type}}};
 }
 

@@ -35,16 +35,22 @@ bool compare(T value, Comparison comparison, T operand) noexcept {
 }
 
 // Both are of the kind that the field's type has: the compiler has seen to that.
-bool compare(const Scalar& value, Comparison comparison, const Scalar& operand) noexcept {
+bool compare(const Scalar& value, Comparison comparison, std::uint64_t operand_bits) noexcept {
   switch (value.kind) {
     case Scalar::Kind::kSigned:
-      return compare(value.integer, comparison, operand.integer);
+      return compare(value.integer, comparison, static_cast<std::int64_t>(operand_bits));
     case Scalar::Kind::kUnsigned:
-      return compare(value.natural, comparison, operand.natural);
+      return compare(value.natural, comparison, operand_bits);
     case Scalar::Kind::kReal:
       break;
   }
-  return compare(value.real, comparison, operand.real);
+  return compare(value.real, comparison, std::bit_cast<double>(operand_bits));
+}
+
+Scalar scalar_of(ScalarType type, std::uint64_t bits) noexcept {
+  if (is_real(type)) return Scalar::of(std::bit_cast<double>(bits));
+  if (is_signed(type)) return Scalar::of(static_cast<std::int64_t>(bits));
+  return Scalar::of(bits);
 }
 
 }  // namespace
@@ -61,13 +67,14 @@ bool Program::is_match(const Node& node, const EventHeader& header) noexcept {
          ((header.source ^ node.source) & node.source_mask) == 0;
 }
 
-bool Program::is_where(const Node& node, const EventView& event) noexcept {
-  if (event.header.type != node.type || event.header.schema_id != node.schema_id) return false;
-  const auto value = read_scalar(event.payload, node.path, node.field_type, node.default_value);
-  return value && compare(*value, node.comparison, node.operand);
+bool Program::is_where(const Node& node, const EventHeader& header, ConstBytes payload) noexcept {
+  if (header.type != node.type || header.schema_id != node.schema_id) return false;
+  const auto value = read_scalar(payload, node.path, node.field_type,
+                                 scalar_of(node.field_type, node.default_bits));
+  return value && compare(*value, node.comparison, node.operand_bits);
 }
 
-bool Program::accepts(const EventView& event) const noexcept {
+bool Program::accepts(const EventHeader& header, ConstBytes payload) const noexcept {
   Bits accepted = 0;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
@@ -77,10 +84,10 @@ bool Program::accepts(const EventView& event) const noexcept {
         is_accepted = true;
         break;
       case Filter::Kind::kMatch:
-        is_accepted = is_match(node, event.header);
+        is_accepted = is_match(node, header);
         break;
       case Filter::Kind::kWhere:
-        is_accepted = is_where(node, event);
+        is_accepted = is_where(node, header, payload);
         break;
       case Filter::Kind::kAny:
         is_accepted = (accepted & node.children) != 0;
@@ -115,7 +122,7 @@ Program::Bits Program::judge(const EventRef& event, std::optional<std::size_t> t
         is_accepted = !timer && is_match(node, view.header);
         break;
       case Filter::Kind::kWhere:
-        is_accepted = !timer && is_where(node, view);
+        is_accepted = !timer && is_where(node, view.header, view.payload);
         break;
       case Filter::Kind::kAny:
         is_accepted = (accepted & node.children) != 0;
@@ -238,7 +245,7 @@ bool Program::finish(Bits accepted, const EventRef& event, MonotonicTime now,
 }
 
 bool Program::on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept {
-  if (is_stateless()) return accepts(event.view());
+  if (is_stateless_) return accepts(event.header(), event.payload());
   const bool is_accepted = finish(judge(event, std::nullopt), event, now, group);
   if (group.size() == 1 && group[0] == event) group.clear();
   return is_accepted;

@@ -80,8 +80,8 @@ class Program {
   /// is left empty for the plain case: the event alone.
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
   /// The same for a program that keeps nothing and has no timeouts.
-  [[nodiscard]] bool accepts(const EventView& event) const noexcept;
-  [[nodiscard]] bool is_stateless() const noexcept { return timers_.empty() && kept_.empty(); }
+  [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
+  [[nodiscard]] bool is_stateless() const noexcept { return is_stateless_; }
   [[nodiscard]] bool has_timeouts() const noexcept { return !timers_.empty(); }
   /// Gives up the events that conjunctions keep.
   void release_events() noexcept;
@@ -123,8 +123,8 @@ class Program {
     std::uint32_t source_mask = 0;
     FieldPath path{};
     std::uint64_t schema_id = 0;
-    Scalar operand{};
-    Scalar default_value{};
+    std::uint64_t operand_bits = 0;  ///< Of the kind that the field's type has, as is the default.
+    std::uint64_t default_bits = 0;
     Bits children = 0;
     std::int64_t skew_ns = 0;
     std::uint32_t kept_begin = 0;  ///< kCorrelate: its children's places in kept_.
@@ -146,7 +146,8 @@ class Program {
   };
 
   [[nodiscard]] static bool is_match(const Node& node, const EventHeader& header) noexcept;
-  [[nodiscard]] static bool is_where(const Node& node, const EventView& event) noexcept;
+  [[nodiscard]] static bool is_where(const Node& node, const EventHeader& header,
+                                     ConstBytes payload) noexcept;
   [[nodiscard]] Bits judge(const EventRef& event, std::optional<std::size_t> timer) noexcept;
   [[nodiscard]] bool fill(const Node& node, Bits accepted, const EventRef& event) noexcept;
   [[nodiscard]] bool is_complete(const Node& node) const noexcept;
@@ -157,7 +158,9 @@ class Program {
   [[nodiscard]] std::span<Kept> kept_of(const Node& node) noexcept;
   [[nodiscard]] std::span<const Kept> kept_of(const Node& node) const noexcept;
 
+  // What every event needs, first.
   std::vector<Node> nodes_{};
+  bool is_stateless_ = true;
   std::vector<Timer> timers_{};
   std::vector<Kept> kept_{};
   std::vector<Interest> interests_{};
