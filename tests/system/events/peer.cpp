@@ -72,12 +72,15 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
 int consume(rtpm::rpc::Node& node, const std::string& hub, bool shared_ring) {
   const rtpm::program::StopSignal stop;
   Printer printer;
-  auto consumer = Consumer::create(node, hub,
-                                   {.filter = of_type(kTick),
-                                    .realtime = rtpm::rt::RealtimeMode::kOff,
-                                    .shared_ring = shared_ring,
-                                    .deadline = 10s},
-                                   printer);
+  auto consumer = Consumer::create(
+      node, hub,
+      {.filter = of_type(kTick),
+       // Room for seconds: a busy machine may keep a time-shared process waiting so long.
+       .delivery = {.queue_capacity = kQueueCapacityMax},
+       .realtime = rtpm::rt::RealtimeMode::kOff,
+       .shared_ring = shared_ring,
+       .deadline = 10s},
+      printer);
   if (!consumer) return fail(consumer.error().text);
   if ((*consumer)->reads_ring() != shared_ring) return fail("it does not read what it shall");
   stop.wait();

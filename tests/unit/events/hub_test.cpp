@@ -287,6 +287,25 @@ TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {
   EXPECT_EQ(slow->counters().event_count + slow->counters().losses.overflow_count, kCount);
 }
 
+TEST_F(HubTest, ConsumerOfTheLatestIsNotSentWhatIsOld) {
+  Sleeper sleeper;
+  const auto supplier = make_supplier(node_, hub_);
+  const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose),
+                                  {.when_full = QueuePolicy::kKeepLatest, .queue_capacity = 4});
+  const auto quick = make_consumer(node_, hub_, recorder_, of_type(kPose));
+  constexpr std::size_t kCount = 500;
+  for (std::size_t i = 1; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    ASSERT_TRUE(recorder_.await_deliveries(i));
+  }
+  sleeper.release();
+  ASSERT_TRUE(
+      sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
+  // What was in its hands, on the way and about to go when it fell asleep; then the newest.
+  EXPECT_LE(sleeper.deliveries_.size(), 6U);
+  EXPECT_EQ(slow->counters().event_count + slow->counters().losses.replaced_count, kCount);
+}
+
 TEST_F(HubTest, ConsumerWhosePolicyIsToDisconnectIsToldWhyAndComesBack) {
   Sleeper sleeper;
   const auto supplier = make_supplier(node_, hub_);
