@@ -163,6 +163,8 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
   rt::RealtimeBudget& budget = rt::this_thread_budget();
   if (!budget.must_rest(now)) return;
   ++sample_.rest_count;
+  is_unpublished_ = true;
+  publish();
   if (budget.must_sleep(now)) {
     nap(now + rt::RealtimeBudget::kNap);
   } else {
