@@ -32,7 +32,7 @@ constexpr std::byte kEvent{2};
 class Socket {
  public:
   Socket() : handle_(socket(AF_INET, SOCK_DGRAM, 0)) {
-    sockaddr_in address = local(0);
+    sockaddr_in address = address_of("0.0.0.0", 0);
     bind(handle_, reinterpret_cast<const sockaddr*>(&address), sizeof address);
     // So that a reader sees now and then whether it shall end.
     const timeval patience{.tv_sec = 0, .tv_usec = 100'000};
@@ -43,11 +43,11 @@ class Socket {
   ~Socket() {
     if (handle_ >= 0) close(handle_);
   }
-  [[nodiscard]] static sockaddr_in local(std::uint16_t port) {
+  [[nodiscard]] static sockaddr_in address_of(const std::string& host, std::uint16_t port) {
     sockaddr_in address{};
     address.sin_family = AF_INET;
     address.sin_port = htons(port);
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    address.sin_addr.s_addr = inet_addr(host.c_str());
     return address;
   }
   [[nodiscard]] std::uint16_t port() const {
@@ -95,7 +95,7 @@ void relay(const Socket& socket, const rt::WaitConfig& wait) {
 
 class RelaySide final : public EventSide {
  public:
-  explicit RelaySide(std::uint16_t port) : relay_(Socket::local(port)) {}
+  RelaySide(const std::string& host, std::uint16_t port) : relay_(Socket::address_of(host, port)) {}
   ~RelaySide() override {
     is_stopping_ = true;
     threads_.clear();
@@ -150,6 +150,10 @@ class RelaySide final : public EventSide {
 
 expected<ServerProcess, std::string> start_event_relay(const EventSetting& setting) {
   return ServerProcess::start([setting]() -> expected<std::string, std::string> {
+    if (setting.network != nullptr) {
+      auto entered = setting.network->enter(NetworkPair::Host::kServer);
+      if (!entered) return unexpected{entered.error()};
+    }
     auto socket = std::make_unique<Socket>();
     const std::string port = std::to_string(socket->port());
     auto thread = rt::Thread::start({.name = "floor-relay",
@@ -168,7 +172,8 @@ expected<ServerProcess, std::string> start_event_relay(const EventSetting& setti
 expected<std::unique_ptr<EventSide>, std::string> connect_relay(const EventSetting& setting,
                                                                 const std::string& relay,
                                                                 EventBoard& board) {
-  auto side = std::make_unique<RelaySide>(static_cast<std::uint16_t>(std::stoi(relay)));
+  const std::string host(setting.network == nullptr ? "127.0.0.1" : NetworkPair::kServerAddress);
+  auto side = std::make_unique<RelaySide>(host, static_cast<std::uint16_t>(std::stoi(relay)));
   if (auto begun = side->begin(setting, board); !begun) return unexpected{begun.error()};
   return std::unique_ptr<EventSide>(std::move(side));
 }

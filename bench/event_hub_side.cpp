@@ -167,6 +167,10 @@ EventRate push_bursts(events::Supplier& supplier, const events::Consumer& consum
 
 expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
   return ServerProcess::start([setting]() -> expected<std::string, std::string> {
+    if (setting.network != nullptr) {
+      auto entered = setting.network->enter(NetworkPair::Host::kServer);
+      if (!entered) return unexpected{entered.error()};
+    }
     events::HubConfig config;
     config.limits.subscription_count_max = kConsumerCountMax;
     config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
@@ -176,6 +180,7 @@ expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting
     if (!hub) return unexpected{hub.error().text};
     auto server_config = events::server_config_for(config);
     server_config.realtime = setting.realtime;
+    if (setting.network != nullptr) server_config.host = NetworkPair::kServerAddress;
     server_config.lanes = {{.name = "bench-hub",
                             .priority = kHighPriority,
                             .wait = setting.wait,

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "event_board.hpp"
+#include "network_pair.hpp"
 #include "rtpm/base/expected.hpp"
 #include "server_process.hpp"
 #include "settings.hpp"
@@ -18,6 +19,8 @@ struct EventSetting {
   Carrier carrier = Carrier::kSharedMemory;  ///< Of RTPM; the floor has UDP.
   rt::WaitConfig wait{};                     ///< Of the hub's lane and of the relay.
   int consumer_count = 1;
+  /// Two hosts: the hub and the relay on one, supplier and consumers on the other. Null: this one.
+  const NetworkPair* network = nullptr;
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <vector>
 
 #include "case.hpp"
@@ -32,6 +33,7 @@ struct Finding {
   Samples each;
   Samples last;
   std::uint64_t missing_count = 0;
+  std::vector<Duration> all{};  ///< In the order of the events, where they are to be plotted.
 };
 
 /// Pushes one block at its pace and takes what the first `consumer_count` consumers saw.
@@ -56,6 +58,7 @@ expected<void, std::string> measure_block(const Settings& settings, EventSide& s
       const Duration latency = board.at(consumer, event);
       if (latency > Duration{0}) {
         finding.each.add(latency);
+        finding.all.push_back(latency);
         last = std::max(last, latency);
       } else {
         ++finding.missing_count;
@@ -67,7 +70,8 @@ expected<void, std::string> measure_block(const Settings& settings, EventSide& s
 }
 
 std::string title_of(const EventSetting& setting) {
-  return "events, " + std::string(to_string(setting.carrier)) + ", " +
+  return std::string(setting.network == nullptr ? "events, " : "events, two hosts, ") +
+         std::string(to_string(setting.carrier)) + ", " +
          std::string(rt::to_string(setting.wait.strategy)) + " wait, " +
          std::to_string(setting.consumer_count) +
          (setting.consumer_count == 1 ? " consumer" : " consumers");
@@ -99,6 +103,32 @@ std::size_t count_per_round(const Settings& settings) {
                                   kBlockSize);
 }
 
+/// The distribution as bars, one for each fifth of a power of two, for people; for programs the
+/// number of latencies in each, "80us": 12 being those from 80 µs on.
+void add_plot(Result& result, std::string_view who, std::string_view prefix,
+              const std::vector<Duration>& latencies) {
+  constexpr double kStepsPerOctave = 5;
+  constexpr std::size_t kBarMax = 60;
+  std::map<int, std::size_t> bins;
+  for (const Duration latency : latencies) {
+    const double us = std::max(1.0, static_cast<double>(latency.count()) / 1000);
+    ++bins[static_cast<int>(std::floor(std::log2(us) * kStepsPerOctave))];
+  }
+  std::size_t largest = 1;
+  for (const auto& [bin, count] : bins)
+    largest = std::max(largest, count);
+  JsonObject counts;
+  result.notes.push_back(std::string(who) + ", latencies from … on:");
+  for (const auto& [bin, count] : bins) {
+    const std::string from = short_text(std::exp2(bin / kStepsPerOctave)) + " us";
+    const std::size_t bar = (count * kBarMax + largest - 1) / largest;
+    result.notes.push_back(std::string(10 - std::min<std::size_t>(9, from.size()), ' ') + from +
+                           "  " + std::string(bar, '#') + " " + std::to_string(count));
+    counts.add(from, static_cast<std::int64_t>(count));
+  }
+  result.json.add(std::string(prefix) + "counts", counts);
+}
+
 /// Hub and relay by turns, with so many consumers.
 expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
                                             Result& result) {
@@ -114,6 +144,11 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
   const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
   const DisturbanceWatch watch({hub->id(), relay->id()});
   auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
+    if (setting.network != nullptr) {
+      if (auto entered = setting.network->enter(NetworkPair::Host::kClient); !entered) {
+        return entered;
+      }
+    }
     auto rtpm = connect_events(setting, hub->address(), board);
     if (!rtpm) return unexpected{rtpm.error()};
     auto floor = connect_relay(setting, relay->address(), board);
@@ -156,6 +191,11 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
                  {"RTPM, last", rtpm.last.percentiles()},
                  {"raw floor, each", floor.each.percentiles()},
                  {"raw floor, last", floor.last.percentiles()}};
+  if (setting.network != nullptr) {
+    result.json.add("hosts", 2);
+    add_plot(result, "RTPM", "plot_", rtpm.all);
+    add_plot(result, "raw floor", "floor_plot_", floor.all);
+  }
   watch.finish(result, rtpm.last.percentiles().max);
   return {};
 }
@@ -247,6 +287,23 @@ bool report_one(const Settings& settings, const EventSetting& setting, Measure m
   return true;
 }
 
+/// As the paper's Figure 7 b and c: supplier and consumer on one host, the hub on the other.
+bool report_two_hosts(const Settings& settings, EventSetting setting, Report& report) {
+  // Memory is of one host.
+  if (setting.carrier == Carrier::kSharedMemory) return true;
+  const auto network = NetworkPair::create();
+  if (!network) {
+    say_not_measured(title_of(setting) + ", two hosts", network.error());
+    return false;
+  }
+  setting.network = &*network;
+  setting.consumer_count = 1;
+  return report_one(
+      settings, setting,
+      [](const Settings& s, EventSetting e, Result& r) { return measure_fan_out(s, e, r); },
+      report);
+}
+
 }  // namespace
 
 bool run_events(const Settings& settings, Report& report) {
@@ -263,6 +320,7 @@ bool run_events(const Settings& settings, Report& report) {
                            .wait = {.strategy = strategy, .spin = settings.spin},
                            .placement = choose_placement(),
                            .realtime = settings.realtime};
+      is_complete = report_two_hosts(settings, setting, report) && is_complete;
       for (const int count : settings.consumer_counts) {
         setting.consumer_count = count;
         is_complete = report_one(settings, setting, fan_out, report) && is_complete;
