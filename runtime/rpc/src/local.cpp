@@ -68,11 +68,16 @@ bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
   if (!state_.compare_exchange_strong(state, State::kWaiting, std::memory_order_acq_rel)) {
     return true;
   }
-  if (done_.wait_until(parameters_.deadline)) return true;
-  state = State::kWaiting;
-  if (state_.compare_exchange_strong(state, State::kLeft, std::memory_order_acq_rel)) return false;
-  // It was done at the last moment: the word is there, or about to be.
-  return done_.wait_until(kNever);
+  if (!done_.wait_until(parameters_.deadline)) {
+    state = State::kWaiting;
+    if (state_.compare_exchange_strong(state, State::kLeft, std::memory_order_acq_rel)) {
+      return false;
+    }
+    // It was done at the last moment: the word is there, or about to be.
+    static_cast<void>(done_.wait_until(kNever));
+  }
+  // SYNC POINT local-done: what the lane wrote, it wrote before it set the state.
+  return state_.load(std::memory_order_acquire) == State::kDone;
 }
 
 void LocalChannel::finish(wire::Status status, std::uint32_t size) noexcept {

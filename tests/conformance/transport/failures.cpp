@@ -93,7 +93,7 @@ MethodDescriptor idempotent(MethodDescriptor method) {
 
 }  // namespace
 
-TEST_P(TransportSuite, GoesOnWithARestartedServer) {
+TEST_P(EndSuite, GoesOnWithARestartedServer) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
   Node node(node_config());
@@ -110,7 +110,7 @@ TEST_P(TransportSuite, GoesOnWithARestartedServer) {
 }
 
 // The caller can't know whether its call ran in the server's former life.
-TEST_P(TransportSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
+TEST_P(EndSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
   Node node(node_config());
@@ -125,7 +125,7 @@ TEST_P(TransportSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice)
 }
 
 // hp-6.1-4
-TEST_P(TransportSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
+TEST_P(EndSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
   Node node(node_config());
@@ -144,7 +144,7 @@ TEST_P(TransportSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   server->stop();
 }
 
-TEST_P(TransportSuite, TellsThatTheObjectIsGoneAfterARestart) {
+TEST_P(EndSuite, TellsThatTheObjectIsGoneAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
   Node node(node_config());
@@ -160,7 +160,7 @@ TEST_P(TransportSuite, TellsThatTheObjectIsGoneAfterARestart) {
   server->stop();
 }
 
-TEST_P(TransportSuite, TellsThatNobodyIsThereAnyMore) {
+TEST_P(EndSuite, TellsThatNobodyIsThereAnyMore) {
   std::optional<EchoServer> server(std::in_place);
   Node node(node_config());
   Binding binding = bind_echo(node, *server);
@@ -170,7 +170,7 @@ TEST_P(TransportSuite, TellsThatNobodyIsThereAnyMore) {
   expect_error(binding.call(echo::kEchoOnce, {}), CallError::kUnreachable);
 }
 
-TEST_P(TransportSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
+TEST_P(EndSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
   Victim server(serve_until_killed);
   const std::string url = "rtpm://127.0.0.1:" + std::to_string(server.await_number()) + "/echo";
   Node node(node_config());
@@ -186,7 +186,7 @@ TEST_P(TransportSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
 }
 
 // hp-5.5-2
-TEST_P(TransportSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
+TEST_P(EndSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   Victim former(serve_until_killed);
   const std::uint16_t port = former.await_number();
   Node node(node_config());
@@ -235,7 +235,7 @@ TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
   EXPECT_EQ(server->servant.run_count(), 1);
 }
 
-TEST_P(TransportSuite, FinishesTheCallThatRunsWhenTheServerStops) {
+TEST_P(EndSuite, FinishesTheCallThatRunsWhenTheServerStops) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -251,7 +251,7 @@ TEST_P(TransportSuite, FinishesTheCallThatRunsWhenTheServerStops) {
   caller.join();
 }
 
-TEST_P(TransportSuite, EndsCallsThatWaitWhenTheServerStops) {
+TEST_P(EndSuite, EndsCallsThatWaitWhenTheServerStops) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -281,7 +281,7 @@ TEST_P(TransportSuite, EndsCallsThatWaitWhenTheServerStops) {
   EXPECT_TRUE(has_stopped);
 }
 
-TEST_P(TransportSuite, TellsThatAStoppedServerIsNobody) {
+TEST_P(EndSuite, TellsThatAStoppedServerIsNobody) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);

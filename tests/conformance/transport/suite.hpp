@@ -14,8 +14,12 @@ namespace rtpm::rpc::test {
 
 class TransportSuite : public testing::TestWithParam<Transport> {
  protected:
+  void SetUp() override { is_network_faulty() = transport() == kFaultyUdp; }
+  void TearDown() override { is_network_faulty() = false; }
   [[nodiscard]] static Transport transport() { return GetParam(); }
-  [[nodiscard]] static bool is_udp() { return transport() == Transport::kUdp; }
+  [[nodiscard]] static bool is_udp() {
+    return transport() == Transport::kUdp || transport() == kFaultyUdp;
+  }
   [[nodiscard]] static NodeConfig node_config() { return quiet_node(transport()); }
   /// The largest request and reply.
   [[nodiscard]] static std::size_t message_size_max() { return ServerConfig{}.message_size_max; }
@@ -46,6 +50,9 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == count; }));
   }
 };
+
+/// What those keep that hear of a server's end from the system, which a network can swallow.
+class EndSuite : public TransportSuite {};
 
 /// What those keep that have frames; the tests that speak with their own.
 class WireSuite : public TransportSuite {};

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cstdlib>
 #include <memory>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/test/echo.hpp"
+#include "rtpm/test/faulty_relay.hpp"
 #include "rtpm/test/raw_peer.hpp"
 
 /// A server with the echo servant, and nodes and bindings for it.
@@ -46,6 +48,21 @@ inline constexpr std::uint32_t kBufferedRequests = RTPM_TEST_BUFFERED_REQUESTS;
   return config;
 }
 
+/// Not a transport of RTPM's: UDP over a network that loses, repeats, delays and reorders.
+inline constexpr Transport kFaultyUdp{100};
+
+/// Whether the servers of the running test are behind such a network.
+[[nodiscard]] inline bool& is_network_faulty() noexcept {
+  static bool is_faulty = false;
+  return is_faulty;
+}
+/// What it does, by the seed RTPM_SEED if the environment has one.
+[[nodiscard]] inline rtpm::test::FaultyRelay::Faults faults() {
+  rtpm::test::FaultyRelay::Faults faults;
+  if (const char* const seed = std::getenv("RTPM_SEED")) faults.seed = std::stoull(seed);
+  return faults;
+}
+
 /// A started server of `config` with the servant under "echo".
 struct EchoServer {
   explicit EchoServer(ServerConfig config = quiet_config(), ObjectOptions options = {}) {
@@ -64,16 +81,24 @@ struct EchoServer {
   }
   EchoServer(const EchoServer&) = delete;
   EchoServer& operator=(const EchoServer&) = delete;
-  [[nodiscard]] std::string url() const { return server->url("echo"); }
+  /// Where callers of this test find the servant.
+  [[nodiscard]] std::string url() const {
+    const std::string straight = server->url("echo");
+    if (!is_network_faulty()) return straight;
+    if (!relay) relay = std::make_unique<rtpm::test::FaultyRelay>(server->port(), faults());
+    return "rtpm://127.0.0.1:" + std::to_string(relay->port()) + "/echo";
+  }
 
   echo::Servant servant;
   std::unique_ptr<Server> server;
+  mutable std::unique_ptr<rtpm::test::FaultyRelay> relay;
 };
 
 [[nodiscard]] inline NodeConfig quiet_node(Transport transport = Transport::kUdp) {
   NodeConfig config;
   // That is what comes of kAuto where the server is in the same program.
   config.transport = transport == Transport::kLocal ? Transport::kAuto : transport;
+  if (transport == kFaultyUdp) config.transport = Transport::kUdp;
   config.wait.strategy = rt::WaitStrategy::kBlock;
   config.default_deadline = rtpm::test::kPatience;
   return config;
