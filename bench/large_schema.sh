@@ -28,6 +28,7 @@ time "$build/bin/rtpmc" -I "$source/schema/idl" --cpp -o . big.fbs
 printf 'flatc:  '
 time flatc --cpp --cpp-std c++17 --scoped-enums --gen-object-api -I "$source/schema/idl" -o . big.fbs
 flatc --cpp --cpp-std c++17 --scoped-enums --gen-object-api -I "$source/schema/idl" -o . "$source/schema/idl/rtpm.fbs"
+"$build/bin/rtpmc" split-objects big_generated.h big_generated.cpp
 echo '#include "big.rtpm.hpp"' >big.cpp
 includes=(-I .)
 for include in protocol/base protocol/wire runtime/rt runtime/transport runtime/rpc; do

@@ -5,15 +5,18 @@
 #include <filesystem>
 #include <span>
 #include <string>
+#include <string_view>
 #include <utility>
 #include <variant>
 #include <vector>
 
 #include "command_line.hpp"
+#include "object_split.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
 #include "rtpm/schema/conform.hpp"
 #include "rtpm/schema/output.hpp"
+#include "rtpm/schema/source.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -94,10 +97,30 @@ int run(std::span<const char* const> arguments) {
   return carry_out(std::get<Command>(parsed));
 }
 
+/// `rtpmc split-objects HEADER SOURCE`, for rtpm_generate(): moves bodies of flatc's object API
+/// from its HEADER to SOURCE.
+int split(const std::string& header, const std::string& source) {
+  const auto file = SourceFile::read(header);
+  if (!file) {
+    std::fprintf(stderr, "rtpmc: error: cannot read \"%s\"\n", header.c_str());
+    return kSchemaError;
+  }
+  const SplitHeader parts =
+      split_objects(file->text(), std::filesystem::path(header).filename().string());
+  if (const auto error = write_all({{header, parts.header}, {source, parts.source}})) {
+    std::fprintf(stderr, "rtpmc: error: %s\n", error->c_str());
+    return kSchemaError;
+  }
+  return 0;
+}
+
 }  // namespace
 }  // namespace rtpm::schema
 
 int main(int argc, char** argv) {
   const std::vector<const char*> arguments(argv + (argc > 0 ? 1 : 0), argv + argc);
+  if (arguments.size() == 3 && std::string_view(arguments[0]) == "split-objects") {
+    return rtpm::schema::split(arguments[1], arguments[2]);
+  }
   return rtpm::schema::run(arguments);
 }
