@@ -31,7 +31,7 @@ const std::vector<Part>& parts() {
       {"registry/introspection/", "introspection", {"base", "wire", "rpc"}},
       {"registry/events/",
        "events",
-       {"base", "wire", "rt", "transport", "rpc", "program", "names"}},
+       {"base", "wire", "rt", "transport", "rpc", "program", "names", "introspection"}},
       {"registry/daemon/",
        "",
        {"base", "wire", "rt", "transport", "rpc", "program", "names", "introspection"}},

@@ -7,23 +7,20 @@
 
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
+#include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/program/options.hpp"
+#include "rtpm/program/server_options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 
 namespace {
 
-using namespace std::chrono_literals;
-
 struct Configuration {
-  std::string host = "127.0.0.1";
-  std::uint16_t port = rtpm::events::kDefaultHubPort;
+  rtpm::program::ServerSettings settings{};
   std::string registry{rtpm::names::kDefaultRegistryUrl};
   std::string name{rtpm::events::kHubPath};
-  rtpm::rt::RealtimeMode realtime = rtpm::rt::RealtimeMode::kPrefer;
-  rtpm::rt::WaitConfig wait{};
   std::uint64_t subscriptions_max = 1024;
   std::uint64_t history = 8;
   double quota = 2e6;
@@ -40,28 +37,28 @@ rtpm::events::HubConfig hub_config(const Configuration& configuration) {
   hub.limits.interest_count_max = 8 * hub.limits.subscription_count_max;
   hub.limits.history_depth = static_cast<std::uint32_t>(configuration.history);
   hub.quota.events_per_s = configuration.quota;
-  hub.realtime = configuration.realtime;
+  hub.realtime = configuration.settings.server.realtime;
   return hub;
 }
 
 int serve(const Configuration& configuration) {
   const rtpm::program::StopSignal stop;
-  const auto hub_settings = hub_config(configuration);
-  auto hub = rtpm::events::Hub::create(hub_settings);
+  const auto prepared = rtpm::program::prepare(configuration.settings);
+  if (!prepared) return fail(prepared.error().text);
+  auto hub = rtpm::events::Hub::create(hub_config(configuration));
   if (!hub) return fail(hub.error().text);
-  auto settings = rtpm::events::server_config_for(hub_settings);
-  settings.host = configuration.host;
-  settings.port = configuration.port;
-  settings.realtime = configuration.realtime;
-  // Two bands: what is urgent is not sent behind what is not.
-  settings.lanes = {{.name = "events-low", .low = 0, .wait = configuration.wait},
-                    {.name = "events-high", .low = 16'384, .wait = configuration.wait}};
-  auto server = rtpm::rpc::Server::create(settings);
+  auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text);
   if (auto added = (*server)->add(rtpm::events::kHubPath, (*hub)->servant()); !added) {
     return fail(added.error().text);
   }
+  rtpm::introspection::Catalog catalog;
+  catalog.add(std::string(rtpm::events::kHubPath), (*hub)->servant());
+  if (auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
+    return fail(added.error().text);
+  }
   if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  rtpm::program::show_setup(configuration.settings);
   const std::string url = (*server)->url(rtpm::events::kHubPath);
   rtpm::rpc::Node node;
   std::unique_ptr<rtpm::names::Registration> name;
@@ -84,9 +81,12 @@ int serve(const Configuration& configuration) {
 int main(int argc, char** argv) {
   Configuration configuration;
   rtpm::program::Options options("rtpm-eventd", "a hub of events");
-  options.add("host", configuration.host,
-              "Numeric IPv4 address to serve; 0.0.0.0 opens it to the network");
-  options.add("port", configuration.port, "Port to serve, UDP and TCP; 0: any");
+  rtpm::rpc::ServerConfig& server = configuration.settings.server;
+  server = rtpm::events::server_config_for({});
+  server.port = rtpm::events::kDefaultHubPort;
+  // Two bands: what is urgent is not sent behind what is not.
+  server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
+  rtpm::program::add_server(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("subscriptions-max", configuration.subscriptions_max, "How many consumers it serves",
@@ -94,8 +94,6 @@ int main(int argc, char** argv) {
   options.add("history", configuration.history,
               "Events of each type and source that late joiners may get", {0, 64});
   options.add("quota", configuration.quota, "Events a second that one supplier may push");
-  options.add_wait(configuration.wait);
-  options.add_realtime(configuration.realtime);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   return serve(configuration);
 }

@@ -32,7 +32,7 @@ class Events : public testing::TestWithParam<const char*> {
 
   [[nodiscard]] std::optional<Daemon> start_hub(std::uint16_t port) const {
     return start_daemon("rtpm-eventd", {"--port", std::to_string(port), "--registry",
-                                        registry_->url, "--realtime", "off", "--wait", "block"});
+                                        registry_->url, "--realtime", "off"});
   }
   /// A consumer that has got its first event.
   [[nodiscard]] test::Process start_consumer() const {
