@@ -128,10 +128,19 @@ class Supplier::Impl {
   };
 
   [[nodiscard]] expected<HubClient, rpc::SetupError> bind() {
-    return HubClient::bind(*node_, target_,
-                           {.transport = config_.transport,
-                            .deadline = config_.deadline,
-                            .warm_up = {config_.priority}});
+    auto client = HubClient::bind(*node_, target_,
+                                  {.transport = config_.transport,
+                                   .deadline = config_.deadline,
+                                   .warm_up = {config_.priority}});
+    if (!client) return client;
+    // A second channel, opened while a call holds the first: else the first push that meets the
+    // attending thread would have to open it.
+    const rpc::MethodDescriptor& about = HubClient::interface().methods.front();
+    if (auto held = client->binding().begin(about, {}, {.priority = config_.priority})) {
+      static_cast<void>(client->binding().warm_up(std::array{config_.priority}));
+      static_cast<void>(held->take());
+    }
+    return client;
   }
 
   void reserve(std::size_t payload_size_max) {
