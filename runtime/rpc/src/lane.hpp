@@ -129,7 +129,8 @@ class Lane {
                                         const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply,
                                         Deferral& deferral) noexcept;
-  [[nodiscard]] wire::Status standing_of(const wire::Request& request) const noexcept;
+  [[nodiscard]] expected<const Object*, wire::Status> target_of(
+      const wire::Request& request) const noexcept;
   void send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
             ConstBytes frame) noexcept;
   void after_frame(std::uint32_t credit_tag) noexcept;

@@ -61,12 +61,7 @@ class LaneDeferral final : public Deferral {
 ConstBytes Lane::run_request(wire::ServerSessions& sessions,
                              const wire::Request& request) noexcept {
   if (crew_) {
-    const Object* const object = request.header.service == wire::kSessionService
-                                     ? nullptr
-                                     : objects_.find(request.header.service);
-    if (object != nullptr && admits(object->options, request.header.priority)) {
-      return queue_request(sessions, request, *object);
-    }
+    if (const auto object = target_of(request)) return queue_request(sessions, request, **object);
   }
   if (request.wants_receipt()) return run_accepted(sessions, request);
   const MutableBytes reply = sessions.reply_buffer(request);
@@ -84,15 +79,15 @@ ConstBytes Lane::run_request(wire::ServerSessions& sessions,
 // hp-5.8-3: the caller goes on as soon as it is clear that its call will run.
 ConstBytes Lane::run_accepted(wire::ServerSessions& sessions,
                               const wire::Request& request) noexcept {
-  const wire::Status status = standing_of(request);
-  const bool will_run = status == wire::Status::kOk;
+  const auto target = target_of(request);
+  const wire::Status status = target ? wire::Status::kOk : target.error();
   const auto peer = sessions.peer_of(request);
   RTPM_ASSERT(peer.has_value(), "a request that just came has a session");
   send(sessions, *peer, sessions.accept(request, status, rt::now()));
   const MutableBytes reply = sessions.reply_buffer(request);
   LaneDeferral deferral(pending_, sessions, request);
   DispatchResult result;
-  if (will_run) result = dispatch(request, reply, deferral);
+  if (target) result = run_now(**target, request, reply, deferral);
   if (deferral.is_taken()) {
     ++counters_.deferred_count;
     return {};
@@ -101,14 +96,14 @@ ConstBytes Lane::run_accepted(wire::ServerSessions& sessions,
   return sessions.complete(request, result.status, 0, completed_);
 }
 
-// Whether a method would run.
-wire::Status Lane::standing_of(const wire::Request& request) const noexcept {
-  const Object* const object = request.header.service == wire::kSessionService
-                                   ? nullptr
-                                   : objects_.find(request.header.service);
-  if (object == nullptr) return wire::Status::kNoSuchObject;
-  if (!admits(object->options, request.header.priority)) return wire::Status::kPriorityNotAllowed;
-  return wire::Status::kOk;
+// The object on which a method would run, or why none would.
+expected<const Object*, wire::Status> Lane::target_of(const wire::Request& request) const noexcept {
+  const Object* const object = objects_.find(request.header.service);
+  if (object == nullptr) return unexpected{wire::Status::kNoSuchObject};
+  if (!admits(object->options, request.header.priority)) {
+    return unexpected{wire::Status::kPriorityNotAllowed};
+  }
+  return object;
 }
 
 DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
@@ -121,11 +116,9 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
     if (header.method == wire::kMethodDescribe) return objects_.describe(request.payload, reply);
     return {wire::Status::kNoSuchMethod, 0};
   }
-  if (const wire::Status status = standing_of(request); status != wire::Status::kOk) {
-    return {status, 0};
-  }
-  const Object* const object = objects_.find(header.service);
-  return run_now(*object, request, reply, deferral);
+  const auto object = target_of(request);
+  if (!object) return {object.error(), 0};
+  return run_now(**object, request, reply, deferral);
 }
 
 // Runs a method on the lane's own thread.

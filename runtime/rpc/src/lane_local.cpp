@@ -70,10 +70,9 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
   const wire::Request request = request_of(channel);
   received_ = request.received;
   is_unpublished_ = true;
-  if (const auto status = standing_of(request); status != wire::Status::kOk) {
-    return channel.finish(status, 0);
-  }
-  const Object& object = *objects_.find(request.header.service);
+  const auto target = target_of(request);
+  if (!target) return channel.finish(target.error(), 0);
+  const Object& object = **target;
   if (crew_) {
     PendingCall* const call =
         is_stopping_.load(std::memory_order_relaxed) ? nullptr : pending_->take();
@@ -114,12 +113,13 @@ void Lane::serve_pending_local(PendingCall& call) noexcept {
 
 DispatchResult Lane::run_nested(const LocalChannel& channel) noexcept {
   const wire::Request request = request_of(channel);
-  if (const auto status = standing_of(request); status != wire::Status::kOk) return {status, 0};
+  const auto target = target_of(request);
+  if (!target) return {target.error(), 0};
   const auto outer = rt::current_priority();
   NoDeferral no_deferral;
   bool has_thrown = false;
-  const DispatchResult result = run_servant(*objects_.find(request.header.service), request,
-                                            channel.reply(), no_deferral, has_thrown);
+  const DispatchResult result =
+      run_servant(**target, request, channel.reply(), no_deferral, has_thrown);
   if (outer) rt::adopt_priority(*outer);
   if (crew_) crew_->lock_from_aside();
   ++counters_.call_count;
