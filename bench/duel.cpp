@@ -1,5 +1,7 @@
 #include "duel.hpp"
 
+#include "case.hpp"
+
 #include <algorithm>
 #include <ctime>
 #include <optional>
@@ -212,6 +214,27 @@ expected<void, std::string> run_as_caller(
   if (!thread) return unexpected{thread.error().text};
   thread->join();
   return outcome;
+}
+
+bool measure_each(std::string_view case_name, Measurement measure, const Settings& settings,
+                  Report& report) {
+  bool is_complete = true;
+  for (const Carrier carrier : settings.carriers) {
+    for (const rt::WaitStrategy strategy : settings.waits) {
+      const DuelConfig config{.carrier = carrier,
+                              .wait = {.strategy = strategy, .spin = settings.spin},
+                              .placement = choose_placement(),
+                              .realtime = settings.realtime};
+      const auto result = measure(settings, config);
+      if (result) {
+        report.add(*result);
+      } else {
+        say_not_measured(title_of(case_name, config), result.error());
+        is_complete = false;
+      }
+    }
+  }
+  return is_complete;
 }
 
 std::string title_of(std::string_view case_name, const DuelConfig& config) {

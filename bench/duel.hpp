@@ -84,6 +84,13 @@ class Duel {
 /// "call, udp, adaptive wait": how results are headed.
 [[nodiscard]] std::string title_of(std::string_view case_name, const DuelConfig& config);
 
+/// Measures once with each carrier and wait strategy that was asked for, and reports; false if one
+/// could not be measured, which is said.
+using Measurement = expected<Result, std::string> (*)(const Settings& settings,
+                                                      const DuelConfig& config);
+bool measure_each(std::string_view case_name, Measurement measure, const Settings& settings,
+                  Report& report);
+
 /// Adds the fields and rows that every result has: case, transport, wait, payload, n, both sides'
 /// distributions and their ratios.
 void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,

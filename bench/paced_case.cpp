@@ -108,23 +108,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
 }  // namespace
 
 bool run_paced(const Settings& settings, Report& report) {
-  bool is_complete = true;
-  for (const Carrier carrier : settings.carriers) {
-    for (const rt::WaitStrategy strategy : settings.waits) {
-      const DuelConfig config{.carrier = carrier,
-                              .wait = {.strategy = strategy, .spin = settings.spin},
-                              .placement = choose_placement(),
-                              .realtime = settings.realtime};
-      const auto result = measure_one(settings, config);
-      if (result) {
-        report.add(*result);
-      } else {
-        say_not_measured(title_of("paced", config), result.error());
-        is_complete = false;
-      }
-    }
-  }
-  return is_complete;
+  return measure_each("paced", measure_one, settings, report);
 }
 
 }  // namespace rtpm::bench
