@@ -29,16 +29,6 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     return wire::frame_payload_max(is_udp() ? wire::Medium::kDatagram : wire::Medium::kStream);
   }
 
-  /// Where the servant says that it ran; fails the test if the call did.
-  [[nodiscard]] static echo::Place place_of(Binding& binding, const CallOptions& options = {}) {
-    const auto reply = binding.call(echo::kWhere, {}, options);
-    EXPECT_TRUE(reply) << to_string(reply.error());
-    echo::Place place{};
-    if (!reply) return place;
-    EXPECT_EQ(reply->bytes().size(), sizeof place);
-    std::memcpy(&place, reply->bytes().data(), sizeof place);
-    return place;
-  }
   /// The error of a call that has to fail.
   static void expect_error(const expected<ReplyLease, CallError>& reply, CallError error) {
     ASSERT_FALSE(reply);

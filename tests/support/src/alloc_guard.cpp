@@ -1,59 +1,27 @@
 #include "rtpm/test/alloc_guard.hpp"
 
-#include <execinfo.h>
 #include <malloc.h>
-#include <unistd.h>
 
-#include <array>
-#include <atomic>
 #include <cerrno>
 #include <cstddef>
-#include <cstdlib>
 #include <cstring>
 #include <string_view>
 
+#include "breaches.hpp"
 #include "rtpm/rt/memory.hpp"
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define RTPM_TEST_HAS_SANITIZER 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
-    __has_feature(memory_sanitizer)
-#define RTPM_TEST_HAS_SANITIZER 1
-#endif
-#endif
 
 namespace rtpm::test {
 namespace {
 
-std::atomic<std::uint64_t> breach_count{0};
-std::atomic<int> count_only_depth{0};
+Breaches breaches;
 thread_local std::uint64_t allocation_count = 0;
 
 #ifndef RTPM_TEST_HAS_SANITIZER
 
-thread_local bool is_reporting = false;
-
-void print(std::string_view text) noexcept {
-  [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), text.size());
-}
-
-// Everything here runs with the guard off for this thread: the first backtrace() loads a library.
-[[noreturn]] void report_and_abort(std::string_view function) noexcept {
-  is_reporting = true;
-  print("rtpm: bug: ");
-  print(function);
-  print(" was called by a thread that allocates nothing any more; its stack:\n");
-  std::array<void*, 48> frames{};
-  const int count = backtrace(frames.data(), static_cast<int>(frames.size()));
-  backtrace_symbols_fd(frames.data(), count, STDERR_FILENO);
-  std::abort();
-}
+constexpr std::string_view kCrime = " was called by a thread that allocates nothing any more";
 
 void check(std::string_view function) noexcept {
-  if (is_reporting || !rt::is_allocation_forbidden()) return;
-  breach_count.fetch_add(1, std::memory_order_relaxed);
-  if (count_only_depth.load(std::memory_order_relaxed) == 0) report_and_abort(function);
+  if (rt::is_allocation_forbidden()) breaches.add(function, kCrime);
 }
 
 void check_taking(std::string_view function) noexcept {
@@ -74,7 +42,7 @@ bool is_alloc_guard_active() noexcept {
 }
 
 std::uint64_t allocation_breach_count() noexcept {
-  return breach_count.load(std::memory_order_relaxed);
+  return breaches.count();
 }
 
 std::uint64_t thread_allocation_count() noexcept {
@@ -82,11 +50,11 @@ std::uint64_t thread_allocation_count() noexcept {
 }
 
 CountBreachesOnly::CountBreachesOnly() noexcept {
-  count_only_depth.fetch_add(1, std::memory_order_relaxed);
+  breaches.begin_counting_only();
 }
 
 CountBreachesOnly::~CountBreachesOnly() {
-  count_only_depth.fetch_sub(1, std::memory_order_relaxed);
+  breaches.end_counting_only();
 }
 
 }  // namespace rtpm::test

@@ -1,53 +1,23 @@
 #include "rtpm/test/lock_guard.hpp"
 
 #include <dlfcn.h>
-#include <execinfo.h>
 #include <pthread.h>
-#include <unistd.h>
 
-#include <array>
 #include <atomic>
-#include <cstdlib>
 #include <string_view>
 
+#include "breaches.hpp"
 #include "rtpm/rt/memory.hpp"
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define RTPM_TEST_HAS_SANITIZER 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || \
-    __has_feature(memory_sanitizer)
-#define RTPM_TEST_HAS_SANITIZER 1
-#endif
-#endif
 
 namespace rtpm::test {
 namespace {
 
-std::atomic<std::uint64_t> breach_count{0};
-std::atomic<int> count_only_depth{0};
+Breaches breaches;
 
 #ifndef RTPM_TEST_HAS_SANITIZER
 
-void print(std::string_view text) noexcept {
-  [[maybe_unused]] const auto written = write(STDERR_FILENO, text.data(), text.size());
-}
-
-[[noreturn]] void report_and_abort(std::string_view function) noexcept {
-  const rt::AllowAllocationScope is_allowed;
-  print("rtpm: bug: ");
-  print(function);
-  print(" was called by a real-time thread for a lock without priority inheritance; its stack:\n");
-  std::array<void*, 48> frames{};
-  const int count = backtrace(frames.data(), static_cast<int>(frames.size()));
-  backtrace_symbols_fd(frames.data(), count, STDERR_FILENO);
-  std::abort();
-}
-
-void breach(std::string_view function) noexcept {
-  breach_count.fetch_add(1, std::memory_order_relaxed);
-  if (count_only_depth.load(std::memory_order_relaxed) == 0) report_and_abort(function);
-}
+constexpr std::string_view kCrime =
+    " was called by a real-time thread for a lock without priority inheritance";
 
 // The protocol stands in the kind, as the C library keeps it; there is no function to ask for it.
 bool inherits_priority(const pthread_mutex_t& mutex) noexcept {
@@ -57,7 +27,7 @@ bool inherits_priority(const pthread_mutex_t& mutex) noexcept {
 }
 
 void check(const pthread_mutex_t& mutex, std::string_view function) noexcept {
-  if (rt::is_allocation_forbidden() && !inherits_priority(mutex)) breach(function);
+  if (rt::is_allocation_forbidden() && !inherits_priority(mutex)) breaches.add(function, kCrime);
 }
 
 // The C library's own function behind the one that stands here.
@@ -92,15 +62,15 @@ bool is_lock_guard_active() noexcept {
 }
 
 std::uint64_t lock_breach_count() noexcept {
-  return breach_count.load(std::memory_order_relaxed);
+  return breaches.count();
 }
 
 CountLockBreachesOnly::CountLockBreachesOnly() noexcept {
-  count_only_depth.fetch_add(1, std::memory_order_relaxed);
+  breaches.begin_counting_only();
 }
 
 CountLockBreachesOnly::~CountLockBreachesOnly() {
-  count_only_depth.fetch_sub(1, std::memory_order_relaxed);
+  breaches.end_counting_only();
 }
 
 }  // namespace rtpm::test
@@ -128,12 +98,14 @@ int pthread_mutex_clocklock(pthread_mutex_t* mutex, clockid_t clock,
 }
 
 int pthread_rwlock_rdlock(pthread_rwlock_t* lock) noexcept {
-  if (rtpm::rt::is_allocation_forbidden()) rtpm::test::breach("pthread_rwlock_rdlock");
+  if (rtpm::rt::is_allocation_forbidden())
+    rtpm::test::breaches.add("pthread_rwlock_rdlock", rtpm::test::kCrime);
   return rtpm::test::original(rtpm::test::real_read_lock, "pthread_rwlock_rdlock")(lock);
 }
 
 int pthread_rwlock_wrlock(pthread_rwlock_t* lock) noexcept {
-  if (rtpm::rt::is_allocation_forbidden()) rtpm::test::breach("pthread_rwlock_wrlock");
+  if (rtpm::rt::is_allocation_forbidden())
+    rtpm::test::breaches.add("pthread_rwlock_wrlock", rtpm::test::kCrime);
   return rtpm::test::original(rtpm::test::real_write_lock, "pthread_rwlock_wrlock")(lock);
 }
 

@@ -25,22 +25,6 @@ class HubRing : public testing::Test {
   Recorder recorder_{};
 };
 
-/// Holds its thread until the test lets it go.
-class Sleeper final : public Recorder {
- public:
-  void on_events(std::span<const EventView> events) override {
-    Recorder::on_events(events);
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return is_free; });
-  }
-  void release() {
-    const std::lock_guard lock(mutex_);
-    is_free = true;
-    changed_.notify_all();
-  }
-  bool is_free = false;
-};
-
 TEST_F(HubRing, EachConsumerGetsWhatItsFilterAccepts) {
   const auto supplier = make_supplier(node_, hub_);
   Recorder buttons;

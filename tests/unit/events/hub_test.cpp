@@ -253,22 +253,6 @@ TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
   EXPECT_EQ(hub_.hub().subscription_count(), 0U);
 }
 
-/// Holds its thread until the test lets it go.
-class Sleeper final : public Recorder {
- public:
-  void on_events(std::span<const EventView> events) override {
-    Recorder::on_events(events);
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [this] { return is_free; });
-  }
-  void release() {
-    const std::lock_guard lock(mutex_);
-    is_free = true;
-    changed_.notify_all();
-  }
-  bool is_free = false;
-};
-
 TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {
   Sleeper sleeper;
   const auto supplier = make_supplier(node_, hub_);

@@ -131,6 +131,22 @@ class Recorder : public EventHandler {
   std::condition_variable changed_{};
 };
 
+/// Holds its thread until the test lets it go.
+class Sleeper final : public Recorder {
+ public:
+  void on_events(std::span<const EventView> events) override {
+    Recorder::on_events(events);
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [this] { return is_free; });
+  }
+  void release() {
+    const std::lock_guard lock(mutex_);
+    is_free = true;
+    changed_.notify_all();
+  }
+  bool is_free = false;
+};
+
 inline constexpr EventDescriptor kPoseDescriptor{kPose, "lab.Pose", kPoseSchema, kPoseFields};
 
 /// Through memory and not straight into the hub's lane, which takes only so many calls at a time:

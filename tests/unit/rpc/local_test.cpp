@@ -18,14 +18,6 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-echo::Place place_of(Binding& binding, const CallOptions& options = {}) {
-  const auto reply = binding.call(echo::kWhere, {}, options);
-  EXPECT_TRUE(reply) << to_string(reply.error());
-  echo::Place place{};
-  if (reply) std::memcpy(&place, reply->bytes().data(), sizeof place);
-  return place;
-}
-
 TEST(LocalCalls, AreMadeWithoutATransportUnlessOneIsAskedFor) {
   EchoServer server;
   Node node(quiet_node(Transport::kAuto));

@@ -197,14 +197,6 @@ TEST(Policy, InvertsInNoneOfTheFourConfigurations) {
   }
 }
 
-echo::Place place_of(Binding& binding, const CallOptions& options) {
-  const auto reply = binding.call(echo::kWhere, {}, options);
-  EXPECT_TRUE(reply) << to_string(reply.error());
-  echo::Place place{};
-  if (reply) std::memcpy(&place, reply->bytes().data(), sizeof place);
-  return place;
-}
-
 TEST(PriorityTransforms, ChangeWhereAMethodRunsAndWithWhatACallGoesOut) {
   ServerConfig config = quiet_config({quiet_lane(0), quiet_lane(20'000)});
   config.inbound_priority = [](Priority priority, std::string_view path) -> Priority {

@@ -9,6 +9,7 @@
 #include <thread>
 #include <vector>
 
+#include "mutex_checks.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -19,19 +20,7 @@ namespace {
 
 TEST(PiMutex, LetsOneThreadInAtATime) {
   PiMutex mutex;
-  int unguarded_count = 0;
-  std::vector<std::thread> threads;
-  for (int i = 0; i < 4; ++i) {
-    threads.emplace_back([&] {
-      for (int round = 0; round < 10'000; ++round) {
-        const std::lock_guard lock(mutex);
-        ++unguarded_count;
-      }
-    });
-  }
-  for (std::thread& thread : threads)
-    thread.join();
-  EXPECT_EQ(unguarded_count, 40'000);
+  expect_one_thread_at_a_time(mutex);
 }
 
 TEST(PiMutex, CanBeTried) {

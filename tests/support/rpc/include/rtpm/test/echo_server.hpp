@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <utility>
@@ -118,6 +119,17 @@ struct EchoServer {
 }
 [[nodiscard]] inline std::string text_of(const ReplyLease& reply) {
   return {reinterpret_cast<const char*>(reply.bytes().data()), reply.bytes().size()};
+}
+
+/// Where the servant says that it ran; fails the test if the call did.
+[[nodiscard]] inline echo::Place place_of(Binding& binding, const CallOptions& options = {}) {
+  const auto reply = binding.call(echo::kWhere, {}, options);
+  EXPECT_TRUE(reply) << to_string(reply.error());
+  echo::Place place{};
+  if (!reply) return place;
+  EXPECT_EQ(reply->bytes().size(), sizeof place);
+  std::memcpy(&place, reply->bytes().data(), sizeof place);
+  return place;
 }
 
 inline void expect_text(const std::string& text, const std::vector<std::string>& parts) {
