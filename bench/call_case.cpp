@@ -9,11 +9,23 @@
 namespace rtpm::bench {
 namespace {
 
-constexpr std::uint64_t kSampleCountDefault = 100'000;
-/// Calls of one side before the other's turn: short, so that both see the same minutes.
-constexpr std::size_t kBlockSize = 500;
-/// Untimed calls at the begin of a turn: the first ones meet a server that was stopped.
-constexpr int kWarmUpCount = 50;
+/// How many calls of a payload are worth their time, and how many one side makes before the other's
+/// turn: few enough that both see the same minutes, and that no turn fills a second, after which
+/// the kernel throttles real-time threads.
+struct Amount {
+  std::size_t payload_size_max;
+  std::uint64_t sample_count;
+  std::size_t block_size;
+  int warm_up_count;  ///< Untimed, at the begin of a turn, which meets a server that was stopped.
+};
+constexpr std::array<Amount, 3> kAmounts{{{std::size_t{16} * 1024, 100'000, 500, 50},
+                                          {std::size_t{256} * 1024, 10'000, 100, 10},
+                                          {SIZE_MAX, 1'000, 20, 2}}};
+
+const Amount& amount_of(std::size_t payload_size) {
+  return *std::ranges::find_if(
+      kAmounts, [=](const Amount& amount) { return payload_size <= amount.payload_size_max; });
+}
 
 /// The two sides' connections and what was measured through them.
 struct Sides {
@@ -35,11 +47,12 @@ expected<void, std::string> connect(Duel& duel, Sides& sides) {
   return {};
 }
 
-expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, std::size_t count) {
+expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, std::size_t count,
+                                          int warm_up_count) {
   Caller& caller = *sides.callers[index_of(side)];
   Samples& samples = sides.samples[index_of(side)];
   duel.take_turn(side);
-  for (int i = 0; i < kWarmUpCount; ++i) {
+  for (int i = 0; i < warm_up_count; ++i) {
     if (auto called = caller.echo(); !called) return called;
   }
   const MonotonicTime begin = rt::now();
@@ -56,17 +69,19 @@ expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, s
   return {};
 }
 
-expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_per_round) {
+expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_per_round,
+                                    const Amount& amount) {
   if (auto connected = connect(duel, sides); !connected) return connected;
   bool is_rtpm_first = true;
   for (int round = 0; round < sides.samples[0].round_count(); ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
-    for (std::size_t done = 0; done < count_per_round; done += kBlockSize) {
-      const std::size_t count = std::min(kBlockSize, count_per_round - done);
+    for (std::size_t done = 0; done < count_per_round; done += amount.block_size) {
+      const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,
                               is_rtpm_first ? Side::kFloor : Side::kRtpm}) {
-        if (auto measured = measure_block(duel, side, sides, count); !measured) return measured;
+        const auto measured = measure_block(duel, side, sides, count, amount.warm_up_count);
+        if (!measured) return measured;
       }
       is_rtpm_first = !is_rtpm_first;
     }
@@ -77,8 +92,9 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_
 expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
   auto duel = Duel::start(config);
   if (!duel) return unexpected{duel.error()};
+  const Amount& amount = amount_of(config.payload_size);
   const std::uint64_t count =
-      settings.sample_count == 0 ? kSampleCountDefault : settings.sample_count;
+      settings.sample_count == 0 ? amount.sample_count : settings.sample_count;
   const auto count_per_round = static_cast<std::size_t>(
       std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
   Sides sides{.callers = {},
@@ -87,9 +103,13 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
   Result result{.title = title_of("call", config)};
   const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
     const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = measure(**duel, sides, count_per_round); !done) return done;
+    if (auto done = measure(**duel, sides, count_per_round, amount); !done) return done;
     add_comparison(result, "call", config, sides.samples[index_of(Side::kRtpm)],
                    sides.samples[index_of(Side::kFloor)]);
+    if (settings.tells_latencies) {
+      add_latencies(result, sides.samples[index_of(Side::kRtpm)],
+                    sides.samples[index_of(Side::kFloor)]);
+    }
     watch.finish(result, longest_us(result));
     return {};
   });
@@ -100,7 +120,11 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
 }  // namespace
 
 bool run_call(const Settings& settings, Report& report) {
-  return measure_each("call", measure_one, settings, report);
+  bool is_complete = true;
+  for (const std::size_t payload_size : settings.payload_sizes) {
+    is_complete = measure_each("call", measure_one, settings, report, payload_size) && is_complete;
+  }
+  return is_complete;
 }
 
 }  // namespace rtpm::bench

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "floor.hpp"
+#include "memory_bulk_floor.hpp"
 #include "memory_floor.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/url.hpp"
@@ -20,12 +21,14 @@ namespace {
 /// is none they shall be out of the way.
 constexpr rt::WaitConfig kLowWait{.strategy = rt::WaitStrategy::kBlock};
 
-expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory) {
+expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory,
+                                                MemoryBulkFloor* memory_bulk) {
   std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
                                       .priority = kHighPriority,
                                       .wait = config.wait,
                                       .cpu = config.placement.server_cpu,
-                                      .host = config.host}};
+                                      .host = config.host,
+                                      .payload_size = config.payload_size}};
   if (config.low_caller_count > 0) {
     lanes.push_back({.name = "floor-low",
                      .priority = kLowPriority,
@@ -33,6 +36,12 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config, Memory
                      .cpu = config.placement.server_cpu,
                      .connection_count = config.low_caller_count,
                      .host = config.host});
+  }
+  if (memory_bulk != nullptr) {
+    if (auto served = memory_bulk->serve(lanes.front(), config.realtime); !served) {
+      return unexpected{served.error()};
+    }
+    return std::string("0 0");
   }
   if (memory != nullptr) {
     if (auto served = memory->serve(lanes, config.realtime); !served) {
@@ -80,7 +89,8 @@ expected<ServerProcess, std::string> start_server(const DuelConfig& config,
 
 struct Duel::Impl {
   DuelConfig config;
-  std::unique_ptr<MemoryFloor> memory_floor;  ///< Of shared memory only.
+  std::unique_ptr<MemoryFloor> memory_floor;           ///< Of shared memory only,
+  std::unique_ptr<MemoryBulkFloor> memory_bulk_floor;  ///< for other payloads than the usual.
   ServerProcess floor_server;
   ServerProcess rtpm_server;
   std::uint16_t floor_high_port = 0;
@@ -105,13 +115,18 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   // Each is stopped before the other starts: a spinning server would not let the other's threads on
   // their CPU.
   std::unique_ptr<MemoryFloor> memory_floor;
-  if (config.carrier == Carrier::kSharedMemory) {
+  std::unique_ptr<MemoryBulkFloor> memory_bulk_floor;
+  if (config.carrier == Carrier::kSharedMemory && config.payload_size != kPayloadSize) {
+    auto created = MemoryBulkFloor::create(config.payload_size);
+    if (!created) return unexpected{created.error()};
+    memory_bulk_floor = std::move(*created);
+  } else if (config.carrier == Carrier::kSharedMemory) {
     auto created = MemoryFloor::create({1, config.low_caller_count});
     if (!created) return unexpected{created.error()};
     memory_floor = std::move(*created);
   }
-  auto floor_server =
-      start_server(config, [&] { return set_up_floor(config, memory_floor.get()); });
+  auto floor_server = start_server(
+      config, [&] { return set_up_floor(config, memory_floor.get(), memory_bulk_floor.get()); });
   if (!floor_server) return unexpected{floor_server.error()};
   floor_server->pause();
   auto rtpm_server = start_server(config, [&] { return set_up_rtpm(config); });
@@ -119,6 +134,7 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   rtpm_server->pause();
   auto impl = std::make_unique<Impl>(Impl{.config = config,
                                           .memory_floor = std::move(memory_floor),
+                                          .memory_bulk_floor = std::move(memory_bulk_floor),
                                           .floor_server = std::move(*floor_server),
                                           .rtpm_server = std::move(*rtpm_server),
                                           .high_node = make_node(config.carrier, config.wait),
@@ -154,10 +170,12 @@ void Duel::end_turn() {
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
+    if (impl_->memory_bulk_floor) return impl_->memory_bulk_floor->connect(impl_->config.wait);
     return connect_floor_caller(impl_->config.carrier, impl_->config.host, impl_->floor_high_port,
-                                impl_->config.wait);
+                                impl_->config.wait, impl_->config.payload_size);
   }
-  return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority);
+  return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority,
+                             impl_->config.payload_size);
 }
 
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
@@ -217,12 +235,13 @@ expected<void, std::string> run_as_caller(
 }
 
 bool measure_each(std::string_view case_name, Measurement measure, const Settings& settings,
-                  Report& report) {
+                  Report& report, std::size_t payload_size) {
   bool is_complete = true;
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {
       const DuelConfig config{.carrier = carrier,
                               .wait = {.strategy = strategy, .spin = settings.spin},
+                              .payload_size = payload_size,
                               .placement = choose_placement(),
                               .realtime = settings.realtime};
       const auto result = measure(settings, config);
@@ -240,7 +259,7 @@ bool measure_each(std::string_view case_name, Measurement measure, const Setting
 std::string title_of(std::string_view case_name, const DuelConfig& config) {
   return std::string(case_name) + ", " + std::string(to_string(config.carrier)) + ", " +
          std::string(rt::to_string(config.wait.strategy)) + " wait, " +
-         std::to_string(kPayloadSize) + " bytes";
+         std::to_string(config.payload_size) + " bytes";
 }
 
 void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,
@@ -249,16 +268,17 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   json.add("case", case_name);
   json.add("transport", to_string(config.carrier));
   json.add("wait", rt::to_string(config.wait.strategy));
-  json.add("payload", static_cast<std::int64_t>(kPayloadSize));
+  json.add("payload", static_cast<std::int64_t>(config.payload_size));
   json.add("n", static_cast<std::int64_t>(rtpm.count()));
   json.add("rounds", rtpm.round_count());
   const Percentiles rtpm_values = rtpm.percentiles();
   const Percentiles floor_values = floor.percentiles();
-  add_percentiles(json, "", rtpm_values);
-  add_percentiles(json, "floor_", floor_values);
+  add_distribution(json, "", rtpm);
+  add_distribution(json, "floor_", floor);
   Percentiles ratios;
   const auto add_ratio = [&](double percent, const std::string& name, double& shown) {
     const Ratio ratio = ratio_at(rtpm, floor, percent);
+
     json.add("ratio_" + name, ratio.median);
     json.add("ratio_" + name + "_low", ratio.low);
     json.add("ratio_" + name + "_high", ratio.high);
@@ -273,6 +293,11 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   result.rows.push_back({"RTPM", rtpm_values});
   result.rows.push_back({"raw floor", floor_values});
   result.rows.push_back({"ratio (no unit)", ratios});
+}
+
+void add_latencies(Result& result, const Samples& rtpm, const Samples& floor) {
+  result.json.add("latencies_us", rtpm.all_us());
+  result.json.add("floor_latencies_us", floor.all_us());
 }
 
 double longest_us(const Result& result) {

@@ -25,7 +25,8 @@ inline constexpr Side kBothSides[] = {Side::kRtpm, Side::kFloor};
 /// What the two sides have in common.
 struct DuelConfig {
   Carrier carrier = Carrier::kUdp;
-  rt::WaitConfig wait{};     ///< Of the measured callers and their lane.
+  rt::WaitConfig wait{};                    ///< Of the measured callers and their lane.
+  std::size_t payload_size = kPayloadSize;  ///< Of the measured calls.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
   std::string host = "127.0.0.1";    ///< That the servers serve; numeric.
   Job enter_server_host{};           ///< What a server's process does first, if anything.
@@ -89,12 +90,15 @@ class Duel {
 using Measurement = expected<Result, std::string> (*)(const Settings& settings,
                                                       const DuelConfig& config);
 bool measure_each(std::string_view case_name, Measurement measure, const Settings& settings,
-                  Report& report);
+                  Report& report, std::size_t payload_size = kPayloadSize);
 
 /// Adds the fields and rows that every result has: case, transport, wait, payload, n, both sides'
 /// distributions and their ratios.
 void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,
                     const Samples& rtpm, const Samples& floor);
+
+/// Adds every latency of both: latencies_us, floor_latencies_us.
+void add_latencies(Result& result, const Samples& rtpm, const Samples& floor);
 
 /// The largest latency that either side showed in a result that add_comparison() began.
 [[nodiscard]] double longest_us(const Result& result);

@@ -176,10 +176,11 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
   if (!measured) return measured;
   const auto& [rtpm, floor] = findings;
   add_head(result, setting, settings, rtpm.last.count());
-  add_percentiles(result.json, "each_", rtpm.each.percentiles());
-  add_percentiles(result.json, "last_", rtpm.last.percentiles());
-  add_percentiles(result.json, "floor_each_", floor.each.percentiles());
-  add_percentiles(result.json, "floor_last_", floor.last.percentiles());
+  add_distribution(result.json, "each_", rtpm.each);
+  add_distribution(result.json, "last_", rtpm.last);
+  add_distribution(result.json, "floor_each_", floor.each);
+  add_distribution(result.json, "floor_last_", floor.last);
+  if (settings.tells_latencies) add_latencies(result, rtpm.each, floor.each);
   add_ratio(result.json, "ratio_each_p50", rtpm.each, floor.each, 50);
   add_ratio(result.json, "ratio_each_p99", rtpm.each, floor.each, 99);
   add_ratio(result.json, "ratio_last_p50", rtpm.last, floor.last, 50);
@@ -242,10 +243,10 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
   add_head(result, setting, settings, bad.last.count());
   result.json.add("stopped", kStopped);
   result.json.add("slow", kSlow);
-  add_percentiles(result.json, "each_", bad.each.percentiles());
-  add_percentiles(result.json, "last_", bad.last.percentiles());
-  add_percentiles(result.json, "well_each_", well.each.percentiles());
-  add_percentiles(result.json, "well_last_", well.last.percentiles());
+  add_distribution(result.json, "each_", bad.each);
+  add_distribution(result.json, "last_", bad.last);
+  add_distribution(result.json, "well_each_", well.each);
+  add_distribution(result.json, "well_last_", well.last);
   add_ratio(result.json, "bad_over_well_p50", bad.each, well.each, 50);
   add_ratio(result.json, "bad_over_well_p99", bad.each, well.each, 99);
   result.rows = {{"others, all well", well.each.percentiles()},

@@ -8,7 +8,7 @@
 #include <sys/time.h>
 #include <unistd.h>
 
-#include <array>
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <utility>
@@ -21,7 +21,7 @@ namespace {
 
 constexpr Duration kTimeout = std::chrono::seconds{1};
 
-using Frame = std::array<std::byte, kFloorFrameSize>;
+using Frame = std::vector<std::byte>;
 
 /// Owns a socket.
 class Socket {
@@ -76,7 +76,7 @@ class Receiver {
   }
 
   /// @return the bytes received, or -1 with errno set as recv() does.
-  ssize_t receive(Frame& frame, sockaddr_in* from) const noexcept {
+  ssize_t receive(MutableBytes frame, sockaddr_in* from) const noexcept {
     if (spin_ > Duration{0}) {
       const MonotonicTime end = spin_ == Duration::max() ? kNever : rt::now() + spin_;
       do {
@@ -89,7 +89,7 @@ class Receiver {
   }
 
  private:
-  ssize_t take(Frame& frame, sockaddr_in* from, int flags) const noexcept {
+  ssize_t take(MutableBytes frame, sockaddr_in* from, int flags) const noexcept {
     if (from == nullptr) return recv(handle_, frame.data(), frame.size(), flags);
     socklen_t from_size = sizeof *from;
     return recvfrom(handle_, frame.data(), frame.size(), flags, reinterpret_cast<sockaddr*>(from),
@@ -103,13 +103,44 @@ class Receiver {
 
 /// Completes a frame of which a stream gave `got` bytes.
 bool receive_rest(int handle, Frame& frame, ssize_t got) noexcept {
-  while (got > 0 && static_cast<std::size_t>(got) < kFloorFrameSize) {
+  while (got > 0 && static_cast<std::size_t>(got) < frame.size()) {
     const auto have = static_cast<std::size_t>(got);
-    const ssize_t more = recv(handle, frame.data() + have, kFloorFrameSize - have, MSG_WAITALL);
+    const ssize_t more = recv(handle, frame.data() + have, frame.size() - have, MSG_WAITALL);
     if (more <= 0) return false;
     got += more;
   }
   return got > 0;
+}
+
+/// Completes a frame of which a first datagram of `got` bytes came.
+bool receive_datagrams(const Receiver& receiver, Frame& frame, ssize_t got) noexcept {
+  while (got > 0 && static_cast<std::size_t>(got) < frame.size()) {
+    const ssize_t more =
+        receiver.receive(MutableBytes(frame).subspan(static_cast<std::size_t>(got)), nullptr);
+    if (more <= 0) return false;
+    got += more;
+  }
+  return got > 0;
+}
+
+/// Sends a frame as datagrams, to `to` or to where the socket is connected.
+bool send_datagrams(int handle, const Frame& frame, const sockaddr_in* to) noexcept {
+  for (std::size_t done = 0; done < frame.size(); done += wire::kDatagramFrameSizeMax) {
+    const std::size_t size = std::min(wire::kDatagramFrameSizeMax, frame.size() - done);
+    const ssize_t sent =
+        sendto(handle, frame.data() + done, size, MSG_NOSIGNAL,
+               reinterpret_cast<const sockaddr*>(to), to == nullptr ? 0 : sizeof *to);
+    if (sent < 0) return false;
+  }
+  return true;
+}
+
+/// Has a socket hold a whole frame, whose datagrams the kernel counts at more than their bytes.
+void make_room(int handle, std::size_t frame_size) noexcept {
+  if (frame_size <= wire::kDatagramFrameSizeMax) return;
+  const int size = static_cast<int>(4 * frame_size);
+  if (setsockopt(handle, SOL_SOCKET, SO_RCVBUFFORCE, &size, sizeof size) != 0)
+    setsockopt(handle, SOL_SOCKET, SO_RCVBUF, &size, sizeof size);
 }
 
 void compute_as_asked(const Frame& frame) noexcept {
@@ -119,16 +150,16 @@ void compute_as_asked(const Frame& frame) noexcept {
 
 // ---- serving ------------------------------------------------------------------------------------
 
-void serve_udp(int handle, const rt::WaitConfig& wait) noexcept {
+void serve_udp(int handle, const rt::WaitConfig& wait, std::size_t frame_size) {
   const Receiver receiver(handle, wait, Duration::max());
-  Frame frame{};
+  make_room(handle, frame_size);
+  Frame frame(frame_size);
   sockaddr_in from{};
   for (;;) {
     const ssize_t size = receiver.receive(frame, &from);
-    if (size < 0) continue;
+    if (size < 0 || !receive_datagrams(receiver, frame, size)) continue;
     compute_as_asked(frame);
-    sendto(handle, frame.data(), static_cast<std::size_t>(size), 0,
-           reinterpret_cast<const sockaddr*>(&from), sizeof from);
+    send_datagrams(handle, frame, &from);
   }
 }
 
@@ -138,15 +169,15 @@ bool serve_tcp_frame(int handle, Frame& frame, ssize_t got) noexcept {
   return send(handle, frame.data(), frame.size(), MSG_NOSIGNAL) > 0;
 }
 
-void serve_tcp_one(int handle, const rt::WaitConfig& wait) noexcept {
+void serve_tcp_one(int handle, const rt::WaitConfig& wait, std::size_t frame_size) {
   const Receiver receiver(handle, wait, Duration::max());
-  Frame frame{};
+  Frame frame(frame_size);
   while (serve_tcp_frame(handle, frame, receiver.receive(frame, nullptr))) {
   }
 }
 
-void serve_tcp_many(std::vector<pollfd> connections) noexcept {
-  Frame frame{};
+void serve_tcp_many(std::vector<pollfd> connections, std::size_t frame_size) {
+  Frame frame(frame_size);
   while (poll(connections.data(), connections.size(), -1) > 0) {
     for (pollfd& connection : connections) {
       if (connection.revents == 0) continue;
@@ -157,7 +188,8 @@ void serve_tcp_many(std::vector<pollfd> connections) noexcept {
   }
 }
 
-void serve_tcp(int listener, const FloorLaneConfig& lane) noexcept {
+void serve_tcp(int listener, const FloorLaneConfig& lane) {
+  const std::size_t frame_size = floor_frame_size(Carrier::kTcp, lane.payload_size);
   std::vector<Socket> sockets;
   std::vector<pollfd> connections;
   for (int i = 0; i < lane.connection_count; ++i) {
@@ -166,9 +198,9 @@ void serve_tcp(int listener, const FloorLaneConfig& lane) noexcept {
     connections.push_back({.fd = sockets.back().handle(), .events = POLLIN, .revents = 0});
   }
   if (connections.size() == 1) {
-    serve_tcp_one(connections.front().fd, lane.wait);
+    serve_tcp_one(connections.front().fd, lane.wait, frame_size);
   } else {
-    serve_tcp_many(std::move(connections));
+    serve_tcp_many(std::move(connections), frame_size);
   }
 }
 
@@ -187,7 +219,9 @@ expected<std::uint16_t, std::string> start_lane(Carrier carrier, const FloorLane
   auto thread = rt::Thread::start(
       {.name = lane.name, .priority = lane.priority, .cpus = {lane.cpu}, .realtime = realtime},
       [handle, carrier, lane] {
-        carrier == Carrier::kUdp ? serve_udp(handle, lane.wait) : serve_tcp(handle, lane);
+        carrier == Carrier::kUdp
+            ? serve_udp(handle, lane.wait, floor_frame_size(carrier, lane.payload_size))
+            : serve_tcp(handle, lane);
       });
   if (!thread) return unexpected{thread.error().text};
   static auto& started = *new std::vector<rt::Thread>;
@@ -199,8 +233,12 @@ expected<std::uint16_t, std::string> start_lane(Carrier carrier, const FloorLane
 
 class FloorCaller final : public Caller {
  public:
-  FloorCaller(Carrier carrier, Socket socket, const rt::WaitConfig& wait)
-      : carrier_(carrier), socket_(std::move(socket)), receiver_(socket_.handle(), wait, kTimeout) {
+  FloorCaller(Carrier carrier, Socket socket, const rt::WaitConfig& wait, std::size_t payload_size)
+      : carrier_(carrier),
+        socket_(std::move(socket)),
+        receiver_(socket_.handle(), wait, kTimeout),
+        sent_(floor_frame_size(carrier, payload_size)),
+        received_(sent_.size()) {
     for (std::size_t i = wire::kHeaderSize; i < sent_.size(); ++i) {
       sent_[i] = static_cast<std::byte>(i);
     }
@@ -217,22 +255,25 @@ class FloorCaller final : public Caller {
 
  private:
   expected<void, std::string> exchange() {
-    if (send(socket_.handle(), sent_.data(), sent_.size(), MSG_NOSIGNAL) < 0) {
-      return unexpected{system_text("send")};
-    }
+    if (!send_frame()) return unexpected{system_text("send")};
     const ssize_t got = receiver_.receive(received_, nullptr);
-    if (got < 0 || (carrier_ == Carrier::kTcp && !receive_rest(socket_.handle(), received_, got))) {
-      return unexpected{system_text("receive")};
-    }
+    const bool is_whole = carrier_ == Carrier::kTcp ? receive_rest(socket_.handle(), received_, got)
+                                                    : receive_datagrams(receiver_, received_, got);
+    if (!is_whole) return unexpected{system_text("receive")};
     if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
     return {};
+  }
+
+  [[nodiscard]] bool send_frame() const noexcept {
+    if (carrier_ == Carrier::kUdp) return send_datagrams(socket_.handle(), sent_, nullptr);
+    return send(socket_.handle(), sent_.data(), sent_.size(), MSG_NOSIGNAL) >= 0;
   }
 
   Carrier carrier_;
   Socket socket_;
   Receiver receiver_;
-  Frame sent_{};
-  Frame received_{};
+  Frame sent_;
+  Frame received_;
 };
 
 class FloorPipeline final : public Pipeline {
@@ -262,8 +303,8 @@ class FloorPipeline final : public Pipeline {
  private:
   Socket socket_;
   std::size_t in_flight_;
-  Frame sent_{};
-  Frame received_{};
+  Frame sent_ = Frame(kFloorFrameSize);
+  Frame received_ = Frame(kFloorFrameSize);
 };
 
 expected<Socket, std::string> connect_socket(Carrier carrier, const std::string& host,
@@ -281,6 +322,13 @@ expected<Socket, std::string> connect_socket(Carrier carrier, const std::string&
 }
 
 }  // namespace
+
+std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept {
+  if (carrier != Carrier::kUdp) return wire::kHeaderSize + payload_size;
+  const std::size_t datagram_count = std::max<std::size_t>(
+      1, (payload_size + wire::kDatagramPayloadSizeMax - 1) / wire::kDatagramPayloadSizeMax);
+  return datagram_count * wire::kHeaderSize + payload_size;
+}
 
 void compute_for(Duration duration) noexcept {
   const MonotonicTime end = rt::now() + duration;
@@ -303,10 +351,14 @@ expected<std::vector<std::uint16_t>, std::string> start_floor_server(
 expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(Carrier carrier,
                                                                     const std::string& host,
                                                                     std::uint16_t port,
-                                                                    const rt::WaitConfig& wait) {
+                                                                    const rt::WaitConfig& wait,
+                                                                    std::size_t payload_size) {
   auto socket = connect_socket(carrier, host, port);
   if (!socket) return unexpected{socket.error()};
-  return std::unique_ptr<Caller>(std::make_unique<FloorCaller>(carrier, std::move(*socket), wait));
+  if (carrier == Carrier::kUdp)
+    make_room(socket->handle(), floor_frame_size(carrier, payload_size));
+  return std::unique_ptr<Caller>(
+      std::make_unique<FloorCaller>(carrier, std::move(*socket), wait, payload_size));
 }
 
 expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(const std::string& host,

@@ -19,6 +19,11 @@ namespace rtpm::bench {
 
 inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
 
+/// How many bytes the floor moves for `payload_size` of them: RTPM's header and the payload, and
+/// over UDP a header for each datagram that RTPM would send. The floor sends these one after the
+/// other without any window, acknowledgement or repetition: a lost one ends the measurement.
+[[nodiscard]] std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept;
+
 /// One thread of a raw server with one socket.
 struct FloorLaneConfig {
   std::string name;
@@ -27,6 +32,8 @@ struct FloorLaneConfig {
   int cpu = 0;
   int connection_count = 1;        ///< TCP: how many callers will connect, each once.
   std::string host = "127.0.0.1";  ///< Numeric.
+  /// Of each frame. More than a datagram over UDP: of one caller only.
+  std::size_t payload_size = kPayloadSize;
 };
 
 /// Starts a raw echo server in this process, one thread and one port per lane, which serves until
@@ -35,9 +42,11 @@ struct FloorLaneConfig {
 [[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
 
-/// Connects a raw caller to a lane's port at `host`, which is numeric.   Set-up only.
+/// Connects a raw caller to a lane's port at `host`, which is numeric; its echo() has
+/// `payload_size` bytes brought back, as many as the lane was told.   Set-up only.
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
-    Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait);
+    Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
+    std::size_t payload_size = kPayloadSize);
 
 /// As connect_floor_caller(), over UDP: a pipeline on one socket.   Set-up only.
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(

@@ -174,7 +174,7 @@ void LoadedRun::add_load(Result& result, Side side, std::string_view prefix,
   const std::string name = side == Side::kRtpm ? "RTPM" : "the raw floor";
   const Percentiles values = low.percentiles();
   result.rows.push_back({name + ", " + plan_.people, values});
-  add_percentiles(result.json, begin + "low_", values);
+  add_distribution(result.json, begin + "low_", low);
   result.json.add(begin + "low_n", static_cast<std::int64_t>(low.count()));
   if (plan_.work == Duration{0}) return;
   const double work_us = std::chrono::duration<double, std::micro>(plan_.work).count();

@@ -20,7 +20,8 @@ struct Arguments {
   std::vector<std::string> cases;
   std::vector<std::string> transports{"udp", "tcp", "shm"};
   std::vector<std::string> waits{"adaptive"};
-  std::vector<std::string> low_callers{"0", "1", "4"};
+  std::vector<std::string> payloads{"48"};
+  std::vector<std::string> low_callers{"0", "1", "4", "16"};
   std::vector<std::string> consumers{"1", "4", "16", "64", "256"};
   bool is_json = false;
 };
@@ -36,8 +37,13 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("spin", settings.spin, "how long the adaptive wait spins");
   options.add(
       "samples", settings.sample_count,
-      "calls per side and result; 0: 100000 for call, 2000 for events, 10000 for the others",
+      "calls per side and result; 0: 100000 for call (fewer of large payloads), 2000 for events, "
+      "10000 for the others",
       {0, 100'000'000});
+  options.add("payload", arguments.payloads,
+              "bytes that each call of `call` carries each way: 0, 48, 1Ki, 1Mi or several");
+  options.add("latencies", settings.tells_latencies,
+              "with --json, tell every latency of call, two-node and events");
   options.add("rounds", settings.round_count, "parts of a run, of which the medians are shown",
               {1, 1000});
   options.add("rate", settings.rate_hz, "calls per second of paced, isolation and bulk",
@@ -71,6 +77,21 @@ std::optional<rt::WaitStrategy> wait_of(const std::string& text) {
     if (text == rt::to_string(strategy)) return strategy;
   }
   return std::nullopt;
+}
+
+/// A number of bytes, with Ki or Mi behind it if wanted, of at most 8 MiB.
+std::optional<std::size_t> payload_of(std::string text) {
+  std::size_t unit = 1;
+  if (text.ends_with("Ki")) unit = std::size_t{1} << 10;
+  if (text.ends_with("Mi")) unit = std::size_t{1} << 20;
+  if (unit > 1) text.resize(text.size() - 2);
+  const bool is_number = !text.empty() && text.size() <= 7 &&
+                         std::all_of(text.begin(), text.end(),
+                                     [](char digit) { return digit >= '0' && digit <= '9'; });
+  if (!is_number) return std::nullopt;
+  const std::size_t size = unit * std::stoul(text);
+  if (size > std::size_t{8} << 20) return std::nullopt;
+  return size;
 }
 
 std::optional<int> caller_count_of(const std::string& text) {
@@ -111,6 +132,9 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
   }
   if (const auto wrong = translate(arguments.waits, settings.waits, wait_of)) {
     return "--wait takes adaptive, periodic, block and spin, not '" + *wrong + "'";
+  }
+  if (const auto wrong = translate(arguments.payloads, settings.payload_sizes, payload_of)) {
+    return "--payload takes bytes up to 8Mi, such as 48 or 1Ki, not '" + *wrong + "'";
   }
   if (const auto wrong =
           translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {

@@ -82,6 +82,15 @@ void JsonObject::add(std::string_view key, const std::vector<std::string>& value
   add_raw(key, "[" + list + "]");
 }
 
+void JsonObject::add(std::string_view key, const std::vector<double>& values) {
+  std::string list;
+  for (const double value : values) {
+    list += list.empty() ? "" : ", ";
+    list += std::isfinite(value) ? fixed_text(value, 3) : "null";
+  }
+  add_raw(key, "[" + list + "]");
+}
+
 void JsonObject::add(std::string_view key, const JsonObject& value) {
   add_raw(key, value.text());
 }
@@ -113,6 +122,18 @@ void add_percentiles(JsonObject& json, std::string_view prefix, const Percentile
   json.add(begin + "p999_us", values.p999);
   json.add(begin + "p9999_us", values.p9999);
   json.add(begin + "max_us", values.max);
+}
+
+void add_distribution(JsonObject& json, std::string_view prefix, const Samples& samples) {
+  add_percentiles(json, prefix, samples.percentiles());
+  const std::string begin(prefix);
+  for (const auto& [name, percent] :
+       {std::pair{"p50", 50.0}, {"p90", 90.0}, {"p99", 99.0}, {"p999", 99.9}}) {
+    std::vector<double> values;
+    for (int round = 0; round < samples.round_count(); ++round)
+      values.push_back(samples.round_percentile(round, percent));
+    json.add(begin + "rounds_" + name + "_us", values);
+  }
 }
 
 std::string short_text(double value) {

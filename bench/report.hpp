@@ -21,6 +21,7 @@ class JsonObject {
   /// Three decimals; a number that is none becomes null.
   void add(std::string_view key, double value);
   void add(std::string_view key, const std::vector<std::string>& values);
+  void add(std::string_view key, const std::vector<double>& values);
   void add(std::string_view key, const JsonObject& value);
 
   [[nodiscard]] std::string text() const { return "{" + members_ + "}"; }
@@ -63,6 +64,11 @@ class Report {
 
 /// Adds "<prefix>p50_us" … "<prefix>max_us".
 void add_percentiles(JsonObject& json, std::string_view prefix, const Percentiles& values);
+
+/// As add_percentiles(); and what each round showed by itself, "<prefix>rounds_p50_us" and so on
+/// for p90, p99 and p99.9, from which a comparison of two runs tells how far they are to be
+/// trusted.
+void add_distribution(JsonObject& json, std::string_view prefix, const Samples& samples);
 
 /// A number with three significant places or so: "9.87", "123".
 [[nodiscard]] std::string short_text(double value);

@@ -18,6 +18,8 @@ class EchoServantImpl final : public EchoServant {
     return request;
   }
 
+  rpc::Result<void> nothing(const rpc::CallContext&) override { return {}; }
+
   rpc::Result<void> work(const Work& request, const rpc::CallContext&) override {
     compute_for(std::chrono::microseconds{request.duration_us()});
     return {};
@@ -72,6 +74,19 @@ class RtpmCaller final : public Caller {
  private:
   EchoClient client_;
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
+};
+
+/// Calls with another payload than the usual; nothing in them computes.
+class RtpmPayloadCaller final : public Caller {
+ public:
+  explicit RtpmPayloadCaller(Job job) : job_(std::move(job)) {}
+  expected<void, std::string> echo() override { return job_(); }
+  expected<void, std::string> work(Duration) override {
+    return unexpected{std::string("calls of this payload only echo")};
+  }
+
+ private:
+  Job job_;
 };
 
 class RtpmPipeline final : public Pipeline {
@@ -172,10 +187,27 @@ std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait
 
 expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,
                                                                    const std::string& url,
-                                                                   Priority priority) {
+                                                                   Priority priority,
+                                                                   std::size_t payload_size) {
+  const auto caller_of = [](Job job) {
+    return std::unique_ptr<Caller>(std::make_unique<RtpmPayloadCaller>(std::move(job)));
+  };
+  if (payload_size != 0 && payload_size != kPayloadSize) {
+    auto job = connect_bulk_job(node, url, priority, payload_size);
+    if (!job) return unexpected{job.error()};
+    return caller_of(std::move(*job));
+  }
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
-  return std::unique_ptr<Caller>(std::make_unique<RtpmCaller>(std::move(*client)));
+  if (payload_size == kPayloadSize) {
+    return std::unique_ptr<Caller>(std::make_unique<RtpmCaller>(std::move(*client)));
+  }
+  return caller_of(
+      [held = std::make_shared<EchoClient>(std::move(*client))]() -> expected<void, std::string> {
+        const auto reply = held->nothing();
+        if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+        return {};
+      });
 }
 
 expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,

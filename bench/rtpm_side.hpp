@@ -30,10 +30,12 @@ struct RtpmServerConfig {
 /// The calling side of one program for callers that share a carrier and a wait strategy.
 [[nodiscard]] std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait);
 
-/// Binds the Echo object at `url`; the caller's priority is that of the thread that calls.
-/// Ownership: refers to `node`.   Set-up only.
+/// Binds the Echo object at `url`; the caller's priority is that of the thread that calls. Its
+/// echo() has `payload_size` bytes brought back: 48 as a struct, none as rtpm.Empty, others as a
+/// vector in a table, encoded beforehand.   Ownership: refers to `node`.   Set-up only.
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(
-    rpc::Node& node, const std::string& url, Priority priority);
+    rpc::Node& node, const std::string& url, Priority priority,
+    std::size_t payload_size = kPayloadSize);
 
 /// As connect_rtpm_caller(): a call that has `size` bytes brought back, as one message.
 [[nodiscard]] expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,

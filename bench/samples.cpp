@@ -63,6 +63,16 @@ Percentiles Samples::percentiles() const {
           .max = percentile_of(all, 100)};
 }
 
+std::vector<double> Samples::all_us() const {
+  std::vector<double> values;
+  values.reserve(count());
+  for (const auto& round : rounds_) {
+    for (const Duration latency : round)
+      values.push_back(to_us(latency));
+  }
+  return values;
+}
+
 Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent) {
   std::vector<double> ratios;
   for (int round = 0; round < numerator.round_count(); ++round) {

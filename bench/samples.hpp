@@ -38,6 +38,8 @@ class Samples {
   /// p50 to p99.9 are the medians of the rounds' own; p99.99 and the maximum, for which a round is
   /// too short, are of all samples together.
   [[nodiscard]] Percentiles percentiles() const;
+  /// Every latency in the order in which they were added, in microseconds.
+  [[nodiscard]] std::vector<double> all_us() const;
 
  private:
   std::vector<std::vector<Duration>> rounds_;

@@ -20,11 +20,14 @@ enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 struct Settings {
   std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp};
   std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
-  Duration spin = rt::WaitConfig{}.spin;  ///< How long the adaptive wait spins.
-  std::uint64_t sample_count = 0;         ///< Per contender and result; 0: the case's own.
-  int round_count = 5;                    ///< Of which the medians are reported.
-  double rate_hz = 1000;                  ///< Of callers that keep a pace.
-  std::vector<int> low_caller_counts{0, 1, 4};
+  Duration spin = rt::WaitConfig{}.spin;       ///< How long the adaptive wait spins.
+  std::uint64_t sample_count = 0;              ///< Per contender and result; 0: the case's own.
+  std::vector<std::size_t> payload_sizes{48};  ///< Bytes, of `call`; 48 as in the paper.
+  /// Results tell every latency, not only their distribution.
+  bool tells_latencies = false;
+  int round_count = 5;    ///< Of which the medians are reported.
+  double rate_hz = 1000;  ///< Of callers that keep a pace.
+  std::vector<int> low_caller_counts{0, 1, 4, 16};
   std::vector<int> consumer_counts{1, 4, 16, 64, 256};  ///< Of events.
   Duration work = std::chrono::microseconds{200};       ///< Of one low-priority call.
   std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.

@@ -192,6 +192,7 @@ Result TwoNodeRun::result() const {
   Result result{.title = title_of("two-node", config_) + ", " + short_text(settings_.drop_percent) +
                          " % of the packets dropped each way"};
   add_comparison(result, "two-node", config_, rtpm_samples_, floor_samples_);
+  if (settings_.tells_latencies) add_latencies(result, rtpm_samples_, floor_samples_);
   JsonObject& json = result.json;
   const auto add_count = [&json](std::string_view key, std::uint64_t count) {
     json.add(key, static_cast<std::int64_t>(count));

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <string>
 
 #include "programs.hpp"
@@ -23,6 +24,8 @@ TEST(Bench, RefusesWhatItDoesNotHave) {
   expect_one_sentence(run_program("rtpm-bench", {"walk"}), 2, {"there is no verb 'walk'"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--wait", "sleep"}), 2,
                       {"--wait", "'sleep'"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--payload", "1Gi"}), 2,
+                      {"--payload", "'1Gi'", "8Mi"});
 }
 
 TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
@@ -36,6 +39,31 @@ TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
         R"("p50_us": )", R"("p90_us": )", R"("p99_us": )", R"("p999_us": )", R"("p9999_us": )",
         R"("max_us": )", R"("floor_p50_us": )", R"("ratio_p50": )", R"("environment": {)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, CarriesPayloadsOfEverySize) {
+  const auto end =
+      run_program("rtpm-bench", {"run", "call", "--payload", "0,1Ki,64Ki,1Mi", "--samples", "10",
+                                 "--rounds", "2", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 12) << "four payloads over udp, tcp and shm";
+  for (const std::string_view field : {R"("payload": 0,)", R"("payload": 1024,)",
+                                       R"("payload": 65536,)", R"("payload": 1048576,)"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, TellsEveryLatencyIfAsked) {
+  const auto end =
+      run_program("rtpm-bench", {"run", "call", "--samples", "4", "--rounds", "2", "--transport",
+                                 "udp", "--realtime", "off", "--json", "--latencies"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const std::string_view name : {"latencies_us", "floor_latencies_us"}) {
+    const std::size_t at = end.output.find("\"" + std::string(name) + "\": [");
+    ASSERT_NE(at, std::string::npos) << name;
+    const std::string list = end.output.substr(at, end.output.find(']', at) - at);
+    EXPECT_EQ(std::count(list.begin(), list.end(), ','), 3) << list;
   }
 }
 

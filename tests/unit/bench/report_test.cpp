@@ -34,6 +34,21 @@ TEST(JsonObject, HasNoWordForANumberThatIsNone) {
   EXPECT_EQ(json.text(), R"({"ratio": null})");
 }
 
+TEST(JsonObject, TellsEachRoundOfADistribution) {
+  Samples samples(2, 2);
+  for (int round = 0; round < 2; ++round) {
+    samples.begin_round(round);
+    samples.add(std::chrono::microseconds{1 + round});
+    samples.add(std::chrono::microseconds{5 + round});
+  }
+  JsonObject json;
+  add_distribution(json, "floor_", samples);
+  EXPECT_NE(json.text().find(R"("floor_p50_us": 1.500)"), std::string::npos) << json.text();
+  EXPECT_NE(json.text().find(R"("floor_rounds_p50_us": [1.000, 2.000])"), std::string::npos);
+  EXPECT_NE(json.text().find(R"("floor_rounds_p99_us": [5.000, 6.000])"), std::string::npos);
+  EXPECT_EQ(samples.all_us(), (std::vector<double>{1, 5, 2, 6}));
+}
+
 TEST(Report, PrintsOneJsonObjectALineWithMarksAndEnvironment) {
   JsonObject environment;
   environment.add("kernel", "6.1");
