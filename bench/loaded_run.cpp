@@ -159,6 +159,7 @@ void LoadedRun::add_growth(Result& result, Side side, std::string_view prefix,
     result.json.add(field, growth.median);
     result.json.add(field + "_low", growth.low);
     result.json.add(field + "_high", growth.high);
+    result.json.add(begin + "rounds_loaded_over_idle_" + key, growth.rounds);
     grown += std::string(grown.empty() ? "" : ", ") + short_text(growth.median) + " at " + key;
   }
   if (finding.low.count() == 0) return;

@@ -81,7 +81,9 @@ Ratio ratio_at(const Samples& numerator, const Samples& denominator, double perc
   }
   if (ratios.empty()) return {};
   const auto [low, high] = std::minmax_element(ratios.begin(), ratios.end());
-  return {.median = median_of(ratios), .low = *low, .high = *high};
+  Ratio ratio{.median = median_of(ratios), .low = *low, .high = *high};
+  ratio.rounds = std::move(ratios);
+  return ratio;
 }
 
 double median_of(std::vector<double> values) {

@@ -52,6 +52,7 @@ struct Ratio {
   double median = 0;
   double low = 0;
   double high = 0;
+  std::vector<double> rounds{};  ///< The ratios themselves.
 };
 [[nodiscard]] Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent);
 

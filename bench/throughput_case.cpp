@@ -77,11 +77,13 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
     result.json.add("calls_per_second", rtpm);
     result.json.add("calls_per_second_low", *std::ranges::min_element(rates->rtpm));
     result.json.add("calls_per_second_high", *std::ranges::max_element(rates->rtpm));
+    result.json.add("rounds_calls_per_second", rates->rtpm);
     result.notes.push_back("RTPM makes " + short_text(rtpm / 1000) + " thousand calls a second, " +
                            std::to_string(settings.in_flight) + " at a time.");
     if (has_floor) {
       const double floor = median_of(rates->floor);
       result.json.add("floor_calls_per_second", floor);
+      result.json.add("floor_rounds_calls_per_second", rates->floor);
       result.json.add("ratio", rtpm / floor);
       result.notes.push_back("The raw socket makes " + short_text(floor / 1000) +
                              " thousand: RTPM's are " + short_text(rtpm / floor) + " of these.");

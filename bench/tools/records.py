@@ -1,0 +1,114 @@
+"""What rtpm-bench writes with --json: one object a line, here read back.
+
+A record is a dict as it stands in the file. Two fields may be lists of numbers, one for each round
+of the run: those whose name has `rounds_` in it ("floor_rounds_p50_us" belongs to "floor_p50_us").
+"""
+
+import json
+import math
+import statistics
+
+# What tells one row from another, in the order in which a row is named. All else is measured.
+IDENTITY = (
+    "case", "step", "peer", "transport", "wait", "payload", "rate_hz", "low_callers",
+    "bulk_callers", "work_us", "consumers", "stopped", "slow", "hosts", "in_flight",
+    "drop_percent", "clients",
+)
+
+# How a part of a row's name is said to people; "{}" stands for the value. Others: "name value".
+_WORDS = {
+    "case": "{}", "step": "{}", "peer": "{}", "transport": "{}", "wait": "{}", "payload": "{} B",
+    "rate_hz": "{} Hz", "low_callers": "{} low callers", "bulk_callers": "{} bulk callers",
+    "work_us": "{} us work", "consumers": "{} consumers", "stopped": "{} stopped",
+    "slow": "{} slow", "hosts": "{} hosts", "in_flight": "{} in flight",
+    "drop_percent": "{} % lost", "clients": "{} clients",
+}
+
+
+class Fault(Exception):
+    """Something that a user can mend; its text is one sentence that names it."""
+
+
+def read(path, keep_partial=False):
+    """The records of the file at `path`, in its order.
+
+    `keep_partial`: a last line that an interrupted run left unfinished is left out; else it is a
+    Fault, like a line that is no JSON object, an object without "case", and a file that cannot be
+    read.
+    """
+    try:
+        with open(path, encoding="utf-8") as file:
+            text = file.read()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
+        raise Fault(f"{path} cannot be read: {reason}") from None
+    lines = text.split("\n")
+    records = []
+    for number, line in enumerate(lines, 1):
+        if not line.strip():
+            continue
+        try:
+            record = json.loads(line)
+        except ValueError as error:
+            if keep_partial and number == len(lines):
+                continue
+            raise Fault(f"{path}, line {number}: this is no JSON: {error}") from None
+        if not isinstance(record, dict) or not isinstance(record.get("case"), str):
+            raise Fault(f'{path}, line {number}: this is no result: it has no field "case"')
+        records.append(record)
+    return records
+
+
+def key_of(record):
+    """What the record is a result of, as a tuple of (field, value)."""
+    return tuple((name, record[name]) for name in IDENTITY if name in record)
+
+
+def name_of(key):
+    """A key for people: "call, udp, adaptive, 48 B"."""
+    return ", ".join(_WORDS.get(name, name + " {}").format(_plain(value)) for name, value in key)
+
+
+def _plain(value):
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def by_key(records):
+    """The records by their key, in the order of the first of each; of several, the last."""
+    return {key_of(record): record for record in records}
+
+
+def is_number(value):
+    """Whether `value` is a number that can be computed with."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def rounds_of(record):
+    """What each round showed, by the figure's name: {"p50_us": [6.5, 6.6], "ratio_p50": […], …}.
+
+    The ratio to the floor is computed round by round, because the two took turns in each.
+    """
+    found = {}
+    for name, values in record.items():
+        if "rounds_" not in name or not isinstance(values, list):
+            continue
+        if values and all(is_number(value) for value in values):
+            found[name.replace("rounds_", "", 1)] = values
+    for name, values in list(found.items()):
+        floor = found.get("floor_" + name)
+        if floor and len(floor) == len(values) and min(floor) > 0:
+            ratio = "ratio_" + name.removesuffix("_us")
+            found[ratio] = [value / below for value, below in zip(values, floor)]
+    return found
+
+
+def figure(record, name):
+    """The figure `name` of a record, a number, or None where the record has none.
+
+    A figure that is told only round by round is the median of its rounds.
+    """
+    value = record.get(name)
+    if is_number(value):
+        return float(value)
+    rounds = rounds_of(record).get(name)
+    return statistics.median(rounds) if rounds else None
