@@ -9,7 +9,7 @@
 namespace rtpm::spec {
 namespace {
 
-constexpr std::string_view kPage = "spec/hprotocol.md";
+constexpr std::string_view kPages[] = {"spec/hprotocol.md", "spec/events.md"};
 constexpr std::string_view kExemptions = "spec/exemptions.txt";
 
 /// Where a citation counts.
@@ -42,8 +42,8 @@ struct Page {
 };
 
 Page read_page(std::string_view text) {
-  static const std::regex kRule(R"(^- `\[(hp-[0-9.]+-[0-9]+)\]`)");
-  static const std::regex kSection(R"(\{#(hp-[0-9.]+)\})");
+  static const std::regex kRule(R"(^- `\[((?:hp|ev)-[0-9.]+-[0-9]+)\]`)");
+  static const std::regex kSection(R"(\{#((?:hp|ev)-[0-9.]+)\})");
   Page page;
   bool is_in_rule = false;
   bool is_in_section = false;  // What stands before the first one says what MUST means.
@@ -72,7 +72,7 @@ Page read_page(std::string_view text) {
 /// Calls `take(anchor)` for each anchor in `text`.
 template <class Take>
 void for_each_anchor(const std::string& text, const Take& take) {
-  static const std::regex kAnchor(R"(\bhp-[0-9]+(\.[0-9]+)*(-[0-9]+)?)");
+  static const std::regex kAnchor(R"(\b(hp|ev)-[0-9]+(\.[0-9]+)*(-[0-9]+)?)");
   for (std::sregex_iterator match(text.begin(), text.end(), kAnchor), end; match != end; ++match) {
     take(match->str());
   }
@@ -112,7 +112,9 @@ Citations read_citations(const std::vector<SourceFile>& files, const std::set<st
     const Place place = is_code(file) ? Place::kCode : Place::kTest;
     const std::vector<std::string> lines = tidy::lines_of(file.text);
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      if (lines[i].find("hp-") == std::string::npos) continue;
+      if (lines[i].find("hp-") == std::string::npos && lines[i].find("ev-") == std::string::npos) {
+        continue;
+      }
       for_each_anchor(citing_part(file, lines[i]), [&](const std::string& anchor) {
         if (known.contains(anchor)) {
           citations.anchors[place].insert(anchor);
@@ -133,7 +135,7 @@ struct Exemption {
 };
 
 std::vector<Exemption> read_exemptions(const SourceFile& file, std::vector<Fault>& faults) {
-  static const std::regex kLine(R"(^(hp-[0-9.]+-[0-9]+) (code|test): (\S.*\s\S.*)$)");
+  static const std::regex kLine(R"(^((?:hp|ev)-[0-9.]+-[0-9]+) (code|test): (\S.*\s\S.*)$)");
   std::vector<Exemption> exemptions;
   const std::vector<std::string> lines = tidy::lines_of(file.text);
   for (std::size_t i = 0; i < lines.size(); ++i) {
@@ -168,24 +170,29 @@ std::vector<Rule> rules_of(std::string_view page) {
 
 std::vector<Fault> find_uncovered(const std::vector<SourceFile>& files) {
   std::vector<Fault> faults;
-  const SourceFile& page_file = file_of(files, kPage);
   const SourceFile& exemption_file = file_of(files, kExemptions);
-  const Page page = read_page(page_file.text);
-  check_page(page, page_file, faults);
-
-  std::set<std::string> known = page.sections;
-  for (const Rule& rule : page.rules)
-    known.insert(rule.anchor);
+  std::vector<std::pair<const SourceFile*, Page>> pages;
+  std::set<std::string> known;
+  for (const std::string_view path : kPages) {
+    const SourceFile& file = file_of(files, path);
+    const Page& page = pages.emplace_back(&file, read_page(file.text)).second;
+    check_page(page, file, faults);
+    known.insert(page.sections.begin(), page.sections.end());
+    for (const Rule& rule : page.rules)
+      known.insert(rule.anchor);
+  }
   Citations citations = read_citations(files, known);
   std::ranges::move(citations.faults, std::back_inserter(faults));
 
   // What is missing, taken away as exemptions excuse it.
-  std::map<std::pair<std::string, std::string>, std::size_t> missing;
-  for (const Rule& rule : page.rules) {
-    if (!rule.is_must) continue;
-    for (const Place place : kPlaces) {
-      if (citations.anchors[place].contains(rule.anchor)) continue;
-      missing.insert({{rule.anchor, std::string(to_string(place))}, rule.line_index});
+  std::map<std::pair<std::string, std::string>, std::pair<const SourceFile*, std::size_t>> missing;
+  for (const auto& [file, page] : pages) {
+    for (const Rule& rule : page.rules) {
+      if (!rule.is_must) continue;
+      for (const Place place : kPlaces) {
+        if (citations.anchors[place].contains(rule.anchor)) continue;
+        missing.insert({{rule.anchor, std::string(to_string(place))}, {file, rule.line_index}});
+      }
     }
   }
   for (const Exemption& exemption : read_exemptions(exemption_file, faults)) {
@@ -195,8 +202,8 @@ std::vector<Fault> find_uncovered(const std::vector<SourceFile>& files) {
                           : " is exempt, but the page does not have it";
     faults.push_back(tidy::fault_at(exemption_file, exemption.line_index, exemption.anchor + why));
   }
-  for (const auto& [what, line_index] : missing) {
-    faults.push_back(tidy::fault_at(page_file, line_index,
+  for (const auto& [what, where] : missing) {
+    faults.push_back(tidy::fault_at(*where.first, where.second,
                                     what.first + " is cited in no " + what.second +
                                         "; cite it there, or exempt it in spec/exemptions.txt"));
   }

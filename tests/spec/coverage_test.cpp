@@ -4,7 +4,8 @@
 
 #include <algorithm>
 
-// Each MUST of spec/hprotocol.md has code and a test, and this check itself sees what is planted.
+// Each MUST of spec/hprotocol.md and spec/events.md has code and a test, and this check itself sees
+// what is planted.
 namespace rtpm::spec {
 namespace {
 
@@ -54,6 +55,15 @@ TEST(RuleCoverage, IsComplete) {
   EXPECT_GT(std::ranges::count_if(rules_of(page->text), &Rule::is_must), 20) << "the page is read";
   for (const Fault& fault : find_uncovered(files))
     ADD_FAILURE() << fault;
+}
+
+TEST(RuleCoverage, LooksAtThePageOfEventsToo) {
+  const SourceFile page{"spec/events.md", "## 1 One {#ev-1}\n- `[ev-1-1]` A hub MUST do this.\n"};
+  expect_fault(find_uncovered(planted({page})), "spec/events.md:2", "ev-1-1");
+  const SourceFile code{"registry/events/src/a.cpp", "// ev-1-1: why\n"};
+  const SourceFile test{"tests/unit/events/a_test.cpp", "// ev-1-1\n"};
+  EXPECT_TRUE(find_uncovered(planted({page, code, test})).empty());
+  EXPECT_FALSE(find_uncovered(planted({code})).empty()) << "cites a rule that is not there";
 }
 
 TEST(RuleCoverage, ReadsRulesWithTheirStrength) {

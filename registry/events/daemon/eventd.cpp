@@ -4,11 +4,14 @@
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
+#include "rtpm/events/link.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
+#include "rtpm/names/resolver.hpp"
 #include "rtpm/program/options.hpp"
 #include "rtpm/program/server_options.hpp"
 #include "rtpm/program/stop_signal.hpp"
@@ -24,6 +27,8 @@ struct Configuration {
   std::uint64_t subscriptions_max = 1024;
   std::uint64_t history = 8;
   double quota = 2e6;
+  std::vector<std::string> links{};
+  rtpm::Priority link_priority{};
 };
 
 int fail(const std::string& text) {
@@ -41,10 +46,26 @@ rtpm::events::HubConfig hub_config(const Configuration& configuration) {
   return hub;
 }
 
+rtpm::expected<void, rtpm::rpc::SetupError> link(rtpm::events::Hub& hub, rtpm::rpc::Node& node,
+                                                 const Configuration& configuration) {
+  rtpm::events::LinkConfig link;
+  link.priority = configuration.link_priority;
+  link.realtime = configuration.settings.server.realtime;
+  // So that the other hub's report tells them apart.
+  if (!configuration.name.empty()) link.name = configuration.name;
+  for (const std::string& target : configuration.links) {
+    if (auto linked = hub.link(node, target, link); !linked) return linked;
+  }
+  return {};
+}
+
 int serve(const Configuration& configuration) {
   const rtpm::program::StopSignal stop;
   const auto prepared = rtpm::program::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text);
+  rtpm::rpc::Node node;
+  rtpm::names::RegistryResolver resolver(node, configuration.registry);
+  node.use(resolver);
   auto hub = rtpm::events::Hub::create(hub_config(configuration));
   if (!hub) return fail(hub.error().text);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
@@ -60,13 +81,15 @@ int serve(const Configuration& configuration) {
   if (auto started = (*server)->start(); !started) return fail(started.error().text);
   rtpm::program::show_setup(configuration.settings);
   const std::string url = (*server)->url(rtpm::events::kHubPath);
-  rtpm::rpc::Node node;
   std::unique_ptr<rtpm::names::Registration> name;
   if (!configuration.name.empty()) {
     auto bound = rtpm::names::Registration::create(node, configuration.registry, configuration.name,
                                                    url, "rtpm.events.Hub");
     if (!bound) return fail(bound.error().text);
     name = std::move(*bound);
+  }
+  if (const auto linked = link(**hub, node, configuration); !linked) {
+    return fail(linked.error().text);
   }
   std::printf("events at %s\n", url.c_str());
   std::fflush(stdout);
@@ -94,6 +117,10 @@ int main(int argc, char** argv) {
   options.add("history", configuration.history,
               "Events of each type and source that late joiners may get", {0, 64});
   options.add("quota", configuration.quota, "Events a second that one supplier may push");
+  options.add("link", configuration.links,
+              "Hubs, by name or URL, that are asked for what the consumers here want");
+  options.add("link-priority", configuration.link_priority,
+              "Priority at which events come over the links");
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   return serve(configuration);
 }

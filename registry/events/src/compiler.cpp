@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <bit>
+#include <tuple>
 
 #include "operand.hpp"
 
@@ -30,6 +31,8 @@ std::string_view to_string(Kind kind) noexcept {
       return "once";
     case Kind::kEvery:
       return "every";
+    case Kind::kListed:
+      return "listed";
     case Kind::kSilence:
       break;
   }
@@ -57,6 +60,50 @@ void add_once(std::vector<Interest>& to, const std::vector<Interest>& from) {
     std::erase_if(to, [&](const Interest& other) { return covers(each, other); });
     to.push_back(each);
   }
+}
+
+Interest interest_of(const Match& match) {
+  Interest interest;
+  if (match.type_mask == kWholeNumber) interest.type = match.type;
+  if (match.source_mask == kWholeNumber) interest.source = match.source;
+  return interest;
+}
+
+bool is_decided_by_interest(const Match& match) {
+  const auto is_all_or_nothing = [](std::uint32_t mask) {
+    return mask == 0 || mask == kWholeNumber;
+  };
+  return is_all_or_nothing(match.type_mask) && is_all_or_nothing(match.source_mask) &&
+         match.hops_min == 0;
+}
+
+// How a program finds a match of a list.
+enum class MatchKind : std::uint8_t { kExact, kOfType, kMasked };
+
+MatchKind kind_of(const Match& match) {
+  if (match.type_mask != kWholeNumber) return MatchKind::kMasked;
+  if (match.source_mask == kWholeNumber) return MatchKind::kExact;
+  return match.source_mask == 0 ? MatchKind::kOfType : MatchKind::kMasked;
+}
+
+// As add_once(), for a long list: none that another one covers.
+std::vector<Interest> interests_in(const std::vector<Match>& matches) {
+  std::vector<Interest> all;
+  for (const Match& each : matches)
+    all.push_back(interest_of(each));
+  const auto key = [](const Interest& each) { return std::tuple(each.type, each.source); };
+  std::ranges::sort(all, {}, key);
+  const auto has = [&](const Interest& wanted) {
+    return std::ranges::binary_search(all, key(wanted), {}, key);
+  };
+  if (has({})) return {{}};
+  std::vector<Interest> interests;
+  for (const Interest& each : all) {
+    const bool is_exact = each.type && each.source;
+    const bool is_covered = is_exact && (has({.type = each.type}) || has({.source = each.source}));
+    if (!is_covered && (interests.empty() || interests.back() != each)) interests.push_back(each);
+  }
+  return interests;
 }
 
 bool wants_any_type(const std::vector<Interest>& interests) {
@@ -152,6 +199,8 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
       return Made{.index = add({}), .interests = {{}}, .is_decided_by_interest = true};
     case Kind::kMatch:
       return make_match(filter);
+    case Kind::kListed:
+      return make_listed(filter, place);
     case Kind::kWhere:
       return make_where(filter, place);
     case Kind::kOnce:
@@ -175,15 +224,41 @@ Compiler::Result Compiler::make_match(const Filter& filter) {
                     .type_mask = filter.type_mask,
                     .source = filter.source,
                     .source_mask = filter.source_mask});
-  Interest interest;
-  if (filter.type_mask == kWholeNumber) interest.type = filter.type;
-  if (filter.source_mask == kWholeNumber) interest.source = filter.source;
-  made.interests = {interest};
-  const auto is_all_or_nothing = [](std::uint32_t mask) {
-    return mask == 0 || mask == kWholeNumber;
+  const Match match{filter.type, filter.type_mask, filter.source, filter.source_mask};
+  made.interests = {interest_of(match)};
+  made.is_decided_by_interest = is_decided_by_interest(match);
+  return made;
+}
+
+// What the program looks up in order lies in order: matches of one type and source, matches of one
+// type; whatever is left it goes through.
+Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& place) {
+  if (filter.matches.size() > kMatchCountMax) {
+    return refuse(place, "a list has at most " + std::to_string(kMatchCountMax) + " matches");
+  }
+  std::vector<Match> matches = filter.matches;
+  std::ranges::sort(matches, {}, [](const Match& each) {
+    return std::tuple(kind_of(each), each.type, each.source, each.type_mask, each.source_mask,
+                      each.hops_min);
+  });
+  // Of those that differ in the hops alone the first, which asks for the fewest, says it all.
+  const auto same = std::ranges::unique(matches, {}, [](const Match& each) {
+    return std::tuple(each.type, each.type_mask, each.source, each.source_mask);
+  });
+  matches.erase(same.begin(), same.end());
+  Made made;
+  made.interests = interests_in(matches);
+  made.is_decided_by_interest = std::ranges::all_of(matches, is_decided_by_interest);
+  const auto count_of = [&](MatchKind kind) {
+    return static_cast<std::uint32_t>(std::ranges::count(matches, kind, kind_of));
   };
-  made.is_decided_by_interest =
-      is_all_or_nothing(filter.type_mask) && is_all_or_nothing(filter.source_mask);
+  Program::Node node{.kind = Kind::kListed};
+  node.match_begin = static_cast<std::uint32_t>(program_.matches_.size());
+  node.type_begin = node.match_begin + count_of(MatchKind::kExact);
+  node.mask_begin = node.type_begin + count_of(MatchKind::kOfType);
+  node.match_end = node.mask_begin + count_of(MatchKind::kMasked);
+  program_.matches_.insert(program_.matches_.end(), matches.begin(), matches.end());
+  made.index = add(node);
   return made;
 }
 

@@ -39,6 +39,7 @@ class Compiler {
 
   [[nodiscard]] Result make(const Filter& filter, const std::string& place, std::size_t depth);
   [[nodiscard]] Result make_match(const Filter& filter);
+  [[nodiscard]] Result make_listed(const Filter& filter, const std::string& place);
   [[nodiscard]] Result make_where(const Filter& filter, const std::string& place);
   [[nodiscard]] Result make_timeout(const Filter& filter, const std::string& place);
   [[nodiscard]] Result make_group(const Filter& filter, const std::string& place,

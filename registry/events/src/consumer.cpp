@@ -132,6 +132,7 @@ SubscribeRequestT Consumer::Impl::request() const {
   request.name = config_.name;
   request.filter = entry_of(config_.filter);
   request.delivery = entry_of(config_.delivery);
+  request.linking_hub = config_.linking_hub;
   for (const EventDescriptor* each : config_.types)
     request.types.push_back(entry_of(*each));
   return request;

@@ -35,13 +35,14 @@ bool EventWriter::put(const EventHeader& header, ConstBytes payload) noexcept {
   writer.put(header.hops_left);
   writer.put(static_cast<std::uint8_t>((header.is_replayed ? kFlagReplayed : 0) |
                                        (header.is_continued ? kFlagContinued : 0)));
-  writer.put_zeros(4);
+  writer.put(header.supplier_tag);
   writer.put_bytes(payload);
   writer.put_zeros(span - kEventHeaderSize - payload.size());
   size_ += span;
   return true;
 }
 
+// ev-2-1
 expected<EventView, EventError> EventReader::next() noexcept {
   if (bytes_.empty()) return unexpected{EventError::kEnd};
   ByteReader reader(bytes_);
@@ -58,7 +59,8 @@ expected<EventView, EventError> EventReader::next() noexcept {
   const auto priority = reader.take<std::uint16_t>();
   event.header.hops_left = reader.take<std::uint8_t>();
   const auto flags = reader.take<std::uint8_t>();
-  const bool is_sound = reader.take_zeros(4) && Priority::is_valid(priority) &&
+  event.header.supplier_tag = reader.take<std::uint32_t>();
+  const bool is_sound = reader.ok() && Priority::is_valid(priority) &&
                         (flags & ~(kFlagReplayed | kFlagContinued)) == 0 &&
                         event.header.type != 0 && payload_size <= reader.left();
   if (!is_sound) return unexpected{EventError::kBroken};

@@ -136,6 +136,10 @@ expected<void, OfferError> Exchange::offer(const EventView& event, MonotonicTime
   if (event.header.type == 0 || event.header.type > kEventTypeMax) {
     return unexpected{OfferError::kBadType};
   }
+  return tell(event, now);
+}
+
+expected<void, OfferError> Exchange::tell(const EventView& event, MonotonicTime now) noexcept {
   if (event.payload.size() > store_.payload_size_max()) return unexpected{OfferError::kTooLarge};
   const EventRef held = hold(event);
   if (!held) return unexpected{OfferError::kNoMemory};

@@ -62,9 +62,11 @@ HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
       ring_(std::move(ring)),
       exchange_(config.limits, ring_.get()),
       outlets_(config.limits.subscription_count_max),
-      intake_(config.supplier_count_max, config.quota),
+      intake_(config.supplier_count_max, config.quota, epoch_),
       poller_(std::move(poller)) {
   if (ring_) ring_->count_losses_in(exchange_);
+  for (LinkIntake& each : link_intakes_)
+    each.meter = QuotaMeter(config.quota);
 }
 
 expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
@@ -80,6 +82,7 @@ expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
 }
 
 HubImpl::~HubImpl() {
+  links_.clear();
   is_stopping_.store(true, std::memory_order_release);
   poller_.ring();
   thread_.join();
@@ -99,11 +102,13 @@ void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority)
       auto event = reader.next();
       has_more = event.has_value();
       if (has_more) {
+        // ev-2-2: these are the hub's to say.
         event->header.hub_received = now;
         event->header.hub_sent = {};
         event->header.priority = priority;
         event->header.is_replayed = false;
         event->header.is_continued = false;
+        event->header.supplier_tag = its.tag;
         take(its, *event, now);
       } else if (event.error() == EventError::kBroken) {
         ++its.counters.bad_count;
@@ -228,11 +233,14 @@ void HubImpl::bury_dead() noexcept {
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
     Exchange::Prepared leftover;
     Outlet outlet;
-    const std::lock_guard lock(mutex_);
-    if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
-    if (exchange_.is_broadcast(i)) ring_->end_place(i);
-    leftover = exchange_.unsubscribe(i);
-    std::swap(outlet, outlets_[i]);
+    {
+      const std::lock_guard lock(mutex_);
+      if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
+      if (exchange_.is_broadcast(i)) ring_->end_place(i);
+      leftover = exchange_.unsubscribe(i);
+      std::swap(outlet, outlets_[i]);
+    }
+    forget_wishes(outlet.id);
   }
 }
 

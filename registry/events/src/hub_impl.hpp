@@ -1,7 +1,9 @@
 #pragma once
 
+#include <array>
 #include <atomic>
 #include <cstdint>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <string>
@@ -9,11 +11,14 @@
 
 #include "idl.hpp"
 #include "intake.hpp"
+#include "link.hpp"
 #include "outlet.hpp"
 #include "ring_outlet.hpp"
 #include "rtpm/events/catalog.hpp"
 #include "rtpm/events/exchange.hpp"
 #include "rtpm/events/hub.hpp"
+#include "rtpm/events/repetition_guard.hpp"
+#include "rtpm/events/wishes.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/poller.hpp"
@@ -21,7 +26,7 @@
 namespace rtpm::events {
 
 /// The hub: an exchange behind a lock, served by lanes, with a thread that keeps its timeouts.
-class HubImpl final : public Hub, public HubServant {
+class HubImpl final : public Hub, public HubServant, private LinkHost {
  public:
   /// `ring` may be null.
   HubImpl(const HubConfig& config, transport::Poller poller, std::unique_ptr<RingOutlet> ring);
@@ -35,6 +40,9 @@ class HubImpl final : public Hub, public HubServant {
   std::uint32_t payload_size_max() const noexcept override {
     return exchange_.store().payload_size_max();
   }
+  expected<void, rpc::SetupError> link(rpc::Node& node, const std::string& target,
+                                       const LinkConfig& config) override;
+  std::vector<LinkStatus> links() const override;
   IntakeCounters intake() const noexcept override;
   std::size_t subscription_count() const noexcept override;
 
@@ -52,6 +60,20 @@ class HubImpl final : public Hub, public HubServant {
 
  private:
   using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
+
+  /// What a subscription wants, and for which hub.
+  struct Wishes {
+    std::vector<Match> matches{};
+    std::uint64_t linking_hub = 0;
+  };
+  /// What became of the events of a link.
+  struct LinkIntake {
+    QuotaMeter meter{};
+    std::uint64_t taken_count = 0;
+    std::uint64_t repeated_count = 0;
+    std::uint64_t refused_count = 0;
+    std::uint64_t news_count = 0;
+  };
 
   /// Made before the lock is taken, so that it ends after it.
   class WakeAfter {
@@ -85,6 +107,16 @@ class HubImpl final : public Hub, public HubServant {
   void run() noexcept;
   void bury_dead() noexcept;
 
+  std::uint64_t host_epoch() const noexcept override { return epoch_; }
+  std::vector<Match> wishes_but_of(std::uint64_t peer) const override;
+  void take_linked(std::size_t link, const EventView& event) noexcept override;
+  void announce(std::size_t link, const LinkNews& news) noexcept override;
+  void note_wishes(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub);
+  void change_wishes(std::uint64_t id, std::vector<Match> matches);
+  void forget_wishes(std::uint64_t id);
+  void tell_links();
+  [[nodiscard]] std::vector<std::uint64_t> linking_subscriptions() const;
+
   const std::uint64_t epoch_;
   const std::uint64_t clock_domain_;
 
@@ -97,6 +129,8 @@ class HubImpl final : public Hub, public HubServant {
   std::vector<Outlet> outlets_;  ///< By the subscription's number.
   Intake intake_;
   IntakeCounters intake_counters_{};
+  std::array<LinkIntake, kLinkCountMax> link_intakes_{};
+  std::unique_ptr<RepetitionGuard> guard_{};  ///< Null: no link.
   ItemBuilder builder_{};
   bool has_backlog_ = false;
   bool has_dead_ = false;
@@ -106,6 +140,12 @@ class HubImpl final : public Hub, public HubServant {
   transport::Poller poller_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};
+
+  /// By the subscription's id. Held for short, and never with mutex_.
+  mutable rt::PiMutex wishes_mutex_;
+  std::map<std::uint64_t, Wishes> wishes_{};
+  mutable rt::PiMutex links_mutex_;
+  std::vector<std::unique_ptr<Link>> links_{};  ///< End first.
 };
 
 }  // namespace rtpm::events

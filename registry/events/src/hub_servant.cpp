@@ -19,6 +19,17 @@ SupplierCounts counts_of(const IntakeCounters& counters) noexcept {
           counters.bad_count, counters.no_memory_count};
 }
 
+flatbuffers::Offset<LinkEntry> link_entry_of(flatbuffers::FlatBufferBuilder& builder,
+                                             const LinkStatus& status) {
+  const LinkCounts counts(status.taken_count, status.repeated_count, status.refused_count,
+                          status.losses.total(), status.interruption_count,
+                          status.last_gap.count());
+  const auto reason = status.reason.empty() ? 0 : builder.CreateString(status.reason);
+  return CreateLinkEntry(builder, builder.CreateString(status.target),
+                         static_cast<LinkCondition>(status.state), reason, status.peer_epoch,
+                         static_cast<std::uint32_t>(status.wish_count), &counts);
+}
+
 }  // namespace
 
 HubFacts HubImpl::facts() const noexcept {
@@ -74,15 +85,20 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   if (request.ring() != 0 && !reads_ring) {
     return refuse(items, "The hub's ring is another: ask for it again.");
   }
+  // ev-5.2-5
+  if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
   auto prepared = prepare(*request.filter(), *request.delivery(), request.types(), reads_ring);
   if (!prepared) return refuse(items, prepared.error());
   Outlet outlet;
   outlet.id = rt::random_u64();
+  const std::uint64_t id = outlet.id;
   outlet.name = name_of(request.name());
   outlet.writer = std::move(items);
   outlet.is_welcome_due = true;
   outlet.is_latest_only =
       static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
+  // Before it is there, so that it can't end before.
+  note_wishes(id, wishes_of(*filter_of(*request.filter())), request.linking_hub());
   {
     const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
@@ -98,6 +114,7 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
       return;
     }
   }
+  forget_wishes(id);
   refuse(outlet.writer, "The hub is full: it has as many subscriptions as it takes.");
 }
 
@@ -112,6 +129,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
   const rt::AllowAllocationScope is_allowed;
   std::string refusal;
   auto prepared = prepare(*request.filter(), *request.delivery(), request.types());
+  bool is_changed = false;
   if (prepared) {
     const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
@@ -121,6 +139,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
     if (exchange_.change(*number, *prepared, now)) {
       outlets_[*number].is_latest_only =
           static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
+      is_changed = true;
       pump_ready(now);
       ring_if_needed(now);
     } else {
@@ -128,6 +147,9 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
     }
   } else {
     refusal = std::move(prepared.error());
+  }
+  if (is_changed) {
+    change_wishes(request.subscription(), wishes_of(*filter_of(*request.filter())));
   }
   auto& builder = reply.builder();
   const auto text = refusal.empty() ? 0 : builder.CreateString(refusal);
@@ -191,6 +213,10 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
   std::vector<flatbuffers::Offset<SubscriptionEntry>> subscriptions;
   std::vector<flatbuffers::Offset<SupplierEntry>> suppliers;
   const HubFacts now = facts();
+  std::vector<flatbuffers::Offset<LinkEntry>> links;
+  for (const LinkStatus& each : this->links())
+    links.push_back(link_entry_of(builder, each));
+  const std::vector<std::uint64_t> linking = linking_subscriptions();
   const std::lock_guard lock(mutex_);
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
     const Outlet& outlet = outlets_[i];
@@ -198,10 +224,10 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
     const SubscriptionCounters counters = exchange_.counters(i);
     const LossCounts losses = events::counts_of(counters.losses);
     const auto waiting = static_cast<std::uint32_t>(exchange_.queue(i).size());
-    subscriptions.push_back(
-        CreateSubscriptionEntry(builder, builder.CreateString(outlet.name), counters.accepted_count,
-                                counters.omitted_count, counters.delivered_count, waiting, &losses,
-                                outlet.is_suspended, exchange_.is_broadcast(i)));
+    subscriptions.push_back(CreateSubscriptionEntry(
+        builder, builder.CreateString(outlet.name), counters.accepted_count, counters.omitted_count,
+        counters.delivered_count, waiting, &losses, outlet.is_suspended, exchange_.is_broadcast(i),
+        std::ranges::find(linking, outlet.id) != linking.end()));
   }
   for (const Intake::Supplier& each : intake_.suppliers()) {
     if (each.id == 0) continue;
@@ -209,7 +235,7 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
     suppliers.push_back(CreateSupplierEntry(builder, builder.CreateString(each.name), &counts));
   }
   reply.finish(CreateReportReply(builder, &now, builder.CreateVector(subscriptions),
-                                 builder.CreateVector(suppliers)));
+                                 builder.CreateVector(suppliers), builder.CreateVector(links)));
   return {};
 }
 

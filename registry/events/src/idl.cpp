@@ -21,7 +21,7 @@ Number number_of(const Scalar& scalar) {
   return {scalar.integer, scalar.natural, scalar.real, static_cast<NumberKind>(scalar.kind)};
 }
 
-constexpr auto kLastKind = NodeKind::Silence;
+constexpr auto kLastKind = NodeKind::Listed;
 constexpr auto kLastComparison = Comparison::kHasAnyBit;
 constexpr auto kLastPolicy = QueuePolicy::kDisconnect;
 
@@ -42,6 +42,13 @@ std::optional<Filter> filter_of(const FilterNode& node, std::size_t& budget) {
   filter.operand = scalar_of(node.operand());
   filter.span = Duration{node.span_ns()};
   filter.tag = node.tag();
+  if (node.matches() != nullptr) {
+    if (node.matches()->size() > kMatchCountMax) return std::nullopt;
+    for (const MatchEntry* each : *node.matches()) {
+      filter.matches.push_back(
+          {each->type(), each->type_mask(), each->source(), each->source_mask(), each->hops_min()});
+    }
+  }
   if (node.children() == nullptr) return filter;
   for (const FilterNode* child : *node.children()) {
     auto made = filter_of(*child, budget);
@@ -71,6 +78,10 @@ std::unique_ptr<FilterNodeT> entry_of(const Filter& filter) {
   node->operand = std::make_unique<Number>(number_of(filter.operand));
   node->span_ns = filter.span.count();
   node->tag = filter.tag;
+  for (const Match& each : filter.matches) {
+    node->matches.emplace_back(each.type, each.type_mask, each.source, each.source_mask,
+                               each.hops_min);
+  }
   for (const Filter& child : filter.children)
     node->children.push_back(entry_of(child));
   return node;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -16,13 +17,14 @@ class Intake {
   /// A supplier; id 0: the place is free.
   struct Supplier {
     std::uint64_t id = 0;
+    std::uint32_t tag = 0;  ///< Of its events, in this life of the hub.
     std::string name{};
     QuotaMeter meter{};
     IntakeCounters counters{};
     MonotonicTime last_heard{};
   };
-  Intake(std::uint32_t supplier_count_max, const Quota& quota)
-      : quota_(quota), suppliers_(std::max(supplier_count_max, 1U)) {}
+  Intake(std::uint32_t supplier_count_max, const Quota& quota, std::uint64_t epoch)
+      : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
   /// The supplier with this id, which is new if nobody has heard of it: then it takes the place of
   /// the one that was silent longest, if none is free.   RT: alloc-free.
@@ -36,16 +38,29 @@ class Intake {
       if (each.last_heard < oldest->last_heard) oldest = &each;
     }
     oldest->id = id;
+    oldest->tag = tag_of(id);
     oldest->name.clear();
     oldest->meter = QuotaMeter(quota_);
     oldest->counters = {};
     oldest->last_heard = now;
     return *oldest;
   }
+  /// Whether events with this tag are of one of these suppliers.   RT: alloc-free.
+  [[nodiscard]] bool has_tag(std::uint32_t tag) const noexcept {
+    return tag != 0 && std::ranges::find(suppliers_, tag, &Supplier::tag) != suppliers_.end();
+  }
   [[nodiscard]] const std::vector<Supplier>& suppliers() const noexcept { return suppliers_; }
 
  private:
+  // ev-5.1-1: hubs that never heard of each other give different tags, but for one pair in 2^32.
+  [[nodiscard]] std::uint32_t tag_of(std::uint64_t id) const noexcept {
+    std::uint64_t mixed = (epoch_ ^ id) * 0xff51'afd7'ed55'8ccdULL;
+    mixed = (mixed ^ mixed >> 33 ^ epoch_) * 0xc4ce'b9fe'1a85'ec53ULL;
+    return std::max(static_cast<std::uint32_t>(mixed >> 32), 1U);
+  }
+
   Quota quota_;
+  std::uint64_t epoch_;
   std::vector<Supplier> suppliers_;
 };
 

@@ -67,6 +67,30 @@ bool Program::is_match(const Node& node, const EventHeader& header) noexcept {
          ((header.source ^ node.source) & node.source_mask) == 0;
 }
 
+// ev-5.2-4: each match with its own hops.
+bool Program::is_listed(const Node& node, const EventHeader& header) const noexcept {
+  const auto begin = matches_.begin();
+  const auto has_hops = [&](const Match& each) { return header.hops_left >= each.hops_min; };
+  const auto types = begin + node.type_begin;
+  const auto exact = std::lower_bound(
+      begin + node.match_begin, types, header, [](const Match& each, const EventHeader& wanted) {
+        return each.type != wanted.type ? each.type < wanted.type : each.source < wanted.source;
+      });
+  if (exact != types && exact->type == header.type && exact->source == header.source &&
+      has_hops(*exact)) {
+    return true;
+  }
+  const auto masks = begin + node.mask_begin;
+  const auto of_type =
+      std::lower_bound(types, masks, header.type,
+                       [](const Match& each, EventType wanted) { return each.type < wanted; });
+  if (of_type != masks && of_type->type == header.type && has_hops(*of_type)) return true;
+  return std::any_of(masks, begin + node.match_end, [&](const Match& each) {
+    return ((header.type ^ each.type) & each.type_mask) == 0 &&
+           ((header.source ^ each.source) & each.source_mask) == 0 && has_hops(each);
+  });
+}
+
 bool Program::is_where(const Node& node, const EventHeader& header, ConstBytes payload) noexcept {
   if (header.type != node.type || header.schema_id != node.schema_id) return false;
   const auto value = read_scalar(payload, node.path, node.field_type,
@@ -85,6 +109,9 @@ bool Program::accepts(const EventHeader& header, ConstBytes payload) const noexc
         break;
       case Filter::Kind::kMatch:
         is_accepted = is_match(node, header);
+        break;
+      case Filter::Kind::kListed:
+        is_accepted = is_listed(node, header);
         break;
       case Filter::Kind::kWhere:
         is_accepted = is_where(node, header, payload);
@@ -120,6 +147,9 @@ Program::Bits Program::judge(const EventRef& event, std::optional<std::size_t> t
         break;
       case Filter::Kind::kMatch:
         is_accepted = !timer && is_match(node, view.header);
+        break;
+      case Filter::Kind::kListed:
+        is_accepted = !timer && is_listed(node, view.header);
         break;
       case Filter::Kind::kWhere:
         is_accepted = !timer && is_where(node, view.header, view.payload);

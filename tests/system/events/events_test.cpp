@@ -35,8 +35,8 @@ class Events : public testing::TestWithParam<const char*> {
                                         registry_->url, "--realtime", "off"});
   }
   /// A consumer that has got its first event.
-  [[nodiscard]] test::Process start_consumer() const {
-    test::Process consumer({path_of("events-peer"), "consume", registry_->url, kHub, GetParam()});
+  [[nodiscard]] test::Process start_consumer(const std::string& hub = kHub) const {
+    test::Process consumer({path_of("events-peer"), "consume", registry_->url, hub, GetParam()});
     EXPECT_TRUE(consumer.wait_for_output("event ", kPatience))
         << consumer.output() << consumer.errors();
     return consumer;
@@ -131,6 +131,56 @@ TEST_P(Events, KilledSupplierIsReplaced) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Deliveries, Events, testing::Values("stream", "ring"),
+                         [](const auto& each) { return std::string(each.param); });
+
+/// A second hub that asks the first, which has the supplier, for what its own consumers want.
+class LinkedEvents : public Events {
+ protected:
+  void SetUp() override {
+    Events::SetUp();
+    linked_ =
+        start_daemon("rtpm-eventd", {"--port", "0", "--registry", registry_->url, "--realtime",
+                                     "off", "--name", kLinkedName, "--link", kHub});
+    ASSERT_TRUE(linked_);
+  }
+  static inline const std::string kLinkedName = "rtpm/linked-events";
+  std::optional<Daemon> linked_{};
+};
+
+// ev-5.4-1
+TEST_P(LinkedEvents, StoppedHubThatAsksCostsNobodyAnEventAndComesBack) {
+  test::Process behind_link = start_consumer(kLinkedName);
+  test::Process local = start_consumer();
+  linked_->process.send_signal(SIGSTOP);
+  expect_events(local, 4000);
+  expect_no_gap(local);
+  linked_->process.send_signal(SIGCONT);
+  expect_events(behind_link, 10);
+}
+
+// ev-5.4-1
+TEST_P(LinkedEvents, StoppedHubThatIsAskedCostsTheOthersConsumersNothing) {
+  test::Process supplier({path_of("events-peer"), "supply", registry_->url, kLinkedName});
+  ASSERT_TRUE(supplier.wait_for_output("supplying\n", kPatience)) << supplier.errors();
+  supplier_->send_signal(SIGKILL);
+  EXPECT_TRUE(supplier_->wait(kPatience));
+  test::Process local = start_consumer(kLinkedName);
+  hub_->process.send_signal(SIGSTOP);
+  expect_events(local, 4000);
+  hub_->process.send_signal(SIGCONT);
+}
+
+TEST_P(LinkedEvents, KilledHubIsReplacedAndTheLinkIsMadeAnew) {
+  test::Process behind_link = start_consumer(kLinkedName);
+  const std::uint16_t port = hub_->port();
+  hub_->process.send_signal(SIGKILL);
+  EXPECT_TRUE(hub_->process.wait(kPatience));
+  hub_ = start_hub(port);
+  ASSERT_TRUE(hub_);
+  expect_events(behind_link, 20);
+}
+
+INSTANTIATE_TEST_SUITE_P(Deliveries, LinkedEvents, testing::Values("ring"),
                          [](const auto& each) { return std::string(each.param); });
 
 TEST(EventsDaemon, SaysWhatIsWrongInOneSentence) {

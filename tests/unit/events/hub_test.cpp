@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <array>
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
@@ -125,6 +126,34 @@ TEST_F(HubTest, SupplierInTheHubsProgramNeedsNoCall) {
   push(**supplier, kPose, 0, {.step = 3});
   ASSERT_TRUE(recorder_.await_deliveries(1));
   EXPECT_EQ(recorder_.text(), "5.0#2");
+}
+
+// ev-2-2
+TEST_F(HubTest, WritesItselfWhatNoSupplierMaySay) {
+  const auto consumer = make_consumer(node_, hub_, recorder_, everything());
+  alignas(16) std::array<std::byte, 3 * kEventHeaderSize> memory{};
+  EventWriter writer(memory);
+  ASSERT_TRUE(writer.put({.type = kTimeoutType}, {}));
+  ASSERT_TRUE(writer.put({.type = kLinkType}, {}));
+  ASSERT_TRUE(writer.put({.type = kPose,
+                          .hub_received = at(1),
+                          .hub_sent = at(1),
+                          .priority = 9,
+                          .is_replayed = true,
+                          .is_continued = true,
+                          .supplier_tag = 77},
+                         {}));
+  const MonotonicTime before = rt::now();
+  hub_.hub().push(1, writer.bytes(), 5);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.0#0");
+  const EventHeader& header = recorder_.last_header_;
+  EXPECT_GE(header.hub_received, before);
+  EXPECT_GE(header.hub_sent, before);
+  EXPECT_EQ(header.priority, Priority(5));
+  EXPECT_FALSE(header.is_continued);
+  EXPECT_NE(header.supplier_tag, 77U);
+  EXPECT_EQ(hub_.hub().intake().bad_count, 2U);
 }
 
 TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {

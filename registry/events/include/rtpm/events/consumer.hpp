@@ -65,6 +65,8 @@ struct ConsumerConfig {
   /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
   /// stream of its own.
   bool shared_ring = true;
+  /// The epoch of the hub that hands on what comes; 0: it is no hub's. A hub's link sets it.
+  std::uint64_t linking_hub = 0;
   Duration deadline = std::chrono::seconds{1};  ///< Of create(), and of each try to come back.
 };
 

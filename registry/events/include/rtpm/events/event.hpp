@@ -19,6 +19,9 @@ using EventType = std::uint32_t;
 inline constexpr EventType kEventTypeMax = 0x7fff'ffff;
 /// The type of what a filter's timeout delivers; its source is the timeout's tag.
 inline constexpr EventType kTimeoutType = 0x8000'0001;
+/// The type of what a hub tells of its links (rtpm/events/link.hpp); its source is the link's
+/// number.
+inline constexpr EventType kLinkType = 0x8000'0002;
 
 /// Which of the suppliers of a type it is from, any number: "arm 0". There is no number for "any":
 /// that is a filter's mask.
@@ -42,6 +45,8 @@ struct EventHeader {
   bool is_replayed = false;                 ///< It is older than the subscription.
   /// It and the event behind it came together: a conjunction was complete.
   bool is_continued = false;
+  /// Tells suppliers apart where hubs are linked. The first hub sets it; 0: no hub had it yet.
+  std::uint32_t supplier_tag = 0;
   friend bool operator==(const EventHeader&, const EventHeader&) = default;
 };
 

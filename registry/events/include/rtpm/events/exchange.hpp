@@ -103,6 +103,9 @@ class Exchange {
   /// Takes an event, whose header says when it was received, and queues it for all that want it.
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
+  /// Takes what the hub itself tells: an event whose type is above kEventTypeMax.
+  /// Errors: as offer().
+  [[nodiscard]] expected<void, OfferError> tell(const EventView& event, MonotonicTime now) noexcept;
   /// Lets the timeouts act that are due.
   void on_time(MonotonicTime now) noexcept;
   /// When on_time() has something to do; kNever: not until another call. Linear in the number of

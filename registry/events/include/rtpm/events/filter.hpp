@@ -22,6 +22,17 @@ enum class Comparison : std::uint8_t {
   kHasAnyBit,  ///< Of an integer: one of the operand's bits is set.
 };
 
+/// Events whose type and source agree with these in the bits of the masks.
+struct Match {
+  EventType type = 0;
+  std::uint32_t type_mask = 0;
+  SourceId source = 0;
+  std::uint32_t source_mask = 0;
+  /// Only those that as many further hubs may send on.
+  std::uint8_t hops_min = 0;
+  friend bool operator==(const Match&, const Match&) = default;
+};
+
 /// Which events a subscription wants: a tree, made with the functions below, compiled when
 /// subscribing. What each kind means is a promise; tests/unit/events/filter_table_test.cpp has a
 /// case for each sentence.
@@ -41,6 +52,7 @@ struct Filter {
     kOnce,       ///< Timeout: once, a time after the subscription.
     kEvery,      ///< Timeout: again and again, without drift.
     kSilence,    ///< Timeout: when the group around it has delivered nothing for a time.
+    kListed,     ///< Accepts by type and source what one of a list does.
   };
   Kind kind = Kind::kNull;
   /// kMatch: an event's type and source agree with these in the bits of the masks. kWhere: the type
@@ -56,6 +68,7 @@ struct Filter {
   Duration span{};
   std::uint32_t tag = 0;  ///< Of a timeout: tells it from others; its events have it as source.
   std::vector<Filter> children{};
+  std::vector<Match> matches{};  ///< kListed: at most kMatchCountMax.
 };
 
 inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all bits.
@@ -84,6 +97,11 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .type_mask = type_mask,
           .source = source,
           .source_mask = source_mask};
+}
+/// What one of `matches` accepts; of no match: nothing. For many types and sources at once: it
+/// counts as one node, and an event is judged in logarithmic time where masks are whole or 0.
+[[nodiscard]] inline Filter listed(std::vector<Match> matches) {
+  return {.kind = Filter::Kind::kListed, .matches = std::move(matches)};
 }
 /// What one of `children` accepts.
 [[nodiscard]] inline Filter any_of(std::vector<Filter> children) {

@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
@@ -11,6 +12,7 @@
 #include "rtpm/events/exchange.hpp"
 #include "rtpm/events/quota.hpp"
 #include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -37,6 +39,9 @@ struct IntakeCounters {
   std::uint64_t bad_count = 0;        ///< No event, or of no type.
   std::uint64_t no_memory_count = 0;  ///< The hub is too small for what its consumers hold.
 };
+
+struct LinkConfig;
+struct LinkStatus;
 
 /// A hub of events, as an object for any server: rtpm-eventd's, or one in the supplier's own
 /// program. Suppliers' events are matched in the lane that receives them, at their priority; each
@@ -73,6 +78,18 @@ class Hub {
   virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
   /// Tells of a type. Set-up only.   Errors: as TypeCatalog::add().
   [[nodiscard]] virtual expected<void, std::string> add_type(const EventDescriptor& descriptor) = 0;
+
+  /// Links the hub to the one at `target`, a URL or a name: from now on it asks that one for what
+  /// its own consumers want, and nothing else, and hands it on to them. For both directions link
+  /// both hubs. Returns at once; the link is there when the other hub is, through all its lives,
+  /// and ends with this hub. Neither hub waits for the other. `node` must outlive the hub. Set-up
+  /// only.   Errors: more links than kLinkCountMax; a thread that can't be started. Source:
+  /// spec/events.md#ev-5.
+  [[nodiscard]] virtual expected<void, rpc::SetupError> link(rpc::Node& node,
+                                                             const std::string& target,
+                                                             const LinkConfig& config) = 0;
+  /// How each link fares, in the order in which they were made. Set-up only.
+  [[nodiscard]] virtual std::vector<LinkStatus> links() const = 0;
 
   /// Of an event, in bytes.
   [[nodiscard]] virtual std::uint32_t payload_size_max() const noexcept = 0;

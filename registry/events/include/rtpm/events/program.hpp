@@ -15,8 +15,9 @@ namespace rtpm::events {
 /// What a filter may be at most.
 inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nodes in each other, the root included.
 inline constexpr std::size_t kFilterNodeCountMax = 64;
-inline constexpr std::size_t kGroupSizeMax = 32;  ///< Events that a filter delivers together.
-inline constexpr std::size_t kInterestCountMax = 64;
+inline constexpr std::size_t kGroupSizeMax = 32;      ///< Events that a filter delivers together.
+inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
+inline constexpr std::size_t kMatchCountMax = 1024;   ///< Of a list.
 /// No timeout comes more often, none waits longer.
 inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
 inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
@@ -128,6 +129,12 @@ class Program {
     Bits children = 0;
     std::int64_t skew_ns = 0;
     std::uint32_t kept_begin = 0;  ///< kCorrelate: its children's places in kept_.
+    /// kListed: its matches' places in matches_: first those of one type and source, then those of
+    /// one type, both in order; then the others.
+    std::uint32_t match_begin = 0;
+    std::uint32_t type_begin = 0;
+    std::uint32_t mask_begin = 0;
+    std::uint32_t match_end = 0;
   };
   struct Timer {
     Filter::Kind kind = Filter::Kind::kOnce;
@@ -146,6 +153,7 @@ class Program {
   };
 
   [[nodiscard]] static bool is_match(const Node& node, const EventHeader& header) noexcept;
+  [[nodiscard]] bool is_listed(const Node& node, const EventHeader& header) const noexcept;
   [[nodiscard]] static bool is_where(const Node& node, const EventHeader& header,
                                      ConstBytes payload) noexcept;
   [[nodiscard]] Bits judge(const EventRef& event, std::optional<std::size_t> timer) noexcept;
@@ -161,6 +169,7 @@ class Program {
   // What every event needs, first.
   std::vector<Node> nodes_{};
   bool is_stateless_ = true;
+  std::vector<Match> matches_{};
   std::vector<Timer> timers_{};
   std::vector<Kept> kept_{};
   std::vector<Interest> interests_{};

@@ -1,0 +1,372 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <vector>
+
+#include "rtpm/events/link.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "served_hub.hpp"
+
+// Hubs that are linked (ev-5).
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+template <class Condition>
+[[nodiscard]] bool await(Condition is_so) {
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (!is_so() && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  return is_so();
+}
+
+class HubLinks : public testing::Test {
+ protected:
+  /// `hub` asks `other` from now on.
+  void link(ServedHub& hub, const ServedHub& other, bool shared_ring = false) {
+    const auto linked = hub.hub().link(node_, other.url(),
+                                       {.realtime = rt::RealtimeMode::kOff,
+                                        .shared_ring = shared_ring,
+                                        .deadline = kPatience,
+                                        .attend_interval = 20ms});
+    ASSERT_TRUE(linked) << linked.error().text;
+  }
+  /// Waits until the link asks for so many types and sources.
+  static void await_wishes(ServedHub& hub, std::size_t count, std::size_t number = 0) {
+    EXPECT_TRUE(await([&] {
+      const LinkStatus status = hub.hub().links().at(number);
+      return status.state == LinkState::kLinked && status.wish_count == count;
+    })) << hub.hub().links().at(number).reason;
+  }
+  [[nodiscard]] std::unique_ptr<Supplier> supply(const ServedHub& hub, std::uint8_t hops) {
+    auto supplier = Supplier::create(node_, hub.url(),
+                                     {.types = {&kPoseDescriptor},
+                                      .hops = hops,
+                                      .transport = rpc::Transport::kSharedMemory,
+                                      .deadline = kPatience});
+    EXPECT_TRUE(supplier) << supplier.error().text;
+    return std::move(*supplier);
+  }
+
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+class HubLinkBy : public HubLinks, public testing::WithParamInterface<bool> {};
+
+// ev-5.1-2, ev-5.2-1
+TEST_P(HubLinkBy, BringsWhatAConsumerWantsAndNothingElse) {
+  ServedHub far;
+  ServedHub near;
+  link(near, far, GetParam());
+  const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose, 1));
+  await_wishes(near, 1);
+  const auto supplier = supply(far, 1);
+  push(*supplier, kButton);
+  push(*supplier, kPose, 2);
+  push(*supplier, kPose, 1, {.x = 2.5});
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.1#1");
+  EXPECT_EQ(recorder_.last_payload_.size(), sizeof(PosePayload));
+  EXPECT_EQ(recorder_.last_header_.hops_left, 0);
+  EXPECT_LE(recorder_.last_header_.origin, recorder_.last_header_.hub_received);
+  EXPECT_EQ(near.hub().links()[0].taken_count, 1U);
+  EXPECT_EQ(near.hub().links()[0].repeated_count, 0U);
+  EXPECT_EQ(near.hub().links()[0].refused_count, 0U) << "the others did not even come";
+}
+INSTANTIATE_TEST_SUITE_P(Ways, HubLinkBy, testing::Bool(), [](const auto& each) {
+  return std::string(each.param ? "ring" : "stream");
+});
+
+// ev-5.2-1
+TEST_F(HubLinks, AskForWhatIsWantedByNow) {
+  ServedHub far;
+  ServedHub near;
+  link(near, far);
+  await_wishes(near, 0);
+  const auto supplier = supply(far, 1);
+  push(*supplier, kPose);
+  const auto poses = make_consumer(node_, near, recorder_, of_type(kPose));
+  await_wishes(near, 1);
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  {
+    Recorder others;
+    const auto two = make_consumer(node_, near, others, any_of({of_type(kButton), of_type(kGaze)}));
+    await_wishes(near, 3);
+    push(*supplier, kGaze);
+    ASSERT_TRUE(others.await_deliveries(1));
+  }
+  await_wishes(near, 1);
+  push(*supplier, kGaze);
+  ASSERT_TRUE(poses->change(of_type(kButton), {}));
+  EXPECT_TRUE(await([&] {
+    push(*supplier, kButton);
+    return recorder_.text().ends_with("6.0#1") || recorder_.text().find("6.0") != std::string::npos;
+  }));
+  EXPECT_TRUE(recorder_.text().starts_with("5.0#2 6.0#")) << recorder_.text();
+}
+
+// ev-5.1-2
+TEST_F(HubLinks, EventsGoAsFarAsTheirSupplierAllows) {
+  ServedHub first;
+  ServedHub second;
+  ServedHub third;
+  link(second, first);
+  link(third, second);
+  Recorder at_second;
+  const auto near = make_consumer(node_, second, at_second, of_type(kPose));
+  const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
+  await_wishes(third, 1);
+  await_wishes(second, 1);
+  const auto stays = supply(first, 0);
+  const auto goes_one = supply(first, 1);
+  const auto goes_two = supply(first, 2);
+  push(*stays, kPose, 0);
+  push(*goes_one, kPose, 1);
+  push(*goes_two, kPose, 2);
+  ASSERT_TRUE(at_second.await_deliveries(2));
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(at_second.text(), "5.1#1 5.2#1");
+  EXPECT_EQ(recorder_.text(), "5.2#1");
+  EXPECT_EQ(third.hub().links()[0].taken_count, 1U);
+}
+
+// ev-5.2-2 and ev-5.2-4
+TEST_F(HubLinks, WhoWantsItTwoHubsOnIsAskedForAndReached) {
+  ServedHub first;
+  ServedHub second;
+  ServedHub third;
+  link(second, first);
+  link(third, second);
+  const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
+  await_wishes(second, 1);
+  const auto goes_one = supply(first, 1);
+  const auto goes_two = supply(first, 2);
+  push(*goes_one, kPose);
+  push(*goes_two, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  // What can't come as far as it is wanted does not even cross the first link.
+  EXPECT_EQ(second.hub().links()[0].taken_count, 1U);
+}
+
+// ev-5.3-1 and ev-5.3-2; in the end ev-5.2-3
+TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
+  std::vector<std::unique_ptr<ServedHub>> hubs;
+  std::vector<std::unique_ptr<Recorder>> recorders;
+  std::vector<std::unique_ptr<Consumer>> consumers;
+  for (int i = 0; i < 3; ++i) {
+    hubs.push_back(std::make_unique<ServedHub>());
+    recorders.push_back(std::make_unique<Recorder>());
+  }
+  // Each asks both others: a ring in both directions.
+  for (std::size_t i = 0; i < 3; ++i) {
+    link(*hubs[i], *hubs[(i + 1) % 3]);
+    link(*hubs[i], *hubs[(i + 2) % 3]);
+    consumers.push_back(make_consumer(node_, *hubs[i], *recorders[i],
+                                      any_of({of_type(kPose), of_type(kButton)}),
+                                      {.queue_capacity = 1000}));
+  }
+  for (const auto& each : hubs) {
+    for (const std::size_t number : {0U, 1U})
+      await_wishes(*each, 2, number);
+  }
+  const auto supplier = supply(*hubs[0], 8);
+  const auto other = supply(*hubs[1], 8);
+  constexpr std::size_t kCount = 50;
+  for (std::size_t i = 0; i < kCount; ++i) {
+    push(*supplier, kPose);
+    push(*other, kPose);
+  }
+  // What comes last comes after all repetitions, however they went.
+  for (const auto& each : recorders)
+    ASSERT_TRUE(each->await_deliveries(2 * kCount));
+  const auto repeated = [&] {
+    std::uint64_t count = 0;
+    for (const auto& each : hubs) {
+      for (const LinkStatus& link : each->hub().links())
+        count += link.repeated_count;
+    }
+    return count;
+  };
+  EXPECT_TRUE(await([&] { return repeated() > 0; }));
+  push(*supplier, kButton);
+  for (const auto& each : recorders) {
+    ASSERT_TRUE(each->await([](const Recorder& it) { return it.deliveries_.back() == "6.0#1"; }));
+    EXPECT_EQ(each->deliveries_.size(), 2 * kCount + 1);
+  }
+  // ev-5.2-2: what nobody wants any more is not asked for in circles for ever.
+  consumers.clear();
+  for (const auto& each : hubs) {
+    for (const std::size_t number : {0U, 1U})
+      await_wishes(*each, 0, number);
+  }
+}
+
+// ev-5.3-2
+TEST_F(HubLinks, ByTwoWaysAnEventComesOnce) {
+  ServedHub source;
+  ServedHub left;
+  ServedHub right;
+  ServedHub sink;
+  link(left, source);
+  link(right, source);
+  link(sink, left);
+  link(sink, right);
+  const auto consumer =
+      make_consumer(node_, sink, recorder_, everything(), {.queue_capacity = 1000});
+  for (ServedHub* each : {&sink, &left, &right})
+    await_wishes(*each, 1);
+  await_wishes(sink, 1, 1);
+  const auto supplier = supply(source, 2);
+  constexpr std::size_t kCount = 100;
+  for (std::size_t i = 1; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    ASSERT_TRUE(await([&] {
+      const auto links = sink.hub().links();
+      return links[0].taken_count + links[0].repeated_count == i &&
+             links[1].taken_count + links[1].repeated_count == i;
+    }));
+  }
+  ASSERT_TRUE(recorder_.await_deliveries(kCount));
+  const auto links = sink.hub().links();
+  EXPECT_EQ(links[0].taken_count + links[1].taken_count, kCount);
+  EXPECT_EQ(links[0].repeated_count + links[1].repeated_count, kCount);
+  EXPECT_EQ(recorder_.last_header_.sequence, kCount);
+}
+
+// ev-5.3-3
+TEST_F(HubLinks, AnEventWithoutSequenceCrossesOneLinkAlone) {
+  ServedHub first;
+  ServedHub second;
+  ServedHub third;
+  link(second, first);
+  link(third, second);
+  Recorder at_second;
+  const auto near = make_consumer(node_, second, at_second, of_type(kPose));
+  const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
+  await_wishes(third, 1);
+  await_wishes(second, 1);
+  alignas(16) std::array<std::byte, 2 * kEventHeaderSize> memory{};
+  EventWriter writer(memory);
+  ASSERT_TRUE(writer.put({.type = kPose, .source = 1, .hops_left = 5}, {}));
+  ASSERT_TRUE(writer.put({.type = kPose, .source = 2, .sequence = 1, .hops_left = 5}, {}));
+  first.hub().push(1, writer.bytes(), 0);
+  ASSERT_TRUE(at_second.await_deliveries(2));
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.2#1");
+}
+
+// ev-5.5-1
+TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndTellTheGap) {
+  ServedHub far;
+  ServedHub near;
+  link(near, far);
+  Recorder news;
+  const auto listener = make_consumer(node_, near, news, of_type(kLinkType));
+  const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
+  await_wishes(near, 2);
+  far.stop();
+  ASSERT_TRUE(await([&] { return near.hub().links()[0].state == LinkState::kInterrupted; }));
+  EXPECT_FALSE(near.hub().links()[0].reason.empty());
+  far.start();
+  await_wishes(near, 2);
+  const LinkStatus status = near.hub().links()[0];
+  EXPECT_EQ(status.interruption_count, 1U);
+  EXPECT_GT(status.last_gap, 0ns);
+  EXPECT_EQ(status.peer_epoch, far.hub().epoch());
+  ASSERT_TRUE(news.await([](const Recorder& it) {
+    const auto told = read_link_news(it.last_payload_);
+    return told && told->state == LinkState::kLinked && told->has_peer_restarted && told->gap > 0ns;
+  }));
+  const auto supplier = supply(far, 1);
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.texts_.back(), "") << "its own subscription was not touched";
+}
+
+TEST_F(HubLinks, WaitForAHubThatIsNotThereYet) {
+  ServedHub far;
+  ServedHub near;
+  far.stop();
+  link(near, far);
+  ASSERT_TRUE(
+      await([&] { return near.hub().links()[0].reason.find("127.0.0.1") != std::string::npos; }));
+  EXPECT_EQ(near.hub().links()[0].state, LinkState::kConnecting);
+  const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
+  far.start();
+  await_wishes(near, 1);
+}
+
+// ev-5.2-5
+TEST_F(HubLinks, ToItselfIsRefused) {
+  ServedHub hub;
+  link(hub, hub);
+  ASSERT_TRUE(await([&] { return hub.hub().links()[0].state == LinkState::kRefused; }));
+  EXPECT_NE(hub.hub().links()[0].reason.find("itself"), std::string::npos);
+  EXPECT_EQ(hub.hub().subscription_count(), 0U);
+}
+
+TEST_F(HubLinks, OfOneHubAreOnlySoMany) {
+  ServedHub hub;
+  for (std::size_t i = 0; i < kLinkCountMax; ++i)
+    ASSERT_TRUE(hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {.deadline = 10ms}));
+  const auto refused = hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {});
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text.find("16 links"), std::string::npos) << refused.error().text;
+}
+
+// ev-5.4-2: each link has a quota, as each supplier has.
+TEST_F(HubLinks, BringNoMoreThanTheQuota) {
+  ServedHub far;
+  ServedHub near({.quota = {.events_per_s = 100, .bytes_per_s = 1e6, .burst_s = 0.1}});
+  link(near, far);
+  const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
+  await_wishes(near, 1);
+  const auto supplier = supply(far, 1);
+  for (int i = 0; i < 1000; ++i)
+    push(*supplier, kPose);
+  EXPECT_TRUE(await([&] { return near.hub().links()[0].refused_count > 500; }));
+  EXPECT_LT(near.hub().links()[0].taken_count, 500U);
+}
+
+// ev-5.1-1
+TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
+  ServedHub far;
+  ServedHub near;
+  link(near, far);
+  const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
+  await_wishes(near, 1);
+  std::vector<std::uint32_t> tags;
+  for (const ServedHub* hub : {&far, &far, &near}) {
+    const auto supplier = supply(*hub, 1);
+    for (int i = 0; i < 2; ++i) {
+      push(*supplier, kPose);
+      ASSERT_TRUE(recorder_.await_deliveries(tags.size() + 1));
+      tags.push_back(recorder_.last_header_.supplier_tag);
+    }
+  }
+  EXPECT_EQ(tags[0], tags[1]);
+  EXPECT_EQ(tags[2], tags[3]);
+  EXPECT_EQ(tags[4], tags[5]);
+  EXPECT_NE(tags[0], 0U);
+  EXPECT_NE(tags[0], tags[2]);
+  EXPECT_NE(tags[2], tags[4]);
+}
+
+// ev-5.5-2
+TEST(LinkNews, IsReadOnlyFromWhatIsIt) {
+  std::array<std::byte, kLinkNewsSize> bytes{};
+  EXPECT_TRUE(read_link_news(bytes));
+  EXPECT_FALSE(read_link_news(ConstBytes(bytes).first(kLinkNewsSize - 1)));
+  bytes[0] = std::byte{4};
+  EXPECT_FALSE(read_link_news(bytes));
+  bytes[0] = std::byte{3};
+  EXPECT_EQ(read_link_news(bytes)->state, LinkState::kRefused);
+  bytes[1] = std::byte{2};
+  EXPECT_FALSE(read_link_news(bytes));
+}
+
+}  // namespace
+}  // namespace rtpm::events::test

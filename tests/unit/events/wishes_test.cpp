@@ -1,0 +1,121 @@
+#include "rtpm/events/wishes.hpp"
+
+#include <gtest/gtest.h>
+
+#include "rtpm/events/link.hpp"
+#include "table.hpp"
+
+// What a hub asks another for (ev-5.2).
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+Match of(EventType type, std::uint8_t hops = 0) {
+  return {.type = type, .type_mask = kWholeNumber, .hops_min = hops};
+}
+Match of(EventType type, SourceId source, std::uint8_t hops) {
+  return {type, kWholeNumber, source, kWholeNumber, hops};
+}
+using Wishes = std::vector<Match>;
+
+TEST(Wishes, AreOfTheTypesAndSourcesOfEachKindOfNode) {
+  const Filter pose = of_type(kPose);
+  const Filter button = of_type(kButton, 2);
+  const Filter held = where(kGaze, "x", Comparison::kLess, Scalar::of(1));
+  EXPECT_EQ(wishes_of(everything()), Wishes{Match{}});
+  EXPECT_EQ(wishes_of(pose), Wishes{of(kPose)});
+  EXPECT_EQ(wishes_of(masked(16, 0xf0, 1, 3)), (Wishes{{16, 0xf0, 1, 3}}));
+  EXPECT_EQ(wishes_of(held), Wishes{of(kGaze)});
+  EXPECT_EQ(wishes_of(any_of({pose, button})), (Wishes{of(kPose), of(kButton, 2, 0)}));
+  EXPECT_EQ(wishes_of(all_of({everything(), pose})), Wishes{of(kPose)});
+  EXPECT_EQ(wishes_of(none_of(pose)), Wishes{Match{}});
+  EXPECT_EQ(wishes_of(correlate({pose, held})), (Wishes{of(kPose), of(kGaze)}));
+  // A conjunction keeps also what the comparison beside it does not want.
+  EXPECT_EQ(wishes_of(all_of({held, correlate({pose})})), (Wishes{of(kGaze), of(kPose)}));
+  EXPECT_EQ(wishes_of(listed({of(kPose), of(kGaze)})), (Wishes{of(kPose), of(kGaze)}));
+  for (const Filter& timeout : {once(1ms), every(1ms), silence(1ms)})
+    EXPECT_EQ(wishes_of(timeout), Wishes{});
+}
+
+TEST(Wishes, AreUnitedWithoutWhatAnotherCovers) {
+  EXPECT_EQ(unite({}), Wishes{});
+  EXPECT_EQ(unite({of(kPose, 3, 0), of(kPose), of(kPose, 4, 0)}), Wishes{of(kPose, 1)});
+  EXPECT_EQ(unite({of(kPose), of(kButton), of(kPose)}), (Wishes{of(kPose, 1), of(kButton, 1)}));
+  EXPECT_EQ(unite({of(kPose), {}, {16, 0xf0, 0, 0}}), (Wishes{{.hops_min = 1}}));
+  EXPECT_EQ(unite({of(0x15), {0x10, 0xf0, 0, 0}}), (Wishes{{0x10, 0xf0, 0, 0, 1}}));
+}
+
+// ev-5.2-2
+TEST(Wishes, AreOneHopFurtherAndEndAfterTheMost) {
+  EXPECT_EQ(unite({of(kPose, 2), of(kPose, 5)}), Wishes{of(kPose, 3)});
+  // Who is near wants less than who is far: both stay where the nearer one is the narrower.
+  EXPECT_EQ(unite({of(kPose, 3, 0), of(kPose, 4)}), (Wishes{of(kPose, 5), of(kPose, 3, 1)}));
+  EXPECT_EQ(unite({of(kPose, kLinkHopsMax - 1)}), Wishes{of(kPose, kLinkHopsMax)});
+  EXPECT_EQ(unite({of(kPose, kLinkHopsMax), of(kGaze, 255)}), Wishes{});
+}
+
+TEST(Wishes, OfTooManySourcesAreWidenedToTheirTypes) {
+  Wishes many;
+  for (std::uint32_t i = 0; i <= kMatchCountMax; ++i)
+    many.push_back(of(kPose + i % 2, i, 0));
+  EXPECT_EQ(unite(many), (Wishes{of(kPose, 1), of(kButton, 1)}));
+  for (std::uint32_t i = 0; i <= kMatchCountMax; ++i)
+    many.push_back(of(100 + i));
+  EXPECT_EQ(unite(many), (Wishes{{.hops_min = 1}}));
+}
+
+TEST(FilterList, AcceptsWhatOneOfItsMatchesDoes) {
+  Table table(listed({of(kPose, 3, 0), of(kButton), {0x40, 0xf0, 1, 1}}));
+  table.push(kPose, 3);
+  table.push(kPose, 4);
+  table.push(kButton, 9);
+  table.push(kGaze);
+  table.push(0x4a, 3);
+  table.push(0x4a, 2);
+  EXPECT_EQ(table.got(), "5.3#1 6.9#1 74.3#1");
+}
+
+TEST(FilterList, OfNothingAcceptsNothing) {
+  Table table(listed({}));
+  table.push(kPose);
+  EXPECT_EQ(table.got(), "");
+}
+
+// ev-5.2-4
+TEST(FilterList, AcceptsOnlyWhatMayGoSoFar) {
+  Table table(any_of({listed({of(kPose, 2), of(kButton, 7, 1)})}));
+  const auto push = [&](EventType type, SourceId source, std::uint8_t hops) {
+    const EventHeader header{.type = type, .source = source, .sequence = hops, .hops_left = hops};
+    EXPECT_TRUE(table.exchange.offer({header, {}}, table.now));
+  };
+  push(kPose, 0, 1);
+  push(kPose, 0, 2);
+  push(kButton, 7, 0);
+  push(kButton, 7, 1);
+  EXPECT_EQ(table.got(), "5.0#2 6.7#1");
+}
+
+TEST(FilterList, OfTheMostMatchesIsTakenAndOfOneMoreRefused) {
+  Wishes many;
+  for (std::uint32_t i = 0; i < kMatchCountMax; ++i)
+    many.push_back(of(1 + i));
+  Table table(listed(many));
+  table.push(1);
+  table.push(kMatchCountMax);
+  table.push(kMatchCountMax + 1);
+  EXPECT_EQ(table.got(), "1.0#1 1024.0#1");
+  many.push_back(of(5000));
+  const auto refused = Program::compile(listed(many), table.catalog);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text.find("1024 matches"), std::string::npos) << refused.error().text;
+}
+
+TEST(FilterList, FindsAnEventOnceThoughSeveralMatchesDo) {
+  Table table(listed({of(kPose), {.source = 3, .source_mask = kWholeNumber}, of(kPose, 3, 0)}));
+  table.push(kPose, 3);
+  EXPECT_EQ(table.got(), "5.3#1");
+}
+
+}  // namespace
+}  // namespace rtpm::events::test
