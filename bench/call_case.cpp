@@ -4,6 +4,7 @@
 #include "case.hpp"
 #include "disturbance.hpp"
 #include "duel.hpp"
+#include "peers_case.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
@@ -120,6 +121,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
 }  // namespace
 
 bool run_call(const Settings& settings, Report& report) {
+  if (!settings.peers.empty()) return run_call_with_peers(settings, report);
   bool is_complete = true;
   for (const std::size_t payload_size : settings.payload_sizes) {
     is_complete = measure_each("call", measure_one, settings, report, payload_size) && is_complete;

@@ -330,12 +330,6 @@ std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept
   return datagram_count * wire::kHeaderSize + payload_size;
 }
 
-void compute_for(Duration duration) noexcept {
-  const MonotonicTime end = rt::now() + duration;
-  while (rt::now() < end) {
-  }
-}
-
 expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime) {
   std::vector<std::uint16_t> ports;

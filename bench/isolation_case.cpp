@@ -2,6 +2,7 @@
 
 #include "case.hpp"
 #include "loaded_run.hpp"
+#include "peers_case.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -30,6 +31,7 @@ LoadPlan plan_of(const Settings& settings, int caller_count_max) {
 }  // namespace
 
 bool run_isolation(const Settings& settings, Report& report) {
+  if (!settings.peers.empty()) return run_isolation_with_peers(settings, report);
   bool is_complete = true;
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {

@@ -74,7 +74,8 @@ expected<void, std::string> LoadedRun::connect(Side side) {
   if (plan_.is_load_on_rtpm) duel_.join_rtpm();
   auto jobs = plan_.connect(duel_, side);
   if (!jobs) return unexpected{jobs.error()};
-  connections.low = std::make_unique<LowLoad>(config_, std::move(*jobs));
+  connections.low =
+      std::make_unique<LowLoad>(config_.placement, config_.realtime, std::move(*jobs));
   return {};
 }
 

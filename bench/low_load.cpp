@@ -14,7 +14,8 @@ constexpr Duration kBeginTimeout = std::chrono::seconds{5};
 
 }  // namespace
 
-LowLoad::LowLoad(const DuelConfig& config, std::vector<Job> jobs) : config_(config) {
+LowLoad::LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Job> jobs)
+    : placement_(placement), realtime_(realtime) {
   for (Job& job : jobs) {
     members_.push_back(std::make_unique<Member>());
     members_.back()->job = std::move(job);
@@ -44,8 +45,8 @@ expected<void, std::string> LowLoad::start(int caller_count) {
     member->has_begun.store(false, std::memory_order_relaxed);
     auto thread = rt::Thread::start({.name = "bench-low",
                                      .priority = kLowPriority,
-                                     .cpus = {config_.placement.client_cpu},
-                                     .realtime = config_.realtime},
+                                     .cpus = {placement_.client_cpu},
+                                     .realtime = realtime_},
                                     [this, target = member.get()] { run(*target); });
     if (!thread) return unexpected{thread.error().text};
     member->thread = std::move(*thread);

@@ -5,8 +5,10 @@
 #include <string>
 #include <vector>
 
-#include "duel.hpp"
+#include "caller.hpp"
+#include "rtpm/base/expected.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "settings.hpp"
 
 namespace rtpm::bench {
 
@@ -16,7 +18,7 @@ namespace rtpm::bench {
 class LowLoad {
  public:
   /// One caller per job.
-  LowLoad(const DuelConfig& config, std::vector<Job> jobs);
+  LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Job> jobs);
 
   /// Starts the first `caller_count` callers and returns when each has had its first answer.
   [[nodiscard]] expected<void, std::string> start(int caller_count);
@@ -34,7 +36,8 @@ class LowLoad {
   };
   void run(Member& member);
 
-  DuelConfig config_;
+  Placement placement_;
+  rt::RealtimeMode realtime_;
   std::atomic<bool> is_stopping_{false};
   std::vector<std::unique_ptr<Member>> members_;
 };

@@ -6,6 +6,8 @@
 
 #include "case.hpp"
 #include "disturbance.hpp"
+#include "peer_table.hpp"
+#include "peers_case.hpp"
 #include "report.hpp"
 #include "rtpm/program/options.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -61,6 +63,8 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
               {std::chrono::microseconds{10}, std::chrono::seconds{10}});
   options.add("drop", settings.drop_percent,
               "percent of the packets that two-node loses in each direction, at random", {0, 90});
+  options.add("peers", settings.peers,
+              "measure other middleware, too: all, or names; call, paced and isolation heed it");
   options.add_realtime(settings.realtime);
 }
 
@@ -150,6 +154,9 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
   }
   if (arguments.verb != "run")
     return "there is no verb '" + arguments.verb + "', only list and run";
+  if (const auto peers = choose_peers(settings.peers); !peers) {
+    return "there is no peer '" + peers.error() + "', only all, " + peer_names();
+  }
   std::string names;
   for (const Case& known : cases()) {
     if (!names.empty()) names += ", ";
@@ -197,7 +204,7 @@ int run(const Arguments& arguments, Settings settings) {
   const Environment environment = describe_environment(choose_placement(), *is_realtime);
   Report report(arguments.is_json ? Report::Form::kJsonLines : Report::Form::kTable,
                 environment.json, environment.text);
-  bool is_complete = true;
+  bool is_complete = say_missing_peers(settings);
   for (const std::string& name : arguments.cases) {
     for (const Case& known : cases()) {
       if (known.name == name) is_complete = known.run(settings, report) && is_complete;

@@ -5,6 +5,7 @@
 #include "disturbance.hpp"
 #include "duel.hpp"
 #include "paced_calls.hpp"
+#include "peers_case.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
@@ -108,6 +109,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
 }  // namespace
 
 bool run_paced(const Settings& settings, Report& report) {
+  if (!settings.peers.empty()) return run_paced_with_peers(settings, report);
   return measure_each("paced", measure_one, settings, report);
 }
 

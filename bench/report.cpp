@@ -107,6 +107,8 @@ void Report::add(const Result& result) {
     json.add("environment", environment_);
     std::printf("%s\n", json.text().c_str());
   } else {
+    // A result that has nothing for people stands in another one's rows.
+    if (result.rows.empty() && result.notes.empty()) return;
     if (result_count_ == 0) std::printf("%s\n", environment_text_.c_str());
     print_table(result);
   }

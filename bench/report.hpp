@@ -39,8 +39,10 @@ struct Row {
 
 /// What a case found, for people and for programs.
 struct Result {
-  std::string title{};               ///< For people: the case and what it varied.
-  std::vector<Row> rows{};           ///< For people: distributions, one below the other.
+  std::string title{};  ///< For people: the case and what it varied.
+  /// For people: distributions, one below the other. With neither these nor notes, there is
+  /// nothing for people: what they are to see stands in another result.
+  std::vector<Row> rows{};
   std::vector<std::string> notes{};  ///< For people: further findings, a sentence each.
   std::vector<std::string> marks{};  ///< What disturbed the run; programs get them, too.
   JsonObject json{};                 ///< For programs.

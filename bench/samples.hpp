@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstddef>
+#include <span>
 #include <vector>
 
 #include "rtpm/base/time.hpp"
@@ -29,6 +30,15 @@ class Samples {
   void begin_round(int round) noexcept { round_ = static_cast<std::size_t>(round); }
   /// RT: alloc-free within the room made.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
+
+  /// Forgets all, and keeps the room.
+  void clear() noexcept {
+    for (auto& round : rounds_)
+      round.clear();
+  }
+  [[nodiscard]] std::span<const Duration> of_round(int round) const {
+    return rounds_[static_cast<std::size_t>(round)];
+  }
 
   [[nodiscard]] std::size_t count() const noexcept;
   [[nodiscard]] int round_count() const noexcept { return static_cast<int>(rounds_.size()); }

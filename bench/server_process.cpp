@@ -16,10 +16,7 @@ namespace {
 constexpr int kReadyTimeoutMs = 10'000;
 
 // In the child: sets up, says how it went ("+address" or "-reason"), and stays until it is ended.
-[[noreturn]] void serve(const ServerProcess::SetUp& set_up, int ready_pipe, pid_t parent) {
-  // Whatever ends the parent ends this; if it ended already, nobody will.
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-  if (getppid() != parent) _exit(1);
+[[noreturn]] void serve(const ServerProcess::SetUp& set_up, int ready_pipe) {
   const auto outcome = set_up();
   const std::string word = outcome ? "+" + *outcome : "-" + outcome.error();
   const bool is_told = write(ready_pipe, word.data(), word.size()) > 0;
@@ -27,6 +24,18 @@ constexpr int kReadyTimeoutMs = 10'000;
   if (!outcome || !is_told) _exit(1);
   for (;;)
     ::pause();
+}
+
+// In the child: becomes another program, which writes to the pipe by itself.
+[[noreturn]] void become(std::vector<std::string>& command, int ready_pipe) {
+  std::vector<char*> arguments;
+  for (std::string& argument : command)
+    arguments.push_back(argument.data());
+  arguments.push_back(nullptr);
+  dup2(ready_pipe, STDOUT_FILENO);
+  close(ready_pipe);
+  execv(arguments[0], arguments.data());
+  _exit(1);
 }
 
 std::string read_word(int pipe) {
@@ -44,6 +53,16 @@ std::string read_word(int pipe) {
 }  // namespace
 
 expected<ServerProcess, std::string> ServerProcess::start(const SetUp& set_up) {
+  return fork_with([&](int ready_pipe) { serve(set_up, ready_pipe); });
+}
+
+expected<ServerProcess, std::string> ServerProcess::start_program(
+    std::vector<std::string> command) {
+  return fork_with([&](int ready_pipe) { become(command, ready_pipe); });
+}
+
+expected<ServerProcess, std::string> ServerProcess::fork_with(
+    const std::function<void(int ready_pipe)>& body) {
   std::array<int, 2> ends{};
   if (pipe(ends.data()) != 0) return unexpected{std::string("no pipe for a server process")};
   const pid_t parent = getpid();
@@ -51,7 +70,11 @@ expected<ServerProcess, std::string> ServerProcess::start(const SetUp& set_up) {
   if (child < 0) return unexpected{std::string("a server process can't be forked")};
   if (child == 0) {
     close(ends[0]);
-    serve(set_up, ends[1], parent);
+    // Whatever ends the parent ends this; if it ended already, nobody will.
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    if (getppid() != parent) _exit(1);
+    body(ends[1]);
+    _exit(1);
   }
   close(ends[1]);
   const std::string word = read_word(ends[0]);

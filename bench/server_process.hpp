@@ -5,6 +5,7 @@
 #include <functional>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtpm/base/expected.hpp"
 
@@ -20,6 +21,10 @@ class ServerProcess {
   using SetUp = std::function<expected<std::string, std::string>()>;
 
   [[nodiscard]] static expected<ServerProcess, std::string> start(const SetUp& set_up);
+  /// As start(), but the new process runs another program, `command` with its path first. That says
+  /// "+address" or "-reason" on its standard output, closes it, and serves until it is ended.
+  [[nodiscard]] static expected<ServerProcess, std::string> start_program(
+      std::vector<std::string> command);
   ServerProcess(ServerProcess&& other) noexcept;
   ServerProcess& operator=(ServerProcess&& other) noexcept;
   ~ServerProcess();
@@ -35,6 +40,9 @@ class ServerProcess {
 
  private:
   ServerProcess(pid_t id, std::string address) : id_(id), address_(std::move(address)) {}
+  /// Forks; the child does `body`, which has the pipe's end and never returns.
+  [[nodiscard]] static expected<ServerProcess, std::string> fork_with(
+      const std::function<void(int ready_pipe)>& body);
 
   pid_t id_ = -1;
   std::string address_;

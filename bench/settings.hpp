@@ -35,6 +35,7 @@ struct Settings {
   Duration deadline = std::chrono::milliseconds{20};  ///< Of a call of two-node.
   double drop_percent = 0;  ///< Of packets, that two-node loses in each direction.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+  std::vector<std::string> peers{};  ///< By name, or "all"; none: RTPM and the floor alone.
 };
 
 /// The priorities of the measured caller with its lane, and of the load with its own.

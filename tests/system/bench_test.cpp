@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <string>
 
 #include "programs.hpp"
@@ -85,6 +86,20 @@ TEST(Bench, WillNotSpinWhereThatStarvesTheLoad) {
   const auto end = run_program("rtpm-bench", {"run", "isolation", "--wait", "spin", "--transport",
                                               "udp", "--realtime", "off"});
   expect_one_sentence(end, 1, {"isolation, udp, spin", "starve", "--wait adaptive"});
+}
+
+TEST(Bench, KnowsItsPeers) {
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--peers", "pigeons"}), 2,
+                      {"there is no peer 'pigeons'", "zeromq", "omniorb"});
+}
+
+TEST(Bench, SkipsAPeerThatIsNotBuiltByNameWithItsPackage) {
+  if (std::filesystem::exists(path_of("rtpm-peer-zeromq"))) GTEST_SKIP() << "the peers are built";
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--peers", "zeromq"}), 1,
+                      {"peer zeromq", "not built", "apt-get install libzmq3-dev"});
+  const auto all = run_program("rtpm-bench", {"run", "call", "--peers", "all"});
+  EXPECT_EQ(all.exit_code, 0) << "who asks for all takes what there is";
+  EXPECT_NE(all.errors.find("peer omniorb"), std::string::npos) << all.errors;
 }
 
 }  // namespace
