@@ -10,14 +10,14 @@ import statistics
 
 # What tells one row from another, in the order in which a row is named. All else is measured.
 IDENTITY = (
-    "case", "step", "peer", "transport", "wait", "rtpm_transport", "rtpm_wait", "payload", "rate_hz",
-    "low_callers", "bulk_callers", "work_us", "consumers", "stopped", "slow", "hosts", "in_flight",
-    "drop_percent", "clients",
+    "case", "part", "rung", "peer", "transport", "wait", "rtpm_transport", "rtpm_wait", "payload",
+    "rate_hz", "low_callers", "bulk_callers", "work_us", "consumers", "stopped", "slow", "hosts",
+    "in_flight", "drop_percent", "clients",
 )
 
 # How a part of a row's name is said to people; "{}" stands for the value. Others: "name value".
 _WORDS = {
-    "case": "{}", "step": "{}", "peer": "{}", "transport": "{}", "wait": "{}",
+    "case": "{}", "part": "({})", "rung": "{}", "peer": "{}", "transport": "{}", "wait": "{}",
     "rtpm_transport": "beside RTPM over {}", "rtpm_wait": "{} wait", "payload": "{} B",
     "rate_hz": "{} Hz", "low_callers": "{} low callers", "bulk_callers": "{} bulk callers",
     "work_us": "{} us work", "consumers": "{} consumers", "stopped": "{} stopped",
@@ -79,6 +79,12 @@ def by_key(records):
     return {key_of(record): record for record in records}
 
 
+def select(records, **wanted):
+    """Those whose fields are as `wanted`; None: they lack the field."""
+    return [record for record in records
+            if all(record.get(name) == value for name, value in wanted.items())]
+
+
 def is_number(value):
     """Whether `value` is a number that can be computed with."""
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
@@ -103,11 +109,32 @@ def rounds_of(record):
     return found
 
 
+# Of how many samples a figure whose name has that in it is at least. Fewer tell nothing of it.
+_SAMPLES_OF_A_ROUND = {"p99_": 100, "p99$": 100, "p999_": 1000, "p999$": 1000}
+_SAMPLES_IN_ALL = {"p9999_": 10_000, "p9999$": 10_000}
+
+
+def has_samples_for(record, name):
+    """Whether a record rests on enough samples for its figure `name`, a percentile or not."""
+    count = record.get("n")
+    if not is_number(count):
+        return True
+    if name.startswith(("each_", "floor_each_", "well_each_")):
+        count *= record.get("consumers", 1)
+    of_a_round = count / max(1, record.get("rounds", 1))
+    ends = name + "$"
+    return (all(of_a_round >= least for part, least in _SAMPLES_OF_A_ROUND.items() if part in ends)
+            and all(count >= least for part, least in _SAMPLES_IN_ALL.items() if part in ends))
+
+
 def figure(record, name):
-    """The figure `name` of a record, a number, or None where the record has none.
+    """The figure `name` of a record, a number, or None where the record has none, or too few
+    samples for it.
 
     A figure that is told only round by round is the median of its rounds.
     """
+    if not has_samples_for(record, name):
+        return None
     value = record.get(name)
     if is_number(value):
         return float(value)

@@ -1,0 +1,48 @@
+"""What a report measures: runs of rtpm-bench, one after the other, the most telling first."""
+
+from typing import NamedTuple
+
+
+class Part(NamedTuple):
+    """One run of rtpm-bench. Its results are marked with `name`, its figures made in `seconds` or so.
+
+    `joins_rows`: its results are rows of the report's tables under their own names, not apart.
+    """
+
+    name: str
+    arguments: str
+    seconds: int
+    joins_rows: bool = True
+
+
+FULL = (
+    Part("call", "call --wait adaptive,block,spin", 60),
+    Part("isolation", "isolation --samples 5000", 160),
+    Part("paced", "paced --wait adaptive,block,spin,periodic --samples 5000", 130),
+    Part("events", "events", 110),
+    Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 50),
+    Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 10000", 35),
+    Part("bulk", "bulk --samples 5000", 80),
+    Part("throughput", "throughput", 15),
+    Part("two-node", "two-node --transport udp,tcp", 10),
+    Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 20),
+)
+
+QUICK = (
+    Part("call", "call --wait adaptive,block,spin --samples 20000", 15),
+    Part("isolation", "isolation --low-callers 4 --samples 1000", 20),
+    Part("paced", "paced --wait adaptive,periodic,spin --samples 1000", 25),
+    Part("events", "events --transport udp,shm --consumers 1,16,64 --samples 1000", 30),
+    Part("payload", "call --payload 0,1Ki,64Ki,1Mi --samples 400", 12),
+    Part("bulk", "bulk --samples 1000", 20),
+    Part("throughput", "throughput --samples 100000", 5),
+    Part("two-node", "two-node --transport udp,tcp --calls 5000", 6),
+)
+
+# As the paper's section 5: 1000 calls as quickly as they go, and 1000 events 1 ms apart.
+PAPER = (
+    Part("paper-calls", "call --samples 1000 --rounds 1 --latencies", 2, False),
+    Part("paper-two-nodes", "two-node --transport udp,tcp --calls 1000 --rounds 1 --latencies", 3,
+         False),
+    Part("paper-events", "events --samples 1000 --rounds 1 --consumers 1 --latencies", 25, False),
+)

@@ -1,0 +1,125 @@
+"""The page of results: what it tells of a recorded run, and that a run that ends early keeps what it
+has. The recorded run is made up of few rows: one that is disturbed and misses its target, a peer that
+is quicker at the tail, and parts that did not run to their end.
+"""
+
+import pathlib
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+
+import tool
+
+# In the place of rtpm-bench: two results at once, and then it hangs until it is ended.
+HANGING_BENCH = """#!/bin/sh
+echo '{"case": "call", "transport": "udp", "wait": "adaptive", "payload": 48, "p50_us": 1}'
+echo '{"case": "call", "transport": "udp", "wait": "block", "payload": 48, "p50_us": 2}'
+echo 'rtpm-bench: two-node: the right CAP_SYS_ADMIN is missing' >&2
+exec sleep 60
+"""
+
+
+class Folder(unittest.TestCase):
+    """Each test has a folder of its own."""
+
+    def setUp(self):
+        held = tempfile.TemporaryDirectory()
+        self.addCleanup(held.cleanup)
+        self.folder = pathlib.Path(held.name)
+        self.page = self.folder / "RESULTS.md"
+
+    def report(self, *arguments, environment=None):
+        return tool.run("report", "--folder", self.folder, "--page", self.page, *arguments,
+                        environment=environment)
+
+    def text(self):
+        return self.page.read_text(encoding="utf-8")
+
+
+class Page(Folder):
+    def setUp(self):
+        super().setUp()
+        self.end = self.report("--from", tool.data("report.jsonl"))
+
+    def test_has_a_row_for_each_result_with_its_ratio(self):
+        self.assertRegex(self.text(), r"\n\| udp, adaptive \| 6\.\d\d \|.*\| 1\.12 \|")
+
+    def test_lists_the_missed_target_with_its_mark(self):
+        self.assertRegex(self.text(), r"\*\*call, shm, spin, 48 B\*\*: ratio_p50 is 2\.50 x the floor; "
+                                      r"the target is at most 1\.80\. †")
+
+    def test_lists_where_a_peer_is_quicker_and_only_that(self):
+        self.assertIn("RTPM takes 1.50 times as long at p99.9.", self.text())
+        self.assertNotIn("times as long at the median", self.text())
+
+    def test_says_what_disturbed_which_row(self):
+        self.assertRegex(self.text(), r"\n- call, shm, spin, 48 B: the hypervisor took 3\.0 %")
+        self.assertIn("3.00 % of the CPU time in the worst row", self.text())
+
+    def test_says_by_name_what_is_missing(self):
+        for line in ("- isolation, udp, spin wait, 48 bytes: a lane that spins would starve",
+                     "- `isolation` (isolation --wait spin): incomplete",
+                     "- peer absent: it is not built; it takes the package libabsent-dev",
+                     "- `bulk` (bulk): interrupted", "- `events`: not begun"):
+            self.assertIn("\n" + line, self.text())
+        self.assertEqual(self.end.code, 1, "not all was measured")
+
+    def test_tells_no_tail_of_too_few_samples(self):
+        row = next(line for line in self.text().split("\n") if line.startswith("| shm, spin"))
+        self.assertIn("| – |", row, "p99.9 of 400 samples a round")
+
+    def test_shows_the_paper_beside_what_was_measured(self):
+        self.assertIn("58 us for 91 %", self.text())
+        self.assertIn("| RTPM, udp, adaptive wait |", self.text())
+
+
+class WithoutGnuplot(Folder):
+    def test_makes_the_page_and_says_what_the_plots_take(self):
+        end = self.report("--from", tool.data("report.jsonl"), environment={"PATH": "/nowhere"})
+        self.assertIn("report: the plots take gnuplot (Debian's package gnuplot-nox)", end.errors)
+        self.assertNotIn("![", self.text())
+        self.assertIn("| udp, adaptive |", self.text())
+
+
+class BadFile(Folder):
+    def test_is_complained_of_in_a_sentence(self):
+        self.assertEqual(self.report("--from", "missing.jsonl").one_sentence(self, 2),
+                         "report: missing.jsonl cannot be read: No such file or directory")
+        with tool.file("{}\n") as path:
+            self.assertRegex(self.report("--from", path).one_sentence(self, 2),
+                             "line 1: this is no result")
+        self.assertFalse(self.page.exists())
+
+
+class Run(Folder):
+    def bench(self, script):
+        path = self.folder / "rtpm-bench"
+        path.write_text(script, encoding="utf-8")
+        path.chmod(0o755)
+        return path
+
+    def test_keeps_what_it_has_when_it_is_interrupted(self):
+        results = self.folder / "results.jsonl"
+        with subprocess.Popen(
+                [sys.executable, "-B", tool.TOOLS / "report.py", "--quick", "--bench",
+                 self.bench(HANGING_BENCH), "--folder", self.folder, "--page", self.page],
+                stderr=subprocess.PIPE, text=True) as process:
+            give_up = time.monotonic() + 20
+            while time.monotonic() < give_up and not (
+                    results.exists() and results.read_text(encoding="utf-8").count("\n") >= 3):
+                time.sleep(0.01)
+            process.send_signal(signal.SIGINT)
+            process.communicate(timeout=20)
+        self.assertEqual(process.returncode, 130)
+        self.assertIn("| udp, block |", self.text())
+        self.assertIn("- `call` (call --wait adaptive,block,spin --samples 20000): interrupted",
+                      self.text())
+        self.assertIn("\n- two-node: the right CAP_SYS_ADMIN is missing", self.text())
+        self.assertIn("- `throughput` (throughput --samples 100000): interrupted", self.text())
+
+
+if __name__ == "__main__":
+    unittest.main()
