@@ -76,6 +76,9 @@ class Peer {
   /// Connects one caller, which one thread uses: this one, or one of the same priority.
   [[nodiscard]] virtual expected<std::unique_ptr<Caller>, std::string> connect(
       const PeerLane& lane, const std::string& address) = 0;
+  /// Whether callers of low priority, too, are connected on a thread of high priority, because the
+  /// library can't connect otherwise.
+  [[nodiscard]] virtual bool connects_at_high_priority() const { return false; }
 };
 
 /// The peer of this program: each program defines it once.

@@ -111,16 +111,17 @@ expected<std::unique_ptr<LowLoad>, std::string> connect_load(PeerBoard& board, P
   const PeerSetting& setting = board.setting;
   std::vector<Job> jobs;
   for (int i = 0; i < setting.low_caller_count; ++i) {
-    const auto connected = run_on_lane_thread(setting, 1, false, [&]() -> Outcome {
-      auto caller = peer.connect(lane_of(setting, 1), std::string(setting.addresses[1].get()));
-      if (!caller) return unexpected{caller.error()};
-      // Shared, because a job is copied.
-      jobs.emplace_back(
-          [held = std::shared_ptr<Caller>(std::move(*caller)), work = Duration{setting.work_ns}] {
+    const auto connected = run_on_lane_thread(
+        setting, peer.connects_at_high_priority() ? 0 : 1, false, [&]() -> Outcome {
+          auto caller = peer.connect(lane_of(setting, 1), std::string(setting.addresses[1].get()));
+          if (!caller) return unexpected{caller.error()};
+          // Shared, because a job is copied.
+          jobs.emplace_back([held = std::shared_ptr<Caller>(std::move(*caller)),
+                             work = Duration{setting.work_ns}] {
             return without_exceptions([&] { return held->work(work); });
           });
-      return {};
-    });
+          return {};
+        });
     if (!connected) return unexpected{connected.error()};
   }
   if (jobs.empty()) return std::unique_ptr<LowLoad>();
@@ -136,14 +137,16 @@ void put(const Samples& samples, std::array<std::int64_t, kPeerSampleMax>& to,
 }
 
 Outcome call(PeerBoard& board, Peer& peer) {
-  auto load = connect_load(board, peer);
-  if (!load) return unexpected{load.error()};
   return run_on_lane_thread(board.setting, 0, false, [&]() -> Outcome {
     auto caller =
         peer.connect(lane_of(board.setting, 0), std::string(board.setting.addresses[0].get()));
     if (!caller) return unexpected{caller.error()};
     // One call, so that what connects at the first one has connected.
     if (auto called = (*caller)->echo(); !called) return called;
+    // Only now: threads that a library has for the whole process are started by the first use of
+    // it, and so have the measured caller's priority.
+    auto load = connect_load(board, peer);
+    if (!load) return unexpected{load.error()};
     tell({});
     Samples high(1, kPeerSampleMax);
     Samples low(1, kPeerSampleMax);

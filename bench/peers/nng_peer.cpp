@@ -1,0 +1,125 @@
+#include <nng/nng.h>
+#include <nng/protocol/reqrep0/rep.h>
+#include <nng/protocol/reqrep0/req.h>
+
+#include "peer.hpp"
+
+// nng: REQ and REP sockets, used synchronously. TCP_NODELAY is its default. Its input and output
+// run on a pool that a process has once, started by the first use of the library and so with the
+// measured caller's priority; requests of either lane are answered by the lane's own thread.
+namespace rtpm::bench {
+namespace {
+
+constexpr nng_duration kTimeoutMs = 1000;
+
+std::string text_of(std::string_view what, int error) {
+  return "nng's " + std::string(what) + " failed: " + nng_strerror(error);
+}
+
+class NngCaller final : public PeerCaller {
+ public:
+  NngCaller() = default;
+  ~NngCaller() override { nng_close(socket_); }
+
+  [[nodiscard]] expected<void, std::string> connect(const std::string& address) {
+    if (const int error = nng_req0_open(&socket_)) return unexpected{text_of("socket", error)};
+    nng_socket_set_ms(socket_, NNG_OPT_RECVTIMEO, kTimeoutMs);
+    nng_socket_set_ms(socket_, NNG_OPT_SENDTIMEO, kTimeoutMs);
+    if (const int error = nng_dial(socket_, address.c_str(), nullptr, 0)) {
+      return unexpected{text_of("connect", error)};
+    }
+    return {};
+  }
+
+ protected:
+  expected<void, std::string> exchange(const PeerMessage& request, PeerMessage& reply) override {
+    PeerMessage sent = request;
+    if (const int error = nng_send(socket_, &sent, sizeof sent, 0)) {
+      return unexpected{text_of("send", error)};
+    }
+    std::size_t size = sizeof reply;
+    if (const int error = nng_recv(socket_, &reply, &size, 0)) {
+      return unexpected{text_of("receive", error)};
+    }
+    return {};
+  }
+
+ private:
+  nng_socket socket_ = NNG_SOCKET_INITIALIZER;
+};
+
+/// Where a listener that chose its port by itself listens.
+expected<std::string, std::string> address_of(nng_listener listener) {
+  nng_sockaddr address{};
+  if (const int error = nng_listener_get_addr(listener, NNG_OPT_LOCADDR, &address)) {
+    return unexpected{text_of("address", error)};
+  }
+  const auto port =
+      static_cast<std::uint16_t>((address.s_in.sa_port >> 8) | (address.s_in.sa_port << 8));
+  return "tcp://127.0.0.1:" + std::to_string(port);
+}
+
+class NngPeer final : public Peer {
+ public:
+  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+    // The first lane's thread opens both ends: while one is being opened, the library's own thread
+    // looks at it without pause, and would keep a thread of low priority from going on.
+    if (lane.index == 0) {
+      for (std::size_t index = 0; index < kPeerLaneCount; ++index) {
+        if (auto opened = open(index, lane); !opened) return opened;
+      }
+    }
+    announce(addresses_[lane.index]);
+    const nng_socket socket = sockets_[lane.index];
+    PeerMessage message;
+    for (std::size_t size = sizeof message; nng_recv(socket, &message, &size, 0) == 0;
+         size = sizeof message) {
+      answer(message);
+      if (const int error = nng_send(socket, &message, size, 0)) {
+        return unexpected{text_of("send", error)};
+      }
+    }
+    return unexpected{std::string("nng's server ended")};
+  }
+
+  expected<std::unique_ptr<Caller>, std::string> connect(const PeerLane&,
+                                                         const std::string& address) override {
+    auto caller = std::make_unique<NngCaller>();
+    if (auto connected = caller->connect(address); !connected) {
+      return unexpected{connected.error()};
+    }
+    return std::unique_ptr<Caller>(std::move(caller));
+  }
+
+  /// As in serve(), of the ends that connect.
+  [[nodiscard]] bool connects_at_high_priority() const override { return true; }
+
+ private:
+  [[nodiscard]] expected<void, std::string> open(std::size_t index, PeerLane lane) {
+    lane.index = index;
+    const bool is_ipc = lane.transport == "ipc";
+    const std::string end = is_ipc ? "ipc://" + lane.socket_path() : "tcp://127.0.0.1:0";
+    nng_listener listener = NNG_LISTENER_INITIALIZER;
+    if (const int error = nng_rep0_open(&sockets_[index])) {
+      return unexpected{text_of("socket", error)};
+    }
+    if (const int error = nng_listen(sockets_[index], end.c_str(), &listener, 0)) {
+      return unexpected{text_of("listen", error)};
+    }
+    const auto address = is_ipc ? expected<std::string, std::string>(end) : address_of(listener);
+    if (!address) return unexpected{address.error()};
+    addresses_[index] = *address;
+    return {};
+  }
+
+  std::array<nng_socket, kPeerLaneCount> sockets_{};
+  std::array<std::string, kPeerLaneCount> addresses_{};
+};
+
+}  // namespace
+
+std::unique_ptr<Peer> make_peer() {
+  return std::make_unique<NngPeer>();
+}
+
+}  // namespace rtpm::bench
