@@ -22,8 +22,8 @@ std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
 
 std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) const noexcept {
   // hp-5.10-7: of a stream it is until when the server may hear nothing.
-  if (call.items.is_begun() && call.deadline - now > kStreamLease) {
-    return budget_us(now + kStreamLease, now);
+  if (call.items.is_begun() && call.deadline - now > call.lease) {
+    return budget_us(now + call.lease, now);
   }
   return budget_us(call.deadline, now);
 }
@@ -90,6 +90,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
     call.items.begin(parameters.stream_memory, parameters.stream_window,
                      parameters.stream_memory.size() / parameters.stream_window);
     call.header.item = call.credit_sent = parameters.stream_window;
+    call.lease = std::min(parameters.stream_lease, kStreamLease);
   }
   return begin_call(call, now);
 }
@@ -167,7 +168,7 @@ MonotonicTime ClientChannel::due(const Call& call) const noexcept {
 }
 
 ChannelEvent ClientChannel::on_call_time(Call& call, MonotonicTime now) noexcept {
-  const bool is_silent = call.items.is_begun() && now - call.heard >= kStreamLease;
+  const bool is_silent = call.items.is_begun() && now - call.heard >= call.lease;
   if (now < call.deadline && !is_silent) return repeat(now, index_of(call));
   ChannelEvent event{.kind = ChannelEvent::Kind::kTimeout, .call = index_of(call)};
   // Of a call that ends with its deadline the server knows when; of a stream it does not.

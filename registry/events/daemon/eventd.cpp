@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "hub_log.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/events/link.hpp"
@@ -93,7 +94,9 @@ int serve(const Configuration& configuration) {
   }
   std::printf("events at %s\n", url.c_str());
   std::fflush(stdout);
-  stop.wait();
+  rtpm::eventd::HubLog log(**hub);
+  while (!stop.wait_for(std::chrono::milliseconds{250}))
+    log.tell();
   name.reset();
   (*server)->stop();
   return 0;

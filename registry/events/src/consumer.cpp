@@ -24,6 +24,21 @@ constexpr std::uint32_t kLatestWindow = 2;
 constexpr Duration kRingLookInterval = 50ms;
 constexpr std::string_view kQueueWasFull =
     "The subscription has ended, as its queue was full and its policy is to disconnect then.";
+
+// Why a stream ended.
+std::string in_words(rpc::CallError error, std::uint32_t miss_count_max) {
+  const std::string count = std::to_string(miss_count_max) + " signs of life";
+  if (error == rpc::CallError::kExpired) {
+    return "The hub dropped the subscription, as it missed " + count +
+           " of this consumer: its thread did not run, its handler took too long, or the network "
+           "was gone.";
+  }
+  if (error == rpc::CallError::kTimeout) {
+    return "The consumer missed " + count + " of the hub: it is stopped, or the network is gone.";
+  }
+  return std::string(rpc::to_string(error));
+}
+
 constexpr std::size_t kEventSizeMax = std::size_t{16} * 1024 * 1024;
 
 void add(Losses& to, const Losses& more) {
@@ -148,6 +163,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   const bool is_latest = config_.delivery.when_full == QueuePolicy::kKeepLatest;
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
+  options.miss_count_max = config_.miss_count_max;
   if (is_latest) options.window = kLatestWindow;
   std::unique_ptr<RingSession> ring = open_ring(*client);
   SubscribeRequestT wish = request();
@@ -201,7 +217,7 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
     return std::nullopt;
   }
   if (batch.error() == rpc::CallError::kOverload) return std::string(kQueueWasFull);
-  if (!session.stream.is_open()) return std::string(rpc::to_string(batch.error()));
+  if (!session.stream.is_open()) return in_words(batch.error(), config_.miss_count_max);
   if (batch.error() != rpc::CallError::kTimeout) {
     const std::lock_guard lock(mutex_);
     ++counters_.broken_count;
@@ -306,7 +322,7 @@ void Consumer::Impl::hand_over(std::span<const EventView> events) {
 
 void Consumer::Impl::tell(NoticeKind kind, std::string_view text, Duration gap,
                           bool has_hub_restarted) {
-  Notice notice{kind, text, {}, gap, has_hub_restarted};
+  Notice notice{kind, text, {}, gap, has_hub_restarted, last_epoch_};
   {
     const std::lock_guard lock(mutex_);
     notice.losses = counters_.losses;
@@ -380,6 +396,12 @@ expected<std::unique_ptr<Consumer>, rpc::SetupError> Consumer::create(rpc::Node&
                                                                       const std::string& target,
                                                                       ConsumerConfig config,
                                                                       EventHandler& handler) {
+  if (config.miss_count_max < rpc::kMissCountMin || config.miss_count_max > rpc::kMissCountMax) {
+    return rpc::setup_error("consumer '" + config.name + "' may have missed " +
+                            std::to_string(rpc::kMissCountMin) + " to " +
+                            std::to_string(rpc::kMissCountMax) + " signs of life, not " +
+                            std::to_string(config.miss_count_max) + ".");
+  }
   auto impl = std::make_unique<Impl>(node, target, std::move(config), handler);
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Consumer>(new Consumer(std::move(impl)));

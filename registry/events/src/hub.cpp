@@ -20,6 +20,10 @@ constexpr Duration kBacklogInterval = 1ms;
 constexpr int kEventsPerTurn = 16;
 constexpr std::uint64_t kDoor = 1;
 
+DepartureReason reason_of(rpc::CallEnding ending) noexcept {
+  return ending == rpc::CallEnding::kSilent ? DepartureReason::kSilent : DepartureReason::kLeft;
+}
+
 }  // namespace
 
 expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
@@ -154,16 +158,19 @@ void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
   if (exchange_.has_failed(number)) {
     // Behind what still waits, its end says why.
     outlet.writer.fail(rpc::Refusal::kOverload);
-    outlet.is_dead = true;
-    has_dead_ = true;
+    end(outlet, DepartureReason::kQueueFull);
     return;
   }
   const auto outcome =
       outlet.pump(exchange_.queue(number), exchange_.losses(number), builder_, now);
   outlet.is_backlogged = outcome == Outlet::Outcome::kBacklog;
   has_backlog_ |= outlet.is_backlogged;
-  if (outcome != Outlet::Outcome::kGone) return;
+  if (outcome == Outlet::Outcome::kGone) end(outlet, reason_of(outlet.writer.ending()));
+}
+
+void HubImpl::end(Outlet& outlet, DepartureReason reason) noexcept {
   outlet.is_dead = true;
+  outlet.reason = reason;
   has_dead_ = true;
 }
 
@@ -216,8 +223,7 @@ void HubImpl::look_at_all(bool is_sweep, MonotonicTime now) noexcept {
     Outlet& outlet = outlets_[i];
     if (outlet.id == 0 || outlet.is_dead) continue;
     if (is_sweep && !outlet.writer.is_awaited()) {
-      outlet.is_dead = true;
-      has_dead_ = true;
+      end(outlet, reason_of(outlet.writer.ending()));
     } else if (outlet.is_backlogged || is_sweep) {
       pump(i, now);
     }
@@ -241,6 +247,7 @@ void HubImpl::bury_dead() noexcept {
       std::swap(outlet, outlets_[i]);
     }
     forget_wishes(outlet.id);
+    departures_.note(outlet.name, outlet.reason, rt::now());
   }
 }
 

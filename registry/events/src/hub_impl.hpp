@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "departures.hpp"
 #include "idl.hpp"
 #include "intake.hpp"
 #include "link.hpp"
@@ -45,6 +46,10 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   std::vector<LinkStatus> links() const override;
   IntakeCounters intake() const noexcept override;
   std::size_t subscription_count() const noexcept override;
+  std::vector<Departure> departures(std::uint64_t after) const override {
+    return departures_.after(after);
+  }
+  DepartureCounters departure_counters() const noexcept override { return departures_.counters(); }
 
   rpc::Result<HubFacts> about(const rpc::CallContext& context) override;
   rpc::Result<void> push(const PushRequest& request, const rpc::CallContext& context) override;
@@ -101,6 +106,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
+  void end(Outlet& outlet, DepartureReason reason) noexcept;
   void ring_if_needed(MonotonicTime now) noexcept;
   void look_at_all(bool is_sweep, MonotonicTime now) noexcept;
 
@@ -137,6 +143,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   MonotonicTime sleeping_until_ = kNever;
 
   std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring that are to be woken.
+  Departures departures_{};
   transport::Poller poller_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};

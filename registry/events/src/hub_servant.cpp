@@ -174,8 +174,7 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
       break;
     case Action::End:
       outlet.writer.finish();
-      outlet.is_dead = true;
-      has_dead_ = true;
+      end(outlet, DepartureReason::kUnsubscribed);
       // Who reads the ring sleeps there, and is to look at its stream.
       wake_bits_.fetch_or(1U << (*number % 32));
       break;
@@ -216,6 +215,15 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
   std::vector<flatbuffers::Offset<LinkEntry>> links;
   for (const LinkStatus& each : this->links())
     links.push_back(link_entry_of(builder, each));
+  std::vector<flatbuffers::Offset<DepartureEntry>> departures;
+  for (const Departure& each : this->departures(0)) {
+    departures.push_back(CreateDepartureEntry(builder, builder.CreateString(each.name),
+                                              static_cast<DepartureCause>(each.reason),
+                                              to_ns(each.time)));
+  }
+  const DepartureCounters gone = departure_counters();
+  const DepartureCounts departure_counts(gone.unsubscribed_count, gone.left_count,
+                                         gone.silent_count, gone.queue_full_count);
   const std::vector<std::uint64_t> linking = linking_subscriptions();
   const std::lock_guard lock(mutex_);
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
@@ -235,7 +243,8 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
     suppliers.push_back(CreateSupplierEntry(builder, builder.CreateString(each.name), &counts));
   }
   reply.finish(CreateReportReply(builder, &now, builder.CreateVector(subscriptions),
-                                 builder.CreateVector(suppliers), builder.CreateVector(links)));
+                                 builder.CreateVector(suppliers), builder.CreateVector(links),
+                                 &departure_counts, builder.CreateVector(departures)));
   return {};
 }
 

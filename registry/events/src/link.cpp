@@ -205,6 +205,7 @@ void Link::subscribe() {
   wanted.realtime = config_.realtime;
   wanted.transport = config_.transport;
   wanted.shared_ring = config_.shared_ring;
+  wanted.miss_count_max = config_.miss_count_max;
   wanted.linking_hub = host_.host_epoch();
   wanted.deadline = config_.deadline;
   auto consumer = Consumer::create(node_, target_, std::move(wanted), *this);
@@ -259,6 +260,7 @@ void Link::on_notice(const Notice& notice) {
       case NoticeKind::kResubscribed:
         status_.state = LinkState::kLinked;
         status_.reason.clear();
+        status_.peer_epoch = notice.hub_epoch;
         if (notice.kind == NoticeKind::kResubscribed) status_.last_gap = notice.gap;
         break;
       case NoticeKind::kInterrupted:

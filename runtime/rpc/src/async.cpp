@@ -141,10 +141,14 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
                                                      const StreamOptions& options) {
   RTPM_ASSERT(options.window >= 1 && options.window <= wire::kStreamWindow,
               "a stream takes 1 to 32 items at a time");
+  RTPM_ASSERT(options.miss_count_max >= kMissCountMin && options.miss_count_max <= kMissCountMax,
+              "2 to 6 signs of life may be missed");
   Impl::Plan plan = impl_->plan(method, options.call);
   // A stream has no end of its own in time, unless its caller says so.
   if (!options.call.deadline) plan.deadline = kNever;
   plan.stream_window = options.window;
+  plan.stream_lease =
+      std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax, wire::kStreamLease);
   const auto ready = impl_->make_ready(plan);
   if (!ready) return unexpected{ready.error()};
   auto state = std::make_unique<ItemReader::State>(ready->channel);

@@ -106,6 +106,7 @@ expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& 
     ready.parameters.deadline = plan.deadline;
     ready.parameters.delivery = plan.delivery;
     ready.parameters.stream_window = plan.stream_window;
+    ready.parameters.stream_lease = plan.stream_lease;
     return ready;
   }
   return unexpected{CallError::kPeerRestarted};

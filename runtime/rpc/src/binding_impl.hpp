@@ -15,6 +15,7 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/wire/control.hpp"
+#include "rtpm/wire/limits.hpp"
 
 namespace rtpm::rpc {
 
@@ -73,6 +74,7 @@ class Binding::Impl {
     Target target = Target::kObject;
     wire::Delivery delivery = wire::Delivery::kReply;
     std::uint32_t stream_window = 0;
+    Duration stream_lease = wire::kStreamLease;
   };
   /// A channel that is ready for a call, and what to call there.
   struct Ready {

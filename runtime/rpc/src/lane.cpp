@@ -330,7 +330,7 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
 
 // Has the callers through memory ring when they call; false if one has called by now.
 bool Lane::announce_sleep() noexcept {
-  if (pending_->open_count() > 0) tell_cancelled();
+  if (pending_->open_count() > 0) tell_cancelled(CallEnding::kLeft);
   bell_->announce_sleep();
   bool may_sleep = pending_->may_sleep() && gate_->may_sleep();
   for (const Source source : memory_sources_) {

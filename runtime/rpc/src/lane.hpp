@@ -137,7 +137,7 @@ class Lane {
   [[nodiscard]] bool serve_pending() noexcept;
   void serve_pending_call(PendingCall& call) noexcept;
   [[nodiscard]] bool send_items(PendingCall& call) noexcept;
-  void tell_cancelled() noexcept;
+  void tell_cancelled(CallEnding why) noexcept;
   [[nodiscard]] bool look_at_pending() noexcept;
   void look_at_time() noexcept;
   void say_goodbye() noexcept;

@@ -191,16 +191,17 @@ void Lane::send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
 // What a frame may have changed for calls that were deferred.
 void Lane::after_frame(std::uint32_t credit_tag) noexcept {
   if (pending_->open_count() == 0) return;
-  tell_cancelled();
+  tell_cancelled(CallEnding::kLeft);
   if (credit_tag != 0) serve_pending_call(pending_->tagged(credit_tag));
 }
 
 // Calls that their callers cancelled, or whose sessions ended: whoever has them may stop.
-void Lane::tell_cancelled() noexcept {
+void Lane::tell_cancelled(CallEnding why) noexcept {
   for (wire::ServerSessions* sessions :
        {&datagram_sessions_, &stream_sessions_, &memory_sessions_}) {
     while (const std::uint32_t tag = sessions->next_cancelled()) {
       PendingCall& call = pending_->tagged(tag);
+      call.ending.store(why, std::memory_order_relaxed);
       call.is_awaited.store(false, std::memory_order_release);
       serve_pending_call(call);
     }
@@ -208,7 +209,7 @@ void Lane::tell_cancelled() noexcept {
 }
 
 bool Lane::look_at_pending() noexcept {
-  tell_cancelled();
+  tell_cancelled(CallEnding::kLeft);
   return pending_->has_ready() && serve_pending();
 }
 
@@ -272,8 +273,9 @@ void Lane::look_at_time() noexcept {
   for (wire::ServerSessions* sessions :
        {&datagram_sessions_, &stream_sessions_, &memory_sessions_}) {
     if (sessions->next_time() > now) continue;
+    tell_cancelled(CallEnding::kLeft);
     sessions->on_time(now);
-    tell_cancelled();
+    tell_cancelled(CallEnding::kSilent);
   }
 }
 
@@ -281,6 +283,7 @@ void Lane::look_at_time() noexcept {
 void Lane::say_goodbye() noexcept {
   gate_->close();
   pending_->for_each_open([&](PendingCall& call) {
+    call.ending.store(CallEnding::kStopping, std::memory_order_relaxed);
     call.is_awaited.store(false, std::memory_order_release);
     if (call.local != nullptr) {
       // One that still runs has its caller's memory, and is ended by its own thread.

@@ -43,6 +43,7 @@ PendingCall* PendingPool::take() noexcept {
   free_.pop_back();
   ++open_count_;
   found->is_taken = true;
+  found->ending.store(CallEnding::kNone, std::memory_order_relaxed);
   found->is_awaited.store(true, std::memory_order_relaxed);
   found->is_ended.store(false, std::memory_order_relaxed);
   found->written_count.store(0, std::memory_order_relaxed);
@@ -97,6 +98,11 @@ UnfinishedCall::~UnfinishedCall() {
 
 bool UnfinishedCall::is_awaited() const noexcept {
   return call_ != nullptr && call_->is_awaited.load(std::memory_order_acquire);
+}
+
+CallEnding UnfinishedCall::ending() const noexcept {
+  if (call_ == nullptr || is_awaited()) return CallEnding::kNone;
+  return call_->ending.load(std::memory_order_relaxed);
 }
 
 MonotonicTime UnfinishedCall::deadline() const noexcept {

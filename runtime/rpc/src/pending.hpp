@@ -54,6 +54,8 @@ struct PendingCall {
   // Shared.
   std::atomic<PendingCall*> next_ready{nullptr};
   std::atomic<bool> is_queued{false};
+  /// Why nobody waits for it; written before is_awaited.
+  std::atomic<CallEnding> ending{CallEnding::kNone};
   std::atomic<bool> is_awaited{false};
   std::atomic<bool> is_ended{false};
   wire::Status status = wire::Status::kOk;  ///< With is_ended.

@@ -146,6 +146,15 @@ bool Process::wait_for_output(std::string_view text, Duration patience) {
   return true;
 }
 
+bool Process::wait_for_errors(std::string_view text, Duration patience) {
+  const auto end = Clock::now() + patience;
+  while (errors_.text.find(text) == std::string::npos) {
+    if (errors_.handle < 0 || Clock::now() >= end) return false;
+    read_for(end - Clock::now());
+  }
+  return true;
+}
+
 std::optional<Process::End> Process::wait(Duration patience) {
   const auto end = Clock::now() + patience;
   while (output_.handle >= 0 || errors_.handle >= 0) {

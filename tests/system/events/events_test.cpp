@@ -88,6 +88,8 @@ TEST_P(Events, StoppedConsumerCostsNobodyAnEventAndComesBack) {
   stopped.send_signal(SIGSTOP);
   expect_events(other, 4000);
   expect_no_gap(other);
+  EXPECT_TRUE(hub_->process.wait_for_errors("was dropped: it missed too many", kPatience))
+      << hub_->process.errors();
   stopped.send_signal(SIGCONT);
   // It was away for longer than a stream is kept: it subscribes anew by itself.
   EXPECT_TRUE(stopped.wait_for_output("resubscribed\n", kPatience)) << stopped.output();
@@ -106,6 +108,8 @@ TEST_P(Events, KilledConsumerLeavesItsPlaceAndHarmsNobody) {
   while (subscription_count() > 1 && rt::now() < give_up)
     expect_events(other, 10);
   EXPECT_EQ(subscription_count(), 1U);
+  EXPECT_TRUE(hub_->process.wait_for_errors("was dropped: it is gone", kPatience))
+      << hub_->process.errors();
   expect_no_gap(other);
 }
 

@@ -1,5 +1,6 @@
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <vector>
 
@@ -280,6 +281,53 @@ TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
     rt::sleep_until(rt::now() + 1ms);
   }
   EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+}
+
+TEST_F(HubTest, WhoWentAndWhyIsCountedAndTold) {
+  const auto supplier = make_supplier(node_, hub_);
+  Sleeper full;
+  Sleeper silent;
+  static_cast<void>(make_consumer(node_, hub_, recorder_, of_type(kGaze)));
+  const auto ends = make_consumer(node_, hub_, full, of_type(kPose),
+                                  {.when_full = QueuePolicy::kDisconnect, .queue_capacity = 4});
+  const auto hangs = Consumer::create(node_, hub_.url(),
+                                      {.name = "hanging",
+                                       .filter = of_type(kButton),
+                                       .realtime = rt::RealtimeMode::kOff,
+                                       .shared_ring = false,
+                                       .miss_count_max = rpc::kMissCountMin,
+                                       .deadline = kPatience},
+                                      silent);
+  ASSERT_TRUE(hangs) << hangs.error().text;
+  push(*supplier, kButton);
+  ASSERT_TRUE(silent.await_deliveries(1));
+  for (int i = 0; i < 1000; ++i)
+    push(*supplier, kPose);
+  const auto counters = [&] { return hub_.hub().departure_counters(); };
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (rt::now() < give_up &&
+         (counters().unsubscribed_count == 0 || counters().silent_count == 0 ||
+          counters().queue_full_count == 0)) {
+    rt::sleep_until(rt::now() + 1ms);
+  }
+  EXPECT_EQ(counters().unsubscribed_count, 1U);
+  EXPECT_EQ(counters().silent_count, 1U);
+  EXPECT_GE(counters().queue_full_count, 1U);
+  const auto departures = hub_.hub().departures();
+  const auto found = std::ranges::find(departures, "hanging", &Departure::name);
+  ASSERT_NE(found, departures.end());
+  EXPECT_EQ(found->reason, DepartureReason::kSilent);
+  EXPECT_TRUE(hub_.hub().departures(departures.back().number).empty());
+  silent.release();
+  full.release();
+}
+
+TEST_F(HubTest, CountOfMissedSignsOfLifeHasBounds) {
+  for (const std::uint32_t count : {rpc::kMissCountMin - 1, rpc::kMissCountMax + 1}) {
+    const auto refused = Consumer::create(node_, hub_.url(), {.miss_count_max = count}, recorder_);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find("2 to 6"), std::string::npos) << refused.error().text;
+  }
 }
 
 TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {

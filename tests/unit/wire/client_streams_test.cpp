@@ -20,8 +20,9 @@ class ClientStreams : public ClientChannelTest {
   void SetUp() override { make_ready(at(0s)); }
 
   /// Begins a call that takes `window` items at a time.
-  void begin(std::uint32_t window = 4, Duration patience = 1h) {
+  void begin(std::uint32_t window = 4, Duration patience = 1h, Duration lease = kStreamLease) {
     CallParameters wanted = parameters(at(0s) + patience);
+    wanted.stream_lease = lease;
     memory_.resize(window * kItemSize);
     wanted.stream_window = window;
     wanted.stream_memory = memory_;
@@ -206,6 +207,25 @@ TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
   EXPECT_LE(now, at(4s + 500ms));
   EXPECT_EQ(header_of(event.frame).kind, FrameKind::kCancel);
   EXPECT_FALSE(channel_.is_open(index_));
+}
+
+// hp-5.10-7
+TEST_F(ClientStreams, AreLostSoonerWhereTheClientWantsIt) {
+  begin(4, 1h, 1s);
+  EXPECT_EQ(header_of(call_).budget_us, 1'000'000U);
+  static_cast<void>(ack(0, at(1s)));
+  ChannelEvent event;
+  MonotonicTime now = at(1s);
+  do {
+    now = channel_.next_time();
+    event = channel_.on_time(now);
+    if (event.kind == Kind::kSend) {
+      EXPECT_EQ(header_of(event.frame).budget_us, 1'000'000U);
+    }
+  } while (event.kind == Kind::kSend);
+  EXPECT_EQ(event.kind, Kind::kTimeout);
+  EXPECT_GE(now, at(2s));
+  EXPECT_LE(now, at(2s + 500ms));
 }
 
 TEST_F(ClientStreams, EndAtTheirDeadlineAndTellTheServer) {

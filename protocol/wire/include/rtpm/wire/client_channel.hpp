@@ -52,6 +52,8 @@ struct CallParameters {
   std::uint32_t stream_window = 0;
   /// Of a stream: where items are collected, frame_payload_max() bytes for each of the window.
   MutableBytes stream_memory{};
+  /// Of a stream: how long server and client go without hearing of the other, at most kStreamLease.
+  Duration stream_lease = kStreamLease;
 };
 
 /// One of a channel's open calls: its place, from 0 up to open_call_max.
@@ -161,6 +163,7 @@ class ClientChannel {
     MutableBytes room{};
     IncomingStream items;
     std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
+    Duration lease = kStreamLease;  ///< Of a stream.
     MonotonicTime heard{};          ///< When the stream's server was heard last,
     Duration item_gap{0};           ///< and how far apart items come, smoothed.
     MonotonicTime begun{};

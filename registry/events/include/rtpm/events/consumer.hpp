@@ -15,6 +15,7 @@
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/filter.hpp"
 #include "rtpm/events/scalar.hpp"
+#include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -37,6 +38,7 @@ struct Notice {
   Losses losses{};          ///< Since create(), over all lives of the hub.
   Duration gap{0};          ///< kResubscribed: since the hub was last heard.
   bool has_hub_restarted = false;
+  std::uint64_t hub_epoch = 0;  ///< The life of the hub that was heard last.
 };
 
 /// What a program does with events. All is called from the consumer's own thread, one at a time. It
@@ -65,6 +67,10 @@ struct ConsumerConfig {
   /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
   /// stream of its own.
   bool shared_ring = true;
+  /// How many signs of life in a row the hub may miss, one each half second, until it drops the
+  /// subscription: rpc::kMissCountMin…kMissCountMax. A handler that takes longer than that is a
+  /// reason, too. As many of the hub's the consumer may miss until it takes the hub for gone.
+  std::uint32_t miss_count_max = rpc::kMissCountMax;
   /// The epoch of the hub that hands on what comes; 0: it is no hub's. A hub's link sets it.
   std::uint64_t linking_hub = 0;
   Duration deadline = std::chrono::seconds{1};  ///< Of create(), and of each try to come back.

@@ -11,6 +11,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/delivery.hpp"
 #include "rtpm/events/hub.hpp"
+#include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/thread.hpp"
 
@@ -32,8 +33,9 @@ struct LinkConfig {
   /// Events that wait at the other hub at most; then the oldest are dropped, counted and told.
   std::uint32_t queue_capacity = kQueueCapacityMax;
   rpc::Transport transport = rpc::Transport::kAuto;
-  bool shared_ring = true;                      ///< As ConsumerConfig::shared_ring.
-  Duration deadline = std::chrono::seconds{1};  ///< Of each try to reach the other hub.
+  bool shared_ring = true;                            ///< As ConsumerConfig::shared_ring.
+  std::uint32_t miss_count_max = rpc::kMissCountMax;  ///< As ConsumerConfig::miss_count_max.
+  Duration deadline = std::chrono::seconds{1};        ///< Of each try to reach the other hub.
   /// How often it looks whether the other hub is there, asks for its clock, and tries again.
   Duration attend_interval = std::chrono::milliseconds{250};
 };

@@ -32,12 +32,19 @@ struct CallOptions {
   std::uint64_t trace_id = 0;
 };
 
+inline constexpr std::uint32_t kMissCountMin = 2;
+inline constexpr std::uint32_t kMissCountMax = 6;
+
 /// How a stream is taken.
 struct StreamOptions {
   /// As for any call; the deadline is the whole stream's. Default: none.
   CallOptions call{};
   /// How many items may be on their way at a time, 1…32: how far the server may be ahead.
   std::uint32_t window = 16;
+  /// Caller and server hear of each other at least each half second. How many signs of life in a
+  /// row may be missing, kMissCountMin…kMissCountMax, until each takes the other for dead. The
+  /// caller gives its own only while it waits in next().   Source: spec/hprotocol.md#hp-5.10-7.
+  std::uint32_t miss_count_max = kMissCountMax;
 };
 
 /// How a binding is made.

@@ -25,6 +25,14 @@ enum class StreamError : std::uint8_t {
 /// "full", "ended" or "too large".
 [[nodiscard]] std::string_view to_string(StreamError error) noexcept;
 
+/// Why nobody waits for a call any more.
+enum class CallEnding : std::uint8_t {
+  kNone,      ///< Somebody does.
+  kLeft,      ///< The caller cancelled, or its session or connection ended.
+  kSilent,    ///< The caller of a stream missed as many signs of life as it may.
+  kStopping,  ///< The server stops.
+};
+
 /// What the two kinds of unfinished call have in common; see those.
 class UnfinishedCall {
  public:
@@ -39,6 +47,8 @@ class UnfinishedCall {
   /// False once the caller has cancelled, gone, or been told that the server stops: what is still
   /// done for it is in vain.   RT: alloc-free.   Threads: any.
   [[nodiscard]] bool is_awaited() const noexcept;
+  /// Why it is not awaited.   RT: alloc-free.   Threads: any.
+  [[nodiscard]] CallEnding ending() const noexcept;
   /// After which nobody waits for the result.
   [[nodiscard]] MonotonicTime deadline() const noexcept;
 

@@ -163,6 +163,7 @@ class LateAnswer {
   /// False once the caller has cancelled, gone, or been told that the server stops.
   /// RT: alloc-free.
   [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
+  [[nodiscard]] CallEnding ending() const noexcept { return call_.ending(); }
   /// After which nobody waits for the answer.   RT: alloc-free.
   [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
   /// False once it was ended, or moved away.

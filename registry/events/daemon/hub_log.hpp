@@ -1,0 +1,26 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "rtpm/events/hub.hpp"
+#include "rtpm/events/link.hpp"
+
+namespace rtpm::eventd {
+
+/// Says on standard error what happens to a hub: a sentence for each consumer that is gone, unless
+/// it unsubscribed, and for each link whose state changes.
+/// Ownership: refers to the hub.   Threads: one, time-shared.
+class HubLog {
+ public:
+  explicit HubLog(const events::Hub& hub) : hub_(hub) {}
+  /// Says what happened since it was last called.
+  void tell();
+
+ private:
+  const events::Hub& hub_;
+  std::uint64_t departure_number_ = 0;
+  std::vector<events::LinkState> link_states_{};
+};
+
+}  // namespace rtpm::eventd

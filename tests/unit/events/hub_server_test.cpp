@@ -1,0 +1,80 @@
+#include "rtpm/events/hub_server.hpp"
+
+#include <gtest/gtest.h>
+
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/names/servant.hpp"
+#include "served_hub.hpp"
+
+// A hub in a program, found by its name.
+namespace rtpm::events::test {
+namespace {
+
+class EmbeddedHub : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto registry = rpc::Server::create({.realtime = rt::RealtimeMode::kOff});
+    ASSERT_TRUE(registry) << registry.error().text;
+    registry_ = std::move(*registry);
+    ASSERT_TRUE(registry_->add("rtpm/names", *names_));
+    ASSERT_TRUE(registry_->start());
+    url_ = registry_->url("rtpm/names");
+    resolver_.emplace(node_, url_);
+    node_.use(*resolver_);
+  }
+  void TearDown() override { registry_->stop(); }
+  [[nodiscard]] HubServerConfig config(const std::string& name) const {
+    HubServerConfig config{.name = name, .registry = url_};
+    config.hub.realtime = rt::RealtimeMode::kOff;
+    config.hub.priority.reset();
+    config.server = server_config_for(config.hub);
+    config.server->realtime = rt::RealtimeMode::kOff;
+    return config;
+  }
+
+  std::unique_ptr<rpc::Servant> names_ = names::make_servant();
+  std::unique_ptr<rpc::Server> registry_{};
+  std::string url_{};
+  rpc::Node node_{};
+  std::optional<names::RegistryResolver> resolver_{};
+  Recorder recorder_{};
+};
+
+TEST_F(EmbeddedHub, IsFoundByItsName) {
+  auto served = HubServer::create(node_, config("lab/events"));
+  ASSERT_TRUE(served) << served.error().text;
+  const auto consumer = Consumer::create(
+      node_, "lab/events", {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
+  ASSERT_TRUE(consumer) << consumer.error().text;
+  const auto supplier = Supplier::create((*served)->hub());
+  ASSERT_TRUE(supplier);
+  push(**supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+}
+
+TEST_F(EmbeddedHub, LosesItsNameWhenItEnds) {
+  {
+    const auto served = HubServer::create(node_, config("lab/events"));
+    ASSERT_TRUE(served) << served.error().text;
+    EXPECT_TRUE(resolver_->resolve("lab/events"));
+  }
+  EXPECT_FALSE(resolver_->resolve("lab/events"));
+}
+
+TEST_F(EmbeddedHub, NeedsNoName) {
+  const auto served = HubServer::create(node_, config(""));
+  ASSERT_TRUE(served) << served.error().text;
+  const auto consumer =
+      Consumer::create(node_, (*served)->url(),
+                       {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
+  EXPECT_TRUE(consumer);
+}
+
+TEST_F(EmbeddedHub, SaysWhyItHasNotGotTheName) {
+  const auto served = HubServer::create(node_, config("not//a name"));
+  ASSERT_FALSE(served);
+  EXPECT_FALSE(served.error().text.empty());
+}
+
+}  // namespace
+}  // namespace rtpm::events::test
