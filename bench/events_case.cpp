@@ -7,7 +7,9 @@
 #include "case.hpp"
 #include "disturbance.hpp"
 #include "duel.hpp"
+#include "event_run.hpp"
 #include "event_sides.hpp"
+#include "peers_case.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
@@ -16,65 +18,13 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t kEventCountDefault = 2'000;
-/// Events of one side before the other's turn.
-constexpr std::size_t kBlockSize = 200;
-/// How long the last of a block may take to arrive.
-constexpr Duration kBlockPatience = 500ms;
 /// Of the isolation result: so many consumers, of which so many are stopped and so many slow.
 constexpr int kCrowd = 64;
 constexpr int kStopped = 8;
 constexpr int kSlow = 8;
 
-/// What one contender showed: each delivery, and of each event the last.
-struct Finding {
-  Finding(int round_count, std::size_t count, int consumer_count)
-      : each(round_count, count * static_cast<std::size_t>(consumer_count)),
-        last(round_count, count) {}
-  Samples each;
-  Samples last;
-  std::uint64_t missing_count = 0;
-  std::vector<Duration> all{};  ///< In the order of the events, where they are to be plotted.
-};
-
-/// Pushes one block at its pace and takes what the first `consumer_count` consumers saw.
-expected<void, std::string> measure_block(const Settings& settings, EventSide& side,
-                                          EventBoard& board, std::uint32_t block,
-                                          int consumer_count, Finding& finding) {
-  const auto consumers = static_cast<std::size_t>(consumer_count);
-  const Duration period{static_cast<std::int64_t>(1e9 / settings.rate_hz)};
-  board.begin(block);
-  MonotonicTime due = rt::now() + period;
-  for (std::uint32_t i = 0; i < board.event_count(); ++i, due += period) {
-    rt::sleep_until(due);
-    const EventStamp stamp{.due_ns = to_ns(rt::now()), .block = block, .number = i};
-    if (auto pushed = side.push(stamp); !pushed) return pushed;
-  }
-  const MonotonicTime give_up = rt::now() + kBlockPatience;
-  while (board.arrived_count() < consumers * board.event_count() && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 1ms);
-  for (std::size_t event = 0; event < board.event_count(); ++event) {
-    Duration last{0};
-    for (std::size_t consumer = 0; consumer < consumers; ++consumer) {
-      const Duration latency = board.at(consumer, event);
-      if (latency > Duration{0}) {
-        finding.each.add(latency);
-        finding.all.push_back(latency);
-        last = std::max(last, latency);
-      } else {
-        ++finding.missing_count;
-      }
-    }
-    finding.last.add(last);
-  }
-  return {};
-}
-
-std::string title_of(const EventSetting& setting) {
-  return std::string(setting.network == nullptr ? "events, " : "events, two hosts, ") +
-         std::string(to_string(setting.carrier)) + ", " +
-         std::string(rt::to_string(setting.wait.strategy)) + " wait, " +
-         std::to_string(setting.consumer_count) +
-         (setting.consumer_count == 1 ? " consumer" : " consumers");
+Duration period_of(const Settings& settings) {
+  return Duration{static_cast<std::int64_t>(1e9 / settings.rate_hz)};
 }
 
 void add_head(Result& result, const EventSetting& setting, const Settings& settings,
@@ -99,8 +49,8 @@ std::size_t count_per_round(const Settings& settings) {
   const std::uint64_t count =
       settings.sample_count == 0 ? kEventCountDefault : settings.sample_count;
   const auto per_round = count / static_cast<std::uint64_t>(settings.round_count);
-  return static_cast<std::size_t>(std::max<std::uint64_t>(kBlockSize, per_round) / kBlockSize *
-                                  kBlockSize);
+  return static_cast<std::size_t>(std::max<std::uint64_t>(kEventBlockSize, per_round) /
+                                  kEventBlockSize * kEventBlockSize);
 }
 
 /// The distribution as bars, one for each fifth of a power of two, for people; for programs the
@@ -137,9 +87,10 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
   auto relay = start_event_relay(setting);
   if (!relay) return unexpected{relay.error()};
   const std::size_t per_round = count_per_round(settings);
-  std::array<Finding, 2> findings{Finding(settings.round_count, per_round, setting.consumer_count),
-                                  Finding(settings.round_count, per_round, setting.consumer_count)};
-  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kBlockSize);
+  std::array<EventFinding, 2> findings{
+      EventFinding(settings.round_count, per_round, setting.consumer_count),
+      EventFinding(settings.round_count, per_round, setting.consumer_count)};
+  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kEventBlockSize);
   std::uint64_t lost = 0;
   const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
   const DisturbanceWatch watch({hub->id(), relay->id()});
@@ -155,15 +106,16 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
     if (!floor) return unexpected{floor.error()};
     std::uint32_t block = 0;
     for (int round = 0; round < settings.round_count; ++round) {
-      for (Finding& finding : findings) {
+      for (EventFinding& finding : findings) {
         finding.each.begin_round(round);
         finding.last.begin_round(round);
       }
-      for (std::size_t done = 0; done < per_round; done += kBlockSize) {
+      for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         for (std::size_t turn = 0; turn < 2; ++turn) {
           const std::size_t which = (turn + block / 2) % 2;
-          if (auto pushed = measure_block(settings, which == 0 ? **rtpm : **floor, board, ++block,
-                                          setting.consumer_count, findings[which]);
+          if (auto pushed = measure_events(period_of(settings), kEventBlockSize,
+                                           which == 0 ? **rtpm : **floor, board, ++block,
+                                           setting.consumer_count, findings[which]);
               !pushed) {
             return pushed;
           }
@@ -175,23 +127,10 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
   });
   if (!measured) return measured;
   const auto& [rtpm, floor] = findings;
-  add_head(result, setting, settings, rtpm.last.count());
-  add_distribution(result.json, "each_", rtpm.each);
-  add_distribution(result.json, "last_", rtpm.last);
-  add_distribution(result.json, "floor_each_", floor.each);
-  add_distribution(result.json, "floor_last_", floor.last);
+  add_fan_out(result, settings, setting, {rtpm.each, rtpm.last, rtpm.missing_count},
+              {floor.each, floor.last, floor.missing_count});
   if (settings.tells_latencies) add_latencies(result, rtpm.each, floor.each);
-  add_ratio(result.json, "ratio_each_p50", rtpm.each, floor.each, 50);
-  add_ratio(result.json, "ratio_each_p99", rtpm.each, floor.each, 99);
-  add_ratio(result.json, "ratio_last_p50", rtpm.last, floor.last, 50);
-  add_ratio(result.json, "ratio_last_p99", rtpm.last, floor.last, 99);
   result.json.add("lost", static_cast<std::int64_t>(lost));
-  result.json.add("missing", static_cast<std::int64_t>(rtpm.missing_count));
-  result.json.add("floor_missing", static_cast<std::int64_t>(floor.missing_count));
-  result.rows = {{"RTPM, each", rtpm.each.percentiles()},
-                 {"RTPM, last", rtpm.last.percentiles()},
-                 {"raw floor, each", floor.each.percentiles()},
-                 {"raw floor, last", floor.last.percentiles()}};
   if (setting.network != nullptr) {
     result.json.add("hosts", 2);
     add_plot(result, "RTPM", "plot_", rtpm.all);
@@ -211,25 +150,26 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
   auto idle = start_idle_consumers(setting, hub->address(), kStopped);
   if (!idle) return unexpected{idle.error()};
   const std::size_t per_round = count_per_round(settings);
-  std::array<Finding, 2> findings{Finding(settings.round_count, per_round, measured_count),
-                                  Finding(settings.round_count, per_round, measured_count)};
-  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kBlockSize);
+  std::array<EventFinding, 2> findings{
+      EventFinding(settings.round_count, per_round, measured_count),
+      EventFinding(settings.round_count, per_round, measured_count)};
+  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kEventBlockSize);
   const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
   auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
     auto side = connect_events(setting, hub->address(), board);
     if (!side) return unexpected{side.error()};
     std::uint32_t block = 0;
     for (int round = 0; round < settings.round_count; ++round) {
-      for (Finding& finding : findings) {
+      for (EventFinding& finding : findings) {
         finding.each.begin_round(round);
         finding.last.begin_round(round);
       }
-      for (std::size_t done = 0; done < per_round; done += kBlockSize) {
+      for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         for (const bool is_bad : {false, true}) {
           (*side)->set_slow(is_bad ? kSlow : 0);
           if (is_bad) idle->pause();
-          auto pushed = measure_block(settings, **side, board, ++block, measured_count,
-                                      findings[is_bad ? 1 : 0]);
+          auto pushed = measure_events(period_of(settings), kEventBlockSize, **side, board, ++block,
+                                       measured_count, findings[is_bad ? 1 : 0]);
           if (is_bad) idle->resume();
           if (!pushed) return pushed;
         }
@@ -308,6 +248,7 @@ bool report_two_hosts(const Settings& settings, EventSetting setting, Report& re
 }  // namespace
 
 bool run_events(const Settings& settings, Report& report) {
+  if (!settings.peers.empty()) return run_events_with_peers(settings, report);
   const Measure fan_out = [](const Settings& s, EventSetting e, Result& r) {
     return measure_fan_out(s, e, r);
   };

@@ -63,8 +63,9 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
               {std::chrono::microseconds{10}, std::chrono::seconds{10}});
   options.add("drop", settings.drop_percent,
               "percent of the packets that two-node loses in each direction, at random", {0, 90});
-  options.add("peers", settings.peers,
-              "measure other middleware, too: all, or names; call, paced and isolation heed it");
+  options.add(
+      "peers", settings.peers,
+      "measure other middleware, too: all, or names; call, paced, isolation and events heed it");
   options.add_realtime(settings.realtime);
 }
 

@@ -13,8 +13,10 @@ std::span<const PeerEntry> known_peers() {
       PeerEntry{"ice", "libzeroc-ice-dev zeroc-ice-compilers", "tcp", ""},
       PeerEntry{"grpc", "libgrpc++-dev protobuf-compiler-grpc protobuf-compiler", "tcp unix", ""},
       PeerEntry{"capnproto", "libcapnp-dev capnproto", "tcp unix", ""},
-      PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", ""},
-      PeerEntry{"nng", "libnng-dev", "tcp ipc", ""},
+      PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", "tcp ipc"},
+      PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc"},
+      PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix"},
+      PeerEntry{"nats", "nats-server libnats-dev", "", "tcp"},
   };
   return kPeers;
 }

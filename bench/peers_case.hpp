@@ -3,7 +3,7 @@
 #include "report.hpp"
 #include "settings.hpp"
 
-/// The cases of calls with peers: RTPM, the raw floor and every peer take turns in one run.
+/// The cases with peers: RTPM, the raw floor and every peer take turns in one run.
 namespace rtpm::bench {
 
 /// Says on standard error which of the peers asked for are not built, with their packages; false if
@@ -16,5 +16,6 @@ bool say_missing_peers(const Settings& settings);
 bool run_call_with_peers(const Settings& settings, Report& report);
 bool run_paced_with_peers(const Settings& settings, Report& report);
 bool run_isolation_with_peers(const Settings& settings, Report& report);
+bool run_events_with_peers(const Settings& settings, Report& report);
 
 }  // namespace rtpm::bench

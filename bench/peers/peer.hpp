@@ -5,10 +5,14 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "caller.hpp"
+#include "event_board.hpp"
+#include "event_sides.hpp"
 #include "peer_board.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm/rt/thread.hpp"
 
 /// What each peer's program does in its own way. peer_main.cpp does the rest: processes,
 /// priorities, CPUs and measuring.
@@ -62,9 +66,9 @@ class PeerCaller : public Caller {
 /// Says where a lane is reached, from when it answers.
 using Announce = std::function<void(const std::string& address)>;
 
-/// A peer's server and client. All functions run on threads that have the lane's policy, priority
-/// and CPU already; what threads the library starts there inherit them. An exception of the library
-/// is caught outside and told.
+/// A peer's server and client, of calls, of events, or of both. All functions run on threads that
+/// have the lane's policy, priority and CPU already; what threads the library starts there inherit
+/// them. An exception of the library is caught outside and told.
 class Peer {
  public:
   virtual ~Peer() = default;
@@ -72,14 +76,57 @@ class Peer {
   /// threads of the library serve. Lanes are served at the same time, each from a thread of its
   /// own.
   [[nodiscard]] virtual expected<void, std::string> serve(const PeerLane& lane,
-                                                          const Announce& announce) = 0;
+                                                          const Announce& announce) {
+    static_cast<void>(lane);
+    static_cast<void>(announce);
+    return unexpected{std::string("this peer makes no calls")};
+  }
   /// Connects one caller, which one thread uses: this one, or one of the same priority.
   [[nodiscard]] virtual expected<std::unique_ptr<Caller>, std::string> connect(
-      const PeerLane& lane, const std::string& address) = 0;
+      const PeerLane& lane, const std::string& address) {
+    static_cast<void>(lane);
+    static_cast<void>(address);
+    return unexpected{std::string("this peer makes no calls")};
+  }
   /// Whether callers of low priority, too, are connected on a thread of high priority, because the
   /// library can't connect otherwise.
   [[nodiscard]] virtual bool connects_at_high_priority() const { return false; }
+
+  /// As serve(), of the broker between supplier and consumers. One that is a program of its own
+  /// takes the place of this one, by become_broker().
+  [[nodiscard]] virtual expected<void, std::string> serve_events(const PeerLane& lane,
+                                                                 const Announce& announce) {
+    static_cast<void>(lane);
+    static_cast<void>(announce);
+    return unexpected{std::string("this peer has no events")};
+  }
+  /// Connects a supplier and so many consumers, which note on the board what reaches them.
+  /// Consumers may not have joined yet when it returns.
+  [[nodiscard]] virtual expected<std::unique_ptr<EventSide>, std::string> connect_events(
+      const PeerLane& lane, const std::string& address, int consumer_count, EventBoard& board) {
+    static_cast<void>(lane);
+    static_cast<void>(address);
+    static_cast<void>(consumer_count);
+    static_cast<void>(board);
+    return unexpected{std::string("this peer has no events")};
+  }
 };
+
+/// A side whose consumers are never slow on purpose, and are told of no losses.
+class PeerEventSide : public EventSide {
+ public:
+  void set_slow(int) final {}
+  [[nodiscard]] std::uint64_t lost_count() const final { return 0; }
+};
+
+/// A thread of a consumer, with the scheduling of the thread that starts it.
+[[nodiscard]] expected<rt::Thread, std::string> start_consumer(std::function<void()> body);
+
+/// Replaces this program by a broker, `command`, and tells that it serves once its port, or the
+/// socket at its path, accepts connections. Returns only if that fails.   Set-up only.
+[[nodiscard]] expected<void, std::string> become_broker(std::vector<std::string> command,
+                                                        std::uint16_t port,
+                                                        const std::string& path = {});
 
 /// The peer of this program: each program defines it once.
 [[nodiscard]] std::unique_ptr<Peer> make_peer();

@@ -1,3 +1,7 @@
+#include <fcntl.h>
+#include <sched.h>
+#include <signal.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -8,12 +12,16 @@
 #include <utility>
 #include <vector>
 
+#include "event_run.hpp"
 #include "peer.hpp"
+#include "peer_port.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "turn.hpp"
 
-// The program of a peer, as rtpm-bench starts it: rtpm-peer-NAME serve|call BOARD.
+// The program of a peer, as rtpm-bench starts it: rtpm-peer-NAME ROLE BOARD. serve and call are the
+// two ends of calls, broker and events those of events.
 namespace rtpm::bench {
 namespace {
 
@@ -69,18 +77,20 @@ Outcome run_on_lane_thread(const PeerSetting& setting, std::size_t index, bool i
 
 // ---- the server ---------------------------------------------------------------------------------
 
+using Serve = Outcome (Peer::*)(const PeerLane&, const Announce&);
+
 /// Starts a lane's thread and waits until the lane can be called.
-Outcome start_lane(PeerBoard& board, Peer& peer, std::size_t index) {
+Outcome start_lane(PeerBoard& board, Peer& peer, Serve serve, std::size_t index) {
   auto announced = std::make_shared<std::promise<Outcome>>();
   auto is_announced = announced->get_future();
   auto thread = rt::Thread::start(
-      thread_config(board.setting, index, true), [announced, index, &board, &peer] {
+      thread_config(board.setting, index, true), [announced, index, serve, &board, &peer] {
         const Announce announce = [&](const std::string& address) {
           board.setting.addresses[index].set(address);
           announced->set_value({});
         };
-        const auto served =
-            without_exceptions([&] { return peer.serve(lane_of(board.setting, index), announce); });
+        const auto served = without_exceptions(
+            [&] { return (peer.*serve)(lane_of(board.setting, index), announce); });
         if (served) return;
         // If it was announced before, its callers' deadlines tell that it serves no longer.
         try {
@@ -95,10 +105,10 @@ Outcome start_lane(PeerBoard& board, Peer& peer, std::size_t index) {
   return is_announced.get();
 }
 
-Outcome serve(PeerBoard& board, Peer& peer) {
+Outcome serve(PeerBoard& board, Peer& peer, Serve serve) {
   const std::size_t lane_count = board.setting.low_caller_count > 0 ? 2 : 1;
   for (std::size_t index = 0; index < lane_count; ++index) {
-    if (auto started = start_lane(board, peer, index); !started) return started;
+    if (auto started = start_lane(board, peer, serve, index); !started) return started;
   }
   tell({});
   for (;;)
@@ -164,7 +174,87 @@ Outcome call(PeerBoard& board, Peer& peer) {
   });
 }
 
+// ---- events -------------------------------------------------------------------------------------
+
+/// Pushes until an event has reached every consumer; they join in their own time.
+Outcome wait_for_consumers(EventSide& side, EventBoard& board, int consumer_count) {
+  const MonotonicTime give_up = rt::now() + std::chrono::seconds{8};
+  for (std::uint32_t block = 1; rt::now() < give_up; ++block) {
+    board.begin(block);
+    const EventStamp stamp{.due_ns = to_ns(rt::now()), .block = block};
+    if (auto pushed = side.push(stamp); !pushed) return pushed;
+    rt::sleep_until(rt::now() + std::chrono::milliseconds{20});
+    if (board.arrived_count() >= static_cast<std::uint64_t>(consumer_count)) return {};
+  }
+  return unexpected{std::string("no event reached all consumers within 8 s")};
+}
+
+Outcome take_events(PeerBoard& board, Peer& peer) {
+  const int consumer_count = board.setting.consumer_count;
+  return run_on_lane_thread(board.setting, 0, false, [&]() -> Outcome {
+    EventBoard events(static_cast<std::size_t>(consumer_count), kEventBlockSize);
+    auto side =
+        peer.connect_events(lane_of(board.setting, 0),
+                            std::string(board.setting.addresses[0].get()), consumer_count, events);
+    if (!side) return unexpected{side.error()};
+    if (auto joined = wait_for_consumers(**side, events, consumer_count); !joined) return joined;
+    tell({});
+    // Above those of the set-up.
+    for (std::uint32_t block = 1'000'000;; ++block) {
+      board.wait_for_plan();
+      EventFinding finding(1, kEventBlockSize, consumer_count);
+      const auto measured = without_exceptions([&] {
+        return measure_events(Duration{board.plan.period_ns},
+                              static_cast<std::size_t>(board.plan.count), **side, events, block,
+                              consumer_count, finding);
+      });
+      board.error.set(measured ? std::string() : measured.error());
+      put(finding.each, board.high_ns, board.high_count);
+      put(finding.last, board.low_ns, board.low_count);
+      board.missing_count = finding.missing_count;
+      sem_post(&board.answered);
+    }
+  });
+}
+
+// Of the child that stays while its parent becomes a broker: says that the broker serves.
+[[noreturn]] void tell_of_broker(std::uint16_t port, const std::string& path) {
+  const bool is_there = path.empty() ? wait_for_port(port) : wait_for_socket(path);
+  tell(is_there ? Outcome() : unexpected{std::string("the broker does not serve after 10 s")});
+  _exit(0);
+}
+
 }  // namespace
+
+expected<rt::Thread, std::string> start_consumer(std::function<void()> body) {
+  // Of its starter it inherits only the CPU.
+  const bool is_realtime = sched_getscheduler(0) == SCHED_FIFO;
+  auto thread = rt::Thread::start(
+      {.name = "peer-consumer",
+       .priority = kHighPriority,
+       .realtime = is_realtime ? rt::RealtimeMode::kPrefer : rt::RealtimeMode::kOff},
+      std::move(body));
+  if (!thread) return unexpected{thread.error().text};
+  return std::move(*thread);
+}
+
+expected<void, std::string> become_broker(std::vector<std::string> command, std::uint16_t port,
+                                          const std::string& path) {
+  const pid_t child = fork();
+  if (child < 0) return unexpected{std::string("no process for a broker")};
+  if (child == 0) tell_of_broker(port, path);
+  // The request to end with rtpm-bench is the thread's own, and this is another one.
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  const int nowhere = open("/dev/null", O_WRONLY);
+  dup2(nowhere, STDOUT_FILENO);
+  dup2(nowhere, STDERR_FILENO);
+  std::vector<char*> arguments;
+  for (std::string& argument : command)
+    arguments.push_back(argument.data());
+  arguments.push_back(nullptr);
+  execv(arguments[0], arguments.data());
+  _exit(1);
+}
 
 int run_peer(std::string_view role, int board_file) {
   auto board = SharedBoard::open(board_file);
@@ -178,7 +268,11 @@ int run_peer(std::string_view role, int board_file) {
     return 1;
   }
   const auto peer = make_peer();
-  const auto outcome = role == "serve" ? serve(shared, *peer) : call(shared, *peer);
+  Outcome outcome;
+  if (role == "serve") outcome = serve(shared, *peer, &Peer::serve);
+  if (role == "broker") outcome = serve(shared, *peer, &Peer::serve_events);
+  if (role == "call") outcome = call(shared, *peer);
+  if (role == "events") outcome = take_events(shared, *peer);
   tell(outcome);
   return 1;
 }
@@ -187,7 +281,7 @@ int run_peer(std::string_view role, int board_file) {
 
 int main(int argc, char** argv) {
   const std::string_view role = argc == 3 ? argv[1] : "";
-  if (role != "serve" && role != "call") {
+  if (role != "serve" && role != "call" && role != "broker" && role != "events") {
     std::fprintf(stderr, "rtpm-peer: rtpm-bench starts this program; see rtpm-bench --peers\n");
     return 2;
   }

@@ -3,6 +3,7 @@
 #include <arpa/inet.h>
 #include <netinet/in.h>
 #include <sys/socket.h>
+#include <sys/un.h>
 #include <unistd.h>
 
 #include "rtpm/rt/clock.hpp"
@@ -16,6 +17,18 @@ sockaddr_in local_address(std::uint16_t port) {
   address.sin_port = htons(port);
   address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
   return address;
+}
+
+bool wait_for(int family, const sockaddr* address, socklen_t size) {
+  const MonotonicTime give_up = rt::now() + std::chrono::seconds{10};
+  while (rt::now() < give_up) {
+    const int handle = socket(family, SOCK_STREAM, 0);
+    const bool is_there = connect(handle, address, size) == 0;
+    close(handle);
+    if (is_there) return true;
+    rt::sleep_until(rt::now() + std::chrono::milliseconds{10});
+  }
+  return false;
 }
 
 }  // namespace
@@ -32,17 +45,15 @@ std::uint16_t free_port() {
 }
 
 bool wait_for_port(std::uint16_t port) {
-  const MonotonicTime give_up = rt::now() + std::chrono::seconds{10};
   const sockaddr_in address = local_address(port);
-  while (rt::now() < give_up) {
-    const int handle = socket(AF_INET, SOCK_STREAM, 0);
-    const bool is_there =
-        connect(handle, reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
-    close(handle);
-    if (is_there) return true;
-    rt::sleep_until(rt::now() + std::chrono::milliseconds{10});
-  }
-  return false;
+  return wait_for(AF_INET, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+}
+
+bool wait_for_socket(const std::string& path) {
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  path.copy(address.sun_path, sizeof address.sun_path - 1);
+  return wait_for(AF_UNIX, reinterpret_cast<const sockaddr*>(&address), sizeof address);
 }
 
 }  // namespace rtpm::bench

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <string>
 
 namespace rtpm::bench {
 
@@ -9,5 +10,7 @@ namespace rtpm::bench {
 /// Waits until something accepts connections at the port, for ten seconds at most; false if nothing
 /// did.   Set-up only.
 [[nodiscard]] bool wait_for_port(std::uint16_t port);
+/// As wait_for_port(), of the Unix socket at `path`.
+[[nodiscard]] bool wait_for_socket(const std::string& path);
 
 }  // namespace rtpm::bench

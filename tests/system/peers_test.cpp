@@ -49,5 +49,30 @@ INSTANTIATE_TEST_SUITE_P(Peers, CallingPeer,
                          testing::Values("omniorb", "ice", "grpc", "capnproto", "zeromq", "nng"),
                          [](const auto& peer) { return peer.param; });
 
+class EventPeer : public testing::TestWithParam<std::string> {};
+
+TEST_P(EventPeer, BringsEventsToEveryConsumer) {
+  const std::string& peer = GetParam();
+  if (!std::filesystem::exists(path_of("rtpm-peer-" + peer))) {
+    GTEST_SKIP() << peer << " is not built";
+  }
+  const auto end = run_program(
+      "rtpm-bench", {"run", "events", "--peers", peer, "--samples", "200", "--rounds", "1",
+                     "--consumers", "3", "--transport", "udp,shm", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  const auto lines = lines_of_peer(end.output, peer);
+  EXPECT_GE(lines.size(), 1U) << end.errors;
+  for (const auto& line : lines) {
+    EXPECT_EQ(line.at("n"), 200) << line;
+    // Nobody promises all of them, and the machine may be busy.
+    EXPECT_LE(line.at("missing"), 60) << line;
+    EXPECT_GE(line.at("last_p50_us"), line.at("each_p50_us")) << line;
+    EXPECT_GT(line.at("rtpm_over_peer_last_p999"), 0) << line;
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Peers, EventPeer, testing::Values("zeromq", "nng", "mosquitto", "nats"),
+                         [](const auto& peer) { return peer.param; });
+
 }  // namespace
 }  // namespace rtpm::system_test

@@ -1,0 +1,173 @@
+#include <memory>
+#include <utility>
+
+#include "case.hpp"
+#include "disturbance.hpp"
+#include "event_run.hpp"
+#include "event_sides.hpp"
+#include "peer_table.hpp"
+#include "peers_case.hpp"
+#include "turn_run.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+/// Hub or relay with its supplier and consumers.
+class EventContender final : public Contender {
+ public:
+  explicit EventContender(int consumer_count)
+      : consumer_count_(consumer_count),
+        board_(static_cast<std::size_t>(consumer_count), kEventBlockSize) {}
+
+  [[nodiscard]] EventBoard& board() noexcept { return board_; }
+  void set_side(std::unique_ptr<EventSide> side) { side_ = std::move(side); }
+  [[nodiscard]] std::uint64_t missing_count() const noexcept { return missing_count_; }
+
+  expected<void, std::string> take_turn(const TurnPlan& plan, Samples& high,
+                                        Samples& low) override {
+    EventFinding finding(1, kEventBlockSize, consumer_count_);
+    auto measured = measure_events(Duration{plan.period_ns}, static_cast<std::size_t>(plan.count),
+                                   *side_, board_, ++block_, consumer_count_, finding);
+    for (const Duration latency : finding.each.of_round(0))
+      high.add(latency);
+    for (const Duration latency : finding.last.of_round(0))
+      low.add(latency);
+    missing_count_ += finding.missing_count;
+    return measured;
+  }
+
+ private:
+  int consumer_count_;
+  EventBoard board_;
+  std::uint32_t block_ = 0;
+  std::uint64_t missing_count_ = 0;
+  std::unique_ptr<EventSide> side_{};  ///< Notes to the board, so it ends first.
+};
+
+using ConnectSide = expected<std::unique_ptr<EventSide>, std::string> (*)(const EventSetting&,
+                                                                          const std::string&,
+                                                                          EventBoard&);
+
+expected<std::unique_ptr<EventContender>, std::string> connect(const EventSetting& setting,
+                                                               const ServerProcess& server,
+                                                               ConnectSide connect_side) {
+  auto contender = std::make_unique<EventContender>(setting.consumer_count);
+  auto side = connect_side(setting, server.address(), contender->board());
+  if (!side) return unexpected{side.error()};
+  contender->set_side(std::move(*side));
+  return contender;
+}
+
+Result result_of_peer(const Settings& settings, const EventSetting& setting,
+                      const TurnRun::Entrant& peer, const Deliveries& rtpm,
+                      const Deliveries& floor) {
+  const TurnRun::Finding& finding = peer.findings.at(0);
+  Result result;
+  JsonObject& json = result.json;
+  json.add("case", "events");
+  json.add("peer", peer.peer->name());
+  json.add("transport", peer.peer->transport());
+  json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
+  json.add("n", static_cast<std::int64_t>(finding.low.count()));
+  json.add("rounds", finding.low.round_count());
+  json.add("rate_hz", settings.rate_hz);
+  json.add("consumers", setting.consumer_count);
+  add_distribution(json, "each_", finding.high);
+  add_distribution(json, "last_", finding.low);
+  json.add("missing", static_cast<std::int64_t>(peer.peer->missing_count()));
+  json.add("rtpm_transport", to_string(setting.carrier));
+  json.add("rtpm_wait", rt::to_string(setting.wait.strategy));
+  add_distribution(json, "rtpm_each_", rtpm.each);
+  add_distribution(json, "rtpm_last_", rtpm.last);
+  json.add("rtpm_missing", static_cast<std::int64_t>(rtpm.missing_count));
+  add_distribution(json, "floor_each_", floor.each);
+  add_distribution(json, "floor_last_", floor.last);
+  add_ratios(json, "rtpm_over_peer_each_", rtpm.each, finding.high);
+  add_ratios(json, "rtpm_over_peer_last_", rtpm.last, finding.low);
+  return result;
+}
+
+void report_all(const Settings& settings, const EventSetting& setting, const TurnRun& run,
+                const Deliveries& rtpm, const Deliveries& floor, const DisturbanceWatch& watch,
+                Report& report) {
+  Result result{.title = title_of(setting)};
+  add_fan_out(result, settings, setting, rtpm, floor);
+  for (const TurnRun::Entrant& entrant : run.entrants()) {
+    if (entrant.peer == nullptr) continue;
+    const TurnRun::Finding& finding = entrant.findings.at(0);
+    result.rows.push_back({entrant.peer->title() + ", each", finding.high.percentiles()});
+    result.rows.push_back({entrant.peer->title() + ", last", finding.low.percentiles()});
+  }
+  const double longest_us = rtpm.last.percentiles().max;
+  watch.finish(result, longest_us);
+  report.add(result);
+  for (const TurnRun::Entrant& entrant : run.entrants()) {
+    if (entrant.peer == nullptr) continue;
+    Result of_peer = result_of_peer(settings, setting, entrant, rtpm, floor);
+    watch.finish(of_peer, longest_us);
+    report.add(of_peer);
+  }
+}
+
+expected<bool, std::string> measure_beside(const Settings& settings, const EventSetting& setting,
+                                           const PeerChoice& choice, Report& report) {
+  const CasePlan plan{.name = "events",
+                      .sample_count = 2'000,
+                      .turn_size = kEventBlockSize,
+                      .rate_hz = settings.rate_hz};
+  auto hub = start_event_hub(setting);
+  if (!hub) return unexpected{hub.error()};
+  auto relay = start_event_relay(setting);
+  if (!relay) return unexpected{relay.error()};
+  TurnRun run(settings, plan);
+  run.start_peers(choice, "events", setting.carrier,
+                  {.placement = setting.placement,
+                   .realtime = setting.realtime,
+                   .consumer_count = setting.consumer_count});
+  if (!run.has_peers()) return run.is_complete();
+  const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
+  const DisturbanceWatch watch({hub->id(), relay->id()});
+  auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
+    auto rtpm = connect(setting, *hub, connect_events);
+    if (!rtpm) return unexpected{rtpm.error()};
+    auto floor = connect(setting, *relay, connect_relay);
+    if (!floor) return unexpected{floor.error()};
+    const EventContender& of_rtpm = **rtpm;
+    const EventContender& of_floor = **floor;
+    if (auto done = run.measure(std::move(*rtpm), std::move(*floor)); !done) return done;
+    const auto deliveries = [&](std::size_t which, const EventContender& contender) {
+      const TurnRun::Finding& finding = run.entrants()[which].findings.at(0);
+      return Deliveries{finding.high, finding.low, contender.missing_count()};
+    };
+    report_all(settings, setting, run, deliveries(0, of_rtpm), deliveries(1, of_floor), watch,
+               report);
+    return {};
+  });
+  if (!measured) return unexpected{measured.error()};
+  return run.is_complete();
+}
+
+}  // namespace
+
+bool run_events_with_peers(const Settings& settings, Report& report) {
+  const auto choice = choose_peers(settings.peers);
+  if (!choice) return false;
+  bool is_complete = true;
+  for (const Carrier carrier : settings.carriers) {
+    for (const rt::WaitStrategy strategy : settings.waits) {
+      for (const int consumer_count : settings.consumer_counts) {
+        const EventSetting setting{.carrier = carrier,
+                                   .wait = {.strategy = strategy, .spin = settings.spin},
+                                   .consumer_count = consumer_count,
+                                   .placement = choose_placement(),
+                                   .realtime = settings.realtime};
+        const auto measured = measure_beside(settings, setting, *choice, report);
+        if (!measured) say_not_measured(title_of(setting), measured.error());
+        is_complete = measured && *measured && is_complete;
+      }
+    }
+  }
+  return is_complete;
+}
+
+}  // namespace rtpm::bench

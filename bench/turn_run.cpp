@@ -1,0 +1,129 @@
+#include "turn_run.hpp"
+
+#include <algorithm>
+#include <functional>
+#include <utility>
+
+#include "case.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::bench {
+
+TurnRun::TurnRun(const Settings& settings, const CasePlan& plan)
+    : settings_(settings),
+      plan_(plan),
+      levels_(plan.low_caller_counts.begin(), plan.low_caller_counts.end()) {
+  const std::uint64_t count =
+      settings.sample_count == 0 ? plan.sample_count : settings.sample_count;
+  count_per_round_ =
+      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count));
+}
+
+void TurnRun::enter(std::unique_ptr<Contender> contender, const PeerContender* peer) {
+  Entrant entrant{.contender = std::move(contender), .peer = peer};
+  for (const int low_callers : levels_) {
+    entrant.findings.try_emplace(
+        low_callers,
+        Finding{Samples(settings_.round_count, static_cast<std::size_t>(count_per_round_)),
+                Samples(settings_.round_count, 0)});
+  }
+  entrants_.push_back(std::move(entrant));
+}
+
+bool TurnRun::has_peers() const noexcept {
+  return std::ranges::any_of(entrants_, [](const Entrant& each) { return each.peer != nullptr; });
+}
+
+void TurnRun::start_peers(const PeerChoice& choice, std::string_view verb, Carrier carrier,
+                          const PeerSetting& setting) {
+  for (const PeerEntry* peer : choice.peers) {
+    const auto program = find_program(*peer);
+    if (!program) continue;
+    const auto transports = verb == "call" ? peer->call_transports : peer->event_transports;
+    for (const std::string& transport : transports_beside(transports, carrier)) {
+      PeerSetting its_setting = setting;
+      its_setting.transport.set(transport);
+      auto started = PeerContender::start(*peer, *program, std::string(verb), its_setting);
+      if (!started) {
+        say_not_measured(std::string(plan_.name) + ", peer " + std::string(peer->name),
+                         started.error());
+        is_complete_ = false;
+        continue;
+      }
+      const PeerContender* const itself = started->get();
+      enter(std::move(*started), itself);
+    }
+  }
+}
+
+expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers,
+                                               std::uint64_t count) {
+  const TurnPlan plan{.warm_up_count = plan_.warm_up_count,
+                      .count = count,
+                      .period_ns = plan_.rate_hz > 0
+                                       ? static_cast<std::int64_t>(1e9 / plan_.rate_hz)
+                                       : std::int64_t{0},
+                      .count_from = plan_.count_from,
+                      .low_caller_count = low_callers};
+  Finding& finding = entrant.findings.at(low_callers);
+  const MonotonicTime begin = rt::now();
+  auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
+  const MonotonicTime end = rt::now();
+  rt::sleep_until(end + std::chrono::duration_cast<Duration>((end - begin) * plan_.rest_part));
+  return taken;
+}
+
+expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
+  for (Entrant& entrant : entrants_) {
+    entrant.findings.at(low_callers).high.begin_round(round);
+    entrant.findings.at(low_callers).low.begin_round(round);
+  }
+  std::size_t first = 0;
+  for (std::uint64_t done = 0; done < count_per_round_; done += plan_.turn_size, ++first) {
+    const std::uint64_t count = std::min(plan_.turn_size, count_per_round_ - done);
+    std::vector<std::size_t> failed;
+    for (std::size_t i = 0; i < entrants_.size(); ++i) {
+      // Who goes first changes from turn to turn.
+      const std::size_t which = (i + first) % entrants_.size();
+      Entrant& entrant = entrants_[which];
+      if (auto taken = take_turn(entrant, low_callers, count); !taken) {
+        if (entrant.peer == nullptr) return taken;
+        say_not_measured(std::string(plan_.name) + ", peer " + entrant.peer->title(),
+                         taken.error());
+        is_complete_ = false;
+        failed.push_back(which);
+      }
+    }
+    std::ranges::sort(failed, std::greater<>{});
+    for (const std::size_t which : failed)
+      entrants_.erase(entrants_.begin() + static_cast<std::ptrdiff_t>(which));
+  }
+  return {};
+}
+
+expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
+                                             std::unique_ptr<Contender> floor) {
+  enter(std::move(rtpm), nullptr);
+  enter(std::move(floor), nullptr);
+  // They were entered behind the peers, whose programs had to start before any thread.
+  std::rotate(entrants_.begin(), entrants_.end() - 2, entrants_.end());
+  for (int round = 0; round < settings_.round_count; ++round) {
+    for (const int low_callers : levels_) {
+      if (auto measured = measure_level(low_callers, round); !measured) return measured;
+    }
+  }
+  return {};
+}
+
+void add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
+                const Samples& denominator) {
+  for (const auto& [key, percent] :
+       {std::pair{"p50", 50.0}, {"p90", 90.0}, {"p99", 99.0}, {"p999", 99.9}}) {
+    const Ratio ratio = ratio_at(numerator, denominator, percent);
+    json.add(prefix + key, ratio.median);
+    json.add(prefix + key + "_low", ratio.low);
+    json.add(prefix + key + "_high", ratio.high);
+  }
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "contender.hpp"
+#include "peer_contender.hpp"
+#include "peer_table.hpp"
+#include "report.hpp"
+#include "samples.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// What a case has its contenders do.
+struct CasePlan {
+  std::string_view name;
+  std::uint64_t sample_count = 0;   ///< Of each contender, if the run does not say.
+  std::uint64_t warm_up_count = 0;  ///< Before each turn.
+  std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
+  double rest_part = 0;             ///< Of a turn's time, for which the CPUs then rest.
+  double rate_hz = 0;               ///< 0: one call after the other.
+  CountFrom count_from = CountFrom::kSent;
+  std::vector<int> low_caller_counts{0};  ///< Each is measured by itself.
+  Duration work{0};                       ///< Of their calls.
+};
+
+/// RTPM, the raw floor and any number of peers, measured by turns in one run.
+/// Threads: one at a time.
+class TurnRun {
+ public:
+  /// What one contender showed with so many callers of low priority. Of events, `high` has all
+  /// deliveries and `low` each event's last one.
+  struct Finding {
+    Samples high;
+    Samples low;
+  };
+  struct Entrant {
+    std::unique_ptr<Contender> contender;
+    const PeerContender* peer;  ///< Null: RTPM or the floor.
+    std::map<int, Finding> findings{};
+  };
+
+  /// Refers to both.   Set-up only.
+  TurnRun(const Settings& settings, const CasePlan& plan);
+
+  /// Starts those of the chosen peers that are built and that have a transport to be measured
+  /// beside `carrier`: of calls (`verb` "call") or of events ("events"). What fails is told. Before
+  /// this process starts a thread.
+  void start_peers(const PeerChoice& choice, std::string_view verb, Carrier carrier,
+                   const PeerSetting& setting);
+  [[nodiscard]] bool has_peers() const noexcept;
+
+  /// Measures all by turns.   On a thread as run_as_caller() has it.
+  [[nodiscard]] expected<void, std::string> measure(std::unique_ptr<Contender> rtpm,
+                                                    std::unique_ptr<Contender> floor);
+
+  /// After measure(): RTPM, the floor, and the peers that went through.
+  [[nodiscard]] const std::vector<Entrant>& entrants() const noexcept { return entrants_; }
+  [[nodiscard]] const std::set<int>& low_caller_counts() const noexcept { return levels_; }
+  /// Whether every peer that was started went through.
+  [[nodiscard]] bool is_complete() const noexcept { return is_complete_; }
+
+ private:
+  void enter(std::unique_ptr<Contender> contender, const PeerContender* peer);
+  [[nodiscard]] expected<void, std::string> measure_level(int low_callers, int round);
+  [[nodiscard]] expected<void, std::string> take_turn(Entrant& entrant, int low_callers,
+                                                      std::uint64_t count);
+
+  const Settings& settings_;
+  const CasePlan& plan_;
+  std::set<int> levels_;  ///< Numbers of low-priority callers.
+  std::uint64_t count_per_round_ = 0;
+  std::vector<Entrant> entrants_{};
+  bool is_complete_ = true;
+};
+
+/// Adds "<prefix>p50", "_p90", "_p99", "_p999", each with "_low" and "_high".
+void add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
+                const Samples& denominator);
+
+}  // namespace rtpm::bench
