@@ -32,6 +32,9 @@ const std::vector<Part>& parts() {
       {"registry/events/",
        "events",
        {"base", "wire", "rt", "transport", "rpc", "program", "names", "introspection"}},
+      {"registry/mqtt/",
+       "mqtt",
+       {"base", "rt", "transport", "rpc", "program", "names", "events"}},
       {"registry/daemon/",
        "",
        {"base", "wire", "rt", "transport", "rpc", "program", "names", "introspection"}},
@@ -66,6 +69,7 @@ const std::vector<Foreign>& foreigners() {
   static const std::vector<Foreign> kForeigners{
       {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
       {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
+      {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("benchmark/.*"), "Google Benchmark", {}},
       // program has the signals and the configuration file that every program shares.

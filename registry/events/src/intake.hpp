@@ -5,6 +5,7 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/events/event.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/events/quota.hpp"
 
@@ -38,7 +39,7 @@ class Intake {
       if (each.last_heard < oldest->last_heard) oldest = &each;
     }
     oldest->id = id;
-    oldest->tag = tag_of(id);
+    oldest->tag = supplier_tag_of(epoch_, id);
     oldest->name.clear();
     oldest->meter = QuotaMeter(quota_);
     oldest->counters = {};
@@ -52,13 +53,6 @@ class Intake {
   [[nodiscard]] const std::vector<Supplier>& suppliers() const noexcept { return suppliers_; }
 
  private:
-  // ev-5.1-1: hubs that never heard of each other give different tags, but for one pair in 2^32.
-  [[nodiscard]] std::uint32_t tag_of(std::uint64_t id) const noexcept {
-    std::uint64_t mixed = (epoch_ ^ id) * 0xff51'afd7'ed55'8ccdULL;
-    mixed = (mixed ^ mixed >> 33 ^ epoch_) * 0xc4ce'b9fe'1a85'ec53ULL;
-    return std::max(static_cast<std::uint32_t>(mixed >> 32), 1U);
-  }
-
   Quota quota_;
   std::uint64_t epoch_;
   std::vector<Supplier> suppliers_;

@@ -90,7 +90,7 @@ class Supplier::Impl {
                                     .schema_id = draft.schema_id,
                                     .origin_uncertainty_ns = clock.uncertainty_ns,
                                     .priority = config_.priority,
-                                    .hops_left = config_.hops},
+                                    .hops_left = draft.hops.value_or(config_.hops)},
                                    draft.payload);
     if (!is_put) return unexpected{rpc::CallError::kTooLarge};
     size_ += span;
@@ -119,6 +119,7 @@ class Supplier::Impl {
     return intake_.read().value_or(IntakeCounters{});
   }
   [[nodiscard]] bool is_attended() const noexcept { return is_attended_; }
+  [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
 
  private:
   struct Counter {
@@ -271,6 +272,9 @@ expected<void, rpc::CallError> Supplier::flush() noexcept {
 
 IntakeCounters Supplier::intake() const noexcept {
   return impl_->intake();
+}
+std::uint64_t Supplier::id() const noexcept {
+  return impl_->id();
 }
 bool Supplier::is_attended() const noexcept {
   return impl_->is_attended();

@@ -50,6 +50,16 @@ struct EventHeader {
   friend bool operator==(const EventHeader&, const EventHeader&) = default;
 };
 
+/// The tag of a supplier's events in one life of a hub: another one for any other pair, as a rule,
+/// and never 0.   Source: spec/events.md#ev-5.1-1.
+[[nodiscard]] constexpr std::uint32_t supplier_tag_of(std::uint64_t hub_epoch,
+                                                      std::uint64_t supplier_id) noexcept {
+  std::uint64_t mixed = (hub_epoch ^ supplier_id) * 0xff51'afd7'ed55'8ccdULL;
+  mixed = (mixed ^ mixed >> 33 ^ hub_epoch) * 0xc4ce'b9fe'1a85'ec53ULL;
+  const auto tag = static_cast<std::uint32_t>(mixed >> 32);
+  return tag == 0 ? 1 : tag;
+}
+
 /// An event whose payload lies somewhere else. Ownership: views its payload.
 struct EventView {
   EventHeader header{};

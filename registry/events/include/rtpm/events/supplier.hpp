@@ -39,6 +39,7 @@ struct EventDraft {
   std::uint64_t schema_id = 0;
   ConstBytes payload{};
   std::optional<MonotonicTime> origin{};  ///< On this host's clock; none: now.
+  std::optional<std::uint8_t> hops{};     ///< None: SupplierConfig::hops.
 };
 
 /// Pushes events to a hub: one elsewhere, or one in this program. It never waits for a consumer,
@@ -72,6 +73,8 @@ class Supplier {
 
   /// What became of its events in this life of the hub, as the hub said when it was last asked.
   [[nodiscard]] IntakeCounters intake() const noexcept;
+  /// A random number: by it hubs tell it apart.
+  [[nodiscard]] std::uint64_t id() const noexcept;
   /// Whether the hub answered when it was last asked.
   [[nodiscard]] bool is_attended() const noexcept;
 

@@ -1,0 +1,133 @@
+// rtpm-event-bridge: events of a hub as messages of an MQTT broker, and back.
+#include <chrono>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "bridge.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/names/defaults.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/program/options.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace {
+
+using namespace std::chrono_literals;
+using namespace rtpm::mqtt;
+
+struct Configuration {
+  BridgeConfig bridge{};
+  BrokerConfig broker{};
+  std::string registry{rtpm::names::kDefaultRegistryUrl};
+  std::string direction = "both";
+  std::vector<std::string> events{};
+  std::vector<std::string> mappings{};
+  std::uint32_t hops = 0;
+  rtpm::Duration report{0};
+};
+
+int fail(const std::string& text) {
+  std::fprintf(stderr, "rtpm-event-bridge: %s\n", text.c_str());
+  return 1;
+}
+
+void add_options(rtpm::program::Options& options, Configuration& its) {
+  options.add_registry(its.registry);
+  options.add("hub", its.bridge.hub, "The hub, by name or URL");
+  options.add("host", its.broker.host, "Where the broker is: a name or an address");
+  options.add("port", its.broker.port, "The broker's port", {1, 65'535});
+  options.add("user", its.broker.user, "User at the broker; empty: none");
+  options.add("password", its.broker.password, "The user's password; better as RTPM_PASSWORD");
+  options.add("ca-file", its.broker.ca_file, "Certificates that are trusted; empty: no TLS");
+  options.add("prefix", its.bridge.prefix, "Of topics: events are PREFIX/TYPE/SOURCE");
+  options.add_choice("direction", its.direction, {"both", "to-broker", "from-broker"},
+                     "Which way events go");
+  options.add("events", its.events,
+              "What goes to the broker, as TYPE or TYPE/SOURCE; empty: everything");
+  options.add("map", its.mappings, "Topics of others, as TOPIC=TYPE/SOURCE: events for the hub");
+  options.add("interval", its.bridge.delivery.interval,
+              "At most one event in so long goes to the broker, 0s: all");
+  options.add("retain", its.broker.retains, "Lets the broker keep the last message of each topic");
+  options.add("queue", its.broker.queue_capacity, "Messages that wait for the broker at most",
+              {1, 65'536});
+  options.add("hops", its.hops, "Links that messages of others may cross from the hub on", {0, 8});
+  options.add("priority", its.bridge.priority, "Of the bridge, and of events from the broker");
+  options.add_realtime(its.bridge.realtime);
+  options.add("report", its.report, "How often the counters are printed, 0s: only at the end");
+}
+
+/// What is wrong with the options; empty: nothing.
+std::string finish(Configuration& its) {
+  if (!is_topic(its.bridge.prefix)) return "--prefix is no topic";
+  its.bridge.hops = static_cast<std::uint8_t>(its.hops);
+  its.bridge.direction = its.direction == "both"        ? Direction::kBoth
+                         : its.direction == "to-broker" ? Direction::kToBroker
+                                                        : Direction::kFromBroker;
+  for (const std::string& each : its.events) {
+    const auto wanted = parse_wanted(each);
+    if (!wanted) return "--events: " + wanted.error();
+    its.bridge.wanted.push_back(*wanted);
+  }
+  for (const std::string& each : its.mappings) {
+    const auto mapping = parse_mapping(each);
+    if (!mapping) return "--map: " + mapping.error();
+    its.bridge.mappings.push_back(*mapping);
+  }
+  return {};
+}
+
+void tell_connection(const Bridge& bridge, bool& was_connected, std::string& told) {
+  const bool is_connected = bridge.broker().is_connected();
+  const std::string reason = bridge.broker().reason();
+  if (is_connected && !was_connected) {
+    std::printf("connected to the broker\n");
+  } else if (!is_connected && reason != told) {
+    std::fprintf(stderr, "rtpm-event-bridge: not connected to the broker: %s\n", reason.c_str());
+  }
+  std::fflush(stdout);
+  was_connected = is_connected;
+  told = is_connected ? std::string() : reason;
+}
+
+int run(const Configuration& configuration) {
+  const rtpm::program::StopSignal stop;
+  rtpm::rpc::Node node;
+  rtpm::names::RegistryResolver resolver(node, configuration.registry);
+  node.use(resolver);
+  auto bridge = Bridge::create(node, configuration.bridge, configuration.broker);
+  if (!bridge) return fail(bridge.error().text);
+  std::printf("bridging %s\n", configuration.bridge.hub.c_str());
+  bool was_connected = false;
+  std::string told;
+  rtpm::Duration since_report{0};
+  constexpr rtpm::Duration kLook = 50ms;
+  while (!stop.wait_for(kLook)) {
+    tell_connection(**bridge, was_connected, told);
+    since_report += kLook;
+    if (configuration.report == rtpm::Duration{0} || since_report < configuration.report) continue;
+    since_report = rtpm::Duration{0};
+    std::printf("%s\n", (*bridge)->report().c_str());
+    std::fflush(stdout);
+  }
+  std::printf("%s\n", (*bridge)->report().c_str());
+  return 0;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  Configuration configuration;
+  configuration.bridge.hub = rtpm::events::kHubPath;
+  rtpm::program::Options options("rtpm-event-bridge",
+                                 "events of a hub as messages of an MQTT 5 broker, and back");
+  add_options(options, configuration);
+  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+  if (const std::string wrong = finish(configuration); !wrong.empty()) {
+    return options.usage_error(wrong);
+  }
+  return run(configuration);
+}
