@@ -2,95 +2,76 @@
 
 #include <array>
 #include <cstdint>
+#include <cstdlib>
 #include <memory>
-#include <vector>
 
-#include "rtpm/events/catalog.hpp"
-#include "rtpm/events/exchange.hpp"
+#include "allocations.hpp"
+#include "event_crowd.hpp"
+#include "rtpm/events/ring.hpp"
 
 // What an event costs the hub's core: 10 000 subscriptions of 100 types, so that 100 want each
 // event, and as a comparison with 100 of one type, which should cost the same.
-namespace rtpm::bench {
+namespace rtpm::bench::micro {
 namespace {
 
-using namespace rtpm::events;
-
-constexpr std::uint64_t kSchema = 7;
-constexpr std::array kFields{FieldDescriptor{"x", ScalarType::kDouble, {.offset = 0}}};
-
-/// Counts what is broadcast, as shared memory would be written once.
-class Counter final : public Broadcaster {
- public:
-  void broadcast(std::span<const SubscriptionNumber> to,
-                 std::span<const EventRef>) noexcept override {
-    count += to.size();
-  }
-  std::uint64_t count = 0;
-};
-
-struct Crowd {
-  template <class MakeFilter>
-  Crowd(std::uint32_t type_count, std::uint32_t count, bool is_broadcast, MakeFilter make_filter)
-      : exchange({.subscription_count_max = count, .interest_count_max = count}, &counter) {
-    for (std::uint32_t type = 1; type <= type_count; ++type) {
-      const auto added = catalog.add({type, "Sample", kSchema, kFields});
-      benchmark::DoNotOptimize(added);
-    }
-    for (std::uint32_t i = 0; i < count; ++i) {
-      auto prepared = Exchange::prepare(make_filter(1 + i % type_count), {.queue_capacity = 1},
-                                        catalog, is_broadcast);
-      subscribed += exchange.subscribe(std::move(*prepared), {}) ? 1U : 0U;
-    }
-  }
-  TypeCatalog catalog{};
-  Counter counter{};
-  Exchange exchange;
-  std::uint32_t subscribed = 0;
-};
-
 /// Offers events of all types in turn.
-void offer(benchmark::State& state, Crowd& crowd, std::uint32_t type_count) {
-  const std::array<double, 4> payload{1, 2, 3, 4};
-  std::uint32_t next = 0;
-  std::int64_t time_ns = 0;
-  for (auto _ : state) {
-    const EventHeader header{.type = 1 + next++ % type_count, .schema_id = kSchema};
-    auto taken = crowd.exchange.offer({header, std::as_bytes(std::span(payload))},
-                                      time_from_ns(time_ns += 1'000'000));
-    benchmark::DoNotOptimize(taken);
+void offer(benchmark::State& state, bool is_broadcast, events::Filter (*filter)(std::uint32_t)) {
+  const auto crowd =
+      std::make_unique<Crowd>(static_cast<std::uint32_t>(state.range(0)), is_broadcast, filter);
+  {
+    const AllocationCounter allocations(state);
+    for (auto _ : state) {
+      bool is_taken = crowd->offer();
+      benchmark::DoNotOptimize(is_taken);
+    }
   }
-  state.counters["subscriptions"] = crowd.subscribed;
-}
-
-Filter by_type(std::uint32_t type) {
-  return of_type(type);
-}
-Filter by_value(std::uint32_t type) {
-  return all_of({of_type(type), where(type, "x", Comparison::kGreater, Scalar::of(2.0))});
+  state.counters["subscriptions"] = crowd->subscription_count();
 }
 
 void events_match(benchmark::State& state) {
-  const auto type_count = static_cast<std::uint32_t>(state.range(0));
-  const auto crowd = std::make_unique<Crowd>(type_count, type_count * 100, true, by_type);
-  offer(state, *crowd, type_count);
+  offer(state, true, by_type);
 }
 BENCHMARK(events_match)->Arg(1)->Arg(100);
 
 /// A predicate that rejects: all programs run.
 void events_match_by_field(benchmark::State& state) {
-  const auto type_count = static_cast<std::uint32_t>(state.range(0));
-  const auto crowd = std::make_unique<Crowd>(type_count, type_count * 100, true, by_value);
-  offer(state, *crowd, type_count);
+  offer(state, true, by_value);
 }
 BENCHMARK(events_match_by_field)->Arg(1)->Arg(100);
 
 /// Matched, and queued for each of the 100 with the oldest dropped.
 void events_queue(benchmark::State& state) {
-  const auto type_count = static_cast<std::uint32_t>(state.range(0));
-  const auto crowd = std::make_unique<Crowd>(type_count, type_count * 100, false, by_type);
-  offer(state, *crowd, type_count);
+  offer(state, false, by_type);
 }
 BENCHMARK(events_queue)->Arg(1)->Arg(100);
 
+/// The ring between the hub and consumers of its host: one record of 96 bytes written for 64 of
+/// them, and read by one.
+void event_ring_write_and_read(benchmark::State& state) {
+  const std::size_t size = events::ring_memory_size(events::kRingSizeMin);
+  std::byte* const memory = static_cast<std::byte*>(std::aligned_alloc(4096, size));
+  std::memset(memory, 0, size);
+  events::RingWriter writer({memory, size}, 1);
+  events::PlaceSet places;
+  for (std::uint32_t place = 0; place < 64; ++place) {
+    writer.begin_place(place, 1 + place);
+    places.add(place);
+  }
+  events::RingReader reader({memory, size}, 0, 1, writer.position());
+  const std::array<std::byte, 96> event{};
+  {
+    const AllocationCounter allocations(state);
+    for (auto _ : state) {
+      if (!writer.write(places, event, 1) || reader.read() != events::RingRead::kEvents) {
+        state.SkipWithError("the ring does not give back what was written");
+        break;
+      }
+      reader.count_read(1);
+    }
+  }
+  std::free(memory);
+}
+BENCHMARK(event_ring_write_and_read);
+
 }  // namespace
-}  // namespace rtpm::bench
+}  // namespace rtpm::bench::micro

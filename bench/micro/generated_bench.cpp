@@ -3,61 +3,29 @@
 // Beside it, the same servant called as a local object, which is what the rest adds to.
 #include <benchmark/benchmark.h>
 
-#include <array>
 #include <cstdint>
-#include <cstdlib>
 #include <cstring>
-#include <new>
 #include <optional>
 #include <string>
 #include <utility>
 
+#include "allocations.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
-#include "wrench.rtpm.hpp"
-
-namespace {
-
-std::uint64_t allocation_count = 0;
-
-}  // namespace
-
-// Counted in the whole program; only the benchmarks of generated calls report it. Not inlined: GCC
-// would see malloc and delete side by side, and take them for a mistake.
-[[gnu::noinline]] void* operator new(std::size_t size) {
-  ++allocation_count;
-  void* memory = std::malloc(size);
-  if (memory == nullptr) std::abort();
-  return memory;
-}
-[[gnu::noinline]] void operator delete(void* memory) noexcept {
-  std::free(memory);
-}
-[[gnu::noinline]] void operator delete(void* memory, std::size_t) noexcept {
-  std::free(memory);
-}
+#include "tip.hpp"
 
 namespace rtpm::bench::micro {
 namespace {
-
-class Tip final : public TipServant {
- public:
-  rpc::Result<Wrench> exchange(const Wrench& request, const rpc::CallContext&) override {
-    return Wrench(request.fx() + 1, request.fy(), request.fz(), request.tx(), request.ty(),
-                  request.tz());
-  }
-};
-
-const rpc::CallContext kContext{.priority = 0, .deadline = kNever, .received = {}, .trace_id = 0};
 
 void local_call_48_bytes(benchmark::State& state) {
   Tip tip;
   TipServant* servant = &tip;
   benchmark::DoNotOptimize(servant);
   Wrench wrench(1, 2, 3, 4, 5, 6);
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
     const auto reply = servant->exchange(wrench, kContext);
     wrench = *reply;
@@ -70,23 +38,15 @@ void generated_call_48_bytes(benchmark::State& state) {
   Tip tip;
   rpc::Servant* servant = &tip;
   benchmark::DoNotOptimize(servant);
-  alignas(16) std::array<std::byte, 64> request{};
-  alignas(16) std::array<std::byte, 64> reply{};
-  Wrench wrench(1, 2, 3, 4, 5, 6);
-  const std::uint64_t before = allocation_count;
+  GeneratedCall call;
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
-    // The stub's side: the request's bytes go into the transport's memory.
-    const ConstBytes bytes = rpc::struct_bytes(wrench);
-    std::memcpy(request.data(), bytes.data(), bytes.size());
-    benchmark::ClobberMemory();
-    const rpc::DispatchResult result =
-        servant->dispatch(1, {request.data(), bytes.size()}, reply, kContext);
-    benchmark::DoNotOptimize(result);
-    if (result.reply_size != sizeof wrench) state.SkipWithError("the call failed");
-    std::memcpy(&wrench, reply.data(), sizeof wrench);
-    benchmark::DoNotOptimize(wrench);
+    if (!call.run(*servant)) {
+      state.SkipWithError("the call failed");
+      break;
+    }
+    benchmark::DoNotOptimize(call.wrench);
   }
-  state.counters["allocations"] = static_cast<double>(allocation_count - before);
 }
 BENCHMARK(generated_call_48_bytes);
 
@@ -133,7 +93,7 @@ class Runner final : public rpc::Servant {
       std::memcpy(&wrench, reply->bytes().data(), sizeof wrench);
     }
     const MonotonicTime middle = rt::now();
-    const std::uint64_t before = allocation_count;
+    const std::uint64_t before = allocation_count();
     for (int i = 0; i < kCallCount; ++i) {
       const auto reply = generated_.exchange(wrench);
       if (!reply) return {wire::Status::kServantFailed, 0};
@@ -141,7 +101,7 @@ class Runner final : public rpc::Servant {
     }
     times.generated = rt::now() - middle;
     times.raw = middle - begin;
-    times.allocation_count = allocation_count - before;
+    times.allocation_count = allocation_count() - before;
     benchmark::DoNotOptimize(wrench);
     return {};
   }

@@ -1,42 +1,21 @@
 #include <benchmark/benchmark.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 
+#include "allocations.hpp"
 #include "rtpm/base/hash.hpp"
 #include "rtpm/wire/header.hpp"
-#include "rtpm/wire/limits.hpp"
+#include "wire_subjects.hpp"
 
-namespace rtpm::bench {
+namespace rtpm::bench::micro {
 namespace {
-
-/// A call as the force loop makes it.
-wire::Header call_header() {
-  wire::Header header;
-  header.kind = wire::FrameKind::kCall;
-  header.priority = 24000;
-  header.session = 0x123456789abcdefULL;
-  header.call_id = 1000;
-  header.service = 3;
-  header.method = 2;
-  header.payload_size = 48;
-  header.message_size = 48;
-  header.budget_us = 800;
-  header.sender_time_ns = 1'000'000'007;
-  return header;
-}
-
-using Frame = std::array<std::byte, wire::kHeaderSize + 48>;
-
-Frame call_frame() {
-  alignas(16) Frame frame{};
-  wire::encode(call_header(), frame.data());
-  return frame;
-}
 
 void encode_header(benchmark::State& state) {
   wire::Header header = call_header();
-  alignas(16) Frame frame{};
+  alignas(16) CallFrame frame{};
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
     ++header.call_id;
     wire::encode(header, frame.data());
@@ -46,7 +25,8 @@ void encode_header(benchmark::State& state) {
 BENCHMARK(encode_header);
 
 void decode_header(benchmark::State& state) {
-  alignas(16) Frame frame = call_frame();
+  alignas(16) CallFrame frame = call_frame();
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
     benchmark::DoNotOptimize(frame);
     auto header = wire::decode_frame(frame);
@@ -56,8 +36,9 @@ void decode_header(benchmark::State& state) {
 BENCHMARK(decode_header);
 
 void refuse_garbage(benchmark::State& state) {
-  alignas(16) Frame frame{};
+  alignas(16) CallFrame frame{};
   frame.fill(std::byte{0xa5});
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
     benchmark::DoNotOptimize(frame);
     auto header = wire::decode_frame(frame);
@@ -70,6 +51,7 @@ BENCHMARK(refuse_garbage);
 void siphash_40_bytes(benchmark::State& state) {
   std::array<std::byte, 40> input{};
   const SipKey key{.low = 1, .high = 2};
+  const AllocationCounter allocations(state);
   for (auto _ : state) {
     benchmark::DoNotOptimize(input);
     auto hash = siphash_2_4(key, input);
@@ -78,5 +60,16 @@ void siphash_40_bytes(benchmark::State& state) {
 }
 BENCHMARK(siphash_40_bytes);
 
+/// All that the protocol does for a call, both sides, without a transport.
+void protocol_call(benchmark::State& state) {
+  const auto size = static_cast<std::size_t>(state.range(0));
+  JoinedProtocol protocol(static_cast<std::uint32_t>(std::max<std::size_t>(size, 1024)));
+  protocol.call(size);
+  const AllocationCounter allocations(state);
+  for (auto _ : state)
+    protocol.call(size);
+}
+BENCHMARK(protocol_call)->ArgName("bytes")->Arg(48)->Arg(64 * 1024);
+
 }  // namespace
-}  // namespace rtpm::bench
+}  // namespace rtpm::bench::micro

@@ -1,0 +1,217 @@
+// rtpm-instructions: runs chosen functions a fixed number of times, for a tool that counts their
+// instructions. Each stands behind a name of its own, counted_…, and runs twice: the first time it
+// sets itself up and touches its memory, so that the second is the one to count.
+//
+// rtpm-instructions --key tells the compiler and build, on which the counts depend; --list the
+// names.
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "event_crowd.hpp"
+#include "rtpm/base/hash.hpp"
+#include "rtpm/base/histogram.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/base/ring.hpp"
+#include "tip.hpp"
+#include "wire_subjects.hpp"
+
+namespace rtpm::bench::micro {
+namespace {
+
+/// How often each is run at a time; the tool that counts divides by it.
+constexpr int kRepeatCount = 1000;
+
+/// Keeps the compiler from leaving out what made `value`, or from knowing it afterwards.
+template <class T>
+void keep(T& value) {
+  asm volatile("" : "+m"(value) : : "memory");
+}
+
+template <class Step>
+void repeat(Step step) {
+  for (int i = 0; i < kRepeatCount; ++i)
+    step();
+}
+
+struct State {
+  std::array<double, 40> values{};
+};
+
+}  // namespace
+}  // namespace rtpm::bench::micro
+
+// Plain names, so that they can be told to the tool.
+extern "C" {
+
+[[gnu::noinline]] void counted_encode_header() {
+  using namespace rtpm::bench::micro;
+  static rtpm::wire::Header header = call_header();
+  alignas(16) CallFrame frame{};
+  repeat([&] {
+    ++header.call_id;
+    rtpm::wire::encode(header, frame.data());
+    keep(frame);
+  });
+}
+
+[[gnu::noinline]] void counted_decode_header() {
+  using namespace rtpm::bench::micro;
+  alignas(16) CallFrame frame = call_frame();
+  repeat([&] {
+    keep(frame);
+    auto header = rtpm::wire::decode_frame(frame);
+    keep(header);
+  });
+}
+
+[[gnu::noinline]] void counted_siphash_40_bytes() {
+  using namespace rtpm::bench::micro;
+  std::array<std::byte, 40> input{};
+  repeat([&] {
+    keep(input);
+    auto hash = rtpm::siphash_2_4({.low = 1, .high = 2}, input);
+    keep(hash);
+  });
+}
+
+[[gnu::noinline]] void counted_protocol_call_48_bytes() {
+  using namespace rtpm::bench::micro;
+  static JoinedProtocol protocol(1024);
+  repeat([] { protocol.call(48); });
+}
+
+[[gnu::noinline]] void counted_protocol_call_64_kib() {
+  using namespace rtpm::bench::micro;
+  static JoinedProtocol protocol(64 * 1024);
+  repeat([] { protocol.call(std::size_t{64} * 1024); });
+}
+
+[[gnu::noinline]] void counted_latest_write_and_read() {
+  using namespace rtpm::bench::micro;
+  static auto& latest = *std::make_unique<rtpm::Latest<State>>().release();
+  State value;
+  repeat([&] {
+    value.values[0] += 1;
+    latest.write(value);
+    auto read = latest.read();
+    keep(read);
+  });
+}
+
+[[gnu::noinline]] void counted_ring_push_and_pop() {
+  using namespace rtpm::bench::micro;
+  static rtpm::SpscRing<std::uint64_t, 64> ring;
+  std::uint64_t number = 0;
+  repeat([&] {
+    bool is_pushed = ring.push(++number);
+    keep(is_pushed);
+    auto popped = ring.pop();
+    keep(popped);
+  });
+}
+
+[[gnu::noinline]] void counted_histogram_record() {
+  using namespace rtpm::bench::micro;
+  static auto& histogram = *std::make_unique<rtpm::LatencyHistogram>().release();
+  std::int64_t latency_ns = 1;
+  repeat([&] {
+    latency_ns = (latency_ns * 31) % 1'000'003;
+    histogram.record(std::chrono::nanoseconds{latency_ns});
+  });
+}
+
+[[gnu::noinline]] void counted_events_match() {
+  using namespace rtpm::bench::micro;
+  static Crowd crowd(100, true, by_type);
+  repeat([] {
+    bool is_taken = crowd.offer();
+    keep(is_taken);
+  });
+}
+
+[[gnu::noinline]] void counted_events_match_by_field() {
+  using namespace rtpm::bench::micro;
+  static Crowd crowd(100, true, by_value);
+  repeat([] {
+    bool is_taken = crowd.offer();
+    keep(is_taken);
+  });
+}
+
+[[gnu::noinline]] void counted_events_queue() {
+  using namespace rtpm::bench::micro;
+  static Crowd crowd(100, false, by_type);
+  repeat([] {
+    bool is_taken = crowd.offer();
+    keep(is_taken);
+  });
+}
+
+[[gnu::noinline]] void counted_generated_call_48_bytes() {
+  using namespace rtpm::bench::micro;
+  static Tip tip;
+  static GeneratedCall call;
+  rtpm::rpc::Servant* servant = &tip;
+  keep(servant);
+  repeat([&] {
+    bool is_done = call.run(*servant);
+    keep(is_done);
+  });
+}
+}
+
+namespace {
+
+struct Subject {
+  const char* name;
+  void (*run)();
+};
+constexpr Subject kSubjects[] = {
+    {"counted_encode_header", counted_encode_header},
+    {"counted_decode_header", counted_decode_header},
+    {"counted_siphash_40_bytes", counted_siphash_40_bytes},
+    {"counted_protocol_call_48_bytes", counted_protocol_call_48_bytes},
+    {"counted_protocol_call_64_kib", counted_protocol_call_64_kib},
+    {"counted_latest_write_and_read", counted_latest_write_and_read},
+    {"counted_ring_push_and_pop", counted_ring_push_and_pop},
+    {"counted_histogram_record", counted_histogram_record},
+    {"counted_events_match", counted_events_match},
+    {"counted_events_match_by_field", counted_events_match_by_field},
+    {"counted_events_queue", counted_events_queue},
+    {"counted_generated_call_48_bytes", counted_generated_call_48_bytes},
+};
+
+void print_key() {
+#ifdef __clang__
+  std::string version = __clang_version__;
+  version.resize(std::min(version.size(), version.find(' ')));
+  const char* const compiler = "Clang";
+#else
+  const std::string version = __VERSION__;
+  const char* const compiler = "GCC";
+#endif
+  std::printf("%s-%s-%s-%s\n", compiler, version.c_str(), RTPM_BENCH_PROCESSOR, RTPM_BENCH_BUILD);
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  const std::string_view argument = argc == 2 ? argv[1] : "";
+  if (argument == "--key") {
+    print_key();
+  } else if (argument == "--list") {
+    for (const Subject& subject : kSubjects)
+      std::printf("%s\n", subject.name);
+  } else {
+    for (int run = 0; run < 2; ++run) {
+      for (const Subject& subject : kSubjects)
+        subject.run();
+    }
+  }
+  return 0;
+}
