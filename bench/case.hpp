@@ -27,6 +27,12 @@ bool run_bulk(const Settings& settings, Report& report);
 bool run_events(const Settings& settings, Report& report);
 bool run_throughput(const Settings& settings, Report& report);
 bool run_two_node(const Settings& settings, Report& report);
+bool run_device(const Settings& settings, Report& report);
+bool run_scale(const Settings& settings, Report& report);
+bool run_startup(const Settings& settings, Report& report);
+bool run_memory(const Settings& settings, Report& report);
+bool run_ladder(const Settings& settings, Report& report);
+bool run_idle(const Settings& settings, Report& report);
 
 /// "rtpm-bench: <what>: <why>" on standard error.
 void say_not_measured(std::string_view what, std::string_view why);

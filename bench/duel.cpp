@@ -3,7 +3,6 @@
 #include "case.hpp"
 
 #include <algorithm>
-#include <ctime>
 #include <optional>
 #include <sstream>
 #include <utility>
@@ -13,6 +12,7 @@
 #include "memory_floor.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/url.hpp"
+#include "standalone.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -66,6 +66,7 @@ expected<std::string, std::string> set_up_rtpm(const DuelConfig& config) {
                              .cpus = cpus};
   RtpmServerConfig server{.host = config.host,
                           .lanes = {high},
+                          .session_count_max = config.session_count_max,
                           .numbered_count = config.numbered_count,
                           .realtime = config.realtime};
   if (config.low_caller_count == 0) return start_rtpm_server(std::move(server));
@@ -178,6 +179,10 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
                              impl_->config.payload_size);
 }
 
+expected<std::unique_ptr<Caller>, std::string> Duel::connect_by(rpc::Node& node) {
+  return connect_rtpm_caller(node, impl_->rtpm_server.address(), kHighPriority);
+}
+
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(1, kLowWait);
@@ -210,11 +215,7 @@ std::uint16_t Duel::rtpm_port() const {
 }
 
 Duration Duel::rtpm_server_cpu_time() const {
-  clockid_t clock{};
-  timespec time{};
-  if (clock_getcpuclockid(impl_->rtpm_server.id(), &clock) != 0) return Duration{0};
-  if (clock_gettime(clock, &time) != 0) return Duration{0};
-  return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
+  return cpu_time_of(impl_->rtpm_server.id());
 }
 
 std::vector<pid_t> Duel::server_ids() const {

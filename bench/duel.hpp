@@ -28,9 +28,10 @@ struct DuelConfig {
   rt::WaitConfig wait{};                    ///< Of the measured callers and their lane.
   std::size_t payload_size = kPayloadSize;  ///< Of the measured calls.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.
-  std::string host = "127.0.0.1";    ///< That the servers serve; numeric.
-  Job enter_server_host{};           ///< What a server's process does first, if anything.
-  std::uint64_t numbered_count = 0;  ///< How many numbered calls RTPM's server can tell apart.
+  std::string host = "127.0.0.1";         ///< That the servers serve; numeric.
+  Job enter_server_host{};                ///< What a server's process does first, if anything.
+  std::uint32_t session_count_max = 256;  ///< Of RTPM's server, per lane.
+  std::uint64_t numbered_count = 0;       ///< How many numbered calls RTPM's server can tell apart.
   Placement placement{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
@@ -53,6 +54,8 @@ class Duel {
 
   /// A caller of high priority, to the server whose turn it is.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high();
+  /// RTPM's server runs: a caller of high priority from a node of its own, which must outlive it.
+  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_by(rpc::Node& node);
   /// A caller of low priority, which blocks while it waits.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low();
 

@@ -5,6 +5,7 @@
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
+#include "rtpm/events/link.hpp"
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -15,12 +16,12 @@ namespace {
 
 using namespace std::chrono_literals;
 
-constexpr events::EventType kStampType = 1;
 constexpr Duration kSetUpPatience = 10s;
 constexpr std::uint32_t kConsumerCountMax = 512;
 
-rpc::Transport transport_of(Carrier carrier) {
-  switch (carrier) {
+rpc::Transport transport_of(const EventSetting& setting) {
+  if (setting.is_embedded) return rpc::Transport::kLocal;
+  switch (setting.carrier) {
     case Carrier::kUdp:
       return rpc::Transport::kUdp;
     case Carrier::kTcp:
@@ -63,18 +64,18 @@ struct Consumers {
   [[nodiscard]] expected<void, std::string> add(const EventSetting& setting, const std::string& hub,
                                                 EventBoard* board, std::uint32_t capacity) {
     handlers.push_back(std::make_unique<Noter>(board, handlers.size()));
-    auto consumer =
-        events::Consumer::create(node, hub,
-                                 {.name = "bench",
-                                  .filter = events::of_type(kStampType),
-                                  .delivery = {.queue_capacity = capacity},
-                                  .priority = kHighPriority,
-                                  .cpus = {setting.placement.client_cpu},
-                                  .realtime = setting.realtime,
-                                  .transport = transport_of(setting.carrier),
-                                  .shared_ring = setting.carrier == Carrier::kSharedMemory,
-                                  .deadline = kSetUpPatience},
-                                 *handlers.back());
+    auto consumer = events::Consumer::create(
+        node, hub,
+        {.name = "bench",
+         .filter = events::of_type(setting.type),
+         .delivery = {.queue_capacity = capacity},
+         .priority = kHighPriority,
+         .cpus = {setting.placement.client_cpu},
+         .realtime = setting.realtime,
+         .transport = transport_of(setting),
+         .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
+         .deadline = kSetUpPatience},
+        *handlers.back());
     if (!consumer) return unexpected{consumer.error().text};
     consumers.push_back(std::move(*consumer));
     return {};
@@ -90,13 +91,15 @@ class HubSide final : public EventSide {
 
   [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting,
                                                   const std::string& hub, EventBoard& board) {
-    auto supplier = events::Supplier::create(node_, hub,
+    const std::string& supplier_hub = setting.pushed_to.empty() ? hub : setting.pushed_to;
+    auto supplier = events::Supplier::create(node_, supplier_hub,
                                              {.name = "bench",
                                               .priority = kHighPriority,
-                                              .transport = transport_of(setting.carrier),
+                                              .transport = transport_of(setting),
                                               .deadline = kSetUpPatience});
     if (!supplier) return unexpected{supplier.error().text};
     supplier_ = std::move(*supplier);
+    type_ = setting.type;
     for (int i = 0; i < setting.consumer_count; ++i) {
       if (auto added = consumers_.add(setting, hub, &board, 64); !added) return added;
     }
@@ -105,7 +108,7 @@ class HubSide final : public EventSide {
 
   expected<void, std::string> push(const EventStamp& stamp) override {
     const auto pushed = supplier_->push(
-        {.type = kStampType, .payload = std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1))});
+        {.type = type_, .payload = std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1))});
     if (pushed) return {};
     return unexpected{std::string(rpc::to_string(pushed.error()))};
   }
@@ -125,11 +128,12 @@ class HubSide final : public EventSide {
   Consumers consumers_;
   rpc::Node node_;
   std::unique_ptr<events::Supplier> supplier_{};
+  std::uint32_t type_ = 0;
 };
 
 // Bursts with a rest behind each, so that real-time throttling takes no part of it.
-EventRate push_bursts(events::Supplier& supplier, const events::Consumer& consumer,
-                      const Noter& noter) {
+EventRate push_bursts(events::Supplier& supplier, std::uint32_t type,
+                      const events::Consumer& consumer, const Noter& noter) {
   constexpr int kBurstCount = 3;
   constexpr std::uint64_t kBurstSize = 100'000;
   const EventStamp stamp{};
@@ -140,7 +144,7 @@ EventRate push_bursts(events::Supplier& supplier, const events::Consumer& consum
     const MonotonicTime begin = rt::now();
     for (std::uint64_t i = 0; i < kBurstSize; ++i) {
       // What does not go for want of room is missing in the end, and the next may go.
-      static_cast<void>(supplier.add({.type = kStampType, .payload = payload, .origin = begin}));
+      static_cast<void>(supplier.add({.type = type, .payload = payload, .origin = begin}));
     }
     static_cast<void>(supplier.flush());
     MonotonicTime last = rt::now();
@@ -165,35 +169,49 @@ EventRate push_bursts(events::Supplier& supplier, const events::Consumer& consum
 
 }  // namespace
 
+expected<std::string, std::string> serve_event_hub(const EventSetting& setting) {
+  events::HubConfig config;
+  config.limits.subscription_count_max = kConsumerCountMax;
+  config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
+  config.priority = kHighPriority;
+  config.realtime = setting.realtime;
+  auto hub = events::Hub::create(config);
+  if (!hub) return unexpected{hub.error().text};
+  auto server_config = events::server_config_for(config);
+  server_config.realtime = setting.realtime;
+  if (setting.network != nullptr) server_config.host = NetworkPair::kServerAddress;
+  server_config.lanes = {{.name = "bench-hub",
+                          .priority = kHighPriority,
+                          .wait = setting.wait,
+                          .cpus = {setting.placement.server_cpu}}};
+  auto server = rpc::Server::create(server_config);
+  if (!server) return unexpected{server.error().text};
+  if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
+    return unexpected{added.error().text};
+  }
+  if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+  // They serve until the process ends.
+  events::Hub& served = *hub->release();
+  if (!setting.linked_to.empty()) {
+    auto& node = *new rpc::Node(node_config(setting.wait));
+    const auto linked = served.link(node, setting.linked_to,
+                                    {.priority = kHighPriority,
+                                     .cpus = {setting.placement.server_cpu},
+                                     .realtime = setting.realtime,
+                                     .transport = transport_of(setting),
+                                     .shared_ring = setting.carrier == Carrier::kSharedMemory});
+    if (!linked) return unexpected{linked.error().text};
+  }
+  return (*server).release()->url(events::kHubPath);
+}
+
 expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
   return ServerProcess::start([setting]() -> expected<std::string, std::string> {
     if (setting.network != nullptr) {
       auto entered = setting.network->enter(NetworkPair::Host::kServer);
       if (!entered) return unexpected{entered.error()};
     }
-    events::HubConfig config;
-    config.limits.subscription_count_max = kConsumerCountMax;
-    config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
-    config.priority = kHighPriority;
-    config.realtime = setting.realtime;
-    auto hub = events::Hub::create(config);
-    if (!hub) return unexpected{hub.error().text};
-    auto server_config = events::server_config_for(config);
-    server_config.realtime = setting.realtime;
-    if (setting.network != nullptr) server_config.host = NetworkPair::kServerAddress;
-    server_config.lanes = {{.name = "bench-hub",
-                            .priority = kHighPriority,
-                            .wait = setting.wait,
-                            .cpus = {setting.placement.server_cpu}}};
-    auto server = rpc::Server::create(server_config);
-    if (!server) return unexpected{server.error().text};
-    if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
-      return unexpected{added.error().text};
-    }
-    if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
-    // They serve until the process ends.
-    static_cast<void>(hub->release());
-    return (*server).release()->url(events::kHubPath);
+    return serve_event_hub(setting);
   });
 }
 
@@ -226,19 +244,21 @@ expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
     return unexpected{added.error()};
   }
   rpc::Node node(node_config(kBlock));
-  auto supplier = events::Supplier::create(node, hub,
-                                           {.priority = kHighPriority,
-                                            .transport = transport_of(setting.carrier),
-                                            .deadline = kSetUpPatience});
+  auto supplier = events::Supplier::create(
+      node, hub,
+      {.priority = kHighPriority, .transport = transport_of(setting), .deadline = kSetUpPatience});
   if (!supplier) return unexpected{supplier.error().text};
   expected<EventRate, std::string> outcome;
   // Below the consumer, which so takes what is there before more is pushed.
-  auto thread = rt::Thread::start(
-      {.name = "bench-supplier",
-       .priority = kLowPriority,
-       .cpus = {setting.placement.client_cpu},
-       .realtime = setting.realtime},
-      [&] { outcome = push_bursts(**supplier, *consumers.consumers[0], *consumers.handlers[0]); });
+  auto thread =
+      rt::Thread::start({.name = "bench-supplier",
+                         .priority = kLowPriority,
+                         .cpus = {setting.placement.client_cpu},
+                         .realtime = setting.realtime},
+                        [&] {
+                          outcome = push_bursts(**supplier, setting.type, *consumers.consumers[0],
+                                                *consumers.handlers[0]);
+                        });
   if (!thread) return unexpected{thread.error().text};
   thread->join();
   return outcome;

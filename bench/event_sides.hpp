@@ -19,6 +19,11 @@ struct EventSetting {
   Carrier carrier = Carrier::kSharedMemory;  ///< Of RTPM; the floor has UDP.
   rt::WaitConfig wait{};                     ///< Of the hub's lane and of the relay.
   int consumer_count = 1;
+  /// The hub and its users are of this program: no transport between them.
+  bool is_embedded = false;
+  std::uint32_t type = 1;   ///< Of the events that are pushed and subscribed to.
+  std::string pushed_to{};  ///< Another hub, to which the supplier pushes; empty: the consumers'.
+  std::string linked_to{};  ///< Another hub, which this one takes events of; empty: none.
   /// Two hosts: the hub and the relay on one, supplier and consumers on the other. Null: this one.
   const NetworkPair* network = nullptr;
   Placement placement{};
@@ -38,6 +43,9 @@ class EventSide {
 
 /// A hub in a process of its own. Fork it before this process starts a thread.
 [[nodiscard]] expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting);
+/// A hub in this program, with the lane that start_event_hub() would give it.
+/// @return its URL. It serves until the process ends.
+[[nodiscard]] expected<std::string, std::string> serve_event_hub(const EventSetting& setting);
 /// A process of `count` consumers that note nothing: to be stopped.
 [[nodiscard]] expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
                                                                         const std::string& hub,

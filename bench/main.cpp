@@ -12,6 +12,7 @@
 #include "rtpm/program/options.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "settings.hpp"
+#include "standalone.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -24,12 +25,14 @@ struct Arguments {
   std::vector<std::string> waits{"adaptive"};
   std::vector<std::string> payloads{"48"};
   std::vector<std::string> low_callers{"0", "1", "4", "16"};
+  std::vector<std::string> clients{"1", "10", "100", "1000"};
   std::vector<std::string> consumers{"1", "4", "16", "64", "256"};
   bool is_json = false;
 };
 
 void add_options(program::Options& options, Arguments& arguments, Settings& settings) {
-  options.add_positional("VERB", arguments.verb, "list, or run followed by cases",
+  options.add_positional("VERB", arguments.verb,
+                         "list, run followed by cases, or serve followed by rtpm or floor",
                          program::Presence::kRequired);
   options.add_positional("CASE", arguments.cases, "what to run; `list` says which there are");
   options.add("json", arguments.is_json, "print one JSON object per result");
@@ -52,6 +55,7 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
               {1, 100'000});
   options.add("low-callers", arguments.low_callers,
               "numbers of low-priority callers for isolation");
+  options.add("clients", arguments.clients, "numbers of bound clients for scale");
   options.add("consumers", arguments.consumers, "numbers of consumers for events");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
@@ -107,6 +111,14 @@ std::optional<int> caller_count_of(const std::string& text) {
   return std::stoi(text);
 }
 
+std::optional<int> client_count_of(const std::string& text) {
+  const bool is_number = !text.empty() && text.size() <= 4 &&
+                         std::all_of(text.begin(), text.end(),
+                                     [](char digit) { return digit >= '0' && digit <= '9'; });
+  if (!is_number || std::stoi(text) < 1 || std::stoi(text) > 4000) return std::nullopt;
+  return std::stoi(text);
+}
+
 std::optional<int> consumer_count_of(const std::string& text) {
   const bool is_number = !text.empty() && text.size() <= 3 &&
                          std::all_of(text.begin(), text.end(),
@@ -145,6 +157,9 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
           translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {
     return "--low-callers takes numbers from 0 to 64, not '" + *wrong + "'";
   }
+  if (const auto wrong = translate(arguments.clients, settings.client_counts, client_count_of)) {
+    return "--clients takes numbers from 1 to 4000, not '" + *wrong + "'";
+  }
   if (const auto wrong =
           translate(arguments.consumers, settings.consumer_counts, consumer_count_of)) {
     return "--consumers takes numbers from 1 to 256, not '" + *wrong + "'";
@@ -153,8 +168,12 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
     if (!arguments.cases.empty()) return "list takes no case, but got '" + arguments.cases[0] + "'";
     return std::nullopt;
   }
+  if (arguments.verb == "serve") {
+    if (arguments.cases.size() == 1 && standalone_of(arguments.cases.front())) return std::nullopt;
+    return "serve takes rtpm or floor: it is what the cases startup, memory and idle start";
+  }
   if (arguments.verb != "run")
-    return "there is no verb '" + arguments.verb + "', only list and run";
+    return "there is no verb '" + arguments.verb + "', only list, run and serve";
   if (const auto peers = choose_peers(settings.peers); !peers) {
     return "there is no peer '" + peers.error() + "', only all, " + peer_names();
   }
@@ -226,5 +245,9 @@ int main(int argc, char** argv) {
   bench::add_options(options, arguments, settings);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   if (const auto wrong = bench::check(arguments, settings)) return options.usage_error(*wrong);
-  return arguments.verb == "list" ? bench::list() : bench::run(arguments, settings);
+  if (arguments.verb == "list") return bench::list();
+  if (arguments.verb == "serve") {
+    return bench::serve_standalone(*bench::standalone_of(arguments.cases.front()), settings);
+  }
+  return bench::run(arguments, settings);
 }

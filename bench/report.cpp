@@ -42,8 +42,10 @@ void print_row(const Row& row) {
 
 void print_table(const Result& result) {
   std::printf("\n%s\n", result.title.c_str());
-  std::printf("  %-22s %9s %9s %9s %9s %9s %9s\n", "microseconds", "p50", "p90", "p99", "p99.9",
-              "p99.99", "max");
+  if (!result.rows.empty()) {
+    std::printf("  %-22s %9s %9s %9s %9s %9s %9s\n", "microseconds", "p50", "p90", "p99", "p99.9",
+                "p99.99", "max");
+  }
   for (const Row& row : result.rows)
     print_row(row);
   for (const std::string& note : result.notes)

@@ -167,7 +167,8 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
   auto server = rpc::Server::create({.name = "rtpm-bench",
                                      .host = std::move(config.host),
                                      .lanes = std::move(config.lanes),
-                                     .realtime = config.realtime});
+                                     .realtime = config.realtime,
+                                     .session_count_max = config.session_count_max});
   if (!server) return unexpected{server.error().text};
   static auto& servant = *new EchoServantImpl(config.numbered_count);
   if (auto added = (*server)->add("bench/echo", servant); !added) {

@@ -19,7 +19,8 @@ namespace rtpm::bench {
 struct RtpmServerConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   std::vector<rpc::LaneConfig> lanes{};
-  std::uint64_t numbered_count = 0;  ///< How many numbers, from 0 on, it can tell apart.
+  std::uint32_t session_count_max = 256;  ///< Per lane and transport.
+  std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it can tell apart.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 

@@ -28,6 +28,7 @@ struct Settings {
   int round_count = 5;    ///< Of which the medians are reported.
   double rate_hz = 1000;  ///< Of callers that keep a pace.
   std::vector<int> low_caller_counts{0, 1, 4, 16};
+  std::vector<int> client_counts{1, 10, 100, 1000};     ///< Of scale.
   std::vector<int> consumer_counts{1, 4, 16, 64, 256};  ///< Of events.
   Duration work = std::chrono::microseconds{200};       ///< Of one low-priority call.
   std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.

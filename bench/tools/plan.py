@@ -26,6 +26,12 @@ FULL = (
     Part("throughput", "throughput", 15),
     Part("two-node", "two-node --transport udp,tcp", 10),
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 20),
+    Part("device", "device --wait adaptive,periodic --samples 5000", 75),
+    Part("ladder", "ladder", 45),
+    Part("memory", "memory", 3),
+    Part("idle", "idle --wait adaptive,block,periodic", 30),
+    Part("scale", "scale", 25),
+    Part("startup", "startup", 15),
 )
 
 QUICK = (
@@ -37,6 +43,12 @@ QUICK = (
     Part("bulk", "bulk --samples 1000", 20),
     Part("throughput", "throughput --samples 100000", 5),
     Part("two-node", "two-node --transport udp,tcp --calls 5000", 6),
+    Part("device", "device --samples 1000", 10),
+    Part("ladder", "ladder --samples 400 --rounds 2", 12),
+    Part("memory", "memory", 3),
+    Part("idle", "idle", 10),
+    Part("scale", "scale --samples 2000 --clients 1,100", 5),
+    Part("startup", "startup --samples 25", 4),
 )
 
 # As the paper's section 5: 1000 calls as quickly as they go, and 1000 events 1 ms apart.

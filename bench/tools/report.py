@@ -47,6 +47,11 @@ SECTIONS = (
      lambda row: row["case"] == "events" and "bad_over_well_p50" in row, tables.BAD_CONSUMERS, None),
     ("Events, as many as go through", "Through the hub to one consumer.",
      lambda row: row["case"] == "events" and "events_per_s" in row, tables.EVENT_RATE, None),
+    ("What each layer adds to an event",
+     "One event at 1 kHz from a supplier to a consumer of the same program, with what is between on "
+     "the other CPU: a call there and back; a call that is handed on by a call back; a hub in the "
+     "same program; a hub in a process of its own; two hubs, linked. All by turns. Microseconds.",
+     lambda row: row["case"] == "ladder", tables.LADDER, None),
     ("Throughput", "One caller, one lane, many calls on their way at a time.",
      lambda row: row["case"] == "throughput", tables.THROUGHPUT, None),
     ("Two nodes",
@@ -54,6 +59,20 @@ SECTIONS = (
      "Microseconds.",
      lambda row: row["case"] == "two-node",
      tables.DUEL + (("succeeded %", "succeeded_percent"), ("run twice", "run_twice")), None),
+    ("A force loop through a device",
+     "Each cycle at 1 kHz reads the simulated arm's newest sample and commands a force from it: two "
+     "calls. The floor's cycle is two raw echoes of 48 bytes. Microseconds.",
+     lambda row: row["case"] == "device", tables.DUEL, None),
+    ("Many clients", "A caller while so many others are bound and silent. Microseconds.",
+     lambda row: row["case"] == "scale",
+     tables.DUEL + (("server's KiB for each client", "per_client_kib"),), None),
+    ("Memory", "Of a server, a program of its own, all of it locked.",
+     lambda row: row["case"] == "memory", tables.MEMORY, None),
+    ("Idle", "CPU time of a server with one bound client that does not call.",
+     lambda row: row["case"] == "idle", (("% of a CPU", "cpu_percent"),), None),
+    ("Start", "From the start of a server's program to the first answered call, on a machine that has "
+     "it in its caches. The floor's opens a socket (UDP beside shared memory). Microseconds.",
+     lambda row: row["case"] == "startup", tables.STARTUP, None),
 )
 
 

@@ -48,6 +48,14 @@ EVENT_RATE = (("events a second", "events_per_s"), ("missing", "missing"), ("tol
 THROUGHPUT = (("calls a second", "calls_per_second"), ("lowest block", "calls_per_second_low"),
               ("highest", "calls_per_second_high"), ("floor", "floor_calls_per_second"),
               ("ratio", "ratio"))
+LADDER = (("p50", "p50_us"), ("p90", "p90_us"), ("p99", "p99_us"), ("max", "max_us"),
+          ("raw relay p50", "floor_p50_us"), ("p99", "floor_p99_us"), ("ratio p50", "ratio_p50"),
+          ("p99", "ratio_p99"), ("missing", "missing"))
+STARTUP = (("p50", "p50_us"), ("p90", "p90_us"), ("max", "max_us"), ("of it, serves p50", "ready_p50_us"),
+           ("bind p50", "bind_p50_us"), ("first call p50", "first_call_p50_us"),
+           ("floor p50", "floor_p50_us"), ("ratio p50", "ratio_p50"))
+MEMORY = (("MiB in memory", "rss_mib"), ("of its own", "pss_mib"),
+          ("KiB for each client", "per_client_kib"), ("floor, no client, MiB", "floor_rss_mib"))
 PEERS = (("p50", "p50_us"), ("p99", "p99_us"), ("p99.9", "p999_us"), ("max", "max_us"),
          ("RTPM p50", "rtpm_p50_us"), ("p99", "rtpm_p99_us"), ("p99.9", "rtpm_p999_us"),
          ("RTPM / peer p50", "rtpm_over_peer_p50"), ("p99", "rtpm_over_peer_p99"),

@@ -82,6 +82,49 @@ TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
   }
 }
 
+TEST(Bench, ClosesALoopThroughADevice) {
+  const auto end = run_program("rtpm-bench", {"run", "device", "--samples", "40", "--rounds", "2",
+                                              "--transport", "udp", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find(R"("case": "device")"), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find(R"("ratio_p50": )"), std::string::npos) << end.output;
+}
+
+TEST(Bench, ClimbsEveryRungOfTheLadder) {
+  const auto end = run_program("rtpm-bench", {"run", "ladder", "--samples", "200", "--rounds", "1",
+                                              "--transport", "shm", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const std::string_view rung :
+       {"direct call", "callback", "embedded hub", "hub process", "linked hubs"}) {
+    EXPECT_NE(end.output.find("\"rung\": \"" + std::string(rung) + "\""), std::string::npos)
+        << rung;
+  }
+}
+
+TEST(Bench, ServesManyClients) {
+  const auto end =
+      run_program("rtpm-bench", {"run", "scale", "memory", "--clients", "20", "--samples", "40",
+                                 "--rounds", "2", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 12)
+      << "scale over three transports, memory three of each";
+  for (const std::string_view field :
+       {R"("clients": 20)", R"("clients": 100)", R"("per_client_kib": )", R"("rss_mib": )"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+}
+
+TEST(Bench, StartsServersOfTheirOwn) {
+  const auto end = run_program("rtpm-bench", {"run", "startup", "--transport", "udp", "--samples",
+                                              "2", "--rounds", "1", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const std::string_view field :
+       {R"("ready_p50_us": )", R"("bind_p50_us": )", R"("floor_ready_p50_us": )"}) {
+    EXPECT_NE(end.output.find(field), std::string::npos) << field;
+  }
+  expect_one_sentence(run_program("rtpm-bench", {"serve", "nothing"}), 2, {"rtpm or floor"});
+}
+
 TEST(Bench, WillNotSpinWhereThatStarvesTheLoad) {
   const auto end = run_program("rtpm-bench", {"run", "isolation", "--wait", "spin", "--transport",
                                               "udp", "--realtime", "off"});
