@@ -102,8 +102,7 @@ class MosquittoSide final : public PeerEventSide {
 
 class MosquittoPeer final : public Peer {
  public:
-  expected<void, std::string> serve_events(const PeerLane& lane,
-                                           const Announce& announce) override {
+  std::optional<BrokerProgram> broker_program(const PeerLane& lane) override {
     const bool is_unix = lane.transport == "unix";
     const std::uint16_t port = is_unix ? std::uint16_t{0} : free_port();
     const std::string path = is_unix ? lane.socket_path() : std::string();
@@ -111,8 +110,10 @@ class MosquittoPeer final : public Peer {
     std::ofstream(configuration) << "listener " << port << " " << (is_unix ? path : "127.0.0.1")
                                  << "\nallow_anonymous true\npersistence false\n"
                                     "set_tcp_nodelay true\nlog_type none\nuser root\n";
-    announce(is_unix ? path : std::to_string(port));
-    return become_broker({RTPM_MOSQUITTO, "-c", configuration}, port, path);
+    return BrokerProgram{.command = {RTPM_MOSQUITTO, "-c", configuration},
+                         .address = is_unix ? path : std::to_string(port),
+                         .port = port,
+                         .path = path};
   }
 
   expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,

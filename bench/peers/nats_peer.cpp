@@ -85,11 +85,12 @@ class NatsSide final : public PeerEventSide {
 
 class NatsPeer final : public Peer {
  public:
-  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
+  std::optional<BrokerProgram> broker_program(const PeerLane&) override {
     const std::uint16_t port = free_port();
-    announce("nats://127.0.0.1:" + std::to_string(port));
-    return become_broker({RTPM_NATS_SERVER, "--addr", "127.0.0.1", "--port", std::to_string(port)},
-                         port);
+    return BrokerProgram{
+        .command = {RTPM_NATS_SERVER, "--addr", "127.0.0.1", "--port", std::to_string(port)},
+        .address = "nats://127.0.0.1:" + std::to_string(port),
+        .port = port};
   }
 
   expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -66,6 +67,14 @@ class PeerCaller : public Caller {
 /// Says where a lane is reached, from when it answers.
 using Announce = std::function<void(const std::string& address)>;
 
+/// A broker that is not part of a library. It takes the place of the peer's program.
+struct BrokerProgram {
+  std::vector<std::string> command;  ///< With its path first.
+  std::string address;               ///< For connect_events().
+  std::uint16_t port = 0;            ///< It serves once this accepts connections,
+  std::string path{};                ///< or, if not empty, the socket of this name.
+};
+
 /// A peer's server and client, of calls, of events, or of both. All functions run on threads that
 /// have the lane's policy, priority and CPU already; what threads the library starts there inherit
 /// them. An exception of the library is caught outside and told.
@@ -92,8 +101,13 @@ class Peer {
   /// library can't connect otherwise.
   [[nodiscard]] virtual bool connects_at_high_priority() const { return false; }
 
-  /// As serve(), of the broker between supplier and consumers. One that is a program of its own
-  /// takes the place of this one, by become_broker().
+  /// The broker between supplier and consumers, if it is a program of its own; else serve_events()
+  /// is it.
+  [[nodiscard]] virtual std::optional<BrokerProgram> broker_program(const PeerLane& lane) {
+    static_cast<void>(lane);
+    return std::nullopt;
+  }
+  /// As serve().
   [[nodiscard]] virtual expected<void, std::string> serve_events(const PeerLane& lane,
                                                                  const Announce& announce) {
     static_cast<void>(lane);
@@ -121,12 +135,6 @@ class PeerEventSide : public EventSide {
 
 /// A thread of a consumer, with the scheduling of the thread that starts it.
 [[nodiscard]] expected<rt::Thread, std::string> start_consumer(std::function<void()> body);
-
-/// Replaces this program by a broker, `command`, and tells that it serves once its port, or the
-/// socket at its path, accepts connections. Returns only if that fails.   Set-up only.
-[[nodiscard]] expected<void, std::string> become_broker(std::vector<std::string> command,
-                                                        std::uint16_t port,
-                                                        const std::string& path = {});
 
 /// The peer of this program: each program defines it once.
 [[nodiscard]] std::unique_ptr<Peer> make_peer();

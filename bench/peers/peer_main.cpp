@@ -1,7 +1,6 @@
 #include <fcntl.h>
 #include <sched.h>
 #include <signal.h>
-#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <cstdio>
@@ -218,10 +217,37 @@ Outcome take_events(PeerBoard& board, Peer& peer) {
 }
 
 // Of the child that stays while its parent becomes a broker: says that the broker serves.
-[[noreturn]] void tell_of_broker(std::uint16_t port, const std::string& path) {
-  const bool is_there = path.empty() ? wait_for_port(port) : wait_for_socket(path);
+[[noreturn]] void tell_of(const BrokerProgram& broker) {
+  const bool is_there =
+      broker.path.empty() ? wait_for_port(broker.port) : wait_for_socket(broker.path);
   tell(is_there ? Outcome() : unexpected{std::string("the broker does not serve after 10 s")});
   _exit(0);
+}
+
+// Replaces this program, which has no other thread yet.
+Outcome become(PeerBoard& board, BrokerProgram broker) {
+  board.setting.addresses[0].set(broker.address);
+  const pid_t child = fork();
+  if (child < 0) return unexpected{std::string("no process for a broker")};
+  if (child == 0) tell_of(broker);
+  if (auto set = rt::configure_this_thread(thread_config(board.setting, 0, true)); !set) {
+    return unexpected{set.error().text};
+  }
+  const int nowhere = open("/dev/null", O_WRONLY);
+  dup2(nowhere, STDOUT_FILENO);
+  dup2(nowhere, STDERR_FILENO);
+  std::vector<char*> arguments;
+  for (std::string& argument : broker.command)
+    arguments.push_back(argument.data());
+  arguments.push_back(nullptr);
+  execv(arguments[0], arguments.data());
+  _exit(1);
+}
+
+Outcome serve_events(PeerBoard& board, Peer& peer) {
+  auto broker = peer.broker_program(lane_of(board.setting, 0));
+  if (broker) return become(board, std::move(*broker));
+  return serve(board, peer, &Peer::serve_events);
 }
 
 }  // namespace
@@ -238,24 +264,6 @@ expected<rt::Thread, std::string> start_consumer(std::function<void()> body) {
   return std::move(*thread);
 }
 
-expected<void, std::string> become_broker(std::vector<std::string> command, std::uint16_t port,
-                                          const std::string& path) {
-  const pid_t child = fork();
-  if (child < 0) return unexpected{std::string("no process for a broker")};
-  if (child == 0) tell_of_broker(port, path);
-  // The request to end with rtpm-bench is the thread's own, and this is another one.
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
-  const int nowhere = open("/dev/null", O_WRONLY);
-  dup2(nowhere, STDOUT_FILENO);
-  dup2(nowhere, STDERR_FILENO);
-  std::vector<char*> arguments;
-  for (std::string& argument : command)
-    arguments.push_back(argument.data());
-  arguments.push_back(nullptr);
-  execv(arguments[0], arguments.data());
-  _exit(1);
-}
-
 int run_peer(std::string_view role, int board_file) {
   auto board = SharedBoard::open(board_file);
   if (!board) {
@@ -270,7 +278,7 @@ int run_peer(std::string_view role, int board_file) {
   const auto peer = make_peer();
   Outcome outcome;
   if (role == "serve") outcome = serve(shared, *peer, &Peer::serve);
-  if (role == "broker") outcome = serve(shared, *peer, &Peer::serve_events);
+  if (role == "broker") outcome = serve_events(shared, *peer);
   if (role == "call") outcome = call(shared, *peer);
   if (role == "events") outcome = take_events(shared, *peer);
   tell(outcome);
