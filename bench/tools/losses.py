@@ -53,12 +53,20 @@ def _missed(rows, notes):
     return lines
 
 
+# By which figures RTPM is judged against a peer, and how each is called.
+_AGAINST_PEERS = (
+    ("rtpm_over_peer_p50", "the median"), ("rtpm_over_peer_p999", "p99.9"),
+    ("rtpm_over_peer_each_p50", "the median of all deliveries"),
+    ("rtpm_over_peer_each_p999", "p99.9 of all deliveries"),
+    ("rtpm_over_peer_last_p50", "the median of the last consumer"),
+)
+
+
 def _lost(peers, notes):
     lines = []
     for record in peers:
-        name = records.name_of(records.key_of(record))
-        for figure, called in (("rtpm_over_peer_p50", "the median"),
-                               ("rtpm_over_peer_p999", "p99.9")):
+        name = tables.row_name(record, ()).removesuffix(" " + tables.MARK)
+        for figure, called in _AGAINST_PEERS:
             ratio = records.figure(record, figure)
             if ratio is not None and ratio > 1:
                 lines.append(f"- **{name}**: RTPM takes {tables.number(ratio)} times as long at "

@@ -78,8 +78,9 @@ def tails(rows):
 
 def peers(rows):
     """RTPM beside its peers: calls, at the median and at p99.9."""
-    found = [record for record in rows if "peer" in record and record["case"] == "call"]
-    ticks = tuple((place, f"{record['peer']} {record['transport']}")
+    found = [record for record in rows if "peer" in record and record["case"] == "call"
+             and record.get("rtpm_wait") == "block"]
+    ticks = tuple((place, f"{record['peer']} {record['transport']} / {record['rtpm_transport']}")
                   for place, record in enumerate(found))
     series = [plots.Series(f"{who}, {called}",
                            [(place, records.figure(record, prefix + figure))
@@ -88,8 +89,8 @@ def peers(rows):
               for prefix, who, shape in (("", "peer", "pointtype 7"),
                                          ("rtpm_", "RTPM beside it", "pointtype 4"))
               for figure, called in (("p50_us", "p50"), ("p999_us", "p99.9"))]
-    return plots.Plot("peers", "Calls of 48 bytes, RTPM and others by turns", "", "microseconds",
-                      [each for each in series if each.points], False, True, ticks)
+    return plots.Plot("peers", "Calls of 48 bytes, all block: a peer's transport / RTPM's beside it", "",
+                      "microseconds", [each for each in series if each.points], False, True, ticks)
 
 
 def draw_all(rows, folder):

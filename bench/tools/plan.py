@@ -1,4 +1,7 @@
-"""What a report measures: runs of rtpm-bench, one after the other, the most telling first."""
+"""What a report measures: runs of rtpm-bench, one after the other, the most telling first.
+
+Peers block while they wait, so RTPM does beside them; those that are not built are left out.
+"""
 
 from typing import NamedTuple
 
@@ -6,7 +9,8 @@ from typing import NamedTuple
 class Part(NamedTuple):
     """One run of rtpm-bench. Its results are marked with `name`, its figures made in `seconds` or so.
 
-    `joins_rows`: its results are rows of the report's tables under their own names, not apart.
+    `joins_rows`: its results are rows of the report's own tables. Else they are marked with the
+    part's name: what belongs to peers, or to the paper's measurements.
     """
 
     name: str
@@ -20,6 +24,13 @@ FULL = (
     Part("isolation", "isolation --samples 5000", 160),
     Part("paced", "paced --wait adaptive,block,spin,periodic --samples 5000", 130),
     Part("events", "events", 110),
+    Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 90, False),
+    Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64",
+         90, False),
+    Part("isolation-peers", "isolation --peers all --wait block --transport tcp,shm --low-callers 4 "
+         "--samples 5000", 220, False),
+    Part("paced-peers", "paced --peers all --wait block --transport tcp,shm --samples 5000", 90,
+         False),
     Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 50),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 10000", 35),
     Part("bulk", "bulk --samples 5000", 80),
@@ -39,6 +50,9 @@ QUICK = (
     Part("isolation", "isolation --low-callers 4 --samples 1000", 20),
     Part("paced", "paced --wait adaptive,periodic,spin --samples 1000", 25),
     Part("events", "events --transport udp,shm --consumers 1,16,64 --samples 1000", 30),
+    Part("call-peers", "call --peers all --wait block --samples 1000", 15, False),
+    Part("events-peers", "events --peers all --wait block --transport shm --consumers 1,16 "
+         "--samples 400 --rounds 2", 12, False),
     Part("payload", "call --payload 0,1Ki,64Ki,1Mi --samples 400", 12),
     Part("bulk", "bulk --samples 1000", 20),
     Part("throughput", "throughput --samples 100000", 5),

@@ -119,7 +119,7 @@ def has_samples_for(record, name):
     count = record.get("n")
     if not is_number(count):
         return True
-    if name.startswith(("each_", "floor_each_", "well_each_")):
+    if "each_" in name:
         count *= record.get("consumers", 1)
     of_a_round = count / max(1, record.get("rounds", 1))
     ends = name + "$"

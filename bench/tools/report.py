@@ -138,7 +138,9 @@ def _missing_lines(results):
             continue
         if part["outcome"] != "done":
             lines.append(f"- `{part['part']}` ({part['arguments']}): {part['outcome']}")
-        lines += [f"- {text.removeprefix('rtpm-bench: ')}" for text in part["said"]]
+        # Several parts may say the same, as of a peer that is not built.
+        said = [f"- {text.removeprefix('rtpm-bench: ')}" for text in part["said"]]
+        lines += [line for line in said if line not in lines]
     head = next(iter(records.select(results, case="report")), {})
     done = {part["part"] for part in parts}
     lines += [f"- `{name}`: not begun" for name in head.get("parts", []) if name not in done]
@@ -162,6 +164,25 @@ def _paper_lines(results, drawn):
             *(f"- {line}." for line in paper.added_lines(results)), ""]
 
 
+def _peer_lines(others, drawn):
+    lines = ["## Peers", "",
+             "Each by turns with RTPM and the floor, pinned and prioritised alike. Microseconds; a "
+             "ratio below 1 is for RTPM.", ""]
+    for case, heading, columns in (("call", "Calls", tables.PEERS), ("paced", "Paced calls", tables.PEERS),
+                                   ("isolation", "Priority under load", tables.PEERS),
+                                   ("events", "Events", tables.PEER_EVENTS)):
+        found = records.select(others, case=case)
+        if not found:
+            continue
+        shared = tables.in_common(found)
+        lines += [f"### {heading}", ""]
+        lines += [f"All: {records.name_of(shared)}.", ""] if shared else []
+        lines += [*tables.of(found, columns, ("case", *(name for name, _ in shared))), ""]
+        if case == "call" and "peers" in drawn:
+            lines += ["![Calls](results/peers.png)", ""]
+    return lines if others else []
+
+
 def page(results, drawn):
     """The page as text. `drawn`: the names of the plots that there are."""
     rows, others = own_rows(results), peer_rows(results)
@@ -178,12 +199,7 @@ def page(results, drawn):
         lines += [f"## {heading}", "", text, "", *tables.of(found, columns, leave_out), ""]
         if plot in drawn:
             lines += [f"![{heading}](results/{plot}.png)", ""]
-    if others:
-        lines += ["## Peers", "",
-                  "Each by turns with RTPM and the floor, pinned and prioritised alike. "
-                  "Microseconds; a ratio below 1 is for RTPM.", "",
-                  *tables.of(others, tables.PEERS, ()), ""]
-        lines += ["![Peers](results/peers.png)", ""] if "peers" in drawn else []
+    lines += _peer_lines(others, drawn)
     return "\n".join(lines + _paper_lines(results, drawn)).rstrip() + "\n"
 
 

@@ -26,7 +26,7 @@ def markdown(head, rows):
 
 def row_name(record, leave_out=("case",)):
     """A row's name without what the section's heading says, with a mark if it was disturbed."""
-    key = [pair for pair in records.key_of(record) if pair[0] not in leave_out]
+    key = [pair for pair in records.key_of(record) if pair[0] not in (*leave_out, "part")]
     return records.name_of(key) + (f" {MARK}" if record.get("marks") else "")
 
 
@@ -56,6 +56,13 @@ STARTUP = (("p50", "p50_us"), ("p90", "p90_us"), ("max", "max_us"), ("of it, ser
            ("floor p50", "floor_p50_us"), ("ratio p50", "ratio_p50"))
 MEMORY = (("MiB in memory", "rss_mib"), ("of its own", "pss_mib"),
           ("KiB for each client", "per_client_kib"), ("floor, no client, MiB", "floor_rss_mib"))
+PEER_EVENTS = (("each p50", "each_p50_us"), ("p99", "each_p99_us"), ("p99.9", "each_p999_us"),
+               ("last p50", "last_p50_us"), ("p99", "last_p99_us"), ("RTPM each p50", "rtpm_each_p50_us"),
+               ("last p50", "rtpm_last_p50_us"),
+               ("RTPM / peer each p50", "rtpm_over_peer_each_p50"),
+               ("p99", "rtpm_over_peer_each_p99"), ("p99.9", "rtpm_over_peer_each_p999"),
+               ("last p50", "rtpm_over_peer_last_p50"), ("p99", "rtpm_over_peer_last_p99"),
+               ("missing", "missing"))
 PEERS = (("p50", "p50_us"), ("p99", "p99_us"), ("p99.9", "p999_us"), ("max", "max_us"),
          ("RTPM p50", "rtpm_p50_us"), ("p99", "rtpm_p99_us"), ("p99.9", "rtpm_p999_us"),
          ("RTPM / peer p50", "rtpm_over_peer_p50"), ("p99", "rtpm_over_peer_p99"),
@@ -66,7 +73,7 @@ def in_common(rows):
     """The parts of the rows' names in which they all agree, other than the transport."""
     keys = [dict(records.key_of(row)) for row in rows]
     return [(name, value) for name, value in keys[0].items()
-            if name not in ("case", "transport", "peer") and len(rows) > 1
+            if name not in ("case", "part", "transport", "peer", "rtpm_transport") and len(rows) > 1
             and all(key.get(name) == value for key in keys)]
 
 

@@ -53,7 +53,11 @@ class Page(Folder):
 
     def test_lists_where_a_peer_is_quicker_and_only_that(self):
         self.assertIn("RTPM takes 1.50 times as long at p99.9.", self.text())
-        self.assertNotIn("times as long at the median", self.text())
+        self.assertIn("RTPM takes 2 times as long at the median of the last consumer.", self.text())
+        self.assertEqual(self.text().count("times as long"), 2)
+
+    def test_shows_the_events_of_peers_apart(self):
+        self.assertRegex(self.text(), r"### Events\n\n.*\n.*\n\| other, tcp, .* \| 300 \| 700 \| 900 \|")
 
     def test_says_what_disturbed_which_row(self):
         self.assertRegex(self.text(), r"\n- call, shm, spin, 48 B: the hypervisor took 3\.0 %")
