@@ -1,0 +1,78 @@
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+
+namespace rtpm::rt {
+
+/// Tells the time between two looks at the system's clock by counting the processor's ticks, which
+/// takes a third of the time of such a look. It learns the ticks' rate from the looks, and is
+/// content only when two estimates in a row agree; so a count that jumps or changes its pace (a
+/// suspended machine) costs looks, and no wrong time beyond a window.
+/// Shapes: ticks of any fixed rate from 1 MHz to 10 GHz; nanoseconds of the system's clock.
+/// Threads: one.   RT: alloc-free, no syscall.
+class TickClock {
+ public:
+  /// How long a look is relied on. An error of the rate of 20 millionths, as short estimates have,
+  /// makes 20 ns in that time.
+  static constexpr std::int64_t kWindow_ns = 1'000'000;
+
+  /// Whether the last look still holds.
+  [[nodiscard]] bool covers(std::uint64_t ticks) const noexcept {
+    return ticks - anchor_ticks_ < window_ticks_;
+  }
+  /// The time at `ticks`, which it covers. Never before one it has told.
+  [[nodiscard]] std::int64_t time_at(std::uint64_t ticks) noexcept {
+    return tell(anchor_ns_ + passed_ns(ticks - anchor_ticks_));
+  }
+  /// The system's clock showed `ns`, and nobody knows at which tick.
+  [[nodiscard]] std::int64_t tell(std::int64_t ns) noexcept {
+    return last_ns_ = std::max(last_ns_, ns);
+  }
+
+  /// The system's clock showed `ns` at `ticks`: gives the time, which is never before one told.
+  [[nodiscard]] std::int64_t anchor(std::uint64_t ticks, std::int64_t ns) noexcept {
+    const std::int64_t time_ns = tell(ns);
+    anchor_ticks_ = ticks;
+    anchor_ns_ = time_ns;
+    const std::int64_t since_ns = ns - base_ns_;
+    // Sooner, an estimate would be too coarse; the one at hand, if any, is in doubt.
+    if (is_based_ && since_ns < kWindow_ns / 2 && ticks - base_ticks_ < kJump) {
+      window_ticks_ = 0;
+      return time_ns;
+    }
+    const double rate =
+        is_based_ ? static_cast<double>(since_ns) / static_cast<double>(ticks - base_ticks_) : 0;
+    const bool agrees = rate > kRateMin && rate < kRateMax && std::abs(rate - rate_) < rate / 4096;
+    rate_ = rate;
+    rate_q32_ = agrees ? static_cast<std::uint64_t>(rate * 0x1p32) : 0;
+    window_ticks_ = agrees ? static_cast<std::uint64_t>(static_cast<double>(kWindow_ns) / rate) : 0;
+    base_ticks_ = ticks;
+    base_ns_ = ns;
+    is_based_ = true;
+    return time_ns;
+  }
+
+ private:
+  static constexpr double kRateMin = 0.1;  ///< Nanoseconds for a tick.
+  static constexpr double kRateMax = 1000;
+  /// So many ticks in so short a time are none.
+  static constexpr std::uint64_t kJump = 10 * kWindow_ns;
+
+  [[nodiscard]] std::int64_t passed_ns(std::uint64_t ticks) const noexcept {
+    return static_cast<std::int64_t>((ticks * rate_q32_) >> 32);
+  }
+
+  std::uint64_t anchor_ticks_ = 0;
+  std::uint64_t window_ticks_ = 0;  ///< 0: each time is a look.
+  std::int64_t anchor_ns_ = 0;
+  std::uint64_t rate_q32_ = 0;  ///< Nanoseconds for 2^32 ticks.
+  std::int64_t last_ns_ = INT64_MIN;
+  std::uint64_t base_ticks_ = 0;  ///< The look that the next estimate starts from.
+  std::int64_t base_ns_ = 0;
+  double rate_ = 0;
+  bool is_based_ = false;
+};
+
+}  // namespace rtpm::rt

@@ -1,0 +1,112 @@
+#include "tick_clock.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cstdint>
+
+namespace rtpm::rt {
+namespace {
+
+/// A machine whose ticks and whose clock a test moves.
+struct Machine {
+  double ns_per_tick = 0.4;
+  double ticks = 5e9;
+  double ns = 7e12;
+
+  void pass(double span_ns) noexcept {
+    ns += span_ns;
+    ticks += span_ns / ns_per_tick;
+  }
+};
+
+/// Asks the clock as rt::now() does; counts the looks.
+class TickClockTest : public testing::Test {
+ protected:
+  std::int64_t now() {
+    const auto ticks = static_cast<std::uint64_t>(machine.ticks);
+    if (clock.covers(ticks)) return clock.time_at(ticks);
+    ++look_count;
+    return clock.anchor(ticks, static_cast<std::int64_t>(machine.ns));
+  }
+  double error_ns() { return static_cast<double>(now()) - machine.ns; }
+  void run(double span_ns, double step_ns) {
+    for (double passed = 0; passed < span_ns; passed += step_ns) {
+      machine.pass(step_ns);
+      ASSERT_NEAR(error_ns(), 0, 2);
+    }
+  }
+
+  Machine machine;
+  TickClock clock;
+  int look_count = 0;
+};
+
+TEST_F(TickClockTest, LooksOnceInAWindowWhenItKnowsTheRate) {
+  run(10e6, 1000);
+  look_count = 0;
+  run(100e6, 1000);
+  EXPECT_GE(look_count, 99);
+  EXPECT_LE(look_count, 101);
+}
+
+TEST_F(TickClockTest, LooksEachTimeUntilItKnowsTheRate) {
+  run(0.4e6, 1000);
+  EXPECT_EQ(look_count, 400);
+}
+
+TEST_F(TickClockTest, KnowsTheRateAfterLongSilence) {
+  run(10e6, 1000);
+  machine.pass(3600e9);
+  look_count = 0;
+  run(0.9e6, 1000);
+  EXPECT_EQ(look_count, 1);
+}
+
+TEST_F(TickClockTest, FollowsARateThatIsSteered) {
+  run(10e6, 1000);
+  machine.ns_per_tick *= 1 + 100e-6;
+  for (int i = 0; i < 100'000; ++i) {
+    machine.pass(1000);
+    // As much as the change makes in one window.
+    ASSERT_NEAR(error_ns(), 0, 102);
+  }
+  run(10e6, 1000);
+}
+
+TEST_F(TickClockTest, TrustsNoTicksThatJumped) {
+  run(10e6, 1000);
+  // The machine slept: its ticks went on, its clock did not.
+  machine.ticks += 1e10;
+  run(10e6, 1000);
+}
+
+TEST_F(TickClockTest, TrustsNoTicksThatBeganAnew) {
+  run(10e6, 1000);
+  machine.ticks = 1000;
+  run(10e6, 1000);
+}
+
+TEST_F(TickClockTest, LooksAgainAndAgainWhereTheRateIsNone) {
+  for (int i = 0; i < 1000; ++i) {
+    machine.ns_per_tick = i % 2 == 0 ? 0.4 : 0.5;
+    machine.pass(1e6);
+    ASSERT_NEAR(error_ns(), 0, 2);
+  }
+  EXPECT_EQ(look_count, 1000);
+}
+
+TEST_F(TickClockTest, NeverTellsATimeBeforeOneThatItTold) {
+  run(10e6, 1000);
+  std::int64_t last = now();
+  machine.ns_per_tick *= 1 - 200e-6;
+  for (int i = 0; i < 100'000; ++i) {
+    machine.pass(100);
+    const std::int64_t next = now();
+    ASSERT_GE(next, last);
+    last = next;
+  }
+  EXPECT_GE(clock.tell(last - 1000), last);
+}
+
+}  // namespace
+}  // namespace rtpm::rt
