@@ -23,8 +23,8 @@ constexpr std::uint32_t kStreakMax = 16;
 constexpr std::uint32_t kTurnsPerLook = 8;
 // A turn over shared memory takes a few nanoseconds, and a look at the sockets as long as a whole
 // call. So while that is hot and nothing else comes, the looks become rarer, up to these bounds.
-constexpr std::uint32_t kTurnsPerLookMax = 8192;
-constexpr Duration kTimePerLookMax = std::chrono::microseconds{100};
+constexpr std::uint32_t kTurnsPerLookMax = 16384;
+constexpr Duration kTimePerLookMax = std::chrono::microseconds{200};
 // So often at most are all connections through memory looked at while one has calls without end.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
 
@@ -110,8 +110,6 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
-  const bool is_added = poller_.add(port_->descriptor(), kUdp);
-  RTPM_ASSERT(is_added, "a new poller takes a socket");
   if (Crew::is_wanted(config_, setup.borrows)) crew_.emplace(config_, call_count_max(setup));
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
@@ -168,23 +166,34 @@ void Lane::rest_if_spent(MonotonicTime now) noexcept {
   if (budget.must_sleep(now)) {
     nap(now + rt::RealtimeBudget::kNap);
   } else {
-    static_cast<void>(look_around(std::min(now + rt::RealtimeBudget::kNap, next_time())));
+    const MonotonicTime end = now + rt::RealtimeBudget::kNap;
+    keep_cpu_awake(end);
+    static_cast<void>(look_around(std::min(end, next_time())));
   }
 }
 
 // The same for one with so much to do that it never comes to wait.
-void Lane::nap_if_overdue(MonotonicTime now) noexcept {
+void Lane::nap_if_overdue(MonotonicTime received) noexcept {
   rt::RealtimeBudget& budget = rt::this_thread_budget();
-  if (budget.overdue(now) == Duration{0} || !budget.must_rest(now)) return;
+  if (budget.overdue(received) == Duration{0}) return;
+  // A call may have run since.
+  const MonotonicTime now = rt::now();
+  if (!budget.must_rest(now)) return;
   const Duration rest = budget.overdue(now);
   if (rest == Duration{0}) return;
   ++sample_.rest_count;
   nap(now + rest);
 }
 
+// A call of another lane that comes meanwhile finds the CPU as quick as if this one worked on.
+void Lane::keep_cpu_awake(MonotonicTime until) noexcept {
+  if (keeper_ != nullptr) keeper_->keep_until(until);
+}
+
 // Sleeps without looking at anything. Others may use the lane meanwhile.
 void Lane::nap(MonotonicTime until) noexcept {
   if (crew_) crew_->mutex().unlock();
+  keep_cpu_awake(until);
   rt::sleep_until(until);
   if (crew_) crew_->lock_from_aside();
 }
@@ -322,8 +331,16 @@ bool Lane::look_around(MonotonicTime until) noexcept {
 // Others may use the lane while it sleeps.
 std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
   const bool is_shared = crew_ && until != transport::Poller::kAlready;
+  // While there is nothing else the port is waited for by itself, which is quicker.
+  if (is_port_watched_ && connection_count_ == 0) {
+    poller_.remove(port_->descriptor());
+    is_port_watched_ = false;
+  }
+  const bool is_alone = !is_port_watched_;
+  const int port = port_->descriptor();
   if (is_shared) crew_->mutex().unlock();
-  const std::size_t count = poller_.wait(until, ready_);
+  const std::size_t count =
+      is_alone ? poller_.wait_for_one(port, kUdp, until, ready_) : poller_.wait(until, ready_);
   if (is_shared) crew_->mutex().lock();
   return count;
 }
@@ -462,6 +479,8 @@ void Lane::adopt_waiting() noexcept {
 }
 
 bool Lane::listen_to(const transport::Connection& stream, Source source) noexcept {
+  if (!is_port_watched_) is_port_watched_ = poller_.add(port_->descriptor(), kUdp);
+  if (!is_port_watched_) return false;
   if (!poller_.add(stream.descriptor(), source)) return false;
   if (stream.event() < 0 || poller_.add_event(stream.event(), kEvent + source)) return true;
   poller_.remove(stream.descriptor());

@@ -15,6 +15,7 @@
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/rt/periodic.hpp"
 #include "rtpm/transport/connection.hpp"
@@ -53,8 +54,10 @@ class Lane {
  public:
   Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
 
-  /// Starts its threads.   Set-up only.   Errors: as rt::Thread::start().
-  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime);
+  /// Starts its threads. `keeper`: keeps the lane's CPU awake while they rest; none: it may sleep.
+  /// It must outlive join().   Set-up only.   Errors: as rt::Thread::start().
+  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
+                                                        rt::CpuKeeper* keeper);
   /// Serves until stop(), if the lane has but one thread.   RT: alloc-free.
   void run() noexcept;
   void stop() noexcept;
@@ -100,13 +103,14 @@ class Lane {
   static constexpr std::uint64_t kEvent = std::uint64_t{1} << 32;
 
   void step(MonotonicTime& spin_end) noexcept;
+  void keep_cpu_awake(MonotonicTime until) noexcept;
   void nap(MonotonicTime until) noexcept;
   [[nodiscard]] bool turn() noexcept;
   [[nodiscard]] std::size_t wait_for_news(MonotonicTime until) noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
   void rest_if_spent(MonotonicTime now) noexcept;
-  void nap_if_overdue(MonotonicTime now) noexcept;
+  void nap_if_overdue(MonotonicTime received) noexcept;
   [[nodiscard]] Duration spin_time() const noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
@@ -182,6 +186,7 @@ class Lane {
   Lane* lower_;
   transport::Poller* acceptor_bell_;
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
+  rt::CpuKeeper* keeper_ = nullptr;
   rt::Thread thread_;  ///< The one, where there is no crew.
   std::optional<Crew> crew_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
@@ -204,6 +209,7 @@ class Lane {
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
   std::uint32_t connection_count_ = 0;
   std::uint64_t connection_serial_ = 0;
+  bool is_port_watched_ = false;  ///< By the poller, with the connections.
   Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;

@@ -52,8 +52,9 @@ class QueuedDeferral final : public Deferral {
 
 }  // namespace
 
-expected<void, rt::RealtimeError> Lane::start(rt::RealtimeMode realtime) {
+expected<void, rt::RealtimeError> Lane::start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
   realtime_ = realtime;
+  keeper_ = keeper;
   if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
     if (auto possible = rt::check_spinning(thread_config(0)); !possible) return possible;
   }

@@ -1,12 +1,15 @@
 #include "rtpm/rpc/server.hpp"
 
 #include <algorithm>
+#include <map>
 
 #include "acceptor.hpp"
 #include "lane.hpp"
 #include "lane_table_owner.hpp"
 #include "object_table.hpp"
 #include "policy.hpp"
+#include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/shared_memory.hpp"
@@ -119,6 +122,7 @@ class ServerImpl final : public Server {
   expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
   expected<std::optional<transport::SharedMemoryListener>, SetupError> open_memory_listener();
   expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
+  [[nodiscard]] rt::CpuKeeper* keeper_of(const LaneConfig& lane);
   void open_door();
 
   ServerConfig config_;
@@ -126,6 +130,7 @@ class ServerImpl final : public Server {
   ObjectTable objects_;
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
+  std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
   std::vector<std::unique_ptr<Lane>> lanes_;
   std::uint64_t epoch_ = rt::random_u64();
   std::shared_ptr<LocalDoor> door_;
@@ -256,7 +261,7 @@ expected<void, SetupError> ServerImpl::start() {
     return unexpected{in_words(config_, locked.error().text)};
   }
   for (const auto& lane : lanes_) {
-    if (auto started = lane->start(config_.realtime); !started) {
+    if (auto started = lane->start(config_.realtime, keeper_of(lane->config())); !started) {
       stop();
       return unexpected{in_words(config_, started.error().text)};
     }
@@ -267,6 +272,23 @@ expected<void, SetupError> ServerImpl::start() {
   }
   open_door();
   return {};
+}
+
+// Where a lane's threads may have to rest lest the kernel throttle them, and on one CPU: its
+// keeper.
+rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
+  const bool may_rest = config_.realtime != rt::RealtimeMode::kOff &&
+                        lane.schedule == rt::Schedule::kFifo && rt::realtime_limit().is_limited();
+  if (!may_rest || lane.cpus.size() != 1) return nullptr;
+  const int cpu = lane.cpus.front();
+  auto& keeper = keepers_[cpu];
+  if (!keeper) {
+    // Without one the lanes serve all the same.
+    if (auto made = rt::CpuKeeper::start("rtpm-awake-" + std::to_string(cpu), cpu)) {
+      keeper = std::move(*made);
+    }
+  }
+  return keeper.get();
 }
 
 // Lets callers of the same program in without a transport.

@@ -1,5 +1,6 @@
 #include "rtpm/transport/poller.hpp"
 
+#include <poll.h>
 #include <sys/epoll.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
@@ -40,6 +41,13 @@ bool add_to(const Descriptor& epoll, int descriptor, std::uint64_t tag,
   return epoll_ctl(epoll.number(), EPOLL_CTL_ADD, descriptor, &event) == 0;
 }
 
+// How long it is until then: to the nanosecond, for lanes that wake just ahead of their callers.
+timespec left_until(MonotonicTime until) noexcept {
+  if (until == Poller::kAlready || until == kNever) return {};
+  const std::int64_t left_ns = std::max<std::int64_t>((until - rt::now()).count(), 0);
+  return {.tv_sec = left_ns / 1'000'000'000, .tv_nsec = left_ns % 1'000'000'000};
+}
+
 }  // namespace
 
 bool Poller::add(int descriptor, std::uint64_t tag) noexcept {
@@ -58,15 +66,9 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
   constexpr std::size_t kEventCountMax = 64;
   std::array<epoll_event, kEventCountMax> events;
   const int event_count_max = static_cast<int>(std::min(tags.size(), events.size()));
-  timespec timeout{};
-  if (until != kAlready && until != kNever) {
-    const std::int64_t left_ns = std::max<std::int64_t>((until - rt::now()).count(), 0);
-    timeout.tv_sec = left_ns / 1'000'000'000;
-    timeout.tv_nsec = left_ns % 1'000'000'000;
-  }
+  const timespec timeout = left_until(until);
   std::optional<rt::AsleepScope> asleep;
   if (until != kAlready) asleep.emplace();
-  // To the nanosecond, for lanes that wake just ahead of their callers.
   const int count = epoll_pwait2(epoll_.number(), events.data(), event_count_max,
                                  until == kNever ? nullptr : &timeout, nullptr);
   asleep.reset();
@@ -74,13 +76,37 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
   for (int i = 0; i < count; ++i) {
     const auto index = static_cast<std::size_t>(i);
     tags[index] = events[index].data.u64;
-    if (tags[index] == kBell) {
-      std::uint64_t rings = 0;
-      const ssize_t size = read(bell_.number(), &rings, sizeof rings);
-      static_cast<void>(size);  // Another wait took the rings: there is nothing to do.
-    }
+    if (tags[index] == kBell) take_rings();
   }
   return static_cast<std::size_t>(std::max(count, 0));
+}
+
+std::size_t Poller::wait_for_one(int descriptor, std::uint64_t tag, MonotonicTime until,
+                                 std::span<std::uint64_t> tags) noexcept {
+  RTPM_ASSERT(tags.size() >= 2, "there is room for the descriptor and the bell");
+  std::array<pollfd, 2> entries{pollfd{.fd = descriptor, .events = POLLIN, .revents = 0},
+                                pollfd{.fd = bell_.number(), .events = POLLIN, .revents = 0}};
+  const timespec timeout = left_until(until);
+  std::optional<rt::AsleepScope> asleep;
+  if (until != kAlready) asleep.emplace();
+  const int ready_count =
+      ppoll(entries.data(), entries.size(), until == kNever ? nullptr : &timeout, nullptr);
+  asleep.reset();
+  RTPM_ASSERT(ready_count >= 0 || errno == EINTR, "the poller's own descriptor is good");
+  if (ready_count <= 0) return 0;
+  std::size_t count = 0;
+  if (entries[0].revents != 0) tags[count++] = tag;
+  if (entries[1].revents != 0) {
+    tags[count++] = kBell;
+    take_rings();
+  }
+  return count;
+}
+
+void Poller::take_rings() noexcept {
+  std::uint64_t rings = 0;
+  const ssize_t size = read(bell_.number(), &rings, sizeof rings);
+  static_cast<void>(size);  // Another wait took the rings: there is nothing to do.
 }
 
 void Poller::ring() noexcept {

@@ -204,8 +204,8 @@ TEST_F(Syscalls, OfACallOverUdpThatBlocksAreASendAWaitAndAReceiveASide) {
   EXPECT_LE(lane_[SYS_sendto], kAboutOneEach) << text_;
   // A lane looks once more before it waits: where several call, that is a wait less.
   EXPECT_LE(lane_[SYS_recvfrom], 2 * kAboutOneEach) << text_;
-  EXPECT_LE(lane_[SYS_epoll_pwait2], kAboutOneEach) << text_;
-  expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_epoll_pwait2});
+  EXPECT_LE(lane_[SYS_ppoll], kAboutOneEach) << text_;
+  expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_ppoll});
 }
 
 TEST_F(Syscalls, OfACallOverTcpThatBlocksAreASendASideAndNoMoreThanTwoReceives) {

@@ -30,6 +30,11 @@ class PollerTest : public testing::Test {
     std::sort(tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count));
     return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
   }
+  std::vector<std::uint64_t> wait_for_one(int descriptor, MonotonicTime until) {
+    std::array<std::uint64_t, 2> tags{};
+    const std::size_t count = poller_.wait_for_one(descriptor, 7, until, tags);
+    return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
+  }
   std::vector<std::uint64_t> look() { return wait(Poller::kAlready); }
 
   Poller poller_;
@@ -122,6 +127,23 @@ TEST_F(PollerTest, ReportsNothingThatWasRemoved) {
   EXPECT_EQ(look(), Tags{});
   EXPECT_TRUE(poller_.add(near.number(), 8)) << "it can be added again";
   EXPECT_EQ(look(), Tags{8});
+}
+
+TEST_F(PollerTest, WaitsForOneThatWasNotAdded) {
+  auto [near, far] = stream_pair();
+  auto [added, other] = stream_pair();
+  ASSERT_TRUE(poller_.add(added.number(), 3));
+  write_all(other, Bytes(1));
+  EXPECT_EQ(wait_for_one(near.number(), Poller::kAlready), Tags{}) << "and for nothing else";
+  const MonotonicTime until = rt::now() + 3ms;
+  EXPECT_EQ(wait_for_one(near.number(), until), Tags{});
+  EXPECT_GE(rt::now(), until);
+  write_all(far, Bytes(1));
+  EXPECT_EQ(wait_for_one(near.number(), kNever), Tags{7});
+  poller_.ring();
+  EXPECT_EQ(wait_for_one(near.number(), kNever), (Tags{7, Poller::kBell}));
+  EXPECT_EQ(wait_for_one(near.number(), kNever), Tags{7}) << "the bell rang once";
+  EXPECT_EQ(look(), Tags{3});
 }
 
 TEST_F(PollerTest, RefusesWhatIsNoDescriptor) {

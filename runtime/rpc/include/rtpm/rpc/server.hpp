@@ -51,11 +51,15 @@ struct ObjectOptions {
 /// while the others run calls: it keeps what comes in the order of priority, and refuses with
 /// overload what it has no place for.
 struct LaneConfig {
-  std::string name{};       ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
-  Priority low = 0;         ///< The lowest priority it serves. One lane must begin at 0.
-  Priority priority = 0;    ///< At least at which it waits and receives; raised to `low`.
-  rt::WaitConfig wait{};    ///< How it waits for traffic.
-  std::vector<int> cpus{};  ///< To which it is confined; empty: the starter's.
+  std::string name{};     ///< Of the thread, at most 15 bytes; empty: "lane-<low>".
+  Priority low = 0;       ///< The lowest priority it serves. One lane must begin at 0.
+  Priority priority = 0;  ///< At least at which it waits and receives; raised to `low`.
+  rt::WaitConfig wait{};  ///< How it waits for traffic.
+  /// To which it is confined; empty: the starter's. With one, and where the kernel throttles
+  /// real-time threads, a thread "rtpm-awake-<cpu>" at nice 19 keeps that CPU awake while a busy
+  /// lane rests lest it be throttled (rt/budget.hpp): else calls of more urgent lanes would wait
+  /// for the CPU to wake.
+  std::vector<int> cpus{};
   /// kTimeShared: behind every real-time thread, and outside the kernel's throttling. For lanes
   /// whose calls may keep a CPU busy and are not urgent: they can't hold the lanes above them up,
   /// which may run on the same CPU at kFifo.

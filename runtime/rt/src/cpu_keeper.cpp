@@ -1,0 +1,47 @@
+#include "rtpm/rt/cpu_keeper.hpp"
+
+#include <sys/resource.h>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::rt {
+
+expected<std::unique_ptr<CpuKeeper>, RealtimeError> CpuKeeper::start(const std::string& name,
+                                                                     int cpu) {
+  std::unique_ptr<CpuKeeper> keeper(new CpuKeeper);
+  auto thread = Thread::start({.name = name, .cpus = {cpu}, .schedule = Schedule::kTimeShared},
+                              [self = keeper.get()] { self->run(); });
+  if (!thread) return unexpected{thread.error()};
+  keeper->thread_ = std::move(*thread);
+  return keeper;
+}
+
+CpuKeeper::~CpuKeeper() {
+  is_ending_.store(true, std::memory_order_relaxed);
+  call_.post();
+}
+
+void CpuKeeper::keep_until(MonotonicTime time) noexcept {
+  const std::int64_t time_ns = to_ns(time);
+  std::int64_t until_ns = until_ns_.load(std::memory_order_relaxed);
+  while (until_ns < time_ns && !until_ns_.compare_exchange_weak(until_ns, time_ns)) {
+  }
+  // SYNC POINT keeper-call: what it is to do is there before it is called. One call is enough for
+  // whatever is asked until it is heard.
+  if (!is_called_.exchange(true)) call_.post();
+}
+
+void CpuKeeper::run() noexcept {
+  constexpr int kNiceLowest = 19;
+  // Whatever would compete with others had better not run at all.
+  if (setpriority(PRIO_PROCESS, 0, kNiceLowest) != 0) return;
+  while (!is_ending_.load(std::memory_order_relaxed)) {
+    static_cast<void>(call_.wait_until(kNever));
+    // SYNC POINT keeper-call
+    is_called_.store(false);
+    while (to_ns(now()) < until_ns_.load() && !is_ending_.load(std::memory_order_relaxed)) {
+    }
+  }
+}
+
+}  // namespace rtpm::rt

@@ -1,0 +1,73 @@
+#include "rtpm/rt/cpu_keeper.hpp"
+
+#include <gtest/gtest.h>
+
+#include <ctime>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::rt {
+namespace {
+
+using namespace std::chrono_literals;
+
+// How much time of a CPU this process has had.
+Duration cpu_time() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return std::chrono::seconds{time.tv_sec} + Duration{time.tv_nsec};
+}
+
+std::unique_ptr<CpuKeeper> a_keeper() {
+  auto keeper = CpuKeeper::start("test-awake", usable_cpus().front());
+  EXPECT_TRUE(keeper.has_value());
+  return keeper ? std::move(*keeper) : nullptr;
+}
+
+// How much of it is used in 10 ms in which this thread does nothing.
+Duration used_while_asleep() {
+  const Duration before = cpu_time();
+  sleep_until(now() + 10ms);
+  return cpu_time() - before;
+}
+
+TEST(CpuKeeper, WorksWhileItIsToldTo) {
+  const auto keeper = a_keeper();
+  ASSERT_TRUE(keeper);
+  // On a busy machine it may be left without any of its CPU, for a while.
+  EXPECT_TRUE(test::await([&] {
+    keeper->keep_until(now() + 10ms);
+    return used_while_asleep() > 2ms;
+  }));
+}
+
+TEST(CpuKeeper, RestsWhenItsTimeIsOver) {
+  const auto keeper = a_keeper();
+  ASSERT_TRUE(keeper);
+  keeper->keep_until(now() + 20ms);
+  EXPECT_TRUE(test::await([&] { return used_while_asleep() < 1ms; }));
+  // And can be called again.
+  EXPECT_TRUE(test::await([&] {
+    keeper->keep_until(now() + 10ms);
+    return used_while_asleep() > 2ms;
+  }));
+}
+
+TEST(CpuKeeper, EndsWhileItKeeps) {
+  auto keeper = a_keeper();
+  ASSERT_TRUE(keeper);
+  keeper->keep_until(now() + 1h);
+  keeper.reset();
+  EXPECT_TRUE(test::await([&] { return used_while_asleep() < 1ms; }));
+}
+
+TEST(CpuKeeper, RefusesACpuThatIsNotThere) {
+  const auto keeper = CpuKeeper::start("test-awake", 4000);
+  ASSERT_FALSE(keeper.has_value());
+  EXPECT_NE(keeper.error().text.find("4000"), std::string::npos) << keeper.error().text;
+}
+
+}  // namespace
+}  // namespace rtpm::rt
