@@ -16,6 +16,8 @@ std::span<const PeerEntry> known_peers() {
       PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", "tcp ipc"},
       PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc"},
       PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix"},
+      PeerEntry{"omnievents", "omnievents libomnievents-dev libcos4-dev libomniorb4-dev", "",
+                "tcp"},
       PeerEntry{"nats", "nats-server libnats-dev", "", "tcp"},
   };
   return kPeers;

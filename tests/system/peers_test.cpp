@@ -71,7 +71,8 @@ TEST_P(EventPeer, BringsEventsToEveryConsumer) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Peers, EventPeer, testing::Values("zeromq", "nng", "mosquitto", "nats"),
+INSTANTIATE_TEST_SUITE_P(Peers, EventPeer,
+                         testing::Values("omnievents", "zeromq", "nng", "mosquitto", "nats"),
                          [](const auto& peer) { return peer.param; });
 
 }  // namespace
