@@ -46,7 +46,8 @@ TEST_P(CallingPeer, AnswersCallsOfBothPriorities) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Peers, CallingPeer,
-                         testing::Values("omniorb", "ice", "grpc", "capnproto", "zeromq", "nng"),
+                         testing::Values("omniorb", "ice", "grpc", "capnproto", "zeromq", "nng",
+                                         "cyclonedds", "fastdds", "lcm"),
                          [](const auto& peer) { return peer.param; });
 
 class EventPeer : public testing::TestWithParam<std::string> {};
