@@ -46,23 +46,23 @@ FULL = (
 )
 
 QUICK = (
-    Part("call", "call --wait adaptive,block,spin --samples 20000", 15),
-    Part("isolation", "isolation --low-callers 4 --samples 1000", 20),
-    Part("paced", "paced --wait adaptive,periodic,spin --samples 1000", 25),
+    Part("call", "call --wait adaptive,block,spin --samples 50000", 22),
+    Part("isolation", "isolation --low-callers 4 --samples 2000", 32),
+    Part("paced", "paced --wait adaptive,periodic,spin --samples 1000", 20),
     Part("events", "events --transport udp,shm --consumers 1,16,64 --samples 1000", 30),
-    Part("call-peers", "call --peers all --wait block --samples 1000", 15, False),
+    Part("call-peers", "call --peers all --wait block --samples 5000", 15, False),
     Part("events-peers", "events --peers all --wait block --transport shm --consumers 1,16 "
-         "--samples 400 --rounds 2", 12, False),
-    Part("payload", "call --payload 0,1Ki,64Ki,1Mi --samples 400", 12),
+         "--samples 800 --rounds 2", 12, False),
+    Part("payload", "call --payload 0,1Ki,64Ki,1Mi --samples 1000", 18),
     Part("bulk", "bulk --samples 1000", 20),
     Part("throughput", "throughput --samples 100000", 5),
-    Part("two-node", "two-node --transport udp,tcp --calls 5000", 6),
-    Part("device", "device --samples 1000", 10),
+    Part("two-node", "two-node --transport udp,tcp", 3),
+    Part("device", "device --samples 2000", 14),
     Part("ladder", "ladder --samples 400 --rounds 2", 12),
     Part("memory", "memory", 3),
     Part("idle", "idle", 10),
-    Part("scale", "scale --samples 2000 --clients 1,100", 5),
-    Part("startup", "startup --samples 25", 4),
+    Part("scale", "scale --samples 5000 --clients 1,100", 3),
+    Part("startup", "startup --samples 50", 3),
 )
 
 # As the paper's section 5: 1000 calls as quickly as they go, and 1000 events 1 ms apart.

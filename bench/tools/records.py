@@ -67,7 +67,13 @@ def key_of(record):
 
 def name_of(key):
     """A key for people: "call, udp, adaptive, 48 B"."""
-    return ", ".join(_WORDS.get(name, name + " {}").format(_plain(value)) for name, value in key)
+    return ", ".join(_said(name, value) for name, value in key)
+
+
+def _said(name, value):
+    words = _WORDS.get(name, name + " {}")
+    # "1 consumer", not "1 consumers".
+    return (words.removesuffix("s") if value == 1 else words).format(_plain(value))
 
 
 def _plain(value):
