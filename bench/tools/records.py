@@ -99,7 +99,8 @@ def is_number(value):
 def rounds_of(record):
     """What each round showed, by the figure's name: {"p50_us": [6.5, 6.6], "ratio_p50": […], …}.
 
-    The ratio to the floor is computed round by round, because the two took turns in each.
+    Ratios are computed round by round, because the contenders took turns in each: RTPM's to the
+    floor, or in a peer's row RTPM's to the peer.
     """
     found = {}
     for name, values in record.items():
@@ -107,11 +108,13 @@ def rounds_of(record):
             continue
         if values and all(is_number(value) for value in values):
             found[name.replace("rounds_", "", 1)] = values
-    for name, values in list(found.items()):
-        floor = found.get("floor_" + name)
-        if floor and len(floor) == len(values) and min(floor) > 0:
-            ratio = "ratio_" + name.removesuffix("_us")
-            found[ratio] = [value / below for value, below in zip(values, floor)]
+    over, under, ratio = (("rtpm_", "", "rtpm_over_peer_") if "peer" in record
+                          else ("", "floor_", "ratio_"))
+    for name in [name.removeprefix(over) for name in found if name.startswith(over)]:
+        values, below = found[over + name], found.get(under + name)
+        if below and len(below) == len(values) and min(below) > 0:
+            found[ratio + name.removesuffix("_us")] = [
+                value / each for value, each in zip(values, below)]
     return found
 
 
