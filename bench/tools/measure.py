@@ -2,6 +2,7 @@
 
 import json
 import shlex
+import signal
 import subprocess
 import sys
 import threading
@@ -26,6 +27,7 @@ class Measurement:
         self._bench = bench
         self._file = file
         self._end = time.monotonic() + budget_s
+        self._process = None
         self.is_interrupted = False
 
     def keep(self, record):
@@ -34,7 +36,25 @@ class Measurement:
         self._file.flush()
 
     def run_all(self, parts):
-        """Runs the parts in turn, those for which there is time, until it is interrupted."""
+        """Runs the parts in turn, those for which there is time, until it is interrupted.
+
+        An interrupt (Ctrl-C, or being asked to end) ends the part that runs, and is_interrupted tells
+        of it; nothing is raised, so that what comes behind can be done.
+        """
+        signals = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+        before = [signal.signal(number, self._interrupt) for number in signals]
+        try:
+            self._run_each(parts)
+        finally:
+            for number, handler in zip(signals, before):
+                signal.signal(number, handler)
+
+    def _interrupt(self, *_):
+        self.is_interrupted = True
+        if self._process is not None:
+            self._process.terminate()
+
+    def _run_each(self, parts):
         for number, part in enumerate(parts, 1):
             if self.is_interrupted:
                 self._keep_outcome(part, 0, "interrupted", [])
@@ -57,12 +77,12 @@ class Measurement:
             limit = max(PATIENCE_SECONDS_MIN, PATIENCE * part.seconds)
             guard = threading.Timer(limit, lambda: (has_hung.set(), process.kill()))
             guard.start()
-            try:
-                self._keep_results(part, process.stdout)
-            except KeyboardInterrupt:
-                self.is_interrupted = True
+            self._process = process
+            if self.is_interrupted:  # Before the line above: nobody has told the process.
                 process.terminate()
+            self._keep_results(part, process.stdout)
             process.wait()
+            self._process = None
             guard.cancel()
             listener.join()
         outcome = ("interrupted" if self.is_interrupted else "hung" if has_hung.is_set()

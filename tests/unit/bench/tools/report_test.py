@@ -115,7 +115,7 @@ class Run(Folder):
                 stderr=subprocess.PIPE, text=True) as process:
             give_up = time.monotonic() + 20
             while time.monotonic() < give_up and not (
-                    results.exists() and results.read_text(encoding="utf-8").count("\n") >= 3):
+                    results.exists() and '"block"' in results.read_text(encoding="utf-8")):
                 time.sleep(0.01)
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=20)
