@@ -60,7 +60,7 @@ def _script(plot, terminal, output):
         ticks = ", ".join(f"{_quoted(label)} {place}" for place, label in plot.ticks)
         lines.append(f"set xtics ({ticks}) rotate by -40")
         lines.append(f"set xrange [-0.5:{len(plot.ticks) - 0.5}]")
-        lines.append("set rmargin 9")
+        lines.append("set rmargin 16")
     for number, series in enumerate(plot.series):
         lines.append(f"$data{number} << EOD")
         lines += [f"{x} {y}" for x, y in series.points]
