@@ -30,6 +30,8 @@ struct Configuration {
   double quota = 2e6;
   std::vector<std::string> links{};
   rtpm::Priority link_priority{};
+  rtpm::events::MulticastConfig multicast{};
+  std::uint32_t multicast_hops = 1;
 };
 
 int fail(const std::string& text) {
@@ -44,6 +46,10 @@ rtpm::events::HubConfig hub_config(const Configuration& configuration) {
   hub.limits.history_depth = static_cast<std::uint32_t>(configuration.history);
   hub.quota.events_per_s = configuration.quota;
   hub.realtime = configuration.settings.server.realtime;
+  if (!configuration.multicast.group.group.empty()) {
+    hub.multicast = configuration.multicast;
+    hub.multicast->group.hops = static_cast<std::uint8_t>(configuration.multicast_hops);
+  }
   return hub;
 }
 
@@ -102,6 +108,21 @@ int serve(const Configuration& configuration) {
   return 0;
 }
 
+void add_multicast(rtpm::program::Options& options, Configuration& configuration) {
+  rtpm::events::MulticastConfig& multicast = configuration.multicast;
+  multicast.group.group.clear();
+  options.add(
+      "multicast", multicast.group.group,
+      "Group that events are sent to for those who ask for it, such as 239.255.42.1; empty: none");
+  options.add("multicast-port", multicast.group.port, "The group's port", {1, 65'535});
+  options.add("multicast-interface", multicast.group.interface,
+              "Address of the interface to send by; empty: as the system's routes say");
+  options.add("multicast-hops", configuration.multicast_hops,
+              "How many networks the group spans: 0 this host, 1 the LAN", {0, 255});
+  options.add("multicast-history", multicast.history_count,
+              "Datagrams that are kept for those who missed them", {8, 1'000'000});
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -124,6 +145,7 @@ int main(int argc, char** argv) {
               "Hubs, by name or URL, that are asked for what the consumers here want");
   options.add("link-priority", configuration.link_priority,
               "Priority at which events come over the links");
+  add_multicast(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   return serve(configuration);
 }

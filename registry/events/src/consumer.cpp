@@ -48,6 +48,7 @@ void add(Losses& to, const Losses& more) {
   to.memory_count += more.memory_count;
   to.too_large_count += more.too_large_count;
   to.overrun_count += more.overrun_count;
+  to.unrepaired_count += more.unrepaired_count;
 }
 
 }  // namespace
@@ -168,13 +169,19 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   std::unique_ptr<RingSession> ring = open_ring(*client);
   SubscribeRequestT wish = request();
   if (ring) wish.ring = ring->id();
+  std::unique_ptr<MulticastSession> multicast;
+  if (!ring && config_.multicast) {
+    multicast = MulticastSession::open(*client, config_.multicast_interface, config_.deadline);
+  }
+  if (multicast) wish.multicast = multicast->id();
   auto stream = client->subscribe(wish, options);
   if (!stream) return failed(std::string(rpc::to_string(stream.error())));
   const auto first = stream->next(rt::now() + config_.deadline);
   if (!first) return failed(std::string(rpc::to_string(first.error())));
   if (*first != nullptr && (*first)->refusal() != nullptr) {
-    // With a ring the hub may just have become another.
-    return unexpected{Failure{(*first)->refusal()->str(), /*is_final=*/ring == nullptr}};
+    // With a ring or multicast the hub may just have become another.
+    return unexpected{Failure{(*first)->refusal()->str(),
+                              /*is_final=*/ring == nullptr && multicast == nullptr}};
   }
   if (*first == nullptr || (*first)->welcome() == nullptr) {
     return failed("The hub does not welcome its consumers: it is of another release.");
@@ -184,16 +191,21 @@ Consumer::Impl::Opened Consumer::Impl::open() {
     const std::lock_guard lock(mutex_);
     earlier_losses_ = counters_.losses;
     hub_losses_ = {};
-    ring_losses_ = {};
+    own_losses_ = {};
     control_client_ = std::make_shared<HubClient>(std::move(*client));
   }
   if (ring) {
     ring->begin(welcome.ring_place(), welcome.subscription(), welcome.ring_position(),
                 config_.delivery);
   }
+  if (multicast) {
+    multicast->begin(control_client_, welcome.subscription(), welcome.ring_position(),
+                     config_.delivery, config_.priority);
+  }
   reads_ring_ = ring != nullptr;
+  receives_multicast_ = multicast != nullptr;
   auto session = std::make_unique<Session>(
-      Session{control_client_, std::move(*stream), *first, std::move(ring)});
+      Session{control_client_, std::move(*stream), *first, std::move(ring), std::move(multicast)});
   subscription_id_ = welcome.subscription();
   last_heard_ = rt::now();
   last_epoch_ = welcome.epoch();
@@ -228,16 +240,18 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
 // Reads until the stream ends; why it did.
 std::string Consumer::Impl::read(Session& session) {
   if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
-  if (session.ring) return read_ring(session);
+  if (session.ring) return read_apart(session, *session.ring);
+  if (session.multicast) return read_apart(session, *session.multicast);
   while (!is_stopping_) {
     if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
   }
   return {};
 }
 
-// The events come in the ring; the stream tells of losses in the hub, and of the end.
-std::string Consumer::Impl::read_ring(Session& session) {
-  RingSession& ring = *session.ring;
+// The events come in the ring or by multicast; the stream tells of losses in the hub, and of the
+// end.
+template <class Source>
+std::string Consumer::Impl::read_apart(Session& session, Source& source) {
   const rt::WaitStrategy strategy = node_.config().wait.strategy;
   const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
   MonotonicTime next_look{};
@@ -247,29 +261,29 @@ std::string Consumer::Impl::read_ring(Session& session) {
       if (auto why = look_at_stream(session, now)) return std::move(*why);
       if (has_new_policy_.exchange(false)) {
         const std::lock_guard lock(mutex_);
-        ring.set_policy(config_.delivery);
+        source.set_policy(config_.delivery);
       }
-      if (ring.losses() != ring_losses_) {
-        ring_losses_ = ring.losses();
+      if (source.losses() != own_losses_) {
+        own_losses_ = source.losses();
         update_losses();
       }
       next_look = now + kRingLookInterval;
     }
-    switch (ring.take(hand)) {
-      case RingSession::Outcome::kDelivered:
+    switch (source.take(hand)) {
+      case SessionOutcome::kDelivered:
         last_heard_ = now;
         break;
-      case RingSession::Outcome::kNothing:
-        ring.wait(strategy, next_look);
+      case SessionOutcome::kNothing:
+        source.wait(strategy, next_look);
         // Woken for nothing in the ring: there may be something in the stream.
-        if (!ring.has_more()) next_look = MonotonicTime{};
+        if (!source.has_more()) next_look = MonotonicTime{};
         break;
-      case RingSession::Outcome::kFallenBehind:
+      case SessionOutcome::kFallenBehind:
         return std::string(kQueueWasFull);
-      case RingSession::Outcome::kGone:
+      case SessionOutcome::kGone:
         return "The hub dropped the subscription, as it heard nothing of this consumer.";
-      case RingSession::Outcome::kBroken:
-        return "The hub's ring holds what is no event: it is of another release.";
+      case SessionOutcome::kBroken:
+        return "The hub sends what is no event: it is of another release.";
     }
   }
   return {};
@@ -298,7 +312,7 @@ void Consumer::Impl::update_losses() {
     const std::lock_guard lock(mutex_);
     counters_.losses = earlier_losses_;
     add(counters_.losses, hub_losses_);
-    add(counters_.losses, ring_losses_);
+    add(counters_.losses, own_losses_);
   }
   tell(NoticeKind::kLosses, "");
 }
@@ -422,6 +436,9 @@ void Consumer::unsubscribe() {
 }
 bool Consumer::is_subscribed() const noexcept {
   return impl_->is_subscribed();
+}
+bool Consumer::receives_multicast() const noexcept {
+  return impl_->receives_multicast();
 }
 bool Consumer::reads_ring() const noexcept {
   return impl_->reads_ring();

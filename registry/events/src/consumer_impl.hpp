@@ -10,6 +10,7 @@
 
 #include "assembler.hpp"
 #include "idl.hpp"
+#include "multicast_session.hpp"
 #include "ring_session.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -31,6 +32,7 @@ class Consumer::Impl {
   void unsubscribe();
   [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
   [[nodiscard]] bool reads_ring() const noexcept { return reads_ring_; }
+  [[nodiscard]] bool receives_multicast() const noexcept { return receives_multicast_; }
   [[nodiscard]] ConsumerCounters counters() const;
 
  private:
@@ -39,7 +41,8 @@ class Consumer::Impl {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
     const Batch* first = nullptr;         ///< The item with the welcome, until it is taken.
-    std::unique_ptr<RingSession> ring{};  ///< Null: its events come in the stream.
+    std::unique_ptr<RingSession> ring{};  ///< Null: its events come elsewhere.
+    std::unique_ptr<MulticastSession> multicast{};  ///< Likewise.
   };
   /// Why there is no session.
   struct Failure {
@@ -54,7 +57,8 @@ class Consumer::Impl {
   [[nodiscard]] SubscribeRequestT request() const;
   [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client);
   [[nodiscard]] std::string read(Session& session);
-  [[nodiscard]] std::string read_ring(Session& session);
+  template <class Source>
+  [[nodiscard]] std::string read_apart(Session& session, Source& source);
   /// Looks at the stream until `until`; why it ended, if it did.
   [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
   void take(const Batch& batch);
@@ -82,9 +86,10 @@ class Consumer::Impl {
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
   bool is_suspended_ = false;
-  Losses hub_losses_{};   ///< Of this session, as the hub told,
-  Losses ring_losses_{};  ///< and on our side of the ring.
+  Losses hub_losses_{};  ///< Of this session, as the hub told,
+  Losses own_losses_{};  ///< and on our side of ring or multicast.
   std::atomic<bool> reads_ring_{false};
+  std::atomic<bool> receives_multicast_{false};
   std::atomic<bool> has_new_policy_{false};
   std::atomic<std::uint64_t> subscription_id_{0};
   std::atomic<bool> is_stopping_{false};

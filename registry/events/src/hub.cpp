@@ -29,16 +29,24 @@ DepartureReason reason_of(rpc::CallEnding ending) noexcept {
 expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
   auto poller = transport::Poller::open();
   if (!poller) return rpc::setup_error(std::move(poller.error().text));
+  std::uint32_t payload_size_max = 0;
+  for (const auto& each : config.limits.store.classes)
+    payload_size_max = std::max(payload_size_max, each.payload_size_max);
   std::unique_ptr<RingOutlet> ring;
   if (config.ring_size != 0) {
-    std::uint32_t payload_size_max = 0;
-    for (const auto& each : config.limits.store.classes)
-      payload_size_max = std::max(payload_size_max, each.payload_size_max);
     auto made = RingOutlet::make(config.ring_size, payload_size_max);
     if (!made) return rpc::setup_error(std::move(made.error().text));
     ring = std::move(*made);
   }
-  auto hub = std::make_unique<HubImpl>(config, std::move(*poller), std::move(ring));
+  std::unique_ptr<MulticastOutlet> multicast;
+  if (config.multicast) {
+    auto made = MulticastOutlet::make(*config.multicast, payload_size_max,
+                                      config.limits.subscription_count_max);
+    if (!made) return rpc::setup_error(std::move(made.error().text));
+    multicast = std::move(*made);
+  }
+  auto hub =
+      std::make_unique<HubImpl>(config, std::move(*poller), std::move(ring), std::move(multicast));
   if (auto started = hub->start(config); !started) {
     return rpc::setup_error(std::move(started.error().text));
   }
@@ -60,15 +68,18 @@ rpc::ServerConfig server_config_for(const HubConfig& config) {
 }
 
 HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
-                 std::unique_ptr<RingOutlet> ring)
+                 std::unique_ptr<RingOutlet> ring, std::unique_ptr<MulticastOutlet> multicast)
     : epoch_(rt::random_u64()),
       clock_domain_(rt::clock_domain()),
       ring_(std::move(ring)),
-      exchange_(config.limits, ring_.get()),
+      multicast_(std::move(multicast)),
+      broadcasts_(ring_.get(), multicast_.get(), config.limits.subscription_count_max),
+      exchange_(config.limits, multicast_ ? static_cast<Broadcaster*>(&broadcasts_) : ring_.get()),
       outlets_(config.limits.subscription_count_max),
       intake_(config.supplier_count_max, config.quota, epoch_),
       poller_(std::move(poller)) {
   if (ring_) ring_->count_losses_in(exchange_);
+  if (multicast_) multicast_->count_losses_in(exchange_);
   for (LinkIntake& each : link_intakes_)
     each.meter = QuotaMeter(config.quota);
 }
@@ -179,9 +190,14 @@ HubImpl::WakeAfter::~WakeAfter() {
   if (hub_.ring_ != nullptr) hub_.ring_->wake(hub_.wake_bits_.exchange(0));
 }
 
+MonotonicTime HubImpl::next_time() const noexcept {
+  const MonotonicTime next = exchange_.next_time();
+  return multicast_ ? std::min(next, multicast_->next_time()) : next;
+}
+
 // The hub's thread sleeps until what it knew of; what is due sooner by now wakes it.
 void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
-  MonotonicTime next = exchange_.next_time();
+  MonotonicTime next = next_time();
   if (has_backlog_) next = std::min(next, now + kBacklogInterval);
   if (has_dead_) next = now;
   if (next >= sleeping_until_) return;
@@ -199,11 +215,12 @@ void HubImpl::run() noexcept {
       const std::lock_guard lock(mutex_);
       const MonotonicTime now = rt::now();
       exchange_.on_time(now);
+      if (multicast_) multicast_->on_time(now);
       pump_ready(now);
       const bool is_sweep = now >= next_sweep;
       if (is_sweep) next_sweep = now + kSweepInterval;
       look_at_all(is_sweep, now);
-      until = std::min(exchange_.next_time(), next_sweep);
+      until = std::min(next_time(), next_sweep);
       if (has_backlog_) until = std::min(until, now + kBacklogInterval);
       sleeping_until_ = until;
     }
@@ -242,7 +259,11 @@ void HubImpl::bury_dead() noexcept {
     {
       const std::lock_guard lock(mutex_);
       if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
-      if (exchange_.is_broadcast(i)) ring_->end_place(i);
+      if (receives_multicast(i)) {
+        multicast_->end_place(i);
+      } else if (exchange_.is_broadcast(i)) {
+        ring_->end_place(i);
+      }
       leftover = exchange_.unsubscribe(i);
       std::swap(outlet, outlets_[i]);
     }

@@ -13,6 +13,7 @@
 #include "idl.hpp"
 #include "intake.hpp"
 #include "link.hpp"
+#include "multicast_outlet.hpp"
 #include "outlet.hpp"
 #include "ring_outlet.hpp"
 #include "rtpm/events/catalog.hpp"
@@ -29,8 +30,9 @@ namespace rtpm::events {
 /// The hub: an exchange behind a lock, served by lanes, with a thread that keeps its timeouts.
 class HubImpl final : public Hub, public HubServant, private LinkHost {
  public:
-  /// `ring` may be null.
-  HubImpl(const HubConfig& config, transport::Poller poller, std::unique_ptr<RingOutlet> ring);
+  /// `ring` and `multicast` may be null.
+  HubImpl(const HubConfig& config, transport::Poller poller, std::unique_ptr<RingOutlet> ring,
+          std::unique_ptr<MulticastOutlet> multicast);
   ~HubImpl() override;
   [[nodiscard]] expected<void, rt::RealtimeError> start(const HubConfig& config);
 
@@ -61,6 +63,10 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   rpc::Result<void> attend(const AttendRequest& request, rpc::ReplyBuilder<AttendReply>& reply,
                            const rpc::CallContext& context) override;
   rpc::Result<void> report(rpc::ReplyBuilder<ReportReply>& reply,
+                           const rpc::CallContext& context) override;
+  rpc::Result<void> multicast(rpc::ReplyBuilder<MulticastReply>& reply,
+                              const rpc::CallContext& context) override;
+  rpc::Result<void> repair(const RepairWish& wish, rpc::ReplyBuilder<RepairReply>& reply,
                            const rpc::CallContext& context) override;
 
  private:
@@ -107,6 +113,10 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
   void end(Outlet& outlet, DepartureReason reason) noexcept;
+  [[nodiscard]] MonotonicTime next_time() const noexcept;
+  [[nodiscard]] bool receives_multicast(SubscriptionNumber number) const noexcept {
+    return multicast_ && multicast_->has_place(number);
+  }
   void ring_if_needed(MonotonicTime now) noexcept;
   void look_at_all(bool is_sweep, MonotonicTime now) noexcept;
 
@@ -129,7 +139,9 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   mutable rt::PiMutex types_mutex_;
   TypeCatalog types_{};
 
-  const std::unique_ptr<RingOutlet> ring_;  ///< Null: none. Written with mutex_ held.
+  const std::unique_ptr<RingOutlet> ring_;            ///< Null: none. Written with mutex_ held.
+  const std::unique_ptr<MulticastOutlet> multicast_;  ///< Likewise.
+  Broadcasts broadcasts_;                             ///< Of both, used if there is a multicast.
   mutable rt::PiMutex mutex_;  ///< Of all that follows. Held for no longer than some events take.
   Exchange exchange_;
   std::vector<Outlet> outlets_;  ///< By the subscription's number.

@@ -85,9 +85,14 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   if (request.ring() != 0 && !reads_ring) {
     return refuse(items, "The hub's ring is another: ask for it again.");
   }
+  const bool is_multicast = multicast_ != nullptr && request.multicast() == multicast_->id();
+  if (request.multicast() != 0 && !is_multicast) {
+    return refuse(items, "The hub's multicast is another: ask for it again.");
+  }
   // ev-5.2-5
   if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
-  auto prepared = prepare(*request.filter(), *request.delivery(), request.types(), reads_ring);
+  auto prepared =
+      prepare(*request.filter(), *request.delivery(), request.types(), reads_ring || is_multicast);
   if (!prepared) return refuse(items, prepared.error());
   Outlet outlet;
   outlet.id = rt::random_u64();
@@ -104,7 +109,12 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
     const auto place = exchange_.next_number();
-    const std::uint64_t position = reads_ring && place ? ring_->begin_place(*place, outlet.id) : 0;
+    std::uint64_t position = 0;
+    if (is_multicast && place) {
+      position = multicast_->begin_place(*place, outlet.id);
+    } else if (reads_ring && place) {
+      position = ring_->begin_place(*place, outlet.id);
+    }
     if (const auto number = exchange_.subscribe(std::move(*prepared), now)) {
       outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number, position);
       std::swap(outlets_[*number], outlet);
@@ -113,6 +123,7 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
       ring_if_needed(now);
       return;
     }
+    if (is_multicast && place) multicast_->end_place(*place);
   }
   forget_wishes(id);
   refuse(outlet.writer, "The hub is full: it has as many subscriptions as it takes.");
@@ -234,8 +245,9 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
     const auto waiting = static_cast<std::uint32_t>(exchange_.queue(i).size());
     subscriptions.push_back(CreateSubscriptionEntry(
         builder, builder.CreateString(outlet.name), counters.accepted_count, counters.omitted_count,
-        counters.delivered_count, waiting, &losses, outlet.is_suspended, exchange_.is_broadcast(i),
-        std::ranges::find(linking, outlet.id) != linking.end()));
+        counters.delivered_count, waiting, &losses, outlet.is_suspended,
+        exchange_.is_broadcast(i) && !receives_multicast(i),
+        std::ranges::find(linking, outlet.id) != linking.end(), receives_multicast(i)));
   }
   for (const Intake::Supplier& each : intake_.suppliers()) {
     if (each.id == 0) continue;

@@ -36,8 +36,13 @@ struct OwnedDescriptor {
           losses.too_large_count};
 }
 [[nodiscard]] inline Losses losses_of(const LossCounts& counts) {
-  return {counts.overflow(), counts.replaced(),  counts.suspended(),
-          counts.memory(),   counts.too_large(), 0};
+  return {counts.overflow(),
+          counts.replaced(),
+          counts.suspended(),
+          counts.memory(),
+          counts.too_large(),
+          0,
+          0};
 }
 
 }  // namespace rtpm::events

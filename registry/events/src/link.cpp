@@ -22,6 +22,7 @@ void add(Losses& to, const Losses& more) noexcept {
   to.memory_count += more.memory_count;
   to.too_large_count += more.too_large_count;
   to.overrun_count += more.overrun_count;
+  to.unrepaired_count += more.unrepaired_count;
 }
 
 }  // namespace

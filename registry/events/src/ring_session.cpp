@@ -1,7 +1,6 @@
 #include "ring_session.hpp"
 
 #include <algorithm>
-#include <array>
 
 #include "rtpm/rt/clock.hpp"
 
@@ -10,11 +9,6 @@ namespace {
 
 // So many records are taken into the queue in one go; then the handler has its turn.
 constexpr int kRecordsPerTurn = 4096;
-
-StoreConfig store_for(std::uint32_t capacity) {
-  const std::uint32_t count = capacity + kGroupSizeMax;
-  return {{{256, count}, {4096, std::min(count, 128U)}, {65'536, 16}, {1'048'576, 2}}};
-}
 
 }  // namespace
 
@@ -28,31 +22,12 @@ void RingSession::begin(std::uint32_t place, std::uint64_t owner, std::uint64_t 
                         const DeliveryPolicy& policy) {
   reader_.emplace(view_.bytes(), place, owner, position);
   group_.reserve(kGroupSizeMax);
-  held_.reserve(kGroupSizeMax);
   set_policy(policy);
 }
 
 void RingSession::set_policy(const DeliveryPolicy& policy) {
-  policy_ = policy;
   direct_max_ = policy.when_full == QueuePolicy::kKeepLatest ? 1 : policy.queue_capacity;
-  auto store = std::make_unique<EventStore>(store_for(policy.queue_capacity));
-  DeliveryQueue queue(policy.when_full, policy.queue_capacity);
-  while (!queue_.empty()) {
-    std::array<EventRef, kGroupSizeMax> group;
-    std::size_t count = 0;
-    for (bool is_continued = true; is_continued && count < group.size(); queue_.pop()) {
-      is_continued = queue_[0].is_continued;
-      group[count++] = store->put(queue_[0].event.view());
-    }
-    const bool is_whole = std::all_of(group.begin(), group.begin() + count,
-                                      [](const EventRef& each) { return static_cast<bool>(each); });
-    // A queue that is to end the subscription when it is full ends it with the next event.
-    if (!is_whole || !queue.push(std::span(group).first(count), losses_)) {
-      losses_.overflow_count += count;
-    }
-  }
-  queue_ = std::move(queue);
-  store_ = std::move(store);
+  queue_.set_policy(policy);
 }
 
 bool RingSession::parse() noexcept {
@@ -72,37 +47,9 @@ std::optional<RingSession::Outcome> RingSession::fill_queue() {
     if (read == RingRead::kOverrun) continue;
     if (read == RingRead::kGone) return Outcome::kGone;
     if (read == RingRead::kBroken || !parse()) return Outcome::kBroken;
-    std::array<EventRef, kGroupSizeMax> group;
-    for (std::size_t k = 0; k < group_.size(); ++k) {
-      group[k] = store_->put(group_[k]);
-      // Large ones fill the store before the queue.
-      while (!group[k] && !queue_.empty()) {
-        losses_.memory_count += queue_.drop_front();
-        group[k] = store_->put(group_[k]);
-      }
-    }
-    const auto whole = std::span(group).first(group_.size());
-    if (!std::ranges::all_of(whole, [](const EventRef& each) { return static_cast<bool>(each); })) {
-      losses_.memory_count += whole.size();
-      continue;
-    }
-    if (!queue_.push(whole, losses_)) return Outcome::kFallenBehind;
+    if (!queue_.push(group_)) return Outcome::kFallenBehind;
   }
   return std::nullopt;
-}
-
-void RingSession::take_from_queue() {
-  group_.clear();
-  held_.clear();
-  bool is_continued = true;
-  while (is_continued && !queue_.empty()) {
-    EventView view = queue_[0].event.view();
-    is_continued = queue_[0].is_continued;
-    view.header.is_continued = is_continued;
-    group_.push_back(view);
-    held_.push_back(queue_[0].event);
-    queue_.pop();
-  }
 }
 
 void RingSession::wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept {
@@ -117,7 +64,7 @@ void RingSession::wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept 
 }
 
 Losses RingSession::losses() const noexcept {
-  Losses losses = losses_;
+  Losses losses = queue_.losses();
   losses.overrun_count = reader_->missed_count();
   return losses;
 }

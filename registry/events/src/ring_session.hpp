@@ -6,8 +6,8 @@
 #include <span>
 #include <vector>
 
+#include "local_queue.hpp"
 #include "rtpm/events/delivery.hpp"
-#include "rtpm/events/event_store.hpp"
 #include "rtpm/events/ring.hpp"
 #include "rtpm/rt/wait.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
@@ -30,13 +30,7 @@ class RingSession {
   /// Another policy; what waits stays as far as there is room.
   void set_policy(const DeliveryPolicy& policy);
 
-  enum class Outcome : std::uint8_t {
-    kDelivered,
-    kNothing,
-    kGone,          ///< The hub has given the place up.
-    kBroken,        ///< The hub does not keep to the ring's rules.
-    kFallenBehind,  ///< The queue is full and the policy is to disconnect then.
-  };
+  using Outcome = SessionOutcome;
   /// Takes one delivery and calls deliver(span of EventView) with it.
   template <class Deliver>
   [[nodiscard]] Outcome take(Deliver deliver) {
@@ -47,11 +41,7 @@ class RingSession {
       return read == RingRead::kBroken ? Outcome::kBroken : Outcome::kNothing;
     }
     if (const auto failed = fill_queue()) return *failed;
-    if (queue_.empty()) return Outcome::kNothing;
-    take_from_queue();
-    deliver(std::span<const EventView>(group_));
-    held_.clear();
-    return Outcome::kDelivered;
+    return queue_.take(deliver) ? Outcome::kDelivered : Outcome::kNothing;
   }
   /// Waits until more is written, or until `until`.
   void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept;
@@ -76,18 +66,13 @@ class RingSession {
     return Outcome::kDelivered;
   }
   [[nodiscard]] std::optional<Outcome> fill_queue();
-  void take_from_queue();
 
   transport::BroadcastView view_;
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
-  DeliveryPolicy policy_{};
   std::uint64_t direct_max_ = 0;  ///< Events that may be waiting without a need for the queue.
-  std::unique_ptr<EventStore> store_{};  ///< Outlives the references below.
-  DeliveryQueue queue_{};
+  LocalQueue queue_{};
   std::vector<EventView> group_{};
-  std::vector<EventRef> held_{};
-  Losses losses_{};
 };
 
 }  // namespace rtpm::events

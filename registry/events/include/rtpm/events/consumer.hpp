@@ -67,6 +67,10 @@ struct ConsumerConfig {
   /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
   /// stream of its own.
   bool shared_ring = true;
+  /// Where it does not read the ring: receives the hub's multicast, if the hub has one, at the
+  /// interface with this address (empty: as the system's routes say).
+  bool multicast = false;
+  std::string multicast_interface{};
   /// How many signs of life in a row the hub may miss, one each half second, until it drops the
   /// subscription: rpc::kMissCountMin…kMissCountMax. A handler that takes longer than that is a
   /// reason, too. As many of the hub's the consumer may miss until it takes the hub for gone.
@@ -114,8 +118,9 @@ class Consumer {
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Whether it reads the hub's ring.
+  /// Whether it reads the hub's ring, or receives its multicast.
   [[nodiscard]] bool reads_ring() const noexcept;
+  [[nodiscard]] bool receives_multicast() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;
 
  private:

@@ -59,10 +59,12 @@ struct Losses {
   std::uint64_t memory_count = 0;     ///< The hub had no memory to hold it for so long.
   std::uint64_t too_large_count = 0;  ///< Does not go over the consumer's transport.
   std::uint64_t overrun_count = 0;    ///< The shared ring came round before it was read.
+  /// Of multicast: lost on the network, or by a full socket, and no longer kept by the hub.
+  std::uint64_t unrepaired_count = 0;
   friend bool operator==(const Losses&, const Losses&) = default;
   [[nodiscard]] std::uint64_t total() const noexcept {
     return overflow_count + replaced_count + suspended_count + memory_count + too_large_count +
-           overrun_count;
+           overrun_count + unrepaired_count;
   }
 };
 

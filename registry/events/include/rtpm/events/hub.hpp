@@ -18,8 +18,21 @@
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/multicast.hpp"
 
 namespace rtpm::events {
+
+/// A multicast of a hub: consumers on the LAN that ask for it (ConsumerConfig::multicast) get their
+/// events in datagrams that are sent once for all of them, and ask the hub for those that they
+/// miss.
+struct MulticastConfig {
+  /// To send to; its `hops` and `interface` say how far and by which interface.
+  transport::MulticastGroup group{};
+  /// Datagrams, of up to 1400 bytes, that the hub keeps for repair; at least 8.
+  std::uint32_t history_count = 4096;
+  /// To try the repair out: of so many datagrams one is not sent, 0: all are.
+  std::uint32_t lose_every = 0;
+};
 
 /// How a hub is set up.
 struct HubConfig {
@@ -31,6 +44,8 @@ struct HubConfig {
   /// Bytes of the ring that consumers on this host read, 2^n of at least 64 Ki; 0: none, each gets
   /// its events in a stream of its own.
   std::uint32_t ring_size = 4 * 1024 * 1024;
+  /// None: no multicast.
+  std::optional<MulticastConfig> multicast{};
 };
 
 /// What became of the events of a supplier, or of all.

@@ -1,0 +1,227 @@
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/multicast.hpp"
+#include "served_hub.hpp"
+
+// Consumers that receive the hub's multicast, over loopback: they are to notice no difference, even
+// where datagrams are lost (ev-7).
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr const char* kLoopback = "127.0.0.1";
+
+/// A group of this test's own, so that tests that run beside it are not heard.
+transport::MulticastGroup group_of_mine() {
+  static const auto kPort = static_cast<std::uint16_t>(20'000 + to_ns(rt::now()) / 1000 % 40'000);
+  return {.group = "239.255.42.99", .port = kPort, .interface = kLoopback, .hops = 0};
+}
+
+class HubMulticast : public testing::TestWithParam<std::uint32_t> {
+ protected:
+  void SetUp() override {
+    const auto group = group_of_mine();
+    auto receiver = transport::MulticastReceiver::open(group);
+    auto sender = transport::MulticastSender::open(group);
+    const bool is_sent = receiver && sender && sender->send(std::vector<std::byte>(1));
+    if (!is_sent || !receiver->wait(rt::now() + 1s)) {
+      GTEST_SKIP() << "needs multicast on the loopback interface";
+    }
+  }
+  [[nodiscard]] static HubConfig config(std::uint32_t history_count = 4096,
+                                        std::uint32_t lose_every = GetParam()) {
+    HubConfig config;
+    config.multicast = {group_of_mine(), history_count, lose_every};
+    return config;
+  }
+  [[nodiscard]] std::unique_ptr<Consumer> join(ServedHub& hub, EventHandler& handler,
+                                               const Filter& filter,
+                                               const DeliveryPolicy& delivery = {}) {
+    auto consumer = Consumer::create(node_, hub.url(),
+                                     {.filter = filter,
+                                      .delivery = delivery,
+                                      .realtime = rt::RealtimeMode::kOff,
+                                      .types = {&kPoseDescriptor},
+                                      .shared_ring = false,
+                                      .multicast = true,
+                                      .multicast_interface = kLoopback,
+                                      .deadline = kPatience},
+                                     handler);
+    EXPECT_TRUE(consumer) << consumer.error().text;
+    if (!consumer) return nullptr;
+    EXPECT_TRUE((*consumer)->receives_multicast());
+    return std::move(*consumer);
+  }
+
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+TEST_P(HubMulticast, EachConsumerGetsWhatItsFilterAccepts) {
+  ServedHub hub(config());
+  const auto supplier = make_supplier(node_, hub);
+  Recorder buttons;
+  Recorder pairs;
+  Recorder in_ring;
+  const auto first = join(hub, recorder_, where(kPose, "x", Comparison::kGreater, Scalar::of(1)));
+  const auto second = join(hub, buttons, of_type(kButton));
+  const auto third = join(hub, pairs, correlate({of_type(kButton), of_type(kPose)}));
+  // Beside them one that reads the ring.
+  const auto fourth =
+      make_consumer(node_, hub, in_ring, of_type(kPose), {}, rpc::Transport::kAuto, true);
+  EXPECT_TRUE(fourth->reads_ring());
+  push(*supplier, kPose, 1, {.x = 0.5});
+  push(*supplier, kPose, 1, {.x = 1.5});
+  push(*supplier, kButton, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  ASSERT_TRUE(buttons.await_deliveries(1));
+  ASSERT_TRUE(pairs.await_deliveries(1));
+  ASSERT_TRUE(in_ring.await_deliveries(2));
+  EXPECT_EQ(recorder_.text(), "5.1#2");
+  EXPECT_EQ(buttons.text(), "6.2#1");
+  EXPECT_EQ(pairs.text(), "6.2#1+5.1#2");
+  EXPECT_EQ(in_ring.text(), "5.1#1 5.1#2");
+  EXPECT_TRUE(recorder_.is_aligned_);
+}
+
+// ev-7.2-2, ev-7.2-3 and ev-7.3-1
+TEST_P(HubMulticast, ManyConsumersGetAllInOrder) {
+  ServedHub hub(config());
+  const auto supplier = make_supplier(node_, hub);
+  constexpr std::size_t kConsumerCount = 5;
+  constexpr std::size_t kCount = 1000;
+  std::vector<std::unique_ptr<Recorder>> recorders;
+  std::vector<std::unique_ptr<Consumer>> consumers;
+  for (std::size_t i = 0; i < kConsumerCount; ++i) {
+    recorders.push_back(std::make_unique<Recorder>());
+    consumers.push_back(join(hub, *recorders.back(), of_type(kPose), {.queue_capacity = 4096}));
+  }
+  std::string wanted;
+  for (std::size_t i = 1; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    wanted += (i > 1 ? " 5.0#" : "5.0#") + std::to_string(i);
+  }
+  for (std::size_t i = 0; i < kConsumerCount; ++i) {
+    ASSERT_TRUE(recorders[i]->await_deliveries(kCount)) << consumers[i]->counters().event_count;
+    EXPECT_EQ(recorders[i]->text(), wanted);
+    EXPECT_EQ(consumers[i]->counters().losses, Losses{});
+  }
+}
+
+TEST_P(HubMulticast, LargeEventsComeWhole) {
+  ServedHub hub(config());
+  const auto supplier = make_supplier(node_, hub);
+  const auto consumer = join(hub, recorder_, of_type(kPose));
+  std::vector<std::byte> payload(60'000);
+  for (std::size_t i = 0; i < payload.size(); ++i)
+    payload[i] = static_cast<std::byte>(i * 31);
+  for (int i = 0; i < 3; ++i)
+    ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.last_payload_, payload);
+}
+
+TEST_P(HubMulticast, IsChangedSuspendedResumedAndEnded) {
+  ServedHub hub(config());
+  const auto supplier = make_supplier(node_, hub);
+  const auto consumer = join(hub, recorder_, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  ASSERT_TRUE(consumer->change(of_type(kButton), {.queue_capacity = 5}));
+  push(*supplier, kPose);
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  ASSERT_TRUE(consumer->suspend());
+  push(*supplier, kButton);
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub.hub().intake().taken_count < 4 && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 100us);
+  ASSERT_TRUE(consumer->resume());
+  push(*supplier, kButton);
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
+  consumer->unsubscribe();
+  EXPECT_FALSE(consumer->is_subscribed());
+}
+
+TEST_P(HubMulticast, SurvivesARestartOfTheHub) {
+  ServedHub hub(config());
+  const auto consumer = join(hub, recorder_, of_type(kPose));
+  hub.stop();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kInterrupted));
+  hub.start();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kResubscribed));
+  const auto supplier = make_supplier(node_, hub);
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_TRUE(consumer->receives_multicast());
+}
+
+// ev-7.3-2
+TEST_P(HubMulticast, WhoSleepsLosesWhatIsNoLongerKeptAndIsTold) {
+  ServedHub hub(config(/*history_count=*/64));
+  const auto supplier = make_supplier(node_, hub);
+  Sleeper sleeper;
+  const auto slow = join(hub, sleeper, of_type(kPose), {.queue_capacity = 16});
+  const auto quick = join(hub, recorder_, of_type(kPose), {.queue_capacity = 64});
+  push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  // Less than a second, so that the sleeper is not taken for dead; in turns of less than the hub
+  // keeps, so that the other loses nothing.
+  constexpr std::size_t kCount = 320;
+  for (std::size_t i = 2; i <= kCount; ++i) {
+    push(*supplier, kPose);
+    if (i % 16 == 0) {
+      ASSERT_TRUE(recorder_.await_deliveries(i));
+    }
+  }
+  EXPECT_EQ(quick->counters().losses, Losses{});
+  sleeper.release();
+  ASSERT_TRUE(
+      sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
+  const auto is_all_told = [&] {
+    const ConsumerCounters counters = slow->counters();
+    return counters.event_count + counters.losses.total() == kCount;
+  };
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (!is_all_told() && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  EXPECT_TRUE(is_all_told()) << slow->counters().event_count << " and "
+                             << slow->counters().losses.total() << " lost";
+}
+
+INSTANTIATE_TEST_SUITE_P(Losses, HubMulticast, testing::Values(0U, 3U), [](const auto& each) {
+  return each.param == 0 ? std::string("none") : "each_" + std::to_string(each.param);
+});
+
+TEST(HubMulticastSetUp, SaysWhatIsWrongWithTheGroup) {
+  for (const transport::MulticastGroup& group :
+       {transport::MulticastGroup{.group = "10.0.0.1"}, transport::MulticastGroup{.group = "here"},
+        transport::MulticastGroup{.interface = "eth0"}}) {
+    HubConfig config{.realtime = rt::RealtimeMode::kOff};
+    config.multicast = {group};
+    const auto hub = Hub::create(config);
+    ASSERT_FALSE(hub);
+    EXPECT_NE(hub.error().text.find("multicast group"), std::string::npos) << hub.error().text;
+    EXPECT_NE(hub.error().text.find("Remedy"), std::string::npos) << hub.error().text;
+  }
+}
+
+TEST(HubMulticastSetUp, ConsumersOfAHubWithoutOneGetAStream) {
+  ServedHub hub;
+  rpc::Node node;
+  Recorder recorder;
+  const auto consumer = Consumer::create(
+      node, hub.url(),
+      {.realtime = rt::RealtimeMode::kOff, .shared_ring = false, .multicast = true}, recorder);
+  ASSERT_TRUE(consumer) << consumer.error().text;
+  EXPECT_FALSE((*consumer)->receives_multicast());
+}
+
+}  // namespace
+}  // namespace rtpm::events::test
