@@ -42,10 +42,11 @@ rpc::Result<void> HubImpl::repair(const RepairWish& wish, rpc::ReplyBuilder<Repa
     const MulticastWriter& writer = multicast_->writer();
     facts = RepairFacts(writer.oldest_sequence(), writer.next_sequence(),
                         multicast_->written_count(*number));
-    const std::uint64_t first = std::max(wish.first(), writer.oldest_sequence());
-    for (std::uint64_t i = first; i - wish.first() < wish.count(); ++i) {
-      const ConstBytes datagram = writer.datagram(i);
-      if (datagram.empty() || size + kSizeSize + datagram.size() > datagrams.size()) break;
+    for (std::uint64_t i = 0; i <= 64; ++i) {
+      if (i > 0 && (wish.later() >> (i - 1) & 1) == 0) continue;
+      const ConstBytes datagram = writer.datagram(wish.first() + i);
+      if (datagram.empty()) continue;
+      if (size + kSizeSize + datagram.size() > datagrams.size()) break;
       std::byte* const to = std::as_writable_bytes(std::span(datagrams)).data() + size;
       store_le(to, static_cast<std::uint32_t>(datagram.size()));
       std::copy(datagram.begin(), datagram.end(), to + kSizeSize);

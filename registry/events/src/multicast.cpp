@@ -166,9 +166,9 @@ std::optional<MulticastReader::Gap> MulticastReader::gap() const noexcept {
     ++first;
   if (first == end) return std::nullopt;
   Gap gap{first, 0};
-  while (first < end && places_[first % kWindow].sequence != first) {
-    ++first;
-    ++gap.count;
+  for (std::uint64_t i = 0; i < 64 && first + 1 + i < end; ++i) {
+    const std::uint64_t sequence = first + 1 + i;
+    if (places_[sequence % kWindow].sequence != sequence) gap.later |= std::uint64_t{1} << i;
   }
   return gap;
 }

@@ -85,7 +85,7 @@ void MulticastSession::repair_if_due() {
 }
 
 void MulticastSession::repair(const MulticastReader::Gap& gap) {
-  const auto reply = client_->repair({subscription_, gap.first, gap.count},
+  const auto reply = client_->repair({subscription_, gap.first, gap.later},
                                      {.priority = priority_, .deadline = kRepairDeadline});
   if (!reply) {
     // That the subscription is gone the stream will tell, with the reason.

@@ -344,7 +344,10 @@ TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
     for (int i = 0; i < 2; ++i) {
       push(*supplier, kPose);
       ASSERT_TRUE(recorder_.await_deliveries(tags.size() + 1));
-      tags.push_back(recorder_.last_header_.supplier_tag);
+      ASSERT_TRUE(recorder_.await([&](const Recorder& it) {
+        tags.push_back(it.last_header_.supplier_tag);
+        return true;
+      }));
     }
   }
   EXPECT_EQ(tags[0], tags[1]);

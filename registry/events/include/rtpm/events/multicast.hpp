@@ -97,10 +97,11 @@ class MulticastReader {
   [[nodiscard]] bool read();
   [[nodiscard]] ConstBytes events() const noexcept { return events_; }
 
-  /// Datagrams that are missing though later ones came: the first, and how many in a row.
+  /// Datagrams that are missing though later ones came: the first, and further ones, bit i being
+  /// `first` + 1 + i.
   struct Gap {
     std::uint64_t first = 0;
-    std::uint32_t count = 0;
+    std::uint64_t later = 0;
   };
   [[nodiscard]] std::optional<Gap> gap() const noexcept;
   /// What the hub said when it was asked: nothing below `oldest` can be had any more, and of the
