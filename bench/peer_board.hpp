@@ -23,13 +23,13 @@ inline constexpr std::size_t kPeerSampleMax = 65'536;
 /// The lane of the measured caller, and the one of the callers of low priority.
 inline constexpr std::size_t kPeerLaneCount = 2;
 
-template <std::size_t kSize>
+template <std::size_t Size>
 struct BoardText {
-  std::array<char, kSize> bytes{};
+  std::array<char, Size> bytes{};
 
   /// What is too long is cut.
   void set(std::string_view text) noexcept {
-    const std::size_t size = text.copy(bytes.data(), kSize - 1);
+    const std::size_t size = text.copy(bytes.data(), Size - 1);
     bytes[size] = '\0';
   }
   [[nodiscard]] std::string_view get() const noexcept { return bytes.data(); }

@@ -1,8 +1,12 @@
 #include "peer_contender.hpp"
 
+#include <unistd.h>
+
+#include <algorithm>
 #include <array>
 #include <cstdlib>
 #include <filesystem>
+#include <string_view>
 #include <utility>
 
 namespace rtpm::bench {
@@ -11,8 +15,28 @@ namespace {
 /// Beyond what a turn takes by its plan. A peer whose calls fail says so after a second.
 constexpr Duration kTurnPatience = std::chrono::seconds{15};
 
+/// Folders have the number of their process in their name, so that those that killed runs left are
+/// known.
+constexpr std::string_view kFolderPrefix = "rtpm-peer-";
+
+void remove_left_folders() {
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::directory_iterator(
+           std::filesystem::temp_directory_path(ignored), ignored)) {
+    const std::string name = entry.path().filename();
+    if (!name.starts_with(kFolderPrefix)) continue;
+    const std::string process =
+        name.substr(kFolderPrefix.size(), name.find_last_of('-') - kFolderPrefix.size());
+    const bool is_ours = std::ranges::all_of(process, [](char c) { return c >= '0' && c <= '9'; });
+    if (!is_ours || std::filesystem::exists("/proc/" + process, ignored)) continue;
+    std::filesystem::remove_all(entry.path(), ignored);
+  }
+}
+
 expected<std::string, std::string> make_folder() {
-  std::string name = std::filesystem::temp_directory_path() / "rtpm-peer-XXXXXX";
+  remove_left_folders();
+  std::string name = std::filesystem::temp_directory_path() /
+                     (std::string(kFolderPrefix) + std::to_string(getpid()) + "-XXXXXX");
   if (mkdtemp(name.data()) == nullptr) return unexpected{"no folder like " + name};
   return name;
 }

@@ -57,7 +57,7 @@ class CallResults {
  private:
   using Entrant = TurnRun::Entrant;
   [[nodiscard]] Result result_of_rtpm(int low_callers) const;
-  [[nodiscard]] Result result_of_peer(const Entrant& peer, int low_callers) const;
+  [[nodiscard]] Result result_of_peer(const Entrant& entrant, int low_callers) const;
   void add_load(JsonObject& json, const Entrant& entrant, int low_callers,
                 const std::string& prefix) const;
   [[nodiscard]] const Samples& rtpm(int low_callers) const {

@@ -29,6 +29,7 @@ constexpr int kReadyTimeoutMs = 10'000;
 // In the child: becomes another program, which writes to the pipe by itself.
 [[noreturn]] void become(std::vector<std::string>& command, int ready_pipe) {
   std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
   for (std::string& argument : command)
     arguments.push_back(argument.data());
   arguments.push_back(nullptr);
