@@ -17,7 +17,7 @@ std::span<const PeerEntry> known_peers() {
       PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc"},
       PeerEntry{"cyclonedds", "cyclonedds-dev cyclonedds-tools", "udp", ""},
       PeerEntry{"fastdds", "libfastrtps-dev libfastcdr-dev", "udp shm", ""},
-      PeerEntry{"lcm", "liblcm-dev", "udp", ""},
+      PeerEntry{"lcm", "liblcm-dev", "udp", "udp"},
       PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix"},
       PeerEntry{"omnievents", "omnievents libomnievents-dev libcos4-dev libomniorb4-dev", "",
                 "tcp"},

@@ -1,5 +1,6 @@
 #include <lcm/lcm.h>
 
+#include <atomic>
 #include <cstring>
 #include <vector>
 
@@ -9,6 +10,7 @@
 // multicast, here of a time-to-live of 0, which stays within the host; nothing is repeated that
 // gets lost, and nothing can be tuned but the receive buffer. Each lane and each caller has an
 // instance of its own, with its own thread that receives and so has the lane's priority.
+// Its events have no broker: each goes straight from the supplier to every consumer.
 namespace rtpm::bench {
 namespace {
 
@@ -61,8 +63,82 @@ class LcmCaller final : public TopicCaller {
   Letter letter_{};
 };
 
+constexpr const char* kEventChannel = "rtpm_bench_events";
+
+/// A publisher, and subscribers with an instance and a thread each.
+class LcmSide final : public PeerEventSide {
+ public:
+  LcmSide() : supplier_(lcm_create(kUrl)) {}
+  ~LcmSide() override {
+    is_stopping_ = true;
+    threads_.clear();
+    for (const auto& consumer : consumers_)
+      lcm_destroy(consumer->lcm);
+    if (supplier_ != nullptr) lcm_destroy(supplier_);
+  }
+  [[nodiscard]] bool is_well() const noexcept { return supplier_ != nullptr; }
+
+  [[nodiscard]] expected<void, std::string> begin(int consumer_count, EventBoard& board) {
+    for (int i = 0; i < consumer_count; ++i) {
+      lcm_t* const lcm = lcm_create(kUrl);
+      if (lcm == nullptr) return unexpected{std::string("LCM has no more instances")};
+      auto& consumer = *consumers_.emplace_back(
+          std::make_unique<Consumer>(Consumer{consumers_.size(), &board, lcm}));
+      lcm_subscribe(lcm, kEventChannel, note, &consumer);
+      auto thread = start_consumer([this, lcm] {
+        while (!is_stopping_)
+          lcm_handle_timeout(lcm, 100);
+      });
+      if (!thread) return unexpected{thread.error()};
+      threads_.push_back(std::move(*thread));
+    }
+    return {};
+  }
+
+  expected<void, std::string> push(const EventStamp& stamp) override {
+    if (lcm_publish(supplier_, kEventChannel, &stamp, sizeof stamp) != 0) {
+      return unexpected{std::string("LCM can't publish")};
+    }
+    return {};
+  }
+
+ private:
+  struct Consumer {
+    std::size_t number;
+    EventBoard* board;
+    lcm_t* lcm;
+  };
+  static void note(const lcm_recv_buf_t* buffer, const char*, void* user) {
+    const auto& consumer = *static_cast<const Consumer*>(user);
+    consumer.board->note(consumer.number,
+                         {static_cast<const std::byte*>(buffer->data), buffer->data_size},
+                         rt::now());
+  }
+
+  lcm_t* supplier_;
+  std::vector<std::unique_ptr<Consumer>> consumers_{};
+  std::atomic<bool> is_stopping_{false};
+  std::vector<rt::Thread> threads_{};
+};
+
 class LcmPeer final : public Peer {
  public:
+  // There is no broker: the kernel takes each datagram to all who joined the multicast group.
+  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
+    announce("none");
+    return {};
+  }
+
+  expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,
+                                                                   const std::string&,
+                                                                   int consumer_count,
+                                                                   EventBoard& board) override {
+    auto side = std::make_unique<LcmSide>();
+    if (!side->is_well()) return unexpected{no_lcm()};
+    if (auto begun = side->begin(consumer_count, board); !begun) return unexpected{begun.error()};
+    return std::unique_ptr<EventSide>(std::move(side));
+  }
+
   expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
     lcm_t* const lcm = lcm_create(kUrl);
     if (lcm == nullptr) return unexpected{no_lcm()};

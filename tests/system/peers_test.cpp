@@ -73,7 +73,7 @@ TEST_P(EventPeer, BringsEventsToEveryConsumer) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Peers, EventPeer,
-                         testing::Values("omnievents", "zeromq", "nng", "mosquitto", "nats"),
+                         testing::Values("lcm", "omnievents", "zeromq", "nng", "mosquitto", "nats"),
                          [](const auto& peer) { return peer.param; });
 
 }  // namespace
