@@ -27,9 +27,9 @@ FULL = (
     Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 90, False),
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64",
          90, False),
-    Part("isolation-peers", "isolation --peers all --wait block --transport tcp,shm --low-callers 4 "
-         "--samples 5000", 220, False),
-    Part("paced-peers", "paced --peers all --wait block --transport tcp,shm --samples 5000", 90,
+    Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4 "
+         "--samples 5000", 250, False),
+    Part("paced-peers", "paced --peers all --wait block --transport udp,shm --samples 5000", 110,
          False),
     Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 50),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 10000", 35),
