@@ -81,7 +81,7 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_
       const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,
                               is_rtpm_first ? Side::kFloor : Side::kRtpm}) {
-        const auto measured = measure_block(duel, side, sides, count, amount.warm_up_count);
+        auto measured = measure_block(duel, side, sides, count, amount.warm_up_count);
         if (!measured) return measured;
       }
       is_rtpm_first = !is_rtpm_first;

@@ -153,9 +153,8 @@ expected<void, std::string> Ladder::measure() {
 }
 
 void Ladder::report(Report& report) const {
-  const DuelConfig config{.carrier = setting_.carrier,
-                          .wait = setting_.wait,
-                          .payload_size = sizeof(EventStamp)};
+  const DuelConfig config{
+      .carrier = setting_.carrier, .wait = setting_.wait, .payload_size = sizeof(EventStamp)};
   for (std::size_t rung = 0; rung < kFloor; ++rung) {
     Result result{.title = "ladder, " + std::string(kRungs[rung]) + ", " +
                            std::string(to_string(setting_.carrier))};

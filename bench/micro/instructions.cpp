@@ -43,57 +43,50 @@ struct State {
 };
 
 }  // namespace
-}  // namespace rtpm::bench::micro
 
 // Plain names, so that they can be told to the tool.
 extern "C" {
 
 [[gnu::noinline]] void counted_encode_header() {
-  using namespace rtpm::bench::micro;
-  static rtpm::wire::Header header = call_header();
+  static wire::Header header = call_header();
   alignas(16) CallFrame frame{};
   repeat([&] {
     ++header.call_id;
-    rtpm::wire::encode(header, frame.data());
+    wire::encode(header, frame.data());
     keep(frame);
   });
 }
 
 [[gnu::noinline]] void counted_decode_header() {
-  using namespace rtpm::bench::micro;
   alignas(16) CallFrame frame = call_frame();
   repeat([&] {
     keep(frame);
-    auto header = rtpm::wire::decode_frame(frame);
+    auto header = wire::decode_frame(frame);
     keep(header);
   });
 }
 
 [[gnu::noinline]] void counted_siphash_40_bytes() {
-  using namespace rtpm::bench::micro;
   std::array<std::byte, 40> input{};
   repeat([&] {
     keep(input);
-    auto hash = rtpm::siphash_2_4({.low = 1, .high = 2}, input);
+    auto hash = siphash_2_4({.low = 1, .high = 2}, input);
     keep(hash);
   });
 }
 
 [[gnu::noinline]] void counted_protocol_call_48_bytes() {
-  using namespace rtpm::bench::micro;
   static JoinedProtocol protocol(1024);
   repeat([] { protocol.call(48); });
 }
 
 [[gnu::noinline]] void counted_protocol_call_64_kib() {
-  using namespace rtpm::bench::micro;
   static JoinedProtocol protocol(64 * 1024);
   repeat([] { protocol.call(std::size_t{64} * 1024); });
 }
 
 [[gnu::noinline]] void counted_latest_write_and_read() {
-  using namespace rtpm::bench::micro;
-  static auto& latest = *std::make_unique<rtpm::Latest<State>>().release();
+  static auto& latest = *std::make_unique<Latest<State>>().release();
   State value;
   repeat([&] {
     value.values[0] += 1;
@@ -104,8 +97,7 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_ring_push_and_pop() {
-  using namespace rtpm::bench::micro;
-  static rtpm::SpscRing<std::uint64_t, 64> ring;
+  static SpscRing<std::uint64_t, 64> ring;
   std::uint64_t number = 0;
   repeat([&] {
     bool is_pushed = ring.push(++number);
@@ -116,8 +108,7 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_histogram_record() {
-  using namespace rtpm::bench::micro;
-  static auto& histogram = *std::make_unique<rtpm::LatencyHistogram>().release();
+  static auto& histogram = *std::make_unique<LatencyHistogram>().release();
   std::int64_t latency_ns = 1;
   repeat([&] {
     latency_ns = (latency_ns * 31) % 1'000'003;
@@ -126,7 +117,6 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_events_match() {
-  using namespace rtpm::bench::micro;
   static Crowd crowd(100, true, by_type);
   repeat([] {
     bool is_taken = crowd.offer();
@@ -135,7 +125,6 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_events_match_by_field() {
-  using namespace rtpm::bench::micro;
   static Crowd crowd(100, true, by_value);
   repeat([] {
     bool is_taken = crowd.offer();
@@ -144,7 +133,6 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_events_queue() {
-  using namespace rtpm::bench::micro;
   static Crowd crowd(100, false, by_type);
   repeat([] {
     bool is_taken = crowd.offer();
@@ -153,17 +141,16 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_generated_call_48_bytes() {
-  using namespace rtpm::bench::micro;
   static Tip tip;
   static GeneratedCall call;
-  rtpm::rpc::Servant* servant = &tip;
+  rpc::Servant* servant = &tip;
   keep(servant);
   repeat([&] {
     bool is_done = call.run(*servant);
     keep(is_done);
   });
 }
-}
+}  // extern "C"
 
 namespace {
 
@@ -199,17 +186,18 @@ void print_key() {
 }
 
 }  // namespace
+}  // namespace rtpm::bench::micro
 
 int main(int argc, char** argv) {
   const std::string_view argument = argc == 2 ? argv[1] : "";
   if (argument == "--key") {
-    print_key();
+    rtpm::bench::micro::print_key();
   } else if (argument == "--list") {
-    for (const Subject& subject : kSubjects)
+    for (const auto& subject : rtpm::bench::micro::kSubjects)
       std::printf("%s\n", subject.name);
   } else {
     for (int run = 0; run < 2; ++run) {
-      for (const Subject& subject : kSubjects)
+      for (const auto& subject : rtpm::bench::micro::kSubjects)
         subject.run();
     }
   }

@@ -69,7 +69,7 @@ void protocol_call(benchmark::State& state) {
   for (auto _ : state)
     protocol.call(size);
 }
-BENCHMARK(protocol_call)->ArgName("bytes")->Arg(48)->Arg(64 * 1024);
+BENCHMARK(protocol_call)->ArgName("bytes")->Arg(48)->Arg(std::int64_t{64} * 1024);
 
 }  // namespace
 }  // namespace rtpm::bench::micro

@@ -48,7 +48,8 @@ def count(program):
         done = subprocess.run([*command, program], capture_output=True, text=True, check=False,
                               timeout=TIMEOUT_SECONDS)
         if done.returncode != 0:
-            raise records.Fault(f"valgrind failed: {done.stderr.strip().splitlines()[-1:]}")
+            said = [re.sub(r"^==\d+== ?", "", line) for line in done.stderr.splitlines()]
+            raise records.Fault("valgrind failed: " + ([line for line in said if line] or [""])[-1])
         counts = _read_counts(pathlib.Path(folder))
     missing = [name for name in names if name not in counts]
     if missing:

@@ -242,10 +242,15 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
                       each.hops_min);
   });
   // Of those that differ in the hops alone the first, which asks for the fewest, says it all.
-  const auto same = std::ranges::unique(matches, {}, [](const Match& each) {
+  // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
+  const auto all_but_hops = [](const Match& each) {
     return std::tuple(each.type, each.type_mask, each.source, each.source_mask);
-  });
-  matches.erase(same.begin(), same.end());
+  };
+  matches.erase(std::unique(matches.begin(), matches.end(),
+                            [&](const Match& one, const Match& other) {
+                              return all_but_hops(one) == all_but_hops(other);
+                            }),
+                matches.end());
   Made made;
   made.interests = interests_in(matches);
   made.is_decided_by_interest = std::ranges::all_of(matches, is_decided_by_interest);

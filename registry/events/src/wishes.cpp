@@ -39,8 +39,8 @@ void sort_out(std::vector<Match>& wishes) {
     return std::tuple(each.type, each.source, each.type_mask, each.source_mask, each.hops_min);
   };
   std::ranges::sort(wishes, {}, key);
-  const auto rest = std::ranges::unique(wishes);
-  wishes.erase(rest.begin(), rest.end());
+  // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
+  wishes.erase(std::unique(wishes.begin(), wishes.end()), wishes.end());
   // What is exact covers at most its own kind, with more hops, which stands right behind it.
   std::vector<Match> wide;
   std::ranges::remove_copy_if(wishes, std::back_inserter(wide), is_exact);
@@ -49,9 +49,8 @@ void sort_out(std::vector<Match>& wishes) {
         wide, [&](const Match& other) { return other != each && covers(other, each); });
   };
   std::erase_if(wishes, is_covered);
-  const auto twins = std::ranges::unique(
-      wishes, [](const Match& a, const Match& b) { return is_exact(a) && covers(a, b); });
-  wishes.erase(twins.begin(), twins.end());
+  const auto is_twin = [](const Match& a, const Match& b) { return is_exact(a) && covers(a, b); };
+  wishes.erase(std::unique(wishes.begin(), wishes.end(), is_twin), wishes.end());
 }
 
 // How much a list lets through, roughly: for the choice between children of "all".
