@@ -161,7 +161,12 @@ Consumer::Impl::Opened Consumer::Impl::open() {
                                  .deadline = config_.deadline,
                                  .warm_up = {config_.priority}});
   if (!client) return failed(std::move(client.error().text));
-  const bool is_latest = config_.delivery.when_full == QueuePolicy::kKeepLatest;
+  DeliveryPolicy delivery;
+  {
+    const std::lock_guard lock(mutex_);
+    delivery = config_.delivery;
+  }
+  const bool is_latest = delivery.when_full == QueuePolicy::kKeepLatest;
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
@@ -195,12 +200,11 @@ Consumer::Impl::Opened Consumer::Impl::open() {
     control_client_ = std::make_shared<HubClient>(std::move(*client));
   }
   if (ring) {
-    ring->begin(welcome.ring_place(), welcome.subscription(), welcome.ring_position(),
-                config_.delivery);
+    ring->begin(welcome.ring_place(), welcome.subscription(), welcome.ring_position(), delivery);
   }
   if (multicast) {
-    multicast->begin(control_client_, welcome.subscription(), welcome.ring_position(),
-                     config_.delivery, config_.priority);
+    multicast->begin(control_client_, welcome.subscription(), welcome.ring_position(), delivery,
+                     config_.priority);
   }
   reads_ring_ = ring != nullptr;
   receives_multicast_ = multicast != nullptr;

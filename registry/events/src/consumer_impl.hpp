@@ -85,7 +85,7 @@ class Consumer::Impl {
 
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
-  bool is_suspended_ = false;
+  std::atomic<bool> is_suspended_{false};
   Losses hub_losses_{};  ///< Of this session, as the hub told,
   Losses own_losses_{};  ///< and on our side of ring or multicast.
   std::atomic<bool> reads_ring_{false};

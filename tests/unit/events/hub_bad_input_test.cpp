@@ -1,0 +1,172 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <thread>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "served_hub.hpp"
+
+// What programs should not do to a hub, and what consumers may do in their handlers.
+namespace rtpm::events::test {
+namespace {
+
+using namespace std::chrono_literals;
+
+class HubBadInput : public testing::Test {
+ protected:
+  void expect_refused(const Filter& filter, std::string_view word) {
+    const auto refused = Consumer::create(
+        node_, hub_.url(),
+        {.filter = filter, .realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
+    ASSERT_FALSE(refused);
+    EXPECT_NE(refused.error().text.find(word), std::string::npos) << refused.error().text;
+    EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+  }
+  ServedHub hub_{};
+  rpc::Node node_{};
+  Recorder recorder_{};
+};
+
+TEST_F(HubBadInput, FilterThatIsTooDeepIsRefused) {
+  Filter filter = of_type(kPose);
+  for (std::size_t depth = 1; depth <= kFilterDepthMax; ++depth)
+    filter = any_of({std::move(filter)});
+  expect_refused(filter, "at most 16 deep");
+}
+
+TEST_F(HubBadInput, FilterThatIsTooLargeIsRefused) {
+  expect_refused(any_of(std::vector<Filter>(kFilterNodeCountMax, of_type(kPose))), "64 nodes");
+  expect_refused(any_of(std::vector<Filter>(1000, of_type(kPose))), "too large");
+  expect_refused(listed(std::vector<Match>(kMatchCountMax + 1)), "too large");
+}
+
+TEST_F(HubBadInput, FilterOfAnUnknownTypeOrFieldIsRefusedByName) {
+  ASSERT_TRUE(hub_.hub().add_type(kPoseDescriptor));
+  expect_refused(where(kPose, "y", Comparison::kLess, Scalar::of(1)), "'y'");
+  expect_refused(where(77, "x", Comparison::kLess, Scalar::of(1)), "event type 77");
+}
+
+TEST(HubBadInputLimits, EventBiggerThanTheRingIsLostAndTold) {
+  ServedHub hub({.ring_size = 64 * 1024});
+  rpc::Node node;
+  Recorder in_ring;
+  Recorder in_stream;
+  const auto supplier = make_supplier(node, hub);
+  const auto first =
+      make_consumer(node, hub, in_ring, of_type(kPose), {}, rpc::Transport::kAuto, true);
+  const auto second = make_consumer(node, hub, in_stream, of_type(kPose));
+  ASSERT_TRUE(first->reads_ring());
+  const std::vector<std::byte> payload(60'000);
+  ASSERT_TRUE(supplier->push({.type = kPose, .payload = payload}));
+  push(*supplier, kPose);
+  ASSERT_TRUE(in_stream.await_deliveries(2)) << "a stream takes it in parts";
+  ASSERT_TRUE(in_ring.await_deliveries(1));
+  EXPECT_EQ(in_ring.text(), "5.0#2");
+  ASSERT_TRUE(in_ring.await_notice(NoticeKind::kLosses));
+  EXPECT_EQ(first->counters().losses.too_large_count, 1U);
+  EXPECT_EQ(second->counters().losses, Losses{});
+}
+
+/// Does something with its consumer in its first callback.
+class Doer final : public Recorder {
+ public:
+  explicit Doer(std::function<void(Consumer&)> act) : act_(std::move(act)) {}
+  void on_events(std::span<const EventView> events) override {
+    Recorder::on_events(events);
+    if (!has_done_.exchange(true)) {
+      consumer_.wait(nullptr);
+      act_(*consumer_);
+      has_acted_ = true;
+    }
+  }
+  [[nodiscard]] bool has_acted() const noexcept { return has_acted_; }
+  void set(Consumer& consumer) {
+    consumer_ = &consumer;
+    consumer_.notify_all();
+  }
+
+ private:
+  std::function<void(Consumer&)> act_;
+  std::atomic<Consumer*> consumer_{nullptr};
+  std::atomic<bool> has_done_{false};
+  std::atomic<bool> has_acted_{false};
+};
+
+TEST_F(HubBadInput, HandlerMayChangeItsSubscription) {
+  Doer doer([](Consumer& consumer) { ASSERT_TRUE(consumer.change(of_type(kButton), {})); });
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, doer, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(doer.await_deliveries(1));
+  doer.set(*consumer);
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (consumer->counters().event_count < 2 && rt::now() < give_up) {
+    push(*supplier, kButton);
+    rt::sleep_until(rt::now() + 1ms);
+  }
+  ASSERT_TRUE(doer.await_deliveries(2));
+  EXPECT_TRUE(doer.text().starts_with("5.0#1 6.0#")) << doer.text();
+}
+
+TEST_F(HubBadInput, HandlerMaySuspendItsSubscription) {
+  Doer doer([](Consumer& consumer) { ASSERT_TRUE(consumer.suspend()); });
+  const auto supplier = make_supplier(node_, hub_);
+  const auto consumer = make_consumer(node_, hub_, doer, of_type(kPose));
+  doer.set(*consumer);
+  push(*supplier, kPose);
+  ASSERT_TRUE(doer.await_deliveries(1));
+  // What comes once it is suspended is counted, and told at the end of the pause.
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (consumer->counters().losses.suspended_count == 0 && rt::now() < give_up) {
+    push(*supplier, kPose);
+    rt::sleep_until(rt::now() + 5ms);
+    if (doer.has_acted()) {
+      ASSERT_TRUE(consumer->resume());
+    }
+  }
+  EXPECT_GT(consumer->counters().losses.suspended_count, 0U);
+}
+
+TEST_F(HubBadInput, ConsumerThatIsDestroyedInMidCallbackWaitsForIt) {
+  Sleeper sleeper;
+  const auto supplier = make_supplier(node_, hub_);
+  auto consumer = make_consumer(node_, hub_, sleeper, of_type(kPose));
+  push(*supplier, kPose);
+  ASSERT_TRUE(sleeper.await_deliveries(1));
+  std::atomic<bool> is_gone{false};
+  std::thread ender([&] {
+    consumer.reset();
+    is_gone = true;
+  });
+  // The hub drops it at once; its handler still runs.
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub_.hub().subscription_count() > 0 && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  EXPECT_EQ(hub_.hub().subscription_count(), 0U);
+  EXPECT_FALSE(is_gone);
+  sleeper.release();
+  ender.join();
+  EXPECT_EQ(sleeper.deliveries_.size(), 1U);
+}
+
+TEST_F(HubBadInput, SuspensionSurvivesARestartOfTheHub) {
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose));
+  ASSERT_TRUE(consumer->suspend());
+  hub_.stop();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kInterrupted));
+  hub_.start();
+  ASSERT_TRUE(recorder_.await_notice(NoticeKind::kResubscribed));
+  const auto supplier = make_supplier(node_, hub_);
+  push(*supplier, kPose);
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (hub_.hub().intake().taken_count == 0 && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  ASSERT_TRUE(consumer->resume());
+  push(*supplier, kPose);
+  ASSERT_TRUE(recorder_.await_deliveries(1));
+  EXPECT_EQ(recorder_.text(), "5.0#2");
+}
+
+}  // namespace
+}  // namespace rtpm::events::test
