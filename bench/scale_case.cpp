@@ -89,7 +89,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
   const auto per_round = static_cast<std::size_t>(
       std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
   Result result{.title = title_of("scale", config) + ", " + std::to_string(client_count) +
-                         " bound clients"};
+                         (client_count == 1 ? " bound client" : " bound clients")};
   auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
     const auto silent = bind_silent(**duel, config, client_count - 1);
     if (!silent) return unexpected{silent.error()};
