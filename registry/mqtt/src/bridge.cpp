@@ -30,6 +30,8 @@ expected<void, rpc::SetupError> Bridge::begin(rpc::Node& node, BrokerConfig brok
     for (const TopicMapping& each : config_.mappings)
       broker.subscriptions.push_back(each.topic);
   }
+  // Messages may come before, and while it ends: their handler does without broker_.
+  broker.id = id_;
   auto made = Broker::create(std::move(broker), *this);
   if (!made) return unexpected{std::move(made.error())};
   broker_ = std::move(*made);
@@ -89,7 +91,7 @@ void Bridge::on_notice(const Notice& notice) {
 
 void Bridge::on_message(const Message& message) {
   // ev-6.2-1: a broker that knows no "no local" sends back what it got.
-  if (message.id == broker_->id()) {
+  if (message.id == id_) {
     ++own_count_;
     return;
   }

@@ -68,6 +68,7 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
   void on_message(const Message& message) override;
 
   const BridgeConfig config_;
+  const std::string id_ = make_id();
   std::unique_ptr<Broker> broker_{};
   std::unique_ptr<events::Supplier> supplier_{};
   std::unique_ptr<events::Consumer> consumer_{};

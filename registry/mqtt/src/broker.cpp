@@ -71,6 +71,10 @@ std::string property_of(const mosquitto_property* properties, std::string_view w
 
 }  // namespace
 
+std::string make_id() {
+  return "rtpm-" + hex_of(rt::random_u64());
+}
+
 class Broker::Callbacks {
  public:
   static void on_connect(mosquitto* client, void* self, int why, int /*flags*/,
@@ -125,7 +129,7 @@ void Broker::Free::operator()(mosquitto* client) const noexcept {
 Broker::Broker(BrokerConfig config, Listener& listener, transport::Poller poller)
     : config_(std::move(config)),
       listener_(listener),
-      id_("rtpm-" + hex_of(rt::random_u64())),
+      id_(config_.id.empty() ? make_id() : config_.id),
       poller_(std::move(poller)),
       queue_(std::max(config_.queue_capacity, 1U)) {}
 

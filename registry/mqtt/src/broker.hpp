@@ -23,6 +23,9 @@ namespace rtpm::mqtt {
 
 /// Where the broker is and how it is talked to.
 struct BrokerConfig {
+  /// What its messages are marked with, and its name at the broker: another for each client. Empty:
+  /// a new one.
+  std::string id{};
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;
   std::string user{};      ///< Empty: none.
@@ -54,6 +57,9 @@ struct BrokerCounters {
   std::uint64_t connection_count = 0;
 };
 
+/// A name that no other client has.
+[[nodiscard]] std::string make_id();
+
 /// A connection to an MQTT 5 broker that is made again by itself, with a bounded queue before it,
 /// all kept by one time-shared thread "rtpm-mqtt". What it published itself does not come back.
 /// Threads: any.
@@ -81,7 +87,7 @@ class Broker {
   [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
   /// Why it is not connected; empty: it is.
   [[nodiscard]] std::string reason() const;
-  /// Another in each life: what the messages are marked with.
+  /// What the messages are marked with.
   [[nodiscard]] const std::string& id() const noexcept { return id_; }
 
   class Callbacks;
