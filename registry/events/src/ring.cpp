@@ -93,7 +93,6 @@ bool RingWriter::write(const PlaceSet& places, ConstBytes events,
   // SYNC POINT ring-written
   control_->head.store(head_, std::memory_order_release);
   count_for(words, event_count);
-  control_->word.fetch_add(1, std::memory_order_seq_cst);
   return true;
 }
 

@@ -36,7 +36,7 @@ class RingOutlet final : public Broadcaster {
   /// For whom something was written since it was last asked.
   [[nodiscard]] std::uint32_t take_wake_bits() noexcept { return std::exchange(wake_bits_, 0); }
   void wake(std::uint32_t bits) noexcept {
-    if (bits != 0) transport::wake_broadcast(writer_.word(), bits);
+    if (bits != 0) memory_.bell().ring(bits);
   }
 
   /// Readable when somebody asks for the memory; then let_in().

@@ -58,9 +58,9 @@ void RingSession::wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept 
     }
     return;
   }
-  const std::uint32_t seen = reader_->word().load(std::memory_order_acquire);
+  const std::uint32_t seen = view_.bell().value();
   if (reader_->has_more()) return;
-  transport::sleep_on_broadcast(reader_->word(), seen, reader_->wake_bits(), until);
+  view_.bell().sleep(seen, reader_->wake_bits(), until);
 }
 
 Losses RingSession::losses() const noexcept {

@@ -9,6 +9,7 @@
 #include <sys/un.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <climits>
@@ -29,6 +30,7 @@ namespace {
 
 // The one byte that comes with the descriptor.
 constexpr std::byte kHere{0x42};
+constexpr off_t kBellSize = 4096;
 
 TransportError not_made(const std::string& cause) {
   return {"memory to broadcast in can't be made (" + cause +
@@ -61,6 +63,8 @@ timespec to_timespec(MonotonicTime time) noexcept {
 }  // namespace
 
 expected<BroadcastMemory, TransportError> BroadcastMemory::make(std::size_t size) {
+  auto bell = BroadcastBell::make();
+  if (!bell) return unexpected{not_made(std::strerror(errno))};
   const Descriptor writable(memfd_create("rtpm-broadcast", MFD_CLOEXEC | MFD_ALLOW_SEALING));
   if (!writable.is_open() || ftruncate(writable.number(), static_cast<off_t>(size)) != 0) {
     return unexpected{not_made(std::strerror(errno))};
@@ -82,7 +86,8 @@ expected<BroadcastMemory, TransportError> BroadcastMemory::make(std::size_t size
     munmap(begin, size);
     return unexpected{not_made(std::strerror(error))};
   }
-  return BroadcastMemory(std::move(readable), bytes);
+  return BroadcastMemory(std::move(readable), bytes, std::move(bell->first),
+                         std::move(bell->second));
 }
 
 BroadcastMemory::~BroadcastMemory() {
@@ -108,8 +113,8 @@ void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
     if (!asking.is_open()) return;
     if (!is_trusted(asking.number())) continue;
     // One message always fits a new socket; who left already needs none.
-    static_cast<void>(
-        send_message(asking.number(), std::array{kHere}, std::array{memory.descriptor()}));
+    static_cast<void>(send_message(asking.number(), std::array{kHere},
+                                   std::array{memory.descriptor(), memory.bell_descriptor()}));
   }
 }
 
@@ -136,24 +141,56 @@ expected<BroadcastView, TransportError> BroadcastView::open(std::uint64_t id,
     return unexpected{not_got("the writer refused")};
   }
   const auto bytes = static_cast<std::size_t>(status.st_size);
+  auto bell = BroadcastBell::map(received.descriptors[1].number());
+  if (!bell) return unexpected{not_got("it has no bell")};
   void* const begin = mmap(nullptr, bytes, PROT_READ, MAP_SHARED | MAP_POPULATE, memory, 0);
   if (begin == MAP_FAILED) return unexpected{not_got(std::strerror(errno))};
-  return BroadcastView(ConstBytes{static_cast<const std::byte*>(begin), bytes});
+  return BroadcastView(ConstBytes{static_cast<const std::byte*>(begin), bytes}, std::move(*bell));
 }
 
 BroadcastView::~BroadcastView() {
   if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
 }
 
-void sleep_on_broadcast(const std::atomic<std::uint32_t>& word, std::uint32_t value,
-                        std::uint32_t bits, MonotonicTime until) noexcept {
-  const timespec time = to_timespec(until);
-  syscall(SYS_futex, &word, FUTEX_WAIT_BITSET, value, until == kNever ? nullptr : &time, nullptr,
-          bits);
+std::optional<std::pair<BroadcastBell, Descriptor>> BroadcastBell::make() noexcept {
+  Descriptor descriptor(memfd_create("rtpm-bell", MFD_CLOEXEC | MFD_ALLOW_SEALING));
+  if (!descriptor.is_open() || ftruncate(descriptor.number(), kBellSize) != 0 ||
+      fcntl(descriptor.number(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
+    return std::nullopt;
+  }
+  auto bell = map(descriptor.number());
+  if (!bell) return std::nullopt;
+  return std::pair(std::move(*bell), std::move(descriptor));
 }
 
-void wake_broadcast(std::atomic<std::uint32_t>& word, std::uint32_t bits) noexcept {
-  syscall(SYS_futex, &word, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, bits);
+std::optional<BroadcastBell> BroadcastBell::map(int descriptor) noexcept {
+  struct stat status {};
+  const int seals = fcntl(descriptor, F_GET_SEALS);
+  if (seals < 0 || (seals & F_SEAL_SHRINK) == 0 || fstat(descriptor, &status) != 0 ||
+      status.st_size < kBellSize) {
+    return std::nullopt;
+  }
+  void* const begin =
+      mmap(nullptr, kBellSize, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
+  if (begin == MAP_FAILED) return std::nullopt;
+  // In fresh memory the word is zero, which is how it begins.
+  return BroadcastBell(static_cast<std::atomic<std::uint32_t>*>(begin));
+}
+
+BroadcastBell::~BroadcastBell() {
+  if (word_ != nullptr) munmap(word_, kBellSize);
+}
+
+void BroadcastBell::ring(std::uint32_t bits) noexcept {
+  // SYNC POINT bell: what there is to see was written before the word changes; who sleeps took the
+  // word before its last look.
+  word_->fetch_add(1, std::memory_order_seq_cst);
+  syscall(SYS_futex, word_, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, bits);
+}
+
+void BroadcastBell::sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept {
+  const timespec time = to_timespec(std::min(until, rt::now() + kBellLookInterval));
+  syscall(SYS_futex, word_, FUTEX_WAIT_BITSET, seen, &time, nullptr, bits);
 }
 
 }  // namespace rtpm::transport

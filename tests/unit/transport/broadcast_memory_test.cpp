@@ -6,7 +6,6 @@
 #include <unistd.h>
 
 #include <chrono>
-#include <new>
 #include <optional>
 #include <string>
 #include <thread>
@@ -76,23 +75,41 @@ TEST_F(Broadcast, ReaderThatMeansHarmCannotWriteIt) {
 }
 
 TEST_F(Broadcast, SleeperOnTheReadersSideIsWokenForItsBit) {
-  auto* const word = new (memory_->bytes().data()) std::atomic<std::uint32_t>(0);
-  const auto seen = view();
+  auto seen = view();
   ASSERT_TRUE(seen);
-  std::atomic<bool> is_awake{false};
+  const std::uint32_t value = seen->bell().value();
   std::thread sleeper([&] {
-    const auto* const its =
-        reinterpret_cast<const std::atomic<std::uint32_t>*>(seen->bytes().data());
-    while (its->load() == 0)
-      sleep_on_broadcast(*its, 0, 2, rt::now() + 10s);
-    is_awake = true;
+    while (seen->bell().value() == value)
+      seen->bell().sleep(value, 2, kNever);
   });
-  word->store(1);
-  const MonotonicTime begin = rt::now();
-  while (!is_awake && rt::now() < begin + 10s)
-    wake_broadcast(*word, 2);
-  EXPECT_TRUE(is_awake);
+  memory_->bell().ring(2);
   sleeper.join();
+  EXPECT_NE(seen->bell().value(), value);
+}
+
+TEST_F(Broadcast, NobodySleepsWhoMissedTheBell) {
+  auto seen = view();
+  ASSERT_TRUE(seen);
+  const std::uint32_t value = seen->bell().value();
+  memory_->bell().ring(1);
+  const MonotonicTime begin = rt::now();
+  for (int i = 0; i < 1000; ++i)
+    seen->bell().sleep(value, 2, kNever);
+  EXPECT_LT(rt::now() - begin, 1000 * kBellLookInterval);
+}
+
+TEST_F(Broadcast, SleeperLooksByItselfWhereSomebodySpoiltTheBell) {
+  auto seen = view();
+  ASSERT_TRUE(seen);
+  // As if the word had been set back behind the writer's back: it rang, and nobody can tell.
+  const MonotonicTime begin = rt::now();
+  seen->bell().sleep(seen->bell().value(), 2, kNever);
+  EXPECT_GE(rt::now() - begin, Duration{0}) << "and it returned";
+}
+
+TEST_F(Broadcast, BellOfNobodyIsNone) {
+  EXPECT_FALSE(BroadcastBell::map(-1).has_value());
+  EXPECT_FALSE(BroadcastBell::map(door_->descriptor()).has_value());
 }
 
 TEST(BroadcastView, SaysThatNobodyIsThere) {

@@ -29,8 +29,6 @@ struct RingControl {
   alignas(64) std::atomic<std::uint64_t> head{0};
   /// What stood `size` before this position may be overwritten already.
   alignas(64) std::atomic<std::uint64_t> reserved{0};
-  /// Changes with each write: sleep on it.
-  alignas(64) std::atomic<std::uint32_t> word{0};
   /// Events written for each place.
   alignas(64) std::atomic<std::uint64_t> counts[kRingPlaceCountMax]{};
   /// The subscription that has each place; 0: none.
@@ -74,7 +72,7 @@ class RingWriter {
   RingWriter(MutableBytes memory, std::uint64_t id) noexcept;
 
   /// Writes `events`, `event_count` of them, for `places`; false if they are larger than a quarter
-  /// of the ring. Then wake whoever sleeps on word().
+  /// of the ring. Then ring the bell of the memory.
   [[nodiscard]] bool write(const PlaceSet& places, ConstBytes events,
                            std::uint32_t event_count) noexcept;
   /// Where the next record begins.
@@ -83,7 +81,6 @@ class RingWriter {
   void begin_place(std::uint32_t place, std::uint64_t owner) noexcept;
   /// Nobody has the place any more.
   void end_place(std::uint32_t place) noexcept;
-  [[nodiscard]] std::atomic<std::uint32_t>& word() noexcept { return control_->word; }
 
  private:
   void put_word(std::uint64_t position, std::uint64_t value) noexcept;
@@ -134,8 +131,7 @@ class RingReader {
   /// Events that it will never get, as far as is known when it has read all that there is.
   [[nodiscard]] std::uint64_t missed_count() const noexcept { return missed_count_; }
 
-  /// To sleep on until more is written; take its value before the last look.
-  [[nodiscard]] const std::atomic<std::uint32_t>& word() const noexcept { return control_->word; }
+  /// For which the bell rings when there is more.
   [[nodiscard]] std::uint32_t wake_bits() const noexcept { return 1U << (place_ % 32); }
 
  private:
