@@ -4,6 +4,8 @@
 #include <cmath>
 #include <cstdint>
 
+#include "rtpm/base/time.hpp"
+
 namespace rtpm::rt {
 
 /// Tells the time between two looks at the system's clock by counting the processor's ticks, which
@@ -16,7 +18,7 @@ class TickClock {
  public:
   /// How long a look is relied on. An error of the rate of 20 millionths, as short estimates have,
   /// makes 20 ns in that time.
-  static constexpr std::int64_t kWindow_ns = 1'000'000;
+  static constexpr Duration kWindow = std::chrono::milliseconds{1};
 
   /// Whether the last look still holds.
   [[nodiscard]] bool covers(std::uint64_t ticks) const noexcept {
@@ -38,7 +40,7 @@ class TickClock {
     anchor_ns_ = time_ns;
     const std::int64_t since_ns = ns - base_ns_;
     // Sooner, an estimate would be too coarse; the one at hand, if any, is in doubt.
-    if (is_based_ && since_ns < kWindow_ns / 2 && ticks - base_ticks_ < kJump) {
+    if (is_based_ && since_ns < kWindow.count() / 2 && ticks - base_ticks_ < kJump) {
       window_ticks_ = 0;
       return time_ns;
     }
@@ -47,7 +49,8 @@ class TickClock {
     const bool agrees = rate > kRateMin && rate < kRateMax && std::abs(rate - rate_) < rate / 4096;
     rate_ = rate;
     rate_q32_ = agrees ? static_cast<std::uint64_t>(rate * 0x1p32) : 0;
-    window_ticks_ = agrees ? static_cast<std::uint64_t>(static_cast<double>(kWindow_ns) / rate) : 0;
+    window_ticks_ =
+        agrees ? static_cast<std::uint64_t>(static_cast<double>(kWindow.count()) / rate) : 0;
     base_ticks_ = ticks;
     base_ns_ = ns;
     is_based_ = true;
@@ -58,7 +61,7 @@ class TickClock {
   static constexpr double kRateMin = 0.1;  ///< Nanoseconds for a tick.
   static constexpr double kRateMax = 1000;
   /// So many ticks in so short a time are none.
-  static constexpr std::uint64_t kJump = 10 * kWindow_ns;
+  static constexpr std::uint64_t kJump = 10 * kWindow.count();
 
   [[nodiscard]] std::int64_t passed_ns(std::uint64_t ticks) const noexcept {
     return static_cast<std::int64_t>((ticks * rate_q32_) >> 32);

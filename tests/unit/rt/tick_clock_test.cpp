@@ -23,50 +23,50 @@ struct Machine {
 class TickClockTest : public testing::Test {
  protected:
   std::int64_t now() {
-    const auto ticks = static_cast<std::uint64_t>(machine.ticks);
-    if (clock.covers(ticks)) return clock.time_at(ticks);
-    ++look_count;
-    return clock.anchor(ticks, static_cast<std::int64_t>(machine.ns));
+    const auto ticks = static_cast<std::uint64_t>(machine_.ticks);
+    if (clock_.covers(ticks)) return clock_.time_at(ticks);
+    ++look_count_;
+    return clock_.anchor(ticks, static_cast<std::int64_t>(machine_.ns));
   }
-  double error_ns() { return static_cast<double>(now()) - machine.ns; }
+  double error_ns() { return static_cast<double>(now()) - machine_.ns; }
   void run(double span_ns, double step_ns) {
     for (double passed = 0; passed < span_ns; passed += step_ns) {
-      machine.pass(step_ns);
+      machine_.pass(step_ns);
       ASSERT_NEAR(error_ns(), 0, 2);
     }
   }
 
-  Machine machine;
-  TickClock clock;
-  int look_count = 0;
+  Machine machine_;
+  TickClock clock_;
+  int look_count_ = 0;
 };
 
 TEST_F(TickClockTest, LooksOnceInAWindowWhenItKnowsTheRate) {
   run(10e6, 1000);
-  look_count = 0;
+  look_count_ = 0;
   run(100e6, 1000);
-  EXPECT_GE(look_count, 99);
-  EXPECT_LE(look_count, 101);
+  EXPECT_GE(look_count_, 99);
+  EXPECT_LE(look_count_, 101);
 }
 
 TEST_F(TickClockTest, LooksEachTimeUntilItKnowsTheRate) {
   run(0.4e6, 1000);
-  EXPECT_EQ(look_count, 400);
+  EXPECT_EQ(look_count_, 400);
 }
 
 TEST_F(TickClockTest, KnowsTheRateAfterLongSilence) {
   run(10e6, 1000);
-  machine.pass(3600e9);
-  look_count = 0;
+  machine_.pass(3600e9);
+  look_count_ = 0;
   run(0.9e6, 1000);
-  EXPECT_EQ(look_count, 1);
+  EXPECT_EQ(look_count_, 1);
 }
 
 TEST_F(TickClockTest, FollowsARateThatIsSteered) {
   run(10e6, 1000);
-  machine.ns_per_tick *= 1 + 100e-6;
+  machine_.ns_per_tick *= 1 + 100e-6;
   for (int i = 0; i < 100'000; ++i) {
-    machine.pass(1000);
+    machine_.pass(1000);
     // As much as the change makes in one window.
     ASSERT_NEAR(error_ns(), 0, 102);
   }
@@ -76,40 +76,40 @@ TEST_F(TickClockTest, FollowsARateThatIsSteered) {
 TEST_F(TickClockTest, TrustsNoTicksThatJumped) {
   run(10e6, 1000);
   // The machine slept: its ticks went on, its clock did not.
-  machine.ticks += 1e10;
-  look_count = 0;
+  machine_.ticks += 1e10;
+  look_count_ = 0;
   run(10e6, 1000);
-  EXPECT_GT(look_count, 100) << "until it knows the rate again";
+  EXPECT_GT(look_count_, 100) << "until it knows the rate again";
 }
 
 TEST_F(TickClockTest, TrustsNoTicksThatBeganAnew) {
   run(10e6, 1000);
-  machine.ticks = 1000;
-  look_count = 0;
+  machine_.ticks = 1000;
+  look_count_ = 0;
   run(10e6, 1000);
-  EXPECT_GT(look_count, 100) << "until it knows the rate again";
+  EXPECT_GT(look_count_, 100) << "until it knows the rate again";
 }
 
 TEST_F(TickClockTest, LooksAgainAndAgainWhereTheRateIsNone) {
   for (int i = 0; i < 1000; ++i) {
-    machine.ns_per_tick = i % 2 == 0 ? 0.4 : 0.5;
-    machine.pass(1e6);
+    machine_.ns_per_tick = i % 2 == 0 ? 0.4 : 0.5;
+    machine_.pass(1e6);
     ASSERT_NEAR(error_ns(), 0, 2);
   }
-  EXPECT_EQ(look_count, 1000);
+  EXPECT_EQ(look_count_, 1000);
 }
 
 TEST_F(TickClockTest, NeverTellsATimeBeforeOneThatItTold) {
   run(10e6, 1000);
   std::int64_t last = now();
-  machine.ns_per_tick *= 1 - 200e-6;
+  machine_.ns_per_tick *= 1 - 200e-6;
   for (int i = 0; i < 100'000; ++i) {
-    machine.pass(100);
+    machine_.pass(100);
     const std::int64_t next = now();
     ASSERT_GE(next, last);
     last = next;
   }
-  EXPECT_GE(clock.tell(last - 1000), last);
+  EXPECT_GE(clock_.tell(last - 1000), last);
 }
 
 }  // namespace

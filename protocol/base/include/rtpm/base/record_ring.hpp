@@ -97,6 +97,7 @@ class RecordMemory {
   [[nodiscard]] std::size_t left_behind(const std::uint64_t* begin) const noexcept {
     return size_ - static_cast<std::size_t>(begin + 1 - words_) * kRecordWordSize;
   }
+  // NOLINTNEXTLINE(readability-non-const-parameter): what it points to is written.
   static void store(std::uint64_t* to, std::uint64_t value) noexcept {
     std::atomic_ref<std::uint64_t>(*to).store(value, std::memory_order_relaxed);
   }
