@@ -12,9 +12,9 @@ if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU" AND CMAKE_CXX_COMPILER_VERSION VERSION_L
   target_compile_options(rtpm_build_flags INTERFACE -Wno-restrict)
 endif()
 if(RTPM_SANITIZE)
-  # Instrumented code leads this warning of GCC's astray, in its own <regex> for one (GCC bug 105562).
+  # Instrumented code leads these warnings of GCC astray, in its own <regex> for one (GCC bug 105562).
   target_compile_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE} -fno-omit-frame-pointer
-    $<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized>)
+    "$<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized;-Wno-stringop-overread>")
   target_link_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE})
 endif()
 
