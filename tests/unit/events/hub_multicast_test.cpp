@@ -130,21 +130,7 @@ TEST_P(HubMulticast, IsChangedSuspendedResumedAndEnded) {
   ServedHub hub(config());
   const auto supplier = make_supplier(node_, hub);
   const auto consumer = join(hub, recorder_, of_type(kPose));
-  push(*supplier, kPose);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  ASSERT_TRUE(consumer->change(of_type(kButton), {.queue_capacity = 5}));
-  push(*supplier, kPose);
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(2));
-  ASSERT_TRUE(consumer->suspend());
-  push(*supplier, kButton);
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (hub.hub().intake().taken_count < 4 && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 100us);
-  ASSERT_TRUE(consumer->resume());
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(3));
-  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
+  change_suspend_and_resume(hub.hub(), *supplier, *consumer, recorder_);
   consumer->unsubscribe();
   EXPECT_FALSE(consumer->is_subscribed());
 }
@@ -188,11 +174,8 @@ TEST_P(HubMulticast, WhoSleepsLosesWhatIsNoLongerKeptAndIsTold) {
     const ConsumerCounters counters = slow->counters();
     return counters.event_count + counters.losses.total() == kCount;
   };
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (!is_all_told() && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 1ms);
-  EXPECT_TRUE(is_all_told()) << slow->counters().event_count << " and "
-                             << slow->counters().losses.total() << " lost";
+  EXPECT_TRUE(await(is_all_told)) << slow->counters().event_count << " and "
+                                  << slow->counters().losses.total() << " lost";
 }
 
 INSTANTIATE_TEST_SUITE_P(Losses, HubMulticast, testing::Values(0U, 3U), [](const auto& each) {

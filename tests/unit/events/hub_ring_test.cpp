@@ -71,21 +71,7 @@ TEST_F(HubRing, LargeEventsComeWhole) {
 TEST_F(HubRing, IsChangedSuspendedResumedAndEnded) {
   const auto supplier = make_supplier(node_, hub_);
   const auto consumer = join(recorder_, of_type(kPose));
-  push(*supplier, kPose);
-  ASSERT_TRUE(recorder_.await_deliveries(1));
-  ASSERT_TRUE(consumer->change(of_type(kButton), {.queue_capacity = 5}));
-  push(*supplier, kPose);
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(2));
-  ASSERT_TRUE(consumer->suspend());
-  push(*supplier, kButton);
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (hub_.hub().intake().taken_count < 4 && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 100us);
-  ASSERT_TRUE(consumer->resume());
-  push(*supplier, kButton);
-  ASSERT_TRUE(recorder_.await_deliveries(3));
-  EXPECT_EQ(recorder_.text(), "5.0#1 6.0#1 6.0#3");
+  change_suspend_and_resume(hub_.hub(), *supplier, *consumer, recorder_);
   ASSERT_TRUE(recorder_.await_notice(NoticeKind::kLosses));
   EXPECT_EQ(recorder_.notice(NoticeKind::kLosses).losses.suspended_count, 1U);
   consumer->unsubscribe();

@@ -13,14 +13,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-/// Waits until the hub has taken so many events.
-void await_taken(const Hub& hub, std::uint64_t count) {
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (hub.intake().taken_count < count && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 100us);
-  EXPECT_EQ(hub.intake().taken_count, count);
-}
-
 class HubOn : public testing::TestWithParam<rpc::Transport> {
  protected:
   ServedHub hub_{};
@@ -276,10 +268,7 @@ TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
     const auto consumer = make_consumer(node_, hub_, recorder_, everything());
     EXPECT_GE(hub_.hub().subscription_count(), 1U);
   }
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (hub_.hub().subscription_count() > 0 && rt::now() < give_up) {
-    rt::sleep_until(rt::now() + 1ms);
-  }
+  EXPECT_TRUE(await([&] { return hub_.hub().subscription_count() == 0; }));
   EXPECT_EQ(hub_.hub().subscription_count(), 0U);
 }
 
@@ -304,12 +293,10 @@ TEST_F(HubTest, WhoWentAndWhyIsCountedAndTold) {
   for (int i = 0; i < 1000; ++i)
     push(*supplier, kPose);
   const auto counters = [&] { return hub_.hub().departure_counters(); };
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (rt::now() < give_up &&
-         (counters().unsubscribed_count == 0 || counters().silent_count == 0 ||
-          counters().queue_full_count == 0)) {
-    rt::sleep_until(rt::now() + 1ms);
-  }
+  EXPECT_TRUE(await([&] {
+    return counters().unsubscribed_count > 0 && counters().silent_count > 0 &&
+           counters().queue_full_count > 0;
+  }));
   EXPECT_EQ(counters().unsubscribed_count, 1U);
   EXPECT_EQ(counters().silent_count, 1U);
   EXPECT_GE(counters().queue_full_count, 1U);
@@ -393,10 +380,7 @@ TEST(HubLimits, SupplierThatFloodsHarmsOnlyItself) {
     push(*flooder, kPose);
   push(*other, kButton);
   ASSERT_TRUE(recorder.await_deliveries(1));
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (flooder->intake().over_quota_count == 0 && rt::now() < give_up) {
-    rt::sleep_until(rt::now() + 1ms);
-  }
+  EXPECT_TRUE(await([&] { return flooder->intake().over_quota_count > 0; }));
   EXPECT_GT(flooder->intake().over_quota_count, 500U);
   EXPECT_EQ(other->intake().over_quota_count, 0U);
 }

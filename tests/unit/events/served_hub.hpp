@@ -15,12 +15,19 @@
 #include "rtpm/events/hub.hpp"
 #include "rtpm/events/supplier.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/test/os.hpp"
 #include "table.hpp"
 
 /// A hub behind a server, and handlers that write down what they get.
 namespace rtpm::events::test {
 
 inline constexpr std::chrono::seconds kPatience{10};
+
+/// Waits until `is_so()`; false if it does not come to that.
+template <class Condition>
+[[nodiscard]] bool await(Condition is_so) {
+  return rtpm::test::await(is_so, kPatience);
+}
 
 /// A hub that a test may end and start again at the same address.
 class ServedHub {
@@ -185,6 +192,31 @@ inline void push(Supplier& supplier, EventType type, SourceId source = 0,
   const auto pushed =
       supplier.push({.type = type, .source = source, .schema_id = kPoseSchema, .payload = bytes});
   EXPECT_TRUE(pushed) << rpc::to_string(pushed.error());
+}
+
+/// Waits until the hub has taken so many events.
+inline void await_taken(const Hub& hub, std::uint64_t count) {
+  EXPECT_TRUE(await([&] { return hub.intake().taken_count >= count; }));
+  EXPECT_EQ(hub.intake().taken_count, count);
+}
+
+/// Changes, suspends and resumes a subscription of poses between events: what arrives is the same
+/// by whatever way they come.
+inline void change_suspend_and_resume(const Hub& hub, Supplier& supplier, Consumer& consumer,
+                                      Recorder& recorder) {
+  push(supplier, kPose);
+  ASSERT_TRUE(recorder.await_deliveries(1));
+  ASSERT_TRUE(consumer.change(of_type(kButton), {.queue_capacity = 5}));
+  push(supplier, kPose);
+  push(supplier, kButton);
+  ASSERT_TRUE(recorder.await_deliveries(2));
+  ASSERT_TRUE(consumer.suspend());
+  push(supplier, kButton);
+  await_taken(hub, 4);
+  ASSERT_TRUE(consumer.resume());
+  push(supplier, kButton);
+  ASSERT_TRUE(recorder.await_deliveries(3));
+  EXPECT_EQ(recorder.text(), "5.0#1 6.0#1 6.0#3");
 }
 
 }  // namespace rtpm::events::test

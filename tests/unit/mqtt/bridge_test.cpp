@@ -12,7 +12,6 @@
 #include <mutex>
 #include <optional>
 
-#include "rtpm/rt/clock.hpp"
 #include "rtpm/test/process.hpp"
 #include "served_hub.hpp"
 
@@ -37,14 +36,6 @@ std::uint16_t free_port() {
   EXPECT_EQ(getsockname(descriptor, reinterpret_cast<sockaddr*>(&address), &size), 0);
   close(descriptor);
   return ntohs(address.sin_port);
-}
-
-template <class Condition>
-[[nodiscard]] bool await(Condition is_so) {
-  const MonotonicTime give_up = rt::now() + kPatience;
-  while (!is_so() && rt::now() < give_up)
-    rt::sleep_until(rt::now() + 1ms);
-  return is_so();
 }
 
 /// A client of the broker that writes down what comes.

@@ -5,13 +5,12 @@
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
-#include <thread>
 #include <vector>
 
 #include "names.rtpm.hpp"
 #include "registry_fixture.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -49,16 +48,6 @@ class Reports {
   std::condition_variable changed_;
   std::vector<std::string> sentences_;
 };
-
-template <class Condition>
-[[nodiscard]] bool await(Condition is_met) {
-  const MonotonicTime end = rt::now() + kPatience;
-  while (!is_met()) {
-    if (rt::now() > end) return false;
-    std::this_thread::yield();
-  }
-  return true;
-}
 
 void expect_part(const std::string& text, std::string_view part) {
   EXPECT_NE(text.find(part), std::string::npos) << "'" << part << "' is not in: " << text;
@@ -100,7 +89,7 @@ TEST_F(RegistrationTest, RenewsItsLease) {
   ASSERT_TRUE(registration) << registration.error().text;
   Duration least = 2s;
   // The time left grows only if somebody renewed.
-  EXPECT_TRUE(await([&] {
+  EXPECT_TRUE(test::await([&] {
     const auto entry = directory_.resolve(kName);
     if (!entry) return false;
     if (entry->lease_left > least + 200ms) return true;
@@ -114,8 +103,8 @@ TEST_F(RegistrationTest, BindsAgainAfterTheRegistryRestarted) {
   ASSERT_TRUE(registration) << registration.error().text;
   registry_.stop();
   registry_.start();
-  EXPECT_TRUE(await([&] { return url_of(kName) == kUrl; }));
-  EXPECT_TRUE(await([&] { return (*registration)->is_bound(); }));
+  EXPECT_TRUE(test::await([&] { return url_of(kName) == kUrl; }));
+  EXPECT_TRUE(test::await([&] { return (*registration)->is_bound(); }));
 }
 
 TEST_F(RegistrationTest, ReportsOnceThatNoRegistryAnswersAndOnceThatItIsBack) {
@@ -230,7 +219,8 @@ TEST(Registration, ReportsLossAndReturnOnceHoweverOftenItRenews) {
   WilfulRegistry servant;
   ServedRegistry registry(servant);
   const auto await_renewals = [&](int count) {
-    return await([&, end = servant.renewal_count + count] { return servant.renewal_count >= end; });
+    return test::await(
+        [&, end = servant.renewal_count + count] { return servant.renewal_count >= end; });
   };
   rpc::Node node;
   Reports reports;

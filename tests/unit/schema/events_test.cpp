@@ -8,14 +8,13 @@
 #include <map>
 #include <memory>
 #include <string>
-#include <thread>
 
 #include "quantities.rtpm.events.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
-#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
 
 // What generated code says of events, against payloads that its data types write.
 namespace {
@@ -126,17 +125,8 @@ class TypedEvents : public testing::Test {
           is_there = is_there || notice.kind == rtpm::events::NoticeKind::kSubscribed;
         });
     EXPECT_TRUE(consumer) << consumer.error().text;
-    EXPECT_TRUE(await([&] { return is_there.load(); })) << "no subscription";
+    EXPECT_TRUE(rtpm::test::await([&] { return is_there.load(); })) << "no subscription";
     return std::move(*consumer);
-  }
-  template <class Condition>
-  [[nodiscard]] static bool await(Condition condition) {
-    const auto end = rtpm::rt::now() + kPatience;
-    while (!condition()) {
-      if (rtpm::rt::now() > end) return false;
-      std::this_thread::sleep_for(std::chrono::milliseconds{1});
-    }
-    return true;
   }
 
   std::unique_ptr<rtpm::events::Hub> hub_;
@@ -175,7 +165,7 @@ TEST_F(TypedEvents, GoFromTheirSuppliersToTheirConsumers) {
     ASSERT_TRUE(moves->add(builder));
   }
   ASSERT_TRUE(moves->flush());
-  EXPECT_TRUE(await([&] { return touched_x > 1.4 && step != 0; }));
+  EXPECT_TRUE(rtpm::test::await([&] { return touched_x > 1.4 && step != 0; }));
   EXPECT_EQ(touched_by, 3u);
   EXPECT_EQ(step, 7) << "what is near was filtered by the hub";
 }
@@ -191,7 +181,7 @@ TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndLeftOut) {
   ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .schema_id = 1, .payload = bytes}));
   ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .payload = bytes.first(8)}));
   ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .payload = bytes}));
-  EXPECT_TRUE(await([&] { return count == 1; }));
+  EXPECT_TRUE(rtpm::test::await([&] { return count == 1; }));
   EXPECT_EQ(touched.bad_payload_count(), 2u);
 }
 

@@ -13,6 +13,7 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/test/os.hpp"
 
 // Generated code of methods that answer later, with streams, or not at all, over a real server.
 namespace {
@@ -109,15 +110,6 @@ class GeneratedLate : public testing::Test {
     note.text = text;
     return note;
   }
-  template <class Condition>
-  [[nodiscard]] static bool await(Condition condition) {
-    const auto end = rtpm::rt::now() + 20s;
-    while (!condition()) {
-      if (rtpm::rt::now() > end) return false;
-      std::this_thread::sleep_for(1ms);
-    }
-    return true;
-  }
 
   TestFeed feed_;
   std::unique_ptr<rtpm::rpc::Server> server_;
@@ -131,9 +123,9 @@ class GeneratedLate : public testing::Test {
 
 TEST_F(GeneratedLate, OnewaysGoAsFarAsTheirSchemaSays) {
   ASSERT_TRUE(client_->nudge(late::Sample{17, 0}));
-  EXPECT_TRUE(await([&] { return feed_.nudged == 17; }));
+  EXPECT_TRUE(rtpm::test::await([&] { return feed_.nudged == 17; }));
   ASSERT_TRUE(client_->mark(note("here")));
-  EXPECT_TRUE(await([&] {
+  EXPECT_TRUE(rtpm::test::await([&] {
     const std::lock_guard lock(feed_.mutex);
     return feed_.marks == std::vector<std::string>{"here"};
   }));
