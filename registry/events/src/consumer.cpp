@@ -41,16 +41,6 @@ std::string in_words(rpc::CallError error, std::uint32_t miss_count_max) {
 
 constexpr std::size_t kEventSizeMax = std::size_t{16} * 1024 * 1024;
 
-void add(Losses& to, const Losses& more) {
-  to.overflow_count += more.overflow_count;
-  to.replaced_count += more.replaced_count;
-  to.suspended_count += more.suspended_count;
-  to.memory_count += more.memory_count;
-  to.too_large_count += more.too_large_count;
-  to.overrun_count += more.overrun_count;
-  to.unrepaired_count += more.unrepaired_count;
-}
-
 }  // namespace
 
 Consumer::Impl::Impl(rpc::Node& node, std::string target, ConsumerConfig config,
@@ -315,8 +305,8 @@ void Consumer::Impl::update_losses() {
   {
     const std::lock_guard lock(mutex_);
     counters_.losses = earlier_losses_;
-    add(counters_.losses, hub_losses_);
-    add(counters_.losses, own_losses_);
+    counters_.losses.add(hub_losses_);
+    counters_.losses.add(own_losses_);
   }
   tell(NoticeKind::kLosses, "");
 }

@@ -15,16 +15,6 @@ std::uint32_t sum_of(std::uint32_t a, std::uint32_t b) noexcept {
   return a > kUncertaintyUnknown - b ? kUncertaintyUnknown : a + b;
 }
 
-void add(Losses& to, const Losses& more) noexcept {
-  to.overflow_count += more.overflow_count;
-  to.replaced_count += more.replaced_count;
-  to.suspended_count += more.suspended_count;
-  to.memory_count += more.memory_count;
-  to.too_large_count += more.too_large_count;
-  to.overrun_count += more.overrun_count;
-  to.unrepaired_count += more.unrepaired_count;
-}
-
 }  // namespace
 
 std::string_view to_string(LinkState state) noexcept {
@@ -255,7 +245,7 @@ void Link::on_notice(const Notice& notice) {
   {
     const std::lock_guard lock(mutex_);
     status_.losses = earlier_losses_;
-    add(status_.losses, notice.losses);
+    status_.losses.add(notice.losses);
     switch (notice.kind) {
       case NoticeKind::kSubscribed:
       case NoticeKind::kResubscribed:

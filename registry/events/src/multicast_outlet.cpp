@@ -4,7 +4,7 @@
 #include <array>
 #include <utility>
 
-#include "rtpm/base/assert.hpp"
+#include "broadcast_group.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 
@@ -45,18 +45,11 @@ std::uint64_t MulticastOutlet::begin_place(SubscriptionNumber number,
 
 void MulticastOutlet::broadcast(std::span<const SubscriptionNumber> subscriptions,
                                 std::span<const EventRef> group) noexcept {
-  EventWriter writer(std::as_writable_bytes(std::span(encoded_)));
   const MonotonicTime now = rt::now();
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    EventHeader header = group[i].header();
-    header.hub_sent = now;
-    header.is_continued = i + 1 < group.size();
-    const bool is_put = writer.put(header, group[i].payload());
-    RTPM_ASSERT(is_put, "the room is for the largest group");
-  }
+  const ConstBytes events = encode_group(group, now, std::as_writable_bytes(std::span(encoded_)));
   while (!subscriptions.empty()) {
     const std::size_t count = std::min(subscriptions.size(), kMulticastOwnerCountMax);
-    write(subscriptions.first(count), writer.bytes(), group.size());
+    write(subscriptions.first(count), events, group.size());
     subscriptions = subscriptions.subspan(count);
   }
   heartbeat_interval_ = kHeartbeatFirst;

@@ -4,6 +4,7 @@
 #include <array>
 #include <utility>
 
+#include "broadcast_group.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::events {
@@ -56,13 +57,9 @@ void MulticastSession::receive() noexcept {
 std::optional<MulticastSession::Outcome> MulticastSession::fill_queue() {
   for (bool is_again = true; is_again;) {
     for (int i = 0; i < kRecordsPerTurn && reader_->read(); ++i) {
-      group_.clear();
-      EventReader events(reader_->events());
-      auto event = events.next();
-      for (; event && group_.size() < kGroupSizeMax; event = events.next())
-        group_.push_back(*event);
+      const bool is_sound = decode_group(reader_->events(), group_);
       reader_->count_read(group_.size());
-      if (event || event.error() != EventError::kEnd || group_.empty()) return Outcome::kBroken;
+      if (!is_sound) return Outcome::kBroken;
       if (!queue_.push(group_)) return Outcome::kFallenBehind;
     }
     const bool was_due = rt::now() >= repair_due_;

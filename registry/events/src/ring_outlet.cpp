@@ -3,6 +3,7 @@
 #include <bit>
 #include <string>
 
+#include "broadcast_group.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 
@@ -37,17 +38,10 @@ void RingOutlet::broadcast(std::span<const SubscriptionNumber> subscriptions,
   PlaceSet places;
   for (const SubscriptionNumber number : subscriptions)
     places.add(number);
-  EventWriter writer(std::as_writable_bytes(std::span(encoded_)));
-  const MonotonicTime now = rt::now();
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    EventHeader header = group[i].header();
-    header.hub_sent = now;
-    header.is_continued = i + 1 < group.size();
-    const bool is_put = writer.put(header, group[i].payload());
-    RTPM_ASSERT(is_put, "the room is for the largest group");
-  }
+  const ConstBytes events =
+      encode_group(group, rt::now(), std::as_writable_bytes(std::span(encoded_)));
   const auto count = static_cast<std::uint32_t>(group.size());
-  if (writer_.write(places, writer.bytes(), count)) {
+  if (writer_.write(places, events, count)) {
     wake_bits_ |= places.wake_bits();
     return;
   }

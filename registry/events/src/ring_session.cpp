@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "broadcast_group.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::events {
@@ -31,13 +32,9 @@ void RingSession::set_policy(const DeliveryPolicy& policy) {
 }
 
 bool RingSession::parse() noexcept {
-  group_.clear();
-  EventReader events(reader_->events());
-  auto event = events.next();
-  for (; event && group_.size() < kGroupSizeMax; event = events.next())
-    group_.push_back(*event);
+  const bool is_sound = decode_group(reader_->events(), group_);
   reader_->count_read(group_.size());
-  return !event && event.error() == EventError::kEnd && !group_.empty();
+  return is_sound;
 }
 
 std::optional<RingSession::Outcome> RingSession::fill_queue() {

@@ -62,6 +62,15 @@ struct Losses {
   /// Of multicast: lost on the network, or by a full socket, and no longer kept by the hub.
   std::uint64_t unrepaired_count = 0;
   friend bool operator==(const Losses&, const Losses&) = default;
+  void add(const Losses& more) noexcept {
+    overflow_count += more.overflow_count;
+    replaced_count += more.replaced_count;
+    suspended_count += more.suspended_count;
+    memory_count += more.memory_count;
+    too_large_count += more.too_large_count;
+    overrun_count += more.overrun_count;
+    unrepaired_count += more.unrepaired_count;
+  }
   [[nodiscard]] std::uint64_t total() const noexcept {
     return overflow_count + replaced_count + suspended_count + memory_count + too_large_count +
            overrun_count + unrepaired_count;
