@@ -71,6 +71,8 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
               "Calls of a lane that may be unfinished at a time", {0, 4096});
   options.add("streams-max", server.stream_count_max,
               "How many of them may be streams, per transport", {0, 1024});
+  options.add("local-oneways-max", server.local_oneway_count_max,
+              "Oneways of the same program that wait or run in a lane at a time", {0, 4096});
 }
 
 }  // namespace

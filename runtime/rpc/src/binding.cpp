@@ -117,6 +117,7 @@ expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
   std::vector<Priority> priorities = options.warm_up;
   // Calls without a priority of their own go at the object's.
   if (outcome.bound.is_server_declared) priorities = {outcome.bound.priority};
+  if (binding.impl_->door) binding.impl_->door->open_places(priorities);
   const auto warm = priorities.empty() ? binding.impl_->warm_up_all(deadline)
                                        : binding.impl_->warm_up(priorities, deadline);
   if (!warm) {
@@ -135,6 +136,7 @@ Binding& Binding::operator=(Binding&&) noexcept = default;
 Binding::~Binding() = default;
 
 expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {
+  if (impl_->door && !priorities.empty()) impl_->door->open_places(priorities);
   const auto warm = impl_->warm_up(priorities, deadline_after(impl_->default_deadline));
   if (warm) return {};
   return setup_error(explain({.error = warm.error()}, impl_->interface, impl_->path, impl_->url));

@@ -7,6 +7,15 @@
 
 // How a binding calls an object of its own program.
 namespace rtpm::rpc {
+namespace {
+
+expected<LocalChannel*, CallError> place_of(LocalGate& gate) noexcept {
+  LocalChannel* const place = gate.take_place();
+  if (place == nullptr) return unexpected{CallError::kOverload};
+  return place;
+}
+
+}  // namespace
 
 std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
     const Plan& plan, ConstBytes request) noexcept {
@@ -18,7 +27,10 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   if (gate == nullptr) return unexpected{CallError::kPriorityNotAllowed};
   // The server has stopped; another may be at its address.
   if (gate->is_closed()) return {};
-  const auto taken = node.impl().local_channels.take();
+  const bool is_oneway = plan.delivery == wire::Delivery::kSent;
+  const auto taken = is_oneway && gate->has_places_for(request.size())
+                         ? place_of(*gate)
+                         : node.impl().local_channels.take();
   if (!taken) return unexpected{taken.error()};
   LocalChannel& channel = **taken;
   LocalCallParameters parameters;
@@ -30,10 +42,10 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   parameters.deadline = plan.deadline;
   parameters.message_size_max = std::min(door->message_size_max(), node.config().message_size_max);
   if (!channel.write(parameters, request)) {
-    channel.release();
+    channel.give_up();
     return unexpected{CallError::kTooLarge};
   }
-  if (plan.delivery == wire::Delivery::kSent) {
+  if (is_oneway) {
     gate->submit(channel, /*is_awaited=*/false);
     return ReplyLease(ConstBytes{}, nullptr);
   }

@@ -102,7 +102,8 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       pending_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
                                              setup.sessions.message_size_max,
                                              Crew::is_wanted(setup.config, setup.borrows), bell_)),
-      gate_(std::make_shared<LocalGate>(bell_, *this)),
+      gate_(std::make_shared<LocalGate>(bell_, *this, setup.local_oneway_count_max,
+                                        setup.sessions.message_size_max)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
       turns_per_look_(kTurnsPerLook),
       slot_(*setup.slot) {
@@ -282,7 +283,8 @@ bool Lane::turn() noexcept {
 
 // A caller that calls again at once must not keep others of its band waiting call after call.
 bool Lane::is_memory_look_due() const noexcept {
-  return memory_sources_.size() > 1 && received_ - last_memory_look_ >= kTimePerMemoryLook;
+  const std::size_t others = memory_sources_.size() - (hot_ != kLocal && is_memory(hot_) ? 1 : 0);
+  return others > 0 && received_ - last_memory_look_ >= kTimePerMemoryLook;
 }
 
 // Whether it is time to look at the sources that are not hot.

@@ -34,6 +34,7 @@ struct LaneSetup {
   std::uint32_t large_message_count_max = 0;
   std::uint32_t deferred_call_count_max = 0;
   std::uint32_t stream_count_max = 0;
+  std::uint32_t local_oneway_count_max = 0;
   PriorityTransform inbound_priority = nullptr;
   /// The next lower lane, if this one may borrow its threads, and those of the ones below.
   class Lane* lower = nullptr;

@@ -36,7 +36,7 @@ class LocalDeferral final : public Deferral {
     PendingCall* const call = pool_->take();
     if (call == nullptr) return {};
     is_taken_ = true;
-    call->take_in(request_, channel_, /*is_late=*/true);
+    call->take_in(request_, channel_, /*is_elsewhere=*/true);
     call->request.payload = {};
     return reply_for(pool_, call);
   }
@@ -61,9 +61,17 @@ class NoDeferral final : public Deferral {
 }  // namespace
 
 bool Lane::serve_local() noexcept {
-  const bool has_some = gate_->take([&](LocalChannel& channel) { serve_local_call(channel); });
-  if (has_some) publish();
-  return has_some;
+  const std::uint32_t refused_count = gate_->take_refused_count();
+  LocalChannel* call = gate_->take_next();
+  if (call == nullptr && refused_count == 0) return false;
+  counters_.overload_count += refused_count;
+  is_unpublished_ = true;
+  if (call != nullptr) serve_local_call(*call);
+  // One by turn, as of any source. A crew only puts them in order, which wants to know them all.
+  while (crew_ && (call = gate_->take_next()) != nullptr)
+    serve_local_call(*call);
+  publish();
+  return true;
 }
 
 void Lane::serve_local_call(LocalChannel& channel) noexcept {
@@ -77,7 +85,8 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
     PendingCall* const call =
         is_stopping_.load(std::memory_order_relaxed) ? nullptr : pending_->take();
     if (call != nullptr) {
-      call->take_in(request, channel, /*is_late=*/false);
+      // Several threads at a time may run calls from places, which share the room for replies.
+      call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
       if (find_place(*call, object)) return note_queued(request);
     }
     ++counters_.overload_count;
@@ -101,7 +110,9 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
 void Lane::serve_pending_local(PendingCall& call) noexcept {
   LocalChannel* const channel = call.local;
   // Without, its caller was told that the lane stops.
-  if (channel != nullptr) {
+  if (channel != nullptr && channel->is_place()) {
+    channel->finish(call.status, 0);
+  } else if (channel != nullptr) {
     const bool fits = call.size <= channel->reply().size();
     if (fits && call.size > 0 && call.reply.data() != channel->reply().data()) {
       std::memcpy(channel->reply().data(), call.reply.data(), call.size);

@@ -4,7 +4,9 @@
 #include <cstring>
 #include <map>
 #include <mutex>
+#include <utility>
 
+#include "local_oneways.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -36,18 +38,27 @@ std::atomic<std::uint64_t> session_serial{0xffff'ffff'0000'0000};
 }  // namespace
 
 LocalChannel::LocalChannel(std::uint32_t message_size_max)
-    : request_(message_size_max), reply_(message_size_max) {
+    : request_(message_size_max),
+      reply_(message_size_max),
+      request_room_(request_.bytes()),
+      reply_room_(reply_.bytes()) {
   // What most calls use does not fault with the first.
-  for (const MutableBytes bytes : {request_.bytes(), reply_.bytes()}) {
+  for (const MutableBytes bytes : {request_room_, reply_room_}) {
     if (!bytes.empty()) std::memset(bytes.data(), 0, std::min<std::size_t>(bytes.size(), 4096));
   }
 }
 
+void LocalChannel::give_up() noexcept {
+  if (home_ != nullptr) return home_->give_back(*this);
+  release();
+}
+
 bool LocalChannel::write(const LocalCallParameters& parameters, ConstBytes request) noexcept {
-  if (request.size() > parameters.message_size_max) return false;
+  const std::size_t room = std::min<std::size_t>(parameters.message_size_max, request_room_.size());
+  if (request.size() > room) return false;
   parameters_ = parameters;
   request_size_ = request.size();
-  if (!request.empty()) std::memcpy(request_.bytes().data(), request.data(), request.size());
+  if (!request.empty()) std::memcpy(request_room_.data(), request.data(), request.size());
   return true;
 }
 
@@ -83,26 +94,75 @@ bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
 void LocalChannel::finish(wire::Status status, std::uint32_t size) noexcept {
   status_ = status;
   size_ = size;
+  if (home_ != nullptr) return home_->give_back(*this);  // Nobody waits.
   const State before = state_.exchange(State::kDone, std::memory_order_acq_rel);
   if (before == State::kWaiting) done_.post();
   if (before == State::kLeft) release();
 }
 
+LocalGate::LocalGate(std::shared_ptr<Doorbell> bell, Lane& lane, std::uint32_t oneway_count_max,
+                     std::uint32_t message_size_max) noexcept
+    : bell_(std::move(bell)),
+      lane_(lane),
+      oneway_count_max_(oneway_count_max),
+      message_size_max_(message_size_max) {}
+
+LocalGate::~LocalGate() = default;
+
 void LocalGate::submit(LocalChannel& call, bool is_awaited) noexcept {
   call.submit(is_awaited);
   calls_.push(call);
   // SYNC POINT local-gate: either the lane sees the call after it closed the gate, or we see that.
-  if (is_closed_.load(std::memory_order_seq_cst)) return refuse_all();
+  if (is_closed_.load(std::memory_order_seq_cst)) return refuse_new();
   bell_->wake();
+}
+
+void LocalGate::open_places() {
+  const rt::AllowAllocationScope is_allowed;
+  const std::lock_guard lock(opening_);
+  if (places_ || oneway_count_max_ == 0) return;
+  places_ = std::make_unique<LocalOneways>(oneway_count_max_, message_size_max_);
+  // SYNC POINT local-places: they are whole.
+  open_places_.store(places_.get(), std::memory_order_release);
+}
+
+bool LocalGate::has_places_for(std::size_t size) const noexcept {
+  return oneway_count_max_ > 0 && size <= LocalOneways::kSizeMax;
+}
+
+LocalChannel* LocalGate::take_place() noexcept {
+  // SYNC POINT local-places
+  LocalOneways* places = open_places_.load(std::memory_order_acquire);
+  if (places == nullptr) {
+    open_places();
+    places = open_places_.load(std::memory_order_acquire);
+  }
+  LocalChannel* const place = places->take();
+  if (place != nullptr) return place;
+  refused_count_.fetch_add(1, std::memory_order_seq_cst);
+  bell_->wake();
+  return nullptr;
+}
+
+LocalChannel* LocalGate::take_next() noexcept {
+  if (taken_ == nullptr) taken_ = calls_.take_chain();
+  if (taken_ == nullptr) return nullptr;
+  return std::exchange(taken_, taken_->next_ready.load(std::memory_order_relaxed));
+}
+
+std::uint32_t LocalGate::take_refused_count() noexcept {
+  if (refused_count_.load(std::memory_order_relaxed) == 0) return 0;
+  return refused_count_.exchange(0, std::memory_order_relaxed);
 }
 
 void LocalGate::close() noexcept {
   // SYNC POINT local-gate
   is_closed_.store(true, std::memory_order_seq_cst);
-  refuse_all();
+  while (LocalChannel* const call = take_next())
+    call->finish(wire::Status::kStopping, 0);
 }
 
-void LocalGate::refuse_all() noexcept {
+void LocalGate::refuse_new() noexcept {
   calls_.take([](LocalChannel& call) { call.finish(wire::Status::kStopping, 0); });
 }
 
@@ -112,6 +172,16 @@ LocalGate* LocalDoor::gate_of(Priority priority) const noexcept {
     if (entry.band.contains(priority)) return entry.gate.get();
   }
   return nullptr;
+}
+
+void LocalDoor::open_places(std::span<const Priority> priorities) const {
+  for (const Entry& entry : entries_) {
+    const bool is_wanted =
+        priorities.empty() || std::ranges::any_of(priorities, [&](Priority priority) {
+          return entry.band.contains(priority);
+        });
+    if (is_wanted) entry.gate->open_places();
+  }
 }
 
 void LocalDoor::open(const std::shared_ptr<LocalDoor>& door) {

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <vector>
 
 #include "ready_list.hpp"
@@ -22,6 +23,7 @@
 namespace rtpm::rpc {
 
 class Lane;
+class LocalOneways;
 
 /// What a local call says beside its request.
 struct LocalCallParameters {
@@ -35,22 +37,31 @@ struct LocalCallParameters {
 };
 
 /// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;
-/// if the caller gives up meanwhile, the lane has it until it is done.
+/// if the caller gives up meanwhile, the lane has it until it is done. That of a oneway is the
+/// lane's from the beginning.
 /// Threads: try_take() any; what is the lane's, the lane's; the rest by the one that took it.
 /// RT: alloc-free but for construction; at most one syscall a side, to wake or to wait.
 class LocalChannel {
  public:
   explicit LocalChannel(std::uint32_t message_size_max);
+  /// A place of `home`, which has the memory; `number` is the place's there.
+  LocalChannel(MutableBytes request_room, MutableBytes reply_room, LocalOneways& home,
+               std::uint32_t number) noexcept
+      : request_room_(request_room), reply_room_(reply_room), home_(&home), number_(number) {}
 
   [[nodiscard]] bool try_take() noexcept {
     State free = State::kFree;
     return state_.compare_exchange_strong(free, State::kTaken, std::memory_order_acquire);
   }
   void release() noexcept { state_.store(State::kFree, std::memory_order_release); }
+  [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
   /// Nobody has it.
   [[nodiscard]] bool is_free() const noexcept {
     return state_.load(std::memory_order_acquire) == State::kFree;
   }
+
+  /// Gives back a channel or a place that was not submitted.
+  void give_up() noexcept;
 
   /// Copies the request; false if it is too large.
   [[nodiscard]] bool write(const LocalCallParameters& parameters, ConstBytes request) noexcept;
@@ -61,16 +72,16 @@ class LocalChannel {
   /// Waits until the lane is done; false if that took beyond the deadline: then it is the lane's.
   [[nodiscard]] bool wait(const rt::WaitConfig& how) noexcept;
   [[nodiscard]] wire::Status status() const noexcept { return status_; }
-  [[nodiscard]] ConstBytes result() const noexcept { return reply_.bytes().first(size_); }
+  [[nodiscard]] ConstBytes result() const noexcept { return reply_room_.first(size_); }
 
   // The lane's.
   [[nodiscard]] const LocalCallParameters& parameters() const noexcept { return parameters_; }
-  [[nodiscard]] ConstBytes request() const noexcept {
-    return request_.bytes().first(request_size_);
-  }
+  [[nodiscard]] ConstBytes request() const noexcept { return request_room_.first(request_size_); }
   [[nodiscard]] MutableBytes reply() const noexcept {
-    return reply_.bytes().first(parameters_.message_size_max);
+    return reply_room_.first(parameters_.message_size_max);
   }
+  /// A place for oneways: what is written into reply() is no one's.
+  [[nodiscard]] bool is_place() const noexcept { return home_ != nullptr; }
   /// It is the caller's again, or free.
   void finish(wire::Status status, std::uint32_t size) noexcept;
 
@@ -87,8 +98,12 @@ class LocalChannel {
   };
 
   LocalCallParameters parameters_{};
-  rt::LazyMemory request_;
+  rt::LazyMemory request_;  ///< Its own, unless it is a place.
   rt::LazyMemory reply_;
+  MutableBytes request_room_;
+  MutableBytes reply_room_;
+  LocalOneways* home_ = nullptr;
+  std::uint32_t number_ = 0;
   std::size_t request_size_ = 0;
   alignas(64) std::atomic<State> state_{State::kFree};
   wire::Status status_ = wire::Status::kOk;
@@ -97,19 +112,38 @@ class LocalChannel {
 };
 
 /// Where local calls enter a lane. It may outlive the lane.
-/// Threads: submit() any; close() and take() the lane's.   RT: alloc-free.
+/// Threads: submit(), take_place() and open_places() any; the rest, but for is_closed(), the
+/// lane's.   RT: alloc-free but for open_places().
 class LocalGate {
  public:
-  LocalGate(std::shared_ptr<Doorbell> bell, Lane& lane) noexcept
-      : bell_(std::move(bell)), lane_(lane) {}
+  /// `oneway_count_max`: how many oneways may wait or run.
+  LocalGate(std::shared_ptr<Doorbell> bell, Lane& lane, std::uint32_t oneway_count_max,
+            std::uint32_t message_size_max) noexcept;
+  LocalGate(const LocalGate&) = delete;
+  LocalGate& operator=(const LocalGate&) = delete;
+  ~LocalGate();
 
   void submit(LocalChannel& call, bool is_awaited) noexcept;
-  [[nodiscard]] bool has_calls() const noexcept { return !calls_.is_empty(); }
-  [[nodiscard]] bool may_sleep() const noexcept { return calls_.is_empty_before_sleep(); }
-  template <class Visitor>
-  bool take(Visitor visit) noexcept {
-    return calls_.take(visit);
+  /// Makes the places for oneways, unless they are there.   Set-up only.
+  void open_places();
+  /// Whether a oneway of that size has places of its own.
+  [[nodiscard]] bool has_places_for(std::size_t size) const noexcept;
+  /// One of them; null if oneways wait or run in all, which the lane counts as overload.
+  /// Allocates at first if nobody opened the places.
+  [[nodiscard]] LocalChannel* take_place() noexcept;
+
+  [[nodiscard]] bool has_calls() const noexcept {
+    return taken_ != nullptr || !calls_.is_empty() ||
+           refused_count_.load(std::memory_order_relaxed) > 0;
   }
+  [[nodiscard]] bool may_sleep() const noexcept {
+    return taken_ == nullptr && calls_.is_empty_before_sleep() &&
+           refused_count_.load(std::memory_order_seq_cst) == 0;
+  }
+  /// The call that came first, or null.
+  [[nodiscard]] LocalChannel* take_next() noexcept;
+  /// How many oneways found no place since it was last asked.
+  [[nodiscard]] std::uint32_t take_refused_count() noexcept;
   /// From here on calls end with kStopping.
   void close() noexcept;
   [[nodiscard]] bool is_closed() const noexcept {
@@ -119,12 +153,19 @@ class LocalGate {
   [[nodiscard]] Lane& lane() const noexcept { return lane_; }
 
  private:
-  void refuse_all() noexcept;
+  void refuse_new() noexcept;
 
   ReadyList<LocalChannel> calls_;
+  std::atomic<std::uint32_t> refused_count_{0};
   std::atomic<bool> is_closed_{false};
+  LocalChannel* taken_ = nullptr;  ///< The lane's: those that came before what is in calls_.
   std::shared_ptr<Doorbell> bell_;
   Lane& lane_;
+  std::uint32_t oneway_count_max_;
+  std::uint32_t message_size_max_;
+  rt::PiMutex opening_;
+  std::unique_ptr<LocalOneways> places_;
+  std::atomic<LocalOneways*> open_places_{nullptr};  ///< The same, once they are whole.
 };
 
 /// A server as callers of the same program see it, found by its epoch while it runs.
@@ -146,6 +187,8 @@ class LocalDoor {
   /// The lane that serves the priority; null above the ceiling.
   [[nodiscard]] LocalGate* gate_of(Priority priority) const noexcept;
   [[nodiscard]] std::uint32_t message_size_max() const noexcept { return message_size_max_; }
+  /// Makes the places for oneways of these priorities; of all, if there are none.
+  void open_places(std::span<const Priority> priorities) const;
 
   static void open(const std::shared_ptr<LocalDoor>& door);
   static void close(const LocalDoor& door) noexcept;

@@ -41,13 +41,14 @@ struct PendingCall {
     local = nullptr;
     reply = reply_room;
   }
-  /// A call of the same program, which is answered where it wants its reply, unless that comes
-  /// later: its caller may be gone by then.
-  void take_in(const wire::Request& its_request, LocalChannel& channel, bool is_late) noexcept {
+  /// A call of the same program, which is answered where it wants its reply, unless that has to be
+  /// `is_elsewhere`: where it comes later, its caller may be gone by then.
+  void take_in(const wire::Request& its_request, LocalChannel& channel,
+               bool is_elsewhere) noexcept {
     request = its_request;
     sessions = nullptr;
     local = &channel;
-    reply = is_late ? reply_room : channel.reply();
+    reply = is_elsewhere ? reply_room : channel.reply();
     item_size_max = 0;
   }
 

@@ -61,10 +61,8 @@ class ReadyList {
   [[nodiscard]] bool is_empty_before_sleep() const noexcept {
     return first_.load(std::memory_order_seq_cst) == nullptr;
   }
-  /// Takes all and visits them, the first pushed first; gives back whether there were any. Each is
-  /// out of the list when it is visited.
-  template <class Visitor>
-  bool take(Visitor visit) noexcept {
+  /// Takes all, linked by their `next_ready`, the first pushed first; null if there are none.
+  [[nodiscard]] T* take_chain() noexcept {
     // SYNC POINT ready-list
     T* newest = first_.exchange(nullptr, std::memory_order_seq_cst);
     T* first = nullptr;
@@ -74,6 +72,13 @@ class ReadyList {
       first = newest;
       newest = next;
     }
+    return first;
+  }
+  /// Takes all and visits them, the first pushed first; gives back whether there were any. Each is
+  /// out of the list when it is visited.
+  template <class Visitor>
+  bool take(Visitor visit) noexcept {
+    T* first = take_chain();
     const bool has_some = first != nullptr;
     while (first != nullptr) {
       T& thing = *first;

@@ -24,6 +24,7 @@ constexpr std::size_t kLaneCountMax = 64;
 
 constexpr std::uint32_t kThreadCountMax = 64;
 constexpr std::uint32_t kBufferedRequestMax = 4096;
+constexpr std::uint32_t kLocalOnewayMax = 4096;
 
 SetupError out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
                         std::uint32_t high) {
@@ -87,6 +88,10 @@ expected<void, SetupError> check_limits(const ServerConfig& config) {
   if (config.session_count_max < 1 || config.session_count_max > 0xffff) {
     return setup_error("session_count_max is " + std::to_string(config.session_count_max) +
                        ". Remedy: choose 1 to 65535.");
+  }
+  if (config.local_oneway_count_max > kLocalOnewayMax) {
+    return unexpected{
+        out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0, kLocalOnewayMax)};
   }
   return {};
 }
@@ -221,6 +226,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.large_message_count_max = config_.large_message_count_max;
   setup.deferred_call_count_max = config_.deferred_call_count_max;
   setup.stream_count_max = config_.stream_count_max;
+  setup.local_oneway_count_max = config_.local_oneway_count_max;
   setup.inbound_priority = config_.inbound_priority;
   setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {

@@ -92,6 +92,23 @@ TEST_P(NoAllocation, InAThousandCalls) {
   EXPECT_EQ(server.servant.run_count(), 2 * kCallCount);
 }
 
+TEST_P(NoAllocation, InAThousandOneways) {
+  EchoServer server(server_config());
+  Node node(node_config());
+  Binding binding = bind_echo(node, server, {.warm_up = {100}});
+  int sent_count = 0;
+  {
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < kCallCount; ++i) {
+      const auto sent = binding.send(echo::kEcho, {}, wire::Delivery::kSent, {.priority = 100});
+      sent_count += sent ? 1 : 0;
+      // What is sent faster than it runs may be refused, or lost.
+      if (i % 16 == 0) static_cast<void>(binding.call(echo::kEcho, {}, {.priority = 100}));
+    }
+  }
+  EXPECT_EQ(sent_count, kCallCount);
+}
+
 TEST_P(NoAllocation, InCallsThatFail) {
   ServerConfig config = server_config();
   config.message_size_max = 2000;

@@ -119,7 +119,9 @@ class Binding {
   /// Calls `method`, which gives nothing back, and waits only as long as `delivery` says: not at
   /// all, until the server has it and is about to run it, or until it ran. What does not fit a
   /// frame is never merely sent, but confirmed. RT: as call().   Errors: as call(); what was merely
-  /// sent may be lost without any. Source: spec/hprotocol.md#hp-5.8; CORBA's SyncScope.
+  /// sent may be lost without any, and over Transport::kLocal gives kOverload where
+  /// ServerConfig::local_oneway_count_max of them wait or run already: send less often.
+  /// Source: spec/hprotocol.md#hp-5.8; CORBA's SyncScope.
   [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
                                                wire::Delivery delivery,
                                                const CallOptions& options = {}) noexcept;

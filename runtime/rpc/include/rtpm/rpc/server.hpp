@@ -101,6 +101,12 @@ struct ServerConfig {
   std::uint32_t deferred_call_count_max = 32;
   /// How many of them may be streams, per transport; more are refused with overload; 0…1024.
   std::uint32_t stream_count_max = 16;
+  /// How many oneways of callers in the same program, of at most 1344 bytes each, may wait or run
+  /// in a lane at a time, as over a wire they wait in the socket's buffer; 0…4096. More are refused
+  /// with overload. Each lane takes the memory for them, 1.5 KiB each, once a caller in the same
+  /// program binds an object of the server. Larger ones, and with 0 all, take a call channel of
+  /// their caller each until they ran.
+  std::uint32_t local_oneway_count_max = 512;
   /// Serves callers of the same user on this host through shared memory, too.
   bool shared_memory = true;
   /// Where the socket for it is: empty: an abstract name, which leaves no file and reaches as far

@@ -71,7 +71,7 @@ struct EchoServer {
     EXPECT_TRUE(created) << created.error().text;
     if (!created) return;
     server = std::move(*created);
-    const auto added = server->add("echo", servant, options);
+    const auto added = server->add("echo", servant, std::move(options));
     EXPECT_TRUE(added) << added.error().text;
     const auto started = server->start();
     EXPECT_TRUE(started) << started.error().text;

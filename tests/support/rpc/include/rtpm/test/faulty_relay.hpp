@@ -36,7 +36,7 @@ class FaultyRelay {
       : server_(address_of(server_port)), faults_(faults), random_(faults.seed) {
     front_ = open_socket();
     sockaddr_in own = address_of(0);
-    bind(front_.number(), as_any(own), sizeof own);
+    static_cast<void>(bind(front_.number(), as_any(own), sizeof own));
     socklen_t size = sizeof own;
     getsockname(front_.number(), as_any(own), &size);
     port_ = ntohs(own.sin_port);
@@ -106,7 +106,7 @@ class FaultyRelay {
       if (clients_[i].address.sin_port == from.sin_port) return i;
     }
     Client client{from, open_socket()};
-    connect(client.to_server.number(), as_any(server_), sizeof server_);
+    static_cast<void>(connect(client.to_server.number(), as_any(server_), sizeof server_));
     clients_.push_back(std::move(client));
     return clients_.size() - 1;
   }
