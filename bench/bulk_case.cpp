@@ -12,7 +12,7 @@ LoadPlan plan_of() {
   return {.case_name = "bulk",
           .field = "bulk_callers",
           .people = "bulk caller",
-          .caller_counts = {1},
+          .caller_counts = {0, 1},
           .connect = [](Duel& duel, Side) -> expected<std::vector<Job>, std::string> {
             auto job = duel.connect_bulk(kBulkSize);
             if (!job) return unexpected{job.error()};

@@ -77,6 +77,7 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_
   for (int round = 0; round < sides.samples[0].round_count(); ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
+    const StealWatch steal;
     for (std::size_t done = 0; done < count_per_round; done += amount.block_size) {
       const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,
@@ -86,6 +87,9 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_
       }
       is_rtpm_first = !is_rtpm_first;
     }
+    if (!steal.saw_any()) continue;
+    for (Samples& samples : sides.samples)
+      samples.leave_out_round();
   }
   return {};
 }

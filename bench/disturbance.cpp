@@ -39,21 +39,13 @@ std::string value_in(const fs::path& path, const std::string& key) {
   return "unknown";
 }
 
-bool is_measured_thread(pid_t thread) {
-  sched_param parameter{};
-  return sched_getscheduler(thread) == SCHED_FIFO && sched_getparam(thread, &parameter) == 0 &&
-         parameter.sched_priority >= rt::level_of(kHighPriority);
-}
+/// Of all CPUs, in ticks.
+struct CpuTime {
+  std::uint64_t stolen = 0;
+  std::uint64_t total = 0;
+};
 
-}  // namespace
-
-DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) : processes_(std::move(servers)) {
-  processes_.push_back(getpid());
-  cpu_time_ = read_cpu_time();
-  run_delays_ = read_run_delays();
-}
-
-DisturbanceWatch::CpuTime DisturbanceWatch::read_cpu_time() {
+CpuTime read_cpu_time() {
   std::istringstream line(first_line_of("/proc/stat"));
   std::string name;
   line >> name;
@@ -66,6 +58,28 @@ DisturbanceWatch::CpuTime DisturbanceWatch::read_cpu_time() {
     if (field == 7) time.stolen = ticks;
   }
   return time;
+}
+
+bool is_measured_thread(pid_t thread) {
+  sched_param parameter{};
+  return sched_getscheduler(thread) == SCHED_FIFO && sched_getparam(thread, &parameter) == 0 &&
+         parameter.sched_priority >= rt::level_of(kHighPriority);
+}
+
+}  // namespace
+
+StealWatch::StealWatch() : stolen_(read_cpu_time().stolen) {}
+
+bool StealWatch::saw_any() const {
+  return read_cpu_time().stolen != stolen_;
+}
+
+DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) : processes_(std::move(servers)) {
+  processes_.push_back(getpid());
+  const CpuTime now = read_cpu_time();
+  stolen_ = now.stolen;
+  total_ = now.total;
+  run_delays_ = read_run_delays();
 }
 
 std::map<pid_t, std::uint64_t> DisturbanceWatch::read_run_delays() const {
@@ -86,11 +100,10 @@ std::map<pid_t, std::uint64_t> DisturbanceWatch::read_run_delays() const {
 
 void DisturbanceWatch::finish(Result& result, double longest_us) const {
   const CpuTime now = read_cpu_time();
-  const std::uint64_t total = now.total - cpu_time_.total;
+  const std::uint64_t total = now.total - total_;
   const double steal_percent =
-      total == 0
-          ? 0
-          : 100.0 * static_cast<double>(now.stolen - cpu_time_.stolen) / static_cast<double>(total);
+      total == 0 ? 0
+                 : 100.0 * static_cast<double>(now.stolen - stolen_) / static_cast<double>(total);
   double held_off_ms = 0;
   for (const auto& [thread, delay] : read_run_delays()) {
     const auto before = run_delays_.find(thread);

@@ -12,6 +12,18 @@
 
 namespace rtpm::bench {
 
+/// Whether a hypervisor took CPU time away since this was made: then the round that was measured
+/// meanwhile tells of the machine's neighbours, and not of the contenders.
+/// Set-up only: it reads /proc, so outside of timed stretches.
+class StealWatch {
+ public:
+  StealWatch();
+  [[nodiscard]] bool saw_any() const;
+
+ private:
+  std::uint64_t stolen_;
+};
+
 /// Watches, over a run, what spoils figures and is nobody's fault: time that a hypervisor took away
 /// (steal), and real-time threads that had to wait for their CPU all the same, which is what the
 /// kernel's real-time throttling looks like from inside.
@@ -26,16 +38,12 @@ class DisturbanceWatch {
   void finish(Result& result, double longest_us) const;
 
  private:
-  struct CpuTime {
-    std::uint64_t stolen = 0;
-    std::uint64_t total = 0;
-  };
-  [[nodiscard]] static CpuTime read_cpu_time();
   /// Nanoseconds that each measured real-time thread waited, ready to run, for a CPU.
   [[nodiscard]] std::map<pid_t, std::uint64_t> read_run_delays() const;
 
   std::vector<pid_t> processes_;
-  CpuTime cpu_time_;
+  std::uint64_t stolen_ = 0;  ///< Ticks of all CPUs, as the total is.
+  std::uint64_t total_ = 0;
   std::map<pid_t, std::uint64_t> run_delays_;
 };
 

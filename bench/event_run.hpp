@@ -16,13 +16,22 @@
 namespace rtpm::bench {
 
 /// Events of one contender before the other's turn.
-inline constexpr std::size_t kEventBlockSize = 200;
+inline constexpr std::size_t kEventBlockSize = 50;
 
 /// What one contender showed: each delivery, and of each event the last.
 struct EventFinding {
   EventFinding(int round_count, std::size_t count, int consumer_count)
       : each(round_count, count * static_cast<std::size_t>(consumer_count)),
         last(round_count, count) {}
+  void begin_round(int round) noexcept {
+    each.begin_round(round);
+    last.begin_round(round);
+  }
+  void leave_out_round() noexcept {
+    each.leave_out_round();
+    last.leave_out_round();
+  }
+
   Samples each;
   Samples last;
   std::uint64_t missing_count = 0;

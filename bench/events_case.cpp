@@ -48,9 +48,8 @@ void add_ratio(JsonObject& json, std::string_view name, const Samples& rtpm, con
 std::size_t count_per_round(const Settings& settings) {
   const std::uint64_t count =
       settings.sample_count == 0 ? kEventCountDefault : settings.sample_count;
-  const auto per_round = count / static_cast<std::uint64_t>(settings.round_count);
-  return static_cast<std::size_t>(std::max<std::uint64_t>(kEventBlockSize, per_round) /
-                                  kEventBlockSize * kEventBlockSize);
+  return static_cast<std::size_t>(
+      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
 }
 
 /// The distribution as bars, one for each fifth of a power of two, for people; for programs the
@@ -106,21 +105,24 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
     if (!floor) return unexpected{floor.error()};
     std::uint32_t block = 0;
     for (int round = 0; round < settings.round_count; ++round) {
-      for (EventFinding& finding : findings) {
-        finding.each.begin_round(round);
-        finding.last.begin_round(round);
-      }
+      for (EventFinding& finding : findings)
+        finding.begin_round(round);
+      const StealWatch steal;
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
+        const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (std::size_t turn = 0; turn < 2; ++turn) {
           const std::size_t which = (turn + block / 2) % 2;
-          if (auto pushed = measure_events(period_of(settings), kEventBlockSize,
-                                           which == 0 ? **rtpm : **floor, board, ++block,
-                                           setting.consumer_count, findings[which]);
+          if (auto pushed =
+                  measure_events(period_of(settings), count, which == 0 ? **rtpm : **floor, board,
+                                 ++block, setting.consumer_count, findings[which]);
               !pushed) {
             return pushed;
           }
         }
       }
+      if (!steal.saw_any()) continue;
+      for (EventFinding& finding : findings)
+        finding.leave_out_round();
     }
     lost = (*rtpm)->lost_count();
     return {};
@@ -160,20 +162,23 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
     if (!side) return unexpected{side.error()};
     std::uint32_t block = 0;
     for (int round = 0; round < settings.round_count; ++round) {
-      for (EventFinding& finding : findings) {
-        finding.each.begin_round(round);
-        finding.last.begin_round(round);
-      }
+      for (EventFinding& finding : findings)
+        finding.begin_round(round);
+      const StealWatch steal;
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
+        const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (const bool is_bad : {false, true}) {
           (*side)->set_slow(is_bad ? kSlow : 0);
           if (is_bad) idle->pause();
-          auto pushed = measure_events(period_of(settings), kEventBlockSize, **side, board, ++block,
+          auto pushed = measure_events(period_of(settings), count, **side, board, ++block,
                                        measured_count, findings[is_bad ? 1 : 0]);
           if (is_bad) idle->resume();
           if (!pushed) return pushed;
         }
       }
+      if (!steal.saw_any()) continue;
+      for (EventFinding& finding : findings)
+        finding.leave_out_round();
     }
     return {};
   });
@@ -228,6 +233,11 @@ bool report_one(const Settings& settings, const EventSetting& setting, Measure m
   return true;
 }
 
+bool is_asked_for(const Settings& settings, int consumer_count) {
+  return std::ranges::find(settings.consumer_counts, consumer_count) !=
+         settings.consumer_counts.end();
+}
+
 /// As the paper's Figure 7 b and c: supplier and consumer on one host, the hub on the other.
 bool report_two_hosts(const Settings& settings, EventSetting setting, Report& report) {
   // Memory is of one host.
@@ -267,8 +277,12 @@ bool run_events(const Settings& settings, Report& report) {
         setting.consumer_count = count;
         is_complete = report_one(settings, setting, fan_out, report) && is_complete;
       }
-      setting.consumer_count = kCrowd;
-      is_complete = report_one(settings, setting, measure_isolation, report) && is_complete;
+      if (is_asked_for(settings, kCrowd)) {
+        setting.consumer_count = kCrowd;
+        is_complete = report_one(settings, setting, measure_isolation, report) && is_complete;
+      }
+      // Every latency is asked for, which a rate has not.
+      if (settings.tells_latencies) continue;
       setting.consumer_count = 1;
       is_complete = report_one(settings, setting, rate, report) && is_complete;
     }

@@ -118,10 +118,8 @@ expected<void, std::string> Ladder::measure() {
   if (auto connected = connect(); !connected) return connected;
   const std::uint64_t count =
       settings_.sample_count == 0 ? kEventCountDefault : settings_.sample_count;
-  // Whole blocks, at least one.
-  const auto block_count = static_cast<std::size_t>(std::max<std::uint64_t>(
-      1, count / static_cast<std::uint64_t>(settings_.round_count) / kEventBlockSize));
-  const std::size_t per_round = block_count * kEventBlockSize;
+  const auto per_round = static_cast<std::size_t>(
+      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings_.round_count)));
   const Duration period{static_cast<std::int64_t>(1e9 / settings_.rate_hz)};
   for (std::size_t rung = 0; rung < kRungs.size(); ++rung) {
     findings_.emplace_back(settings_.round_count, per_round, 1);
@@ -134,20 +132,24 @@ expected<void, std::string> Ladder::measure() {
     servers.push_back(process.id());
   watch_.emplace(servers);
   for (int round = 0; round < settings_.round_count; ++round) {
-    for (EventFinding& finding : findings_) {
-      finding.each.begin_round(round);
-      finding.last.begin_round(round);
-    }
+    for (EventFinding& finding : findings_)
+      finding.begin_round(round);
+    const StealWatch steal;
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
-      // Who goes first changes from turn to turn.
+      const std::size_t events = std::min(kEventBlockSize, per_round - done);
+      // Who goes first changes from turn to turn, and so does who goes before whom.
       const std::size_t first = done / kEventBlockSize + static_cast<std::size_t>(round);
       for (std::size_t i = 0; i < kRungs.size(); ++i) {
-        const std::size_t rung = (i + first) % kRungs.size();
-        auto measured = measure_events(period, kEventBlockSize, *sides_[rung], board_, ++block_, 1,
-                                       findings_[rung]);
+        const std::size_t place = first % 2 == 0 ? i : kRungs.size() - 1 - i;
+        const std::size_t rung = (place + first / 2) % kRungs.size();
+        auto measured =
+            measure_events(period, events, *sides_[rung], board_, ++block_, 1, findings_[rung]);
         if (!measured) return measured;
       }
     }
+    if (!steal.saw_any()) continue;
+    for (EventFinding& finding : findings_)
+      finding.leave_out_round();
   }
   return {};
 }

@@ -17,8 +17,8 @@ constexpr int kWarmUpCount = 20;
 /// How long a server is saturated at a stretch, and the part of that time for which both CPUs then
 /// rest. Real-time threads that leave nothing to others for about a second are throttled by the
 /// kernel, which would be measured instead.
-constexpr double kTurnS = 0.4;
-constexpr double kRestPart = 0.25;
+constexpr double kTurnS = 0.1;
+constexpr double kRestPart = 0.15;
 
 std::size_t index_of(Side side) {
   return static_cast<std::size_t>(side);
@@ -118,14 +118,20 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
+  const StealWatch steal;
   // Who goes first changes from turn to turn.
-  std::size_t first = 0;
+  auto first = static_cast<std::size_t>(round);
   for (std::size_t done = 0; done < count_per_round_; done += turn_size, ++first) {
     const std::size_t count = std::min(turn_size, count_per_round_ - done);
     for (std::size_t i = 0; i < 2; ++i) {
       const Side side = kBothSides[(i + first) % 2];
       if (auto measured = measure_turn(side, caller_count, count); !measured) return measured;
     }
+  }
+  if (!steal.saw_any()) return {};
+  for (Finding& finding : levels_.at(caller_count)) {
+    finding.high.leave_out_round();
+    finding.low.leave_out_round();
   }
   return {};
 }
@@ -160,7 +166,7 @@ void LoadedRun::add_growth(Result& result, Side side, std::string_view prefix,
     result.json.add(field, growth.median);
     result.json.add(field + "_low", growth.low);
     result.json.add(field + "_high", growth.high);
-    result.json.add(begin + "rounds_loaded_over_idle_" + key, growth.rounds);
+    result.json.add(begin + "rounds_loaded_over_idle_" + key, growth.stretches);
     grown += std::string(grown.empty() ? "" : ", ") + short_text(growth.median) + " at " + key;
   }
   if (finding.low.count() == 0) return;
@@ -205,8 +211,12 @@ Result LoadedRun::result_of(int caller_count) const {
 
 std::vector<Result> LoadedRun::results() const {
   std::vector<Result> results;
-  for (const auto& [count, level] : levels_)
-    results.push_back(result_of(count));
+  for (const auto& [count, level] : levels_) {
+    // The idle server may have been measured only to be compared with.
+    if (std::ranges::find(plan_.caller_counts, count) != plan_.caller_counts.end()) {
+      results.push_back(result_of(count));
+    }
+  }
   return results;
 }
 

@@ -22,7 +22,7 @@ struct LoadPlan {
   std::string case_name;
   std::string field;   ///< Of a result's JSON, for how many callers of low priority there were.
   std::string people;  ///< "low-priority caller", with an s for several.
-  std::vector<int> caller_counts;  ///< Measured one after the other; 0 is always one of them.
+  std::vector<int> caller_counts;  ///< Measured one after the other; 0 besides, unreported.
   /// Makes the jobs of a side whose turn it is, as many as the most callers.
   std::function<expected<std::vector<Job>, std::string>(Duel& duel, Side side)> connect;
   /// The load goes to RTPM's server, whichever side is measured.

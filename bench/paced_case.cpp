@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint64_t kSampleCountDefault = 10'000;
 /// How long one side calls before the other's turn.
-constexpr double kTurnS = 0.5;
+constexpr double kTurnS = 0.1;
 constexpr int kWarmUpCount = 5;
 
 struct Contender {
@@ -62,6 +62,7 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
   for (int round = 0; round < contenders[0].samples.round_count(); ++round) {
     for (Contender& contender : contenders)
       contender.samples.begin_round(round);
+    const StealWatch steal;
     for (std::size_t done = 0; done < count_per_round; done += turn_size) {
       const std::size_t count = std::min(turn_size, count_per_round - done);
       for (Contender& contender : contenders) {
@@ -71,6 +72,9 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
       }
       std::swap(contenders[0], contenders[1]);
     }
+    if (!steal.saw_any()) continue;
+    for (Contender& contender : contenders)
+      contender.samples.leave_out_round();
   }
   duel.end_turn();
   return {};

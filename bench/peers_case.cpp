@@ -27,23 +27,20 @@ CasePlan paced_plan(const Settings& settings) {
   return {.name = "paced",
           .sample_count = 10'000,
           .warm_up_count = 5,
-          .turn_size = static_cast<std::uint64_t>(std::max(1.0, 0.5 * settings.rate_hz)),
+          .turn_size = static_cast<std::uint64_t>(std::max(1.0, 0.1 * settings.rate_hz)),
           .rate_hz = settings.rate_hz,
           .count_from = CountFrom::kDue};
 }
 
 CasePlan isolation_plan(const Settings& settings) {
-  CasePlan plan{.name = "isolation",
-                .sample_count = 10'000,
-                .warm_up_count = 20,
-                .turn_size = static_cast<std::uint64_t>(std::max(1.0, 0.4 * settings.rate_hz)),
-                .rest_part = 0.25,
-                .rate_hz = settings.rate_hz,
-                .low_caller_counts = settings.low_caller_counts,
-                .work = settings.work};
-  // The idle server is what every load is compared with, so it is measured in any case.
-  plan.low_caller_counts.push_back(0);
-  return plan;
+  return {.name = "isolation",
+          .sample_count = 10'000,
+          .warm_up_count = 20,
+          .turn_size = static_cast<std::uint64_t>(std::max(1.0, 0.1 * settings.rate_hz)),
+          .rest_part = 0.15,
+          .rate_hz = settings.rate_hz,
+          .low_caller_counts = settings.low_caller_counts,
+          .work = settings.work};
 }
 
 /// What a run with peers found, as results.
@@ -83,14 +80,16 @@ std::string CallResults::title(int low_callers) const {
   return text;
 }
 
-/// How far a contender's figures moved from its own idle ones, and what its load met.
+/// How far a contender's figures moved from its own idle ones, where these were measured, and what
+/// its load met.
 void CallResults::add_load(JsonObject& json, const Entrant& entrant, int low_callers,
                            const std::string& prefix) const {
   if (plan_.work == Duration{0}) return;
   const TurnRun::Finding& finding = entrant.findings.at(low_callers);
-  const Samples& idle = entrant.findings.at(0).high;
+  const auto idle = entrant.findings.find(0);
   for (const auto& [key, percent] : {std::pair{"p50", 50.0}, {"p99", 99.0}, {"p999", 99.9}}) {
-    const Ratio growth = ratio_at(finding.high, idle, percent);
+    if (idle == entrant.findings.end()) break;
+    const Ratio growth = ratio_at(finding.high, idle->second.high, percent);
     const std::string field = prefix + "loaded_over_idle_" + key;
     json.add(field, growth.median);
     json.add(field + "_low", growth.low);

@@ -133,11 +133,7 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
   const std::string begin(prefix);
   for (const auto& [name, percent] :
        {std::pair{"p50", 50.0}, {"p90", 90.0}, {"p99", 99.0}, {"p999", 99.9}}) {
-    std::vector<double> values;
-    values.reserve(static_cast<std::size_t>(samples.round_count()));
-    for (int round = 0; round < samples.round_count(); ++round)
-      values.push_back(samples.round_percentile(round, percent));
-    json.add(begin + "rounds_" + name + "_us", values);
+    json.add(begin + "rounds_" + name + "_us", samples.stretch_percentiles(percent));
   }
 }
 

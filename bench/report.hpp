@@ -68,8 +68,8 @@ class Report {
 void add_percentiles(JsonObject& json, std::string_view prefix, const Percentiles& values);
 
 /// As add_percentiles(); and what each round showed by itself, "<prefix>rounds_p50_us" and so on
-/// for p90, p99 and p99.9, from which a comparison of two runs tells how far they are to be
-/// trusted.
+/// for p90, p99 and p99.9 (of each stretch of rounds), from which a comparison of two runs tells
+/// how far they are to be trusted.
 void add_distribution(JsonObject& json, std::string_view prefix, const Samples& samples);
 
 /// A number with three significant places or so: "9.87", "123".

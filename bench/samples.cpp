@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
+#include <random>
 
 namespace rtpm::bench {
 namespace {
@@ -20,10 +22,79 @@ double percentile_of(std::vector<Duration> samples, double percent) {
   return to_us(*at);
 }
 
+/// Beyond a percentile there shall be so many samples: with fewer, it is the whim of one or two.
+constexpr double kBeyondMin = 10;
+constexpr int kDrawCount = 200;
+
+/// Rounds that are to be left out are, as long as at least half of all remain.
+std::vector<int> rounds_that_count(const Samples& one, const Samples& other) {
+  std::vector<int> all(static_cast<std::size_t>(std::min(one.round_count(), other.round_count())));
+  std::iota(all.begin(), all.end(), 0);
+  std::vector<int> undisturbed;
+  std::ranges::copy_if(all, std::back_inserter(undisturbed), [&](int round) {
+    return !one.is_left_out(round) && !other.is_left_out(round);
+  });
+  return 2 * undisturbed.size() >= all.size() ? undisturbed : all;
+}
+
+double percentile_of(const Samples& samples, const Stretch& stretch, double percent) {
+  std::vector<Duration> together;
+  for (const int round : stretch) {
+    const auto latencies = samples.of_round(round);
+    together.insert(together.end(), latencies.begin(), latencies.end());
+  }
+  return percentile_of(std::move(together), percent);
+}
+
+/// Without those to nothing.
+std::vector<double> ratios_of(const Samples& numerator, const Samples& denominator,
+                              const std::vector<Stretch>& stretches, double percent) {
+  std::vector<double> ratios;
+  for (const Stretch& stretch : stretches) {
+    const double below = percentile_of(denominator, stretch, percent);
+    if (below > 0) ratios.push_back(percentile_of(numerator, stretch, percent) / below);
+  }
+  return ratios;
+}
+
+/// Sets where the median of the ratios lies with 95 % confidence: what becomes of it when the
+/// rounds are drawn at random, some of them several times, some not at all.
+void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denominator,
+                   const std::vector<Stretch>& stretches, double percent) {
+  Stretch rounds;
+  for (const Stretch& stretch : stretches)
+    rounds.insert(rounds.end(), stretch.begin(), stretch.end());
+  const bool is_by_round = rounds.size() == ratio.stretches.size();
+  // Always the same numbers, so that the same samples say the same.
+  std::minstd_rand random;  // NOLINT(cert-msc32-c,cert-msc51-cpp)
+  std::uniform_int_distribution<std::size_t> draw(0, rounds.size() - 1);
+  std::vector<double> medians;
+  for (int i = 0; i < kDrawCount; ++i) {
+    std::vector<double> ratios;
+    if (is_by_round) {
+      for (std::size_t k = 0; k < rounds.size(); ++k)
+        ratios.push_back(ratio.stretches[draw(random)]);
+    } else {
+      std::vector<Stretch> drawn = stretches;
+      for (Stretch& stretch : drawn) {
+        for (int& round : stretch)
+          round = rounds[draw(random)];
+      }
+      ratios = ratios_of(numerator, denominator, drawn, percent);
+    }
+    if (!ratios.empty()) medians.push_back(median_of(std::move(ratios)));
+  }
+  if (medians.empty()) return;
+  std::ranges::sort(medians);
+  ratio.low = medians[medians.size() / 40];
+  ratio.high = medians[medians.size() - 1 - medians.size() / 40];
+}
+
 }  // namespace
 
 Samples::Samples(int round_count, std::size_t count_per_round)
-    : rounds_(static_cast<std::size_t>(round_count)) {
+    : rounds_(static_cast<std::size_t>(round_count)),
+      is_left_out_(static_cast<std::size_t>(round_count), false) {
   for (auto& round : rounds_) {
     // Touched as well as reserved: a page fault is not to be measured.
     round.resize(count_per_round);
@@ -38,19 +109,15 @@ std::size_t Samples::count() const noexcept {
   return count;
 }
 
-double Samples::round_percentile(int round, double percent) const {
-  return percentile_of(rounds_[static_cast<std::size_t>(round)], percent);
+std::vector<double> Samples::stretch_percentiles(double percent) const {
+  std::vector<double> values;
+  for (const Stretch& stretch : stretches_of(*this, *this, percent))
+    values.push_back(percentile_of(*this, stretch, percent));
+  return values;
 }
 
 Percentiles Samples::percentiles() const {
-  const auto median_at = [this](double percent) {
-    std::vector<double> values;
-    values.reserve(rounds_.size());
-    for (int round = 0; round < round_count(); ++round) {
-      values.push_back(round_percentile(round, percent));
-    }
-    return median_of(std::move(values));
-  };
+  const auto median_at = [this](double percent) { return median_of(stretch_percentiles(percent)); };
   std::vector<Duration> all;
   all.reserve(count());
   for (const auto& round : rounds_)
@@ -73,16 +140,35 @@ std::vector<double> Samples::all_us() const {
   return values;
 }
 
-Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent) {
-  std::vector<double> ratios;
-  for (int round = 0; round < numerator.round_count(); ++round) {
-    const double below = denominator.round_percentile(round, percent);
-    if (below > 0) ratios.push_back(numerator.round_percentile(round, percent) / below);
+std::vector<Stretch> stretches_of(const Samples& one, const Samples& other, double percent) {
+  const auto count_min =
+      static_cast<std::size_t>(std::ceil(kBeyondMin / (1 - percent / 100) - 1e-6));
+  std::vector<Stretch> stretches;
+  Stretch next;
+  std::size_t count = 0;
+  for (const int round : rounds_that_count(one, other)) {
+    next.push_back(round);
+    count += std::min(one.of_round(round).size(), other.of_round(round).size());
+    if (count < count_min) continue;
+    stretches.push_back(std::move(next));
+    next.clear();
+    count = 0;
   }
-  if (ratios.empty()) return {};
-  const auto [low, high] = std::minmax_element(ratios.begin(), ratios.end());
-  Ratio ratio{.median = median_of(ratios), .low = *low, .high = *high};
-  ratio.rounds = std::move(ratios);
+  // What is left over at the end joins the stretch before it.
+  if (stretches.empty()) {
+    if (!next.empty()) stretches.push_back(std::move(next));
+  } else {
+    stretches.back().insert(stretches.back().end(), next.begin(), next.end());
+  }
+  return stretches;
+}
+
+Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent) {
+  const std::vector<Stretch> stretches = stretches_of(numerator, denominator, percent);
+  Ratio ratio{.stretches = ratios_of(numerator, denominator, stretches, percent)};
+  if (ratio.stretches.empty()) return {};
+  ratio.median = ratio.low = ratio.high = median_of(ratio.stretches);
+  find_interval(ratio, numerator, denominator, stretches, percent);
   return ratio;
 }
 

@@ -28,6 +28,9 @@ class Samples {
   Samples& operator=(Samples&&) noexcept = default;
 
   void begin_round(int round) noexcept { round_ = static_cast<std::size_t>(round); }
+  /// The round that was begun last was disturbed: no figure but the maximum rests on it, as long as
+  /// most of the rounds are left.
+  void leave_out_round() noexcept { is_left_out_[round_] = true; }
   /// RT: alloc-free within the room made.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
 
@@ -42,27 +45,42 @@ class Samples {
 
   [[nodiscard]] std::size_t count() const noexcept;
   [[nodiscard]] int round_count() const noexcept { return static_cast<int>(rounds_.size()); }
+  [[nodiscard]] bool is_left_out(int round) const {
+    return is_left_out_[static_cast<std::size_t>(round)];
+  }
 
-  /// The latency that `percent` of a round's samples do not exceed, in microseconds; 0 without any.
-  [[nodiscard]] double round_percentile(int round, double percent) const;
-  /// p50 to p99.9 are the medians of the rounds' own; p99.99 and the maximum, for which a round is
-  /// too short, are of all samples together.
+  /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
+  [[nodiscard]] std::vector<double> stretch_percentiles(double percent) const;
+  /// p50 to p99.9 are the medians of the stretches' own; p99.99 and the maximum, for which a
+  /// stretch is too short, are of all samples together.
   [[nodiscard]] Percentiles percentiles() const;
   /// Every latency in the order in which they were added, in microseconds.
   [[nodiscard]] std::vector<double> all_us() const;
 
  private:
   std::vector<std::vector<Duration>> rounds_;
+  std::vector<bool> is_left_out_;
   std::size_t round_ = 0;
 };
 
-/// How two contenders of one run compare at one percentile: the median of the rounds' ratios, and
-/// the smallest and largest of them, which tell how far to trust it.
+/// Rounds of a run, by their numbers, that one value of a percentile rests on: as many, side by
+/// side, as it takes to have ten samples beyond the percentile. A median is told round by round, a
+/// p99.9 of ten thousand samples at a time.
+using Stretch = std::vector<int>;
+
+/// The stretches of what two contenders did by turns: the same for both, without the rounds that
+/// either is to leave out. One alone, if there are too few samples for several.
+[[nodiscard]] std::vector<Stretch> stretches_of(const Samples& one, const Samples& other,
+                                                double percent);
+
+/// How two contenders of one run compare at one percentile: the median of the stretches' ratios,
+/// and the interval in which it lies with 95 % confidence, found by drawing the rounds again and
+/// again. Of a single round, the interval is the ratio itself: nothing is known of it.
 struct Ratio {
   double median = 0;
   double low = 0;
   double high = 0;
-  std::vector<double> rounds{};  ///< The ratios themselves.
+  std::vector<double> stretches{};  ///< The ratios themselves.
 };
 [[nodiscard]] Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent);
 

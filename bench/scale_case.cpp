@@ -62,7 +62,8 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
   for (int round = 0; round < samples[0].round_count(); ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    std::size_t first = 0;
+    const StealWatch steal;
+    auto first = static_cast<std::size_t>(round);
     for (std::size_t done = 0; done < count_per_round; done += kBlockSize, ++first) {
       const TurnPlan plan{.warm_up_count = kWarmUpCount,
                           .count = std::min(kBlockSize, count_per_round - done)};
@@ -74,6 +75,9 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
         rt::sleep_until(rt::now() + (rt::now() - begin) / 10);
       }
     }
+    if (!steal.saw_any()) continue;
+    for (Samples& each : samples)
+      each.leave_out_round();
   }
   return {};
 }

@@ -25,7 +25,7 @@ struct Settings {
   std::vector<std::size_t> payload_sizes{48};  ///< Bytes, of `call`; 48 as in the paper.
   /// Results tell every latency, not only their distribution.
   bool tells_latencies = false;
-  int round_count = 5;    ///< Of which the medians are reported.
+  int round_count = 40;   ///< Of which the medians are reported.
   double rate_hz = 1000;  ///< Of callers that keep a pace.
   std::vector<int> low_caller_counts{0, 1, 4, 16};
   std::vector<int> client_counts{1, 10, 100, 1000};     ///< Of scale.

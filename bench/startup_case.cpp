@@ -69,7 +69,8 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
     for (Finding& finding : findings)
       finding.begin_round(round);
     for (std::size_t i = 0; i < per_round; ++i) {
-      for (const bool is_rtpm : {i % 2 == 0, i % 2 != 0}) {
+      const bool is_rtpm_first = (static_cast<std::size_t>(round) + i) % 2 == 0;
+      for (const bool is_rtpm : {is_rtpm_first, !is_rtpm_first}) {
         const auto started =
             start_once(settings, is_rtpm ? config : floor_config,
                        is_rtpm ? Standalone::kRtpm : Standalone::kFloor, findings[is_rtpm ? 0 : 1]);

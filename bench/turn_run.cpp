@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "case.hpp"
+#include "disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
@@ -78,13 +79,15 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
     entrant.findings.at(low_callers).high.begin_round(round);
     entrant.findings.at(low_callers).low.begin_round(round);
   }
-  std::size_t first = 0;
+  const StealWatch steal;
+  auto first = static_cast<std::size_t>(round);
   for (std::uint64_t done = 0; done < count_per_round_; done += plan_.turn_size, ++first) {
     const std::uint64_t count = std::min(plan_.turn_size, count_per_round_ - done);
     std::vector<std::size_t> failed;
     for (std::size_t i = 0; i < entrants_.size(); ++i) {
-      // Who goes first changes from turn to turn.
-      const std::size_t which = (i + first) % entrants_.size();
+      // Who goes first changes from turn to turn, and so does who goes before whom.
+      const std::size_t place = first % 2 == 0 ? i : entrants_.size() - 1 - i;
+      const std::size_t which = (place + first / 2) % entrants_.size();
       Entrant& entrant = entrants_[which];
       if (auto taken = take_turn(entrant, low_callers, count); !taken) {
         if (entrant.peer == nullptr) return taken;
@@ -97,6 +100,11 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
     std::ranges::sort(failed, std::greater<>{});
     for (const std::size_t which : failed)
       entrants_.erase(entrants_.begin() + static_cast<std::ptrdiff_t>(which));
+  }
+  if (!steal.saw_any()) return {};
+  for (Entrant& entrant : entrants_) {
+    entrant.findings.at(low_callers).high.leave_out_round();
+    entrant.findings.at(low_callers).low.leave_out_round();
   }
   return {};
 }

@@ -31,12 +31,22 @@ def read_notes(path=NOTES):
     return notes
 
 
-def _why(notes, name, figure):
-    """The notes on a row's figure, each of which is taken out, so that it is shown once."""
-    found = [note for note in notes if name.startswith(note[0]) and note[1] in (figure, "*")]
-    for note in found:
-        notes.remove(note)
-    return "".join(" " + text for _, _, text in found)
+class _Notes:
+    """What is known of why rows are as they are; each note is told in full once."""
+
+    def __init__(self, notes):
+        self._notes = notes
+        self._told = set()
+
+    def why(self, name, figure):
+        """The notes on a row's figure, with a space before them; "" if there is none."""
+        said = []
+        for number, (begin, of, text) in enumerate(self._notes):
+            if not name.startswith(begin) or of not in (figure, "*"):
+                continue
+            said.append(text if number not in self._told else "(Why: as said above.)")
+            self._told.add(number)
+        return "".join(" " + text for text in said)
 
 
 def _missed(rows, notes):
@@ -49,7 +59,7 @@ def _missed(rows, notes):
             f"- **{verdict.name}**: {target.figure} is {tables.number(verdict.value)} "
             f"{target.unit}; the target is {'at most' if target.is_most else 'at least'} "
             f"{tables.number(target.limit)}.{' ' + tables.MARK if verdict.is_marked else ''}"
-            + _why(notes, verdict.name, target.figure))
+            + (notes.why(verdict.name, target.figure) or NO_REASON))
     return lines
 
 
@@ -60,19 +70,75 @@ _AGAINST_PEERS = (
     ("rtpm_over_peer_each_p999", "p99.9 of all deliveries"),
     ("rtpm_over_peer_last_p50", "the median of the last consumer"),
 )
+NO_REASON = " No reason is known."
+# As near to the floor as that, RTPM has nothing left to gain.
+_AT_THE_FLOOR = 1.15
 
 
-def _lost(peers, notes):
-    lines = []
-    for record in peers:
-        name = tables.row_name(record, ()).removesuffix(" " + tables.MARK)
-        for figure, called in _AGAINST_PEERS:
-            ratio = records.figure(record, figure)
-            if ratio is not None and ratio > 1:
-                lines.append(f"- **{name}**: RTPM takes {tables.number(ratio)} times as long at "
-                             f"{called}.{' ' + tables.MARK if record.get('marks') else ''}"
-                             + _why(notes, name, figure))
-    return lines
+class _Standing:
+    """How RTPM stands against a peer in one figure of one row.
+
+    `outcome`: "first", "lost", or "open" where the interval of the ratio has 1 in it, so that another
+    run may turn it round.
+    """
+
+    def __init__(self, record, figure, called):
+        self.name = tables.row_name(record, ()).removesuffix(" " + tables.MARK)
+        self.figure = figure
+        self.called = called
+        self.mark = " " + tables.MARK if record.get("marks") else ""
+        self.ratio = records.figure(record, figure)
+        self.interval = records.interval(record, figure) or (self.ratio, self.ratio)
+        low, high = self.interval
+        self.outcome = "lost" if low > 1 else "open" if self.ratio > 1 or high > 1 else "first"
+        percentile = figure.removeprefix("rtpm_over_peer_")
+        ours, floor = (records.figure(record, f"{who}_{percentile}_us") for who in ("rtpm", "floor"))
+        self.is_at_floor = bool(ours and floor and ours <= _AT_THE_FLOOR * floor)
+        self.floor_us = floor
+
+    def ratio_text(self):
+        """The ratio and its interval."""
+        return (f"{tables.number(self.ratio)} times as long ({tables.number(self.interval[0])} to "
+                f"{tables.number(self.interval[1])})")
+
+    def line(self, notes):
+        """What was lost, and why."""
+        why = notes.why(self.name, self.figure)
+        if not why and self.is_at_floor:
+            why = (f" So does the raw floor of its transport, {tables.number(self.floor_us)} us: the "
+                   "peer's transport is the quicker one here.")
+        return (f"- **{self.name}**: RTPM takes {self.ratio_text()} at {self.called}.{self.mark}"
+                + (why or NO_REASON))
+
+
+def standings(peers):
+    """A _Standing for each figure that the rows of peers tell."""
+    return [_Standing(record, figure, called) for record in peers
+            for figure, called in _AGAINST_PEERS if records.figure(record, figure) is not None]
+
+
+def _against_peers(peers, notes):
+    """Where RTPM is first, where not, where that is open, and what tells nothing."""
+    found = standings(peers)
+    first, lost, still_open = ([each for each in found if each.outcome == outcome]
+                               for outcome in ("first", "lost", "open"))
+    # Not those that the row cannot have, but those of which it has too few samples.
+    untold = sum(records.is_number(record.get(figure)) and records.figure(record, figure) is None
+                 for record in peers for figure, _ in _AGAINST_PEERS)
+    text = ["Against peers, RTPM is first in " + (
+        f"every one of {len(found)} figures" if len(first) == len(found) else
+        f"{len(first)} of {len(found)} figures (the medians and p99.9 of all rows), loses "
+        f"{len(lost)}, and {len(still_open)} are too close to tell")
+            + (f"; too few samples tell of {untold} more, all of them p99.9" if untold else "") + ".",
+            ""]
+    if lost:
+        text += ["Lost to peers (in brackets, where the ratio lies with 95 % confidence):", "",
+                 *(each.line(notes) for each in lost), ""]
+    if still_open:
+        text += ["Too close to tell, as the interval has 1 in it:", "",
+                 *(f"- {each.name}: {each.ratio_text()} at {each.called}.{each.mark}"
+                   for each in still_open), ""]
+    return text
 
 
 def _furthest(rows, notes):
@@ -81,13 +147,13 @@ def _furthest(rows, notes):
     return [f"- {records.name_of(records.key_of(row))}: {tables.number(ratio)} times the floor at "
             "the median, " + f"{tables.number(records.figure(row, 'p50_us'))} us instead of "
             f"{tables.number(records.figure(row, 'floor_p50_us'))} us."
-            + _why(notes, records.name_of(records.key_of(row)), "ratio_p50")
+            + notes.why(records.name_of(records.key_of(row)), "ratio_p50")
             for ratio, row in found[:FURTHEST] if ratio >= FAR]
 
 
 def lines(rows, peers):
     """The list, computed from the rows, as lines of Markdown. `rows`: RTPM's own."""
-    notes = read_notes()
+    notes = _Notes(read_notes())
     verdicts = targets.judge(rows)
     measured = [verdict for verdict in verdicts if verdict.value is not None]
     met = sum(verdict.is_met for verdict in measured)
@@ -98,9 +164,7 @@ def lines(rows, peers):
     missed = _missed(rows, notes)
     text += ["Missed targets:", "", *missed, ""] if missed else []
     if peers:
-        lost = _lost(peers, notes)
-        text += (["Lost to peers:", "", *lost, ""] if lost else
-                 ["RTPM is first in every row against peers, at the median and at p99.9.", ""])
+        text += _against_peers(peers, notes)
     furthest = _furthest(rows, notes)
     if furthest:
         text += ["Furthest above the raw floor:", "", *furthest, ""]

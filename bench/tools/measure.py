@@ -59,6 +59,8 @@ class Measurement:
             if self.is_interrupted:
                 self._keep_outcome(part, 0, "interrupted", [])
             elif time.monotonic() + part.seconds / 2 > self._end:
+                print(f"leaving out {part.name}: there is no time left for it", file=sys.stderr,
+                      flush=True)
                 self._keep_outcome(part, 0, "out of time", [])
             else:
                 print(f"measuring {part.name}, {number} of {len(parts)}, about {part.seconds} s",

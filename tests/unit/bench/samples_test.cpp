@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <chrono>
+#include <vector>
 
 namespace rtpm::bench {
 namespace {
@@ -19,10 +20,9 @@ void add_round(Samples& samples, int round, int count, int scale) {
 TEST(Samples, PercentilesAreTheSmallestThatSoManyDoNotExceed) {
   Samples samples(1, 1000);
   add_round(samples, 0, 1000, 1);
-  EXPECT_DOUBLE_EQ(samples.round_percentile(0, 50), 500);
-  EXPECT_DOUBLE_EQ(samples.round_percentile(0, 99.9), 999);
-  EXPECT_DOUBLE_EQ(samples.round_percentile(0, 100), 1000);
-  EXPECT_DOUBLE_EQ(samples.round_percentile(0, 0), 1);
+  EXPECT_EQ(samples.stretch_percentiles(50), std::vector<double>{500});
+  EXPECT_EQ(samples.stretch_percentiles(99.9), std::vector<double>{999});
+  EXPECT_EQ(samples.stretch_percentiles(0), std::vector<double>{1});
 }
 
 TEST(Samples, ReportTheMedianOfTheRoundsButTheMaximumOfAll) {
@@ -36,6 +36,29 @@ TEST(Samples, ReportTheMedianOfTheRoundsButTheMaximumOfAll) {
   EXPECT_DOUBLE_EQ(samples.percentiles().p9999, 1000);
 }
 
+TEST(Samples, TakeRoundsTogetherUntilTenSamplesLieBeyondThePercentile) {
+  Samples samples(5, 500);
+  for (int round = 0; round < 5; ++round)
+    add_round(samples, round, 500, 1 + round);
+  EXPECT_EQ(samples.stretch_percentiles(50).size(), 5u) << "each has 250 beyond";
+  const std::vector<Stretch> expected{{0, 1}, {2, 3, 4}};
+  EXPECT_EQ(stretches_of(samples, samples, 99), expected) << "a round has five beyond";
+  EXPECT_EQ(stretches_of(samples, samples, 99.9).size(), 1u) << "too few in all";
+}
+
+TEST(Samples, LeaveOutDisturbedRoundsAsLongAsMostRemain) {
+  Samples samples(4, 100);
+  for (int round = 0; round < 4; ++round) {
+    add_round(samples, round, 100, round == 0 ? 1000 : round == 1 ? 10 : 1);
+    if (round < 2) samples.leave_out_round();
+  }
+  EXPECT_DOUBLE_EQ(samples.percentiles().p50, 50);
+  EXPECT_DOUBLE_EQ(samples.percentiles().max, 100'000);
+  samples.begin_round(2);
+  samples.leave_out_round();
+  EXPECT_EQ(samples.stretch_percentiles(50).size(), 4u) << "one round would be too little";
+}
+
 TEST(Samples, WithoutAnyAreZero) {
   const Samples samples(2, 10);
   EXPECT_EQ(samples.count(), 0u);
@@ -43,25 +66,64 @@ TEST(Samples, WithoutAnyAreZero) {
   EXPECT_DOUBLE_EQ(samples.percentiles().max, 0);
 }
 
-TEST(Samples, ARatioIsTheMedianOfTheRoundsRatiosWithItsSpread) {
-  Samples slow(3, 10);
-  Samples fast(3, 10);
-  const int slow_scales[] = {3, 20, 30};
+TEST(Samples, ARatioIsTheMedianOfTheRoundsRatiosWithAnIntervalInItsRange) {
+  Samples slow(3, 20);
+  Samples fast(3, 20);
+  const int slow_scales[] = {3, 20, 40};
   const int fast_scales[] = {1, 10, 10};
   for (int round = 0; round < 3; ++round) {
-    add_round(slow, round, 10, slow_scales[round]);
-    add_round(fast, round, 10, fast_scales[round]);
+    add_round(slow, round, 20, slow_scales[round]);
+    add_round(fast, round, 20, fast_scales[round]);
   }
   const Ratio ratio = ratio_at(slow, fast, 50);
   EXPECT_DOUBLE_EQ(ratio.median, 3);
-  EXPECT_DOUBLE_EQ(ratio.low, 2);
-  EXPECT_DOUBLE_EQ(ratio.high, 3);
+  EXPECT_DOUBLE_EQ(ratio.low, 2)
+      << "that of the second round, which a few draws have twice or more";
+  EXPECT_DOUBLE_EQ(ratio.high, 4);
+}
+
+TEST(Samples, TheIntervalOfARatioIsTheNarrowerTheMoreRoundsAgree) {
+  constexpr int kRounds = 40;
+  Samples slow(kRounds, 500);
+  Samples fast(kRounds, 500);
+  for (int round = 0; round < kRounds; ++round) {
+    add_round(slow, round, 500, round == 7 ? 400 : 20 + round % 3);
+    add_round(fast, round, 500, 10);
+  }
+  const Ratio at_median = ratio_at(slow, fast, 50);
+  EXPECT_GE(at_median.low, 2.0);
+  EXPECT_LE(at_median.high, 2.2) << "one round that ran wild says nothing";
+  const Ratio at_tail = ratio_at(slow, fast, 99.9);
+  EXPECT_EQ(at_tail.stretches.size(), 2u);
+  EXPECT_GT(at_tail.high, 10) << "a tail may be that round's";
+  EXPECT_LE(at_tail.low, at_tail.median);
+}
+
+TEST(Samples, OnlyRoundsThatBothKeepMakeARatio) {
+  Samples slow(2, 100);
+  Samples fast(2, 100);
+  for (int round = 0; round < 2; ++round) {
+    add_round(slow, round, 100, round == 0 ? 50 : 3);
+    add_round(fast, round, 100, 1);
+    if (round == 0) fast.leave_out_round();
+  }
+  EXPECT_DOUBLE_EQ(ratio_at(slow, fast, 50).median, 3);
 }
 
 TEST(Samples, ARatioToNothingIsZero) {
   Samples some(1, 10);
   add_round(some, 0, 10, 1);
   EXPECT_DOUBLE_EQ(ratio_at(some, Samples(1, 10), 50).median, 0);
+}
+
+TEST(Samples, TellsEveryLatencyInItsOrder) {
+  Samples samples(2, 2);
+  for (int round = 0; round < 2; ++round) {
+    samples.begin_round(round);
+    samples.add(microseconds{1 + round});
+    samples.add(microseconds{5 + round});
+  }
+  EXPECT_EQ(samples.all_us(), (std::vector<double>{1, 5, 2, 6}));
 }
 
 TEST(MedianOf, TakesTheMiddle) {

@@ -3,6 +3,9 @@ has. The recorded run is made up of few rows: one that is disturbed and misses i
 is quicker at the tail, and parts that did not run to their end.
 """
 
+import contextlib
+import io
+import json
 import pathlib
 import signal
 import subprocess
@@ -53,10 +56,22 @@ class Page(Folder):
         self.assertRegex(self.text(), r"\*\*call, shm, spin, 48 B\*\*: ratio_p50 is 2\.50 x the floor; "
                                       r"the target is at most 1\.80\. †")
 
-    def test_lists_where_a_peer_is_quicker_and_only_that(self):
-        self.assertIn("RTPM takes 1.50 times as long at p99.9.", self.text())
-        self.assertIn("RTPM takes 2 times as long at the median of the last consumer.", self.text())
-        self.assertEqual(self.text().count("times as long"), 2)
+    def test_lists_where_a_peer_is_quicker_for_sure_and_only_that(self):
+        lost = self.text().partition("Lost to peers")[2].partition("Too close")[0]
+        self.assertIn("RTPM takes 1.50 times as long (1.20 to 1.90) at p99.9.", lost)
+        self.assertIn("RTPM takes 2 times as long (1.50 to 2.20) at the median of the last consumer.",
+                      lost)
+        self.assertEqual(lost.count("times as long"), 2)
+        self.assertIn("Against peers, RTPM is first in 2 of 5 figures", self.text())
+
+    def test_tells_a_reason_for_each_loss_or_that_there_is_none(self):
+        self.assertIn("at p99.9. So does the raw floor of its transport, 29 us", self.text())
+        self.assertIn("at the median of the last consumer. No reason is known.", self.text())
+
+    def test_calls_nobody_first_where_another_run_may_turn_it_round(self):
+        still_open = self.text().partition("Too close to tell, as")[2].partition("\n\nF")[0]
+        self.assertIn("0.95 times as long (0.90 to 1.04) at the median of all deliveries", still_open)
+        self.assertEqual(still_open.count("times as long"), 1)
 
     def test_shows_the_events_of_peers_apart(self):
         self.assertRegex(self.text(), r"### Events\n\n.*\n.*\n\| other, tcp, .* \| 300 \| 700 \| 900 \|")
@@ -121,10 +136,31 @@ class Run(Folder):
             process.communicate(timeout=20)
         self.assertEqual(process.returncode, 130)
         self.assertIn("| udp, block |", self.text())
-        self.assertIn("- `call` (call --wait adaptive,block,spin --samples 50000): interrupted",
+        self.assertIn("- `call` (call --wait adaptive,spin --samples 50000): interrupted",
                       self.text())
         self.assertIn("\n- two-node: the right CAP_SYS_ADMIN is missing", self.text())
         self.assertIn("- `throughput` (throughput --samples 100000): interrupted", self.text())
+
+
+class Budget(unittest.TestCase):
+    def test_leaves_out_by_name_what_there_is_no_time_for(self):
+        sys.path.insert(0, str(tool.TOOLS))
+        import measure  # pylint: disable=import-outside-toplevel,import-error
+        import plan  # pylint: disable=import-outside-toplevel,import-error
+        parts = (plan.Part("long", "", 100), plan.Part("short", "", 4))
+        kept = io.StringIO()
+        with contextlib.redirect_stderr(io.StringIO()) as said:
+            measure.Measurement("true", kept, 10).run_all(parts)
+        outcomes = [(record["part"], record["outcome"])
+                    for record in map(json.loads, kept.getvalue().splitlines())]
+        self.assertEqual(outcomes, [("long", "out of time"), ("short", "done")])
+        self.assertIn("leaving out long: there is no time left for it", said.getvalue())
+
+    def test_is_enough_for_all_parts(self):
+        sys.path.insert(0, str(tool.TOOLS))
+        import plan  # pylint: disable=import-outside-toplevel,import-error
+        self.assertLessEqual(sum(part.seconds for part in plan.FULL), 20 * 60)
+        self.assertLessEqual(sum(part.seconds for part in plan.QUICK), 4.5 * 60)
 
 
 if __name__ == "__main__":
