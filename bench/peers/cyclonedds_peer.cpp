@@ -1,8 +1,10 @@
 #include <dds/dds.h>
 #include <peer_dds.h>
 
+#include <atomic>
 #include <cstdlib>
 #include <cstring>
+#include <span>
 #include <vector>
 
 #include "topic_caller.hpp"
@@ -13,17 +15,22 @@
 // is used, without multicast. Threads of a domain are those of the process, started by the first
 // lane's participant, with the high priority; each lane's thread answers its own requests. Shared
 // memory would need iceoryx's daemon, RouDi, beside the peer's programs, and is not used.
+// Its events have no broker: each goes straight from the supplier to the consumers. These are of
+// another domain of the same program, which outside has the same number: within one domain, samples
+// would be passed on without any transport.
 namespace rtpm::bench {
 namespace {
 
 constexpr const char* kConfiguration =
     "<CycloneDDS><Domain><General><Interfaces><NetworkInterface name=\"lo\"/></Interfaces>"
     "<AllowMulticast>false</AllowMulticast></General><Discovery><ParticipantIndex>auto"
-    "</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers></Discovery></Domain>"
-    "</CycloneDDS>";
+    "</ParticipantIndex><Peers><Peer address=\"127.0.0.1\"/></Peers><ExternalDomainId>97"
+    "</ExternalDomainId></Discovery></Domain></CycloneDDS>";
 
 /// The default domain's, which other programs of the host may use, is left alone.
 constexpr dds_domainid_t kDomain = 97;
+/// Of suppliers, which outside is the same domain.
+constexpr dds_domainid_t kSupplierDomain = 96;
 
 dds_entity_t participant() {
   static const dds_entity_t kParticipant = [] {
@@ -98,8 +105,93 @@ class CycloneCaller final : public TopicCaller {
   dds_entity_t waiting_;
 };
 
+/// Events that a queue holds before it loses some, as of the other peers.
+constexpr std::int32_t kQueuedMax = 1024;
+static_assert(sizeof(peer_DdsEvent) == sizeof(EventStamp));
+
+/// A writer, and readers with a wait set and a thread each.
+class CycloneSide final : public PeerEventSide {
+ public:
+  ~CycloneSide() override {
+    is_stopping_ = true;
+    threads_.clear();
+    dds_delete(supplier_);
+  }
+
+  [[nodiscard]] expected<void, std::string> begin(int consumer_count, EventBoard& board) {
+    const dds_entity_t consumers = participant();
+    supplier_ = dds_create_domain(kSupplierDomain, kConfiguration);
+    const dds_entity_t supplier = dds_create_participant(kSupplierDomain, nullptr, nullptr);
+    dds_qos_t* const qos = dds_create_qos();
+    dds_qset_reliability(qos, DDS_RELIABILITY_RELIABLE, DDS_SECS(1));
+    dds_qset_history(qos, DDS_HISTORY_KEEP_LAST, kQueuedMax);
+    writer_ = dds_create_writer(supplier, topic_of(supplier), qos, nullptr);
+    const dds_entity_t topic = topic_of(consumers);
+    for (int i = 0; i < consumer_count; ++i) {
+      const dds_entity_t reader = dds_create_reader(consumers, topic, qos, nullptr);
+      const dds_entity_t waiting = dds_create_waitset(consumers);
+      dds_waitset_attach(waiting, dds_create_readcondition(reader, DDS_ANY_STATE), 0);
+      if (reader < 0 || writer_ < 0) return unexpected{std::string("Cyclone DDS makes no topic")};
+      auto thread =
+          start_consumer([this, reader, waiting, &board, number = static_cast<std::size_t>(i)] {
+            while (!is_stopping_)
+              consume(reader, waiting, board, number);
+          });
+      if (!thread) return unexpected{thread.error()};
+      threads_.push_back(std::move(*thread));
+    }
+    dds_delete_qos(qos);
+    return {};
+  }
+
+  expected<void, std::string> push(const EventStamp& stamp) override {
+    peer_DdsEvent event;
+    std::memcpy(&event, &stamp, sizeof event);
+    if (const dds_return_t code = dds_write(writer_, &event); code != DDS_RETCODE_OK) {
+      return unexpected{std::string("Cyclone DDS can't write: ") + dds_strretcode(code)};
+    }
+    return {};
+  }
+
+ private:
+  [[nodiscard]] static dds_entity_t topic_of(dds_entity_t participant) {
+    return dds_create_topic(participant, &peer_DdsEvent_desc, "rtpm_bench_events", nullptr,
+                            nullptr);
+  }
+  static void consume(dds_entity_t reader, dds_entity_t waiting, EventBoard& board,
+                      std::size_t number) {
+    dds_attach_t triggered = 0;
+    if (dds_waitset_wait(waiting, &triggered, 1, DDS_MSECS(100)) <= 0) return;
+    peer_DdsEvent event{};
+    void* sample = &event;
+    dds_sample_info_t info{};
+    while (dds_take(reader, &sample, &info, 1, 1) > 0) {
+      if (info.valid_data) board.note(number, std::as_bytes(std::span(&event, 1)), rt::now());
+    }
+  }
+
+  dds_entity_t supplier_ = 0;  ///< Its domain.
+  dds_entity_t writer_ = 0;
+  std::atomic<bool> is_stopping_{false};
+  std::vector<rt::Thread> threads_{};
+};
+
 class CyclonePeer final : public Peer {
  public:
+  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
+    announce("none");
+    return {};
+  }
+
+  expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,
+                                                                   const std::string&,
+                                                                   int consumer_count,
+                                                                   EventBoard& board) override {
+    auto side = std::make_unique<CycloneSide>();
+    if (auto begun = side->begin(consumer_count, board); !begun) return unexpected{begun.error()};
+    return std::unique_ptr<EventSide>(std::move(side));
+  }
+
   expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
     std::vector<End> ends;
     const dds_entity_t waiting = dds_create_waitset(participant());
