@@ -77,7 +77,6 @@ bool CallChannel::serves(Priority priority) const noexcept {
 
 void CallChannel::drop_link() noexcept {
   wire_.reset();
-  may_have_more_ = false;
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   link_.reset();
@@ -261,24 +260,20 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
   // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
   rt::RealtimeBudget& budget = rt::this_thread_budget();
   bool is_spinning = may_spin && !budget.must_rest(now);
+  const auto wake_time = [&] {
+    const MonotonicTime wake = std::min(until, wire_.next_time());
+    return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kNap) : wake;
+  };
   while (true) {
-    if (!is_spinning && !may_have_more_) {
-      MonotonicTime wake = std::min(until, wire_.next_time());
-      if (may_spin && now < spin_end) wake = std::min(wake, now + rt::RealtimeBudget::kNap);
-      if (budget.must_sleep(now)) {
-        rt::sleep_until(now + rt::RealtimeBudget::kNap);
-      } else {
-        link_->wait(wake);
-      }
-    }
-    auto frame = link_->receive();
+    const bool may_block = !is_spinning && now < until;
+    const bool must_sleep = may_block && budget.must_sleep(now);
+    if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kNap);
+    auto frame = may_block && !must_sleep ? link_->await(wake_time()) : link_->receive();
     if (!frame && frame.error() == transport::IoError::kRefused) {
       // The system tells a refusal before what came earlier, such as the CLOSE of a server that
       // stopped.
       if (auto earlier = link_->receive()) frame = earlier;
     }
-    // What came together with this one may lie in a stream's buffer and would wake no poll.
-    may_have_more_ = frame.has_value() && link_->medium() == wire::Medium::kStream;
     now = rt::now();
     wire::ChannelEvent event;
     if (frame) {

@@ -121,7 +121,6 @@ class CallChannel {
   rt::LazyMemory items_;  // Of a stream.
   rt::LazyMemory kept_;   // A request that outlives its caller's.
   MonotonicTime last_look_{};
-  bool may_have_more_ = false;  // Frames in the link's buffer, which wake no poll.
   wire::ClientChannel wire_;
 };
 

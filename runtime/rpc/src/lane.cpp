@@ -154,7 +154,7 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
   }
   if (is_periodic_ && sleep_to_next_turn()) return;
   spin_end = kNever;
-  static_cast<void>(look_around(next_time()));
+  if (look_around(next_time())) nap_if_overdue(received_);
 }
 
 // A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
@@ -267,7 +267,9 @@ bool Lane::turn() noexcept {
   if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
   if (pending_->open_count() > 0 && look_at_pending()) return true;
   if (hot_ != kLocal && gate_->has_calls()) hot_ = kLocal;
-  const bool has_served = serve_one(hot_);
+  // One that blocks waits for all of its sockets at once rather than ask the last one first.
+  const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
+  const bool has_served = is_hot_asked && serve_one(hot_);
   if (has_served && connection_count_ == 0 && hot_ != kLocal) return true;
   // What costs no syscall is looked at each turn, unless there is something anyway.
   if (!has_served || is_memory_look_due()) {
@@ -339,10 +341,11 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
     is_port_watched_ = false;
   }
   const bool is_alone = !is_port_watched_;
-  const int port = port_->descriptor();
+  // Nobody else receives into the lane's buffer meanwhile.
+  if (is_alone && !is_shared) return poller_.receive_for(*port_, datagram_, kUdp, until, ready_);
   if (is_shared) crew_->mutex().unlock();
   const std::size_t count =
-      is_alone ? poller_.wait_for_one(port, kUdp, until, ready_) : poller_.wait(until, ready_);
+      is_alone ? poller_.wait_for(*port_, kUdp, until, ready_) : poller_.wait(until, ready_);
   if (is_shared) crew_->mutex().lock();
   return count;
 }

@@ -150,8 +150,8 @@ SetupError in_words(const ServerConfig& config, const std::string& text) {
 expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std::uint16_t port) {
   std::vector<transport::UdpPort> ports;
   for (const LaneConfig& lane : config_.lanes) {
-    auto opened =
-        transport::UdpPort::open(config_.host, port, lane.priority, /*joins=*/!ports.empty());
+    auto opened = transport::UdpPort::open(
+        {config_.host, port, lane.priority, lane.low, /*joins=*/!ports.empty()});
     if (!opened) return unexpected{in_words(config_, opened.error().text)};
     ports.push_back(std::move(*opened));
   }

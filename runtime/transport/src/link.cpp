@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <cstring>
 
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/stream.hpp"
@@ -73,6 +74,13 @@ class TcpLink final : public Link {
     return stream_.send(frame, rt::now() + kSendPatience);
   }
   expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
+  expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
+    // It would wake no poll.
+    if (stream_.has_buffered()) return stream_.receive();
+    if (!may_block_until(until)) return Link::await(until);
+    const rt::AsleepScope asleep;
+    return stream_.await();
+  }
   int descriptor() const noexcept override { return stream_.descriptor(); }
   wire::Medium medium() const noexcept override { return wire::Medium::kStream; }
 
@@ -95,6 +103,11 @@ int finish_connecting(int socket, MonotonicTime deadline) noexcept {
 
 void Link::wait(MonotonicTime until) noexcept {
   wait_readable(descriptor(), until);
+}
+
+expected<ConstBytes, IoError> Link::await(MonotonicTime until) noexcept {
+  wait(until);
+  return receive();
 }
 
 expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
@@ -134,6 +147,7 @@ expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string&
                                      " (" + std::strerror(error) +
                                      "). Remedy: start the server, or check host and port."}};
   }
+  limit_blocking(socket.number());
   return std::unique_ptr<Link>(std::make_unique<TcpLink>(std::move(socket), message_size_max));
 }
 

@@ -11,6 +11,7 @@
 #include <cstring>
 #include <limits>
 #include <optional>
+#include <utility>
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
@@ -81,10 +82,11 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
   return static_cast<std::size_t>(std::max(count, 0));
 }
 
-std::size_t Poller::wait_for_one(int descriptor, std::uint64_t tag, MonotonicTime until,
-                                 std::span<std::uint64_t> tags) noexcept {
-  RTPM_ASSERT(tags.size() >= 2, "there is room for the descriptor and the bell");
-  std::array<pollfd, 2> entries{pollfd{.fd = descriptor, .events = POLLIN, .revents = 0},
+std::size_t Poller::wait_for(const UdpPort& port, std::uint64_t tag, MonotonicTime until,
+                             std::span<std::uint64_t> tags) noexcept {
+  RTPM_ASSERT(tags.size() >= 2, "there is room for the port and the bell");
+  was_rung_ = false;
+  std::array<pollfd, 2> entries{pollfd{.fd = port.descriptor(), .events = POLLIN, .revents = 0},
                                 pollfd{.fd = bell_.number(), .events = POLLIN, .revents = 0}};
   const timespec timeout = left_until(until);
   std::optional<rt::AsleepScope> asleep;
@@ -103,13 +105,49 @@ std::size_t Poller::wait_for_one(int descriptor, std::uint64_t tag, MonotonicTim
   return count;
 }
 
+std::size_t Poller::receive_for(UdpPort& port, MutableBytes buffer, std::uint64_t tag,
+                                MonotonicTime until, std::span<std::uint64_t> tags) noexcept {
+  if (was_rung_ || !may_block_until(until)) return wait_for(port, tag, until, tags);
+  // SYNC POINT poller-rings: whoever rings counts first and then looks for the receiver, so either
+  // it wakes the receive, or it is counted by now.
+  rings_->receiver.store(&port, std::memory_order_seq_cst);
+  bool has_datagram = false;
+  was_rung_ = has_rung();
+  if (was_rung_) {
+    take_rings();
+  } else {
+    const rt::AsleepScope asleep;
+    has_datagram = port.await(buffer);
+  }
+  rings_->receiver.store(nullptr, std::memory_order_seq_cst);
+  if (has_rung()) was_rung_ = true;
+  std::size_t count = 0;
+  if (has_datagram) tags[count++] = tag;
+  if (was_rung_) tags[count++] = kBell;
+  return count;
+}
+
+// Whether the bell rang since this was last asked.
+bool Poller::has_rung() noexcept {
+  const std::uint64_t count = rings_->count.load(std::memory_order_seq_cst);
+  return std::exchange(heard_count_, count) != count;
+}
+
 void Poller::take_rings() noexcept {
+  was_rung_ = true;
+  static_cast<void>(has_rung());
   std::uint64_t rings = 0;
   const ssize_t size = read(bell_.number(), &rings, sizeof rings);
   static_cast<void>(size);  // Another wait took the rings: there is nothing to do.
 }
 
 void Poller::ring() noexcept {
+  // SYNC POINT poller-rings
+  rings_->count.fetch_add(1, std::memory_order_seq_cst);
+  if (UdpPort* const receiver = rings_->receiver.load(std::memory_order_seq_cst)) {
+    receiver->wake();
+    return;
+  }
   const std::uint64_t one = 1;
   const ssize_t size = write(bell_.number(), &one, sizeof one);
   static_cast<void>(size);  // A full counter means that the bell rings already.

@@ -1,10 +1,12 @@
 #include "rtpm/transport/socket.hpp"
 
 #include <arpa/inet.h>
+#include <fcntl.h>
 #include <netdb.h>
 #include <netinet/ip.h>
 #include <poll.h>
 #include <sys/socket.h>
+#include <sys/time.h>
 #include <unistd.h>
 
 #include <array>
@@ -83,6 +85,18 @@ bool wait_readable(int descriptor, MonotonicTime until) noexcept {
 
 bool wait_writable(int descriptor, MonotonicTime until) noexcept {
   return wait_for(descriptor, POLLOUT, until);
+}
+
+void limit_blocking(int socket) noexcept {
+  const timeval limit{.tv_sec = 0, .tv_usec = kBlockTime / std::chrono::microseconds{1}};
+  setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+  const int flags = fcntl(socket, F_GETFL);
+  fcntl(socket, F_SETFL, flags & ~O_NONBLOCK);
+}
+
+bool may_block_until(MonotonicTime until) noexcept {
+  constexpr Duration kTicks = std::chrono::milliseconds{20};
+  return until == kNever || (until > rt::now() && until - rt::now() > kBlockTime + kTicks);
 }
 
 }  // namespace rtpm::transport

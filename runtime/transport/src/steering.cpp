@@ -8,13 +8,14 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/transport/udp.hpp"
+#include "steering.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// Where the header's priority stands (hp-11-2); little-endian, while classic BPF loads big-endian.
-constexpr std::uint32_t kPriorityLowByte = 4;
-constexpr std::uint32_t kPriorityHighByte = 5;
+// Classic BPF loads big-endian.
+constexpr std::uint32_t kPriorityLowByte = kPriorityOffset;
+constexpr std::uint32_t kPriorityHighByte = kPriorityOffset + 1;
 
 sock_filter statement(int code, std::uint32_t k) noexcept {
   return {static_cast<std::uint16_t>(code), 0, 0, k};

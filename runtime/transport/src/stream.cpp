@@ -43,6 +43,14 @@ bool FrameStream::has_buffered() const noexcept {
 }
 
 expected<ConstBytes, IoError> FrameStream::receive() noexcept {
+  return receive(MSG_DONTWAIT);
+}
+
+expected<ConstBytes, IoError> FrameStream::await() noexcept {
+  return receive(0);
+}
+
+expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
   if (given_size_ > 0) {
     // Each frame begins at the buffer's begin, so that its payload is aligned.
     filled_size_ -= given_size_;
@@ -55,7 +63,7 @@ expected<ConstBytes, IoError> FrameStream::receive() noexcept {
   while (size == 0) {
     MutableBytes room = buffer().subspan(filled_size_);
     room = room.first(std::min(room.size(), kStepSizeMax));
-    const ssize_t count = recv(socket_.number(), room.data(), room.size(), MSG_DONTWAIT);
+    const ssize_t count = recv(socket_.number(), room.data(), room.size(), flags);
     if (count == 0) return unexpected{IoError::kClosed};
     if (count < 0) {
       const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;

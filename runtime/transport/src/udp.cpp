@@ -2,8 +2,12 @@
 
 #include <sys/socket.h>
 
+#include <array>
 #include <cerrno>
 #include <cstring>
+#include <utility>
+
+#include "steering.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -11,8 +15,9 @@ namespace {
 // Room for a burst of small calls while the lane runs a long one.
 constexpr int kReceiveBufferSize = 1 << 20;
 
+// Each call says whether it blocks.
 Descriptor make_socket() noexcept {
-  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
 }
 
 // With a shared port the system lets any process of the same user join, so that a second server on
@@ -22,18 +27,23 @@ bool is_free(const sockaddr_in& address) noexcept {
   return bind(trial.number(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
 }
 
+wire::PeerAddress peer_of(const sockaddr_in& address) noexcept {
+  return {0, address.sin_addr.s_addr, address.sin_port};
+}
+
+TransportError no_socket(const std::string& name) {
+  return {"no UDP socket for " + name + " (" + std::strerror(errno) +
+          "). Remedy: raise the limit of open files (ulimit -n)."};
+}
+
 }  // namespace
 
-expected<UdpPort, TransportError> UdpPort::open(const std::string& host, std::uint16_t port,
-                                                Priority priority, bool joins) {
-  const auto address = address_of(host, port);
+expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
+  const auto address = address_of(config.host, config.port);
   if (!address) return unexpected{address.error()};
-  const std::string name = host + ":" + std::to_string(port);
+  const std::string name = config.host + ":" + std::to_string(config.port);
   Descriptor socket = make_socket();
-  if (!socket.is_open()) {
-    return unexpected{TransportError{"no UDP socket for " + name + " (" + std::strerror(errno) +
-                                     "). Remedy: raise the limit of open files (ulimit -n)."}};
-  }
+  if (!socket.is_open()) return unexpected{no_socket(name)};
   const int on = 1;
   setsockopt(socket.number(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on);
   // The forced form passes the system's limit where the process may; else the limit holds.
@@ -42,9 +52,10 @@ expected<UdpPort, TransportError> UdpPort::open(const std::string& host, std::ui
     setsockopt(socket.number(), SOL_SOCKET, SO_RCVBUF, &kReceiveBufferSize,
                sizeof kReceiveBufferSize);
   }
-  set_traffic_class(socket.number(), priority);
+  set_traffic_class(socket.number(), config.priority);
+  limit_blocking(socket.number());
   const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
-  if ((!joins && !is_free(*address)) || bind(socket.number(), raw, sizeof *address) != 0) {
+  if ((!config.joins && !is_free(*address)) || bind(socket.number(), raw, sizeof *address) != 0) {
     const int error = errno;
     const std::string remedy =
         error == EADDRINUSE ? "Remedy: end the program that has it (ss -lptun), or choose another "
@@ -53,20 +64,55 @@ expected<UdpPort, TransportError> UdpPort::open(const std::string& host, std::ui
     return unexpected{TransportError{"UDP " + name + " can't be served (" + std::strerror(error) +
                                      "). " + remedy}};
   }
-  return UdpPort(std::move(socket));
+  UdpPort opened(std::move(socket), config.low);
+  if (!opened.open_waker()) return unexpected{no_socket(name)};
+  return opened;
+}
+
+bool UdpPort::open_waker() noexcept {
+  sockaddr_in own{};
+  socklen_t size = sizeof own;
+  auto* const generic = reinterpret_cast<sockaddr*>(&own);
+  waker_ = make_socket();
+  if (!waker_.is_open() || getsockname(socket_.number(), generic, &size) != 0) return false;
+  if (own.sin_addr.s_addr == INADDR_ANY) own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  if (connect(waker_.number(), generic, size) != 0) return false;
+  if (getsockname(waker_.number(), generic, &size) != 0) return false;
+  waker_peer_ = peer_of(own);
+  return true;
 }
 
 expected<Datagram, IoError> UdpPort::receive(MutableBytes buffer) noexcept {
+  if (awaited_) return *std::exchange(awaited_, std::nullopt);
+  return receive(buffer, MSG_DONTWAIT);
+}
+
+bool UdpPort::await(MutableBytes buffer) noexcept {
+  if (awaited_) return true;
+  if (const auto datagram = receive(buffer, 0)) awaited_ = *datagram;
+  return awaited_.has_value();
+}
+
+expected<Datagram, IoError> UdpPort::receive(MutableBytes buffer, int flags) noexcept {
   sockaddr_in from{};
   socklen_t from_size = sizeof from;
-  const ssize_t count = recvfrom(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT,
+  const ssize_t count = recvfrom(socket_.number(), buffer.data(), buffer.size(), flags,
                                  reinterpret_cast<sockaddr*>(&from), &from_size);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
     return unexpected{is_nothing ? IoError::kNothing : IoError::kFailed};
   }
-  return Datagram{buffer.first(static_cast<std::size_t>(count)),
-                  {0, from.sin_addr.s_addr, from.sin_port}};
+  const wire::PeerAddress peer = peer_of(from);
+  if (peer == waker_peer_) return unexpected{IoError::kNothing};
+  return Datagram{buffer.first(static_cast<std::size_t>(count)), peer};
+}
+
+void UdpPort::wake() noexcept {
+  // As much of a header as steer() looks at.
+  std::array<std::byte, kPriorityOffset + sizeof(std::uint16_t)> call{};
+  store_le(call.data() + kPriorityOffset, low_.value());
+  // No room: there are datagrams, which wake as well.
+  static_cast<void>(::send(waker_.number(), call.data(), call.size(), MSG_DONTWAIT | MSG_NOSIGNAL));
 }
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {

@@ -124,7 +124,7 @@ TEST_P(BindErrors, SayThatEveryChannelIsInUse) {
 // Somebody has the port who says nothing.
 TEST(BindDeadline, EndsTheWaitForASilentServer) {
   const std::uint16_t port = free_port();
-  const auto silent_udp = transport::UdpPort::open("127.0.0.1", port, 0, false);
+  const auto silent_udp = transport::UdpPort::open({.port = port});
   const auto silent_tcp = transport::TcpListener::open("127.0.0.1", port);
   ASSERT_TRUE(silent_udp);
   ASSERT_TRUE(silent_tcp);
@@ -141,7 +141,7 @@ TEST(BindDeadline, EndsTheWaitForASilentServer) {
 // hp-4-6: the server speaks another version and says so.
 TEST(BindHandshake, SaysThatVersionsDiffer) {
   const std::uint16_t number = free_port();
-  auto port = transport::UdpPort::open("127.0.0.1", number, 0, false);
+  auto port = transport::UdpPort::open({.port = number});
   ASSERT_TRUE(port);
   std::thread stranger([&] {
     Bytes buffer(2000);

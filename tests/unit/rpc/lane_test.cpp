@@ -99,10 +99,9 @@ class LaneAlone {
     setup.acceptor_bell = &acceptor_bell_;
     setup.slot = &slot_;
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
-    lane_ = std::make_unique<Lane>(
-        setup,
-        std::move(*transport::UdpPort::open("127.0.0.1", listener->port(), 0, /*joins=*/false)),
-        std::move(*transport::Poller::open()));
+    lane_ = std::make_unique<Lane>(setup,
+                                   std::move(*transport::UdpPort::open({.port = listener->port()})),
+                                   std::move(*transport::Poller::open()));
     thread_ = std::thread([this] { lane_->run(); });
   }
   ~LaneAlone() {

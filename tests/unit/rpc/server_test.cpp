@@ -39,7 +39,7 @@ TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
             "rtpm://127.0.0.1:" + std::to_string((*server)->port()) + "/lab/arm0");
   EXPECT_TRUE(wire::parse_url((*server)->url("lab/arm0")));
   EXPECT_FALSE(transport::TcpListener::open("127.0.0.1", (*server)->port()));
-  EXPECT_FALSE(transport::UdpPort::open("127.0.0.1", (*server)->port(), 0, false));
+  EXPECT_FALSE(transport::UdpPort::open({.port = (*server)->port()}));
 }
 
 TEST(ServerSetUp, SaysThatItsPortIsBusyAndWhatToDo) {
@@ -59,7 +59,7 @@ TEST(ServerSetUp, SaysThatOnlyItsUdpPortIsBusy) {
     ASSERT_TRUE(listener);
     port = listener->port();
   }
-  const auto taken = transport::UdpPort::open("127.0.0.1", port, 0, false);
+  const auto taken = transport::UdpPort::open({.port = port});
   ASSERT_TRUE(taken);
   ServerConfig config = quiet_config();
   config.port = port;

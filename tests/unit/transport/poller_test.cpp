@@ -4,11 +4,16 @@
 
 #include <algorithm>
 #include <array>
+#include <atomic>
+#include <memory>
+#include <optional>
 #include <thread>
 #include <vector>
 
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/tcp.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -28,11 +33,6 @@ class PollerTest : public testing::Test {
     std::array<std::uint64_t, 8> tags{};
     const std::size_t count = poller_.wait(until, tags);
     std::sort(tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count));
-    return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
-  }
-  std::vector<std::uint64_t> wait_for_one(int descriptor, MonotonicTime until) {
-    std::array<std::uint64_t, 2> tags{};
-    const std::size_t count = poller_.wait_for_one(descriptor, 7, until, tags);
     return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
   }
   std::vector<std::uint64_t> look() { return wait(Poller::kAlready); }
@@ -129,22 +129,98 @@ TEST_F(PollerTest, ReportsNothingThatWasRemoved) {
   EXPECT_EQ(look(), Tags{8});
 }
 
-TEST_F(PollerTest, WaitsForOneThatWasNotAdded) {
-  auto [near, far] = stream_pair();
+/// A port beside the poller, which knows nothing of it, and two ways to wait for it.
+class PollerWithPort : public PollerTest, public testing::WithParamInterface<bool> {
+ protected:
+  void SetUp() override {
+    PollerTest::SetUp();
+    const auto listener = TcpListener::open("127.0.0.1", 0);
+    ASSERT_TRUE(listener);
+    auto port = UdpPort::open({.port = listener->port()});
+    ASSERT_TRUE(port) << port.error().text;
+    port_.emplace(std::move(*port));
+    link_ = std::move(*open_udp_link("127.0.0.1", listener->port(), 0));
+  }
+  void send() { ASSERT_TRUE(link_->send(Bytes(48))); }
+  Tags wait_for_port(MonotonicTime until) {
+    std::array<std::uint64_t, 2> tags{};
+    const std::size_t count = GetParam() ? poller_.receive_for(*port_, buffer_, 7, until, tags)
+                                         : poller_.wait_for(*port_, 7, until, tags);
+    return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
+  }
+  /// As a lane does, which waits again where a wait ended with nothing.
+  Tags await_port() {
+    Tags tags;
+    while (tags.empty())
+      tags = wait_for_port(kNever);
+    return tags;
+  }
+  bool receive() { return port_->receive(buffer_).has_value(); }
+
+  std::optional<UdpPort> port_;
+  std::unique_ptr<Link> link_;
+  Bytes buffer_ = Bytes(2000);
+};
+
+TEST_P(PollerWithPort, WaitsForThePortThatWasNotAdded) {
   auto [added, other] = stream_pair();
   ASSERT_TRUE(poller_.add(added.number(), 3));
   write_all(other, Bytes(1));
-  EXPECT_EQ(wait_for_one(near.number(), Poller::kAlready), Tags{}) << "and for nothing else";
+  EXPECT_EQ(wait_for_port(Poller::kAlready), Tags{}) << "and for nothing else";
   const MonotonicTime until = rt::now() + 3ms;
-  EXPECT_EQ(wait_for_one(near.number(), until), Tags{});
-  EXPECT_GE(rt::now(), until);
-  write_all(far, Bytes(1));
-  EXPECT_EQ(wait_for_one(near.number(), kNever), Tags{7});
-  poller_.ring();
-  EXPECT_EQ(wait_for_one(near.number(), kNever), (Tags{7, Poller::kBell}));
-  EXPECT_EQ(wait_for_one(near.number(), kNever), Tags{7}) << "the bell rang once";
+  EXPECT_EQ(wait_for_port(until), Tags{});
+  EXPECT_GE(rt::now(), until) << "a short wait is as long as it should be";
+  send();
+  EXPECT_EQ(await_port(), Tags{7});
+  EXPECT_TRUE(receive());
+  EXPECT_FALSE(receive()) << "there was one";
   EXPECT_EQ(look(), Tags{3});
 }
+
+TEST_P(PollerWithPort, HearsTheBellThatRangBeforeAndOnce) {
+  poller_.ring();
+  EXPECT_EQ(await_port(), Tags{Poller::kBell});
+  EXPECT_EQ(wait_for_port(rt::now() + 100ms), Tags{}) << "the bell rang once";
+  poller_.ring();
+  send();
+  bool has_heard = false;
+  bool has_received = false;
+  while (!has_heard || !has_received) {
+    for (const std::uint64_t tag : await_port())
+      (tag == 7 ? has_received : has_heard) = tag != 7 || receive();
+  }
+}
+
+TEST_P(PollerWithPort, HearsEachRingOfOthersWhileItWaits) {
+  constexpr int kRingCount = 2000;
+  std::atomic<int> rung_count = 0;
+  std::atomic<int> heard_count = 0;
+  std::thread other([&] {
+    for (int i = 0; i < kRingCount; ++i) {
+      ++rung_count;
+      poller_.ring();
+      // Now and then a datagram comes with it, after which it waits by receiving again.
+      if (i % 3 == 0) send();
+      while (heard_count < rung_count)
+        std::this_thread::yield();
+    }
+  });
+  int overslept_count = 0;
+  while (heard_count < kRingCount) {
+    const MonotonicTime begin = rt::now();
+    const Tags tags = wait_for_port(kNever);
+    if (rt::now() - begin >= kBlockTime) ++overslept_count;
+    while (receive()) {
+    }
+    if (std::ranges::find(tags, Poller::kBell) != tags.end()) heard_count = rung_count.load();
+  }
+  other.join();
+  EXPECT_LT(overslept_count, kRingCount / 10) << "rings were heard when a wait was over";
+}
+
+INSTANTIATE_TEST_SUITE_P(Poller, PollerWithPort, testing::Bool(), [](const auto& parameter) {
+  return parameter.param ? "Receiving" : "Polling";
+});
 
 TEST_F(PollerTest, RefusesWhatIsNoDescriptor) {
   EXPECT_FALSE(poller_.add(-1, 1));

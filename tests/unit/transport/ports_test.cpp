@@ -39,7 +39,7 @@ std::uint16_t free_port() {
 }
 
 UdpPort open_udp(std::uint16_t port, bool joins = false) {
-  auto opened = UdpPort::open(kHere, port, 0, joins);
+  auto opened = UdpPort::open({.port = port, .joins = joins});
   EXPECT_TRUE(opened) << opened.error().text;
   return std::move(*opened);
 }
@@ -123,7 +123,7 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
 TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {
   const std::uint16_t number = free_port();
   const UdpPort first = open_udp(number);
-  const auto second = UdpPort::open(kHere, number, 0, /*joins=*/false);
+  const auto second = UdpPort::open({.port = number});
   ASSERT_FALSE(second) << "a second server would take half of the first one's traffic";
   expect_text(second.error().text,
               {"UDP 127.0.0.1:" + std::to_string(number), "Address already in use",
@@ -133,17 +133,52 @@ TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {
 TEST(UdpPort, IsSharedByTheLanesOfOneServer) {
   const std::uint16_t number = free_port();
   const UdpPort first = open_udp(number);
-  EXPECT_TRUE(UdpPort::open(kHere, number, 0, /*joins=*/true));
+  EXPECT_TRUE(UdpPort::open({.port = number, .joins = true}));
 }
 
 TEST(UdpPort, IsFreeAgainWhenItsServerEnds) {
   const std::uint16_t number = free_port();
   { const UdpPort first = open_udp(number); }
-  EXPECT_TRUE(UdpPort::open(kHere, number, 0, /*joins=*/false));
+  EXPECT_TRUE(UdpPort::open({.port = number}));
+}
+
+TEST(UdpPort, KeepsWhatItAwaitedForTheNextReceive) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  Bytes buffer(2000);
+  auto link = open_udp_link(kHere, number, 0);
+  ASSERT_TRUE(link && (*link)->send(Bytes(3)) && (*link)->send(Bytes(4)));
+  ASSERT_TRUE(port.await(buffer));
+  EXPECT_TRUE(port.await(buffer)) << "and does not take a second one over it";
+  EXPECT_EQ(port.receive(buffer)->bytes.size(), 3u);
+  EXPECT_EQ(await_datagram(port)->size(), 4u);
+  EXPECT_FALSE(port.receive(buffer)) << "there were two";
+}
+
+TEST(UdpPort, AwaitsADatagramNoLongerThanItSays) {
+  UdpPort port = open_udp(free_port());
+  Bytes buffer(2000);
+  const MonotonicTime begin = rt::now();
+  EXPECT_FALSE(port.await(buffer));
+  EXPECT_GE(rt::now() - begin, kBlockTime);
+}
+
+TEST(UdpPort, IsWokenOnAnyAddress) {
+  for (const char* host : {kHere, "0.0.0.0"}) {
+    const std::uint16_t number = free_port();
+    auto port = UdpPort::open({.host = host, .port = number});
+    ASSERT_TRUE(port) << port.error().text;
+    Bytes buffer(2000);
+    port->wake();
+    auto link = open_udp_link(kHere, number, 0);
+    ASSERT_TRUE(link && (*link)->send(Bytes(3)));
+    EXPECT_FALSE(port->await(buffer)) << "the wake-up comes first";
+    EXPECT_TRUE(port->await(buffer));
+  }
 }
 
 TEST(UdpPort, SaysThatAnAddressIsNotThisHosts) {
-  const auto port = UdpPort::open(kNobodysAddress, 4711, 0, false);
+  const auto port = UdpPort::open({.host = kNobodysAddress, .port = 4711});
   ASSERT_FALSE(port);
   expect_text(port.error().text, {"UDP 192.0.2.1:4711", "Remedy: give an address of this host"});
 }

@@ -18,11 +18,11 @@ using namespace std::chrono_literals;
 
 class Lanes {
  public:
-  explicit Lanes(const std::vector<Priority>& lows) {
+  explicit Lanes(const std::vector<Priority>& lows) : lows_(lows) {
     const auto listener = TcpListener::open("127.0.0.1", 0);
     number_ = listener->port();
     for (const Priority low : lows) {
-      auto port = UdpPort::open("127.0.0.1", number_, low, !ports_.empty());
+      auto port = UdpPort::open({.port = number_, .low = low, .joins = !ports_.empty()});
       EXPECT_TRUE(port) << port.error().text;
       ports_.push_back(std::move(*port));
     }
@@ -47,12 +47,33 @@ class Lanes {
   std::optional<std::size_t> lane_of_priority(int priority) {
     return lane_of(frame_of(48, priority));
   }
+  /// Whether a lane's wake() reaches it, and it alone.
+  void expect_woken(std::size_t lane) {
+    ports_[lane].wake();
+    for (std::size_t i = 0; i < ports_.size(); ++i) {
+      ASSERT_TRUE(link_->send(frame_of(48, lows_[i])));
+      Bytes buffer(2000);
+      // Datagrams keep their order, so that the wake-up comes before this one.
+      if (i == lane) {
+        EXPECT_FALSE(ports_[i].await(buffer)) << lane << " was not woken";
+      }
+      EXPECT_TRUE(ports_[i].await(buffer)) << i << " was woken for " << lane;
+      EXPECT_TRUE(ports_[i].receive(buffer));
+    }
+  }
 
  private:
   std::uint16_t number_ = 0;
+  std::vector<Priority> lows_;
   std::vector<UdpPort> ports_;
   std::unique_ptr<Link> link_;
 };
+
+TEST(Steering, LeavesEachLaneItsOwnWakeUps) {
+  Lanes lanes({0, 100, 20'000});
+  for (std::size_t lane = 0; lane < 3; ++lane)
+    lanes.expect_woken(lane);
+}
 
 TEST(Steering, GivesEachPriorityToTheLaneOfItsBand) {
   Lanes lanes({0, 100, 255, 256, 20'000});

@@ -36,6 +36,10 @@ class Link {
   /// Waits, after receive() had nothing, until it may have something, or until `until`; it may end
   /// before. Frames that came together end one wait only.   RT: alloc-free, at most two syscalls.
   virtual void wait(MonotonicTime until) noexcept;
+  /// The next frame, for which it waits as wait() does if none is there; which waits for no frame
+  /// that came together with an earlier one.   RT: alloc-free, one syscall where the transport can,
+  /// else three.
+  [[nodiscard]] virtual expected<ConstBytes, IoError> await(MonotonicTime until) noexcept;
   /// The socket. Of a link through memory it tells only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;

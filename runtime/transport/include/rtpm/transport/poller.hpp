@@ -1,11 +1,14 @@
 #pragma once
 
+#include <atomic>
 #include <cstdint>
+#include <memory>
 #include <span>
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/udp.hpp"
 
 namespace rtpm::transport {
 
@@ -31,19 +34,37 @@ class Poller {
   /// Waits until something can be read, the bell rang, or `until` (kNever: for ever; kAlready: only
   /// looks). Writes the tags and gives how many.   RT: alloc-free, one syscall.
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<std::uint64_t> tags) noexcept;
-  /// As wait(), but for the bell and one descriptor that was not added, which is reported as `tag`.
-  /// What is added is told of by the system with each frame in or out, whether anybody waits or
-  /// not: a tenth of what a datagram costs.   RT: alloc-free, one syscall.
-  [[nodiscard]] std::size_t wait_for_one(int descriptor, std::uint64_t tag, MonotonicTime until,
-                                         std::span<std::uint64_t> tags) noexcept;
+  /// As wait(), but for the bell and one port that was not added, which is reported as `tag`. What
+  /// is added is told of by the system with each frame in or out, whether anybody waits or not: a
+  /// tenth of what a datagram costs.   RT: alloc-free, one syscall.
+  [[nodiscard]] std::size_t wait_for(const UdpPort& port, std::uint64_t tag, MonotonicTime until,
+                                     std::span<std::uint64_t> tags) noexcept;
+  /// The same by a receive into `buffer`, which the port's next receive() gives: one syscall less.
+  /// It may end kBlockTime before `until`. Where that is near, or it was the bell last that ended a
+  /// wait, it polls.
+  /// Ownership: the port stays where it is for as long as anybody rings.
+  /// RT: alloc-free, one syscall.
+  [[nodiscard]] std::size_t receive_for(UdpPort& port, MutableBytes buffer, std::uint64_t tag,
+                                        MonotonicTime until,
+                                        std::span<std::uint64_t> tags) noexcept;
   /// RT: alloc-free, one syscall.
   void ring() noexcept;
 
  private:
+  /// What those who ring share with the one who waits.
+  struct Rings {
+    std::atomic<std::uint64_t> count{0};
+    std::atomic<UdpPort*> receiver{nullptr};  ///< Through which to wake; none: by the bell.
+  };
+
+  [[nodiscard]] bool has_rung() noexcept;
   void take_rings() noexcept;
 
   Descriptor epoll_;
   Descriptor bell_;
+  std::unique_ptr<Rings> rings_ = std::make_unique<Rings>();
+  std::uint64_t heard_count_ = 0;
+  bool was_rung_ = false;  ///< In the last wait.
 };
 
 }  // namespace rtpm::transport

@@ -49,4 +49,13 @@ void set_traffic_class(int socket, Priority priority) noexcept;
 bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
+/// About how long a receive blocks that is meant to: the system counts in ticks of up to 10 ms. It
+/// spares the poll before it, where nobody needs the wait to end to the nanosecond.
+inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
+/// Has receives on the socket block for kBlockTime, where they don't say that they must not.
+/// Set-up only.
+void limit_blocking(int socket) noexcept;
+/// Whether a wait until then is long enough to begin with such a receive.   RT: alloc-free.
+[[nodiscard]] bool may_block_until(MonotonicTime until) noexcept;
+
 }  // namespace rtpm::transport

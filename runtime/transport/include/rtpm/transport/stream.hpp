@@ -21,6 +21,9 @@ class FrameStream final : public Connection {
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   /// Bytes that can't be a frame of the stated size are given as they are.
   expected<ConstBytes, IoError> receive() noexcept override;
+  /// The same, but where nothing is there it waits, as long as its socket does: see
+  /// limit_blocking().
+  [[nodiscard]] expected<ConstBytes, IoError> await() noexcept;
   bool has_buffered() const noexcept override;
   int descriptor() const noexcept override { return socket_.number(); }
 
@@ -28,6 +31,7 @@ class FrameStream final : public Connection {
   /// The size of the frame that begins at that place in the buffer, 0 if it has not arrived.
   [[nodiscard]] std::size_t complete_size(std::size_t at) const noexcept;
   [[nodiscard]] MutableBytes buffer() noexcept;
+  [[nodiscard]] expected<ConstBytes, IoError> receive(int flags) noexcept;
 
   struct alignas(64) CacheLine {
     std::byte bytes[64];

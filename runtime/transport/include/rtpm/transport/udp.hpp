@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -18,28 +19,50 @@ struct Datagram {
   wire::PeerAddress peer{};
 };
 
+/// What a lane's UDP socket is opened for.
+struct UdpPortConfig {
+  std::string host = "127.0.0.1";
+  std::uint16_t port = 0;
+  Priority priority = 0;  ///< Of what it sends: see set_traffic_class().
+  Priority low = 0;       ///< The lowest priority that steer() hands it.
+  bool joins = false;     ///< The port is a further one of a server's, not its first.
+};
+
 /// A lane's UDP socket. All lanes of a server share one port: the kernel steers each datagram to
 /// the lane of its priority (see steer()).
-/// Threads: one at a time.
+/// Threads: one at a time, but for wake().
 class UdpPort {
  public:
-  /// Opens the port for a server's first lane (or, with `joins`, for a further one).   Set-up only.
-  /// Errors: the port is taken, the address is not this host's.
-  [[nodiscard]] static expected<UdpPort, TransportError> open(const std::string& host,
-                                                              std::uint16_t port, Priority priority,
-                                                              bool joins);
+  /// Set-up only.   Errors: the port is taken, the address is not this host's.
+  [[nodiscard]] static expected<UdpPort, TransportError> open(const UdpPortConfig& config);
 
   /// One datagram into `buffer`; a longer one is cut, so leave a byte to notice.
   /// RT: alloc-free, one syscall, never blocks.
   [[nodiscard]] expected<Datagram, IoError> receive(MutableBytes buffer) noexcept;
+
+  /// Waits for a datagram, for kBlockTime at most, and receives it into `buffer`: the next
+  /// receive() gives it, wherever that is told to put it. False: none came, or wake() ended the
+  /// wait. RT: alloc-free, one syscall, where a poll and a receive are two.
+  [[nodiscard]] bool await(MutableBytes buffer) noexcept;
+  /// Ends the await() that another thread is in, or the next one, by a datagram to itself. Should
+  /// that be lost, as by a packet filter, await() ends in its time.
+  /// Threads: any.   RT: alloc-free, one syscall.
+  void wake() noexcept;
   /// RT: alloc-free, one syscall, never blocks.
   [[nodiscard]] expected<void, IoError> send(const wire::PeerAddress& peer,
                                              ConstBytes frame) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
  private:
-  explicit UdpPort(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+  UdpPort(Descriptor socket, Priority low) noexcept : socket_(std::move(socket)), low_(low) {}
+  [[nodiscard]] bool open_waker() noexcept;
+  [[nodiscard]] expected<Datagram, IoError> receive(MutableBytes buffer, int flags) noexcept;
+
   Descriptor socket_;
+  Descriptor waker_;                ///< Connected to the port.
+  wire::PeerAddress waker_peer_{};  ///< Whom its datagrams come from.
+  Priority low_;
+  std::optional<Datagram> awaited_;
 };
 
 /// Has the kernel hand each datagram to the lane that serves the priority in its header.
