@@ -21,11 +21,14 @@ CONFIDENCE_PERCENT = 95
 LEAST_PERCENT = 2
 # What two runs on one machine are to agree within, at the median of a ratio.
 AGREEMENT_PERCENT = 10
+RATIOS_AT_THE_MEDIAN = ("ratio_p50", "ratio_each_p50", "ratio_last_p50", "rtpm_over_peer_p50",
+                        "rtpm_over_peer_each_p50", "rtpm_over_peer_last_p50")
 # Without --all.
 MAIN_FIGURES = (
     "p50_us", "p99_us", "p999_us", "ratio_p50", "ratio_p99", "ratio_p999", "each_p50_us",
-    "each_p99_us", "ratio_each_p50", "ratio_each_p99", "calls_per_second", "rss_mib",
-    "loaded_over_idle_p999", "rtpm_over_peer_p50", "rtpm_over_peer_p999", "rtpm_over_peer_each_p50",
+    "each_p99_us", "ratio_each_p50", "ratio_each_p99", "ratio_last_p50", "calls_per_second",
+    "rss_mib", "loaded_over_idle_p999", "rtpm_over_peer_p50", "rtpm_over_peer_p999",
+    "rtpm_over_peer_each_p50", "rtpm_over_peer_last_p50",
 )
 
 
@@ -107,13 +110,14 @@ def summary_lines(all_found):
     for key, each in sorted(sure, key=lambda pair: -abs(pair[1].percent)):
         lines.append(f"  {each.percent:+7.1f} %  {each.name} of {records.name_of(key)}")
     ratios = [(key, each) for key, found in all_found for each in found
-              if each.name in ("ratio_p50", "ratio_each_p50", "rtpm_over_peer_p50",
-                               "rtpm_over_peer_each_p50")]
+              if each.name in RATIOS_AT_THE_MEDIAN]
     if ratios:
         apart = [pair for pair in ratios if abs(pair[1].percent) > AGREEMENT_PERCENT]
         lines.append(f"{len(ratios) - len(apart)} of {len(ratios)} ratios agree at the median "
                      f"within {AGREEMENT_PERCENT} %" + (", but not:" if apart else "."))
-        lines += [f"  {each.percent:+7.1f} %  {records.name_of(key)}" for key, each in apart]
+        for key, each in sorted(apart, key=lambda pair: -abs(pair[1].percent)):
+            lines.append(f"  {each.percent:+7.1f} %  {records.name_of(key)}: {short(each.first)} / "
+                         f"{short(each.second)}" + ("" if each.is_sure else ", which may be noise"))
     return lines
 
 

@@ -19,6 +19,8 @@ class Compare(unittest.TestCase):
         self.assertIn("6 of 18 figures differ beyond noise:", end.output)
         self.assertRegex(end.output, r"\+(19|20)\.\d %  p50_us of call, udp, adaptive, 48 B")
         self.assertIn("2 of 3 ratios agree at the median within 10 %, but not:", end.output)
+        self.assertRegex(end.output.strip().split("\n")[-1],
+                         r"^ +\+\d+\.\d %  call, udp, adaptive, 48 B: 1\.12 / 1\.35$")
 
     def test_finds_no_difference_between_a_run_and_its_like(self):
         end = tool.run("compare", tool.data("first.jsonl"), tool.data("same.jsonl"))
