@@ -28,10 +28,14 @@ const Amount& amount_of(std::size_t payload_size) {
       kAmounts, [=](const Amount& amount) { return payload_size <= amount.payload_size_max; });
 }
 
-/// The two sides' connections and what was measured through them.
+/// How often the servers are started anew in a run: where their memory comes to lie, and how it
+/// falls on the caches, moves the figures of shared memory by a fifth, for as long as they run.
+constexpr int kStartCount = 5;
+
+/// The two sides' connections, and what is measured through them.
 struct Sides {
   std::array<std::unique_ptr<Caller>, 2> callers;
-  std::array<Samples, 2> samples;
+  std::array<Samples, 2>& samples;
 };
 
 std::size_t index_of(Side side) {
@@ -70,11 +74,12 @@ expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, s
   return {};
 }
 
-expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_per_round,
-                                    const Amount& amount) {
+/// The rounds from `begin` on and before `end`.
+expected<void, std::string> measure(Duel& duel, Sides& sides, int begin, int end,
+                                    std::size_t count_per_round, const Amount& amount) {
   if (auto connected = connect(duel, sides); !connected) return connected;
   bool is_rtpm_first = true;
-  for (int round = 0; round < sides.samples[0].round_count(); ++round) {
+  for (int round = begin; round < end; ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
     const StealWatch steal;
@@ -95,30 +100,35 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, std::size_t count_
 }
 
 expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
-  auto duel = Duel::start(config);
-  if (!duel) return unexpected{duel.error()};
   const Amount& amount = amount_of(config.payload_size);
   const std::uint64_t count =
       settings.sample_count == 0 ? amount.sample_count : settings.sample_count;
   const auto count_per_round = static_cast<std::size_t>(
       std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
-  Sides sides{.callers = {},
-              .samples = {Samples(settings.round_count, count_per_round),
-                          Samples(settings.round_count, count_per_round)}};
+  std::array<Samples, 2> samples{Samples(settings.round_count, count_per_round),
+                                 Samples(settings.round_count, count_per_round)};
+  DisturbanceWatch watch({});
+  const int start_count = std::min(kStartCount, settings.round_count);
+  for (int start = 0; start < start_count; ++start) {
+    auto duel = Duel::start(config);
+    if (!duel) return unexpected{duel.error()};
+    const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
+      watch.follow((*duel)->server_ids());
+      Sides sides{.callers = {}, .samples = samples};
+      auto done =
+          measure(**duel, sides, settings.round_count * start / start_count,
+                  settings.round_count * (start + 1) / start_count, count_per_round, amount);
+      watch.note();
+      return done;
+    });
+    if (!measured) return unexpected{measured.error()};
+  }
   Result result{.title = title_of("call", config)};
-  const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
-    const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = measure(**duel, sides, count_per_round, amount); !done) return done;
-    add_comparison(result, "call", config, sides.samples[index_of(Side::kRtpm)],
-                   sides.samples[index_of(Side::kFloor)]);
-    if (settings.tells_latencies) {
-      add_latencies(result, sides.samples[index_of(Side::kRtpm)],
-                    sides.samples[index_of(Side::kFloor)]);
-    }
-    watch.finish(result, longest_us(result));
-    return {};
-  });
-  if (!measured) return unexpected{measured.error()};
+  const Samples& rtpm = samples[index_of(Side::kRtpm)];
+  const Samples& floor = samples[index_of(Side::kFloor)];
+  add_comparison(result, "call", config, rtpm, floor);
+  if (settings.tells_latencies) add_latencies(result, rtpm, floor);
+  watch.finish(result, longest_us(result));
   return result;
 }
 

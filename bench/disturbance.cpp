@@ -74,12 +74,31 @@ bool StealWatch::saw_any() const {
   return read_cpu_time().stolen != stolen_;
 }
 
-DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) : processes_(std::move(servers)) {
-  processes_.push_back(getpid());
+DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) {
   const CpuTime now = read_cpu_time();
   stolen_ = now.stolen;
   total_ = now.total;
+  follow(std::move(servers));
+}
+
+void DisturbanceWatch::note() {
+  noted_ms_ = std::max(noted_ms_, held_off_ms());
+}
+
+void DisturbanceWatch::follow(std::vector<pid_t> servers) {
+  processes_ = std::move(servers);
+  processes_.push_back(getpid());
   run_delays_ = read_run_delays();
+}
+
+double DisturbanceWatch::held_off_ms() const {
+  double longest_ms = 0;
+  for (const auto& [thread, delay] : read_run_delays()) {
+    const auto before = run_delays_.find(thread);
+    const std::uint64_t grown = delay - (before == run_delays_.end() ? 0 : before->second);
+    longest_ms = std::max(longest_ms, static_cast<double>(grown) / 1e6);
+  }
+  return longest_ms;
 }
 
 std::map<pid_t, std::uint64_t> DisturbanceWatch::read_run_delays() const {
@@ -104,21 +123,16 @@ void DisturbanceWatch::finish(Result& result, double longest_us) const {
   const double steal_percent =
       total == 0 ? 0
                  : 100.0 * static_cast<double>(now.stolen - stolen_) / static_cast<double>(total);
-  double held_off_ms = 0;
-  for (const auto& [thread, delay] : read_run_delays()) {
-    const auto before = run_delays_.find(thread);
-    const std::uint64_t grown = delay - (before == run_delays_.end() ? 0 : before->second);
-    held_off_ms = std::max(held_off_ms, static_cast<double>(grown) / 1e6);
-  }
+  const double longest_ms = std::max(noted_ms_, held_off_ms());
   result.json.add("steal_percent", steal_percent);
-  result.json.add("held_off_ms", held_off_ms);
+  result.json.add("held_off_ms", longest_ms);
   if (steal_percent >= kStealMarkPercent) {
     result.marks.push_back("the hypervisor took " + short_text(steal_percent) +
                            " % of the CPU time away: mistrust the tail");
   }
-  if (held_off_ms >= kHeldOffMarkMs && longest_us >= kHeldOffMarkMs * 1000 / 2) {
+  if (longest_ms >= kHeldOffMarkMs && longest_us >= kHeldOffMarkMs * 1000 / 2) {
     result.marks.push_back(
-        "a real-time thread waited " + short_text(held_off_ms) +
+        "a real-time thread waited " + short_text(longest_ms) +
         " ms for its CPU: real-time throttling (kernel.sched_rt_runtime_us) or a more urgent "
         "thread; mistrust the tail");
   }

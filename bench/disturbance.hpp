@@ -33,6 +33,11 @@ class DisturbanceWatch {
   /// Watches the machine, this process and `servers` from now on.
   explicit DisturbanceWatch(std::vector<pid_t> servers);
 
+  /// Notes what the servers met so far, which are about to end.
+  void note();
+  /// Watches other servers, which take the place of those noted.
+  void follow(std::vector<pid_t> servers);
+
   /// What happened since: fields steal_percent and held_off_ms, and a mark for each that matters to
   /// a result whose longest latency is `longest_us`.
   void finish(Result& result, double longest_us) const;
@@ -40,11 +45,14 @@ class DisturbanceWatch {
  private:
   /// Nanoseconds that each measured real-time thread waited, ready to run, for a CPU.
   [[nodiscard]] std::map<pid_t, std::uint64_t> read_run_delays() const;
+  /// The longest that a thread waited since follow(), in milliseconds.
+  [[nodiscard]] double held_off_ms() const;
 
   std::vector<pid_t> processes_;
   std::uint64_t stolen_ = 0;  ///< Ticks of all CPUs, as the total is.
   std::uint64_t total_ = 0;
   std::map<pid_t, std::uint64_t> run_delays_;
+  double noted_ms_ = 0;
 };
 
 /// The machine as far as it matters for latencies, for the JSON and in words.
