@@ -276,19 +276,8 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   const Percentiles floor_values = floor.percentiles();
   add_distribution(json, "", rtpm);
   add_distribution(json, "floor_", floor);
-  Percentiles ratios;
-  const auto add_ratio = [&](double percent, const std::string& name, double& shown) {
-    const Ratio ratio = ratio_at(rtpm, floor, percent);
-
-    json.add("ratio_" + name, ratio.median);
-    json.add("ratio_" + name + "_low", ratio.low);
-    json.add("ratio_" + name + "_high", ratio.high);
-    shown = ratio.median;
-  };
-  add_ratio(50, "p50", ratios.p50);
-  add_ratio(90, "p90", ratios.p90);
-  add_ratio(99, "p99", ratios.p99);
-  add_ratio(99.9, "p999", ratios.p999);
+  add_ratios(json, "ratio_", rtpm, floor);
+  Percentiles ratios = add_ratios(json, "ratio_", rtpm, floor);
   if (floor_values.p9999 > 0) ratios.p9999 = rtpm_values.p9999 / floor_values.p9999;
   if (floor_values.max > 0) ratios.max = rtpm_values.max / floor_values.max;
   result.rows.push_back({"RTPM", rtpm_values});

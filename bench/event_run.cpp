@@ -74,10 +74,8 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
   add_distribution(json, "last_", rtpm.last);
   add_distribution(json, "floor_each_", floor.each);
   add_distribution(json, "floor_last_", floor.last);
-  json.add("ratio_each_p50", ratio_at(rtpm.each, floor.each, 50).median);
-  json.add("ratio_each_p99", ratio_at(rtpm.each, floor.each, 99).median);
-  json.add("ratio_last_p50", ratio_at(rtpm.last, floor.last, 50).median);
-  json.add("ratio_last_p99", ratio_at(rtpm.last, floor.last, 99).median);
+  add_ratios(json, "ratio_each_", rtpm.each, floor.each);
+  add_ratios(json, "ratio_last_", rtpm.last, floor.last);
   json.add("missing", static_cast<std::int64_t>(rtpm.missing_count));
   json.add("floor_missing", static_cast<std::int64_t>(floor.missing_count));
   result.rows = {{"RTPM, each", rtpm.each.percentiles()},

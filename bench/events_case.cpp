@@ -40,11 +40,6 @@ void add_head(Result& result, const EventSetting& setting, const Settings& setti
   json.add("consumers", setting.consumer_count);
 }
 
-void add_ratio(JsonObject& json, std::string_view name, const Samples& rtpm, const Samples& floor,
-               double percent) {
-  json.add(name, ratio_at(rtpm, floor, percent).median);
-}
-
 std::size_t count_per_round(const Settings& settings) {
   const std::uint64_t count =
       settings.sample_count == 0 ? kEventCountDefault : settings.sample_count;
@@ -192,8 +187,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
   add_distribution(result.json, "last_", bad.last);
   add_distribution(result.json, "well_each_", well.each);
   add_distribution(result.json, "well_last_", well.last);
-  add_ratio(result.json, "bad_over_well_p50", bad.each, well.each, 50);
-  add_ratio(result.json, "bad_over_well_p99", bad.each, well.each, 99);
+  add_ratios(result.json, "bad_over_well_", bad.each, well.each);
   result.rows = {{"others, all well", well.each.percentiles()},
                  {"others, some bad", bad.each.percentiles()}};
   result.title = title_of(setting) + ", 8 stopped and 8 slow";

@@ -137,6 +137,23 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
   }
 }
 
+Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
+                       const Samples& denominator) {
+  Percentiles ratios;
+  const auto add = [&](const std::string& name, double percent, double& median) {
+    const Ratio ratio = ratio_at(numerator, denominator, percent);
+    json.add(prefix + name, ratio.median);
+    json.add(prefix + name + "_low", ratio.low);
+    json.add(prefix + name + "_high", ratio.high);
+    median = ratio.median;
+  };
+  add("p50", 50, ratios.p50);
+  add("p90", 90, ratios.p90);
+  add("p99", 99, ratios.p99);
+  add("p999", 99.9, ratios.p999);
+  return ratios;
+}
+
 std::string short_text(double value) {
   if (value == 0) return "0";
   const double size = std::abs(value);

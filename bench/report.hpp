@@ -72,6 +72,11 @@ void add_percentiles(JsonObject& json, std::string_view prefix, const Percentile
 /// how far they are to be trusted.
 void add_distribution(JsonObject& json, std::string_view prefix, const Samples& samples);
 
+/// How two contenders compare: adds "<prefix>p50", "<prefix>p90", "<prefix>p99" and "<prefix>p999",
+/// each with "_low" and "_high". Gives back the ratios.
+Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
+                       const Samples& denominator);
+
 /// A number with three significant places or so: "9.87", "123".
 [[nodiscard]] std::string short_text(double value);
 

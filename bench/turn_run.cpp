@@ -123,15 +123,4 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
   return {};
 }
 
-void add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
-                const Samples& denominator) {
-  for (const auto& [key, percent] :
-       {std::pair{"p50", 50.0}, {"p90", 90.0}, {"p99", 99.0}, {"p999", 99.9}}) {
-    const Ratio ratio = ratio_at(numerator, denominator, percent);
-    json.add(prefix + key, ratio.median);
-    json.add(prefix + key + "_low", ratio.low);
-    json.add(prefix + key + "_high", ratio.high);
-  }
-}
-
 }  // namespace rtpm::bench

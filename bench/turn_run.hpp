@@ -79,8 +79,4 @@ class TurnRun {
   bool is_complete_ = true;
 };
 
-/// Adds "<prefix>p50", "_p90", "_p99", "_p999", each with "_low" and "_high".
-void add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
-                const Samples& denominator);
-
 }  // namespace rtpm::bench

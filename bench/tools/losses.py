@@ -49,6 +49,13 @@ class _Notes:
         return "".join(" " + text for text in said)
 
 
+def _by_chance(verdict):
+    if not verdict.may_be_met():
+        return ""
+    low, high = map(tables.number, verdict.interval)
+    return f" It may be chance: with 95 % confidence it lies from {low} to {high}."
+
+
 def _missed(rows, notes):
     lines = []
     for verdict in targets.judge(rows):
@@ -59,7 +66,7 @@ def _missed(rows, notes):
             f"- **{verdict.name}**: {target.figure} is {tables.number(verdict.value)} "
             f"{target.unit}; the target is {'at most' if target.is_most else 'at least'} "
             f"{tables.number(target.limit)}.{' ' + tables.MARK if verdict.is_marked else ''}"
-            + (notes.why(verdict.name, target.figure) or NO_REASON))
+            + (notes.why(verdict.name, target.figure) or _by_chance(verdict) or NO_REASON))
     return lines
 
 
