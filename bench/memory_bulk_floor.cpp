@@ -49,8 +49,7 @@ void put(Direction& direction, MutableBytes buffer, ConstBytes frame) noexcept {
 bool await(Direction& direction, std::uint64_t seen, Duration spin, bool may_sleep) noexcept {
   const auto has_more = [&] { return direction.count.load(std::memory_order_seq_cst) != seen; };
   if (spin_until(has_more, spin)) return true;
-  if (may_sleep) direction.reader_bed.sleep(has_more);
-  return has_more();
+  return may_sleep ? direction.reader_bed.sleep_until(has_more) : has_more();
 }
 
 class BulkCaller final : public Caller {

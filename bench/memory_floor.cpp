@@ -87,8 +87,10 @@ class MemoryFloorCaller final : public Caller {
     path_.to_server.push(sent_, position_);
     lane_bed_.wake();
     if (!spin_until(has_reply, spin_)) {
-      if (wait_.strategy != rt::WaitStrategy::kSpin) path_.caller_bed.sleep(has_reply);
-      if (!has_reply()) return unexpected{std::string("the raw floor's server does not answer")};
+      const bool may_sleep = wait_.strategy != rt::WaitStrategy::kSpin;
+      if (!may_sleep || !path_.caller_bed.sleep_until(has_reply)) {
+        return unexpected{std::string("the raw floor's server does not answer")};
+      }
     }
     path_.to_caller.pop(received_, position_);
     ++position_;

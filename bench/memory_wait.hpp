@@ -36,6 +36,15 @@ struct alignas(64) Bed {
     }
     is_taken.store(0, std::memory_order_relaxed);
   }
+  /// Sleeps until `has_work()`; false after a second without any. One sleep is not enough: who is
+  /// stopped between its answer and the wake-up wakes the next sleep instead.
+  template <class HasWork>
+  bool sleep_until(HasWork has_work) noexcept {
+    const MonotonicTime end = rt::now() + std::chrono::seconds{1};
+    while (!has_work() && rt::now() < end)
+      sleep(has_work);
+    return has_work();
+  }
 };
 
 /// How long a waiting side spins before it sleeps.
