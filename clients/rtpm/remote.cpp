@@ -50,8 +50,10 @@ expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
   if (!parts) return rpc::setup_error('"' + url + "\" is no URL rtpm://host:port/path");
   auto catalog = introspection::IntrospectionClient::bind(node, catalog_url(url));
   if (!catalog) {
-    return rpc::setup_error("the server tells nothing of its objects: " + catalog.error().text +
-                            "; serve an rtpm::introspection::Catalog there");
+    return rpc::setup_error(
+        "the server tells nothing of its objects (one that runs needs an "
+        "rtpm::introspection::Catalog for that): " +
+        catalog.error().text);
   }
   introspection::DescribeRequestT request;
   request.path = parts->path;

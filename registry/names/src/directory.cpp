@@ -4,7 +4,9 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "rtpm/names/defaults.hpp"
 #include "rtpm/rpc/tables.hpp"
+#include "rtpm/wire/url.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -90,6 +92,8 @@ class Directory::Impl {
       const std::lock_guard lock(mutex_);
       if (client_) return &*client_;
     }
+    // A name could only be asked for here: without end, where the node's resolver asks us.
+    if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
     auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline_});
     if (!client) return unexpected{no_answer(client.error().text)};
     const std::lock_guard lock(mutex_);
@@ -111,6 +115,14 @@ class Directory::Impl {
     DirectoryError error;
     error.text = "the registry at " + registry_url_ + " did not do it: ";
     error.text.append(text);
+    return error;
+  }
+
+  [[nodiscard]] DirectoryError no_url() const {
+    DirectoryError error;
+    error.text = "'" + registry_url_ +
+                 "' is no URL of a registry: give --registry rtpm://host:port/path, such as ";
+    error.text.append(kDefaultRegistryUrl);
     return error;
   }
 

@@ -71,7 +71,9 @@ expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method,
   const auto ready = impl_->make_ready(plan);
   if (!ready) return unexpected{ready.error()};
   auto state = std::make_unique<PendingReply::State>(*impl_, plan, *ready);
-  state->request = state->channel->keep(request);
+  const auto kept = state->channel->keep(request);
+  if (!kept) return unexpected{CallError::kTooLarge};
+  state->request = *kept;
   if (auto begun = state->channel->begin(ready->parameters, state->request, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
@@ -152,8 +154,9 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
   const auto ready = impl_->make_ready(plan);
   if (!ready) return unexpected{ready.error()};
   auto state = std::make_unique<ItemReader::State>(ready->channel);
-  const ConstBytes kept = state->channel->keep(request);
-  if (auto begun = state->channel->begin(ready->parameters, kept, rt::now()); !begun) {
+  const auto kept = state->channel->keep(request);
+  if (!kept) return unexpected{CallError::kTooLarge};
+  if (auto begun = state->channel->begin(ready->parameters, *kept, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
   return ItemReader(std::move(state));

@@ -199,11 +199,13 @@ void CallChannel::cancel() noexcept {
   if (link_ && !frame.empty()) static_cast<void>(link_->send(frame));
 }
 
-ConstBytes CallChannel::keep(ConstBytes request) {
+std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
   if (kept_.bytes().size() < request.size()) {
     const rt::AllowAllocationScope is_allowed;
     kept_ = rt::LazyMemory(std::bit_ceil(std::max(request.size(), std::size_t{4096})));
   }
+  // The system may have none left, or a limit on what may be locked.
+  if (kept_.bytes().size() < request.size()) return std::nullopt;
   if (!request.empty()) std::memcpy(kept_.bytes().data(), request.data(), request.size());
   return ConstBytes(kept_.bytes()).first(request.size());
 }

@@ -83,8 +83,9 @@ class CallChannel {
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
   /// Tells the server that nobody waits for the call any more.
   void cancel() noexcept;
-  /// A copy of the request that lives as long as the call.   Set-up, when it grows.
-  [[nodiscard]] ConstBytes keep(ConstBytes request);
+  /// A copy of the request that lives as long as the call; none if there is no memory for it.
+  /// Set-up, when it grows.
+  [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);
 
   /// What the server said when it gave the session.
   [[nodiscard]] const wire::Welcome& welcome() const noexcept { return wire_.welcome(); }

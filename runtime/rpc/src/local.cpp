@@ -55,7 +55,8 @@ void LocalChannel::give_up() noexcept {
 
 bool LocalChannel::write(const LocalCallParameters& parameters, ConstBytes request) noexcept {
   const std::size_t room = std::min<std::size_t>(parameters.message_size_max, request_room_.size());
-  if (request.size() > room) return false;
+  // Where the system had no memory left there is no room for a reply.
+  if (request.size() > room || reply_room_.size() < parameters.message_size_max) return false;
   parameters_ = parameters;
   request_size_ = request.size();
   if (!request.empty()) std::memcpy(request_room_.data(), request.data(), request.size());

@@ -315,6 +315,7 @@ void ServerImpl::stop() noexcept {
     lane->stop();
   for (const auto& lane : lanes_)
     lane->join();
+  keepers_.clear();
   for (const auto& lane : lanes_)
     lane->close();
 }

@@ -24,14 +24,25 @@ constexpr const char* kLockRemedy =
     "raise RLIMIT_MEMLOCK (ulimit -l unlimited, or LimitMEMLOCK=infinity in a systemd unit), or "
     "say --realtime off.";
 
-std::string memory_lock_text(int error) {
+// With all future memory locked, too, the limit is one of all memory. What is asked for here is
+// given back untouched.
+bool has_room_to_grow() noexcept {
+  constexpr std::size_t kRoom = std::size_t{256} << 20;
+  void* const room =
+      mmap(nullptr, kRoom, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+  if (room == MAP_FAILED) return false;
+  munmap(room, kRoom);
+  return true;
+}
+
+std::string memory_lock_text(const std::string& cause) {
   rlimit limit{};
   getrlimit(RLIMIT_MEMLOCK, &limit);
   std::string allowed = limit.rlim_cur == RLIM_INFINITY
                             ? std::string("unlimited")
                             : std::to_string(limit.rlim_cur / 1024) + " KiB";
-  return "memory can't be locked (" + std::string(std::strerror(error)) + "; the limit is " +
-         allowed + "): page faults may delay real-time threads";
+  return "memory can't be locked (" + cause + "; the limit is " + allowed +
+         "): page faults may delay real-time threads";
 }
 
 void touch(MutableBytes memory) noexcept {
@@ -54,12 +65,18 @@ expected<void, RealtimeError> lock_memory(RealtimeMode mode) {
   mallopt(M_MMAP_MAX, 0);
   // On fault: what was touched stays, and memory kept for large messages costs nothing before one
   // comes. Threads touch their stacks when they start, and containers their elements.
-  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) == 0) {
+  std::string cause;
+  if (mlockall(MCL_CURRENT | MCL_FUTURE | MCL_ONFAULT) != 0) {
+    cause = std::strerror(errno);
+  } else if (has_room_to_grow()) {
     note_setup({kLockSubject, Grant::kGranted, "what is touched stays in memory", ""});
     return {};
+  } else {
+    // Worse than page faults: from here on the program would get no memory and no thread.
+    munlockall();
+    cause = "there would be no room to grow";
   }
-  const int error = errno;
-  const std::string text = memory_lock_text(error);
+  const std::string text = memory_lock_text(cause);
   const std::string sentence = text + ". Remedy: " + kLockRemedy;
   if (mode == RealtimeMode::kRequire) return unexpected{RealtimeError{sentence}};
   note_setup({kLockSubject, Grant::kRefused, text, kLockRemedy});

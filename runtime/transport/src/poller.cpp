@@ -29,6 +29,17 @@ expected<Poller, TransportError> Poller::open() {
                                      std::string(std::strerror(errno)) +
                                      "). Remedy: raise the limit of open files (ulimit -n)."}};
   }
+  // Asked once, as a wait that fails later could only end the program.
+  epoll_event none{};
+  const timespec at_once{};
+  if (epoll_pwait2(poller.epoll_.number(), &none, 1, &at_once, nullptr) < 0 && errno != EINTR) {
+    return unexpected{
+        TransportError{"a lane can't wait for its sockets to the microsecond "
+                       "(epoll_pwait2: " +
+                       std::string(std::strerror(errno)) +
+                       "). Remedy: use Linux 5.11 or later, and in a container a "
+                       "seccomp profile that knows this system call."}};
+  }
   return poller;
 }
 

@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <cerrno>
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -45,6 +46,19 @@ expected<std::string, TransportError> numeric_address_of(const std::string& host
   std::array<char, INET_ADDRSTRLEN> text{};
   inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
   return std::string(text.data());
+}
+
+std::string remedy_for_bind(int error) {
+  switch (error) {
+    case EADDRINUSE:
+      return "Remedy: end the program that has it (ss -lptun), or choose another port; 0 lets the "
+             "system choose.";
+    case EACCES:
+      return "Remedy: choose a port from 1024 on, or 0, which lets the system choose; lower ones "
+             "need root, or CAP_NET_BIND_SERVICE.";
+    default:
+      return "Remedy: give an address of this host, such as 127.0.0.1.";
+  }
 }
 
 void set_traffic_class(int socket, Priority priority) noexcept {

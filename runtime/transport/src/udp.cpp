@@ -57,10 +57,7 @@ expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
   const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
   if ((!config.joins && !is_free(*address)) || bind(socket.number(), raw, sizeof *address) != 0) {
     const int error = errno;
-    const std::string remedy =
-        error == EADDRINUSE ? "Remedy: end the program that has it (ss -lptun), or choose another "
-                              "port; 0 lets the system choose."
-                            : "Remedy: give an address of this host, such as 127.0.0.1.";
+    const std::string remedy = remedy_for_bind(error);
     return unexpected{TransportError{"UDP " + name + " can't be served (" + std::strerror(error) +
                                      "). " + remedy}};
   }

@@ -135,6 +135,18 @@ TEST_P(DirectoryOver, SaysThatNoRegistryAnswers) {
   }
 }
 
+TEST_P(DirectoryOver, SaysThatItsRegistryIsNoUrl) {
+  for (const char* const wrong : {"", "nonsense", "lab/registry", "http://127.0.0.1:80/names"}) {
+    // A name could be looked up by this very resolver, for ever.
+    RegistryResolver resolver(node_, wrong);
+    node_.use(resolver);
+    const auto url = resolver.resolve("lab/arm0");
+    ASSERT_FALSE(url);
+    expect_part(url.error().text, "'" + std::string(wrong) + "' is no URL of a registry");
+    expect_part(url.error().text, "give --registry rtpm://host:port/path");
+  }
+}
+
 TEST_P(DirectoryOver, SaysThatTheUrlLeadsToNoRegistry) {
   Directory directory(node_, registry_.server().url("another/object"));
   const auto entry = directory.resolve("lab/arm0");

@@ -109,6 +109,9 @@ TEST(ServerSetUp, WantsItsLimitsWithinTheProtocols) {
     expect_text(error_of(config),
                 {"server 'test'", "session_count_max", std::to_string(bad), "65535", "Remedy"});
   }
+  ServerConfig crowded = quiet_config();
+  crowded.local_oneway_count_max = 4097;
+  expect_text(error_of(crowded), {"server 'test'", "local_oneway_count_max", "4097", "Remedy"});
   for (const std::uint32_t good : {wire::kMessageSizeFloor, wire::kMessageSizeCeiling}) {
     ServerConfig config = quiet_config();
     config.message_size_max = good;
@@ -205,6 +208,24 @@ TEST(ServerLife, KeepsItsAcceptorOffCpusWhereALaneSpins) {
   EchoServer server(quiet_config({lane}));
   cpus.pop_back();
   EXPECT_EQ(cpus_of_thread("rtpm-accept"), cpus);
+}
+
+// Those included that keep CPUs awake where lanes rest for the kernel's sake.
+TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
+  const auto thread_count = [] {
+    const std::filesystem::directory_iterator tasks("/proc/self/task");
+    return std::distance(begin(tasks), end(tasks));
+  };
+  const auto before = thread_count();
+  LaneConfig lane = quiet_lane();
+  lane.cpus = {rt::usable_cpus().front()};
+  ServerConfig config = quiet_config({lane});
+  config.realtime = rt::RealtimeMode::kPrefer;
+  EchoServer server(config);
+  EXPECT_GT(thread_count(), before);
+  server.server->stop();
+  // A thread that was joined stays in the list for a moment.
+  EXPECT_TRUE(await([&] { return thread_count() == before; }));
 }
 
 TEST(ServerLife, MayEndTwice) {

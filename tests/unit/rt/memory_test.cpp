@@ -19,17 +19,21 @@
 namespace rtpm::rt {
 namespace {
 
-/// The process's locked memory as the system counts it.
-std::size_t locked_kib() {
+/// What the system counts of the process's memory under that word.
+std::size_t status_kib(const std::string& wanted) {
   std::ifstream status("/proc/self/status");
   std::string word;
   while (status >> word) {
-    if (word != "VmLck:") continue;
+    if (word != wanted) continue;
     std::size_t kib = 0;
     status >> kib;
     return kib;
   }
   return 0;
+}
+
+std::size_t locked_kib() {
+  return status_kib("VmLck:");
 }
 
 constexpr rlim_t kTooLittle = 64 * 1024;
@@ -65,6 +69,30 @@ TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
     EXPECT_NE(child.said.find(part), std::string::npos) << part << " in: " << child.said;
   }
   EXPECT_EQ(child.errors, "");
+}
+
+// A limit just above what is there would have all memory that is asked for later refused.
+TEST(LockMemory, LeavesRoomToGrow) {
+  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
+  const test::ChildResult child = test::run_in_child([]() -> std::string {
+    constexpr rlim_t kSome = 256 << 10;
+    const rlim_t limit = status_kib("VmSize:") * 1024 + kSome;
+    test::drop_realtime_rights(limit);
+    rlimit now{};
+    getrlimit(RLIMIT_MEMLOCK, &now);
+    if (now.rlim_cur != limit) return "no right";
+    if (!lock_memory(RealtimeMode::kPrefer)) return "an error";
+    if (lock_memory(RealtimeMode::kRequire)) return "locked";
+    std::vector<std::byte> block(8 << 20);
+    prefault(block);
+    return "";
+  });
+  if (child.said == "no right") {
+    GTEST_SKIP() << "no right to raise the limit of locked memory: CAP_SYS_RESOURCE";
+  }
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0) << child.errors;
+  EXPECT_NE(child.errors.find("there would be no room to grow"), std::string::npos) << child.errors;
 }
 
 TEST(LockMemory, WarnsOnceWhenPreferred) {

@@ -39,8 +39,8 @@ struct DirectoryError {
 /// by the next operation.
 /// Ownership: refers to its node, which must outlive it.
 /// Threads: any, several at once.   Set-up only: no operation is for real-time threads.
-/// Errors of all operations: "no registry answers at …" within `deadline`; what the registry
-/// refused.
+/// Errors of all operations: the registry's URL is none; "no registry answers at …" within
+/// `deadline`; what the registry refused.
 class Directory {
  public:
   /// `deadline` is for each operation, of which a list may take several.

@@ -10,7 +10,9 @@ namespace rtpm::rt {
 
 /// Locks all present and future memory of the process and keeps freed heap mapped, so that no lane
 /// meets a page fault.   Set-up only.
-/// Errors: with kRequire, a memory-lock limit that is too small.
+/// Errors: with kRequire, a memory-lock limit that is too small: also where it holds what is there
+/// now, but not 256 MiB more, since what is not locked can't be had at all then. With kPrefer such
+/// a program goes on without, and warns.
 [[nodiscard]] expected<void, RealtimeError> lock_memory(RealtimeMode mode);
 
 /// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time

@@ -39,6 +39,10 @@ class Descriptor {
 /// Set-up only: may ask a name server.
 [[nodiscard]] expected<std::string, TransportError> numeric_address_of(const std::string& host);
 
+/// What a person can do about a port that can't be served, by the error of bind(2) or listen(2).
+/// Set-up only.
+[[nodiscard]] std::string remedy_for_bind(int error);
+
 /// Has the network treat the socket's traffic by its priority: DSCP (EF for the top quarter, AF41,
 /// AF21, best effort below) and SO_PRIORITY 6, 4, 2, 0, which VLANs and queueing disciplines read.
 /// A system that refuses leaves the traffic best effort, which only a busy link shows.
