@@ -16,6 +16,8 @@ namespace rtpm::bench {
 namespace {
 
 constexpr std::uint64_t kSampleCountDefault = 10'000;
+/// How often the servers are started anew, see call_case.cpp.
+constexpr int kStartCount = 5;
 constexpr std::size_t kBlockSize = 500;
 constexpr int kWarmUpCount = 50;
 
@@ -49,8 +51,9 @@ expected<std::vector<Silent>, std::string> bind_silent(Duel& duel, const DuelCon
   return clients;
 }
 
+/// The rounds from `begin` on and before `end`.
 expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
-                                          std::array<Samples, 2>& samples,
+                                          std::array<Samples, 2>& samples, int begin, int end,
                                           std::size_t count_per_round) {
   std::array<std::unique_ptr<Contender>, 2> contenders;
   for (const Side side : kBothSides) {
@@ -59,7 +62,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
     contenders[static_cast<std::size_t>(side)] = std::move(*contender);
   }
   Samples none(samples[0].round_count(), 0);
-  for (int round = 0; round < samples[0].round_count(); ++round) {
+  for (int round = begin; round < end; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
     const StealWatch steal;
@@ -69,10 +72,10 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
                           .count = std::min(kBlockSize, count_per_round - done)};
       for (std::size_t i = 0; i < 2; ++i) {
         const std::size_t which = (i + first) % 2;
-        const MonotonicTime begin = rt::now();
+        const MonotonicTime turn_begin = rt::now();
         auto taken = contenders[which]->take_turn(plan, samples[which], none);
         if (!taken) return taken;
-        rt::sleep_until(rt::now() + (rt::now() - begin) / 10);
+        rt::sleep_until(rt::now() + (rt::now() - turn_begin) / 10);
       }
     }
     if (!steal.saw_any()) continue;
@@ -84,33 +87,40 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
 
 expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config,
                                           int client_count) {
-  auto duel = Duel::start(config);
-  if (!duel) return unexpected{duel.error()};
-  const pid_t server = (*duel)->server_ids().back();
-  const MemoryUse empty = memory_of(server);
   const std::uint64_t count =
       settings.sample_count == 0 ? kSampleCountDefault : settings.sample_count;
   const auto per_round = static_cast<std::size_t>(
       std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+  std::array<Samples, 2> samples{Samples(settings.round_count, per_round),
+                                 Samples(settings.round_count, per_round)};
+  DisturbanceWatch watch({});
+  double grown_kib = 0;
+  const int start_count = std::min(kStartCount, settings.round_count);
+  for (int start = 0; start < start_count; ++start) {
+    auto duel = Duel::start(config);
+    if (!duel) return unexpected{duel.error()};
+    const pid_t server = (*duel)->server_ids().back();
+    const MemoryUse empty = memory_of(server);
+    auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
+      const auto silent = bind_silent(**duel, config, client_count - 1);
+      if (!silent) return unexpected{silent.error()};
+      watch.follow((*duel)->server_ids());
+      auto done = measure_turns(**duel, config, samples, settings.round_count * start / start_count,
+                                settings.round_count * (start + 1) / start_count, per_round);
+      grown_kib = 1024 * (memory_of(server).resident_mib - empty.resident_mib);
+      watch.note();
+      return done;
+    });
+    if (!measured) return unexpected{measured.error()};
+  }
   Result result{.title = title_of("scale", config) + ", " + std::to_string(client_count) +
                          (client_count == 1 ? " bound client" : " bound clients")};
-  auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
-    const auto silent = bind_silent(**duel, config, client_count - 1);
-    if (!silent) return unexpected{silent.error()};
-    std::array<Samples, 2> samples{Samples(settings.round_count, per_round),
-                                   Samples(settings.round_count, per_round)};
-    const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = measure_turns(**duel, config, samples, per_round); !done) return done;
-    add_comparison(result, "scale", config, samples[0], samples[1]);
-    const double grown_kib = 1024 * (memory_of(server).resident_mib - empty.resident_mib);
-    result.json.add("clients", client_count);
-    result.json.add("per_client_kib", grown_kib / client_count);
-    result.notes.push_back("the server's memory grew by " + short_text(grown_kib / client_count) +
-                           " KiB for each client");
-    watch.finish(result, longest_us(result));
-    return {};
-  });
-  if (!measured) return unexpected{measured.error()};
+  add_comparison(result, "scale", config, samples[0], samples[1]);
+  result.json.add("clients", client_count);
+  result.json.add("per_client_kib", grown_kib / client_count);
+  result.notes.push_back("the server's memory grew by " + short_text(grown_kib / client_count) +
+                         " KiB for each client");
+  watch.finish(result, longest_us(result));
   return result;
 }
 

@@ -187,9 +187,7 @@ class CyclonePeer final : public Peer {
                                                                    const std::string&,
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
-    auto side = std::make_unique<CycloneSide>();
-    if (auto begun = side->begin(consumer_count, board); !begun) return unexpected{begun.error()};
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<CycloneSide>(consumer_count, board);
   }
 
   expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {

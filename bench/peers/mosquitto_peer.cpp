@@ -121,11 +121,7 @@ class MosquittoPeer final : public Peer {
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
     mosquitto_lib_init();
-    auto side = std::make_unique<MosquittoSide>();
-    if (auto begun = side->begin(address, consumer_count, board); !begun) {
-      return unexpected{begun.error()};
-    }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<MosquittoSide>(address, consumer_count, board);
   }
 };
 

@@ -97,11 +97,7 @@ class NatsPeer final : public Peer {
                                                                    const std::string& address,
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
-    auto side = std::make_unique<NatsSide>();
-    if (auto begun = side->begin(address, consumer_count, board); !begun) {
-      return unexpected{begun.error()};
-    }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<NatsSide>(address, consumer_count, board);
   }
 };
 

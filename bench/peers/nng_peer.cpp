@@ -153,11 +153,7 @@ class NngPeer final : public Peer {
 
   expected<std::unique_ptr<Caller>, std::string> connect(const PeerLane&,
                                                          const std::string& address) override {
-    auto caller = std::make_unique<NngCaller>();
-    if (auto connected = caller->connect(address); !connected) {
-      return unexpected{connected.error()};
-    }
-    return std::unique_ptr<Caller>(std::move(caller));
+    return connect_caller<NngCaller>(address);
   }
 
   expected<void, std::string> serve_events(const PeerLane& lane,
@@ -179,11 +175,7 @@ class NngPeer final : public Peer {
                                                                    const std::string& address,
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
-    auto side = std::make_unique<NngSide>();
-    if (auto begun = side->begin(address, consumer_count, board); !begun) {
-      return unexpected{begun.error()};
-    }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<NngSide>(address, consumer_count, board);
   }
 
   /// As in serve(), of the ends that connect.

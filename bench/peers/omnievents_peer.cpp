@@ -130,11 +130,7 @@ class OmnieventsPeer final : public Peer {
                                                                    const std::string& address,
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
-    auto side = std::make_unique<OmnieventsSide>();
-    if (auto begun = side->begin(address, consumer_count, board); !begun) {
-      return unexpected{begun.error()};
-    }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<OmnieventsSide>(address, consumer_count, board);
   }
 };
 

@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "caller.hpp"
@@ -132,6 +133,25 @@ class PeerEventSide : public EventSide {
   void set_slow(int) final {}
   [[nodiscard]] std::uint64_t lost_count() const final { return 0; }
 };
+
+/// A `Side` of which begin() took the arguments, or the error that it told.
+template <class Side, class... Arguments>
+[[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> begin_side(
+    Arguments&&... arguments) {
+  auto side = std::make_unique<Side>();
+  auto begun = side->begin(std::forward<Arguments>(arguments)...);
+  if (!begun) return unexpected{begun.error()};
+  return std::unique_ptr<EventSide>(std::move(side));
+}
+
+/// A caller, connected by its connect(), or the error that it told.
+template <class Connecting>
+[[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_caller(
+    const std::string& address) {
+  auto caller = std::make_unique<Connecting>();
+  if (auto connected = caller->connect(address); !connected) return unexpected{connected.error()};
+  return std::unique_ptr<Caller>(std::move(caller));
+}
 
 /// A thread of a consumer, with the scheduling of the thread that starts it.
 [[nodiscard]] expected<rt::Thread, std::string> start_consumer(std::function<void()> body);

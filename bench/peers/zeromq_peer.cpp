@@ -164,20 +164,12 @@ class ZeromqPeer final : public Peer {
                                                                    const std::string& address,
                                                                    int consumer_count,
                                                                    EventBoard& board) override {
-    auto side = std::make_unique<ZeromqSide>();
-    if (auto begun = side->begin(address, consumer_count, board); !begun) {
-      return unexpected{begun.error()};
-    }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return begin_side<ZeromqSide>(address, consumer_count, board);
   }
 
   expected<std::unique_ptr<Caller>, std::string> connect(const PeerLane&,
                                                          const std::string& address) override {
-    auto caller = std::make_unique<ZeromqCaller>();
-    if (auto connected = caller->connect(address); !connected) {
-      return unexpected{connected.error()};
-    }
-    return std::unique_ptr<Caller>(std::move(caller));
+    return connect_caller<ZeromqCaller>(address);
   }
 };
 
