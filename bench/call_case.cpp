@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <array>
+#include <vector>
 
 #include "case.hpp"
 #include "disturbance.hpp"
@@ -28,8 +29,8 @@ const Amount& amount_of(std::size_t payload_size) {
       kAmounts, [=](const Amount& amount) { return payload_size <= amount.payload_size_max; });
 }
 
-/// How often the servers are started anew in a run: where their memory comes to lie, and how it
-/// falls on the caches, moves the figures of shared memory by a fifth, for as long as they run.
+/// How often the servers are started anew in a run: where their memory comes to lie, and on which
+/// cores of the host, moves the figures of shared memory by a third.
 constexpr int kStartCount = 5;
 
 /// The two sides' connections, and what is measured through them.
@@ -99,48 +100,97 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, int begin, int end
   return {};
 }
 
-expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
-  const Amount& amount = amount_of(config.payload_size);
-  const std::uint64_t count =
-      settings.sample_count == 0 ? amount.sample_count : settings.sample_count;
-  const auto count_per_round = static_cast<std::size_t>(
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
-  std::array<Samples, 2> samples{Samples(settings.round_count, count_per_round),
-                                 Samples(settings.round_count, count_per_round)};
-  DisturbanceWatch watch({});
-  const int start_count = std::min(kStartCount, settings.round_count);
-  for (int start = 0; start < start_count; ++start) {
-    auto duel = Duel::start(config);
+/// What the sides are measured with in one way, and what that showed.
+class CallRow {
+ public:
+  /// Refers to `settings`.
+  CallRow(const Settings& settings, const DuelConfig& config)
+      : settings_(settings), config_(config), amount_(amount_of(config.payload_size)) {
+    const std::uint64_t count =
+        settings.sample_count == 0 ? amount_.sample_count : settings.sample_count;
+    count_per_round_ = static_cast<std::size_t>(
+        std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+    for (Samples& samples : samples_)
+      samples = Samples(settings.round_count, count_per_round_);
+  }
+
+  /// Starts the servers, for the `start`th of so many times, and measures that part of the rounds.
+  /// After a failure, which is told once, it does nothing more.
+  void measure_start(int start, int start_count) {
+    if (has_failed_) return;
+    if (auto measured = try_start(start, start_count); !measured) {
+      say_not_measured(title_of("call", config_), measured.error());
+      has_failed_ = true;
+    }
+  }
+  [[nodiscard]] bool has_failed() const noexcept { return has_failed_; }
+
+  [[nodiscard]] Result result() const {
+    Result result{.title = title_of("call", config_)};
+    const Samples& rtpm = samples_[index_of(Side::kRtpm)];
+    const Samples& floor = samples_[index_of(Side::kFloor)];
+    add_comparison(result, "call", config_, rtpm, floor);
+    if (settings_.tells_latencies) add_latencies(result, rtpm, floor);
+    watch_.finish(result, longest_us(result));
+    return result;
+  }
+
+ private:
+  expected<void, std::string> try_start(int start, int start_count) {
+    auto duel = Duel::start(config_);
     if (!duel) return unexpected{duel.error()};
-    const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
-      watch.follow((*duel)->server_ids());
-      Sides sides{.callers = {}, .samples = samples};
+    return run_as_caller(config_, [&]() -> expected<void, std::string> {
+      watch_.follow((*duel)->server_ids());
+      Sides sides{.callers = {}, .samples = samples_};
       auto done =
-          measure(**duel, sides, settings.round_count * start / start_count,
-                  settings.round_count * (start + 1) / start_count, count_per_round, amount);
-      watch.note();
+          measure(**duel, sides, settings_.round_count * start / start_count,
+                  settings_.round_count * (start + 1) / start_count, count_per_round_, amount_);
+      watch_.note();
       return done;
     });
-    if (!measured) return unexpected{measured.error()};
   }
-  Result result{.title = title_of("call", config)};
-  const Samples& rtpm = samples[index_of(Side::kRtpm)];
-  const Samples& floor = samples[index_of(Side::kFloor)];
-  add_comparison(result, "call", config, rtpm, floor);
-  if (settings.tells_latencies) add_latencies(result, rtpm, floor);
-  watch.finish(result, longest_us(result));
-  return result;
+
+  const Settings& settings_;
+  DuelConfig config_;
+  const Amount& amount_;
+  std::size_t count_per_round_ = 0;
+  std::array<Samples, 2> samples_{Samples(0, 0), Samples(0, 0)};
+  DisturbanceWatch watch_{{}};
+  bool has_failed_ = false;
+};
+
+std::vector<CallRow> rows_of(const Settings& settings) {
+  std::vector<CallRow> rows;
+  for (const std::size_t payload_size : settings.payload_sizes) {
+    for (const Carrier carrier : settings.carriers) {
+      for (const rt::WaitStrategy strategy : settings.waits) {
+        rows.emplace_back(settings,
+                          DuelConfig{.carrier = carrier,
+                                     .wait = {.strategy = strategy, .spin = settings.spin},
+                                     .payload_size = payload_size,
+                                     .placement = choose_placement(),
+                                     .realtime = settings.realtime});
+      }
+    }
+  }
+  return rows;
 }
 
 }  // namespace
 
+// All rows are gone through several times, and told in the last: so each has seen the machine at
+// several moments, between which a hypervisor moves the cores.
 bool run_call(const Settings& settings, Report& report) {
   if (!settings.peers.empty()) return run_call_with_peers(settings, report);
-  bool is_complete = true;
-  for (const std::size_t payload_size : settings.payload_sizes) {
-    is_complete = measure_each("call", measure_one, settings, report, payload_size) && is_complete;
+  std::vector<CallRow> rows = rows_of(settings);
+  const int start_count = std::min(kStartCount, settings.round_count);
+  for (int start = 0; start < start_count; ++start) {
+    for (CallRow& row : rows) {
+      row.measure_start(start, start_count);
+      if (start == start_count - 1 && !row.has_failed()) report.add(row.result());
+    }
   }
-  return is_complete;
+  return std::ranges::none_of(rows, &CallRow::has_failed);
 }
 
 }  // namespace rtpm::bench

@@ -41,7 +41,7 @@ FULL = (
     Part("throughput", "throughput", 10),
     Part("two-node", "two-node --transport udp,tcp", 1),
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
-    Part("scale", "scale", 5),
+    Part("scale", "scale", 14),
     # What the pace of the calls makes long.
     Part("isolation", "isolation --low-callers 0,4", 145),
     Part("paced", "paced", 62),
@@ -52,7 +52,7 @@ FULL = (
     Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4",
          230, False),
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64 "
-         "--samples 1200", 75, False),
+         "--samples 1200", 70, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
     Part("bulk", "bulk --samples 3000", 50),
