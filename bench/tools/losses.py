@@ -121,7 +121,9 @@ class _Standing:
 def standings(peers):
     """A _Standing for each figure that the rows of peers tell."""
     return [_Standing(record, figure, called) for record in peers
-            for figure, called in _AGAINST_PEERS if records.figure(record, figure) is not None]
+            for figure, called in _AGAINST_PEERS if records.figure(record, figure) is not None
+            # To one consumer, each delivery is the last.
+            and not ("last_" in figure and record.get("consumers") == 1)]
 
 
 def _against_peers(peers, notes):

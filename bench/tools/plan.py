@@ -33,8 +33,8 @@ FULL = (
     *PAPER,
     # What takes little time.
     Part("call", "call --wait adaptive,spin", 12),
-    Part("call-block", "call --wait block --samples 20000", 8),
-    Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 38),
+    Part("call-block", "call --wait block --samples 20000", 9),
+    Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 42),
     Part("memory", "memory", 1),
     Part("idle", "idle --wait adaptive,periodic", 19),
     Part("startup", "startup", 2),
