@@ -50,7 +50,7 @@ FULL = (
     Part("ladder", "ladder --samples 1000", 20),
     Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 64, False),
     Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4",
-         230, False),
+         245, False),
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64 "
          "--samples 1200", 70, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
