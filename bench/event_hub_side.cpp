@@ -74,6 +74,7 @@ struct Consumers {
          .realtime = setting.realtime,
          .transport = transport_of(setting),
          .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
+         .has_own_thread = setting.has_own_threads,
          .deadline = kSetUpPatience},
         *handlers.back());
     if (!consumer) return unexpected{consumer.error().text};

@@ -70,6 +70,7 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
   json.add("rounds", settings.round_count);
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
+  json.add("own_threads", setting.has_own_threads);
   add_distribution(json, "each_", rtpm.each);
   add_distribution(json, "last_", rtpm.last);
   add_distribution(json, "floor_each_", floor.each);

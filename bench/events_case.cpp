@@ -38,6 +38,7 @@ void add_head(Result& result, const EventSetting& setting, const Settings& setti
   json.add("rounds", settings.round_count);
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
+  json.add("own_threads", setting.has_own_threads);
 }
 
 std::size_t count_per_round(const Settings& settings) {
@@ -265,7 +266,8 @@ bool run_events(const Settings& settings, Report& report) {
       EventSetting setting{.carrier = carrier,
                            .wait = {.strategy = strategy, .spin = settings.spin},
                            .placement = choose_placement(),
-                           .realtime = settings.realtime};
+                           .realtime = settings.realtime,
+                           .has_own_threads = settings.has_own_threads};
       is_complete = report_two_hosts(settings, setting, report) && is_complete;
       for (const int count : settings.consumer_counts) {
         setting.consumer_count = count;

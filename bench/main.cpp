@@ -57,6 +57,8 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
               "numbers of low-priority callers for isolation");
   options.add("clients", arguments.clients, "numbers of bound clients for scale");
   options.add("consumers", arguments.consumers, "numbers of consumers for events");
+  options.add("own-threads", settings.has_own_threads,
+              "each consumer of events has a thread of its own, and shares none");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
   options.add("in-flight", settings.in_flight, "calls of throughput on their way at a time",

@@ -160,7 +160,8 @@ bool run_events_with_peers(const Settings& settings, Report& report) {
                                    .wait = {.strategy = strategy, .spin = settings.spin},
                                    .consumer_count = consumer_count,
                                    .placement = choose_placement(),
-                                   .realtime = settings.realtime};
+                                   .realtime = settings.realtime,
+                                   .has_own_threads = settings.has_own_threads};
         const auto measured = measure_beside(settings, setting, *choice, report);
         if (!measured) say_not_measured(title_of(setting), measured.error());
         is_complete = measured && *measured && is_complete;

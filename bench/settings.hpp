@@ -30,7 +30,9 @@ struct Settings {
   std::vector<int> low_caller_counts{0, 1, 4, 16};
   std::vector<int> client_counts{1, 10, 100, 1000};     ///< Of scale.
   std::vector<int> consumer_counts{1, 4, 16, 64, 256};  ///< Of events.
-  Duration work = std::chrono::microseconds{200};       ///< Of one low-priority call.
+  /// Each consumer of events has a thread of its own, even where several could share one.
+  bool has_own_threads = false;
+  Duration work = std::chrono::microseconds{200};  ///< Of one low-priority call.
   std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.
   std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.
   Duration deadline = std::chrono::milliseconds{20};  ///< Of a call of two-node.

@@ -20,10 +20,6 @@ constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
 // Items on their way to who wants the newest: each is one that is older.
 constexpr std::uint32_t kLatestWindow = 2;
-// Who reads the ring looks at its stream only so often: it tells of little, and lives on.
-constexpr Duration kRingLookInterval = 50ms;
-constexpr std::string_view kQueueWasFull =
-    "The subscription has ended, as its queue was full and its policy is to disconnect then.";
 
 // Why a stream ended.
 std::string in_words(rpc::CallError error, std::uint32_t miss_count_max) {
@@ -52,7 +48,7 @@ Consumer::Impl::Impl(rpc::Node& node, std::string target, ConsumerConfig config,
       config_(std::move(config)) {}
 
 Consumer::Impl::~Impl() {
-  RTPM_ASSERT(own_thread_.load() != std::this_thread::get_id(),
+  RTPM_ASSERT(!is_in_handler(),
               "a consumer is not destroyed in its own handler; let it unsubscribe there");
   unsubscribe();
 }
@@ -234,51 +230,10 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
 // Reads until the stream ends; why it did.
 std::string Consumer::Impl::read(Session& session) {
   if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
-  if (session.ring) return read_apart(session, *session.ring);
-  if (session.multicast) return read_apart(session, *session.multicast);
+  if (session.ring) return read_ring(session);
+  if (session.multicast) return read_multicast(session);
   while (!is_stopping_) {
     if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
-  }
-  return {};
-}
-
-// The events come in the ring or by multicast; the stream tells of losses in the hub, and of the
-// end.
-template <class Source>
-std::string Consumer::Impl::read_apart(Session& session, Source& source) {
-  const rt::WaitStrategy strategy = node_.config().wait.strategy;
-  const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
-  MonotonicTime next_look{};
-  while (!is_stopping_) {
-    const MonotonicTime now = rt::now();
-    if (now >= next_look) {
-      if (auto why = look_at_stream(session, now)) return std::move(*why);
-      if (has_new_policy_.exchange(false)) {
-        const std::lock_guard lock(mutex_);
-        source.set_policy(config_.delivery);
-      }
-      if (source.losses() != own_losses_) {
-        own_losses_ = source.losses();
-        update_losses();
-      }
-      next_look = now + kRingLookInterval;
-    }
-    switch (source.take(hand)) {
-      case SessionOutcome::kDelivered:
-        last_heard_ = now;
-        break;
-      case SessionOutcome::kNothing:
-        source.wait(strategy, next_look);
-        // Woken for nothing in the ring: there may be something in the stream.
-        if (!source.has_more()) next_look = MonotonicTime{};
-        break;
-      case SessionOutcome::kFallenBehind:
-        return std::string(kQueueWasFull);
-      case SessionOutcome::kGone:
-        return "The hub dropped the subscription, as it heard nothing of this consumer.";
-      case SessionOutcome::kBroken:
-        return "The hub sends what is no event: it is of another release.";
-    }
   }
   return {};
 }
@@ -362,10 +317,13 @@ expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
                             std::string(rpc::to_string(reply.error())));
   }
   if ((*reply)->refusal() != nullptr) return rpc::setup_error((*reply)->refusal()->str());
-  const std::lock_guard lock(mutex_);
-  config_.filter = filter;
-  config_.delivery = delivery;
-  has_new_policy_ = true;
+  {
+    const std::lock_guard lock(mutex_);
+    config_.filter = filter;
+    config_.delivery = delivery;
+    has_new_policy_ = true;
+  }
+  call_own_thread();
   return {};
 }
 
@@ -379,15 +337,21 @@ expected<void, rpc::CallError> Consumer::Impl::control(Action action) {
   return client->control(Control(subscription_id_, action), {.priority = 0});
 }
 
+bool Consumer::Impl::is_in_handler() const noexcept {
+  const auto me = std::this_thread::get_id();
+  return own_thread_.load() == me || common_thread_.load() == me;
+}
+
 void Consumer::Impl::unsubscribe() {
   {
     const std::lock_guard lock(mutex_);
     is_stopping_ = true;
   }
   changed_.notify_all();
-  if (own_thread_.load() == std::this_thread::get_id()) return;
+  if (is_in_handler()) return;
   // So that its thread need not wait for the end of its look.
   if (is_subscribed()) static_cast<void>(control(Action::End));
+  call_own_thread();
   const std::lock_guard lock(join_mutex_);
   if (thread_.is_running()) thread_.join();
 }

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "assembler.hpp"
+#include "common_reader.hpp"
 #include "idl.hpp"
 #include "multicast_session.hpp"
 #include "ring_session.hpp"
@@ -17,8 +18,11 @@
 
 namespace rtpm::events {
 
+inline constexpr std::string_view kQueueWasFull =
+    "The subscription has ended, as its queue was full and its policy is to disconnect then.";
+
 /// A consumer: its thread subscribes, reads, hands over, and subscribes again.
-class Consumer::Impl {
+class Consumer::Impl final : private ReaderSeat::Member {
  public:
   Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
   Impl(const Impl&) = delete;
@@ -57,8 +61,6 @@ class Consumer::Impl {
   [[nodiscard]] SubscribeRequestT request() const;
   [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client);
   [[nodiscard]] std::string read(Session& session);
-  template <class Source>
-  [[nodiscard]] std::string read_apart(Session& session, Source& source);
   /// Looks at the stream until `until`; why it ended, if it did.
   [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
   void take(const Batch& batch);
@@ -68,6 +70,16 @@ class Consumer::Impl {
             bool has_hub_restarted = false);
   void report_begin(std::optional<rpc::SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
+  /// Reads the ring by turns with a common reader, until the stream ends; why it did.
+  [[nodiscard]] std::string read_ring(Session& session);
+  [[nodiscard]] std::string read_multicast(Session& session);
+  [[nodiscard]] std::optional<std::string> attend(Session& session, auto& source);
+  [[nodiscard]] std::optional<std::string> take_all(ReaderSeat& seat, MonotonicTime until);
+  [[nodiscard]] Taking take_one() noexcept override;
+  /// Has it look for what has changed, if it rests while a common reader serves it.
+  void call_own_thread();
+  /// Whether it is called from the handler.
+  [[nodiscard]] bool is_in_handler() const noexcept;
 
   rpc::Node& node_;
   const std::string target_;
@@ -94,6 +106,11 @@ class Consumer::Impl {
   std::atomic<std::uint64_t> subscription_id_{0};
   std::atomic<bool> is_stopping_{false};
   std::atomic<std::thread::id> own_thread_{};
+  std::atomic<std::thread::id> common_thread_{};  ///< That calls the handler now; or none.
+  // With the seat claimed.
+  RingSession* ring_ = nullptr;
+  std::optional<SessionOutcome> ring_end_{};
+  std::weak_ptr<ReaderSeat> seat_{};  ///< With the mutex.
   std::mutex join_mutex_;
   rt::Thread thread_{};
 };

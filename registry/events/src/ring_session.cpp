@@ -16,12 +16,13 @@ constexpr int kRecordsPerTurn = 4096;
 std::unique_ptr<RingSession> RingSession::open(std::uint64_t id, MonotonicTime deadline) {
   auto view = transport::BroadcastView::open(id, deadline);
   if (!view || !RingReader::is_ring(view->bytes(), id)) return nullptr;
-  return std::unique_ptr<RingSession>(new RingSession(std::move(*view), id));
+  return std::unique_ptr<RingSession>(
+      new RingSession(std::make_shared<transport::BroadcastView>(std::move(*view)), id));
 }
 
 void RingSession::begin(std::uint32_t place, std::uint64_t owner, std::uint64_t position,
                         const DeliveryPolicy& policy) {
-  reader_.emplace(view_.bytes(), place, owner, position);
+  reader_.emplace(view_->bytes(), place, owner, position);
   group_.reserve(kGroupSizeMax);
   set_policy(policy);
 }
@@ -55,9 +56,9 @@ void RingSession::wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept 
     }
     return;
   }
-  const std::uint32_t seen = view_.bell().value();
+  const std::uint32_t seen = view_->bell().value();
   if (reader_->has_more()) return;
-  view_.bell().sleep(seen, reader_->wake_bits(), until);
+  view_->bell().sleep(seen, reader_->wake_bits(), until);
 }
 
 Losses RingSession::losses() const noexcept {

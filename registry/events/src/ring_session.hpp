@@ -43,6 +43,11 @@ class RingSession {
     if (const auto failed = fill_queue()) return *failed;
     return queue_.take(deliver) ? Outcome::kDelivered : Outcome::kNothing;
   }
+  /// What it reads, and which bits of the bell it is woken by.
+  [[nodiscard]] const std::shared_ptr<transport::BroadcastView>& view() const noexcept {
+    return view_;
+  }
+  [[nodiscard]] std::uint32_t wake_bits() const noexcept { return reader_->wake_bits(); }
   /// Waits until more is written, or until `until`.
   void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept;
 
@@ -50,7 +55,8 @@ class RingSession {
   [[nodiscard]] Losses losses() const noexcept;
 
  private:
-  RingSession(transport::BroadcastView view, std::uint64_t id) : view_(std::move(view)), id_(id) {}
+  RingSession(std::shared_ptr<transport::BroadcastView> view, std::uint64_t id)
+      : view_(std::move(view)), id_(id) {}
 
   [[nodiscard]] std::uint64_t backlog() const noexcept {
     const std::uint64_t known = reader_->read_count() + reader_->missed_count();
@@ -67,7 +73,7 @@ class RingSession {
   }
   [[nodiscard]] std::optional<Outcome> fill_queue();
 
-  transport::BroadcastView view_;
+  std::shared_ptr<transport::BroadcastView> view_;
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
   std::uint64_t direct_max_ = 0;  ///< Events that may be waiting without a need for the queue.

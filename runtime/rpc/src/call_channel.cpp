@@ -13,6 +13,9 @@
 namespace rtpm::rpc {
 namespace {
 
+// So often who only looks, and never waits, sees what a link sees when it waits.
+constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
+
 wire::Medium medium_of(Transport transport) noexcept {
   return transport == Transport::kUdp ? wire::Medium::kDatagram : wire::Medium::kStream;
 }
@@ -266,6 +269,11 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
     const MonotonicTime wake = std::min(until, wire_.next_time());
     return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kNap) : wake;
   };
+  // What a link sees only when it waits, such as its server's end, a mere look sees now and then.
+  if (now >= until && now - last_check_ >= kCheckInterval) {
+    last_check_ = now;
+    link_->wait(until);
+  }
   while (true) {
     const bool may_block = !is_spinning && now < until;
     const bool must_sleep = may_block && budget.must_sleep(now);

@@ -122,6 +122,7 @@ class CallChannel {
   rt::LazyMemory items_;  // Of a stream.
   rt::LazyMemory kept_;   // A request that outlives its caller's.
   MonotonicTime last_look_{};
+  MonotonicTime last_check_{};  ///< For what its link sees only when it waits.
   wire::ClientChannel wire_;
 };
 

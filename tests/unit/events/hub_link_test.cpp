@@ -195,6 +195,39 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
   }
 }
 
+// Two links, one each way, are a link for both.
+TEST_F(HubLinks, BothWaysBetweenTwoEachEventComesOnceToBoth) {
+  ServedHub left;
+  ServedHub right;
+  Recorder other;
+  link(left, right);
+  link(right, left);
+  const auto at_left = make_consumer(node_, left, recorder_, of_type(kPose));
+  const auto at_right = make_consumer(node_, right, other, of_type(kPose));
+  await_wishes(left, 1);
+  await_wishes(right, 1);
+  const auto from_left = supply(left, 1);
+  const auto from_right = supply(right, 1);
+  push(*from_left, kPose, 1);
+  push(*from_right, kPose, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(2));
+  ASSERT_TRUE(other.await_deliveries(2));
+  // What may go further comes back, and no further than that. It comes behind what went before, so
+  // that nothing of that can be on its way any more.
+  const auto wanderer = supply(left, 8);
+  push(*wanderer, kPose, 3);
+  ASSERT_TRUE(await([&] { return left.hub().links()[0].repeated_count == 1; }));
+  ASSERT_TRUE(recorder_.await_deliveries(3));
+  ASSERT_TRUE(other.await_deliveries(3));
+  for (const auto& [hub, recorder] : {std::pair(&left, &recorder_), std::pair(&right, &other)}) {
+    EXPECT_EQ(recorder->deliveries_.size(), 3U) << recorder->text();
+    EXPECT_EQ(hub->hub().links()[0].refused_count, 0U);
+  }
+  EXPECT_EQ(left.hub().links()[0].taken_count, 1U);
+  EXPECT_EQ(right.hub().links()[0].taken_count, 2U);
+  EXPECT_EQ(right.hub().links()[0].repeated_count, 0U);
+}
+
 // ev-5.3-2
 TEST_F(HubLinks, ByTwoWaysAnEventComesOnce) {
   ServedHub source;

@@ -1,5 +1,9 @@
 #include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
+#include <array>
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
@@ -146,6 +150,82 @@ TEST(HubRingLimits, ConsumerThatIsOverrunIsToldHowManyItMissed) {
       sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount + 1; }));
   const ConsumerCounters counters = slow->counters();
   EXPECT_EQ(counters.event_count + counters.losses.total(), kCount + 1);
+}
+
+/// A hub in a process of its own, to be killed. Made before the test starts a thread.
+class ChildHub {
+ public:
+  ChildHub() {
+    std::array<int, 2> ends{};
+    EXPECT_EQ(pipe(ends.data()), 0);
+    process_ = fork();
+    if (process_ == 0) serve(ends[1]);
+    close(ends[1]);
+    std::array<char, 256> text{};
+    const ssize_t size = read(ends[0], text.data(), text.size());
+    EXPECT_GT(size, 0);
+    url_.assign(text.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+    close(ends[0]);
+  }
+  ~ChildHub() { kill(); }
+  ChildHub(const ChildHub&) = delete;
+  ChildHub& operator=(const ChildHub&) = delete;
+  [[nodiscard]] const std::string& url() const { return url_; }
+  void kill() {
+    if (process_ <= 0) return;
+    ::kill(process_, SIGKILL);
+    waitpid(process_, nullptr, 0);
+    process_ = 0;
+  }
+
+ private:
+  [[noreturn]] static void serve(int told) {
+    const ServedHub hub;
+    const std::string url = hub.url();
+    static_cast<void>(!write(told, url.data(), url.size()));
+    while (getppid() != 1)
+      rt::sleep_until(rt::now() + 10ms);
+    _exit(0);
+  }
+  pid_t process_ = 0;
+  std::string url_{};
+};
+
+// Whoever sleeps at the ring of a hub that is killed hears it from the system, and not only by
+// missing its signs of life.
+TEST(HubRingEnd, KilledHubIsMissedAtOnce) {
+  using Strategy = rt::WaitStrategy;
+  for (const auto& [strategy, transport] : {std::pair(Strategy::kAdaptive, rpc::Transport::kAuto),
+                                            std::pair(Strategy::kBlock, rpc::Transport::kAuto),
+                                            std::pair(Strategy::kAdaptive, rpc::Transport::kTcp)}) {
+    for (const bool has_own_thread : {true, false}) {
+      ChildHub hub;
+      rpc::NodeConfig config;
+      config.wait.strategy = strategy;
+      rpc::Node node(config);
+      std::array<Recorder, 2> recorders;
+      std::vector<std::unique_ptr<Consumer>> consumers;
+      for (Recorder& each : recorders) {
+        auto consumer = Consumer::create(node, hub.url(),
+                                         {.filter = of_type(kPose),
+                                          .realtime = rt::RealtimeMode::kOff,
+                                          .transport = transport,
+                                          .has_own_thread = has_own_thread,
+                                          .deadline = kPatience},
+                                         each);
+        ASSERT_TRUE(consumer) << consumer.error().text;
+        EXPECT_TRUE((*consumer)->reads_ring());
+        consumers.push_back(std::move(*consumer));
+      }
+      hub.kill();
+      for (Recorder& each : recorders) {
+        ASSERT_TRUE(each.await_notice(NoticeKind::kInterrupted));
+        EXPECT_EQ(each.notice_text(NoticeKind::kInterrupted).find("signs of life"),
+                  std::string::npos)
+            << each.notice_text(NoticeKind::kInterrupted);
+      }
+    }
+  }
 }
 
 TEST(HubRingLimits, HubWithoutARingServesStreams) {

@@ -126,6 +126,14 @@ class Recorder : public EventHandler {
     return found == notices_.end() ? Notice{} : *found;
   }
 
+  [[nodiscard]] std::string notice_text(NoticeKind kind) {
+    const std::lock_guard lock(mutex_);
+    for (std::size_t i = 0; i < notices_.size(); ++i) {
+      if (notices_[i].kind == kind) return texts_[i];
+    }
+    return {};
+  }
+
   std::vector<std::string> deliveries_{};
   std::vector<Notice> notices_{};
   std::vector<std::string> texts_{};

@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <signal.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstring>
@@ -25,6 +26,7 @@ using namespace rtpm::events::test;
 using rtpm::test::Process;
 
 constexpr const char* kBrokerProgram = "/usr/sbin/mosquitto";
+constexpr const char* kOpensslProgram = "/usr/bin/openssl";
 
 std::uint16_t free_port() {
   const int descriptor = socket(AF_INET, SOCK_STREAM, 0);
@@ -76,10 +78,29 @@ class EventBridge : public testing::Test {
     port_ = free_port();
     start_broker();
   }
-  void start_broker() {
-    const std::string file = testing::TempDir() + "mosquitto-" + std::to_string(port_) + ".conf";
-    std::ofstream(file) << "listener " << port_ << " 127.0.0.1\nallow_anonymous true\n";
-    process_.emplace(std::vector<std::string>{kBrokerProgram, "-c", file});
+  void TearDown() override {
+    for (const std::string& each : files_)
+      unlink(each.c_str());
+  }
+  /// A file of the test's own, which goes with it.
+  [[nodiscard]] std::string file(const std::string& name) {
+    return files_.emplace_back(testing::TempDir() + "rtpm-" + std::to_string(port_) + "-" + name);
+  }
+  void start_broker(const std::string& more = "") {
+    const std::string configuration = file("mosquitto.conf");
+    std::ofstream(configuration) << "listener " << port_ << " 127.0.0.1\nallow_anonymous true\n"
+                                 << more;
+    process_.emplace(std::vector<std::string>{kBrokerProgram, "-c", configuration});
+  }
+  /// Has openssl make a key and a certificate of it, for the host of that name or address.
+  [[nodiscard]] bool make_certificate(const std::string& key, const std::string& certificate,
+                                      const std::string& host) {
+    Process program({kOpensslProgram, "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1",
+                     "-keyout", key, "-out", certificate, "-subj", "/CN=rtpm-test", "-addext",
+                     "subjectAltName=" + host});
+    const auto end = program.wait(kPatience);
+    // Mosquitto reads the key as a user of its own.
+    return end && end->exit_code == 0 && chmod(key.c_str(), 0644) == 0;
   }
   void stop_broker() {
     process_->send_signal(SIGKILL);
@@ -115,6 +136,7 @@ class EventBridge : public testing::Test {
   }
 
   std::uint16_t port_ = 0;
+  std::vector<std::string> files_{};
   std::optional<Process> process_{};
   rpc::Node node_{};
   Recorder recorder_{};
@@ -271,6 +293,89 @@ TEST_F(EventBridge, IsAProgramThatTellsItsCounts) {
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0);
   EXPECT_NE(end->output.find("to_broker 1 published 1 "), std::string::npos) << end->output;
+}
+
+class EventBridgeTls : public EventBridge {
+ protected:
+  void SetUp() override {
+    EventBridge::SetUp();
+    if (IsSkipped()) return;
+    if (access(kOpensslProgram, X_OK) != 0) {
+      GTEST_SKIP() << "needs " << kOpensslProgram << " (Debian package openssl)";
+    }
+    stop_broker();
+  }
+  /// Starts the broker with a certificate of its own, for `host`.
+  void start_secured(const std::string& host) {
+    const std::string key = file("key.pem");
+    certificate_ = file("certificate.pem");
+    ASSERT_TRUE(make_certificate(key, certificate_, host));
+    start_broker("certfile " + certificate_ + "\nkeyfile " + key + "\n");
+  }
+  [[nodiscard]] std::unique_ptr<Broker> connect(const std::string& ca_file) {
+    auto broker =
+        Broker::create({.port = port_, .ca_file = ca_file, .retry_max = Duration{50ms}}, ignored_);
+    EXPECT_TRUE(broker) << broker.error().text;
+    return broker ? std::move(*broker) : nullptr;
+  }
+  struct Ignorer final : Broker::Listener {
+    void on_message(const Message&) override {}
+  } ignored_{};
+  std::string certificate_{};
+};
+
+TEST_F(EventBridgeTls, BridgesThroughAnEncryptedConnection) {
+  start_secured("IP:127.0.0.1");
+  ServedHub hub;
+  Process program({RTPM_EVENT_BRIDGE, "--hub", hub.url(), "--port", std::to_string(port_),
+                   "--ca-file", certificate_, "--realtime", "off"});
+  ASSERT_TRUE(program.wait_for_output("connected to the broker\n", kPatience)) << program.errors();
+  const auto consumer = make_consumer(node_, hub, recorder_, everything());
+  const auto other = connect(certificate_);
+  ASSERT_TRUE(await([&] { return other->is_connected(); })) << other->reason();
+  // More than one record of TLS has room for.
+  const std::vector<std::byte> large(40'000, std::byte{7});
+  other->publish("rtpm/5/2", large, kPoseSchema, 2);
+  ASSERT_TRUE(recorder_.await_deliveries(1)) << program.errors();
+  EXPECT_EQ(recorder_.text(), "5.2#1");
+  EXPECT_EQ(recorder_.last_payload_, large);
+}
+
+TEST_F(EventBridgeTls, RefusesABrokerThatItCannotTrust) {
+  start_secured("IP:127.0.0.1");
+  const std::string others_key = file("others-key.pem");
+  const std::string others_certificate = file("others-certificate.pem");
+  ASSERT_TRUE(make_certificate(others_key, others_certificate, "IP:127.0.0.1"));
+  const auto trusting = connect(certificate_);
+  ASSERT_TRUE(await([&] { return trusting->is_connected(); })) << trusting->reason();
+  for (const std::string& wrong : {others_certificate, std::string()}) {
+    const auto broker = connect(wrong);
+    // Whoever does not trust it, or speaks no TLS, tried and failed.
+    ASSERT_TRUE(await([&] { return broker->reason() != "it is being connected"; }));
+    EXPECT_FALSE(broker->is_connected());
+    EXPECT_EQ(broker->counters().connection_count, 0U);
+  }
+}
+
+TEST_F(EventBridgeTls, RefusesACertificateOfAnotherHost) {
+  start_secured("DNS:elsewhere.example");
+  // So that a refusal is not that of a broker that has yet to begin.
+  ASSERT_TRUE(await([&] {
+    mosquitto* const client = mosquitto_new(nullptr, true, nullptr);
+    const int result = mosquitto_connect(client, "127.0.0.1", port_, 10);
+    mosquitto_destroy(client);
+    return result == MOSQ_ERR_SUCCESS;
+  }));
+  const auto broker = connect(certificate_);
+  ASSERT_TRUE(await([&] { return broker->reason() != "it is being connected"; }));
+  EXPECT_FALSE(broker->is_connected());
+  EXPECT_EQ(broker->counters().connection_count, 0U);
+}
+
+TEST_F(EventBridgeTls, SaysWhichFileOfCertificatesCannotBeUsed) {
+  const auto broker = Broker::create({.port = port_, .ca_file = "/nowhere/ca.pem"}, ignored_);
+  ASSERT_FALSE(broker);
+  EXPECT_NE(broker.error().text.find("/nowhere/ca.pem"), std::string::npos) << broker.error().text;
 }
 
 TEST(EventBridgeProgram, SaysWhatIsWrongWithItsOptions) {

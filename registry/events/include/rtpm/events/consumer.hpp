@@ -41,9 +41,10 @@ struct Notice {
   std::uint64_t hub_epoch = 0;  ///< The life of the hub that was heard last.
 };
 
-/// What a program does with events. All is called from the consumer's own thread, one at a time. It
-/// may unsubscribe its consumer, change or suspend it; it may throw, which is counted and told. It
-/// must not destroy its consumer.
+/// What a program does with events. All is called one at a time: from the consumer's own thread or,
+/// where ConsumerConfig::has_own_thread is false, from one of the same priority and CPUs that
+/// serves several consumers. It may unsubscribe its consumer, change or suspend it; it may throw,
+/// which is counted and told. It must not destroy its consumer.
 class EventHandler {
  public:
   virtual ~EventHandler() = default;
@@ -67,6 +68,14 @@ struct ConsumerConfig {
   /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
   /// stream of its own.
   bool shared_ring = true;
+  /// Its handler is called by its own thread always. Else, where two or more consumers of a node
+  /// read one ring at the same priority, CPUs and real-time mode, and do not spin while they wait,
+  /// one thread calls all their handlers, which spares a change of threads for each but one. A
+  /// handler keeps the others waiting 0.1 ms, where events come without a pause 1 ms: then each
+  /// consumer's own thread serves it until that handler returns, and the slow one's own thread
+  /// until it was quick for 1 s, or 10 s if that happens often. Handlers that compute in parallel
+  /// set it.
+  bool has_own_thread = false;
   /// Where it does not read the ring: receives the hub's multicast, if the hub has one, at the
   /// interface with this address (empty: as the system's routes say).
   bool multicast = false;

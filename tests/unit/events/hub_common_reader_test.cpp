@@ -1,0 +1,211 @@
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <set>
+#include <thread>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "served_hub.hpp"
+
+// Consumers of one program that read a hub's ring by one thread: none is to notice the others.
+namespace rtpm::events::test {
+namespace {
+
+/// Notes by which thread it was called, and how often; and does what the test wants.
+class Noter final : public EventHandler {
+ public:
+  void on_events(std::span<const EventView> events) override {
+    thread = std::this_thread::get_id();
+    is_in_order = is_in_order && events[0].header.sequence > last;
+    last = events[0].header.sequence;
+    ++count;
+    if (act) act();
+  }
+  std::atomic<std::thread::id> thread{};
+  std::atomic<std::uint64_t> last{0};
+  std::atomic<std::uint64_t> count{0};
+  std::atomic<bool> is_in_order{true};
+  std::function<void()> act{};  ///< Set before its consumer is made.
+};
+
+class HubCommonReader : public testing::Test {
+ protected:
+  [[nodiscard]] std::unique_ptr<Consumer> join(EventHandler& handler, bool has_own_thread = false) {
+    auto consumer = Consumer::create(node_, hub_.url(),
+                                     {.filter = of_type(kPose),
+                                      .delivery = {.queue_capacity = 4096},
+                                      .realtime = rt::RealtimeMode::kOff,
+                                      .has_own_thread = has_own_thread,
+                                      .deadline = kPatience},
+                                     handler);
+    EXPECT_TRUE(consumer) << consumer.error().text;
+    EXPECT_TRUE(consumer && (*consumer)->reads_ring());
+    return consumer ? std::move(*consumer) : nullptr;
+  }
+  /// Pushes until one thread calls all handlers. On a busy machine one may seem slow for a while.
+  [[nodiscard]] bool await_common(const std::vector<Noter*>& noters) {
+    return rtpm::test::await(
+        [&] {
+          const std::uint64_t number = ++pushed_;
+          push(*supplier_, kPose);
+          if (!await_number(noters, number)) return false;
+          return std::ranges::all_of(noters, [&](const Noter* each) {
+            return each->thread.load() == noters[0]->thread.load();
+          });
+        },
+        3 * kPatience);
+  }
+  [[nodiscard]] static bool await_number(const std::vector<Noter*>& noters, std::uint64_t number) {
+    return await([&] {
+      return std::ranges::all_of(noters, [&](const Noter* each) { return each->last >= number; });
+    });
+  }
+  ServedHub hub_{};
+  rpc::Node node_{};
+  std::unique_ptr<Supplier> supplier_ = make_supplier(node_, hub_);
+  std::uint64_t pushed_ = 0;
+};
+
+TEST_F(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
+  Noter first;
+  Noter second;
+  Noter third;
+  Noter apart;
+  const auto a = join(first);
+  const auto b = join(second);
+  const auto c = join(third);
+  const auto d = join(apart, /*has_own_thread=*/true);
+  ASSERT_TRUE(await_common({&first, &second, &third}));
+  EXPECT_TRUE(await_number({&apart}, pushed_));
+  EXPECT_NE(apart.thread.load(), first.thread.load());
+}
+
+TEST_F(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
+  std::atomic<bool> shall_block{false};
+  std::atomic<int> blocked_count{0};
+  const auto block = [&] {
+    if (!shall_block) return;
+    ++blocked_count;
+    EXPECT_TRUE(await([&] { return !shall_block; }));
+  };
+  Noter quick;
+  Noter other;
+  Noter stuck;
+  Noter stuck_too;
+  stuck.act = block;
+  stuck_too.act = block;
+  const auto a = join(stuck);
+  const auto b = join(quick);
+  const auto c = join(stuck_too);
+  const auto d = join(other);
+  ASSERT_TRUE(await_common({&quick, &other, &stuck, &stuck_too}));
+  shall_block = true;
+  for (int i = 0; i < 100; ++i) {
+    ++pushed_;
+    push(*supplier_, kPose);
+    ASSERT_TRUE(await_number({&quick, &other}, pushed_));
+  }
+  EXPECT_TRUE(await([&] { return blocked_count == 2; }));
+  EXPECT_EQ(stuck.last, pushed_ - 99);
+  shall_block = false;
+  ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
+  // The quick ones share a thread again, the slow have their own for some time.
+  ASSERT_TRUE(await_common({&quick, &other}));
+  EXPECT_NE(stuck.thread.load(), quick.thread.load());
+  for (const Noter* const each : {&quick, &other, &stuck, &stuck_too}) {
+    EXPECT_EQ(each->count, pushed_);
+    EXPECT_TRUE(each->is_in_order);
+  }
+}
+
+TEST_F(HubCommonReader, ConsumerMayUnsubscribeInItsHandler) {
+  std::unique_ptr<Consumer> leaving;
+  std::atomic<bool> shall_leave{false};
+  Noter leaver;
+  Noter first;
+  Noter second;
+  leaver.act = [&] {
+    if (shall_leave) leaving->unsubscribe();
+  };
+  leaving = join(leaver);
+  const auto a = join(first);
+  const auto b = join(second);
+  ASSERT_TRUE(await_common({&leaver, &first, &second}));
+  const std::uint64_t before = pushed_;
+  shall_leave = true;
+  ASSERT_TRUE(await_common({&first, &second}));
+  leaving.reset();
+  EXPECT_EQ(leaver.last, before + 1);
+}
+
+TEST_F(HubCommonReader, HandlerMayEndAnotherConsumer) {
+  std::unique_ptr<Consumer> victim;
+  std::atomic<bool> shall_end{false};
+  Noter ended;
+  Noter ender;
+  Noter other;
+  ender.act = [&] {
+    if (shall_end) victim.reset();
+  };
+  victim = join(ended);
+  const auto a = join(ender);
+  const auto b = join(other);
+  ASSERT_TRUE(await_common({&ended, &ender, &other}));
+  shall_end = true;
+  ++pushed_;
+  push(*supplier_, kPose);
+  ASSERT_TRUE(await_number({&ender, &other}, pushed_));
+  EXPECT_EQ(victim, nullptr);
+}
+
+TEST_F(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
+  Noter first;
+  Noter second;
+  const auto a = join(first);
+  const auto b = join(second);
+  std::atomic<bool> is_over{false};
+  std::thread guests([&] {
+    while (!is_over) {
+      Noter guest;
+      Noter other;
+      const auto c = join(guest);
+      const auto d = join(other);
+      EXPECT_TRUE(await([&] { return is_over || (guest.count > 3 && other.count > 3); }));
+      EXPECT_TRUE(guest.is_in_order && other.is_in_order);
+    }
+  });
+  for (int i = 0; i < 2000; ++i) {
+    ++pushed_;
+    push(*supplier_, kPose);
+    if (i % 8 == 0) {
+      EXPECT_TRUE(await_number({&first, &second}, pushed_));
+    }
+  }
+  EXPECT_TRUE(await_number({&first, &second}, pushed_));
+  is_over = true;
+  guests.join();
+  EXPECT_EQ(first.count, pushed_);
+  EXPECT_EQ(second.count, pushed_);
+  EXPECT_EQ(a->counters().losses, Losses{});
+}
+
+TEST_F(HubCommonReader, ConsumersComeBackAfterARestartOfTheHub) {
+  Noter first;
+  Noter second;
+  const auto a = join(first);
+  const auto b = join(second);
+  ASSERT_TRUE(await_common({&first, &second}));
+  hub_.stop();
+  ASSERT_TRUE(await([&] { return !a->is_subscribed() && !b->is_subscribed(); }));
+  hub_.start();
+  ASSERT_TRUE(await([&] { return a->is_subscribed() && b->is_subscribed(); }));
+  ASSERT_TRUE(await([&] {
+    if (const auto pushed = supplier_->push({.type = kPose}); pushed) ++pushed_;
+    return first.last > 0 && first.last == second.last && first.thread == second.thread.load() &&
+           first.count > 1;
+  }));
+}
+
+}  // namespace
+}  // namespace rtpm::events::test
