@@ -27,6 +27,13 @@ IntakeCounters counters_of(const SupplierCounts& counts) noexcept {
           counts.no_memory()};
 }
 
+/// Events go through a channel of their own, one after the other: two channels have no order
+/// between them, and one that is shared may be taken by a call just when an event comes.
+struct Clients {
+  HubClient asking;
+  HubClient pushing;
+};
+
 /// How the hub's clock stands to ours.
 struct HubClock {
   Duration offset{0};
@@ -53,11 +60,11 @@ class Supplier::Impl {
   [[nodiscard]] expected<void, rpc::SetupError> begin(rpc::Node& node, std::string target) {
     node_ = &node;
     target_ = std::move(target);
-    auto client = bind();
-    if (!client) return unexpected{std::move(client.error())};
-    client_.emplace(std::move(*client));
+    auto clients = bind();
+    if (!clients) return unexpected{std::move(clients.error())};
+    clients_.emplace(std::move(*clients));
     if (std::string refusal = attend(); !refusal.empty()) return rpc::setup_error(refusal);
-    const auto about = client_->about({}, {.deadline = config_.deadline});
+    const auto about = clients_->asking.about({}, {.deadline = config_.deadline});
     if (about) reserve(about->payload_size_max());
     auto thread = rt::Thread::start({.name = "rtpm-attend", .realtime = rt::RealtimeMode::kOff},
                                     [this] { keep_attending(); });
@@ -110,7 +117,8 @@ class Supplier::Impl {
     const auto bytes =
         builder.CreateVector(reinterpret_cast<const std::uint8_t*>(events.data()), events.size());
     builder.Finish(CreatePushRequest(builder, id_, bytes));
-    return client_->push_encoded(rpc::table_bytes(builder), {.priority = config_.priority});
+    return clients_->pushing.push_encoded(rpc::table_bytes(builder),
+                                          {.priority = config_.priority});
   }
 
   rt::PiMutex mutex;  ///< Of add() and flush().
@@ -128,20 +136,18 @@ class Supplier::Impl {
     std::uint64_t count = 0;
   };
 
-  [[nodiscard]] expected<HubClient, rpc::SetupError> bind() {
-    auto client = HubClient::bind(*node_, target_,
-                                  {.transport = config_.transport,
-                                   .deadline = config_.deadline,
-                                   .warm_up = {config_.priority}});
-    if (!client) return client;
-    // A second channel, opened while a call holds the first: else the first push that meets the
-    // attending thread would have to open it.
-    const rpc::MethodDescriptor& about = HubClient::interface().methods.front();
-    if (auto held = client->binding().begin(about, {}, {.priority = config_.priority})) {
-      static_cast<void>(client->binding().warm_up(std::array{config_.priority}));
-      static_cast<void>(held->take());
-    }
-    return client;
+  [[nodiscard]] expected<Clients, rpc::SetupError> bind() {
+    auto asking = HubClient::bind(
+        *node_, target_,
+        {.transport = config_.transport, .deadline = config_.deadline, .warm_up = {Priority{0}}});
+    if (!asking) return unexpected{std::move(asking.error())};
+    auto pushing = HubClient::bind(*node_, target_,
+                                   {.transport = config_.transport,
+                                    .deadline = config_.deadline,
+                                    .warm_up = {config_.priority},
+                                    .is_private = true});
+    if (!pushing) return unexpected{std::move(pushing.error())};
+    return Clients{std::move(*asking), std::move(*pushing)};
   }
 
   void reserve(std::size_t payload_size_max) {
@@ -167,7 +173,8 @@ class Supplier::Impl {
     request.name = config_.name;
     for (const EventDescriptor* each : config_.types)
       request.types.push_back(entry_of(*each));
-    const auto reply = client_->attend(request, {.priority = 0, .deadline = config_.deadline});
+    const auto reply =
+        clients_->asking.attend(request, {.priority = 0, .deadline = config_.deadline});
     is_attended_ = reply.has_value();
     if (!reply) return std::string(rpc::to_string(reply.error()));
     intake_.write(counters_of(*(*reply)->counts()));
@@ -176,11 +183,11 @@ class Supplier::Impl {
   }
 
   void read_clock() {
-    const auto about = client_->about({}, {.priority = 0});
+    const auto about = clients_->asking.about({}, {.priority = 0});
     if (!about) return;
     HubClock clock;
     if (about->clock_domain() != rt::clock_domain() || about->clock_domain() == 0) {
-      const auto hub = client_->binding().ping({.priority = 0});
+      const auto hub = clients_->asking.binding().ping({.priority = 0});
       if (!hub) return;
       clock.offset = hub->offset;
       clock.uncertainty_ns = static_cast<std::uint32_t>(
@@ -203,11 +210,11 @@ class Supplier::Impl {
 
   // The name may lead elsewhere by now.
   void bind_again() {
-    auto client = bind();
-    if (!client) return;
+    auto clients = bind();
+    if (!clients) return;
     {
       const std::lock_guard lock(mutex);
-      std::swap(*client_, *client);
+      std::swap(*clients_, *clients);
     }
     static_cast<void>(attend());
   }
@@ -216,7 +223,7 @@ class Supplier::Impl {
   const std::uint64_t id_;
   rpc::Node* node_ = nullptr;
   std::string target_{};
-  std::optional<HubClient> client_{};
+  std::optional<Clients> clients_{};
   Hub* hub_ = nullptr;
 
   struct alignas(16) Line {

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <string>
+#include <thread>
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
@@ -36,6 +38,29 @@ TEST_P(HubOn, DeliversWhatTheFilterAccepts) {
   EXPECT_EQ(recorder_.last_payload_.size(), sizeof(PosePayload));
   EXPECT_LE(recorder_.last_header_.origin, recorder_.last_header_.hub_received);
   EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
+}
+
+// Whoever pushes them, and whatever else the supplier asks the hub meanwhile.
+TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
+  constexpr int kThreadCount = 3;
+  constexpr int kCount = 60;  // Of each: few enough for the buffer of a socket.
+  const auto supplier = make_supplier(node_, hub_, GetParam());
+  const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose),
+                                      {.queue_capacity = kThreadCount * kCount}, GetParam());
+  std::array<std::thread, kThreadCount> threads;
+  for (std::thread& thread : threads) {
+    thread = std::thread([&] {
+      for (int i = 0; i < kCount; ++i)
+        push(*supplier, kPose);
+    });
+  }
+  for (std::thread& thread : threads)
+    thread.join();
+  ASSERT_TRUE(recorder_.await_deliveries(kThreadCount * kCount));
+  std::string wanted;
+  for (int i = 1; i <= kThreadCount * kCount; ++i)
+    wanted += (i > 1 ? " 5.0#" : "5.0#") + std::to_string(i);
+  EXPECT_EQ(recorder_.text(), wanted);
 }
 
 TEST_P(HubOn, DeliversConjunctionsTogether) {

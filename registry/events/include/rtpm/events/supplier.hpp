@@ -44,7 +44,8 @@ struct EventDraft {
 
 /// Pushes events to a hub: one elsewhere, or one in this program. It never waits for a consumer,
 /// nor for the hub's answer; what the hub refused it tells later (intake()). When the hub restarts,
-/// it goes on with the new one. Ownership: refers to its node or hub, which must outlive it.
+/// it goes on with the new one. Events of a type and a source come in their order, whatever threads
+/// push them; but UDP may lose some. Ownership: refers to its node or hub, which must outlive it.
 /// Threads: push(), add() and flush() from any, one waits for the other's copy.
 class Supplier {
  public:
