@@ -27,6 +27,9 @@ constexpr std::uint32_t kTurnsPerLookMax = 16384;
 constexpr Duration kTimePerLookMax = std::chrono::microseconds{200};
 // So often at most are all connections through memory looked at while one has calls without end.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
+// A wait names its sources, which is quicker than to have the system keep them, for so many
+// connections besides the port.
+constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
 
 // What a lane keeps for messages larger than a frame: one more room than may be held, where replies
 // are written.
@@ -111,6 +114,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
+  stream_sources_.reserve(connections_.size());
   if (Crew::is_wanted(config_, setup.borrows)) crew_.emplace(config_, call_count_max(setup));
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
@@ -244,7 +248,8 @@ void Lane::close() noexcept {
     ++counters_.connection_lost_count;
     is_unpublished_ = true;
   }
-  connection_count_ = 0;
+  memory_sources_.clear();
+  stream_sources_.clear();
   publish();
 }
 
@@ -270,7 +275,7 @@ bool Lane::turn() noexcept {
   // One that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
   const bool has_served = is_hot_asked && serve_one(hot_);
-  if (has_served && connection_count_ == 0 && hot_ != kLocal) return true;
+  if (has_served && connection_count() == 0 && hot_ != kLocal) return true;
   // What costs no syscall is looked at each turn, unless there is something anyway.
   if (!has_served || is_memory_look_due()) {
     last_memory_look_ = received_;
@@ -291,7 +296,7 @@ bool Lane::is_memory_look_due() const noexcept {
 
 // Whether it is time to look at the sources that are not hot.
 bool Lane::is_look_due(bool has_served) noexcept {
-  if (connection_count_ == 0 && hot_ != kLocal) return false;
+  if (connection_count() == 0 && hot_ != kLocal) return false;
   if (!has_served) return ++turn_count_ >= turns_per_look_;
   if (++streak_ < kStreakMax && received_ - last_look_ < kTimePerLookMax) return false;
   return !is_memory(hot_) || received_ - last_look_ >= kTimePerLookMax;
@@ -335,17 +340,23 @@ bool Lane::look_around(MonotonicTime until) noexcept {
 // Others may use the lane while it sleeps.
 std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
   const bool is_shared = crew_ && until != transport::Poller::kAlready;
-  // While there is nothing else the port is waited for by itself, which is quicker.
-  if (is_port_watched_ && connection_count_ == 0) {
-    poller_.remove(port_->descriptor());
-    is_port_watched_ = false;
+  if (is_crowded_ && memory_sources_.empty() && stream_sources_.size() <= kFewStreams / 2) {
+    end_crowd();
   }
-  const bool is_alone = !is_port_watched_;
   // Nobody else receives into the lane's buffer meanwhile.
-  if (is_alone && !is_shared) return poller_.receive_for(*port_, datagram_, kUdp, until, ready_);
+  if (connection_count() == 0 && !is_shared) {
+    return poller_.receive_for(*port_, datagram_, kUdp, until, ready_);
+  }
+  std::array<transport::Watched, kFewStreams + 1> few{{{port_->descriptor(), kUdp}}};
+  std::size_t few_count = 1;
+  for (std::size_t i = 0; !is_crowded_ && i < stream_sources_.size(); ++i) {
+    const Source source = stream_sources_[i];
+    few[few_count++] = {connections_[source].stream->descriptor(), source};
+  }
+  const bool is_crowded = is_crowded_;
   if (is_shared) crew_->mutex().unlock();
-  const std::size_t count =
-      is_alone ? poller_.wait_for(*port_, kUdp, until, ready_) : poller_.wait(until, ready_);
+  const std::size_t count = is_crowded ? poller_.wait(until, ready_)
+                                       : poller_.wait_for({few.data(), few_count}, until, ready_);
   if (is_shared) crew_->mutex().lock();
   return count;
 }
@@ -463,47 +474,83 @@ void Lane::adopt_waiting() noexcept {
   while (auto stream = arriving_.pop()) {
     // Half of the places are for memory, as many as there are sessions for it.
     const bool is_memory = (*stream)->is_memory();
-    const std::size_t count =
-        is_memory ? memory_sources_.size() : connection_count_ - memory_sources_.size();
+    std::vector<Source>& sources = is_memory ? memory_sources_ : stream_sources_;
     const auto place =
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
-    if (count >= connections_.size() / 2 || !listen_to(**stream, source)) {
-      // The lane is full: the connection ends, which its client sees at once.
+    // The lane is full: the connection ends, which its client sees at once.
+    if (sources.size() >= connections_.size() / 2) {
       give_back(*stream);
       continue;
     }
     place->stream = std::move(*stream);
     place->peer = {.high = ++connection_serial_};
     place->is_memory = is_memory;
-    if (is_memory) memory_sources_.push_back(source);
-    ++connection_count_;
+    sources.push_back(source);
+    if (!listen_to(source)) {
+      sources.pop_back();
+      give_back(place->stream);
+      continue;
+    }
     ++counters_.connection_count;
     is_unpublished_ = true;
   }
 }
 
-bool Lane::listen_to(const transport::Connection& stream, Source source) noexcept {
-  if (!is_port_watched_) is_port_watched_ = poller_.add(port_->descriptor(), kUdp);
-  if (!is_port_watched_) return false;
+// Has the next wait heed the source, which stands among the connections; false if the system
+// refuses.
+bool Lane::listen_to(Source source) noexcept {
+  if (is_crowded_) return watch(source);
+  if (memory_sources_.empty() && stream_sources_.size() <= kFewStreams) return true;
+  return begin_crowd();
+}
+
+// From here on the poller knows all sources; false: none, as the system refuses one.
+bool Lane::begin_crowd() noexcept {
+  is_crowded_ = poller_.add(port_->descriptor(), kUdp);
+  if (!is_crowded_) return false;
+  for (const std::vector<Source>* sources : {&stream_sources_, &memory_sources_}) {
+    for (const Source source : *sources) {
+      if (watch(source)) continue;
+      end_crowd();
+      return false;
+    }
+  }
+  return true;
+}
+
+void Lane::end_crowd() noexcept {
+  poller_.remove(port_->descriptor());
+  for (const std::vector<Source>* sources : {&stream_sources_, &memory_sources_}) {
+    for (const Source source : *sources)
+      unwatch(source);
+  }
+  is_crowded_ = false;
+}
+
+bool Lane::watch(Source source) noexcept {
+  const transport::Connection& stream = *connections_[source].stream;
   if (!poller_.add(stream.descriptor(), source)) return false;
   if (stream.event() < 0 || poller_.add_event(stream.event(), kEvent + source)) return true;
   poller_.remove(stream.descriptor());
   return false;
 }
 
+void Lane::unwatch(Source source) noexcept {
+  const transport::Connection& stream = *connections_[source].stream;
+  poller_.remove(stream.descriptor());
+  if (const int event = stream.event(); event >= 0) poller_.remove(event);
+}
+
 void Lane::retire(Source source) noexcept {
   Connection& connection = connections_[source];
   // Later the place is tried again: the acceptor takes connections back as they come.
-  poller_.remove(connection.stream->descriptor());
-  if (const int event = connection.stream->event(); event >= 0) poller_.remove(event);
+  if (is_crowded_) unwatch(source);
   (connection.is_memory ? memory_sessions_ : stream_sessions_).forget(connection.peer);
-  if (connection.is_memory) {
-    *std::ranges::find(memory_sources_, source) = memory_sources_.back();
-    memory_sources_.pop_back();
-  }
+  std::vector<Source>& sources = connection.is_memory ? memory_sources_ : stream_sources_;
+  *std::ranges::find(sources, source) = sources.back();
+  sources.pop_back();
   give_back(connection.stream);
-  --connection_count_;
   ++counters_.connection_lost_count;
   is_unpublished_ = true;
   if (hot_ == source) hot_ = kUdp;
@@ -546,7 +593,7 @@ void Lane::publish() noexcept {
   sample_.counters = counters_;
   sample_.queued_count = crew_ ? crew_->queued_count() : 0;
   sample_.open_call_count = pending_->open_count();
-  sample_.open_connection_count = connection_count_;
+  sample_.open_connection_count = connection_count();
   slot_.sample.write(sample_);
 }
 

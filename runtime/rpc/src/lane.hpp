@@ -116,7 +116,14 @@ class Lane {
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
   [[nodiscard]] bool is_memory_look_due() const noexcept;
-  [[nodiscard]] bool listen_to(const transport::Connection& stream, Source source) noexcept;
+  [[nodiscard]] bool listen_to(Source source) noexcept;
+  [[nodiscard]] bool begin_crowd() noexcept;
+  void end_crowd() noexcept;
+  [[nodiscard]] bool watch(Source source) noexcept;
+  void unwatch(Source source) noexcept;
+  [[nodiscard]] std::size_t connection_count() const noexcept {
+    return memory_sources_.size() + stream_sources_.size();
+  }
   [[nodiscard]] bool announce_sleep() noexcept;
   void end_sleep() noexcept;
   /// A look at it is no syscall.
@@ -208,9 +215,9 @@ class Lane {
   /// Connections with whole frames in their buffers, which wake no poll. Sized once.
   std::vector<Source> leftovers_;
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
-  std::uint32_t connection_count_ = 0;
+  std::vector<Source> stream_sources_;  ///< The others. Sized once.
   std::uint64_t connection_serial_ = 0;
-  bool is_port_watched_ = false;  ///< By the poller, with the connections.
+  bool is_crowded_ = false;       ///< The sources are too many to be named in each wait.
   Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;

@@ -93,23 +93,28 @@ std::size_t Poller::wait(MonotonicTime until, std::span<std::uint64_t> tags) noe
   return static_cast<std::size_t>(std::max(count, 0));
 }
 
-std::size_t Poller::wait_for(const UdpPort& port, std::uint64_t tag, MonotonicTime until,
+std::size_t Poller::wait_for(std::span<const Watched> few, MonotonicTime until,
                              std::span<std::uint64_t> tags) noexcept {
-  RTPM_ASSERT(tags.size() >= 2, "there is room for the port and the bell");
+  RTPM_ASSERT(few.size() <= kFewMax && tags.size() > few.size(),
+              "there is room for the few and the bell");
   was_rung_ = false;
-  std::array<pollfd, 2> entries{pollfd{.fd = port.descriptor(), .events = POLLIN, .revents = 0},
-                                pollfd{.fd = bell_.number(), .events = POLLIN, .revents = 0}};
+  std::array<pollfd, kFewMax + 1> entries;
+  entries[0] = {.fd = bell_.number(), .events = POLLIN, .revents = 0};
+  for (std::size_t i = 0; i < few.size(); ++i)
+    entries[i + 1] = {.fd = few[i].descriptor, .events = POLLIN, .revents = 0};
   const timespec timeout = left_until(until);
   std::optional<rt::AsleepScope> asleep;
   if (until != kAlready) asleep.emplace();
   const int ready_count =
-      ppoll(entries.data(), entries.size(), until == kNever ? nullptr : &timeout, nullptr);
+      ppoll(entries.data(), few.size() + 1, until == kNever ? nullptr : &timeout, nullptr);
   asleep.reset();
-  RTPM_ASSERT(ready_count >= 0 || errno == EINTR, "the poller's own descriptor is good");
+  RTPM_ASSERT(ready_count >= 0 || errno == EINTR, "there is nothing wrong with the descriptors");
   if (ready_count <= 0) return 0;
   std::size_t count = 0;
-  if (entries[0].revents != 0) tags[count++] = tag;
-  if (entries[1].revents != 0) {
+  for (std::size_t i = 0; i < few.size(); ++i) {
+    if (entries[i + 1].revents != 0) tags[count++] = few[i].tag;
+  }
+  if (entries[0].revents != 0) {
     tags[count++] = kBell;
     take_rings();
   }
@@ -118,7 +123,10 @@ std::size_t Poller::wait_for(const UdpPort& port, std::uint64_t tag, MonotonicTi
 
 std::size_t Poller::receive_for(UdpPort& port, MutableBytes buffer, std::uint64_t tag,
                                 MonotonicTime until, std::span<std::uint64_t> tags) noexcept {
-  if (was_rung_ || !may_block_until(until)) return wait_for(port, tag, until, tags);
+  if (was_rung_ || !may_block_until(until)) {
+    const Watched watched{port.descriptor(), tag};
+    return wait_for({&watched, 1}, until, tags);
+  }
   // SYNC POINT poller-rings: whoever rings counts first and then looks for the receiver, so either
   // it wakes the receive, or it is counted by now.
   rings_->receiver.store(&port, std::memory_order_seq_cst);

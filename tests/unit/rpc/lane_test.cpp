@@ -70,6 +70,40 @@ TEST(Lane, ServesAllFramesThatCameTogetherOnSeveralConnections) {
   }
 }
 
+// A lane waits in other ways for its port alone, for few connections and for many.
+TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
+  EchoServer server;
+  RawPeer datagrams(Transport::kUdp, server.server->port());
+  ASSERT_TRUE(datagrams.open());
+  std::vector<std::unique_ptr<RawPeer>> streams;
+  std::uint32_t call_id = 0;
+  const auto expect_all_served = [&] {
+    ++call_id;
+    const auto call = [&](RawPeer& peer) {
+      peer.send(peer.call_frame(call_id, echo::kEcho.id, "hello"));
+      EXPECT_TRUE(peer.receive_answer(call_id)) << streams.size() << " streams";
+    };
+    call(datagrams);
+    for (const auto& stream : streams)
+      call(*stream);
+  };
+  for (const std::size_t count : {1u, 4u, 5u, 9u, 5u, 3u, 2u, 0u, 6u, 0u}) {
+    streams.clear();
+    ASSERT_TRUE(await([&] {
+      return server.server->counters().connection_lost_count ==
+             server.server->counters().connection_count;
+    }));
+    while (streams.size() < count) {
+      streams.push_back(std::make_unique<RawPeer>(Transport::kTcp, server.server->port()));
+      ASSERT_TRUE(streams.back()->open());
+    }
+    expect_all_served();
+    // Down again, one after the other.
+    for (; !streams.empty(); streams.pop_back())
+      expect_all_served();
+  }
+}
+
 // An overloaded server is the one that people look at.
 TEST(Lane, TellsItsCountersWhileItNeverRests) {
   EchoServer server;

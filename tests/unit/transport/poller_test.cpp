@@ -144,8 +144,9 @@ class PollerWithPort : public PollerTest, public testing::WithParamInterface<boo
   void send() { ASSERT_TRUE(link_->send(Bytes(48))); }
   Tags wait_for_port(MonotonicTime until) {
     std::array<std::uint64_t, 2> tags{};
+    const Watched watched{port_->descriptor(), 7};
     const std::size_t count = GetParam() ? poller_.receive_for(*port_, buffer_, 7, until, tags)
-                                         : poller_.wait_for(*port_, 7, until, tags);
+                                         : poller_.wait_for({&watched, 1}, until, tags);
     return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
   }
   /// As a lane does, which waits again where a wait ended with nothing.

@@ -12,12 +12,19 @@
 
 namespace rtpm::transport {
 
+/// What is waited for, and as what it is reported: not as kBell.
+struct Watched {
+  int descriptor = -1;
+  std::uint64_t tag = 0;
+};
+
 /// One wait for everything that may happen to a lane: its sockets and a bell that other threads
 /// ring.
 /// Threads: ring() from any, the rest from one.
 class Poller {
  public:
   static constexpr std::uint64_t kBell = ~std::uint64_t{0};
+  static constexpr std::size_t kFewMax = 5;
   /// For wait(): only look.
   static constexpr MonotonicTime kAlready = MonotonicTime::min();
 
@@ -34,16 +41,15 @@ class Poller {
   /// Waits until something can be read, the bell rang, or `until` (kNever: for ever; kAlready: only
   /// looks). Writes the tags and gives how many.   RT: alloc-free, one syscall.
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<std::uint64_t> tags) noexcept;
-  /// As wait(), but for the bell and one port that was not added, which is reported as `tag`. What
-  /// is added is told of by the system with each frame in or out, whether anybody waits or not: a
-  /// tenth of what a datagram costs.   RT: alloc-free, one syscall.
-  [[nodiscard]] std::size_t wait_for(const UdpPort& port, std::uint64_t tag, MonotonicTime until,
+  /// As wait(), but for the bell and up to kFewMax descriptors that were not added. What is added
+  /// is told of by the system with each frame in or out, whether anybody waits or not: a tenth of
+  /// what a datagram costs.   RT: alloc-free, one syscall.
+  [[nodiscard]] std::size_t wait_for(std::span<const Watched> few, MonotonicTime until,
                                      std::span<std::uint64_t> tags) noexcept;
-  /// The same by a receive into `buffer`, which the port's next receive() gives: one syscall less.
-  /// It may end kBlockTime before `until`. Where that is near, or it was the bell last that ended a
-  /// wait, it polls.
-  /// Ownership: the port stays where it is for as long as anybody rings.
-  /// RT: alloc-free, one syscall.
+  /// The same for a port alone, by a receive into `buffer`, which the port's next receive() gives:
+  /// one syscall less. It may end kBlockTime before `until`. Where that is near, or it was the bell
+  /// last that ended a wait, it polls. Ownership: the port stays where it is for as long as anybody
+  /// rings. RT: alloc-free, one syscall.
   [[nodiscard]] std::size_t receive_for(UdpPort& port, MutableBytes buffer, std::uint64_t tag,
                                         MonotonicTime until,
                                         std::span<std::uint64_t> tags) noexcept;
