@@ -10,9 +10,11 @@ constexpr Duration kLeadMin = std::chrono::microseconds{10};
 constexpr Duration kLeadMax = std::chrono::microseconds{250};
 /// Less than this apart calls are of one turn, whatever the period.
 constexpr Duration kTurnMin = std::chrono::microseconds{100};
-/// At most this part of the period is spun through before a call; of more jitter than that no
-/// rhythm can be made.
-constexpr int kSpinShare = 8;
+/// Of more jitter than this part of the period no rhythm can be made.
+constexpr int kJitterShare = 8;
+/// At most this part of the period is spun through before a call, where waking up takes as long as
+/// it usually does: for a call now and then that finds its server asleep, the CPU is others'.
+constexpr int kSpinShare = 16;
 
 Duration distance(Duration a, Duration b) noexcept {
   return a > b ? a - b : b - a;
@@ -121,10 +123,10 @@ Duration Foresight::lead() const noexcept {
 std::optional<Expectation> Foresight::window_of(const PeriodLearner& learner) const noexcept {
   const auto next = learner.next();
   if (!next) return std::nullopt;
-  const Duration share = learner.period() / kSpinShare;
   // A caller without a rhythm to speak of would only cost.
-  if (learner.jitter() > share) return std::nullopt;
-  const Duration early = std::min(lead() + learner.jitter(), share);
+  if (learner.jitter() > learner.period() / kJitterShare) return std::nullopt;
+  const Duration early =
+      std::min(lead() + learner.jitter(), lateness_ + learner.period() / kSpinShare);
   return Expectation{*next - early, *next + learner.jitter() + kLeadMin};
 }
 

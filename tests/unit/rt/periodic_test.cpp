@@ -154,6 +154,23 @@ TEST(Foresight, LearnsHowLateItWakes) {
   EXPECT_LE(foresight.lead(), 250us) << "there is a limit to how early it is worth it";
 }
 
+TEST(Foresight, SpinsForNoMoreThanASixteenthOfThePeriodHoweverUncertainWakingIs) {
+  Foresight foresight;
+  const MonotonicTime next = call(foresight, kStart, 1ms, 30, /*jitter=*/20us);
+  Duration typical{0};
+  for (int i = 0; i < 200; ++i) {
+    const Duration late = i % 2 == 0 ? 20us : 200us;
+    typical += late / 200;
+    foresight.on_woken(kStart, kStart + late);
+  }
+  ASSERT_GT(foresight.lead(), typical + 100us) << "it would like to wake earlier";
+  const auto window = foresight.next(next - 900us);
+  ASSERT_TRUE(window);
+  const Duration awake_before = next - (window->from + typical);
+  EXPECT_LT(awake_before, Duration{1ms} / 16 + 20us);
+  EXPECT_GT(awake_before, Duration{1ms} / 16 - 40us) << "but as early as that allows";
+}
+
 TEST(Foresight, KeepsABoundedNumberOfCallers) {
   Foresight foresight;
   const MonotonicTime next = call(foresight, kStart, 1ms, 30);
