@@ -70,7 +70,7 @@ TEST(Bench, TellsEveryLatencyIfAsked) {
 
 TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
   const auto end = run_program(
-      "rtpm-bench", {"run", "isolation", "--samples", "40", "--rounds", "2", "--low-callers", "2",
+      "rtpm-bench", {"run", "isolation", "--samples", "40", "--rounds", "2", "--low-callers", "0,2",
                      "--transport", "udp", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 2) << "one idle, one with two low-priority callers";
