@@ -157,8 +157,10 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
     }
   }
   if (is_periodic_ && sleep_to_next_turn()) return;
-  spin_end = kNever;
-  if (look_around(next_time())) nap_if_overdue(received_);
+  const bool has_served = look_around(next_time());
+  // A wait that ended with nothing is no reason to spin anew.
+  spin_end = has_served ? kNever : MonotonicTime::min();
+  if (has_served) nap_if_overdue(received_);
 }
 
 // A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
