@@ -176,13 +176,8 @@ class CycloneSide final : public PeerEventSide {
   std::vector<rt::Thread> threads_{};
 };
 
-class CyclonePeer final : public Peer {
+class CyclonePeer final : public BrokerlessPeer {
  public:
-  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
-    announce("none");
-    return {};
-  }
-
   expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,
                                                                    const std::string&,
                                                                    int consumer_count,

@@ -242,13 +242,8 @@ class FastddsSide final : public PeerEventSide {
   std::vector<rt::Thread> threads_{};
 };
 
-class FastddsPeer final : public Peer {
+class FastddsPeer final : public BrokerlessPeer {
  public:
-  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
-    announce("none");
-    return {};
-  }
-
   expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane& lane,
                                                                    const std::string&,
                                                                    int consumer_count,

@@ -121,14 +121,9 @@ class LcmSide final : public PeerEventSide {
   std::vector<rt::Thread> threads_{};
 };
 
-class LcmPeer final : public Peer {
+// The kernel takes each datagram to all who joined the multicast group.
+class LcmPeer final : public BrokerlessPeer {
  public:
-  // There is no broker: the kernel takes each datagram to all who joined the multicast group.
-  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) override {
-    announce("none");
-    return {};
-  }
-
   expected<std::unique_ptr<EventSide>, std::string> connect_events(const PeerLane&,
                                                                    const std::string&,
                                                                    int consumer_count,

@@ -127,6 +127,15 @@ class Peer {
   }
 };
 
+/// A peer whose supplier sends straight to the consumers: there is nothing in between to serve.
+class BrokerlessPeer : public Peer {
+ public:
+  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) final {
+    announce("none");
+    return {};
+  }
+};
+
 /// A side whose consumers are never slow on purpose, and are told of no losses.
 class PeerEventSide : public EventSide {
  public:
