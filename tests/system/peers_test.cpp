@@ -32,7 +32,7 @@ TEST_P(CallingPeer, AnswersCallsOfBothPriorities) {
     GTEST_SKIP() << peer << " is not built";
   const auto end =
       run_program("rtpm-bench", {"run", "call", "paced", "isolation", "--peers", peer, "--samples",
-                                 "40", "--rounds", "2", "--low-callers", "2", "--transport",
+                                 "40", "--rounds", "2", "--low-callers", "0,2", "--transport",
                                  "udp,shm", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   const auto lines = lines_of_peer(end.output, GetParam());
