@@ -137,6 +137,7 @@ void Lane::run() noexcept {
 void Lane::step(MonotonicTime& spin_end) noexcept {
   if (turn()) {
     spin_end = kNever;
+    spin_sense_.on_work(received_);
     nap_if_overdue(received_);
     return;
   }
@@ -150,7 +151,7 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
   }
   if (config_.wait.strategy != rt::WaitStrategy::kBlock) {
     const MonotonicTime now = rt::now();
-    if (spin_end == kNever) spin_end = now + spin_time();
+    if (spin_end == kNever) spin_end = now + spin_time(now);
     if (now < spin_end) {
       rest_if_spent(now);
       return;
@@ -160,7 +161,9 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
   const bool has_served = look_around(next_time());
   // A wait that ended with nothing is no reason to spin anew.
   spin_end = has_served ? kNever : MonotonicTime::min();
-  if (has_served) nap_if_overdue(received_);
+  if (!has_served) return;
+  spin_sense_.on_work(received_);
+  nap_if_overdue(received_);
 }
 
 // A lane that spins blocks now and then, lest the kernel stop it and the more urgent with it.
@@ -194,7 +197,9 @@ void Lane::nap_if_overdue(MonotonicTime received) noexcept {
 
 // A call of another lane that comes meanwhile finds the CPU as quick as if this one worked on.
 void Lane::keep_cpu_awake(MonotonicTime until) noexcept {
-  if (keeper_ != nullptr) keeper_->keep_until(until);
+  // Waking up takes its time, through which the CPU is not to sleep either.
+  constexpr Duration kLatenessMax = std::chrono::microseconds{200};
+  if (keeper_ != nullptr) keeper_->keep_until(until + kLatenessMax);
 }
 
 // Sleeps without looking at anything. Others may use the lane meanwhile.
@@ -205,10 +210,12 @@ void Lane::nap(MonotonicTime until) noexcept {
   if (crew_) crew_->lock_from_aside();
 }
 
-// Where callers come at a steady pace, spinning on after one is a waste, unless it calls again.
-Duration Lane::spin_time() const noexcept {
-  if (!has_rhythm_) return config_.wait.spin;
-  return std::min(config_.wait.spin, foresight_.patience());
+// Spinning on after a call is a waste where the next one never comes that soon. Where callers come
+// at a steady pace, it is one unless they call several times in a row.
+Duration Lane::spin_time(MonotonicTime now) noexcept {
+  const bool does_pay = spin_sense_.on_idle(now, config_.wait.spin);
+  if (has_rhythm_) return std::min(config_.wait.spin, foresight_.patience());
+  return does_pay ? config_.wait.spin : Duration{0};
 }
 
 // When the lane has something to do by itself.

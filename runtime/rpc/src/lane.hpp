@@ -18,6 +18,7 @@
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/rt/periodic.hpp"
+#include "rtpm/rt/spin_sense.hpp"
 #include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -112,7 +113,7 @@ class Lane {
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
   void rest_if_spent(MonotonicTime now) noexcept;
   void nap_if_overdue(MonotonicTime received) noexcept;
-  [[nodiscard]] Duration spin_time() const noexcept;
+  [[nodiscard]] Duration spin_time(MonotonicTime now) noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
   [[nodiscard]] bool is_memory_look_due() const noexcept;
@@ -230,6 +231,7 @@ class Lane {
   bool is_periodic_ = false;
   bool has_rhythm_ = false;  ///< At the last look ahead.
   rt::Foresight foresight_;
+  rt::SpinSense spin_sense_;
   bool is_unpublished_ = false;
   ServerCounters counters_{};
   LaneSample sample_{};  ///< But for its counters, which publish() adds.

@@ -9,7 +9,8 @@ namespace rtpm::rt {
 
 /// How a thread waits for something to arrive.
 enum class WaitStrategy : std::uint8_t {
-  kAdaptive,  ///< Spins for a bounded time, then blocks: fast while busy, idle when idle.
+  kAdaptive,  ///< Spins for a bounded time, then blocks: fast while busy, idle when idle. A lane
+              ///< whose next call seldom comes within that time blocks at once.
   kBlock,     ///< Blocks at once: no wasted cycle, the wake-up's latency each time.
   kPeriodic,  ///< As kAdaptive, but where callers come at a steady pace it sleeps between them and
               ///< is awake, spinning, when each comes: spinning's latency for some per cent of a
@@ -22,9 +23,10 @@ enum class WaitStrategy : std::uint8_t {
 /// A wait strategy with its bound.
 struct WaitConfig {
   WaitStrategy strategy = WaitStrategy::kAdaptive;
-  /// How long kAdaptive spins before it blocks. It covers a reply that comes at once (a loop-back
-  /// round trip is about 10 µs), not a pause between calls.
-  Duration spin = std::chrono::microseconds{50};
+  /// How long kAdaptive spins before it blocks: about what it costs to block, where a sleeping CPU
+  /// of a virtual machine takes up to 0.1 ms to come back. Whoever blocks earlier than that pays
+  /// twice for the replies that take a little longer than usual.
+  Duration spin = std::chrono::microseconds{100};
 };
 
 /// "adaptive", "block" or "spin".

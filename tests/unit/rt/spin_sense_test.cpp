@@ -1,0 +1,79 @@
+#include "rtpm/rt/spin_sense.hpp"
+
+#include <gtest/gtest.h>
+
+namespace rtpm::rt {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Duration kSpin = 100us;
+
+/// A thread whose pauses are told, one by one.
+class SpinSenseTest : public testing::Test {
+ protected:
+  /// Whether it spins at the begin of a pause that lasts so long.
+  bool spins(Duration pause) {
+    const bool does = sense_.on_idle(now_, kSpin);
+    now_ += pause;
+    sense_.on_work(now_);
+    now_ += 5us;
+    return does;
+  }
+  /// How many of the next pauses, each so long, it spins in.
+  int count(int pauses, Duration pause) {
+    int spun = 0;
+    for (int i = 0; i < pauses; ++i)
+      spun += spins(pause) ? 1 : 0;
+    return spun;
+  }
+
+ private:
+  SpinSense sense_;
+  MonotonicTime now_{1'000s};
+};
+
+TEST_F(SpinSenseTest, SpinsUntilItKnowsBetter) {
+  EXPECT_TRUE(spins(20us));
+  EXPECT_EQ(count(1000, 20us), 1000);
+}
+
+TEST_F(SpinSenseTest, GivesUpWhereTheNextCallNeverComesInTime) {
+  EXPECT_LE(count(1000, 1ms), 20);
+  EXPECT_EQ(count(1000, 1ms), 0);
+}
+
+TEST_F(SpinSenseTest, SpinsAgainAfterTheFirstCallThatCameInTime) {
+  count(1000, 1ms);
+  EXPECT_FALSE(spins(20us)) << "it blocked, and would have been better off";
+  EXPECT_TRUE(spins(20us));
+}
+
+TEST_F(SpinSenseTest, SpinsForACallerThatCallsTwiceInARow) {
+  count(1000, 1ms);
+  spins(20us);
+  int spun = 0;
+  for (int turn = 0; turn < 100; ++turn) {
+    spun += spins(1ms) ? 1 : 0;
+    EXPECT_TRUE(spins(20us)) << "in turn " << turn;
+  }
+  EXPECT_GT(spun, 90) << "which of the two pauses comes next it does not know";
+}
+
+TEST_F(SpinSenseTest, TakesWorkOfBeforeForNothingNew) {
+  SpinSense sense;
+  MonotonicTime now{1s};
+  // A bell that rings and then a look that finds nothing: the last work is still the old one.
+  for (int i = 0; i < 100; ++i) {
+    const MonotonicTime work = now;
+    now += 5us;
+    static_cast<void>(sense.on_idle(now, kSpin));
+    sense.on_work(work);
+    now += 1ms;
+    sense.on_work(now);
+  }
+  EXPECT_FALSE(sense.on_idle(now, kSpin));
+}
+
+}  // namespace
+}  // namespace rtpm::rt
