@@ -83,7 +83,7 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, int begin, int end
   for (int round = begin; round < end; ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
-    const StealWatch steal;
+    const RoundWatch round_watch;
     for (std::size_t done = 0; done < count_per_round; done += amount.block_size) {
       const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,
@@ -93,7 +93,7 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, int begin, int end
       }
       is_rtpm_first = !is_rtpm_first;
     }
-    if (!steal.saw_any()) continue;
+    if (!round_watch.saw_any()) continue;
     for (Samples& samples : sides.samples)
       samples.leave_out_round();
   }

@@ -111,7 +111,7 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
   for (int round = 0; round < settings.round_count; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    const StealWatch steal;
+    const RoundWatch round_watch;
     for (std::size_t done = 0; done < count_per_round; done += turn_size, ++first) {
       for (std::size_t i = 0; i < 2; ++i) {
         const std::size_t which = (i + first) % 2;
@@ -129,7 +129,7 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
         if (!called) return called;
       }
     }
-    if (!steal.saw_any()) continue;
+    if (!round_watch.saw_any()) continue;
     for (Samples& each : samples)
       each.leave_out_round();
   }

@@ -68,10 +68,14 @@ bool is_measured_thread(pid_t thread) {
 
 }  // namespace
 
-StealWatch::StealWatch() : stolen_(read_cpu_time().stolen) {}
+RoundWatch::RoundWatch(const StallWitness* witness)
+    : witness_(witness),
+      stolen_(read_cpu_time().stolen),
+      stall_count_(witness == nullptr ? 0 : witness->count()) {}
 
-bool StealWatch::saw_any() const {
-  return read_cpu_time().stolen != stolen_;
+bool RoundWatch::saw_any() const {
+  return read_cpu_time().stolen != stolen_ ||
+         (witness_ != nullptr && witness_->count() != stall_count_);
 }
 
 DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) {

@@ -9,19 +9,23 @@
 
 #include "report.hpp"
 #include "settings.hpp"
+#include "stall_witness.hpp"
 
 namespace rtpm::bench {
 
-/// Whether a hypervisor took CPU time away since this was made: then the round that was measured
-/// meanwhile tells of the machine's neighbours, and not of the contenders.
+/// Whether the round that was measured since this was made tells of the machine's neighbours, and
+/// not of the contenders: a hypervisor took CPU time away, or a witness felt a stall.
 /// Set-up only: it reads /proc, so outside of timed stretches.
-class StealWatch {
+class RoundWatch {
  public:
-  StealWatch();
+  /// Refers to the witness, if there is one.
+  explicit RoundWatch(const StallWitness* witness = nullptr);
   [[nodiscard]] bool saw_any() const;
 
  private:
+  const StallWitness* witness_;
   std::uint64_t stolen_;
+  std::uint64_t stall_count_;
 };
 
 /// Watches, over a run, what spoils figures and is nobody's fault: time that a hypervisor took away

@@ -11,6 +11,7 @@
 #include "memory_bulk_floor.hpp"
 #include "memory_floor.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 #include "standalone.hpp"
 
@@ -168,6 +169,13 @@ void Duel::end_turn() {
   impl_->turn.reset();
 }
 
+void Duel::rest_after(Duration turn) {
+  constexpr double kRestPart = 0.15;
+  end_turn();
+  const auto rest = static_cast<Duration::rep>(kRestPart * static_cast<double>(turn.count()));
+  rt::sleep_until(rt::now() + Duration{rest});
+}
+
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
@@ -272,17 +280,22 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   json.add("payload", static_cast<std::int64_t>(config.payload_size));
   json.add("n", static_cast<std::int64_t>(rtpm.count()));
   json.add("rounds", rtpm.round_count());
+  json.add("rounds_left_out", rtpm.left_out_count());
   const Percentiles rtpm_values = rtpm.percentiles();
   const Percentiles floor_values = floor.percentiles();
   add_distribution(json, "", rtpm);
   add_distribution(json, "floor_", floor);
-  add_ratios(json, "ratio_", rtpm, floor);
   Percentiles ratios = add_ratios(json, "ratio_", rtpm, floor);
   if (floor_values.p9999 > 0) ratios.p9999 = rtpm_values.p9999 / floor_values.p9999;
   if (floor_values.max > 0) ratios.max = rtpm_values.max / floor_values.max;
   result.rows.push_back({"RTPM", rtpm_values});
   result.rows.push_back({"raw floor", floor_values});
   result.rows.push_back({"ratio (no unit)", ratios});
+  if (rtpm.left_out_count() == 0) return;
+  result.notes.push_back("the machine stood still in " + std::to_string(rtpm.left_out_count()) +
+                         " of " + std::to_string(rtpm.round_count()) + " rounds, which " +
+                         (has_enough_rounds(rtpm, floor) ? "are left out, but for p99.99 and max"
+                                                         : "are too many to be left out"));
 }
 
 void add_latencies(Result& result, const Samples& rtpm, const Samples& floor) {

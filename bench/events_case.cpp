@@ -103,7 +103,7 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
     for (int round = 0; round < settings.round_count; ++round) {
       for (EventFinding& finding : findings)
         finding.begin_round(round);
-      const StealWatch steal;
+      const RoundWatch round_watch;
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (std::size_t turn = 0; turn < 2; ++turn) {
@@ -116,7 +116,7 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
           }
         }
       }
-      if (!steal.saw_any()) continue;
+      if (!round_watch.saw_any()) continue;
       for (EventFinding& finding : findings)
         finding.leave_out_round();
     }
@@ -160,7 +160,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
     for (int round = 0; round < settings.round_count; ++round) {
       for (EventFinding& finding : findings)
         finding.begin_round(round);
-      const StealWatch steal;
+      const RoundWatch round_watch;
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (const bool is_bad : {false, true}) {
@@ -172,7 +172,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
           if (!pushed) return pushed;
         }
       }
-      if (!steal.saw_any()) continue;
+      if (!round_watch.saw_any()) continue;
       for (EventFinding& finding : findings)
         finding.leave_out_round();
     }

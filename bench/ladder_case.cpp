@@ -134,7 +134,7 @@ expected<void, std::string> Ladder::measure() {
   for (int round = 0; round < settings_.round_count; ++round) {
     for (EventFinding& finding : findings_)
       finding.begin_round(round);
-    const StealWatch steal;
+    const RoundWatch round_watch;
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
       const std::size_t events = std::min(kEventBlockSize, per_round - done);
       // Who goes first changes from turn to turn, and so does who goes before whom.
@@ -147,7 +147,7 @@ expected<void, std::string> Ladder::measure() {
         if (!measured) return measured;
       }
     }
-    if (!steal.saw_any()) continue;
+    if (!round_watch.saw_any()) continue;
     for (EventFinding& finding : findings_)
       finding.leave_out_round();
   }

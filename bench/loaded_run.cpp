@@ -12,13 +12,14 @@
 namespace rtpm::bench {
 namespace {
 
-constexpr std::uint64_t kSampleCountDefault = 10'000;
+/// For each load, or for all together if there are few: a p99.9 takes many.
+constexpr std::size_t kSampleCountDefault = 10'000;
+constexpr std::size_t kSampleCountDefaultOfAll = 30'000;
 constexpr int kWarmUpCount = 20;
-/// How long a server is saturated at a stretch, and the part of that time for which both CPUs then
-/// rest. Real-time threads that leave nothing to others for about a second are throttled by the
-/// kernel, which would be measured instead.
+/// How long a server is saturated at a stretch.
 constexpr double kTurnS = 0.1;
-constexpr double kRestPart = 0.15;
+/// The idle server may be measured only to be compared with. Then so many rounds will do.
+constexpr int kRoundsPerIdleRound = 4;
 
 std::size_t index_of(Side side) {
   return static_cast<std::size_t>(side);
@@ -48,14 +49,22 @@ AwakeCpus::~AwakeCpus() {
 
 LoadedRun::LoadedRun(const Settings& settings, const DuelConfig& config, const LoadPlan& plan,
                      Duel& duel)
-    : settings_(settings), config_(config), plan_(plan), duel_(duel) {
-  const std::uint64_t count =
-      settings.sample_count == 0 ? kSampleCountDefault : settings.sample_count;
-  count_per_round_ = static_cast<std::size_t>(
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+    : settings_(settings),
+      config_(config),
+      plan_(plan),
+      duel_(duel),
+      round_count_(settings.round_count),
+      turn_size_(std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * settings.rate_hz))) {
+  auto count = static_cast<std::size_t>(settings.sample_count);
+  if (count == 0) {
+    const std::size_t load_count = std::max<std::size_t>(1, plan.caller_counts.size());
+    count = std::max(kSampleCountDefault, kSampleCountDefaultOfAll / load_count);
+  }
+  // A round is no longer than a turn of each side: where the machine stood still, little is lost.
+  round_count_ = std::max(round_count_, static_cast<int>(count / turn_size_));
+  count_per_round_ = std::max<std::size_t>(1, count / static_cast<std::size_t>(round_count_));
   const auto make_finding = [&] {
-    return Finding{Samples(settings.round_count, count_per_round_),
-                   Samples(settings.round_count, 0)};
+    return Finding{Samples(round_count_, count_per_round_), Samples(round_count_, 0)};
   };
   // The idle server is what every load is compared with, so it is measured in any case.
   std::vector<int> counts = plan.caller_counts;
@@ -101,34 +110,30 @@ expected<void, std::string> LoadedRun::measure_turn(Side side, int caller_count,
   if (called) called = call_paced(high, period, count, CountFrom::kSent, finding.high);
   const auto latencies = low.stop();
   awake.reset();
-  duel_.end_turn();
+  duel_.rest_after(period * static_cast<Duration::rep>(count));
   if (!called) return called;
   if (!latencies) return unexpected{latencies.error()};
   for (const Duration latency : *latencies)
     finding.low.add(latency);
-  const Duration turn = period * static_cast<Duration::rep>(count);
-  rt::sleep_until(rt::now() + std::chrono::duration_cast<Duration>(turn * kRestPart));
   return {};
 }
 
 expected<void, std::string> LoadedRun::measure_level(int caller_count, int round) {
-  const auto turn_size =
-      std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * settings_.rate_hz));
   for (Finding& finding : levels_.at(caller_count)) {
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
-  const StealWatch steal;
+  const RoundWatch round_watch(&witness_);
   // Who goes first changes from turn to turn.
   auto first = static_cast<std::size_t>(round);
-  for (std::size_t done = 0; done < count_per_round_; done += turn_size, ++first) {
-    const std::size_t count = std::min(turn_size, count_per_round_ - done);
+  for (std::size_t done = 0; done < count_per_round_; done += turn_size_, ++first) {
+    const std::size_t count = std::min(turn_size_, count_per_round_ - done);
     for (std::size_t i = 0; i < 2; ++i) {
       const Side side = kBothSides[(i + first) % 2];
       if (auto measured = measure_turn(side, caller_count, count); !measured) return measured;
     }
   }
-  if (!steal.saw_any()) return {};
+  if (!round_watch.saw_any()) return {};
   for (Finding& finding : levels_.at(caller_count)) {
     finding.high.leave_out_round();
     finding.low.leave_out_round();
@@ -137,11 +142,13 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
 }
 
 expected<void, std::string> LoadedRun::measure() {
+  if (auto started = witness_.start(cpus_of(config_.placement)); !started) return started;
   for (const Side side : kBothSides) {
     if (auto connected = connect(side); !connected) return connected;
   }
-  for (int round = 0; round < settings_.round_count; ++round) {
+  for (int round = 0; round < round_count_; ++round) {
     for (const auto& [callers, level] : levels_) {
+      if (callers == 0 && !is_asked(0) && round % kRoundsPerIdleRound != 0) continue;
       if (auto measured = measure_level(callers, round); !measured) return measured;
     }
   }
@@ -209,13 +216,14 @@ Result LoadedRun::result_of(int caller_count) const {
   return result;
 }
 
+bool LoadedRun::is_asked(int caller_count) const {
+  return std::ranges::find(plan_.caller_counts, caller_count) != plan_.caller_counts.end();
+}
+
 std::vector<Result> LoadedRun::results() const {
   std::vector<Result> results;
   for (const auto& [count, level] : levels_) {
-    // The idle server may have been measured only to be compared with.
-    if (std::ranges::find(plan_.caller_counts, count) != plan_.caller_counts.end()) {
-      results.push_back(result_of(count));
-    }
+    if (is_asked(count)) results.push_back(result_of(count));
   }
   return results;
 }

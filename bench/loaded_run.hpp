@@ -78,6 +78,7 @@ class LoadedRun {
   [[nodiscard]] expected<void, std::string> measure_turn(Side side, int caller_count,
                                                          std::size_t count);
   [[nodiscard]] expected<void, std::string> measure_level(int caller_count, int round);
+  [[nodiscard]] bool is_asked(int caller_count) const;
   [[nodiscard]] Result result_of(int caller_count) const;
   void add_growth(Result& result, Side side, std::string_view prefix, const Level& level) const;
   void add_load(Result& result, Side side, std::string_view prefix, const Samples& low) const;
@@ -86,7 +87,10 @@ class LoadedRun {
   const DuelConfig& config_;
   const LoadPlan& plan_;
   Duel& duel_;
+  int round_count_;
+  std::size_t turn_size_;
   std::size_t count_per_round_;
+  StallWitness witness_;
   std::map<int, Level> levels_;
   std::array<Connections, 2> connections_;
 };

@@ -125,6 +125,7 @@ Result CallResults::result_of_peer(const Entrant& entrant, int low_callers) cons
   json.add("payload", static_cast<std::int64_t>(kPayloadSize));
   json.add("n", static_cast<std::int64_t>(finding.high.count()));
   json.add("rounds", finding.high.round_count());
+  json.add("rounds_left_out", finding.high.left_out_count());
   if (plan_.rate_hz > 0) json.add("rate_hz", plan_.rate_hz);
   if (plan_.work != Duration{0}) json.add("low_callers", low_callers);
   add_distribution(json, "", finding.high);
@@ -170,7 +171,8 @@ expected<bool, std::string> measure_beside(const Settings& settings, const DuelC
     auto floor = connect_contender(**duel, Side::kFloor, config, plan.work);
     if (!floor) return unexpected{floor.error()};
     const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = run.measure(std::move(*rtpm), std::move(*floor)); !done) return done;
+    if (auto done = run.measure(std::move(*rtpm), std::move(*floor), config.placement); !done)
+      return done;
     CallResults(config, plan, run).report(report, watch);
     return {};
   });

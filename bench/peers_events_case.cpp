@@ -70,6 +70,7 @@ Result result_of_peer(const Settings& settings, const EventSetting& setting,
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(finding.low.count()));
   json.add("rounds", finding.low.round_count());
+  json.add("rounds_left_out", finding.low.left_out_count());
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
   add_distribution(json, "each_", finding.high);
@@ -134,7 +135,8 @@ expected<bool, std::string> measure_beside(const Settings& settings, const Event
     if (!floor) return unexpected{floor.error()};
     const EventContender& of_rtpm = **rtpm;
     const EventContender& of_floor = **floor;
-    if (auto done = run.measure(std::move(*rtpm), std::move(*floor)); !done) return done;
+    if (auto done = run.measure(std::move(*rtpm), std::move(*floor), setting.placement); !done)
+      return done;
     const auto deliveries = [&](std::size_t which, const EventContender& contender) {
       const TurnRun::Finding& finding = run.entrants()[which].findings.at(0);
       return Deliveries{finding.high, finding.low, contender.missing_count()};

@@ -26,15 +26,19 @@ double percentile_of(std::vector<Duration> samples, double percent) {
 constexpr double kBeyondMin = 10;
 constexpr int kDrawCount = 200;
 
-/// Rounds that are to be left out are, as long as at least half of all remain.
-std::vector<int> rounds_that_count(const Samples& one, const Samples& other) {
+std::vector<int> all_rounds(const Samples& one, const Samples& other) {
   std::vector<int> all(static_cast<std::size_t>(std::min(one.round_count(), other.round_count())));
   std::iota(all.begin(), all.end(), 0);
-  std::vector<int> undisturbed;
-  std::ranges::copy_if(all, std::back_inserter(undisturbed), [&](int round) {
-    return !one.is_left_out(round) && !other.is_left_out(round);
-  });
-  return 2 * undisturbed.size() >= all.size() ? undisturbed : all;
+  return all;
+}
+
+/// Rounds that are to be left out are, as long as enough remain.
+std::vector<int> rounds_that_count(const Samples& one, const Samples& other) {
+  std::vector<int> rounds = all_rounds(one, other);
+  if (!has_enough_rounds(one, other)) return rounds;
+  std::erase_if(rounds,
+                [&](int round) { return one.is_left_out(round) || other.is_left_out(round); });
+  return rounds;
 }
 
 double percentile_of(const Samples& samples, const Stretch& stretch, double percent) {
@@ -138,6 +142,13 @@ std::vector<double> Samples::all_us() const {
       values.push_back(to_us(latency));
   }
   return values;
+}
+
+bool has_enough_rounds(const Samples& one, const Samples& other) {
+  const std::vector<int> all = all_rounds(one, other);
+  const auto disturbed = std::ranges::count_if(
+      all, [&](int round) { return one.is_left_out(round) || other.is_left_out(round); });
+  return 3 * static_cast<std::size_t>(disturbed) <= 2 * all.size();
 }
 
 std::vector<Stretch> stretches_of(const Samples& one, const Samples& other, double percent) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <span>
 #include <vector>
@@ -29,7 +30,7 @@ class Samples {
 
   void begin_round(int round) noexcept { round_ = static_cast<std::size_t>(round); }
   /// The round that was begun last was disturbed: no figure but the maximum rests on it, as long as
-  /// most of the rounds are left.
+  /// enough of the rounds are left.
   void leave_out_round() noexcept { is_left_out_[round_] = true; }
   /// RT: alloc-free within the room made.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
@@ -47,6 +48,9 @@ class Samples {
   [[nodiscard]] int round_count() const noexcept { return static_cast<int>(rounds_.size()); }
   [[nodiscard]] bool is_left_out(int round) const {
     return is_left_out_[static_cast<std::size_t>(round)];
+  }
+  [[nodiscard]] int left_out_count() const {
+    return static_cast<int>(std::ranges::count(is_left_out_, true));
   }
 
   /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
@@ -67,6 +71,9 @@ class Samples {
 /// side, as it takes to have ten samples beyond the percentile. A median is told round by round, a
 /// p99.9 of ten thousand samples at a time.
 using Stretch = std::vector<int>;
+
+/// Whether enough rounds are left if those to be left out are: a third of all.
+[[nodiscard]] bool has_enough_rounds(const Samples& one, const Samples& other);
 
 /// The stretches of what two contenders did by turns: the same for both, without the rounds that
 /// either is to leave out. One alone, if there are too few samples for several.

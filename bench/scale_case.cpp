@@ -65,7 +65,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
   for (int round = begin; round < end; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    const StealWatch steal;
+    const RoundWatch round_watch;
     auto first = static_cast<std::size_t>(round);
     for (std::size_t done = 0; done < count_per_round; done += kBlockSize, ++first) {
       const TurnPlan plan{.warm_up_count = kWarmUpCount,
@@ -78,7 +78,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
         rt::sleep_until(rt::now() + (rt::now() - turn_begin) / 10);
       }
     }
-    if (!steal.saw_any()) continue;
+    if (!round_watch.saw_any()) continue;
     for (Samples& each : samples)
       each.leave_out_round();
   }

@@ -28,4 +28,9 @@ Placement choose_placement() {
   return {.client_cpu = cpus.front(), .server_cpu = cpus.back()};
 }
 
+std::vector<int> cpus_of(const Placement& placement) {
+  if (placement.client_cpu == placement.server_cpu) return {placement.client_cpu};
+  return {placement.client_cpu, placement.server_cpu};
+}
+
 }  // namespace rtpm::bench

@@ -55,5 +55,7 @@ struct Placement {
 };
 /// The first two CPUs that this process may use.   Set-up only.
 [[nodiscard]] Placement choose_placement();
+/// Each of its CPUs once.
+[[nodiscard]] std::vector<int> cpus_of(const Placement& placement);
 
 }  // namespace rtpm::bench

@@ -67,9 +67,14 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
+  const RoundWatch round_watch(&witness_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
+  if (round_watch.saw_any()) {
+    finding.high.leave_out_round();
+    finding.low.leave_out_round();
+  }
   rt::sleep_until(end + std::chrono::duration_cast<Duration>((end - begin) * plan_.rest_part));
   return taken;
 }
@@ -79,7 +84,6 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
     entrant.findings.at(low_callers).high.begin_round(round);
     entrant.findings.at(low_callers).low.begin_round(round);
   }
-  const StealWatch steal;
   auto first = static_cast<std::size_t>(round);
   for (std::uint64_t done = 0; done < count_per_round_; done += plan_.turn_size, ++first) {
     const std::uint64_t count = std::min(plan_.turn_size, count_per_round_ - done);
@@ -101,18 +105,18 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
     for (const std::size_t which : failed)
       entrants_.erase(entrants_.begin() + static_cast<std::ptrdiff_t>(which));
   }
-  if (!steal.saw_any()) return {};
-  for (Entrant& entrant : entrants_) {
-    entrant.findings.at(low_callers).high.leave_out_round();
-    entrant.findings.at(low_callers).low.leave_out_round();
-  }
   return {};
 }
 
 expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
-                                             std::unique_ptr<Contender> floor) {
+                                             std::unique_ptr<Contender> floor,
+                                             const Placement& placement) {
   enter(std::move(rtpm), nullptr);
   enter(std::move(floor), nullptr);
+  // Calls that follow one another would meet its threads too often, and miss less of a stall.
+  if (plan_.rate_hz > 0) {
+    if (auto started = witness_.start(cpus_of(placement)); !started) return started;
+  }
   // They were entered behind the peers, whose programs had to start before any thread.
   std::rotate(entrants_.begin(), entrants_.end() - 2, entrants_.end());
   for (int round = 0; round < settings_.round_count; ++round) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "contender.hpp"
+#include "disturbance.hpp"
 #include "peer_contender.hpp"
 #include "peer_table.hpp"
 #include "report.hpp"
@@ -57,7 +58,8 @@ class TurnRun {
 
   /// Measures all by turns.   On a thread as run_as_caller() has it.
   [[nodiscard]] expected<void, std::string> measure(std::unique_ptr<Contender> rtpm,
-                                                    std::unique_ptr<Contender> floor);
+                                                    std::unique_ptr<Contender> floor,
+                                                    const Placement& placement);
 
   /// After measure(): RTPM, the floor, and the peers that went through.
   [[nodiscard]] const std::vector<Entrant>& entrants() const noexcept { return entrants_; }
@@ -76,6 +78,7 @@ class TurnRun {
   std::set<int> levels_;  ///< Numbers of low-priority callers.
   std::uint64_t count_per_round_ = 0;
   std::vector<Entrant> entrants_{};
+  StallWitness witness_;
   bool is_complete_ = true;
 };
 

@@ -43,7 +43,7 @@ FULL = (
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
     Part("scale", "scale", 14),
     # What the pace of the calls makes long.
-    Part("isolation", "isolation --low-callers 0,4", 145),
+    Part("isolation", "isolation --low-callers 4", 258),
     Part("paced", "paced", 62),
     Part("events", "events --samples 1400", 80),
     Part("device", "device --wait adaptive,periodic --samples 2000", 25),
@@ -57,7 +57,7 @@ FULL = (
     # What is missed least.
     Part("bulk", "bulk --samples 3000", 50),
     Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
-    Part("isolation-curve", "isolation --low-callers 1,16 --samples 1600", 35),
+    Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1600", 42),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
 
@@ -70,7 +70,7 @@ QUICK = (
     Part("throughput", "throughput --samples 100000", 3),
     Part("two-node", "two-node --transport udp,tcp", 1),
     Part("scale", "scale --samples 5000 --clients 1,100", 2),
-    Part("isolation", "isolation --low-callers 0,4 --samples 1600", 23),
+    Part("isolation", "isolation --low-callers 4 --samples 2000", 22),
     Part("events", "events --transport udp,shm --consumers 1,16,64 --samples 1000", 26),
     Part("paced", "paced --wait adaptive,periodic,spin --samples 1600", 30),
     Part("idle", "idle", 10),

@@ -46,7 +46,7 @@ TEST(Samples, TakeRoundsTogetherUntilTenSamplesLieBeyondThePercentile) {
   EXPECT_EQ(stretches_of(samples, samples, 99.9).size(), 1u) << "too few in all";
 }
 
-TEST(Samples, LeaveOutDisturbedRoundsAsLongAsMostRemain) {
+TEST(Samples, LeaveOutDisturbedRoundsAsLongAsAThirdRemains) {
   Samples samples(4, 100);
   for (int round = 0; round < 4; ++round) {
     add_round(samples, round, 100, round == 0 ? 1000 : round == 1 ? 10 : 1);
@@ -54,9 +54,12 @@ TEST(Samples, LeaveOutDisturbedRoundsAsLongAsMostRemain) {
   }
   EXPECT_DOUBLE_EQ(samples.percentiles().p50, 50);
   EXPECT_DOUBLE_EQ(samples.percentiles().max, 100'000);
+  EXPECT_EQ(samples.left_out_count(), 2);
+  EXPECT_TRUE(has_enough_rounds(samples, samples));
   samples.begin_round(2);
   samples.leave_out_round();
   EXPECT_EQ(samples.stretch_percentiles(50).size(), 4u) << "one round would be too little";
+  EXPECT_FALSE(has_enough_rounds(samples, samples));
 }
 
 TEST(Samples, WithoutAnyAreZero) {
