@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -27,8 +28,7 @@ void PeerBoard::wait_for_plan() noexcept {
 
 bool PeerBoard::run_plan(Duration patience) noexcept {
   sem_post(&asked);
-  const std::int64_t end_ns = to_ns(rt::now() + patience);
-  const timespec end{.tv_sec = end_ns / 1'000'000'000, .tv_nsec = end_ns % 1'000'000'000};
+  const timespec end = rt::to_timespec(rt::now() + patience);
   while (sem_clockwait(&answered, CLOCK_MONOTONIC, &end) != 0) {
     if (errno != EINTR) return false;
   }

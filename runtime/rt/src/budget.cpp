@@ -14,6 +14,7 @@
 
 #include "file_text.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 #include "setup_text.hpp"
 
 namespace rtpm::rt {
@@ -83,7 +84,7 @@ std::optional<RealtimeLimit> limit_of_group() noexcept {
 Duration run_time() noexcept {
   timespec time{};
   clock_gettime(CLOCK_THREAD_CPUTIME_ID, &time);
-  return std::chrono::seconds{time.tv_sec} + Duration{time.tv_nsec};
+  return to_duration(time);
 }
 
 double share_of(RealtimeLimit limit) noexcept {

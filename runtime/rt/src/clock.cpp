@@ -7,6 +7,7 @@
 
 #include "file_text.hpp"
 #include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/native_time.hpp"
 #include "tick_clock.hpp"
 
 namespace rtpm::rt {
@@ -79,9 +80,7 @@ MonotonicTime now() noexcept {
 
 void sleep_until(MonotonicTime time) noexcept {
   const AsleepScope asleep;
-  timespec until{};
-  until.tv_sec = to_ns(time) / 1'000'000'000;
-  until.tv_nsec = to_ns(time) % 1'000'000'000;
+  const timespec until = to_timespec(time);
   while (clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &until, nullptr) == EINTR) {
   }
 }

@@ -8,6 +8,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::rt {
 
@@ -52,8 +53,7 @@ bool PiMutex::try_lock_until(MonotonicTime deadline) noexcept {
   }
   return true;
 #else
-  const std::int64_t ns = std::max<std::int64_t>(to_ns(deadline), 0);
-  const timespec until{ns / 1'000'000'000, ns % 1'000'000'000};
+  const timespec until = to_timespec(std::max(deadline, MonotonicTime{}));
   const AsleepScope asleep;
   const int error = pthread_mutex_clocklock(&mutex_, CLOCK_MONOTONIC, &until);
   RTPM_ASSERT(error == 0 || error == ETIMEDOUT, "a mutex is locked once per thread");

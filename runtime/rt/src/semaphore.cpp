@@ -5,6 +5,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::rt {
 
@@ -30,11 +31,7 @@ bool Semaphore::wait_until(MonotonicTime deadline) noexcept {
     }
     return true;
   }
-  const auto since_boot = deadline.time_since_epoch();
-  const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(since_boot);
-  timespec until{};
-  until.tv_sec = static_cast<std::time_t>(seconds.count());
-  until.tv_nsec = static_cast<long>(std::chrono::nanoseconds(since_boot - seconds).count());
+  const timespec until = to_timespec(deadline);
   int result = 0;
   do {
     result = sem_clockwait(&semaphore_, CLOCK_MONOTONIC, &until);

@@ -19,6 +19,7 @@
 #include <string>
 
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 #include "unix_socket.hpp"
 
 #ifndef F_SEAL_FUTURE_WRITE
@@ -51,13 +52,6 @@ socklen_t to_native(std::uint64_t id, sockaddr_un& native) noexcept {
                                  "rtpm-broadcast/%016llx", static_cast<unsigned long long>(id));
   return static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 +
                                 static_cast<std::size_t>(size));
-}
-
-timespec to_timespec(MonotonicTime time) noexcept {
-  timespec native{};
-  native.tv_sec = to_ns(time) / 1'000'000'000;
-  native.tv_nsec = to_ns(time) % 1'000'000'000;
-  return native;
 }
 
 }  // namespace
@@ -189,7 +183,7 @@ void BroadcastBell::ring(std::uint32_t bits) noexcept {
 }
 
 void BroadcastBell::sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept {
-  const timespec time = to_timespec(std::min(until, rt::now() + kBellLookInterval));
+  const timespec time = rt::to_timespec(std::min(until, rt::now() + kBellLookInterval));
   syscall(SYS_futex, word_, FUTEX_WAIT_BITSET, seen, &time, nullptr, bits);
 }
 

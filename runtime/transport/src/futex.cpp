@@ -7,15 +7,14 @@
 #include <ctime>
 
 #include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::transport {
 
 void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value,
                    MonotonicTime until) noexcept {
   const rt::AsleepScope asleep;
-  timespec time{};
-  time.tv_sec = to_ns(until) / 1'000'000'000;
-  time.tv_nsec = to_ns(until) % 1'000'000'000;
+  const timespec time = rt::to_timespec(until);
   // Of the waits this is the one that takes an absolute time.
   syscall(SYS_futex, &word, FUTEX_WAIT_BITSET, value, until == kNever ? nullptr : &time, nullptr,
           FUTEX_BITSET_MATCH_ANY);

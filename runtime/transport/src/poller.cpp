@@ -16,6 +16,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::transport {
 
@@ -56,8 +57,7 @@ bool add_to(const Descriptor& epoll, int descriptor, std::uint64_t tag,
 // How long it is until then: to the nanosecond, for lanes that wake just ahead of their callers.
 timespec left_until(MonotonicTime until) noexcept {
   if (until == Poller::kAlready || until == kNever) return {};
-  const std::int64_t left_ns = std::max<std::int64_t>((until - rt::now()).count(), 0);
-  return {.tv_sec = left_ns / 1'000'000'000, .tv_nsec = left_ns % 1'000'000'000};
+  return rt::to_timespec(std::max(until - rt::now(), Duration{0}));
 }
 
 }  // namespace

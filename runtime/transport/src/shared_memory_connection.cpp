@@ -9,6 +9,7 @@
 
 #include "futex.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "shared_memory_setup.hpp"
 
@@ -147,7 +148,7 @@ void SharedMemoryConnection::check_peer() noexcept {
 bool SharedMemoryConnection::await_room(MonotonicTime until) noexcept {
   pollfd entry{socket_.number(), 0, 0};
   const Duration rest = std::clamp<Duration>(until - rt::now(), Duration{0}, kRoomLookInterval);
-  const timespec timeout{.tv_sec = 0, .tv_nsec = rest.count()};
+  const timespec timeout = rt::to_timespec(rest);
   return ppoll(&entry, 1, &timeout, nullptr) <= 0;
 }
 

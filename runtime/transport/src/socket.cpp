@@ -14,6 +14,7 @@
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::transport {
 
@@ -85,9 +86,7 @@ bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   // A time long past may be so far away that no difference can be told.
   const MonotonicTime now = rt::now();
   const Duration left = until > now ? until - now : Duration{0};
-  timespec timeout{};
-  timeout.tv_sec = left.count() / 1'000'000'000;
-  timeout.tv_nsec = left.count() % 1'000'000'000;
+  const timespec timeout = rt::to_timespec(left);
   return ppoll(&entry, 1, &timeout, nullptr) > 0;
 }
 
