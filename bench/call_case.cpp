@@ -29,10 +29,6 @@ const Amount& amount_of(std::size_t payload_size) {
       kAmounts, [=](const Amount& amount) { return payload_size <= amount.payload_size_max; });
 }
 
-/// How often the servers are started anew in a run: where their memory comes to lie, and on which
-/// cores of the host, moves the figures of shared memory by a third.
-constexpr int kStartCount = 5;
-
 /// The two sides' connections, and what is measured through them.
 struct Sides {
   std::array<std::unique_ptr<Caller>, 2> callers;
@@ -75,12 +71,11 @@ expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, s
   return {};
 }
 
-/// The rounds from `begin` on and before `end`.
-expected<void, std::string> measure(Duel& duel, Sides& sides, int begin, int end,
+expected<void, std::string> measure(Duel& duel, Sides& sides, Rounds rounds,
                                     std::size_t count_per_round, const Amount& amount) {
   if (auto connected = connect(duel, sides); !connected) return connected;
   bool is_rtpm_first = true;
-  for (int round = begin; round < end; ++round) {
+  for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
     const RoundWatch round_watch;
@@ -114,11 +109,11 @@ class CallRow {
       samples = Samples(settings.round_count, count_per_round_);
   }
 
-  /// Starts the servers, for the `start`th of so many times, and measures that part of the rounds.
-  /// After a failure, which is told once, it does nothing more.
-  void measure_start(int start, int start_count) {
+  /// Starts the servers and measures so many rounds. After a failure, which is told once, it does
+  /// nothing more.
+  void measure_part(Rounds rounds) {
     if (has_failed_) return;
-    if (auto measured = try_start(start, start_count); !measured) {
+    if (auto measured = try_part(rounds); !measured) {
       say_not_measured(title_of("call", config_), measured.error());
       has_failed_ = true;
     }
@@ -136,15 +131,13 @@ class CallRow {
   }
 
  private:
-  expected<void, std::string> try_start(int start, int start_count) {
+  expected<void, std::string> try_part(Rounds rounds) {
     auto duel = Duel::start(config_);
     if (!duel) return unexpected{duel.error()};
     return run_as_caller(config_, [&]() -> expected<void, std::string> {
       watch_.follow((*duel)->server_ids());
       Sides sides{.callers = {}, .samples = samples_};
-      auto done =
-          measure(**duel, sides, settings_.round_count * start / start_count,
-                  settings_.round_count * (start + 1) / start_count, count_per_round_, amount_);
+      auto done = measure(**duel, sides, rounds, count_per_round_, amount_);
       watch_.note();
       return done;
     });
@@ -183,11 +176,10 @@ std::vector<CallRow> rows_of(const Settings& settings) {
 bool run_call(const Settings& settings, Report& report) {
   if (!settings.peers.empty()) return run_call_with_peers(settings, report);
   std::vector<CallRow> rows = rows_of(settings);
-  const int start_count = std::min(kStartCount, settings.round_count);
-  for (int start = 0; start < start_count; ++start) {
+  for (const Rounds rounds : parts_of_run(settings.round_count)) {
     for (CallRow& row : rows) {
-      row.measure_start(start, start_count);
-      if (start == start_count - 1 && !row.has_failed()) report.add(row.result());
+      row.measure_part(rounds);
+      if (rounds.end == settings.round_count && !row.has_failed()) report.add(row.result());
     }
   }
   return std::ranges::none_of(rows, &CallRow::has_failed);

@@ -18,6 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t kEventCountDefault = 2'000;
+constexpr std::size_t kWarmUpCount = 20;  ///< Events after each start.
 /// Of the isolation result: so many consumers, of which so many are stopped and so many slow.
 constexpr int kCrowd = 64;
 constexpr int kStopped = 8;
@@ -74,67 +75,98 @@ void add_plot(Result& result, std::string_view who, std::string_view prefix,
   result.json.add(std::string(prefix) + "counts", counts);
 }
 
-/// Hub and relay by turns, with so many consumers.
-expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
-                                            Result& result) {
+/// What hub and relay showed with so many consumers.
+struct FanOut {
+  FanOut(int round_count, std::size_t per_round, int consumer_count)
+      : findings{EventFinding(round_count, per_round, consumer_count),
+                 EventFinding(round_count, per_round, consumer_count)},
+        board(static_cast<std::size_t>(consumer_count), kEventBlockSize) {}
+
+  std::array<EventFinding, 2> findings;
+  EventBoard board;
+  std::uint32_t block = 0;
+  std::uint64_t lost_count = 0;
+  DisturbanceWatch watch{{}};
+};
+
+/// Some rounds of both, by turns.
+expected<void, std::string> measure_rounds(const Settings& settings, const EventSetting& setting,
+                                           const std::array<EventSide*, 2>& sides, Rounds rounds,
+                                           FanOut& fan_out) {
+  const std::size_t per_round = count_per_round(settings);
+  const auto measure = [&](std::size_t which, std::size_t count, EventFinding& finding) {
+    return measure_events(period_of(settings), count, *sides[which], fan_out.board, ++fan_out.block,
+                          setting.consumer_count, finding);
+  };
+  for (std::size_t which = 0; which < 2; ++which) {
+    EventFinding cold(1, kWarmUpCount, setting.consumer_count);
+    if (auto pushed = measure(which, kWarmUpCount, cold); !pushed) return pushed;
+  }
+  for (int round = rounds.begin; round < rounds.end; ++round) {
+    for (EventFinding& finding : fan_out.findings)
+      finding.begin_round(round);
+    const RoundWatch round_watch;
+    for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
+      const std::size_t count = std::min(kEventBlockSize, per_round - done);
+      for (std::size_t turn = 0; turn < 2; ++turn) {
+        const std::size_t which = (turn + fan_out.block / 2) % 2;
+        auto pushed = measure(which, count, fan_out.findings[which]);
+        if (!pushed) return pushed;
+      }
+    }
+    if (!round_watch.saw_any()) continue;
+    for (EventFinding& finding : fan_out.findings)
+      finding.leave_out_round();
+  }
+  return {};
+}
+
+/// The same with a hub and a relay that are started for it.
+expected<void, std::string> measure_part(const Settings& settings, const EventSetting& setting,
+                                         Rounds rounds, FanOut& fan_out) {
   auto hub = start_event_hub(setting);
   if (!hub) return unexpected{hub.error()};
   auto relay = start_event_relay(setting);
   if (!relay) return unexpected{relay.error()};
-  const std::size_t per_round = count_per_round(settings);
-  std::array<EventFinding, 2> findings{
-      EventFinding(settings.round_count, per_round, setting.consumer_count),
-      EventFinding(settings.round_count, per_round, setting.consumer_count)};
-  EventBoard board(static_cast<std::size_t>(setting.consumer_count), kEventBlockSize);
-  std::uint64_t lost = 0;
   const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
-  const DisturbanceWatch watch({hub->id(), relay->id()});
+  fan_out.watch.follow({hub->id(), relay->id()});
   auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
     if (setting.network != nullptr) {
       if (auto entered = setting.network->enter(NetworkPair::Host::kClient); !entered) {
         return entered;
       }
     }
-    auto rtpm = connect_events(setting, hub->address(), board);
+    auto rtpm = connect_events(setting, hub->address(), fan_out.board);
     if (!rtpm) return unexpected{rtpm.error()};
-    auto floor = connect_relay(setting, relay->address(), board);
+    auto floor = connect_relay(setting, relay->address(), fan_out.board);
     if (!floor) return unexpected{floor.error()};
-    std::uint32_t block = 0;
-    for (int round = 0; round < settings.round_count; ++round) {
-      for (EventFinding& finding : findings)
-        finding.begin_round(round);
-      const RoundWatch round_watch;
-      for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
-        const std::size_t count = std::min(kEventBlockSize, per_round - done);
-        for (std::size_t turn = 0; turn < 2; ++turn) {
-          const std::size_t which = (turn + block / 2) % 2;
-          if (auto pushed =
-                  measure_events(period_of(settings), count, which == 0 ? **rtpm : **floor, board,
-                                 ++block, setting.consumer_count, findings[which]);
-              !pushed) {
-            return pushed;
-          }
-        }
-      }
-      if (!round_watch.saw_any()) continue;
-      for (EventFinding& finding : findings)
-        finding.leave_out_round();
-    }
-    lost = (*rtpm)->lost_count();
-    return {};
+    auto done = measure_rounds(settings, setting, {rtpm->get(), floor->get()}, rounds, fan_out);
+    fan_out.lost_count += (*rtpm)->lost_count();
+    return done;
   });
-  if (!measured) return measured;
-  const auto& [rtpm, floor] = findings;
+  fan_out.watch.note();
+  return measured;
+}
+
+/// Hub and relay by turns, with so many consumers.
+expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
+                                            Result& result) {
+  FanOut fan_out(settings.round_count, count_per_round(settings), setting.consumer_count);
+  for (const Rounds rounds : parts_of_run(settings.round_count)) {
+    auto measured = measure_part(settings, setting, rounds, fan_out);
+    if (!measured) return measured;
+  }
+  const auto& [rtpm, floor] = fan_out.findings;
   add_fan_out(result, settings, setting, {rtpm.each, rtpm.last, rtpm.missing_count},
               {floor.each, floor.last, floor.missing_count});
   if (settings.tells_latencies) add_latencies(result, rtpm.each, floor.each);
-  result.json.add("lost", static_cast<std::int64_t>(lost));
+  result.json.add("lost", static_cast<std::int64_t>(fan_out.lost_count));
   if (setting.network != nullptr) {
     result.json.add("hosts", 2);
     add_plot(result, "RTPM", "plot_", rtpm.all);
     add_plot(result, "raw floor", "floor_plot_", floor.all);
   }
-  watch.finish(result, rtpm.last.percentiles().max);
+  fan_out.watch.finish(result, rtpm.last.percentiles().max);
   return {};
 }
 

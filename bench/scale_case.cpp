@@ -16,8 +16,6 @@ namespace rtpm::bench {
 namespace {
 
 constexpr std::uint64_t kSampleCountDefault = 10'000;
-/// How often the servers are started anew, see call_case.cpp.
-constexpr int kStartCount = 5;
 constexpr std::size_t kBlockSize = 500;
 constexpr int kWarmUpCount = 50;
 
@@ -51,9 +49,8 @@ expected<std::vector<Silent>, std::string> bind_silent(Duel& duel, const DuelCon
   return clients;
 }
 
-/// The rounds from `begin` on and before `end`.
 expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
-                                          std::array<Samples, 2>& samples, int begin, int end,
+                                          std::array<Samples, 2>& samples, Rounds rounds,
                                           std::size_t count_per_round) {
   std::array<std::unique_ptr<Contender>, 2> contenders;
   for (const Side side : kBothSides) {
@@ -62,7 +59,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
     contenders[static_cast<std::size_t>(side)] = std::move(*contender);
   }
   Samples none(samples[0].round_count(), 0);
-  for (int round = begin; round < end; ++round) {
+  for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
     const RoundWatch round_watch;
@@ -95,8 +92,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
                                  Samples(settings.round_count, per_round)};
   DisturbanceWatch watch({});
   double grown_kib = 0;
-  const int start_count = std::min(kStartCount, settings.round_count);
-  for (int start = 0; start < start_count; ++start) {
+  for (const Rounds rounds : parts_of_run(settings.round_count)) {
     auto duel = Duel::start(config);
     if (!duel) return unexpected{duel.error()};
     const pid_t server = (*duel)->server_ids().back();
@@ -105,8 +101,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
       const auto silent = bind_silent(**duel, config, client_count - 1);
       if (!silent) return unexpected{silent.error()};
       watch.follow((*duel)->server_ids());
-      auto done = measure_turns(**duel, config, samples, settings.round_count * start / start_count,
-                                settings.round_count * (start + 1) / start_count, per_round);
+      auto done = measure_turns(**duel, config, samples, rounds, per_round);
       grown_kib = 1024 * (memory_of(server).resident_mib - empty.resident_mib);
       watch.note();
       return done;

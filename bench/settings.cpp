@@ -2,6 +2,8 @@
 
 #include <sched.h>
 
+#include <algorithm>
+
 namespace rtpm::bench {
 
 std::string_view to_string(Carrier carrier) noexcept {
@@ -31,6 +33,14 @@ Placement choose_placement() {
 std::vector<int> cpus_of(const Placement& placement) {
   if (placement.client_cpu == placement.server_cpu) return {placement.client_cpu};
   return {placement.client_cpu, placement.server_cpu};
+}
+
+std::vector<Rounds> parts_of_run(int round_count) {
+  const int count = std::min(5, round_count);
+  std::vector<Rounds> parts;
+  for (int i = 0; i < count; ++i)
+    parts.push_back({.begin = round_count * i / count, .end = round_count * (i + 1) / count});
+  return parts;
 }
 
 }  // namespace rtpm::bench

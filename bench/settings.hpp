@@ -58,4 +58,14 @@ struct Placement {
 /// Each of its CPUs once.
 [[nodiscard]] std::vector<int> cpus_of(const Placement& placement);
 
+/// Rounds of a run, from one on and before another.
+struct Rounds {
+  int begin = 0;
+  int end = 0;
+};
+/// The rounds of a run in five parts, or less where there are less rounds. The servers are started
+/// anew for each: where a process's memory comes to lie, and on which cores of the host, moves the
+/// figures of shared memory by a third, and would else be in all of them.
+[[nodiscard]] std::vector<Rounds> parts_of_run(int round_count);
+
 }  // namespace rtpm::bench
