@@ -219,7 +219,10 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
   }
   std::thread holder([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
   await_inside(server);
-  expect_error(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}), CallError::kTimeout);
+  // Over a network that loses frames, one alone may never arrive.
+  for (int i = 0; i < 4; ++i) {
+    expect_error(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}), CallError::kTimeout);
+  }
   server.servant.gate().let_one_go();
   holder.join();
   EXPECT_TRUE(await([&] {
