@@ -18,8 +18,9 @@ class Noter final : public EventHandler {
   void on_events(std::span<const EventView> events) override {
     thread = std::this_thread::get_id();
     is_in_order = is_in_order && events[0].header.sequence > last;
-    last = events[0].header.sequence;
     ++count;
+    // What is waited for comes last.
+    last = events[0].header.sequence;
     if (act) act();
   }
   std::atomic<std::thread::id> thread{};
@@ -112,6 +113,7 @@ TEST_F(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
   ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
   // The quick ones share a thread again, the slow have their own for some time.
   ASSERT_TRUE(await_common({&quick, &other}));
+  ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
   EXPECT_NE(stuck.thread.load(), quick.thread.load());
   for (const Noter* const each : {&quick, &other, &stuck, &stuck_too}) {
     EXPECT_EQ(each->count, pushed_);
