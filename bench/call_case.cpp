@@ -63,11 +63,7 @@ expected<void, std::string> measure_block(Duel& duel, Side side, Sides& sides, s
     if (auto called = caller.echo(); !called) return called;
     samples.add(rt::now() - sent);
   }
-  // A tenth of the time belongs to the rest of the system. Without it, real-time throttling would
-  // take its share of both CPUs, fifty milliseconds at a time.
-  const MonotonicTime end = rt::now();
-  duel.end_turn();
-  rt::sleep_until(end + (end - begin) / 10);
+  duel.rest_after(rt::now() - begin, 0.1);
   return {};
 }
 

@@ -169,10 +169,9 @@ void Duel::end_turn() {
   impl_->turn.reset();
 }
 
-void Duel::rest_after(Duration turn) {
-  constexpr double kRestPart = 0.15;
+void Duel::rest_after(Duration turn, double part) {
   end_turn();
-  const auto rest = static_cast<Duration::rep>(kRestPart * static_cast<double>(turn.count()));
+  const auto rest = static_cast<Duration::rep>(part * static_cast<double>(turn.count()));
   rt::sleep_until(rt::now() + Duration{rest});
 }
 

@@ -51,10 +51,10 @@ class Duel {
   void join_rtpm();
   /// Stops both servers, so that the CPUs rest.
   void end_turn();
-  /// The same, and waits for a part of the time that the turn took. Real-time threads that leave
+  /// The same, and waits for `part` of the time that the turn took. Real-time threads that leave
   /// nothing to others for about a second are throttled by the kernel. RTPM's take care, the
   /// floor's do not, and its stalls would fall into RTPM's turns as well.
-  void rest_after(Duration turn);
+  void rest_after(Duration turn, double part = 0.15);
 
   /// A caller of high priority, to the server whose turn it is.
   [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high();

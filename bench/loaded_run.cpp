@@ -49,19 +49,17 @@ AwakeCpus::~AwakeCpus() {
 
 LoadedRun::LoadedRun(const Settings& settings, const DuelConfig& config, const LoadPlan& plan,
                      Duel& duel)
-    : settings_(settings),
-      config_(config),
-      plan_(plan),
-      duel_(duel),
-      round_count_(settings.round_count),
-      turn_size_(std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * settings.rate_hz))) {
+    : settings_(settings), config_(config), plan_(plan), duel_(duel) {
   auto count = static_cast<std::size_t>(settings.sample_count);
   if (count == 0) {
     const std::size_t load_count = std::max<std::size_t>(1, plan.caller_counts.size());
     count = std::max(kSampleCountDefault, kSampleCountDefaultOfAll / load_count);
   }
-  // A round is no longer than a turn of each side: where the machine stood still, little is lost.
-  round_count_ = std::max(round_count_, static_cast<int>(count / turn_size_));
+  // A round is a turn of each side: where the machine stood still, little is lost.
+  const auto turn_size =
+      std::max<std::size_t>(1, static_cast<std::size_t>(kTurnS * settings.rate_hz));
+  round_count_ =
+      std::max(settings.round_count, static_cast<int>((count + turn_size - 1) / turn_size));
   count_per_round_ = std::max<std::size_t>(1, count / static_cast<std::size_t>(round_count_));
   const auto make_finding = [&] {
     return Finding{Samples(round_count_, count_per_round_), Samples(round_count_, 0)};
@@ -88,8 +86,7 @@ expected<void, std::string> LoadedRun::connect(Side side) {
   return {};
 }
 
-expected<void, std::string> LoadedRun::measure_turn(Side side, int caller_count,
-                                                    std::size_t count) {
+expected<void, std::string> LoadedRun::measure_turn(Side side, int caller_count) {
   Finding& finding = levels_.at(caller_count)[index_of(side)];
   Caller& high = *connections_[index_of(side)].high;
   LowLoad& low = *connections_[index_of(side)].low;
@@ -107,10 +104,10 @@ expected<void, std::string> LoadedRun::measure_turn(Side side, int caller_count,
   for (int i = 0; i < kWarmUpCount && called; ++i)
     called = high.echo();
   const Duration period{static_cast<Duration::rep>(1e9 / settings_.rate_hz)};
-  if (called) called = call_paced(high, period, count, CountFrom::kSent, finding.high);
+  if (called) called = call_paced(high, period, count_per_round_, CountFrom::kSent, finding.high);
   const auto latencies = low.stop();
   awake.reset();
-  duel_.rest_after(period * static_cast<Duration::rep>(count));
+  duel_.rest_after(period * static_cast<Duration::rep>(count_per_round_));
   if (!called) return called;
   if (!latencies) return unexpected{latencies.error()};
   for (const Duration latency : *latencies)
@@ -124,14 +121,10 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.low.begin_round(round);
   }
   const RoundWatch round_watch(&witness_);
-  // Who goes first changes from turn to turn.
-  auto first = static_cast<std::size_t>(round);
-  for (std::size_t done = 0; done < count_per_round_; done += turn_size_, ++first) {
-    const std::size_t count = std::min(turn_size_, count_per_round_ - done);
-    for (std::size_t i = 0; i < 2; ++i) {
-      const Side side = kBothSides[(i + first) % 2];
-      if (auto measured = measure_turn(side, caller_count, count); !measured) return measured;
-    }
+  // Who goes first changes from round to round.
+  for (std::size_t i = 0; i < 2; ++i) {
+    const Side side = kBothSides[(i + static_cast<std::size_t>(round)) % 2];
+    if (auto measured = measure_turn(side, caller_count); !measured) return measured;
   }
   if (!round_watch.saw_any()) return {};
   for (Finding& finding : levels_.at(caller_count)) {

@@ -75,8 +75,7 @@ class LoadedRun {
   };
 
   [[nodiscard]] expected<void, std::string> connect(Side side);
-  [[nodiscard]] expected<void, std::string> measure_turn(Side side, int caller_count,
-                                                         std::size_t count);
+  [[nodiscard]] expected<void, std::string> measure_turn(Side side, int caller_count);
   [[nodiscard]] expected<void, std::string> measure_level(int caller_count, int round);
   [[nodiscard]] bool is_asked(int caller_count) const;
   [[nodiscard]] Result result_of(int caller_count) const;
@@ -87,9 +86,8 @@ class LoadedRun {
   const DuelConfig& config_;
   const LoadPlan& plan_;
   Duel& duel_;
-  int round_count_;
-  std::size_t turn_size_;
-  std::size_t count_per_round_;
+  int round_count_ = 0;
+  std::size_t count_per_round_ = 0;  ///< Of each side, in its one turn.
   StallWitness witness_;
   std::map<int, Level> levels_;
   std::array<Connections, 2> connections_;

@@ -9,6 +9,7 @@
 #include <sstream>
 
 #include "floor.hpp"
+#include "rtpm/rt/native_time.hpp"
 #include "rtpm_side.hpp"
 
 namespace rtpm::bench {
@@ -83,7 +84,7 @@ Duration cpu_time_of(pid_t process) {
   timespec time{};
   if (clock_getcpuclockid(process, &clock) != 0) return Duration{0};
   if (clock_gettime(clock, &time) != 0) return Duration{0};
-  return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
+  return rt::to_duration(time);
 }
 
 }  // namespace rtpm::bench

@@ -13,6 +13,8 @@
 #include <cstdlib>
 #include <cstring>
 
+#include "rtpm/rt/native_time.hpp"
+
 namespace rtpm::program {
 namespace {
 
@@ -61,8 +63,7 @@ bool StopSignal::wait_for(Duration duration) const noexcept {
   const Clock::time_point begin = Clock::now();
   for (;;) {
     const Duration left = std::max(Duration{0}, duration - (Clock::now() - begin));
-    const auto seconds = std::chrono::duration_cast<std::chrono::seconds>(left);
-    const timespec timeout{.tv_sec = seconds.count(), .tv_nsec = (left - seconds).count()};
+    const timespec timeout = rt::to_timespec(left);
     if (is_pending(signals_, &timeout)) return true;
     if (left.count() == 0) return false;
   }

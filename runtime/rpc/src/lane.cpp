@@ -137,8 +137,7 @@ void Lane::run() noexcept {
 void Lane::step(MonotonicTime& spin_end) noexcept {
   if (turn()) {
     spin_end = kNever;
-    spin_sense_.on_work(received_);
-    nap_if_overdue(received_);
+    after_work();
     return;
   }
   if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
@@ -161,7 +160,10 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
   const bool has_served = look_around(next_time());
   // A wait that ended with nothing is no reason to spin anew.
   spin_end = has_served ? kNever : MonotonicTime::min();
-  if (!has_served) return;
+  if (has_served) after_work();
+}
+
+void Lane::after_work() noexcept {
   spin_sense_.on_work(received_);
   nap_if_overdue(received_);
 }

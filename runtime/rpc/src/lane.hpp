@@ -105,6 +105,7 @@ class Lane {
   static constexpr std::uint64_t kEvent = std::uint64_t{1} << 32;
 
   void step(MonotonicTime& spin_end) noexcept;
+  void after_work() noexcept;
   void keep_cpu_awake(MonotonicTime until) noexcept;
   void nap(MonotonicTime until) noexcept;
   [[nodiscard]] bool turn() noexcept;

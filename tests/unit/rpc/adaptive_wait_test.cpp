@@ -1,21 +1,14 @@
 #include <gtest/gtest.h>
 
-#include <ctime>
-
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/os.hpp"
 
 namespace rtpm::rpc {
 namespace {
 
 using namespace std::chrono_literals;
 using namespace test;
-
-Duration process_cpu_time() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return std::chrono::seconds{time.tv_sec} + Duration{time.tv_nsec};
-}
 
 // What rt::SpinSense promises, of a lane.
 TEST(AdaptiveLane, SpinsInVainForNoCallerThatAlwaysComesLater) {
@@ -34,9 +27,9 @@ TEST(AdaptiveLane, SpinsInVainForNoCallerThatAlwaysComesLater) {
     }
   };
   call(20);
-  const Duration before = process_cpu_time();
+  const Duration before = rtpm::test::process_cpu_time();
   call(30);
-  EXPECT_LT(process_cpu_time() - before, 60ms) << "it would spin for 150 ms otherwise";
+  EXPECT_LT(rtpm::test::process_cpu_time() - before, 60ms) << "it would spin for 150 ms otherwise";
 }
 
 }  // namespace

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include <ctime>
-
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/test/os.hpp"
@@ -13,13 +11,6 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How much time of a CPU this process has had.
-Duration cpu_time() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return std::chrono::seconds{time.tv_sec} + Duration{time.tv_nsec};
-}
-
 std::unique_ptr<CpuKeeper> a_keeper() {
   auto keeper = CpuKeeper::start("test-awake", usable_cpus().front());
   EXPECT_TRUE(keeper.has_value());
@@ -28,9 +19,9 @@ std::unique_ptr<CpuKeeper> a_keeper() {
 
 // How much of it is used in 10 ms in which this thread does nothing.
 Duration used_while_asleep() {
-  const Duration before = cpu_time();
+  const Duration before = test::process_cpu_time();
   sleep_until(now() + 10ms);
-  return cpu_time() - before;
+  return test::process_cpu_time() - before;
 }
 
 TEST(CpuKeeper, WorksWhileItIsToldTo) {

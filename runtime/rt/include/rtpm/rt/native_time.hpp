@@ -18,6 +18,7 @@ namespace rtpm::rt {
   return to_timespec(time.time_since_epoch());
 }
 
+/// What a clock shows.   RT: alloc-free.
 [[nodiscard]] constexpr Duration to_duration(const timespec& time) noexcept {
   return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
 }

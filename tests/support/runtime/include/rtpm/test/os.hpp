@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include <array>
+#include <ctime>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
@@ -17,6 +18,7 @@
 
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
 
 /// What the operating system itself says of a thread, for tests that do not take RTPM's word.
 namespace rtpm::test {
@@ -27,6 +29,13 @@ inline constexpr bool kHasSanitizer = true;
 inline constexpr bool kHasSanitizer = false;
 #endif
 inline constexpr const char* kSanitizersLockNothing = "sanitizers make locking memory a no-op";
+
+/// How much time of a CPU this process has had.
+[[nodiscard]] inline Duration process_cpu_time() {
+  timespec time{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
+  return rt::to_duration(time);
+}
 
 /// How the calling thread is scheduled by the system.
 struct Scheduling {
