@@ -68,13 +68,16 @@ bool is_measured_thread(pid_t thread) {
 
 }  // namespace
 
-RoundWatch::RoundWatch(const StallWitness* witness)
-    : witness_(witness),
+RoundWatch::RoundWatch() : stolen_time_({}), stolen_(read_cpu_time().stolen) {}
+
+RoundWatch::RoundWatch(const StallWitness& witness, std::span<const int> cpus)
+    : witness_(&witness),
+      stolen_time_(cpus),
       stolen_(read_cpu_time().stolen),
-      stall_count_(witness == nullptr ? 0 : witness->count()) {}
+      stall_count_(witness.count()) {}
 
 bool RoundWatch::saw_any() const {
-  return read_cpu_time().stolen != stolen_ ||
+  return read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
          (witness_ != nullptr && witness_->count() != stall_count_);
 }
 

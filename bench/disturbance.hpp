@@ -4,12 +4,14 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "report.hpp"
 #include "settings.hpp"
 #include "stall_witness.hpp"
+#include "stolen_time.hpp"
 
 namespace rtpm::bench {
 
@@ -18,14 +20,21 @@ namespace rtpm::bench {
 /// Set-up only: it reads /proc, so outside of timed stretches.
 class RoundWatch {
  public:
-  /// Refers to the witness, if there is one.
-  explicit RoundWatch(const StallWitness* witness = nullptr);
+  /// What matters to a p99.9 that is some tenths of a millisecond.
+  static constexpr Duration kStolenMin = std::chrono::microseconds{300};
+
+  /// Sees what the hypervisor accounts for in /proc/stat, in hundredths of a second.
+  RoundWatch();
+  /// Sees, besides, kStolenMin taken from one of `cpus`, and what the witness feels, to which it
+  /// refers.
+  RoundWatch(const StallWitness& witness, std::span<const int> cpus);
   [[nodiscard]] bool saw_any() const;
 
  private:
-  const StallWitness* witness_;
+  const StallWitness* witness_ = nullptr;
+  StolenTime stolen_time_;
   std::uint64_t stolen_;
-  std::uint64_t stall_count_;
+  std::uint64_t stall_count_ = 0;
 };
 
 /// Watches, over a run, what spoils figures and is nobody's fault: time that a hypervisor took away

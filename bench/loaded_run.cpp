@@ -17,7 +17,7 @@ constexpr std::size_t kSampleCountDefault = 10'000;
 constexpr std::size_t kSampleCountDefaultOfAll = 30'000;
 constexpr int kWarmUpCount = 20;
 /// How long a server is saturated at a stretch.
-constexpr double kTurnS = 0.1;
+constexpr double kTurnS = 0.05;
 /// The idle server may be measured only to be compared with. Then so many rounds will do.
 constexpr int kRoundsPerIdleRound = 4;
 
@@ -49,7 +49,11 @@ AwakeCpus::~AwakeCpus() {
 
 LoadedRun::LoadedRun(const Settings& settings, const DuelConfig& config, const LoadPlan& plan,
                      Duel& duel)
-    : settings_(settings), config_(config), plan_(plan), duel_(duel) {
+    : settings_(settings),
+      config_(config),
+      plan_(plan),
+      duel_(duel),
+      cpus_(cpus_of(config.placement)) {
   auto count = static_cast<std::size_t>(settings.sample_count);
   if (count == 0) {
     const std::size_t load_count = std::max<std::size_t>(1, plan.caller_counts.size());
@@ -120,7 +124,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
-  const RoundWatch round_watch(&witness_);
+  const RoundWatch round_watch(witness_, cpus_);
   // Who goes first changes from round to round.
   for (std::size_t i = 0; i < 2; ++i) {
     const Side side = kBothSides[(i + static_cast<std::size_t>(round)) % 2];
@@ -135,7 +139,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
 }
 
 expected<void, std::string> LoadedRun::measure() {
-  if (auto started = witness_.start(cpus_of(config_.placement)); !started) return started;
+  if (auto started = witness_.start(cpus_); !started) return started;
   for (const Side side : kBothSides) {
     if (auto connected = connect(side); !connected) return connected;
   }
@@ -203,6 +207,9 @@ Result LoadedRun::result_of(int caller_count) const {
   result.json.add("rate_hz", settings_.rate_hz);
   if (plan_.work != Duration{0}) {
     result.json.add("work_us", std::chrono::duration<double, std::micro>(plan_.work).count());
+  }
+  if (settings_.tells_latencies) {
+    add_latencies(result, level[index_of(Side::kRtpm)].high, level[index_of(Side::kFloor)].high);
   }
   add_growth(result, Side::kRtpm, "", level);
   add_growth(result, Side::kFloor, "floor_", level);

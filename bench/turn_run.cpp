@@ -13,20 +13,24 @@ namespace rtpm::bench {
 TurnRun::TurnRun(const Settings& settings, const CasePlan& plan)
     : settings_(settings),
       plan_(plan),
+      round_count_(settings.round_count),
       levels_(plan.low_caller_counts.begin(), plan.low_caller_counts.end()) {
   const std::uint64_t count =
       settings.sample_count == 0 ? plan.sample_count : settings.sample_count;
-  count_per_round_ =
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count));
+  // Where calls are paced, a round is a turn of each: where the machine stood still, little is
+  // lost.
+  if (plan.rate_hz > 0) {
+    round_count_ = std::max(round_count_, static_cast<int>(count / plan.turn_size));
+  }
+  count_per_round_ = std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(round_count_));
 }
 
 void TurnRun::enter(std::unique_ptr<Contender> contender, const PeerContender* peer) {
   Entrant entrant{.contender = std::move(contender), .peer = peer};
   for (const int low_callers : levels_) {
     entrant.findings.try_emplace(
-        low_callers,
-        Finding{Samples(settings_.round_count, static_cast<std::size_t>(count_per_round_)),
-                Samples(settings_.round_count, 0)});
+        low_callers, Finding{Samples(round_count_, static_cast<std::size_t>(count_per_round_)),
+                             Samples(round_count_, 0)});
   }
   entrants_.push_back(std::move(entrant));
 }
@@ -67,7 +71,7 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(&witness_);
+  const RoundWatch round_watch(witness_, cpus_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
@@ -115,11 +119,12 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
   enter(std::move(floor), nullptr);
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
-    if (auto started = witness_.start(cpus_of(placement)); !started) return started;
+    cpus_ = cpus_of(placement);
+    if (auto started = witness_.start(cpus_); !started) return started;
   }
   // They were entered behind the peers, whose programs had to start before any thread.
   std::rotate(entrants_.begin(), entrants_.end() - 2, entrants_.end());
-  for (int round = 0; round < settings_.round_count; ++round) {
+  for (int round = 0; round < round_count_; ++round) {
     for (const int low_callers : levels_) {
       if (auto measured = measure_level(low_callers, round); !measured) return measured;
     }

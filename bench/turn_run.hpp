@@ -75,9 +75,11 @@ class TurnRun {
 
   const Settings& settings_;
   const CasePlan& plan_;
+  int round_count_;
   std::set<int> levels_;  ///< Numbers of low-priority callers.
   std::uint64_t count_per_round_ = 0;
   std::vector<Entrant> entrants_{};
+  std::vector<int> cpus_{};  ///< Where the witness is.
   StallWitness witness_;
   bool is_complete_ = true;
 };

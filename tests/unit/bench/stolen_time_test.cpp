@@ -1,0 +1,47 @@
+#include "stolen_time.hpp"
+
+#include <gtest/gtest.h>
+#include <sched.h>
+
+#include <array>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/test/os.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+using namespace std::chrono_literals;
+
+// What a CPU did for others, and that it slept, is not taken from it. A hypervisor may take some at
+// any time, but not each time.
+TEST(StolenTime, IsNotWhatACpuWorkedOrSlept) {
+  const std::array<int, 1> cpus{sched_getcpu()};
+  if (!StolenTime(cpus).most()) GTEST_SKIP() << "no se.exec_start in /proc/thread-self/sched";
+  EXPECT_TRUE(rtpm::test::await([&] {
+    const StolenTime stolen(cpus);
+    for (const MonotonicTime end = rt::now() + 10ms; rt::now() < end;) {
+    }
+    rt::sleep_until(rt::now() + 10ms);
+    return stolen.most() < 1ms;
+  }));
+}
+
+TEST(StolenTime, LeavesItsThreadWhereItWas) {
+  cpu_set_t before;
+  ASSERT_EQ(sched_getaffinity(0, sizeof before, &before), 0);
+  const std::array<int, 1> cpus{sched_getcpu()};
+  static_cast<void>(StolenTime(cpus).most());
+  cpu_set_t after;
+  ASSERT_EQ(sched_getaffinity(0, sizeof after, &after), 0);
+  EXPECT_TRUE(CPU_EQUAL(&before, &after));
+}
+
+// Nothing is known of a CPU that is not there.
+TEST(StolenTime, KnowsNothingOfOtherCpus) {
+  const std::array<int, 1> cpus{CPU_SETSIZE - 1};
+  EXPECT_EQ(StolenTime(cpus).most(), std::nullopt);
+}
+
+}  // namespace
+}  // namespace rtpm::bench
