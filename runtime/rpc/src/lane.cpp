@@ -25,8 +25,12 @@ constexpr std::uint32_t kTurnsPerLook = 8;
 // call. So while that is hot and nothing else comes, the looks become rarer, up to these bounds.
 constexpr std::uint32_t kTurnsPerLookMax = 16384;
 constexpr Duration kTimePerLookMax = std::chrono::microseconds{200};
-// So often at most are all connections through memory looked at while one has calls without end.
+// So many connections through memory are looked at in a turn without work, the next ones each time:
+// one that calls again at once is not to wait for a look at a thousand that are silent.
+constexpr std::size_t kMemoryLooksPerTurn = 16;
+// While one has calls without end, so often and so many of the others.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
+constexpr std::size_t kMemoryLooksWhenDue = 128;
 // A wait names its sources, which is quicker than to have the system keep them, for so many
 // connections besides the port.
 constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
@@ -290,13 +294,13 @@ bool Lane::turn() noexcept {
   // What costs no syscall is looked at each turn, unless there is something anyway.
   if (!has_served || is_memory_look_due()) {
     last_memory_look_ = received_;
-    if (serve_memory()) return true;
+    if (serve_memory(has_served ? kMemoryLooksWhenDue : kMemoryLooksPerTurn)) return true;
   }
   if (!is_look_due(has_served)) return has_served;
   const bool has_found = look_around(transport::Poller::kAlready);
   turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
                                                   : std::min(2 * turns_per_look_, kTurnsPerLookMax);
-  return serve_memory() || has_found || has_served;
+  return serve_memory(kMemoryLooksPerTurn) || has_found || has_served;
 }
 
 // A caller that calls again at once must not keep others of its band waiting call after call.
@@ -389,12 +393,16 @@ void Lane::end_sleep() noexcept {
     connections_[source].stream->end_sleep();
 }
 
-// Serves one frame of each connection through memory that has some.
-bool Lane::serve_memory() noexcept {
+// Looks at the next so many connections through memory, and serves one frame of each that has some.
+bool Lane::serve_memory(std::size_t look_count) noexcept {
   bool has_served = false;
-  // From the back: one that ends leaves its place to the last.
-  for (std::size_t i = memory_sources_.size(); i-- > 0;) {
-    const Source source = memory_sources_[i];
+  for (std::size_t i = std::min(look_count, memory_sources_.size()); i > 0; --i) {
+    // Backwards: one that ends leaves its place to the last.
+    if (next_memory_look_ == 0 || next_memory_look_ > memory_sources_.size()) {
+      next_memory_look_ = memory_sources_.size();
+      if (next_memory_look_ == 0) break;
+    }
+    const Source source = memory_sources_[--next_memory_look_];
     if (!connections_[source].stream->has_buffered() || !serve_one(source)) continue;
     has_served = true;
     if (connections_[source].stream) hot_ = source;

@@ -132,7 +132,7 @@ class Lane {
   [[nodiscard]] bool is_memory(Source source) const noexcept {
     return source == kLocal || (source != kUdp && connections_[source].is_memory);
   }
-  [[nodiscard]] bool serve_memory() noexcept;
+  [[nodiscard]] bool serve_memory(std::size_t look_count) noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
   [[nodiscard]] bool serve_leftovers() noexcept;
   [[nodiscard]] bool serve_datagram() noexcept;
@@ -217,6 +217,7 @@ class Lane {
   /// Connections with whole frames in their buffers, which wake no poll. Sized once.
   std::vector<Source> leftovers_;
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
+  std::size_t next_memory_look_ = 0;    ///< Behind whom of them the next look begins.
   std::vector<Source> stream_sources_;  ///< The others. Sized once.
   std::uint64_t connection_serial_ = 0;
   bool is_crowded_ = false;       ///< The sources are too many to be named in each wait.
@@ -226,7 +227,7 @@ class Lane {
   std::uint32_t glance_count_ = 0;  ///< Turns of a lane that spins, for looks at the clock.
   std::uint32_t streak_ = 0;        ///< Frames taken from hot_ without a look at the others.
   MonotonicTime last_look_{};
-  MonotonicTime last_memory_look_{};  ///< At all connections through memory.
+  MonotonicTime last_memory_look_{};  ///< At connections through memory that are not hot.
   MonotonicTime received_{};          ///< When the last frame was taken,
   MonotonicTime completed_{};         ///< and when a call's answer was written last.
   bool is_periodic_ = false;

@@ -104,6 +104,42 @@ TEST(Lane, ServesAnyNumberOfCallersWhileItGrowsAndShrinks) {
   }
 }
 
+// It looks at some of them at a time.
+TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
+  for (const rt::WaitStrategy wait :
+       {rt::WaitStrategy::kSpin, rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kBlock}) {
+    LaneConfig lane = quiet_lane();
+    lane.wait.strategy = wait;
+    EchoServer server(quiet_config({lane}));
+    std::vector<std::unique_ptr<RawPeer>> peers;
+    for (int i = 0; i < 40; ++i) {
+      peers.push_back(std::make_unique<RawPeer>(Transport::kSharedMemory, server.server->port()));
+      ASSERT_TRUE(peers.back()->open());
+    }
+    std::uint32_t call_id = 0;
+    const auto expect_answer = [&](RawPeer& peer) {
+      EXPECT_TRUE(peer.receive_answer(call_id)) << peers.size() << ", " << to_string(wait);
+    };
+    const auto call = [&](RawPeer& peer) {
+      peer.send(peer.call_frame(call_id, echo::kEcho.id, "hello"));
+    };
+    // One by one and all at once, also with those that are left when some have gone.
+    for (int i = 0; i < 3; ++i) {
+      ++call_id;
+      for (const auto& peer : peers) {
+        call(*peer);
+        expect_answer(*peer);
+      }
+      ++call_id;
+      for (const auto& peer : peers)
+        call(*peer);
+      for (const auto& peer : peers)
+        expect_answer(*peer);
+      std::erase_if(peers, [&](const auto& peer) { return (&peer - peers.data()) % 3 == 0; });
+    }
+  }
+}
+
 // An overloaded server is the one that people look at.
 TEST(Lane, TellsItsCountersWhileItNeverRests) {
   EchoServer server;
