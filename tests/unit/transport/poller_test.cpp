@@ -32,8 +32,10 @@ class PollerTest : public testing::Test {
   std::vector<std::uint64_t> wait(MonotonicTime until) {
     std::array<std::uint64_t, 8> tags{};
     const std::size_t count = poller_.wait(until, tags);
-    std::sort(tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count));
-    return {tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count)};
+    std::vector<std::uint64_t> ready(tags.begin(),
+                                     tags.begin() + static_cast<std::ptrdiff_t>(count));
+    std::ranges::sort(ready);
+    return ready;
   }
   std::vector<std::uint64_t> look() { return wait(Poller::kAlready); }
 
