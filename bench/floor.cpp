@@ -260,7 +260,7 @@ class FloorCaller final : public Caller {
     const bool is_whole = carrier_ == Carrier::kTcp ? receive_rest(socket_.handle(), received_, got)
                                                     : receive_datagrams(receiver_, received_, got);
     if (!is_whole) return unexpected{system_text("receive")};
-    if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+    if (!are_same(received_, sent_)) return unexpected{std::string("the raw floor's echo differs")};
     return {};
   }
 
@@ -295,7 +295,7 @@ class FloorPipeline final : public Pipeline {
       if (recv(socket_.handle(), received_.data(), received_.size(), 0) < 0) {
         return unexpected{system_text("receive")};
       }
-      if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+      if (!are_same(received_, sent_)) return unexpected{std::string("the raw floor's echo differs")};
     }
     return {};
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <cstring>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,6 +24,12 @@ inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
 /// over UDP a header for each datagram that RTPM would send. The floor sends these one after the
 /// other without any window, acknowledgement or repetition: a lost one ends the measurement.
 [[nodiscard]] std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept;
+
+/// Whether two buffers of one size hold the same. The operators compare std::byte one by one, which
+/// takes as long as to move them.
+[[nodiscard]] inline bool are_same(ConstBytes one, ConstBytes other) noexcept {
+  return std::memcmp(one.data(), other.data(), one.size()) == 0;
+}
 
 /// One thread of a raw server with one socket.
 struct FloorLaneConfig {

@@ -75,7 +75,7 @@ class BulkCaller final : public Caller {
     }
     ++seen_;
     std::memcpy(received_.data(), in_.data(), in_.size());
-    if (received_ != sent_) return unexpected{std::string("the raw floor's echo differs")};
+    if (!are_same(received_, sent_)) return unexpected{std::string("the raw floor's echo differs")};
     return {};
   }
 
