@@ -11,6 +11,8 @@
 namespace rtpm::bench {
 namespace {
 
+constexpr int kPartCount = 20;  ///< Starts of the servers in a run.
+
 /// How many calls of a payload are worth their time, and how many one side makes before the other's
 /// turn: few enough that both see the same minutes, and that no turn fills a second, after which
 /// the kernel throttles real-time threads.
@@ -167,12 +169,12 @@ std::vector<CallRow> rows_of(const Settings& settings) {
 
 }  // namespace
 
-// All rows are gone through several times, and told in the last: so each has seen the machine at
+// All rows are gone through so many times, and told in the last: so each has seen the machine at
 // several moments, between which a hypervisor moves the cores.
 bool run_call(const Settings& settings, Report& report) {
   if (!settings.peers.empty()) return run_call_with_peers(settings, report);
   std::vector<CallRow> rows = rows_of(settings);
-  for (const Rounds rounds : parts_of_run(settings.round_count)) {
+  for (const Rounds rounds : parts_of_run(settings.round_count, kPartCount)) {
     for (CallRow& row : rows) {
       row.measure_part(rounds);
       if (rounds.end == settings.round_count && !row.has_failed()) report.add(row.result());

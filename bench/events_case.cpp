@@ -18,6 +18,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr std::uint64_t kEventCountDefault = 2'000;
+constexpr int kPartCount = 5;             ///< Starts of the servers in a run.
 constexpr std::size_t kWarmUpCount = 20;  ///< Events after each start.
 /// Of the isolation result: so many consumers, of which so many are stopped and so many slow.
 constexpr int kCrowd = 64;
@@ -152,7 +153,7 @@ expected<void, std::string> measure_part(const Settings& settings, const EventSe
 expected<void, std::string> measure_fan_out(const Settings& settings, const EventSetting& setting,
                                             Result& result) {
   FanOut fan_out(settings.round_count, count_per_round(settings), setting.consumer_count);
-  for (const Rounds rounds : parts_of_run(settings.round_count)) {
+  for (const Rounds rounds : parts_of_run(settings.round_count, kPartCount)) {
     auto measured = measure_part(settings, setting, rounds, fan_out);
     if (!measured) return measured;
   }

@@ -167,11 +167,11 @@ void LoadedRun::add_growth(Result& result, Side side, std::string_view prefix,
   for (const auto& [key, percent] : {std::pair{"p50", 50.0}, {"p99", 99.0}, {"p999", 99.9}}) {
     const Ratio growth = ratio_at(finding.high, idle, percent);
     const std::string field = begin + "loaded_over_idle_" + key;
-    result.json.add(field, growth.median);
+    result.json.add(field, growth.middle);
     result.json.add(field + "_low", growth.low);
     result.json.add(field + "_high", growth.high);
     result.json.add(begin + "rounds_loaded_over_idle_" + key, growth.stretches);
-    grown += std::string(grown.empty() ? "" : ", ") + short_text(growth.median) + " at " + key;
+    grown += std::string(grown.empty() ? "" : ", ") + short_text(growth.middle) + " at " + key;
   }
   if (finding.low.count() == 0) return;
   result.rows.push_back({name + ", idle", idle_values});

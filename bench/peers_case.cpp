@@ -20,7 +20,8 @@ CasePlan call_plan() {
           .sample_count = 100'000,
           .warm_up_count = 50,
           .turn_size = 500,
-          .rest_part = 0.1};
+          .rest_part = 0.1,
+          .part_count = 5};
 }
 
 CasePlan paced_plan(const Settings& settings) {
@@ -91,7 +92,7 @@ void CallResults::add_load(JsonObject& json, const Entrant& entrant, int low_cal
     if (idle == entrant.findings.end()) break;
     const Ratio growth = ratio_at(finding.high, idle->second.high, percent);
     const std::string field = prefix + "loaded_over_idle_" + key;
-    json.add(field, growth.median);
+    json.add(field, growth.middle);
     json.add(field + "_low", growth.low);
     json.add(field + "_high", growth.high);
   }
@@ -110,7 +111,7 @@ Result CallResults::result_of_rtpm(int low_callers) const {
   for (const Entrant& entrant : run_.entrants()) {
     if (entrant.peer == nullptr) continue;
     const TurnRun::Finding& peer = entrant.findings.at(low_callers);
-    result.rows.push_back({entrant.peer->title(), peer.high.percentiles()});
+    result.rows.push_back({entrant.title, peer.high.percentiles()});
   }
   return result;
 }
@@ -156,27 +157,33 @@ void CallResults::report(Report& report, const DisturbanceWatch& watch) const {
 expected<bool, std::string> measure_beside(const Settings& settings, const DuelConfig& config,
                                            const CasePlan& plan, const PeerChoice& choice,
                                            Report& report) {
-  auto duel = Duel::start(config);
-  if (!duel) return unexpected{duel.error()};
   TurnRun run(settings, plan);
-  run.start_peers(choice, "call", config.carrier,
-                  {.placement = config.placement,
-                   .realtime = config.realtime,
-                   .low_caller_count = config.low_caller_count,
-                   .work_ns = plan.work.count()});
-  if (!run.has_peers()) return run.is_complete();
-  auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
-    auto rtpm = connect_contender(**duel, Side::kRtpm, config, plan.work);
-    if (!rtpm) return unexpected{rtpm.error()};
-    auto floor = connect_contender(**duel, Side::kFloor, config, plan.work);
-    if (!floor) return unexpected{floor.error()};
-    const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto done = run.measure(std::move(*rtpm), std::move(*floor), config.placement); !done)
-      return done;
-    CallResults(config, plan, run).report(report, watch);
-    return {};
-  });
-  if (!measured) return unexpected{measured.error()};
+  DisturbanceWatch watch({});
+  const std::vector<Rounds> parts = run.parts();
+  for (const Rounds rounds : parts) {
+    auto duel = Duel::start(config);
+    if (!duel) return unexpected{duel.error()};
+    run.start_peers(choice, "call", config.carrier,
+                    {.placement = config.placement,
+                     .realtime = config.realtime,
+                     .low_caller_count = config.low_caller_count,
+                     .work_ns = plan.work.count()});
+    if (!run.has_peers()) return run.is_complete();
+    auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
+      auto rtpm = connect_contender(**duel, Side::kRtpm, config, plan.work);
+      if (!rtpm) return unexpected{rtpm.error()};
+      auto floor = connect_contender(**duel, Side::kFloor, config, plan.work);
+      if (!floor) return unexpected{floor.error()};
+      watch.follow((*duel)->server_ids());
+      auto done = run.measure(std::move(*rtpm), std::move(*floor), config.placement, rounds);
+      if (!done) return done;
+      watch.note();
+      if (rounds.end == parts.back().end) CallResults(config, plan, run).report(report, watch);
+      return {};
+    });
+    run.end_part();
+    if (!measured) return unexpected{measured.error()};
+  }
   return run.is_complete();
 }
 

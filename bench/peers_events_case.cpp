@@ -96,8 +96,8 @@ void report_all(const Settings& settings, const EventSetting& setting, const Tur
   for (const TurnRun::Entrant& entrant : run.entrants()) {
     if (entrant.peer == nullptr) continue;
     const TurnRun::Finding& finding = entrant.findings.at(0);
-    result.rows.push_back({entrant.peer->title() + ", each", finding.high.percentiles()});
-    result.rows.push_back({entrant.peer->title() + ", last", finding.low.percentiles()});
+    result.rows.push_back({entrant.title + ", each", finding.high.percentiles()});
+    result.rows.push_back({entrant.title + ", last", finding.low.percentiles()});
   }
   const double longest_us = rtpm.last.percentiles().max;
   watch.finish(result, longest_us);
@@ -135,7 +135,9 @@ expected<bool, std::string> measure_beside(const Settings& settings, const Event
     if (!floor) return unexpected{floor.error()};
     const EventContender& of_rtpm = **rtpm;
     const EventContender& of_floor = **floor;
-    if (auto done = run.measure(std::move(*rtpm), std::move(*floor), setting.placement); !done)
+    if (auto done = run.measure(std::move(*rtpm), std::move(*floor), setting.placement,
+                                run.parts().front());
+        !done)
       return done;
     const auto deliveries = [&](std::size_t which, const EventContender& contender) {
       const TurnRun::Finding& finding = run.entrants()[which].findings.at(0);

@@ -140,12 +140,12 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
 Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
                        const Samples& denominator) {
   Percentiles ratios;
-  const auto add = [&](const std::string& name, double percent, double& median) {
+  const auto add = [&](const std::string& name, double percent, double& middle) {
     const Ratio ratio = ratio_at(numerator, denominator, percent);
-    json.add(prefix + name, ratio.median);
+    json.add(prefix + name, ratio.middle);
     json.add(prefix + name + "_low", ratio.low);
     json.add(prefix + name + "_high", ratio.high);
-    median = ratio.median;
+    middle = ratio.middle;
   };
   add("p50", 50, ratios.p50);
   add("p90", 90, ratios.p90);

@@ -61,7 +61,7 @@ std::vector<double> ratios_of(const Samples& numerator, const Samples& denominat
   return ratios;
 }
 
-/// Sets where the median of the ratios lies with 95 % confidence: what becomes of it when the
+/// Sets where the middle of the ratios lies with 95 % confidence: what becomes of it when the
 /// rounds are drawn at random, some of them several times, some not at all.
 void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denominator,
                    const std::vector<Stretch>& stretches, double percent) {
@@ -72,7 +72,7 @@ void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denomi
   // Always the same numbers, so that the same samples say the same.
   std::minstd_rand random;  // NOLINT(cert-msc32-c,cert-msc51-cpp)
   std::uniform_int_distribution<std::size_t> draw(0, rounds.size() - 1);
-  std::vector<double> medians;
+  std::vector<double> middles;
   for (int i = 0; i < kDrawCount; ++i) {
     std::vector<double> ratios;
     if (is_by_round) {
@@ -86,12 +86,12 @@ void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denomi
       }
       ratios = ratios_of(numerator, denominator, drawn, percent);
     }
-    if (!ratios.empty()) medians.push_back(median_of(std::move(ratios)));
+    if (!ratios.empty()) middles.push_back(middle_of(std::move(ratios)));
   }
-  if (medians.empty()) return;
-  std::ranges::sort(medians);
-  ratio.low = medians[medians.size() / 40];
-  ratio.high = medians[medians.size() - 1 - medians.size() / 40];
+  if (middles.empty()) return;
+  std::ranges::sort(middles);
+  ratio.low = middles[middles.size() / 40];
+  ratio.high = middles[middles.size() - 1 - middles.size() / 40];
 }
 
 }  // namespace
@@ -121,15 +121,15 @@ std::vector<double> Samples::stretch_percentiles(double percent) const {
 }
 
 Percentiles Samples::percentiles() const {
-  const auto median_at = [this](double percent) { return median_of(stretch_percentiles(percent)); };
+  const auto middle_at = [this](double percent) { return middle_of(stretch_percentiles(percent)); };
   std::vector<Duration> all;
   all.reserve(count());
   for (const auto& round : rounds_)
     all.insert(all.end(), round.begin(), round.end());
-  return {.p50 = median_at(50),
-          .p90 = median_at(90),
-          .p99 = median_at(99),
-          .p999 = median_at(99.9),
+  return {.p50 = middle_at(50),
+          .p90 = middle_at(90),
+          .p99 = middle_at(99),
+          .p999 = middle_at(99.9),
           .p9999 = percentile_of(all, 99.99),
           .max = percentile_of(all, 100)};
 }
@@ -178,16 +178,18 @@ Ratio ratio_at(const Samples& numerator, const Samples& denominator, double perc
   const std::vector<Stretch> stretches = stretches_of(numerator, denominator, percent);
   Ratio ratio{.stretches = ratios_of(numerator, denominator, stretches, percent)};
   if (ratio.stretches.empty()) return {};
-  ratio.median = ratio.low = ratio.high = median_of(ratio.stretches);
+  ratio.middle = ratio.low = ratio.high = middle_of(ratio.stretches);
   find_interval(ratio, numerator, denominator, stretches, percent);
   return ratio;
 }
 
-double median_of(std::vector<double> values) {
+double middle_of(std::vector<double> values) {
   if (values.empty()) return 0;
-  std::sort(values.begin(), values.end());
-  const std::size_t middle = values.size() / 2;
-  return values.size() % 2 == 1 ? values[middle] : (values[middle - 1] + values[middle]) / 2;
+  std::ranges::sort(values);
+  const auto cut = static_cast<std::ptrdiff_t>((values.size() + 1) / 4);
+  const auto count = static_cast<std::ptrdiff_t>(values.size()) - 2 * cut;
+  return std::accumulate(values.begin() + cut, values.end() - cut, 0.0) /
+         static_cast<double>(count);
 }
 
 }  // namespace rtpm::bench

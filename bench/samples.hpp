@@ -55,7 +55,7 @@ class Samples {
 
   /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
   [[nodiscard]] std::vector<double> stretch_percentiles(double percent) const;
-  /// p50 to p99.9 are the medians of the stretches' own; p99.99 and the maximum, for which a
+  /// p50 to p99.9 are the middles of the stretches' own; p99.99 and the maximum, for which a
   /// stretch is too short, are of all samples together.
   [[nodiscard]] Percentiles percentiles() const;
   /// Every latency in the order in which they were added, in microseconds.
@@ -80,18 +80,20 @@ using Stretch = std::vector<int>;
 [[nodiscard]] std::vector<Stretch> stretches_of(const Samples& one, const Samples& other,
                                                 double percent);
 
-/// How two contenders of one run compare at one percentile: the median of the stretches' ratios,
+/// How two contenders of one run compare at one percentile: the middle of the stretches' ratios,
 /// and the interval in which it lies with 95 % confidence, found by drawing the rounds again and
 /// again. Of a single round, the interval is the ratio itself: nothing is known of it.
 struct Ratio {
-  double median = 0;
+  double middle = 0;
   double low = 0;
   double high = 0;
   std::vector<double> stretches{};  ///< The ratios themselves.
 };
 [[nodiscard]] Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent);
 
-/// The middle value, or the mean of the two in the middle; 0 of nothing.
-[[nodiscard]] double median_of(std::vector<double> values);
+/// The mean of the middle half of the values, which no wild one moves; 0 of nothing. A median would
+/// jump where the values come in two heaps, as they do where memory lies well or badly in the caches
+/// from one start of the servers to the next. Of three values it is the median.
+[[nodiscard]] double middle_of(std::vector<double> values);
 
 }  // namespace rtpm::bench

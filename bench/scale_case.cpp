@@ -16,6 +16,7 @@ namespace rtpm::bench {
 namespace {
 
 constexpr std::uint64_t kSampleCountDefault = 10'000;
+constexpr int kPartCount = 5;  ///< Starts of the servers in a run.
 constexpr std::size_t kBlockSize = 500;
 constexpr int kWarmUpCount = 50;
 
@@ -92,7 +93,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
                                  Samples(settings.round_count, per_round)};
   DisturbanceWatch watch({});
   double grown_kib = 0;
-  for (const Rounds rounds : parts_of_run(settings.round_count)) {
+  for (const Rounds rounds : parts_of_run(settings.round_count, kPartCount)) {
     auto duel = Duel::start(config);
     if (!duel) return unexpected{duel.error()};
     const pid_t server = (*duel)->server_ids().back();

@@ -35,8 +35,8 @@ std::vector<int> cpus_of(const Placement& placement) {
   return {placement.client_cpu, placement.server_cpu};
 }
 
-std::vector<Rounds> parts_of_run(int round_count) {
-  const int count = std::min(5, round_count);
+std::vector<Rounds> parts_of_run(int round_count, int part_count) {
+  const int count = std::min(part_count, round_count);
   std::vector<Rounds> parts;
   for (int i = 0; i < count; ++i)
     parts.push_back({.begin = round_count * i / count, .end = round_count * (i + 1) / count});

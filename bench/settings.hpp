@@ -25,7 +25,7 @@ struct Settings {
   std::vector<std::size_t> payload_sizes{48};  ///< Bytes, of `call`; 48 as in the paper.
   /// Results tell every latency, not only their distribution.
   bool tells_latencies = false;
-  int round_count = 40;   ///< Of which the medians are reported.
+  int round_count = 40;   ///< Of which the middles are reported.
   double rate_hz = 1000;  ///< Of callers that keep a pace.
   std::vector<int> low_caller_counts{0, 1, 4, 16};
   std::vector<int> client_counts{1, 10, 100, 1000};     ///< Of scale.
@@ -63,9 +63,9 @@ struct Rounds {
   int begin = 0;
   int end = 0;
 };
-/// The rounds of a run in five parts, or less where there are less rounds. The servers are started
+/// The rounds of a run in so many parts, or less where there are less rounds. The servers are started
 /// anew for each: where a process's memory comes to lie, and on which cores of the host, moves the
 /// figures of shared memory by a third, and would else be in all of them.
-[[nodiscard]] std::vector<Rounds> parts_of_run(int round_count);
+[[nodiscard]] std::vector<Rounds> parts_of_run(int round_count, int part_count);
 
 }  // namespace rtpm::bench

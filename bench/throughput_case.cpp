@@ -68,7 +68,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
     const DisturbanceWatch watch((*duel)->server_ids());
     const auto rates = measure(**duel, settings, has_floor);
     if (!rates) return unexpected{rates.error()};
-    const double rtpm = median_of(rates->rtpm);
+    const double rtpm = middle_of(rates->rtpm);
     result.json.add("case", "throughput");
     result.json.add("transport", to_string(config.carrier));
     result.json.add("wait", rt::to_string(config.wait.strategy));
@@ -81,7 +81,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
     result.notes.push_back("RTPM makes " + short_text(rtpm / 1000) + " thousand calls a second, " +
                            std::to_string(settings.in_flight) + " at a time.");
     if (has_floor) {
-      const double floor = median_of(rates->floor);
+      const double floor = middle_of(rates->floor);
       result.json.add("floor_calls_per_second", floor);
       result.json.add("floor_rounds_calls_per_second", rates->floor);
       result.json.add("ratio", rtpm / floor);

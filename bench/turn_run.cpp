@@ -23,16 +23,22 @@ TurnRun::TurnRun(const Settings& settings, const CasePlan& plan)
     round_count_ = std::max(round_count_, static_cast<int>(count / plan.turn_size));
   }
   count_per_round_ = std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(round_count_));
+  for (int i = 0; i < kOwnCount; ++i)
+    enter({});
 }
 
-void TurnRun::enter(std::unique_ptr<Contender> contender, const PeerContender* peer) {
-  Entrant entrant{.contender = std::move(contender), .peer = peer};
+std::vector<Rounds> TurnRun::parts() const {
+  return parts_of_run(round_count_, plan_.part_count);
+}
+
+TurnRun::Entrant& TurnRun::enter(const std::string& title) {
+  Entrant& entrant = entrants_.emplace_back(Entrant{.title = title});
   for (const int low_callers : levels_) {
     entrant.findings.try_emplace(
         low_callers, Finding{Samples(round_count_, static_cast<std::size_t>(count_per_round_)),
                              Samples(round_count_, 0)});
   }
-  entrants_.push_back(std::move(entrant));
+  return entrant;
 }
 
 bool TurnRun::has_peers() const noexcept {
@@ -48,17 +54,30 @@ void TurnRun::start_peers(const PeerChoice& choice, std::string_view verb, Carri
     for (const std::string& transport : transports_beside(transports, carrier)) {
       PeerSetting its_setting = setting;
       its_setting.transport.set(transport);
-      auto started = PeerContender::start(*peer, *program, std::string(verb), its_setting);
-      if (!started) {
-        say_not_measured(std::string(plan_.name) + ", peer " + std::string(peer->name),
-                         started.error());
-        is_complete_ = false;
-        continue;
-      }
-      const PeerContender* const itself = started->get();
-      enter(std::move(*started), itself);
+      start_peer(*peer, *program, verb, its_setting);
     }
   }
+  // Who did not start in a later part has not all rounds.
+  entrants_.erase(std::remove_if(entrants_.begin() + kOwnCount, entrants_.end(),
+                                 [](const Entrant& each) { return each.contender == nullptr; }),
+                  entrants_.end());
+  has_begun_ = true;
+}
+
+void TurnRun::start_peer(const PeerEntry& peer, const std::string& program, std::string_view verb,
+                         const PeerSetting& setting) {
+  const std::string title = std::string(peer.name) + ", " + std::string(setting.transport.get());
+  const auto known = std::ranges::find(entrants_, title, &Entrant::title);
+  if (has_begun_ && known == entrants_.end()) return;
+  auto started = PeerContender::start(peer, program, std::string(verb), setting);
+  if (!started) {
+    say_not_measured(std::string(plan_.name) + ", peer " + std::string(peer.name), started.error());
+    is_complete_ = false;
+    return;
+  }
+  Entrant& entrant = known == entrants_.end() ? enter(title) : *known;
+  entrant.peer = started->get();
+  entrant.contender = std::move(*started);
 }
 
 expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers,
@@ -71,7 +90,7 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(witness_, cpus_);
+  const RoundWatch round_watch(*witness_, cpus_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
@@ -99,8 +118,7 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
       Entrant& entrant = entrants_[which];
       if (auto taken = take_turn(entrant, low_callers, count); !taken) {
         if (entrant.peer == nullptr) return taken;
-        say_not_measured(std::string(plan_.name) + ", peer " + entrant.peer->title(),
-                         taken.error());
+        say_not_measured(std::string(plan_.name) + ", peer " + entrant.title, taken.error());
         is_complete_ = false;
         failed.push_back(which);
       }
@@ -114,22 +132,29 @@ expected<void, std::string> TurnRun::measure_level(int low_callers, int round) {
 
 expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
                                              std::unique_ptr<Contender> floor,
-                                             const Placement& placement) {
-  enter(std::move(rtpm), nullptr);
-  enter(std::move(floor), nullptr);
+                                             const Placement& placement, Rounds rounds) {
+  entrants_[0].contender = std::move(rtpm);
+  entrants_[1].contender = std::move(floor);
+  witness_.emplace();
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
     cpus_ = cpus_of(placement);
-    if (auto started = witness_.start(cpus_); !started) return started;
+    if (auto started = witness_->start(cpus_); !started) return started;
   }
-  // They were entered behind the peers, whose programs had to start before any thread.
-  std::rotate(entrants_.begin(), entrants_.end() - 2, entrants_.end());
-  for (int round = 0; round < round_count_; ++round) {
+  for (int round = rounds.begin; round < rounds.end; ++round) {
     for (const int low_callers : levels_) {
       if (auto measured = measure_level(low_callers, round); !measured) return measured;
     }
   }
   return {};
+}
+
+void TurnRun::end_part() {
+  witness_.reset();
+  for (Entrant& entrant : entrants_) {
+    entrant.contender.reset();
+    entrant.peer = nullptr;
+  }
 }
 
 }  // namespace rtpm::bench

@@ -2,7 +2,7 @@
 
 For each row that both have, and each figure that was told round by round: both values, the
 difference in percent of A's, and the interval in which it lies with 95 % confidence. The interval is
-found by drawing the rounds of each run again and again (bootstrap of the medians), so it knows what
+found by drawing the rounds of each run again and again (bootstrap of their middles), so it knows what
 moved within the runs, and not what a reboot or another day would have changed.
 
 Exit codes: 0 compared; 2 something is wrong with a file or an option, said in one sentence.
@@ -10,7 +10,6 @@ Exit codes: 0 compared; 2 something is wrong with a file or an option, said in o
 
 import argparse
 import random
-import statistics
 import sys
 
 import records
@@ -33,13 +32,13 @@ MAIN_FIGURES = (
 
 
 def interval(first, second, seed):
-    """Where the difference of the medians of `second` and `first` lies, in percent of the latter's:
+    """Where the difference of the middles of `second` and `first` lies, in percent of the latter's:
     (low, high). `seed` makes it repeatable. Both lists have numbers above 0.
     """
     draw = random.Random(seed)
     differences = sorted(
-        100 * (statistics.median(draw.choices(second, k=len(second)))
-               / statistics.median(draw.choices(first, k=len(first))) - 1)
+        100 * (records.middle(draw.choices(second, k=len(second)))
+               / records.middle(draw.choices(first, k=len(first))) - 1)
         for _ in range(DRAW_COUNT))
     outside = (100 - CONFIDENCE_PERCENT) / 200
     low = differences[int(outside * DRAW_COUNT)]
@@ -55,8 +54,8 @@ class Difference:
 
     def __init__(self, name, first, second):
         self.name = name
-        self.first = statistics.median(first)
-        self.second = statistics.median(second)
+        self.first = records.middle(first)
+        self.second = records.middle(second)
         self.percent = 100 * (self.second / self.first - 1)
         # One round tells nothing of what moves by itself.
         self.has_interval = min(len(first), len(second)) > 1
