@@ -144,13 +144,10 @@ TEST(Crew, DropsWhatWaitedTooLong) {
   Binding binding = bind_echo(node, server);
   Holders holders(server, binding);
   holders.add_inside(1);
-  // On a busy machine a call's time may be over before the lane has it.
-  EXPECT_TRUE(await([&] {
-    EXPECT_EQ(error_of_call(binding, {.deadline = 5ms}), CallError::kTimeout);
-    return server.server->counters().call_count == 2;
-  }));
+  // Time enough to be queued on a busy machine, too: else it is late before the lane has it.
+  EXPECT_EQ(error_of_call(binding, {.deadline = 100ms}), CallError::kTimeout);
   holders.end();
-  EXPECT_TRUE(await([&] { return server.server->counters().late_count > 0; }));
+  EXPECT_TRUE(await([&] { return server.server->counters().late_count == 1; }));
   EXPECT_EQ(server.servant.run_count(), 1) << "only the one that held the lane";
 }
 
