@@ -291,7 +291,7 @@ bool Lane::turn() noexcept {
   const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
   const bool has_served = is_hot_asked && serve_one(hot_);
   if (has_served && connection_count() == 0 && hot_ != kLocal) return true;
-  // What costs no syscall is looked at each turn, unless there is something anyway.
+  // Some of what costs no syscall is looked at each turn, unless there is something anyway.
   if (!has_served || is_memory_look_due()) {
     last_memory_look_ = received_;
     if (serve_memory(has_served ? kMemoryLooksWhenDue : kMemoryLooksPerTurn)) return true;
@@ -396,11 +396,11 @@ void Lane::end_sleep() noexcept {
 // Looks at the next so many connections through memory, and serves one frame of each that has some.
 bool Lane::serve_memory(std::size_t look_count) noexcept {
   bool has_served = false;
-  for (std::size_t i = std::min(look_count, memory_sources_.size()); i > 0; --i) {
+  std::size_t left = std::min(look_count, memory_sources_.size());
+  for (; left > 0 && !memory_sources_.empty(); --left) {
     // Backwards: one that ends leaves its place to the last.
     if (next_memory_look_ == 0 || next_memory_look_ > memory_sources_.size()) {
       next_memory_look_ = memory_sources_.size();
-      if (next_memory_look_ == 0) break;
     }
     const Source source = memory_sources_[--next_memory_look_];
     if (!connections_[source].stream->has_buffered() || !serve_one(source)) continue;
