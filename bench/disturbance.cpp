@@ -70,9 +70,9 @@ bool is_measured_thread(pid_t thread) {
 
 RoundWatch::RoundWatch() : stolen_time_({}), stolen_(read_cpu_time().stolen) {}
 
-RoundWatch::RoundWatch(const StallWitness& witness, std::span<const int> cpus)
+RoundWatch::RoundWatch(const StallWitness& witness)
     : witness_(&witness),
-      stolen_time_(cpus),
+      stolen_time_(witness.cpus()),
       stolen_(read_cpu_time().stolen),
       stall_count_(witness.count()) {}
 

@@ -4,7 +4,6 @@
 
 #include <cstdint>
 #include <map>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -25,9 +24,9 @@ class RoundWatch {
 
   /// Sees what the hypervisor accounts for in /proc/stat, in hundredths of a second.
   RoundWatch();
-  /// Sees, besides, kStolenMin taken from one of `cpus`, and what the witness feels, to which it
-  /// refers.
-  RoundWatch(const StallWitness& witness, std::span<const int> cpus);
+  /// Sees, besides, what the witness feels, to which it refers, and kStolenMin taken from one of
+  /// its CPUs.
+  explicit RoundWatch(const StallWitness& witness);
   [[nodiscard]] bool saw_any() const;
 
  private:

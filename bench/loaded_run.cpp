@@ -49,11 +49,7 @@ AwakeCpus::~AwakeCpus() {
 
 LoadedRun::LoadedRun(const Settings& settings, const DuelConfig& config, const LoadPlan& plan,
                      Duel& duel)
-    : settings_(settings),
-      config_(config),
-      plan_(plan),
-      duel_(duel),
-      cpus_(cpus_of(config.placement)) {
+    : settings_(settings), config_(config), plan_(plan), duel_(duel) {
   auto count = static_cast<std::size_t>(settings.sample_count);
   if (count == 0) {
     const std::size_t load_count = std::max<std::size_t>(1, plan.caller_counts.size());
@@ -124,7 +120,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
-  const RoundWatch round_watch(witness_, cpus_);
+  const RoundWatch round_watch(witness_);
   // Who goes first changes from round to round.
   for (std::size_t i = 0; i < 2; ++i) {
     const Side side = kBothSides[(i + static_cast<std::size_t>(round)) % 2];
@@ -139,7 +135,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
 }
 
 expected<void, std::string> LoadedRun::measure() {
-  if (auto started = witness_.start(cpus_); !started) return started;
+  if (auto started = witness_.start(cpus_of(config_.placement)); !started) return started;
   for (const Side side : kBothSides) {
     if (auto connected = connect(side); !connected) return connected;
   }

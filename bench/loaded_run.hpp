@@ -88,7 +88,6 @@ class LoadedRun {
   Duel& duel_;
   int round_count_ = 0;
   std::size_t count_per_round_ = 0;  ///< Of each side, in its one turn.
-  std::vector<int> cpus_;
   StallWitness witness_;
   std::map<int, Level> levels_;
   std::array<Connections, 2> connections_;

@@ -48,7 +48,7 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("payload", arguments.payloads,
               "bytes that each call of `call` carries each way: 0, 48, 1Ki, 1Mi or several");
   options.add("latencies", settings.tells_latencies,
-              "with --json, tell every latency of call, two-node and events");
+              "with --json, tell every latency of call, two-node, events, isolation and bulk");
   options.add("rounds", settings.round_count, "parts of a run, of which the middles are shown",
               {1, 1000});
   options.add("rate", settings.rate_hz, "calls per second of paced, isolation and bulk",

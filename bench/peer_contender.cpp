@@ -60,7 +60,7 @@ expected<std::unique_ptr<PeerContender>, std::string> PeerContender::start(
   (*board)->setting.folder.set(*folder);
   std::unique_ptr<PeerContender> contender(new PeerContender(peer.name, std::move(*board)));
   if (auto started = contender->start_programs(program, verb); !started) {
-    return unexpected{contender->title() + ": " + started.error()};
+    return unexpected{peer_title(peer.name, setting.transport.get()) + ": " + started.error()};
   }
   return contender;
 }
@@ -85,10 +85,6 @@ PeerContender::~PeerContender() {
   std::filesystem::remove_all(std::string(board_->setting.folder.get()), ignored);
 }
 
-std::string PeerContender::title() const {
-  return std::string(name_) + ", " + std::string(transport());
-}
-
 expected<void, std::string> PeerContender::take_turn(const TurnPlan& plan, Samples& high,
                                                      Samples& low) {
   PeerBoard& board = *board_.operator->();
@@ -105,6 +101,10 @@ expected<void, std::string> PeerContender::take_turn(const TurnPlan& plan, Sampl
   take(board.low_ns, board.low_count, low);
   missing_count_ += board.missing_count;
   return {};
+}
+
+std::string peer_title(std::string_view name, std::string_view transport) {
+  return std::string(name) + ", " + std::string(transport);
 }
 
 }  // namespace rtpm::bench

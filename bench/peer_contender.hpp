@@ -24,8 +24,6 @@ class PeerContender final : public Contender {
   [[nodiscard]] expected<void, std::string> take_turn(const TurnPlan& plan, Samples& high,
                                                       Samples& low) override;
 
-  /// "zeromq, ipc".
-  [[nodiscard]] std::string title() const;
   [[nodiscard]] std::string_view name() const noexcept { return name_; }
   [[nodiscard]] std::string_view transport() const noexcept {
     return board_->setting.transport.get();
@@ -43,5 +41,8 @@ class PeerContender final : public Contender {
   std::vector<ServerProcess> processes_{};  ///< The server and the client.
   std::uint64_t missing_count_ = 0;
 };
+
+/// "zeromq, ipc".
+[[nodiscard]] std::string peer_title(std::string_view name, std::string_view transport);
 
 }  // namespace rtpm::bench

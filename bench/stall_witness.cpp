@@ -13,6 +13,7 @@ StallWitness::~StallWitness() {
 }
 
 expected<void, std::string> StallWitness::start(std::span<const int> cpus) {
+  cpus_.assign(cpus.begin(), cpus.end());
   for (const int cpu : cpus) {
     auto thread = rt::Thread::start({.name = "bench-witness", .cpus = {cpu}}, [this] { run(); });
     if (!thread) return unexpected{thread.error().text};

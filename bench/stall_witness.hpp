@@ -31,12 +31,15 @@ class StallWitness {
   ~StallWitness();
   [[nodiscard]] expected<void, std::string> start(std::span<const int> cpus);
   [[nodiscard]] std::uint64_t count() const noexcept { return count_.load(); }
+  /// Those it was started on.
+  [[nodiscard]] std::span<const int> cpus() const noexcept { return cpus_; }
 
  private:
   void run() noexcept;
 
   std::atomic<bool> is_over_{false};
   std::atomic<std::uint64_t> count_{0};
+  std::vector<int> cpus_;
   std::vector<rt::Thread> threads_;
 };
 

@@ -66,7 +66,7 @@ void TurnRun::start_peers(const PeerChoice& choice, std::string_view verb, Carri
 
 void TurnRun::start_peer(const PeerEntry& peer, const std::string& program, std::string_view verb,
                          const PeerSetting& setting) {
-  const std::string title = std::string(peer.name) + ", " + std::string(setting.transport.get());
+  const std::string title = peer_title(peer.name, setting.transport.get());
   const auto known = std::ranges::find(entrants_, title, &Entrant::title);
   if (has_begun_ && known == entrants_.end()) return;
   auto started = PeerContender::start(peer, program, std::string(verb), setting);
@@ -90,7 +90,7 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(*witness_, cpus_);
+  const RoundWatch round_watch(*witness_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
@@ -138,8 +138,7 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
   witness_.emplace();
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
-    cpus_ = cpus_of(placement);
-    if (auto started = witness_->start(cpus_); !started) return started;
+    if (auto started = witness_->start(cpus_of(placement)); !started) return started;
   }
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (const int low_callers : levels_) {

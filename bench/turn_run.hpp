@@ -92,7 +92,6 @@ class TurnRun {
   std::set<int> levels_;  ///< Numbers of low-priority callers.
   std::uint64_t count_per_round_ = 0;
   std::vector<Entrant> entrants_{};
-  std::vector<int> cpus_{};                ///< Where the witness is.
   std::optional<StallWitness> witness_{};  ///< Within a part: its threads are in no fork's way.
   bool has_begun_ = false;                 ///< The first part has.
   bool is_complete_ = true;

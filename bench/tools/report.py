@@ -102,7 +102,8 @@ def _head_lines(results):
         "Every row was measured beside the raw floor, by turns in one run: the sockets or rings "
         "themselves, with the same bytes, wait, priority and CPU. Times belong to this machine and "
         "these minutes; the ratios are what to compare. A median is the mean of the middle half of "
-        "the rounds' own; p99 and p99.9 are those of as many rounds together as it takes to have ten samples beyond them; "
+        "the rounds' own; p99 and p99.9 are those of as many rounds together as it takes to have ten "
+        "samples beyond them; "
         "p99.99 and the maximum are those of all samples. A dash stands where there are too few "
         "samples: p99 takes 1000, p99.9 takes 10 000, p99.99 takes 100 000.",
         *(["", "This is the quick form: short runs, which tell little of the tails."]
