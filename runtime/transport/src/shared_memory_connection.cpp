@@ -19,29 +19,28 @@ namespace {
 // While a ring is full its reader works, or is about to be found dead: a look so often is enough.
 constexpr Duration kRoomLookInterval = std::chrono::microseconds{50};
 
+enum class Direction : std::uint8_t { kToServer, kToClient };
+
 // In fresh memory the control words are zeros, which is how they begin.
-RecordRingControl& control_at(MutableBytes memory, std::size_t offset) noexcept {
-  return *reinterpret_cast<RecordRingControl*>(memory.data() + offset);
+RecordRingMemory ring_of(MutableBytes memory, RingSizes sizes, Direction direction) noexcept {
+  const bool is_to_server = direction == Direction::kToServer;
+  std::byte* const control =
+      memory.data() + (is_to_server ? kToServerControlOffset : kToClientControlOffset);
+  return {
+      *reinterpret_cast<RecordRingControl*>(control),
+      memory.subspan(is_to_server ? kToServerSlotsOffset : kToClientSlotsOffset, kRecordSlotsSize),
+      is_to_server ? memory.subspan(kRingDataOffset, sizes.to_server)
+                   : memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
 }
 
-RecordWriter writer_of(MutableBytes memory, RingSizes sizes,
-                       SharedMemoryConnection::Side side) noexcept {
-  if (side == SharedMemoryConnection::Side::kClient) {
-    return {control_at(memory, kToServerControlOffset),
-            memory.subspan(kRingDataOffset, sizes.to_server)};
-  }
-  return {control_at(memory, kToClientControlOffset),
-          memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
+Direction sent_by(SharedMemoryConnection::Side side) noexcept {
+  return side == SharedMemoryConnection::Side::kClient ? Direction::kToServer
+                                                       : Direction::kToClient;
 }
 
-RecordReader reader_of(MutableBytes memory, RingSizes sizes,
-                       SharedMemoryConnection::Side side) noexcept {
-  if (side == SharedMemoryConnection::Side::kServer) {
-    return {control_at(memory, kToServerControlOffset),
-            memory.subspan(kRingDataOffset, sizes.to_server)};
-  }
-  return {control_at(memory, kToClientControlOffset),
-          memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
+Direction received_by(SharedMemoryConnection::Side side) noexcept {
+  return side == SharedMemoryConnection::Side::kClient ? Direction::kToClient
+                                                       : Direction::kToServer;
 }
 
 }  // namespace
@@ -66,8 +65,8 @@ SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, Descriptor eve
     : socket_(std::move(socket)),
       event_(std::move(event)),
       mapping_(std::move(mapping)),
-      writer_(writer_of(mapping_.bytes(), sizes, side)),
-      reader_(reader_of(mapping_.bytes(), sizes, side)),
+      writer_(ring_of(mapping_.bytes(), sizes, sent_by(side))),
+      reader_(ring_of(mapping_.bytes(), sizes, received_by(side))),
       lines_(wire::kSharedFrameSizeMax / sizeof(CacheLine)) {
   RTPM_ASSERT(mapping_.bytes().size() == memory_size(sizes), "a connection has its rings");
 }

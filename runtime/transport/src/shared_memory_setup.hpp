@@ -15,8 +15,10 @@ namespace rtpm::transport {
 
 inline constexpr std::uint16_t kSetupVersion = 1;
 
-/// The control words of both rings are in the first page; the records follow.
-inline constexpr std::size_t kRingDataOffset = 4096;
+/// The control words of both rings are in the first page; the slots and the records follow.
+inline constexpr std::size_t kToServerSlotsOffset = 4096;
+inline constexpr std::size_t kToClientSlotsOffset = kToServerSlotsOffset + kRecordSlotsSize;
+inline constexpr std::size_t kRingDataOffset = kToClientSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kToServerControlOffset = 0;
 inline constexpr std::size_t kToClientControlOffset = 256;
 /// What RTPM's servers give, and what its clients take.

@@ -31,7 +31,10 @@ class RecordRingTest : public testing::Test {
  protected:
   struct alignas(64) Memory {
     RecordRingControl control;
+    alignas(64) std::array<std::byte, kRecordSlotsSize> slots{};
     std::array<std::byte, kRingSize> data{};
+
+    [[nodiscard]] RecordRingMemory parts() { return {control, slots, data}; }
   };
 
   Outcome write(const Bytes& record) { return writer_.write(record); }
@@ -52,15 +55,17 @@ class RecordRingTest : public testing::Test {
   }
 
   std::unique_ptr<Memory> memory_ = std::make_unique<Memory>();
-  RecordWriter writer_{memory_->control, memory_->data};
-  RecordReader reader_{memory_->control, memory_->data};
+  RecordWriter writer_{memory_->parts()};
+  RecordReader reader_{memory_->parts()};
   std::array<std::byte, kRecordSizeMax> room_{};
 };
 
 TEST_F(RecordRingTest, GivesRecordsInTheOrderTheyCame) {
   expect_error(RecordError::kEmpty);
   std::vector<Bytes> records;
-  for (const std::size_t size : {1u, 7u, 8u, 9u, 55u, 56u, 57u, 63u, 64u, 112u, 120u, 121u}) {
+  // Of these some are short and find a slot, some are not, and the last find none.
+  for (const std::size_t size : {1u,   7u,   8u,   9u,   55u,  56u,  57u, 63u,  64u, 112u,
+                                 120u, 121u, 247u, 248u, 249u, 256u, 1u,  900u, 1u,  248u}) {
     records.push_back(record_of(size, static_cast<std::uint32_t>(size)));
     ASSERT_EQ(write(records.back()), Outcome::kWritten);
   }
@@ -79,15 +84,50 @@ TEST_F(RecordRingTest, GoesRoundWithRecordsOfAllSizes) {
 }
 
 TEST_F(RecordRingTest, WhenFullItWritesNothing) {
-  const Bytes record = record_of(120, 1);  // Two lines.
+  const Bytes record = record_of(120, 1);  // A slot, or two lines.
   std::size_t count = 0;
   while (write(record) == Outcome::kWritten)
     ++count;
-  EXPECT_EQ(count, kRingSize / 128) << "every byte of the ring is used";
+  EXPECT_EQ(count, kRecordSlotCount + kRingSize / 128) << "every slot and byte is used";
   EXPECT_EQ(write(record), Outcome::kFull);
+  for (std::uint32_t i = 0; i < kRecordSlotCount; ++i)
+    expect_record(record);
+  EXPECT_EQ(write(record), Outcome::kFull) << "those were in slots, and the ring is full";
   expect_record(record);
   EXPECT_EQ(write(record), Outcome::kWritten) << "what was read makes room";
   EXPECT_EQ(write(record), Outcome::kFull);
+}
+
+// hp-16.2-1: the ring is for what is long, or comes while many are not read yet.
+TEST_F(RecordRingTest, PutsShortRecordsIntoSlots) {
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    ASSERT_EQ(write(record_of(kShortRecordMax, i)), Outcome::kWritten);
+    expect_record(record_of(kShortRecordMax, i));
+  }
+  EXPECT_EQ(memory_->control.tail, 0u);
+  ASSERT_EQ(write(record_of(kShortRecordMax + 1, 1)), Outcome::kWritten);
+  EXPECT_EQ(memory_->control.tail, 320u);
+  for (std::uint32_t i = 1; i < kRecordSlotCount; ++i)
+    ASSERT_EQ(write(record_of(1, i)), Outcome::kWritten);
+  EXPECT_EQ(memory_->control.tail, 320u) << "sixteen are not read";
+  ASSERT_EQ(write(record_of(1, 1)), Outcome::kWritten);
+  EXPECT_EQ(memory_->control.tail, 384u) << "the seventeenth goes to the ring";
+}
+
+// However reader and writer come one after the other, and whatever is in slots and ring.
+TEST_F(RecordRingTest, KeepsTheOrderOfShortAndLongRecords) {
+  std::mt19937_64 random(7);
+  std::uint32_t written = 0;
+  for (std::uint32_t taken = 0; taken < 20'000;) {
+    const auto size_of = [](std::uint32_t i) { return i % 3 == 0 ? 300 + i % 500 : 1 + i % 200; };
+    for (auto burst = random() % 24; burst > 0; --burst) {
+      if (write(record_of(size_of(written), written)) != Outcome::kWritten) break;
+      ++written;
+    }
+    for (auto burst = random() % 24; burst > 0 && taken < written; --burst, ++taken)
+      expect_record(record_of(size_of(taken), taken));
+    if (taken == written) expect_error(RecordError::kEmpty);
+  }
 }
 
 // hp-16.3-1
@@ -168,7 +208,7 @@ TEST_F(RecordRingTest, TakesNoImpossibleTail) {
        {std::uint64_t{1}, std::uint64_t{63}, std::uint64_t{65}, std::uint64_t{kRingSize + 64},
         ~std::uint64_t{0}, ~std::uint64_t{63}, std::uint64_t{1} << 63}) {
     memory_->control.tail = tail;
-    RecordReader reader(memory_->control, memory_->data);
+    RecordReader reader(memory_->parts());
     const auto given = reader.read(room_);
     ASSERT_FALSE(given) << tail;
     EXPECT_EQ(given.error(), RecordError::kBroken) << tail;
@@ -177,8 +217,8 @@ TEST_F(RecordRingTest, TakesNoImpossibleTail) {
 
 // hp-16.2-2
 TEST_F(RecordRingTest, TakesNoImpossibleHead) {
-  const Bytes record = record_of(56, 1);  // One line.
-  for (std::size_t i = 0; i < kRingSize / 64; ++i)
+  const Bytes record = record_of(504, 1);  // Eight lines.
+  for (std::size_t i = 0; i < kRingSize / 512; ++i)
     ASSERT_EQ(write(record), Outcome::kWritten);
   for (const std::uint64_t head :
        {std::uint64_t{1}, std::uint64_t{kRingSize + 64}, ~std::uint64_t{63}}) {
@@ -189,19 +229,60 @@ TEST_F(RecordRingTest, TakesNoImpossibleHead) {
   EXPECT_EQ(write(record), Outcome::kWritten);
 }
 
+// hp-16.2-2
+TEST_F(RecordRingTest, TakesNoImpossibleNumberForTaken) {
+  const Bytes record = record_of(56, 1);
+  for (std::uint32_t i = 0; i < kRecordSlotCount; ++i)
+    ASSERT_EQ(write(record), Outcome::kWritten);
+  for (const std::uint32_t taken : {kRecordSlotCount + 1, ~std::uint32_t{0}, 1U << 31}) {
+    memory_->control.taken = taken;
+    EXPECT_EQ(write(record), Outcome::kBroken) << taken;
+  }
+  memory_->control.taken = kRecordSlotCount;
+  EXPECT_EQ(write(record), Outcome::kWritten);
+}
+
 // hp-16.2-3
 TEST_F(RecordRingTest, TakesNoImpossibleSize) {
-  for (const std::uint64_t size :
-       {std::uint64_t{0}, std::uint64_t{121}, std::uint64_t{kRecordSizeMax},
-        std::uint64_t{kRecordSizeMax + 1}, std::uint64_t{kRingSize}, ~std::uint64_t{0},
-        ~std::uint64_t{0} - 7, std::uint64_t{1} << 32}) {
+  for (const std::uint32_t size :
+       {0u, 121u, 1000u, 1001u, static_cast<std::uint32_t>(kRingSize), ~0u, ~0u - 7, 1u << 31}) {
     Memory memory;
     memory.control.tail = 128;
-    std::memcpy(memory.data.data(), &size, sizeof size);
-    RecordReader reader(memory.control, memory.data);
+    const std::uint64_t word = RecordWord{size, 1}.value();
+    std::memcpy(memory.data.data(), &word, sizeof word);
+    RecordReader reader(memory.parts());
     const auto given = reader.read(room_);
     ASSERT_FALSE(given) << size;
     EXPECT_EQ(given.error(), RecordError::kBroken) << size;
+  }
+  for (const std::uint32_t size : {0u, 249u, 256u, ~0u}) {
+    Memory memory;
+    const std::uint64_t word = RecordWord{size, 1}.value();
+    std::memcpy(memory.slots.data() + kRecordSlotSize, &word, sizeof word);
+    RecordReader reader(memory.parts());
+    const auto given = reader.read(room_);
+    ASSERT_FALSE(given) << size;
+    EXPECT_EQ(given.error(), RecordError::kBroken) << size;
+  }
+}
+
+// hp-16.2-4
+TEST_F(RecordRingTest, TakesNoRecordOfAnotherNumber) {
+  for (const std::uint32_t number : {0u, 2u, ~0u}) {
+    Memory memory;
+    memory.control.tail = 128;
+    const std::uint64_t word = RecordWord{100, number}.value();
+    std::memcpy(memory.data.data(), &word, sizeof word);
+    RecordReader reader(memory.parts());
+    const auto given = reader.read(room_);
+    ASSERT_FALSE(given) << number;
+    EXPECT_EQ(given.error(), RecordError::kBroken) << number;
+    // What stands in a slot under another number is an earlier record, or nothing.
+    memory.control.tail = 0;
+    std::memcpy(memory.slots.data() + kRecordSlotSize, &word, sizeof word);
+    RecordReader other(memory.parts());
+    EXPECT_FALSE(other.has_record()) << number;
+    EXPECT_EQ(other.read(room_).error(), RecordError::kEmpty) << number;
   }
 }
 
@@ -211,20 +292,24 @@ TEST_F(RecordRingTest, SurvivesAnybodyWhoScribblesOverIt) {
   std::atomic<bool> is_over{false};
   std::thread scribbler([&] {
     std::mt19937_64 random(3);
-    auto* words = reinterpret_cast<std::uint64_t*>(memory_->data.data());
+    auto* words = reinterpret_cast<std::uint64_t*>(memory_->slots.data());
+    static_assert(offsetof(Memory, data) == offsetof(Memory, slots) + kRecordSlotsSize);
     while (!is_over) {
       const std::uint64_t noise = random();
       const std::uint64_t small = noise % (2 * kRecordSizeMax);
-      std::atomic_ref<std::uint64_t>(words[random() % (kRingSize / 8)]).store(small);
+      const std::uint64_t word = small | random() % 200 << 32;
+      std::atomic_ref<std::uint64_t>(words[random() % ((kRecordSlotsSize + kRingSize) / 8)])
+          .store(word);
       if (noise % 64 == 0) memory_->control.tail = random() % 8 == 0 ? random() : small * 64;
       if (noise % 64 == 1) memory_->control.head = random() % 8 == 0 ? random() : small * 64;
+      if (noise % 64 == 2) memory_->control.taken = static_cast<std::uint32_t>(random() % 200);
       memory_->control.sleeping = static_cast<std::uint32_t>(noise);
     }
   });
   int broken_count = 0;
   for (int round = 0; round < 2000; ++round) {
-    RecordWriter writer(memory_->control, memory_->data);
-    RecordReader reader(memory_->control, memory_->data);
+    RecordWriter writer(memory_->parts());
+    RecordReader reader(memory_->parts());
     for (std::uint32_t i = 0; i < 200; ++i) {
       const Outcome outcome = writer.write(record_of(1 + i % kRecordSizeMax, i));
       const auto size = reader.read(room_);

@@ -104,19 +104,42 @@ class RawMemory {
   [[nodiscard]] auto to_client_tail() const { return word(256); }
   [[nodiscard]] auto to_client_head() const { return word(256 + 64); }
   [[nodiscard]] auto to_client_sleeping() const { return word(256 + 128); }
-  [[nodiscard]] std::byte* to_server_data() const { return begin_ + 4096; }
-  [[nodiscard]] std::byte* to_client_data() const { return begin_ + 4096 + to_server_size_; }
+  [[nodiscard]] std::atomic_ref<std::uint32_t> to_server_taken() const { return number(72); }
+  [[nodiscard]] std::atomic_ref<std::uint32_t> to_client_taken() const { return number(256 + 72); }
+  [[nodiscard]] std::byte* to_server_slot(std::uint32_t record) const {
+    return begin_ + 4096 + record % 16 * 256;
+  }
+  [[nodiscard]] std::byte* to_client_slot(std::uint32_t record) const {
+    return begin_ + 8192 + record % 16 * 256;
+  }
+  [[nodiscard]] std::byte* to_server_data() const { return begin_ + 12'288; }
+  [[nodiscard]] std::byte* to_client_data() const { return begin_ + 12'288 + to_server_size_; }
   [[nodiscard]] std::size_t size() const { return size_; }
   [[nodiscard]] int descriptor() const { return memory_.number(); }
 
-  /// Writes the first record to the server, which may state another size than it has.
-  void write_first(const Bytes& frame, std::uint64_t stated_size) const {
-    std::memcpy(to_server_data(), &stated_size, sizeof stated_size);
-    std::memcpy(to_server_data() + 8, frame.data(), frame.size());
+  /// Writes the first record to the server, which may state another size or number than it has:
+  /// into the ring,
+  void write_first(const Bytes& frame, std::uint64_t stated_size,
+                   std::uint64_t stated_number = 1) const {
+    write_at(to_server_data(), frame, stated_size, stated_number);
     to_server_tail() = (8 + frame.size() + 63) / 64 * 64;
+  }
+  /// or into its slot.
+  void write_to_slot(const Bytes& frame, std::uint64_t stated_size,
+                     std::uint64_t stated_number = 1) const {
+    write_at(to_server_slot(1), frame, stated_size, stated_number);
   }
 
  private:
+  [[nodiscard]] std::atomic_ref<std::uint32_t> number(std::size_t offset) const {
+    return std::atomic_ref<std::uint32_t>(*reinterpret_cast<std::uint32_t*>(begin_ + offset));
+  }
+  static void write_at(std::byte* to, const Bytes& frame, std::uint64_t size,
+                       std::uint64_t number) {
+    std::memcpy(to + 8, frame.data(), frame.size());
+    std::atomic_ref<std::uint64_t>(*reinterpret_cast<std::uint64_t*>(to)) = number << 32 | size;
+  }
+
   Descriptor memory_;
   std::size_t to_server_size_ = 0;
   std::size_t size_ = 0;

@@ -13,14 +13,16 @@
 
 namespace rtpm::inline base {
 
-/// What the two ends of a record ring share besides the records: each word on a cache line of its
-/// own, so that the line of one that is not written stays with both. Zero at first. In the order of
-/// bytes of the host, which both ends are on.   Source: spec/hprotocol.md#hp-16.2.
+/// What the two ends of a record ring share besides the records: on cache lines by who writes them,
+/// so that a line stays with both while nobody does. Zero at first. In the order of bytes of the
+/// host, which both ends are on.   Source: spec/hprotocol.md#hp-16.2.
 struct RecordRingControl {
-  /// Bytes ever written. The writer's.
+  /// Bytes ever written to the ring. The writer's.
   alignas(64) std::atomic<std::uint64_t> tail{0};
-  /// Bytes ever read. The reader's.
+  /// Bytes ever read from the ring. The reader's,
   alignas(64) std::atomic<std::uint64_t> head{0};
+  /// and so is the number of the record that was read last.
+  std::atomic<std::uint32_t> taken{0};
   /// How the reader sleeps, if it does: a RecordSleep. It sets it; who takes it back wakes.
   alignas(64) std::atomic<std::uint32_t> sleeping{0};
 };
@@ -36,15 +38,36 @@ enum class RecordSleep : std::uint32_t {
   kAtEvent = 3,  ///< Where an event of its own reaches it, with other things.
 };
 
-/// Records begin at multiples of this: a word with the size, the bytes, and what is left of the
-/// last line.
+/// Records of the ring begin at multiples of this: a word with the number and the size, the bytes,
+/// and what is left of the last line.
 inline constexpr std::size_t kRecordAlignment = 64;
 inline constexpr std::size_t kRecordWordSize = 8;
+
+/// A short record stands in the slot of its number instead, if the one before it there was read:
+/// its word says that it is there, so that news and record are one way between the cores, and both
+/// cores have kept the few lines of the slots.
+inline constexpr std::size_t kRecordSlotSize = 256;
+inline constexpr std::uint32_t kRecordSlotCount = 16;
+inline constexpr std::size_t kRecordSlotsSize = kRecordSlotSize * kRecordSlotCount;
+inline constexpr std::size_t kShortRecordMax = kRecordSlotSize - kRecordWordSize;
 
 /// How many bytes of a ring a record takes.   RT: alloc-free.
 [[nodiscard]] constexpr std::size_t record_span(std::size_t size) noexcept {
   return (kRecordWordSize + size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
 }
+
+/// The word before a record. Records are counted from 1 on, modulo 2^32.
+struct RecordWord {
+  std::uint32_t size = 0;
+  std::uint32_t number = 0;
+
+  [[nodiscard]] static constexpr RecordWord of(std::uint64_t word) noexcept {
+    return {static_cast<std::uint32_t>(word), static_cast<std::uint32_t>(word >> 32)};
+  }
+  [[nodiscard]] constexpr std::uint64_t value() const noexcept {
+    return std::uint64_t{number} << 32 | size;
+  }
+};
 
 /// The memory of the records, as words. Whoever shares it may write there at any time; so each word
 /// is read once, by an atomic that orders nothing: what is read is some value, and nothing worse.
@@ -59,17 +82,24 @@ class RecordMemory {
   }
   [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
 
-  [[nodiscard]] std::uint64_t read_word(std::uint64_t position) const noexcept {
-    return load(word_at(position));
+  /// The word at `position`, a multiple of kRecordAlignment.
+  [[nodiscard]] std::atomic_ref<std::uint64_t> word(std::uint64_t position) const noexcept {
+    return std::atomic_ref<std::uint64_t>(*word_at(position));
   }
-  /// Writes a record at `position`, size first.
+  /// Writes the bytes of a record behind the word at `position`.
   void write(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
-    store(begin, record.size());
     // The record is in one piece or, at the end of the memory, in two.
     const std::size_t first = std::min(record.size(), left_behind(begin));
     copy_in(record.first(first), begin + 1);
     copy_in(record.subspan(first), words_);
+  }
+  /// The same, its first line last: so the word that is written next has no other line in between.
+  void write_backwards(std::uint64_t position, ConstBytes record) noexcept {
+    std::uint64_t* const begin = word_at(position);
+    const std::size_t first = std::min(record.size(), kRecordAlignment - kRecordWordSize);
+    copy_in(record.subspan(first), begin + kRecordAlignment / kRecordWordSize);
+    copy_in(record.first(first), begin + 1);
   }
   /// Copies the bytes of the record at `position`, which the caller found to be to.size().
   void read(std::uint64_t position, MutableBytes to) const noexcept {
@@ -136,9 +166,16 @@ class RecordMemory {
   std::uint64_t size_;
 };
 
+/// The memory of one direction.
+struct RecordRingMemory {
+  RecordRingControl& control;
+  MutableBytes slots;    ///< kRecordSlotsSize bytes.
+  MutableBytes records;  ///< The ring: a power of two of bytes.
+};
+
 /// The end of a record ring that writes. What the other end has written to the shared words is
 /// never trusted.
-/// Ownership: control and data must outlive it.   Threads: one.   RT: wait-free, alloc-free.
+/// Ownership: the memory must outlive it.   Threads: one.   RT: wait-free, alloc-free.
 /// Source: spec/hprotocol.md#hp-16.2.
 class RecordWriter {
  public:
@@ -151,50 +188,95 @@ class RecordWriter {
     kBroken,           ///< The shared words hold nonsense: nothing was written; give it up.
   };
 
-  RecordWriter(RecordRingControl& control, MutableBytes data) noexcept
-      : control_(&control), memory_(data) {}
+  explicit RecordWriter(const RecordRingMemory& memory) noexcept
+      : control_(&memory.control), slots_(memory.slots), ring_(memory.records) {}
 
   /// Writes one record, which fits the ring and is not empty.
   [[nodiscard]] Outcome write(ConstBytes record) noexcept {
+    RTPM_ASSERT(!record.empty() && record_span(record.size()) <= ring_.size(),
+                "a record fits its ring");
+    if (record.size() <= kShortRecordMax) {
+      if (!has_slot() && !learn_taken()) return Outcome::kBroken;
+      if (has_slot()) return write_to_slot(record);
+    }
+    return write_to_ring(record);
+  }
+  [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
+
+ private:
+  /// Whether the record that has the next one's slot was read, as far as is known.
+  [[nodiscard]] bool has_slot() const noexcept { return number_ - taken_ <= kRecordSlotCount; }
+  /// hp-16.2-2: false if the reader says to have read what was not written, or less than before.
+  [[nodiscard]] bool learn_taken() noexcept {
+    // SYNC POINT slot-free: the reader is done with this record and those before it.
+    const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
+    if (taken - taken_ > number_ - 1 - taken_) return false;
+    taken_ = taken;
+    return true;
+  }
+
+  [[nodiscard]] Outcome write_to_slot(ConstBytes record) noexcept {
+    const std::uint64_t position = std::uint64_t{number_ % kRecordSlotCount} * kRecordSlotSize;
+    slots_.write_backwards(position, record);
+    // SYNC POINT slot-written: the record is whole.
+    slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
+    const Outcome outcome = wake();
+    // Learned before it is needed, when nobody waits for it.
+    if (number_ - taken_ > kRecordSlotCount / 2) static_cast<void>(learn_taken());
+    return outcome;
+  }
+
+  [[nodiscard]] Outcome write_to_ring(ConstBytes record) noexcept {
     const std::size_t span = record_span(record.size());
-    RTPM_ASSERT(!record.empty() && span <= memory_.size(), "a record fits its ring");
     // hp-16.2-1
-    if (tail_ + span - head_ > memory_.size()) {
+    if (tail_ + span - head_ > ring_.size()) {
       // SYNC POINT record-free: the reader is done with what is before head.
       const std::uint64_t head = control_->head.load(std::memory_order_acquire);
       // hp-16.2-2: it moves on between where it was and what was written.
       if (head - head_ > tail_ - head_ || head % kRecordAlignment != 0) return Outcome::kBroken;
       head_ = head;
-      if (tail_ + span - head_ > memory_.size()) return Outcome::kFull;
+      if (tail_ + span - head_ > ring_.size()) return Outcome::kFull;
     }
-    memory_.write(tail_, record);
+    ring_.write(tail_, record);
+    ring_.word(tail_).store(next_word(record), std::memory_order_relaxed);
     tail_ += span;
     // SYNC POINT record-written: the record is whole.
-    // SYNC POINT record-sleep: tail first, then a look at sleeping; the reader does it the other
-    // way round. Sequentially consistent, so that one of both sees the other.
     control_->tail.store(tail_, std::memory_order_seq_cst);
-    // hp-16.3-1: of several records for one sleeper only the first wakes it.
-    std::uint32_t sleep = control_->sleeping.load(std::memory_order_seq_cst);
-    if (sleep != 0) sleep = control_->sleeping.exchange(0, std::memory_order_relaxed);
+    const Outcome outcome = wake();
     // The reader has these lines from the last time round. To take them now, and not when the next
     // record is written, spares that record the way to the other core. It will be as large.
     constexpr std::size_t kExpectedMax = 256;
     for (std::size_t ahead = 0; ahead < std::min(span, kExpectedMax); ahead += kRecordAlignment) {
-      memory_.expect_write(tail_ + ahead);
+      ring_.expect_write(tail_ + ahead);
     }
+    return outcome;
+  }
+
+  [[nodiscard]] std::uint64_t next_word(ConstBytes record) noexcept {
+    return RecordWord{static_cast<std::uint32_t>(record.size()), number_++}.value();
+  }
+
+  /// What is to be done to wake the reader, if it sleeps.
+  [[nodiscard]] Outcome wake() noexcept {
+    // SYNC POINT record-sleep: first the record, then a look at sleeping; the reader does it the
+    // other way round. Sequentially consistent, so that one of both sees the other.
+    // hp-16.3-1: of several records for one sleeper only the first wakes it.
+    std::uint32_t sleep = control_->sleeping.load(std::memory_order_seq_cst);
+    if (sleep != 0) sleep = control_->sleeping.exchange(0, std::memory_order_relaxed);
     if (sleep == 0) return Outcome::kWritten;
     if (sleep == static_cast<std::uint32_t>(RecordSleep::kAtWord)) return Outcome::kWrittenForWord;
     if (sleep == static_cast<std::uint32_t>(RecordSleep::kAtEvent))
       return Outcome::kWrittenForEvent;
     return Outcome::kWrittenForBell;
   }
-  [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
- private:
   RecordRingControl* control_;
-  RecordMemory memory_;
-  std::uint64_t tail_ = 0;  ///< Ours; the shared word is only told.
-  std::uint64_t head_ = 0;  ///< The reader's, as last seen.
+  RecordMemory slots_;
+  RecordMemory ring_;
+  std::uint32_t number_ = 1;  ///< Of the next record.
+  std::uint32_t taken_ = 0;   ///< The last that was read, as last seen.
+  std::uint64_t tail_ = 0;    ///< Ours; the shared word is only told.
+  std::uint64_t head_ = 0;    ///< The reader's, as last seen.
 };
 
 /// Why a record ring gave no record.
@@ -205,40 +287,36 @@ enum class RecordError : std::uint8_t {
 
 /// The end of a record ring that reads. What the other end has written to the shared words is never
 /// trusted.
-/// Ownership: control and data must outlive it.   Threads: one.   RT: wait-free, alloc-free.
+/// Ownership: the memory must outlive it.   Threads: one.   RT: wait-free, alloc-free.
 /// Source: spec/hprotocol.md#hp-16.2.
 class RecordReader {
  public:
-  RecordReader(RecordRingControl& control, MutableBytes data) noexcept
-      : control_(&control), memory_(data) {}
+  explicit RecordReader(const RecordRingMemory& memory) noexcept
+      : control_(&memory.control), slots_(memory.slots), ring_(memory.records) {}
 
   /// Whether there may be a record.
   [[nodiscard]] bool has_record() const noexcept {
-    return tail_ != head_ || control_->tail.load(std::memory_order_relaxed) != head_;
+    return has_slot(std::memory_order_relaxed) || tail_ != head_ ||
+           control_->tail.load(std::memory_order_relaxed) != head_;
   }
 
   /// Copies the next record to the begin of `to`, which holds the largest allowed; gives its size.
   [[nodiscard]] expected<std::size_t, RecordError> read(MutableBytes to) noexcept {
+    // SYNC POINT slot-written
+    if (has_slot(std::memory_order_acquire)) return read_slot(to);
     if (tail_ == head_) {
       // SYNC POINT record-written
       const std::uint64_t tail = control_->tail.load(std::memory_order_acquire);
       if (tail == head_) return unexpected{RecordError::kEmpty};
       // hp-16.2-2: no more can be there than the ring holds.
-      if (tail - head_ > memory_.size() || tail % kRecordAlignment != 0) {
+      if (tail - head_ > ring_.size() || tail % kRecordAlignment != 0) {
         return unexpected{RecordError::kBroken};
       }
       tail_ = tail;
+      // The one before it may have come to its slot since that was looked at.
+      if (has_slot(std::memory_order_acquire)) return read_slot(to);
     }
-    const std::uint64_t size = memory_.read_word(head_);
-    // hp-16.2-3: from here on only our copy of the size counts.
-    if (size == 0 || size > to.size() || record_span(size) > tail_ - head_) {
-      return unexpected{RecordError::kBroken};
-    }
-    memory_.read(head_, to.first(size));
-    head_ += record_span(size);
-    // SYNC POINT record-free
-    control_->head.store(head_, std::memory_order_release);
-    return size;
+    return read_ring(to);
   }
 
   /// Says that the reader is about to sleep; false if there is a record by now, so that it must
@@ -246,17 +324,59 @@ class RecordReader {
   [[nodiscard]] bool announce_sleep(RecordSleep sleep) noexcept {
     // SYNC POINT record-sleep
     control_->sleeping.store(static_cast<std::uint32_t>(sleep), std::memory_order_seq_cst);
-    return tail_ == head_ && control_->tail.load(std::memory_order_seq_cst) == head_;
+    return !has_slot(std::memory_order_seq_cst) && tail_ == head_ &&
+           control_->tail.load(std::memory_order_seq_cst) == head_;
   }
   /// The reader is awake.
   void end_sleep() noexcept { control_->sleeping.store(0, std::memory_order_relaxed); }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
  private:
+  [[nodiscard]] std::uint64_t slot_position() const noexcept {
+    return std::uint64_t{number_ % kRecordSlotCount} * kRecordSlotSize;
+  }
+  /// Whether the next record is in its slot.
+  [[nodiscard]] bool has_slot(std::memory_order order) const noexcept {
+    return RecordWord::of(slots_.word(slot_position()).load(order)).number == number_;
+  }
+
+  [[nodiscard]] expected<std::size_t, RecordError> read_slot(MutableBytes to) noexcept {
+    const std::uint64_t position = slot_position();
+    const auto word = RecordWord::of(slots_.word(position).load(std::memory_order_relaxed));
+    // hp-16.2-3: from here on only our copy of the size counts.
+    if (word.size == 0 || word.size > std::min(kShortRecordMax, to.size())) {
+      return unexpected{RecordError::kBroken};
+    }
+    slots_.read(position, to.first(word.size));
+    return taken(word.size);
+  }
+
+  [[nodiscard]] expected<std::size_t, RecordError> read_ring(MutableBytes to) noexcept {
+    const auto word = RecordWord::of(ring_.word(head_).load(std::memory_order_relaxed));
+    // hp-16.2-3, hp-16.2-4
+    if (word.number != number_ || word.size == 0 || word.size > to.size() ||
+        record_span(word.size) > tail_ - head_) {
+      return unexpected{RecordError::kBroken};
+    }
+    ring_.read(head_, to.first(word.size));
+    head_ += record_span(word.size);
+    // SYNC POINT record-free
+    control_->head.store(head_, std::memory_order_release);
+    return taken(word.size);
+  }
+
+  [[nodiscard]] std::size_t taken(std::size_t size) noexcept {
+    // SYNC POINT slot-free
+    control_->taken.store(number_++, std::memory_order_release);
+    return size;
+  }
+
   RecordRingControl* control_;
-  RecordMemory memory_;
-  std::uint64_t head_ = 0;  ///< Ours; the shared word is only told.
-  std::uint64_t tail_ = 0;  ///< The writer's, as last seen.
+  RecordMemory slots_;
+  RecordMemory ring_;
+  std::uint32_t number_ = 1;  ///< Of the next record.
+  std::uint64_t head_ = 0;    ///< Ours; the shared word is only told.
+  std::uint64_t tail_ = 0;    ///< The writer's, as last seen.
 };
 
 }  // namespace rtpm::inline base
