@@ -28,6 +28,9 @@ constexpr Duration kTimePerLookMax = std::chrono::microseconds{200};
 // So many connections through memory are looked at in a turn without work, the next ones each time:
 // one that calls again at once is not to wait for a look at a thousand that are silent.
 constexpr std::size_t kMemoryLooksPerTurn = 16;
+// One alone is looked at so often in a turn without work: together that takes about as long as the
+// rest of the turn, so that a call seldom comes when nobody looks.
+constexpr int kLooksAtOne = 64;
 // While one has calls without end, so often and so many of the others.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
 constexpr std::size_t kMemoryLooksWhenDue = 128;
@@ -289,6 +292,7 @@ bool Lane::turn() noexcept {
   if (hot_ != kLocal && gate_->has_calls()) hot_ = kLocal;
   // One that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
+  if (is_memory(hot_)) linger();
   const bool has_served = is_hot_asked && serve_one(hot_);
   if (has_served && connection_count() == 0 && hot_ != kLocal) return true;
   // Some of what costs no syscall is looked at each turn, unless there is something anyway.
@@ -301,6 +305,14 @@ bool Lane::turn() noexcept {
   turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
                                                   : std::min(2 * turns_per_look_, kTurnsPerLookMax);
   return serve_memory(kMemoryLooksPerTurn) || has_found || has_served;
+}
+
+// Looks for a call on the only connection through memory, if it is the only one that had some.
+void Lane::linger() const noexcept {
+  if (hot_ == kLocal || memory_sources_.size() != 1) return;
+  const transport::Connection& only = *connections_[hot_].stream;
+  for (int look = 0; look < kLooksAtOne && !only.has_buffered(); ++look) {
+  }
 }
 
 // A caller that calls again at once must not keep others of its band waiting call after call.

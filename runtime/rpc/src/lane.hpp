@@ -117,6 +117,7 @@ class Lane {
   [[nodiscard]] Duration spin_time(MonotonicTime now) noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
+  void linger() const noexcept;
   [[nodiscard]] bool is_memory_look_due() const noexcept;
   [[nodiscard]] bool listen_to(Source source) noexcept;
   [[nodiscard]] bool begin_crowd() noexcept;

@@ -20,12 +20,12 @@ namespace {
 
 // How long a caller waits for room in its ring before it gives the server up.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
-// Looks at the ring per receive(): together they take about as long as reading the clock, which
-// callers do between two.
-constexpr int kLookCount = 16;
+// Looks at the ring per receive(): together they take several times as long as what callers do
+// between two, such as to read the clock, so that a reply seldom comes when nobody looks.
+constexpr int kLookCount = 128;
 // A caller that spins asks its socket once in so many fruitless receives whether the server lives:
 // every 20 µs or so.
-constexpr std::uint32_t kReceivesPerCheck = 256;
+constexpr std::uint32_t kReceivesPerCheck = 128;
 
 // A caller that sleeps looks as often: to wait for the socket as well would take longer to wake.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
