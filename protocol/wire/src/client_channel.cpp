@@ -114,9 +114,9 @@ ChannelEvent ClientChannel::drop(DropReason reason) noexcept {
 
 ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexcept {
   ++counters_.received_count;
-  const auto header = decode_frame(frame);
-  if (!header) {
-    ChannelEvent event = drop(header.error());
+  Header header;
+  if (auto read = decode_frame(frame, header); !read) {
+    ChannelEvent event = drop(read.error());
     if (config_.medium == Medium::kStream) {
       // hp-8-2: nobody knows where the next frame begins.
       reset();
@@ -125,21 +125,21 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
     return event;
   }
   const ConstBytes payload = frame.subspan(kHeaderSize);
-  switch (header->kind) {
+  switch (header.kind) {
     case FrameKind::kReply:
-      return on_reply(*header, payload, now);
+      return on_reply(header, payload, now);
     case FrameKind::kItem:
-      return on_item(*header, payload, now);
+      return on_item(header, payload, now);
     case FrameKind::kCookie:
-      return on_cookie(*header, payload, now);
+      return on_cookie(header, payload, now);
     case FrameKind::kWelcome:
-      return on_welcome(*header, payload, now);
+      return on_welcome(header, payload, now);
     case FrameKind::kRefuse:
-      return on_refuse(*header, payload);
+      return on_refuse(header, payload);
     case FrameKind::kAck:
-      return on_ack(*header, payload, now);
+      return on_ack(header, payload, now);
     case FrameKind::kClose:
-      return on_close(*header, payload);
+      return on_close(header, payload);
     case FrameKind::kHello:
     case FrameKind::kCall:
     case FrameKind::kCancel:

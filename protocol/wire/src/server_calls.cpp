@@ -23,8 +23,9 @@ std::uint32_t to_us(Duration duration) noexcept {
 
 }  // namespace
 
-Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddress& peer) noexcept {
+  const Header& header = request.header;
+  const MonotonicTime now = request.received;
   Session* session = find(header.session);
   if (session == nullptr) {
     // hp-4.4-1: the client shall see at once that this is another life of the server.
@@ -37,7 +38,7 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
 
   Slot& slot = session->slots[header.call_id % kCallWindow];
   if (slot.state != Slot::State::kEmpty) {
-    if (slot.call_id == header.call_id) return on_copy(slot, *session, header, payload, now);
+    if (slot.call_id == header.call_id) return on_copy(request, slot, *session);
     // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
     // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
     // Of what the session left behind nobody waits any more (hp-5.2-2).
@@ -49,27 +50,29 @@ Verdict ServerSessions::on_call(const Header& header, ConstBytes payload, const 
     const bool is_taken =
         slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.bulk != kNoBulk);
     if (!is_new || is_taken) {
-      const Verdict refusal = refuse(header, Status::kOverload, now);
+      const Answer refusal = refuse(header, Status::kOverload, now);
       // hp-5.8-1
-      return (header.flags & kFlagNoReply) != 0 ? Verdict{} : refusal;
+      return (header.flags & kFlagNoReply) != 0 ? Answer{} : refusal;
     }
   }
   // An older call whose fragments never all came, or whose reply nobody fetched, ends here.
   free_stream(slot);
   free_bulk(slot);
-  return admit(*session, header, payload, now);
+  return admit(request, *session);
 }
 
 // hp-5.2-1: a copy is never run again. How it is answered depends on how far the call is.
-Verdict ServerSessions::on_copy(Slot& slot, Session& session, const Header& header,
-                                ConstBytes payload, MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_copy(Request& request, Slot& slot,
+                                               Session& session) noexcept {
+  const Header& header = request.header;
+  const MonotonicTime now = request.received;
   // hp-5.8-1
   if ((header.flags & kFlagNoReply) != 0) {
     return drop(slot.state == Slot::State::kDone ? DropReason::kStaleCall
                                                  : DropReason::kDuplicateRunning);
   }
   if (slot.state == Slot::State::kReceiving) {
-    return on_fragment(slot, session, header, payload, now);
+    return on_fragment(request, slot, session);
   }
   if (slot.state == Slot::State::kRunning && slot.frame_size == 0) {
     std::uint32_t item_count = 0;
@@ -107,16 +110,18 @@ ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
 }
 
 // The first frame of a call that was never seen: from here on its slot remembers it.
-Verdict ServerSessions::admit(Session& session, const Header& header, ConstBytes payload,
-                              MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::admit(Request& request, Session& session) noexcept {
+  const Header& header = request.header;
+  const MonotonicTime now = request.received;
   const std::uint32_t slot_index = header.call_id % kCallWindow;
   Slot& slot = session.slots[slot_index];
   slot = Slot{.state = Slot::State::kRunning,
               .is_unawaited = (header.flags & kFlagNoReply) != 0,
               .call_id = header.call_id,
               .newest_call_id = header.call_id};
-  const Request request{header, payload,           deadline_of(session, header, now),
-                        now,    index_of(session), slot_index};
+  request.deadline = deadline_of(session, header, now);
+  request.session_index = index_of(session);
+  request.slot_index = slot_index;
   if (header.message_size > config_.message_size_max) {
     return refuse_call(request, Status::kTooLarge, now);
   }
@@ -135,9 +140,9 @@ Verdict ServerSessions::admit(Session& session, const Header& header, ConstBytes
   return dispatch(request, slot);
 }
 
-Verdict ServerSessions::dispatch(const Request& request, Slot& slot) noexcept {
+ServerSessions::Answer ServerSessions::dispatch(const Request& request, Slot& slot) noexcept {
   if (request.wants_stream()) return begin_stream(request, slot);
-  return {Verdict::Action::kDispatch, {}, request};
+  return {Verdict::Action::kDispatch};
 }
 
 // hp-5.4-2: on one host the time that the frame lay in a socket counts; between hosts the budget
@@ -151,8 +156,8 @@ MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& 
   return now + budget;
 }
 
-Verdict ServerSessions::receive_large(const Request& request, Slot& slot,
-                                      Session& session) noexcept {
+ServerSessions::Answer ServerSessions::receive_large(Request& request, Slot& slot,
+                                                     Session& session) noexcept {
   const std::uint16_t index = take_bulk(Bulk::Use::kRequest, request.received);
   if (index == kNoBulk) return refuse_call(request, Status::kOverload, request.received);
   slot.state = Slot::State::kReceiving;
@@ -162,28 +167,33 @@ Verdict ServerSessions::receive_large(const Request& request, Slot& slot,
   bulk.slot_index = request.slot_index;
   bulk.deadline = request.deadline;
   bulk.incoming.begin(request.header, bulk.room);
-  return on_fragment(slot, session, request.header, request.payload, request.received);
+  return on_fragment(request, slot, session);
 }
 
-Verdict ServerSessions::on_fragment(Slot& slot, Session& session, const Header& header,
-                                    ConstBytes payload, MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_fragment(Request& request, Slot& slot,
+                                                   Session& session) noexcept {
+  const Header& header = request.header;
+  const MonotonicTime now = request.received;
   Bulk& bulk = bulks_[slot.bulk];
-  const IncomingMessage::Taken taken = bulk.incoming.take(header, payload);
+  const IncomingMessage::Taken taken = bulk.incoming.take(header, request.payload);
   if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
   if (taken != IncomingMessage::Taken::kLast) {
     if ((header.flags & kFlagAckWanted) == 0) return {};
     return acknowledge(header, bulk.incoming.ack(), 0, now);
   }
   slot.state = Slot::State::kRunning;
-  const Request request{header, bulk.incoming.message(), deadline_of(session, header, now),
-                        now,    index_of(session),       header.call_id % kCallWindow};
+  request.payload = bulk.incoming.message();
+  request.deadline = deadline_of(session, header, now);
+  request.session_index = index_of(session);
+  request.slot_index = header.call_id % kCallWindow;
   if (request.deadline > now) return dispatch(request, slot);
   ++counters_.expired_count;
   return refuse_call(request, Status::kExpired, now);
 }
 
-Verdict ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
-                                    std::uint32_t item_count, MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
+                                                   std::uint32_t item_count,
+                                                   MonotonicTime now) noexcept {
   Header header = header_about(about, FrameKind::kAck, FragmentAck::kSize, now);
   header.item = item_count;
   encode(header, answer_.data());
@@ -192,8 +202,8 @@ Verdict ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
 }
 
 // How far a large reply has arrived.
-Verdict ServerSessions::on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                               MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes payload,
+                                              const PeerAddress& peer, MonotonicTime now) noexcept {
   Session* session = find(header.session);
   if (session == nullptr) return drop(DropReason::kUnknownSession);
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
@@ -268,8 +278,8 @@ void ServerSessions::free_bulk(Slot& slot) noexcept {
 
 // hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike; or, where the
 // caller wants no reply, by counting alone.
-Verdict ServerSessions::refuse_call(const Request& request, Status status,
-                                    MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Status status,
+                                                   MonotonicTime now) noexcept {
   if (status != Status::kExpired) ++counters_.refused_count;
   const ConstBytes frame = complete(request, status, 0, now);
   if (frame.empty()) return {};
@@ -391,8 +401,9 @@ ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, co
 }
 
 // hp-5.9-1, hp-5.9-2: what has not begun never will; what runs is told of it and ends as it likes.
-Verdict ServerSessions::on_cancel(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                  MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstBytes payload,
+                                                 const PeerAddress& peer,
+                                                 MonotonicTime now) noexcept {
   Session* session = find(header.session);
   if (session == nullptr) return drop(DropReason::kUnknownSession);
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);

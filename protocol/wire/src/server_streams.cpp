@@ -7,7 +7,7 @@
 // The streams of the sessions: items that answer one call.   Source: spec/hprotocol.md#hp-5.10.
 namespace rtpm::wire {
 
-Verdict ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
+ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
   const auto found =
       std::ranges::find_if(streams_, [](const Stream& stream) { return !stream.items.is_begun(); });
   if (found == streams_.end()) return refuse_call(request, Status::kOverload, request.received);
@@ -21,7 +21,7 @@ Verdict ServerSessions::begin_stream(const Request& request, Slot& slot) noexcep
                      is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax, is_datagram);
   slot.stream = static_cast<std::uint16_t>(index);
   ++open_stream_count_;
-  return {Verdict::Action::kDispatch, {}, request};
+  return {Verdict::Action::kDispatch};
 }
 
 // hp-5.10-7: until when a stream is kept without hearing of its caller, whatever that states.
@@ -53,8 +53,9 @@ ConstBytes ServerSessions::push_item(const Request& request, std::uint32_t size,
   return streams_[slot->stream].items.push(size, now);
 }
 
-Verdict ServerSessions::on_credit(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                  MonotonicTime now) noexcept {
+ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstBytes payload,
+                                                 const PeerAddress& peer,
+                                                 MonotonicTime now) noexcept {
   Session* session = find(header.session);
   if (session == nullptr) {
     // hp-4.4-1: who waits for items learns at once that none will come.
@@ -75,33 +76,33 @@ Verdict ServerSessions::on_credit(const Header& header, ConstBytes payload, cons
     // hp-5.10-7: the stream ended because nobody heard of its caller, who shall learn it.
     return is_asked ? refuse(header, Status::kExpired, now) : drop(DropReason::kUnexpected);
   }
-  Verdict verdict;
+  Answer answer;
   if (slot.stream != kNoStream) {
     Stream& stream = streams_[slot.stream];
     // A late copy does not take back what a newer one promised.
     stream.deadline = std::max(stream.deadline, lease_of(*session, header, now));
     stream.items.on_credit(*credit, header.item, is_asked);
-    if (slot.state == Slot::State::kRunning) verdict.credit_tag = slot.tag;
+    if (slot.state == Slot::State::kRunning) answer.credit_tag = slot.tag;
     repairing_ = slot.stream;
-    verdict.frame = next_repair();
+    answer.frame = next_repair();
     if (is_replied && stream.items.is_acknowledged()) free_stream(slot);
   }
   if (is_asked && is_replied && config_.medium == Medium::kDatagram) {
     // hp-5.10-5: behind the items that are missing the reply goes once more.
-    if (verdict.frame.empty()) {
-      verdict.frame = kept_reply(index_of(*session), slot_index);
+    if (answer.frame.empty()) {
+      answer.frame = kept_reply(index_of(*session), slot_index);
     } else {
       is_reply_due_ = true;
     }
     ++counters_.duplicate_answered_count;
-  } else if (is_asked && verdict.frame.empty() && slot.stream != kNoStream) {
+  } else if (is_asked && answer.frame.empty() && slot.stream != kNoStream) {
     // hp-5.10-5: nothing is missing; only that is said.
     FragmentAck ack;
     ack.first_missing = 1;
-    verdict.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;
+    answer.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;
   }
-  if (!verdict.frame.empty()) verdict.action = Verdict::Action::kSend;
-  return verdict;
+  if (!answer.frame.empty()) answer.action = Verdict::Action::kSend;
+  return answer;
 }
 
 // The items that were lost, then the reply if that is due, too.

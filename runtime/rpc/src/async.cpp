@@ -68,13 +68,15 @@ PendingReply::~PendingReply() {
 expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method, ConstBytes request,
                                                  const CallOptions& options) {
   const Impl::Plan plan = impl_->plan(method, options);
-  const auto ready = impl_->make_ready(plan);
-  if (!ready) return unexpected{ready.error()};
-  auto state = std::make_unique<PendingReply::State>(*impl_, plan, *ready);
+  Impl::Ready ready;
+  if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
+    return unexpected{made.error()};
+  }
+  auto state = std::make_unique<PendingReply::State>(*impl_, plan, ready);
   const auto kept = state->channel->keep(request);
   if (!kept) return unexpected{CallError::kTooLarge};
   state->request = *kept;
-  if (auto begun = state->channel->begin(ready->parameters, state->request, rt::now()); !begun) {
+  if (auto begun = state->channel->begin(ready.parameters, state->request, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
   return PendingReply(std::move(state));
@@ -151,12 +153,14 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
   plan.stream_window = options.window;
   plan.stream_lease =
       std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax, wire::kStreamLease);
-  const auto ready = impl_->make_ready(plan);
-  if (!ready) return unexpected{ready.error()};
-  auto state = std::make_unique<ItemReader::State>(ready->channel);
+  Impl::Ready ready;
+  if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
+    return unexpected{made.error()};
+  }
+  auto state = std::make_unique<ItemReader::State>(ready.channel);
   const auto kept = state->channel->keep(request);
   if (!kept) return unexpected{CallError::kTooLarge};
-  if (auto begun = state->channel->begin(ready->parameters, *kept, rt::now()); !begun) {
+  if (auto begun = state->channel->begin(ready.parameters, *kept, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
   return ItemReader(std::move(state));

@@ -72,7 +72,7 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
 expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
                                             const InterfaceDescriptor& interface,
                                             const BindOptions& options) {
-  const MonotonicTime deadline = deadline_after(options.deadline);
+  const MonotonicTime deadline = deadline_after(options.deadline, rt::now());
   const auto url = resolve(node, target);
   if (!url) return unexpected{url.error()};
   const auto parts = wire::parse_url(*url);
@@ -137,7 +137,7 @@ Binding::~Binding() = default;
 
 expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {
   if (impl_->door && !priorities.empty()) impl_->door->open_places(priorities);
-  const auto warm = impl_->warm_up(priorities, deadline_after(impl_->default_deadline));
+  const auto warm = impl_->warm_up(priorities, deadline_after(impl_->default_deadline, rt::now()));
   if (warm) return {};
   return setup_error(explain({.error = warm.error()}, impl_->interface, impl_->path, impl_->url));
 }

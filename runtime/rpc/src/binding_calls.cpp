@@ -18,8 +18,7 @@ constexpr int kRoundCountMax = 4;
 
 }  // namespace
 
-MonotonicTime deadline_after(Duration patience) noexcept {
-  const MonotonicTime now = rt::now();
+MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
   return patience > kNever - now ? kNever : now + patience;
 }
 
@@ -65,7 +64,8 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
                                         const CallOptions& options) const noexcept {
   const Duration usual =
       method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
-  MonotonicTime deadline = deadline_after(options.deadline.value_or(usual));
+  const MonotonicTime now = rt::now();
+  MonotonicTime deadline = deadline_after(options.deadline.value_or(usual), now);
   // Beyond that nobody waits for what this call is for.
   const CallContext* const outer = CurrentCall::get();
   if (outer != nullptr && !options.deadline) deadline = std::min(deadline, outer->deadline);
@@ -74,30 +74,39 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
       .is_idempotent = method.is_idempotent,
       .wanted = options.priority ? options.priority : rt::current_priority(),
       .trace_id = options.trace_id == 0 && outer != nullptr ? outer->trace_id : options.trace_id,
+      .begun = now,
       .deadline = deadline};
 }
 
-expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& plan) noexcept {
+expected<void, CallError> Binding::Impl::make_ready(const Plan& plan, MonotonicTime now,
+                                                    Ready& ready) noexcept {
   for (int round = 0; round < kRoundCountMax; ++round) {
     Bound now_bound = remembered();
     const Priority priority = priority_of(plan, now_bound);
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(priority, plan.deadline); !ready) {
-      return unexpected{ready.error()};
+    if (!channel->is_ready(priority)) {
+      if (auto made = channel->make_ready(priority, plan.deadline); !made) return made;
+      now = rt::now();
     }
     if (channel->server_epoch() != now_bound.server_epoch) {
       // Another life of the server: the object's number may be another's now (hp-6.1-4).
       const BindOutcome again = ask(*channel, priority, plan.deadline);
-      if (again.kind == CallOutcome::Kind::kLost) continue;
+      if (again.kind == CallOutcome::Kind::kLost) {
+        now = rt::now();
+        continue;
+      }
       if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
         return unexpected{again.error};
       }
       remember(again.bound);
       now_bound = again.bound;
+      now = rt::now();
     }
-    Ready ready{channel.keep(), {}, now_bound.server_epoch};
+    ready.channel = channel.keep();
+    ready.server_epoch = now_bound.server_epoch;
+    ready.now = now;
     ready.parameters.service =
         plan.target == Target::kSession ? wire::kSessionService : now_bound.service;
     ready.parameters.method = plan.method;
@@ -107,7 +116,7 @@ expected<Binding::Impl::Ready, CallError> Binding::Impl::make_ready(const Plan& 
     ready.parameters.delivery = plan.delivery;
     ready.parameters.stream_window = plan.stream_window;
     ready.parameters.stream_lease = plan.stream_lease;
-    return ready;
+    return {};
   }
   return unexpected{CallError::kPeerRestarted};
 }
@@ -142,16 +151,17 @@ expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes
   if (door) {
     if (auto outcome = call_locally(plan, request)) return std::move(*outcome);
   }
-  for (int round = 0; round < kRoundCountMax; ++round) {
-    const auto ready = make_ready(plan);
-    if (!ready) return unexpected{ready.error()};
-    TakenChannel channel(ready->channel);
-    const CallOutcome outcome = channel->call(ready->parameters, request);
+  MonotonicTime now = plan.begun;
+  for (int round = 0; round < kRoundCountMax; ++round, now = rt::now()) {
+    Ready ready;
+    if (auto made = make_ready(plan, now, ready); !made) return unexpected{made.error()};
+    TakenChannel channel(ready.channel);
+    const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
-      return ReplyLease(outcome.payload, channel.keep());
+      return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
     }
-    if (auto again = judge(outcome, *ready, plan); !again) return unexpected{again.error()};
+    if (auto again = judge(outcome, ready, plan); !again) return unexpected{again.error()};
   }
   return unexpected{CallError::kPeerRestarted};
 }

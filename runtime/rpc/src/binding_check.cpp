@@ -4,6 +4,7 @@
 #include <string_view>
 
 #include "binding_impl.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/interface_text.hpp"
 
 // How a binding asks a server for its object, and what it makes of an interface that differs.
@@ -30,7 +31,7 @@ const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
 
 CallOutcome call_session(CallChannel& channel, std::uint16_t method, Priority priority,
                          ConstBytes request, MonotonicTime deadline) noexcept {
-  return channel.call({wire::kSessionService, method, priority, 0, deadline}, request);
+  return channel.call({wire::kSessionService, method, priority, 0, deadline}, request, rt::now());
 }
 
 std::string words_of(const MethodDescriptor& method) {

@@ -20,7 +20,7 @@
 namespace rtpm::rpc {
 
 /// When a caller's patience ends, which may be longer than all time that is left.
-[[nodiscard]] MonotonicTime deadline_after(Duration patience) noexcept;
+[[nodiscard]] MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept;
 
 /// The caller's word for a status that is not ok.
 [[nodiscard]] CallError error_of(wire::Status status) noexcept;
@@ -70,6 +70,7 @@ class Binding::Impl {
     bool is_idempotent = false;
     std::optional<Priority> wanted{};
     std::uint64_t trace_id = 0;
+    MonotonicTime begun{};  ///< When it was made.
     MonotonicTime deadline{};
     Target target = Target::kObject;
     wire::Delivery delivery = wire::Delivery::kReply;
@@ -81,11 +82,13 @@ class Binding::Impl {
     CallChannel* channel = nullptr;
     wire::CallParameters parameters{};
     std::uint64_t server_epoch = 0;
+    MonotonicTime now{};  ///< When it was ready.
   };
   [[nodiscard]] Plan plan(const MethodDescriptor& method,
                           const CallOptions& options) const noexcept;
   /// Takes a channel and binds again where the server is another one.
-  [[nodiscard]] expected<Ready, CallError> make_ready(const Plan& plan) noexcept;
+  [[nodiscard]] expected<void, CallError> make_ready(const Plan& plan, MonotonicTime now,
+                                                     Ready& ready) noexcept;
   /// What a call that ended without reply means for its caller: whether it may be made again.
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan) noexcept;

@@ -96,7 +96,7 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
 
 expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
-  if (wire_.is_ready() && serves(priority)) return {};
+  if (is_ready(priority)) return {};
   if (!link_) {
     if (auto opened = open_link(priority, deadline); !opened) return opened;
   }
@@ -106,8 +106,8 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     return unexpected{CallError::kUnreachable};
   }
   // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
-  const auto event = wait_for_event(begin, /*may_spin=*/false, kNever);
-  switch (event ? event->kind : wire::ChannelEvent::Kind::kBroken) {
+  wait_for_event(begin, /*may_spin=*/false, kNever);
+  switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReady: {
       const Band band = wire_.welcome().band;
       band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
@@ -115,7 +115,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
       return {};
     }
     case wire::ChannelEvent::Kind::kRefused:
-      return unexpected{error_of_refusal(event->status)};
+      return unexpected{error_of_refusal(event_.status)};
     case wire::ChannelEvent::Kind::kTimeout:
       return unexpected{CallError::kTimeout};
     default:
@@ -125,28 +125,37 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
   return unexpected{CallError::kUnreachable};
 }
 
-CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request) noexcept {
-  const MonotonicTime now = rt::now();
+CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request,
+                              MonotonicTime now) noexcept {
   if (auto begun = begin(parameters, request, now); !begun) return {.error = begun.error()};
   // What was merely sent is over.
   if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
   return finish(kNever, now);
 }
 
-expected<void, CallError> CallChannel::begin(wire::CallParameters parameters, ConstBytes request,
-                                             MonotonicTime now) noexcept {
-  if (parameters.delivery == wire::Delivery::kSent) {
-    look_for_loss(now);
-    // Nothing was sent: the next call binds the next life of the server.
-    if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
-    // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
-    if (request.size() > buffer_.size() - wire::kHeaderSize) {
-      parameters.delivery = wire::Delivery::kReceipt;
-    }
+expected<void, CallError> CallChannel::begin(const wire::CallParameters& parameters,
+                                             ConstBytes request, MonotonicTime now) noexcept {
+  if (parameters.delivery == wire::Delivery::kSent) return begin_sent(parameters, request, now);
+  if (parameters.stream_window == 0) return begin_call(parameters, request, now);
+  wire::CallParameters stream = parameters;
+  if (!make_item_room(stream)) return unexpected{CallError::kTooLarge};
+  return begin_call(stream, request, now);
+}
+
+expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameters,
+                                                  ConstBytes request, MonotonicTime now) noexcept {
+  look_for_loss(now);
+  // Nothing was sent: the next call binds the next life of the server.
+  if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
+  // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
+  if (request.size() > buffer_.size() - wire::kHeaderSize) {
+    parameters.delivery = wire::Delivery::kReceipt;
   }
-  if (parameters.stream_window > 0 && !make_item_room(parameters)) {
-    return unexpected{CallError::kTooLarge};
-  }
+  return begin_call(parameters, request, now);
+}
+
+expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& parameters,
+                                                  ConstBytes request, MonotonicTime now) noexcept {
   const auto frame = wire_.call(parameters, request, now);
   if (!frame) return unexpected{CallError::kTooLarge};
   if (!send_all(*frame, now)) {
@@ -157,10 +166,10 @@ expected<void, CallError> CallChannel::begin(wire::CallParameters parameters, Co
 }
 
 CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
-  const auto event = wait_for_event(now, /*may_spin=*/true, until);
-  switch (event ? event->kind : wire::ChannelEvent::Kind::kBroken) {
+  wait_for_event(now, /*may_spin=*/true, until);
+  switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReply:
-      return {CallOutcome::Kind::kReply, {}, event->status, event->payload};
+      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload};
     case wire::ChannelEvent::Kind::kItems:
       return {.kind = CallOutcome::Kind::kItems};
     case wire::ChannelEvent::Kind::kNothing:
@@ -251,10 +260,9 @@ expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept 
   return sent;
 }
 
-// Waits until something comes of the handshake or call that was begun, at most until `until`, when
-// it is kNothing. Nothing at all: the link broke.
-std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now, bool may_spin,
-                                                              MonotonicTime until) noexcept {
+// Waits until something comes of the handshake or call that was begun, at most until `until`, and
+// leaves it in event_: kNothing after that, kBroken if the link is.
+void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept {
   may_spin =
       may_spin &&
       (config_.wait.strategy == rt::WaitStrategy::kSpin ||
@@ -285,33 +293,44 @@ std::optional<wire::ChannelEvent> CallChannel::wait_for_event(MonotonicTime now,
       if (auto earlier = link_->receive()) frame = earlier;
     }
     now = rt::now();
-    wire::ChannelEvent event;
     if (frame) {
-      event = wire_.on_frame(*frame, now);
-      if (event.kind == wire::ChannelEvent::Kind::kNeedRoom) {
-        if (!make_room(event.room_size)) return std::nullopt;
-        event = wire_.on_frame(*frame, now);
-      }
-      // Frames that are none of ours may come without end; the deadline counts all the same.
-      if (event.kind == wire::ChannelEvent::Kind::kNothing) event = wire_.on_time(now);
+      take(*frame, now);
     } else if (frame.error() == transport::IoError::kNothing) {
-      event = wire_.on_time(now);
+      set_event([&] { return wire_.on_time(now); });
       is_spinning = may_spin && now < spin_end && !budget.must_rest(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.
-      event = wire_.repeat(now);
+      set_event([&] { return wire_.repeat(now); });
     } else {
-      return std::nullopt;
+      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
     }
-    if (event.kind == wire::ChannelEvent::Kind::kBroken) return std::nullopt;
+    if (event_.kind == wire::ChannelEvent::Kind::kBroken) return;
     // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
-    const bool is_sent = send_all(event.frame, now);
-    if (event.kind == wire::ChannelEvent::Kind::kSend) {
-      if (!is_sent) return std::nullopt;
-    } else if (event.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
-      return event;
+    const bool is_sent = send_all(event_.frame, now);
+    if (event_.kind == wire::ChannelEvent::Kind::kSend) {
+      if (!is_sent) {
+        event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+        return;
+      }
+    } else if (event_.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
+      return;
     }
+  }
+}
+
+void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
+  set_event([&] { return wire_.on_frame(frame, now); });
+  if (event_.kind == wire::ChannelEvent::Kind::kNeedRoom) {
+    if (!make_room(event_.room_size)) {
+      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+      return;
+    }
+    set_event([&] { return wire_.on_frame(frame, now); });
+  }
+  // Frames that are none of ours may come without end; the deadline counts all the same.
+  if (event_.kind == wire::ChannelEvent::Kind::kNothing) {
+    set_event([&] { return wire_.on_time(now); });
   }
 }
 

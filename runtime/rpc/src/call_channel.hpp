@@ -3,8 +3,10 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <new>
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
@@ -69,14 +71,18 @@ class CallChannel {
   /// RT: alloc-free and without a syscall if there is one; else set-up.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
+  /// Whether it has one already.   RT: alloc-free.
+  [[nodiscard]] bool is_ready(Priority priority) const noexcept {
+    return wire_.is_ready() && serves(priority);
+  }
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
   /// RT: alloc-free.
-  [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters,
-                                 ConstBytes request) noexcept;
+  [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
+                                 MonotonicTime now) noexcept;
   /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
   /// stream, the memory is the channel's own.   Errors: kTooLarge, kDisconnected.
-  [[nodiscard]] expected<void, CallError> begin(wire::CallParameters parameters, ConstBytes request,
-                                                MonotonicTime now) noexcept;
+  [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
+                                                ConstBytes request, MonotonicTime now) noexcept;
   /// Waits for the call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// The next item of the stream that is here, valid until the next call of this.
@@ -103,8 +109,21 @@ class CallChannel {
 
   [[nodiscard]] expected<void, CallError> open_link(Priority priority,
                                                     MonotonicTime deadline) noexcept;
-  [[nodiscard]] std::optional<wire::ChannelEvent> wait_for_event(MonotonicTime now, bool may_spin,
-                                                                 MonotonicTime until) noexcept;
+  [[nodiscard]] expected<void, CallError> begin_sent(wire::CallParameters parameters,
+                                                     ConstBytes request,
+                                                     MonotonicTime now) noexcept;
+  [[nodiscard]] expected<void, CallError> begin_call(const wire::CallParameters& parameters,
+                                                     ConstBytes request,
+                                                     MonotonicTime now) noexcept;
+  void wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept;
+  void take(ConstBytes frame, MonotonicTime now) noexcept;
+  /// Has an event made where it stays: to copy what was just written field by field takes longer
+  /// than to write it.
+  template <class Make>
+  void set_event(Make make) noexcept {
+    static_assert(std::is_trivially_destructible_v<wire::ChannelEvent>);
+    ::new (static_cast<void*>(&event_)) wire::ChannelEvent(make());
+  }
   void look_for_loss(MonotonicTime now) noexcept;
   [[nodiscard]] bool make_item_room(wire::CallParameters& parameters) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
@@ -123,6 +142,7 @@ class CallChannel {
   rt::LazyMemory kept_;   // A request that outlives its caller's.
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< For what its link sees only when it waits.
+  wire::ChannelEvent event_{};  ///< The last.
   wire::ClientChannel wire_;
 };
 

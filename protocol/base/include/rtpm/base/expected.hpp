@@ -1,6 +1,7 @@
 #pragma once
 
 #include <memory>
+#include <new>
 #include <type_traits>
 #include <utility>
 
@@ -35,6 +36,12 @@ class [[nodiscard]] expected {
       expected(U&& value)
       : has_value_(true) {
     std::construct_at(&value_, std::forward<U>(value));
+  }
+  /// A value that is made where it stays.
+  template <class... Arguments>
+  explicit expected(std::in_place_t, Arguments&&... arguments) : has_value_(true) {
+    // Not through construct_at: a constructor that its friends alone may call is one of those.
+    ::new (static_cast<void*>(&value_)) T(std::forward<Arguments>(arguments)...);
   }
   template <class G>
   requires std::is_constructible_v<E, G&&>

@@ -71,6 +71,8 @@ void encode(const Header& header, std::byte* to) noexcept;
 
 /// As decode(), for a whole frame: exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
+/// The same, into a header where it is to stay; after an error it holds anything.
+[[nodiscard]] expected<void, DropReason> decode_frame(ConstBytes frame, Header& header) noexcept;
 
 /// Marks a frame that encode() wrote as a copy of one sent before.   RT: alloc-free.
 void mark_repeated(std::byte* frame) noexcept;

@@ -199,30 +199,33 @@ class ServerSessions {
     std::array<Slot, kCallWindow> slots{};
   };
 
-  [[nodiscard]] Verdict on_hello(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                 MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict on_call(const Header& header, ConstBytes payload, const PeerAddress& peer,
+  /// What is to be done with a frame, but for the request, which stays where it is.
+  struct Answer {
+    Verdict::Action action = Verdict::Action::kNothing;
+    ConstBytes frame{};
+    std::uint32_t credit_tag = 0;
+  };
+
+  [[nodiscard]] Answer on_kind(Request& request, const PeerAddress& peer) noexcept;
+  [[nodiscard]] Answer on_hello(const Header& header, ConstBytes payload, const PeerAddress& peer,
                                 MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict on_copy(Slot& slot, Session& session, const Header& header,
-                                ConstBytes payload, MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict admit(Session& session, const Header& header, ConstBytes payload,
+  [[nodiscard]] Answer on_call(Request& request, const PeerAddress& peer) noexcept;
+  [[nodiscard]] Answer on_copy(Request& request, Slot& slot, Session& session) noexcept;
+  [[nodiscard]] Answer admit(Request& request, Session& session) noexcept;
+  [[nodiscard]] Answer receive_large(Request& request, Slot& slot, Session& session) noexcept;
+  [[nodiscard]] Answer on_fragment(Request& request, Slot& slot, Session& session) noexcept;
+  [[nodiscard]] Answer on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
                               MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict receive_large(const Request& request, Slot& slot,
-                                      Session& session) noexcept;
-  [[nodiscard]] Verdict on_fragment(Slot& slot, Session& session, const Header& header,
-                                    ConstBytes payload, MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict on_ack(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                               MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict acknowledge(const Header& about, const FragmentAck& ack,
-                                    std::uint32_t item_count, MonotonicTime now) noexcept;
+  [[nodiscard]] Answer acknowledge(const Header& about, const FragmentAck& ack,
+                                   std::uint32_t item_count, MonotonicTime now) noexcept;
   [[nodiscard]] MonotonicTime deadline_of(const Session& session, const Header& header,
                                           MonotonicTime now) const noexcept;
-  [[nodiscard]] Verdict on_cancel(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                  MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict on_credit(const Header& header, ConstBytes payload, const PeerAddress& peer,
-                                  MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict begin_stream(const Request& request, Slot& slot) noexcept;
-  [[nodiscard]] Verdict dispatch(const Request& request, Slot& slot) noexcept;
+  [[nodiscard]] Answer on_cancel(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                 MonotonicTime now) noexcept;
+  [[nodiscard]] Answer on_credit(const Header& header, ConstBytes payload, const PeerAddress& peer,
+                                 MonotonicTime now) noexcept;
+  [[nodiscard]] Answer begin_stream(const Request& request, Slot& slot) noexcept;
+  [[nodiscard]] Answer dispatch(const Request& request, Slot& slot) noexcept;
   [[nodiscard]] MonotonicTime lease_of(const Session& session, const Header& header,
                                        MonotonicTime now) const noexcept;
   void free_stream(Slot& slot) noexcept;
@@ -235,10 +238,10 @@ class ServerSessions {
   void on_close(const Header& header, ConstBytes payload, const PeerAddress& peer) noexcept;
   [[nodiscard]] bool has_room_for(const PeerAddress& peer) const noexcept;
   void end_session(Session& session) noexcept;
-  [[nodiscard]] Verdict drop(DropReason reason) noexcept;
-  [[nodiscard]] Verdict refuse(const Header& about, Status status, MonotonicTime now) noexcept;
-  [[nodiscard]] Verdict refuse_call(const Request& request, Status status,
-                                    MonotonicTime now) noexcept;
+  [[nodiscard]] Answer drop(DropReason reason) noexcept;
+  [[nodiscard]] Answer refuse(const Header& about, Status status, MonotonicTime now) noexcept;
+  [[nodiscard]] Answer refuse_call(const Request& request, Status status,
+                                   MonotonicTime now) noexcept;
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
   void make_bulks();

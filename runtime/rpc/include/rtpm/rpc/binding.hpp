@@ -81,6 +81,7 @@ class ReplyLease {
  private:
   friend class Binding;
   friend class PendingReply;
+  friend class expected<ReplyLease, CallError>;
   ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
       : bytes_(bytes), channel_(channel) {}
   ReplyLease(ConstBytes bytes, class LocalChannel& channel) noexcept
