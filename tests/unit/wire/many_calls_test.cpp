@@ -64,7 +64,8 @@ TEST_F(ManyCalls, EndInTheOrderOfTheirReplies) {
   }
   for (const std::size_t i : {3u, 0u, 7u, 1u, 6u, 2u, 5u, 4u}) {
     const std::string text = "for " + std::to_string(i);
-    const ChannelEvent event = channel_.on_frame(reply_frame(calls[i], text), at(1ms));
+    const Bytes reply = reply_frame(calls[i], text);
+    const ChannelEvent event = channel_.on_frame(reply, at(1ms));
     ASSERT_EQ(event.kind, Kind::kReply);
     EXPECT_EQ(event.call, indices[i]);
     EXPECT_EQ(copy_of(event.payload), bytes_of(text));

@@ -32,7 +32,8 @@ class ServerOneways : public testing::Test {
 
 // hp-5.8-1
 TEST_F(ServerOneways, WithoutReplyRunAndAreNotAnswered) {
-  const Verdict verdict = receive(oneway(1, kFlagNoReply));
+  const Bytes frame = oneway(1, kFlagNoReply);
+  const Verdict verdict = receive(frame);
   ASSERT_EQ(verdict.action, Action::kDispatch);
   EXPECT_EQ(copy_of(verdict.request.payload), bytes_of("oneway"));
   EXPECT_FALSE(verdict.request.wants_receipt());
