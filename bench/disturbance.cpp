@@ -92,6 +92,11 @@ void DisturbanceWatch::note() {
   noted_ms_ = std::max(noted_ms_, held_off_ms());
 }
 
+void DisturbanceWatch::end_round() {
+  note();
+  run_delays_ = read_run_delays();
+}
+
 void DisturbanceWatch::follow(std::vector<pid_t> servers) {
   processes_ = std::move(servers);
   processes_.push_back(getpid());

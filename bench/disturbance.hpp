@@ -47,6 +47,9 @@ class DisturbanceWatch {
 
   /// Notes what the servers met so far, which are about to end.
   void note();
+  /// Notes the same at the end of each of a run's rounds, of which the longest counts. Else the
+  /// ordinary waits of a thousand wake-ups add up to what looks like one long one.
+  void end_round();
   /// Watches other servers, which take the place of those noted.
   void follow(std::vector<pid_t> servers);
 
@@ -57,7 +60,7 @@ class DisturbanceWatch {
  private:
   /// Nanoseconds that each measured real-time thread waited, ready to run, for a CPU.
   [[nodiscard]] std::map<pid_t, std::uint64_t> read_run_delays() const;
-  /// The longest that a thread waited since follow(), in milliseconds.
+  /// The longest that a thread waited since follow() or end_round(), in milliseconds.
   [[nodiscard]] double held_off_ms() const;
 
   std::vector<pid_t> processes_;

@@ -134,7 +134,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
   return {};
 }
 
-expected<void, std::string> LoadedRun::measure() {
+expected<void, std::string> LoadedRun::measure(DisturbanceWatch& watch) {
   if (auto started = witness_.start(cpus_of(config_.placement)); !started) return started;
   for (const Side side : kBothSides) {
     if (auto connected = connect(side); !connected) return connected;
@@ -144,6 +144,7 @@ expected<void, std::string> LoadedRun::measure() {
       if (callers == 0 && !is_asked(0) && round % kRoundsPerIdleRound != 0) continue;
       if (auto measured = measure_level(callers, round); !measured) return measured;
     }
+    watch.end_round();
   }
   return {};
 }
@@ -230,8 +231,8 @@ expected<void, std::string> measure_loaded(const Settings& settings, const DuelC
   if (!duel) return unexpected{duel.error()};
   LoadedRun run(settings, config, plan, **duel);
   return run_as_caller(config, [&]() -> expected<void, std::string> {
-    const DisturbanceWatch watch((*duel)->server_ids());
-    if (auto measured = run.measure(); !measured) return measured;
+    DisturbanceWatch watch((*duel)->server_ids());
+    if (auto measured = run.measure(watch); !measured) return measured;
     for (Result& result : run.results()) {
       watch.finish(result, longest_us(result));
       report.add(result);

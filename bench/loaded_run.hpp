@@ -57,7 +57,7 @@ class LoadedRun {
   LoadedRun(const Settings& settings, const DuelConfig& config, const LoadPlan& plan, Duel& duel);
 
   /// On a thread as run_as_caller() has it.
-  [[nodiscard]] expected<void, std::string> measure();
+  [[nodiscard]] expected<void, std::string> measure(DisturbanceWatch& watch);
   /// One result per number of callers.
   [[nodiscard]] std::vector<Result> results() const;
 
