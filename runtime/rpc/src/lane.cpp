@@ -27,13 +27,13 @@ constexpr std::uint32_t kTurnsPerLookMax = 16384;
 constexpr Duration kTimePerLookMax = std::chrono::microseconds{200};
 // So many connections through memory are looked at in a turn without work, the next ones each time:
 // one that calls again at once is not to wait for a look at a thousand that are silent.
-constexpr std::size_t kMemoryLooksPerTurn = 16;
+constexpr std::size_t kMemoryLooksPerTurn = 8;
 // One alone is looked at so often in a turn without work: together that takes about as long as the
 // rest of the turn, so that a call seldom comes when nobody looks.
 constexpr int kLooksAtOne = 64;
 // While one has calls without end, so often and so many of the others.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
-constexpr std::size_t kMemoryLooksWhenDue = 128;
+constexpr std::size_t kMemoryLooksWhenDue = 64;
 // A wait names its sources, which is quicker than to have the system keep them, for so many
 // connections besides the port.
 constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
