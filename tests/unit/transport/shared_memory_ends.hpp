@@ -20,7 +20,6 @@
 /// Both ends of a connection through shared memory, or one and a client that does what it likes.
 namespace rtpm::transport::test {
 
-using namespace std::chrono_literals;
 using rtpm::test::await;
 
 /// An address of this test process alone.
@@ -34,7 +33,7 @@ inline std::string abstract_name(const SharedMemoryAddress& address) {
 }
 
 inline MonotonicTime soon() {
-  return rt::now() + 20s;
+  return rt::now() + std::chrono::seconds{20};
 }
 
 /// The listener of a server that takes clients when it is told to.

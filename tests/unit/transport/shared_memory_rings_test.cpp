@@ -15,6 +15,7 @@ namespace rtpm::transport {
 namespace {
 
 using namespace test;
+using namespace std::chrono_literals;
 
 // ---- the rings ----------------------------------------------------------------------------------
 

@@ -24,6 +24,7 @@ namespace rtpm::transport {
 namespace {
 
 using namespace test;
+using namespace std::chrono_literals;
 namespace fs = std::filesystem;
 
 // ---- setting up ---------------------------------------------------------------------------------
