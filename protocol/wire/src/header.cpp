@@ -34,6 +34,8 @@ inline std::uint64_t word_of(Fields... fields) noexcept {
   std::uint64_t word = 0;
   std::size_t shift = 0;
   const auto add = [&](std::uint64_t field, std::size_t size) {
+    // Each field is loaded for itself, as it was written: compilers would join neighbours of the
+    // struct to one load, which waits for their writes as described below.
     __asm__("" : "+r"(field));
     word |= field << shift;
     shift += 8 * size;

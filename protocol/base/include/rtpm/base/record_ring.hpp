@@ -94,7 +94,8 @@ class RecordMemory {
     copy_in(record.first(first), begin + 1);
     copy_in(record.subspan(first), words_);
   }
-  /// The same, its first line last: so the word that is written next has no other line in between.
+  /// The same for a record in one piece, its first line last: so the word that is written next has
+  /// no other line in between.
   void write_backwards(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
     const std::size_t first = std::min(record.size(), kRecordAlignment - kRecordWordSize);
