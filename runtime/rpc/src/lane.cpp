@@ -292,7 +292,7 @@ bool Lane::turn() noexcept {
   if (hot_ != kLocal && gate_->has_calls()) hot_ = kLocal;
   // One that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
-  if (is_memory(hot_)) linger();
+  linger();
   const bool has_served = is_hot_asked && serve_one(hot_);
   if (has_served && connection_count() == 0 && hot_ != kLocal) return true;
   // Some of what costs no syscall is looked at each turn, unless there is something anyway.
@@ -309,7 +309,7 @@ bool Lane::turn() noexcept {
 
 // Looks for a call on the only connection through memory, if it is the only one that had some.
 void Lane::linger() const noexcept {
-  if (hot_ == kLocal || memory_sources_.size() != 1) return;
+  if (memory_sources_.size() != 1 || hot_ != memory_sources_.front()) return;
   const transport::Connection& only = *connections_[hot_].stream;
   for (int look = 0; look < kLooksAtOne && !only.has_buffered(); ++look) {
   }

@@ -19,11 +19,16 @@ namespace {
 // While a ring is full its reader works, or is about to be found dead: a look so often is enough.
 constexpr Duration kRoomLookInterval = std::chrono::microseconds{50};
 
-enum class Direction : std::uint8_t { kToServer, kToClient };
+using Side = SharedMemoryConnection::Side;
 
-// In fresh memory the control words are zeros, which is how they begin.
-RecordRingMemory ring_of(MutableBytes memory, RingSizes sizes, Direction direction) noexcept {
-  const bool is_to_server = direction == Direction::kToServer;
+Side other(Side side) noexcept {
+  return side == Side::kClient ? Side::kServer : Side::kClient;
+}
+
+// The ring that `reader` reads. In fresh memory the control words are zeros, which is how they
+// begin.
+RecordRingMemory ring_to(Side reader, MutableBytes memory, RingSizes sizes) noexcept {
+  const bool is_to_server = reader == Side::kServer;
   std::byte* const control =
       memory.data() + (is_to_server ? kToServerControlOffset : kToClientControlOffset);
   return {
@@ -31,16 +36,6 @@ RecordRingMemory ring_of(MutableBytes memory, RingSizes sizes, Direction directi
       memory.subspan(is_to_server ? kToServerSlotsOffset : kToClientSlotsOffset, kRecordSlotsSize),
       is_to_server ? memory.subspan(kRingDataOffset, sizes.to_server)
                    : memory.subspan(kRingDataOffset + sizes.to_server, sizes.to_client)};
-}
-
-Direction sent_by(SharedMemoryConnection::Side side) noexcept {
-  return side == SharedMemoryConnection::Side::kClient ? Direction::kToServer
-                                                       : Direction::kToClient;
-}
-
-Direction received_by(SharedMemoryConnection::Side side) noexcept {
-  return side == SharedMemoryConnection::Side::kClient ? Direction::kToClient
-                                                       : Direction::kToServer;
 }
 
 }  // namespace
@@ -65,8 +60,8 @@ SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, Descriptor eve
     : socket_(std::move(socket)),
       event_(std::move(event)),
       mapping_(std::move(mapping)),
-      writer_(ring_of(mapping_.bytes(), sizes, sent_by(side))),
-      reader_(ring_of(mapping_.bytes(), sizes, received_by(side))),
+      writer_(ring_to(other(side), mapping_.bytes(), sizes)),
+      reader_(ring_to(side, mapping_.bytes(), sizes)),
       lines_(wire::kSharedFrameSizeMax / sizeof(CacheLine)) {
   RTPM_ASSERT(mapping_.bytes().size() == memory_size(sizes), "a connection has its rings");
 }

@@ -51,6 +51,11 @@ inline constexpr std::uint32_t kRecordSlotCount = 16;
 inline constexpr std::size_t kRecordSlotsSize = kRecordSlotSize * kRecordSlotCount;
 inline constexpr std::size_t kShortRecordMax = kRecordSlotSize - kRecordWordSize;
 
+/// Where among the slots that of a record begins.   RT: alloc-free.
+[[nodiscard]] constexpr std::uint64_t record_slot_position(std::uint32_t number) noexcept {
+  return std::uint64_t{number % kRecordSlotCount} * kRecordSlotSize;
+}
+
 /// How many bytes of a ring a record takes.   RT: alloc-free.
 [[nodiscard]] constexpr std::size_t record_span(std::size_t size) noexcept {
   return (kRecordWordSize + size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
@@ -217,7 +222,7 @@ class RecordWriter {
   }
 
   [[nodiscard]] Outcome write_to_slot(ConstBytes record) noexcept {
-    const std::uint64_t position = std::uint64_t{number_ % kRecordSlotCount} * kRecordSlotSize;
+    const std::uint64_t position = record_slot_position(number_);
     slots_.write_backwards(position, record);
     // SYNC POINT slot-written: the record is whole.
     slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
@@ -333,16 +338,13 @@ class RecordReader {
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
  private:
-  [[nodiscard]] std::uint64_t slot_position() const noexcept {
-    return std::uint64_t{number_ % kRecordSlotCount} * kRecordSlotSize;
-  }
   /// Whether the next record is in its slot.
   [[nodiscard]] bool has_slot(std::memory_order order) const noexcept {
-    return RecordWord::of(slots_.word(slot_position()).load(order)).number == number_;
+    return RecordWord::of(slots_.word(record_slot_position(number_)).load(order)).number == number_;
   }
 
   [[nodiscard]] expected<std::size_t, RecordError> read_slot(MutableBytes to) noexcept {
-    const std::uint64_t position = slot_position();
+    const std::uint64_t position = record_slot_position(number_);
     const auto word = RecordWord::of(slots_.word(position).load(std::memory_order_relaxed));
     // hp-16.2-3: from here on only our copy of the size counts.
     if (word.size == 0 || word.size > std::min(kShortRecordMax, to.size())) {
