@@ -11,7 +11,8 @@ std::span<const PeerEntry> known_peers() {
   static constexpr std::array kPeers{
       PeerEntry{"omniorb", "libomniorb4-dev omniidl", "tcp unix", ""},
       PeerEntry{"ice", "libzeroc-ice-dev zeroc-ice-compilers", "tcp", ""},
-      PeerEntry{"grpc", "libgrpc++-dev protobuf-compiler-grpc protobuf-compiler", "tcp unix", ""},
+      PeerEntry{"grpc", "libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler",
+                "tcp unix", ""},
       PeerEntry{"capnproto", "libcapnp-dev capnproto", "tcp unix", ""},
       PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", "tcp ipc"},
       PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc"},
