@@ -19,6 +19,7 @@ ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot
   found->deadline = std::min(request.deadline, request.received + kStreamLease);
   found->items.begin(request.header, config_.stream_memory.subspan(index * room_size, room_size),
                      is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax, is_datagram);
+  streams_due_ = std::min(streams_due_, found->deadline);
   slot.stream = static_cast<std::uint16_t>(index);
   ++open_stream_count_;
   return {Verdict::Action::kDispatch};
@@ -34,7 +35,7 @@ void ServerSessions::free_stream(Slot& slot) noexcept {
   if (slot.stream == kNoStream) return;
   streams_[slot.stream].items.clear();
   slot.stream = kNoStream;
-  --open_stream_count_;
+  if (--open_stream_count_ == 0) streams_due_ = kNever;
 }
 
 MutableBytes ServerSessions::item_buffer(const Request& request) noexcept {
@@ -118,9 +119,15 @@ ConstBytes ServerSessions::next_repair() noexcept {
 }
 
 void ServerSessions::on_time(MonotonicTime now) noexcept {
-  if (open_stream_count_ == 0) return;
+  // A deadline may have moved on since it was told, but never back.
+  if (now < streams_due_) return;
+  streams_due_ = kNever;
   for (const Stream& stream : streams_) {
-    if (!stream.items.is_begun() || stream.deadline > now) continue;
+    if (!stream.items.is_begun()) continue;
+    if (stream.deadline > now) {
+      streams_due_ = std::min(streams_due_, stream.deadline);
+      continue;
+    }
     // hp-5.10-7: its caller broke the promise to be heard in time.
     Slot& slot = sessions_[stream.session_index].slots[stream.slot_index];
     if (slot.state == Slot::State::kRunning) ++counters_.expired_count;
@@ -130,12 +137,7 @@ void ServerSessions::on_time(MonotonicTime now) noexcept {
 }
 
 MonotonicTime ServerSessions::next_time() const noexcept {
-  if (open_stream_count_ == 0) return kNever;
-  MonotonicTime next = kNever;
-  for (const Stream& stream : streams_) {
-    if (stream.items.is_begun()) next = std::min(next, stream.deadline);
-  }
-  return next;
+  return streams_due_;
 }
 
 }  // namespace rtpm::wire

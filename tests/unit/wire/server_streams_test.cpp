@@ -242,6 +242,7 @@ TEST_F(ServerStreams, EndWhereTheirCallerFellSilent) {
   server_.set_tag(request, 6);
   EXPECT_EQ(server_.next_time(), at(3s));
   static_cast<void>(receive(credit_frame(1, {0, 0}, 8), at(2s)));
+  server_.on_time(server_.next_time());
   EXPECT_EQ(server_.next_time(), at(5s)) << "it was heard";
   server_.on_time(at(5s) - 1ns);
   EXPECT_FALSE(server_.item_buffer(request).empty());
@@ -265,6 +266,7 @@ TEST_F(ServerStreams, OutliveALateCopyOfACredit) {
   static_cast<void>(begin(1, 8, at(0s)));
   static_cast<void>(receive(credit_frame(1, {0, 0}, 8, false, 3'000'000), at(1s)));
   static_cast<void>(receive(credit_frame(1, {0, 0}, 8, false, 10), at(1s)));
+  server_.on_time(server_.next_time());
   EXPECT_EQ(server_.next_time(), at(4s));
 }
 

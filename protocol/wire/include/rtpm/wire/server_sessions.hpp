@@ -137,7 +137,8 @@ class ServerSessions {
 
   /// Ends streams of which nobody was heard for too long.
   void on_time(MonotonicTime now) noexcept;
-  /// When on_time() has something to do.
+  /// Before this on_time() has nothing to do. Takes no look at the streams, so it may be asked
+  /// each time that a lane goes to sleep.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
   /// Stream only: the connection `peer` is gone, and its session with it.
@@ -268,6 +269,7 @@ class ServerSessions {
   std::uint16_t sending_ = kNoBulk;  ///< Whose window next_frame() goes on with.
   std::vector<Stream> streams_;
   std::uint32_t open_stream_count_ = 0;
+  MonotonicTime streams_due_ = kNever;    ///< No stream's deadline is before this.
   std::uint16_t repairing_ = kNoStream;   ///< Whose lost items next_frame() goes on with,
   bool is_reply_due_ = false;             ///< and behind them its reply.
   std::vector<std::uint32_t> cancelled_;  ///< Tags that next_cancelled() tells.
