@@ -6,8 +6,7 @@ namespace rtpm::wire {
 
 Duration RoundTrip::interval() const noexcept {
   if (smoothed_ == Duration{0}) return kRetransmitIntervalFirst;
-  return std::clamp<Duration>(smoothed_ + 4 * deviation_, kRetransmitIntervalMin,
-                              kRetransmitIntervalMax);
+  return std::clamp<Duration>(smoothed_ + 4 * deviation_, interval_min_, kRetransmitIntervalMax);
 }
 
 void RoundTrip::back_off(Duration wait) noexcept {

@@ -91,6 +91,7 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
   auto link = open_any_link(address_, priority, deadline);
   if (!link) return unexpected{CallError::kUnreachable};
   link_ = std::move(*link);
+  wire_.set_on_host(link_->is_on_host());
   return {};
 }
 

@@ -27,7 +27,10 @@ TransportError no_socket(const std::string& host, std::uint16_t port, int error)
 
 class UdpLink final : public Link {
  public:
-  explicit UdpLink(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+  UdpLink(Descriptor socket, bool is_on_host) noexcept
+      : socket_(std::move(socket)), is_on_host_(is_on_host) {
+    if (is_on_host) limit_blocking(socket_.number(), kBlockTimeShort);
+  }
 
   expected<void, IoError> send(ConstBytes frame) noexcept override {
     const ssize_t count =
@@ -36,16 +39,23 @@ class UdpLink final : public Link {
     return unexpected{error_of(errno)};
   }
 
-  expected<ConstBytes, IoError> receive() noexcept override {
-    const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), MSG_DONTWAIT);
-    if (count < 0) return unexpected{error_of(errno)};
-    return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
+  expected<ConstBytes, IoError> receive() noexcept override { return receive(MSG_DONTWAIT); }
+  expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
+    if (!is_on_host_ || !may_block_until(until, kBlockTimeShort)) return Link::await(until);
+    const rt::AsleepScope asleep;
+    return receive(0);
   }
 
   int descriptor() const noexcept override { return socket_.number(); }
   wire::Medium medium() const noexcept override { return wire::Medium::kDatagram; }
+  bool is_on_host() const noexcept override { return is_on_host_; }
 
  private:
+  expected<ConstBytes, IoError> receive(int flags) noexcept {
+    const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), flags);
+    if (count < 0) return unexpected{error_of(errno)};
+    return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
+  }
   static IoError error_of(int error) noexcept {
     switch (error) {
       case EAGAIN:
@@ -61,6 +71,7 @@ class UdpLink final : public Link {
   }
 
   Descriptor socket_;
+  bool is_on_host_;
   // One byte more than the largest frame, so that a larger datagram is noticed.
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer_{};
 };
@@ -87,6 +98,16 @@ class TcpLink final : public Link {
  private:
   FrameStream stream_;
 };
+
+// Whether what a connected socket sends stays on this host.
+bool is_on_host(int socket, const sockaddr_in& peer) noexcept {
+  constexpr std::uint32_t kLoopbackNet = 127;
+  if (ntohl(peer.sin_addr.s_addr) >> 24 == kLoopbackNet) return true;
+  sockaddr_in own{};
+  socklen_t size = sizeof own;
+  return getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size) == 0 &&
+         own.sin_addr.s_addr == peer.sin_addr.s_addr;
+}
 
 // Waits until a connection that was begun is there; 0 or the error number.
 int finish_connecting(int socket, MonotonicTime deadline) noexcept {
@@ -124,7 +145,8 @@ expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string&
   const int no_fragments = IP_PMTUDISC_DO;
   setsockopt(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, &no_fragments, sizeof no_fragments);
   set_traffic_class(socket.number(), priority);
-  return std::unique_ptr<Link>(std::make_unique<UdpLink>(std::move(socket)));
+  const bool stays_here = is_on_host(socket.number(), *address);
+  return std::unique_ptr<Link>(std::make_unique<UdpLink>(std::move(socket), stays_here));
 }
 
 expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string& host,

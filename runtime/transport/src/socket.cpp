@@ -100,16 +100,18 @@ bool wait_writable(int descriptor, MonotonicTime until) noexcept {
   return wait_for(descriptor, POLLOUT, until);
 }
 
-void limit_blocking(int socket) noexcept {
-  const timeval limit{.tv_sec = 0, .tv_usec = kBlockTime / std::chrono::microseconds{1}};
+void limit_blocking(int socket, Duration time) noexcept {
+  const timeval limit{.tv_sec = 0, .tv_usec = time / std::chrono::microseconds{1}};
   setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
   const int flags = fcntl(socket, F_GETFL);
   fcntl(socket, F_SETFL, flags & ~O_NONBLOCK);
 }
 
-bool may_block_until(MonotonicTime until) noexcept {
+bool may_block_until(MonotonicTime until, Duration time) noexcept {
   constexpr Duration kTicks = std::chrono::milliseconds{20};
-  return until == kNever || (until > rt::now() && until - rt::now() > kBlockTime + kTicks);
+  if (until == kNever) return true;
+  const MonotonicTime now = rt::now();
+  return until > now && until - now > time + kTicks;
 }
 
 }  // namespace rtpm::transport

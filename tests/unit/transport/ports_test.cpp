@@ -266,6 +266,37 @@ TEST(UdpLink, SeesThatNobodyHasThePort) {
   EXPECT_EQ((*link)->receive().error(), IoError::kNothing) << "it is told once";
 }
 
+TEST(UdpLink, KnowsWhetherItsFramesStayHere) {
+  const auto here = open_udp_link(kHere, free_port(), 0);
+  ASSERT_TRUE(here);
+  EXPECT_TRUE((*here)->is_on_host());
+  const auto another = open_udp_link("127.3.2.1", free_port(), 0);
+  ASSERT_TRUE(another);
+  EXPECT_TRUE((*another)->is_on_host());
+  const auto away = open_udp_link(kNobodysAddress, free_port(), 0);
+  if (!away) GTEST_SKIP() << "this host has no route to another: " << away.error().text;
+  EXPECT_FALSE((*away)->is_on_host());
+}
+
+// Where it may block in the receive itself, it ends in time all the same, and takes what comes.
+TEST(UdpLink, AwaitsForAsLongAsItIsTold) {
+  const std::uint16_t number = free_port();
+  UdpPort port = open_udp(number);
+  auto link = open_udp_link(kHere, number, 0);
+  ASSERT_TRUE(link);
+  ASSERT_TRUE(may_block_until(rt::now() + 40ms, kBlockTimeShort));
+  EXPECT_EQ((*link)->await(rt::now() + 40ms).error(), IoError::kNothing);
+  ASSERT_TRUE((*link)->send(frame_of(1)));
+  ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
+  Bytes buffer(2000);
+  const auto datagram = port.receive(buffer);
+  ASSERT_TRUE(datagram);
+  ASSERT_TRUE(port.send(datagram->peer, frame_of(2)));
+  const auto received = (*link)->await(rt::now() + 20s);
+  ASSERT_TRUE(received);
+  EXPECT_EQ(copy_of(*received), frame_of(2));
+}
+
 TEST(UdpLink, HearsNobodyButItsServer) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);

@@ -179,6 +179,18 @@ TEST_F(ClientCalls, MeasureTheRoundTrip) {
   EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalMin));
 }
 
+// hp-5.3-1: nothing is lost on the way to a server on the same host, so a late one is not hurried.
+TEST_F(ClientCalls, AreRepeatedLaterWhereNoFrameLeavesTheHost) {
+  channel_.set_on_host(true);
+  for (int i = 0; i < 20; ++i) {
+    const Bytes call = begin_call(at(0s));
+    ASSERT_EQ(channel_.on_frame(reply_frame(call, ""), at(100us)).kind, Kind::kReply);
+  }
+  static_cast<void>(begin_call(at(0s)));
+  EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalOnHost));
+  EXPECT_EQ(channel_.on_time(at(kRetransmitIntervalOnHost)).kind, Kind::kSend);
+}
+
 TEST_F(ClientCalls, CanBeRepeatedAtOnce) {
   EXPECT_EQ(channel_.repeat(at(0s)).kind, Kind::kNothing) << "there is no call";
   const Bytes call = begin_call(at(0s));

@@ -93,6 +93,11 @@ class ClientChannel {
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
+  /// The path to the server stays on this host, or it may lose frames: then calls are repeated
+  /// sooner.   To be called before open().
+  void set_on_host(bool is_on_host) noexcept {
+    round_trip_.set_interval_min(is_on_host ? kRetransmitIntervalOnHost : kRetransmitIntervalMin);
+  }
   /// Begins a handshake for the band of `priority`; gives the frame to send. Calls that are open
   /// are over, but the items of streams that had ended can still be taken.
   [[nodiscard]] ConstBytes open(Priority priority, MonotonicTime deadline,

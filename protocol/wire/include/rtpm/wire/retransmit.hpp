@@ -9,6 +9,8 @@ namespace rtpm::wire {
 /// RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds.
 class RoundTrip {
  public:
+  /// No interval is shorter, from now on; but before the first measurement.
+  void set_interval_min(Duration interval_min) noexcept { interval_min_ = interval_min; }
   /// A call that was sent once, and its answer, took so long.
   void add(Duration sample) noexcept;
   /// A call that was repeated ended after such a wait; 0: a call that was not repeated ended. Where
@@ -25,6 +27,7 @@ class RoundTrip {
   [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
 
  private:
+  Duration interval_min_ = kRetransmitIntervalMin;
   Duration smoothed_{0};
   Duration deviation_{0};
   Duration backed_off_{0};

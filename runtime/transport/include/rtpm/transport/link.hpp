@@ -43,6 +43,8 @@ class Link {
   /// The socket. Of a link through memory it tells only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
+  /// Whether no frame leaves this host, so that none is lost but where an end has no room for it.
+  [[nodiscard]] virtual bool is_on_host() const noexcept { return false; }
 };
 
 /// Opens a link to host:port over UDP. Nothing is sent yet.   Set-up only.

@@ -54,12 +54,15 @@ bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
 /// About how long a receive blocks that is meant to: the system counts in ticks of up to 10 ms. It
-/// spares the poll before it, where nobody needs the wait to end to the nanosecond.
+/// spares the poll before it and a timer of its own, which costs more than the poll, where nobody
+/// needs the wait to end to the nanosecond.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
-/// Has receives on the socket block for kBlockTime, where they don't say that they must not.
+/// The same for one that has something to do by itself soon.
+inline constexpr Duration kBlockTimeShort = std::chrono::milliseconds{4};
+/// Has receives on the socket block for `time`, where they don't say that they must not.
 /// Set-up only.
-void limit_blocking(int socket) noexcept;
+void limit_blocking(int socket, Duration time = kBlockTime) noexcept;
 /// Whether a wait until then is long enough to begin with such a receive.   RT: alloc-free.
-[[nodiscard]] bool may_block_until(MonotonicTime until) noexcept;
+[[nodiscard]] bool may_block_until(MonotonicTime until, Duration time = kBlockTime) noexcept;
 
 }  // namespace rtpm::transport
