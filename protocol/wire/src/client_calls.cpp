@@ -18,6 +18,11 @@ std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
       std::min<std::int64_t>(us, std::numeric_limits<std::uint32_t>::max()));
 }
 
+// Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).
+Duration ask_interval_max(Duration lease) noexcept {
+  return std::min<Duration>(kStreamAskIntervalMax, lease / 4);
+}
+
 }  // namespace
 
 std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) const noexcept {
@@ -101,7 +106,7 @@ ConstBytes ClientChannel::begin_call(Call& call, MonotonicTime now) noexcept {
   call.request.clear();
   call.reply.clear();
   call.timer.begin(now);
-  call.heard = now;
+  call.heard = call.item_heard = now;
   call.item_gap = Duration{0};
   if (call.payload.size() <= frame_payload_max_) return stamp_call(call, now);
   call.request.begin(call.header, call.payload, frame_payload_max_, window_of(config_.medium));
@@ -185,9 +190,8 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
   call.timer.repeat(now);
   ConstBytes frame;
   if (is_asking) {
-    if (call.timer.due() - now > kStreamAskIntervalMax) {
-      call.timer.wait(now, kStreamAskIntervalMax);
-    }
+    const Duration interval_max = ask_interval_max(call.lease);
+    if (call.timer.due() - now > interval_max) call.timer.wait(now, interval_max);
     call.is_asking = true;
     frame = credit_frame(call, now);
   } else if (call.request.is_begun() && !call.request.is_acknowledged()) {
@@ -297,6 +301,8 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   if (call->request.is_begun()) call->request.on_ack(*ack);
   if (is_stream && (!call->request.is_begun() || call->request.is_acknowledged())) {
     hear(*call, now);
+    // hp-5.10-5: nothing is missing, so that it is not asked again as soon.
+    call->timer.begin_anew(now);
   } else {
     call->timer.progress(now);
   }
@@ -307,13 +313,18 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
 
 // --- streams -------------------------------------------------------------------------------------
 
-// The server has the call. When to ask after it next follows from the pace at which it is heard.
+// The server has the call.
 void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
   call.has_answered = true;
   call.request.clear();
   call.heard = now;
-  call.timer.wait(
-      now, std::clamp<Duration>(4 * call.item_gap, round_trip_.interval(), kStreamAskIntervalMax));
+}
+
+// When to ask after the stream next follows from the pace of its items.
+void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
+  hear(call, now);
+  call.timer.wait(now, std::min(std::max(4 * call.item_gap, round_trip_.interval()),
+                                ask_interval_max(call.lease)));
 }
 
 ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
@@ -334,9 +345,12 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   const bool is_copy = taken == IncomingStream::Taken::kCopy;
   if (is_copy) counters_.drop(DropReason::kUnexpected);
   if (!is_copy && (header.flags & kFlagRepeated) == 0) {
-    call->item_gap += (now - call->heard - call->item_gap) / 8;
+    // A pause is not to be remembered for long.
+    const Duration gap = std::min<Duration>(now - call->item_heard, kStreamAskIntervalMax / 4);
+    call->item_gap += (gap - call->item_gap) / 8;
+    call->item_heard = now;
   }
-  hear(*call, now);
+  hear_of_items(*call, now);
   // hp-5.10-4: a gap is told once; if the copies get lost, too, time tells.
   const bool has_gap = call->items.has_gap();
   if ((has_gap && !had_gap) || (has_gap && taken == IncomingStream::Taken::kNew) || is_copy) {
@@ -366,7 +380,7 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
   // From now on only items are progress: a server that has none of those that it counts is as good
   // as silent. They are asked for at once only once, or the two sides would do nothing else.
   if (is_copy && !is_given_up) return {};
-  hear(call, now);
+  hear_of_items(call, now);
   if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
   call.is_asking = true;
   return {

@@ -51,6 +51,11 @@ void RetransmitTimer::progress(MonotonicTime now) noexcept {
   due_ = now + current_;
 }
 
+void RetransmitTimer::begin_anew(MonotonicTime now) noexcept {
+  is_measured_ = false;
+  due_ = now + current_;
+}
+
 void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {
   is_measured_ = false;
   current_ = wait;

@@ -192,6 +192,37 @@ TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
   EXPECT_LE(channel_.next_time() - now, Duration{500ms});
 }
 
+// hp-5.10-5: what rests costs next to nothing, however quick its items came before.
+TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
+  begin(32);
+  MonotonicTime now = at(0s);
+  std::uint32_t count = 0;
+  for (; count < 20; ++count)
+    static_cast<void>(item(count, now += 1ms));
+  EXPECT_EQ(drain(0), count);
+  int ask_count = 0;
+  for (const MonotonicTime end = now + 10s; channel_.next_time() < end; ++ask_count) {
+    now = channel_.next_time();
+    expect_credit(channel_.on_time(now).frame, count, 0, 32 + count, true);
+    static_cast<void>(ack(count, now + 100us));
+  }
+  EXPECT_GE(ask_count, 19) << "so that both sides see that the other is there";
+  EXPECT_LE(ask_count, 28);
+  static_cast<void>(item(count, now + 1ms));
+  EXPECT_LT(channel_.next_time(), now + 150ms) << "it runs again, so it is asked sooner";
+}
+
+// hp-5.10-7: asks may get lost, and still none takes the other for silent.
+TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
+  begin(4, 1h, 200ms);
+  for (int i = 0; i < 100; ++i) {
+    const MonotonicTime now = channel_.next_time();
+    EXPECT_EQ(channel_.on_time(now).kind, Kind::kSend);
+    static_cast<void>(ack(0, now));
+    EXPECT_LE(channel_.next_time(), now + 50ms);
+  }
+}
+
 // hp-5.10-7
 TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
   begin(4);

@@ -170,6 +170,7 @@ class ClientChannel {
     std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
     Duration lease = kStreamLease;  ///< Of a stream.
     MonotonicTime heard{};          ///< When the stream's server was heard last,
+    MonotonicTime item_heard{};     ///< when an item of it came,
     Duration item_gap{0};           ///< and how far apart items come, smoothed.
     MonotonicTime begun{};
     MonotonicTime deadline = kNever;
@@ -203,7 +204,8 @@ class ClientChannel {
   [[nodiscard]] ChannelEvent on_stream_end(Call& call, const Header& header,
                                            MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent end_of_stream(Call& call, MonotonicTime now) noexcept;
-  void hear(Call& call, MonotonicTime now) noexcept;
+  static void hear(Call& call, MonotonicTime now) noexcept;
+  void hear_of_items(Call& call, MonotonicTime now) const noexcept;
   [[nodiscard]] bool is_stream_known(const Call& call) const noexcept;
   [[nodiscard]] MonotonicTime due(const Call& call) const noexcept;
   [[nodiscard]] ChannelEvent on_call_time(Call& call, MonotonicTime now) noexcept;
