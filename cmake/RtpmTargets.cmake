@@ -24,8 +24,10 @@ if(RTPM_LTO)
   if(is_lto_supported)
     set(CMAKE_INTERPROCEDURAL_OPTIMIZATION ON)
     if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
-      # The archives are for people with other compilers, too, so they hold ordinary code besides.
-      target_compile_options(rtpm_build_flags INTERFACE -ffat-lto-objects)
+      # The archives are for people with other compilers, too, so they hold ordinary code besides. For
+      # programs it would be made in vain, which takes a third of their time to compile.
+      target_compile_options(rtpm_build_flags INTERFACE
+        "$<$<NOT:$<STREQUAL:$<TARGET_PROPERTY:TYPE>,EXECUTABLE>>:-ffat-lto-objects>")
     endif()
   else()
     message(WARNING "RTPM_LTO: this compiler can't, so programs are linked without: ${reason}")
