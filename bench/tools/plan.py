@@ -34,7 +34,7 @@ FULL = (
     # What takes little time.
     Part("call", "call --wait adaptive,spin", 12),
     Part("call-block", "call --wait block --samples 20000", 9),
-    Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 42),
+    Part("payload", "call --payload 0,1Ki,64Ki,1Mi", 39),
     Part("memory", "memory", 1),
     Part("idle", "idle --wait adaptive,periodic", 19),
     Part("startup", "startup", 2),
@@ -43,20 +43,20 @@ FULL = (
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
     Part("scale", "scale", 14),
     # What the pace of the calls makes long.
-    Part("isolation", "isolation --low-callers 4", 258),
+    Part("isolation", "isolation --low-callers 4", 270),
     Part("paced", "paced", 62),
-    Part("events", "events --samples 1400", 80),
+    Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
+    Part("events", "events --samples 1400", 115),
     Part("device", "device --wait adaptive,periodic --samples 2000", 25),
     Part("ladder", "ladder --samples 1000", 20),
-    Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 64, False),
+    Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 73, False),
     Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4",
-         245, False),
+         234, False),
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64 "
          "--samples 1200", 70, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
-    Part("bulk", "bulk --samples 3000", 50),
-    Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
+    Part("bulk", "bulk --samples 2000", 32),
     Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1600", 42),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
