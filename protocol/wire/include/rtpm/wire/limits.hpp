@@ -66,7 +66,7 @@ inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5
 /// No repetition comes sooner: below, a busy server would be asked twice without need.
 inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
 /// The same where no frame leaves the host: then a frame was lost only if its receiver had no room
-/// for it, or has died, and a server that is late would be asked in vain. So long that whoever waits
+/// for it, or has died, and a server that is late would be asked in vain. So long that who waits
 /// need not set a timer to the microsecond, which takes longer than a system call.
 inline constexpr Duration kRetransmitIntervalOnHost = std::chrono::milliseconds{30};
 /// No repetition comes later, however often it was doubled (hp-5.3-3).
