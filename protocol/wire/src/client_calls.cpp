@@ -18,11 +18,6 @@ std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
       std::min<std::int64_t>(us, std::numeric_limits<std::uint32_t>::max()));
 }
 
-// Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).
-Duration ask_interval_max(Duration lease) noexcept {
-  return std::min<Duration>(kStreamAskIntervalMax, lease / 4);
-}
-
 }  // namespace
 
 std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) const noexcept {
@@ -190,8 +185,7 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
   call.timer.repeat(now);
   ConstBytes frame;
   if (is_asking) {
-    const Duration interval_max = ask_interval_max(call.lease);
-    if (call.timer.due() - now > interval_max) call.timer.wait(now, interval_max);
+    ask_after(call, call.timer.current(), now);
     call.is_asking = true;
     frame = credit_frame(call, now);
   } else if (call.request.is_begun() && !call.request.is_acknowledged()) {
@@ -302,7 +296,7 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   if (is_stream && (!call->request.is_begun() || call->request.is_acknowledged())) {
     hear(*call, now);
     // hp-5.10-5: nothing is missing, so that it is not asked again as soon.
-    call->timer.begin_anew(now);
+    ask_after(*call, call->timer.current(), now);
   } else {
     call->timer.progress(now);
   }
@@ -323,8 +317,12 @@ void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
 // When to ask after the stream next follows from the pace of its items.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
   hear(call, now);
-  call.timer.wait(now, std::min(std::max(4 * call.item_gap, round_trip_.interval()),
-                                ask_interval_max(call.lease)));
+  ask_after(call, std::max(4 * call.item_gap, round_trip_.interval()), now);
+}
+
+// Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).
+void ClientChannel::ask_after(Call& call, Duration wait, MonotonicTime now) noexcept {
+  call.timer.wait(now, std::min({wait, Duration{kStreamAskIntervalMax}, call.lease / 4}));
 }
 
 ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,

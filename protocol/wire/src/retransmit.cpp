@@ -46,14 +46,7 @@ void RetransmitTimer::repeat(MonotonicTime now) noexcept {
 }
 
 void RetransmitTimer::progress(MonotonicTime now) noexcept {
-  is_measured_ = false;
-  current_ = path_->interval();
-  due_ = now + current_;
-}
-
-void RetransmitTimer::begin_anew(MonotonicTime now) noexcept {
-  is_measured_ = false;
-  due_ = now + current_;
+  wait(now, path_->interval());
 }
 
 void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {

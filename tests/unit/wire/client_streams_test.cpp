@@ -212,6 +212,19 @@ TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
   EXPECT_LT(channel_.next_time(), now + 150ms) << "it runs again, so it is asked sooner";
 }
 
+// hp-5.10-5: that the call had to be repeated, ever later, is no reason to ask as late.
+TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
+  begin(4);
+  MonotonicTime now = at(0s);
+  while (now < at(1s)) {
+    now = channel_.next_time();
+    ASSERT_EQ(channel_.on_time(now).kind, Kind::kSend);
+  }
+  ASSERT_GT(channel_.next_time() - now, Duration{500ms}) << "the call itself would be repeated then";
+  static_cast<void>(ack(0, now + 1ms));
+  EXPECT_LE(channel_.next_time() - now, Duration{501ms});
+}
+
 // hp-5.10-7: asks may get lost, and still none takes the other for silent.
 TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
   begin(4, 1h, 200ms);

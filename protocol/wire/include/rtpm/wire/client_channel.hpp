@@ -206,6 +206,7 @@ class ClientChannel {
   [[nodiscard]] ChannelEvent end_of_stream(Call& call, MonotonicTime now) noexcept;
   static void hear(Call& call, MonotonicTime now) noexcept;
   void hear_of_items(Call& call, MonotonicTime now) const noexcept;
+  static void ask_after(Call& call, Duration wait, MonotonicTime now) noexcept;
   [[nodiscard]] bool is_stream_known(const Call& call) const noexcept;
   [[nodiscard]] MonotonicTime due(const Call& call) const noexcept;
   [[nodiscard]] ChannelEvent on_call_time(Call& call, MonotonicTime now) noexcept;

@@ -48,8 +48,6 @@ class RetransmitTimer {
   /// A part of the answer, or of its acknowledgement, is here: the wait begins anew, and the call
   /// is not measured.
   void progress(MonotonicTime now) noexcept;
-  /// The wait begins anew, as long as it has become, and the call is not measured.
-  void begin_anew(MonotonicTime now) noexcept;
   /// It is not repeated before so long from now; what was doubled is forgotten.
   void wait(MonotonicTime now, Duration wait) noexcept;
   /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
@@ -58,6 +56,8 @@ class RetransmitTimer {
 
   /// When to repeat.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
+  /// How long the wait has become.
+  [[nodiscard]] Duration current() const noexcept { return current_; }
   /// How often the call was repeated.
   [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
 
