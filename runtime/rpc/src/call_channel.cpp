@@ -9,12 +9,17 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
 
 namespace rtpm::rpc {
 namespace {
 
 // So often who only looks, and never waits, sees what a link sees when it waits.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
+
+// Else each wait for a server of this host would poll, with a timer.
+static_assert(wire::kRetransmitIntervalOnHost >
+              transport::kBlockTimeShort + transport::kBlockTimeError);
 
 wire::Medium medium_of(Transport transport) noexcept {
   return transport == Transport::kUdp ? wire::Medium::kDatagram : wire::Medium::kStream;

@@ -171,6 +171,8 @@ class Lane {
   [[nodiscard]] bool take_in(PendingCall& call, wire::ServerSessions& sessions,
                              const wire::Request& request, const Object& object) noexcept;
   [[nodiscard]] bool find_place(PendingCall& call, const Object& object) noexcept;
+  [[nodiscard]] PendingCall* take_pending() noexcept;
+  [[nodiscard]] wire::Status refuse() noexcept;
   void note_queued(const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult run_now(const Object& object, const wire::Request& request,
                                        MutableBytes reply, Deferral& deferral) noexcept;

@@ -242,11 +242,9 @@ void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
 // Keeps a call until a thread has time for it, or refuses it.
 ConstBytes Lane::queue_request(wire::ServerSessions& sessions, const wire::Request& request,
                                const Object& object) noexcept {
-  const bool is_stopping = is_stopping_.load(std::memory_order_relaxed);
-  PendingCall* const call = is_stopping ? nullptr : pending_->take();
+  PendingCall* const call = take_pending();
   if (call == nullptr || !take_in(*call, sessions, request, object)) {
-    const auto refusal = is_stopping ? wire::Status::kStopping : wire::Status::kOverload;
-    ++counters_.overload_count;
+    const wire::Status refusal = refuse();
     if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
     const ConstBytes frame = sessions.accept(request, refusal, request.received);
     static_cast<void>(sessions.complete(request, refusal, 0, request.received));
@@ -255,6 +253,18 @@ ConstBytes Lane::queue_request(wire::ServerSessions& sessions, const wire::Reque
   note_queued(request);
   if (!request.wants_receipt()) return {};
   return sessions.accept(request, wire::Status::kOk, request.received);
+}
+
+// A call to keep; null if there are too many, or the lane stops.
+PendingCall* Lane::take_pending() noexcept {
+  return is_stopping_.load(std::memory_order_relaxed) ? nullptr : pending_->take();
+}
+
+// Counts a call that is not kept, and says why.
+wire::Status Lane::refuse() noexcept {
+  ++counters_.overload_count;
+  return is_stopping_.load(std::memory_order_relaxed) ? wire::Status::kStopping
+                                                      : wire::Status::kOverload;
 }
 
 void Lane::note_queued(const wire::Request& request) noexcept {

@@ -82,15 +82,12 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
   if (!target) return channel.finish(target.error(), 0);
   const Object& object = **target;
   if (crew_) {
-    const bool is_stopping = is_stopping_.load(std::memory_order_relaxed);
-    PendingCall* const call = is_stopping ? nullptr : pending_->take();
-    if (call != nullptr) {
+    if (PendingCall* const call = take_pending()) {
       // Several threads at a time may run calls from places, which share the room for replies.
       call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
       if (find_place(*call, object)) return note_queued(request);
     }
-    ++counters_.overload_count;
-    return channel.finish(is_stopping ? wire::Status::kStopping : wire::Status::kOverload, 0);
+    return channel.finish(refuse(), 0);
   }
   if (received_ >= request.deadline) {
     ++counters_.late_count;

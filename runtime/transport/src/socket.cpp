@@ -108,10 +108,9 @@ void limit_blocking(int socket, Duration time) noexcept {
 }
 
 bool may_block_until(MonotonicTime until, Duration time) noexcept {
-  constexpr Duration kTicks = std::chrono::milliseconds{20};
   if (until == kNever) return true;
   const MonotonicTime now = rt::now();
-  return until > now && until - now > time + kTicks;
+  return until > now && until - now > time + kBlockTimeError;
 }
 
 }  // namespace rtpm::transport
