@@ -314,10 +314,13 @@ void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
   call.heard = now;
 }
 
-// When to ask after the stream next follows from the pace of its items.
+// When to ask after the stream next follows from the pace of its items, and from how soon one can be
+// known to be lost.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
   hear(call, now);
-  ask_after(call, std::max(4 * call.item_gap, round_trip_.interval()), now);
+  const Duration least = config_.medium == Medium::kStream ? Duration{kStreamAskIntervalConnected}
+                                                           : round_trip_.interval();
+  ask_after(call, std::max(4 * call.item_gap, least), now);
 }
 
 // Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).

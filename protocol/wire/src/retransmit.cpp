@@ -5,7 +5,7 @@
 namespace rtpm::wire {
 
 Duration RoundTrip::interval() const noexcept {
-  if (smoothed_ == Duration{0}) return kRetransmitIntervalFirst;
+  if (smoothed_ == Duration{0}) return std::max<Duration>(kRetransmitIntervalFirst, interval_min_);
   return std::clamp<Duration>(smoothed_ + 4 * deviation_, interval_min_, kRetransmitIntervalMax);
 }
 

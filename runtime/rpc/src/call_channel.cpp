@@ -20,6 +20,8 @@ constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
 // Else each wait for a server of this host would poll, with a timer.
 static_assert(wire::kRetransmitIntervalOnHost >
               transport::kBlockTimeShort + transport::kBlockTimeError);
+static_assert(wire::kStreamAskIntervalConnected >
+              transport::kBlockTime + transport::kBlockTimeError);
 
 wire::Medium medium_of(Transport transport) noexcept {
   return transport == Transport::kUdp ? wire::Medium::kDatagram : wire::Medium::kStream;

@@ -182,6 +182,9 @@ TEST_F(ClientCalls, MeasureTheRoundTrip) {
 // hp-5.3-1: nothing is lost on the way to a server on the same host, so a late one is not hurried.
 TEST_F(ClientCalls, AreRepeatedLaterWhereNoFrameLeavesTheHost) {
   channel_.set_on_host(true);
+  static_cast<void>(begin_call(at(0s)));
+  EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalOnHost)) << "the first call, too";
+  make_ready(at(0s));
   for (int i = 0; i < 20; ++i) {
     const Bytes call = begin_call(at(0s));
     ASSERT_EQ(channel_.on_frame(reply_frame(call, ""), at(100us)).kind, Kind::kReply);

@@ -192,6 +192,15 @@ TEST_F(ClientStreams, AskInTheStreamsOwnTime) {
   EXPECT_LE(channel_.next_time() - now, Duration{500ms});
 }
 
+// hp-5.10-5: nothing is lost on the way, so the next item is waited for without a timer.
+TEST_F(ClientStreams, AskLaterWhereNoFrameLeavesTheHost) {
+  channel_.set_on_host(true);
+  begin(4);
+  EXPECT_EQ(channel_.next_time(), at(kRetransmitIntervalOnHost));
+  static_cast<void>(item(0, at(1ms)));
+  EXPECT_EQ(channel_.next_time(), at(1ms) + kRetransmitIntervalOnHost);
+}
+
 // hp-5.10-5: what rests costs next to nothing, however quick its items came before.
 TEST_F(ClientStreams, AskLessAndLessWhileNothingIsMissing) {
   begin(32);
@@ -466,6 +475,13 @@ TEST_F(ClientStreamsOnAStream, AskAndRepeatNothing) {
   EXPECT_EQ(item(0, at(1s)).kind, Kind::kItems);
   EXPECT_EQ(drain(0), 1u);
   EXPECT_EQ(end(1, at(1s)).kind, Kind::kReply);
+}
+
+// hp-5.10-5
+TEST_F(ClientStreamsOnAStream, AskLaterBehindAnItem) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  EXPECT_EQ(channel_.next_time(), at(1ms) + kStreamAskIntervalConnected);
 }
 
 // hp-5.10-7

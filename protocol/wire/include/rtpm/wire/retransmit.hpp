@@ -9,7 +9,7 @@ namespace rtpm::wire {
 /// RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds.
 class RoundTrip {
  public:
-  /// No interval is shorter, from now on; but before the first measurement.
+  /// No interval is shorter, from now on.
   void set_interval_min(Duration interval_min) noexcept { interval_min_ = interval_min; }
   /// A call that was sent once, and its answer, took so long.
   void add(Duration sample) noexcept;
