@@ -8,6 +8,7 @@
 #include <atomic>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 #include <thread>
 #include <vector>
 
@@ -16,8 +17,8 @@
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/wire/limits.hpp"
 
-// Two raw hops over UDP: supplier to relay, relay to each consumer, with as many bytes as RTPM's
-// frame has: its header, the event's header and the payload.
+// Two raw hops over UDP, supplier to relay and relay to each consumer, or one, without a relay;
+// with as many bytes as RTPM's frame has: its header, the event's header and the payload.
 namespace rtpm::bench {
 namespace {
 
@@ -95,19 +96,24 @@ void relay(const Socket& socket, const rt::WaitConfig& wait) {
 
 class RelaySide final : public EventSide {
  public:
-  RelaySide(const std::string& host, std::uint16_t port) : relay_(Socket::address_of(host, port)) {}
+  /// `relay` empty: there is none.
+  RelaySide(const std::string& host, const std::string& relay) {
+    if (!relay.empty()) {
+      relay_ = Socket::address_of(host, static_cast<std::uint16_t>(std::stoi(relay)));
+    }
+  }
   ~RelaySide() override {
     is_stopping_ = true;
     threads_.clear();
   }
   [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting, EventBoard& board) {
+    if (relay_) targets_.push_back(*relay_);
     for (int i = 0; i < setting.consumer_count; ++i)
       sockets_.emplace_back();
     for (std::size_t i = 0; i < sockets_.size(); ++i) {
-      Frame frame{kJoin};
-      sockaddr_in from{};
-      sockets_[i].send(frame, relay_);
-      if (!sockets_[i].receive(frame, from, 0)) {
+      if (!relay_) {
+        targets_.push_back(Socket::address_of("127.0.0.1", sockets_[i].port()));
+      } else if (!join(sockets_[i])) {
         return unexpected{std::string("the raw floor's relay does not answer")};
       }
       auto thread = rt::Thread::start({.name = "floor-consumer",
@@ -123,13 +129,20 @@ class RelaySide final : public EventSide {
   expected<void, std::string> push(const EventStamp& stamp) override {
     Frame frame{kEvent};
     std::memcpy(frame.data() + kFrameSize - sizeof stamp, &stamp, sizeof stamp);
-    supplier_.send(frame, relay_);
+    for (const sockaddr_in& target : targets_)
+      supplier_.send(frame, target);
     return {};
   }
   void set_slow(int) override {}
   std::uint64_t lost_count() const override { return 0; }
 
  private:
+  [[nodiscard]] bool join(const Socket& consumer) const noexcept {
+    Frame frame{kJoin};
+    sockaddr_in from{};
+    consumer.send(frame, *relay_);
+    return consumer.receive(frame, from, 0);
+  }
   void consume(const Socket& socket, std::size_t number, EventBoard& board) const {
     Frame frame{};
     sockaddr_in from{};
@@ -139,7 +152,8 @@ class RelaySide final : public EventSide {
     }
   }
 
-  sockaddr_in relay_;
+  std::optional<sockaddr_in> relay_{};
+  std::vector<sockaddr_in> targets_{};  ///< Of the supplier: the relay, or each consumer.
   Socket supplier_{};
   std::vector<Socket> sockets_{};
   std::atomic<bool> is_stopping_{false};
@@ -173,7 +187,7 @@ expected<std::unique_ptr<EventSide>, std::string> connect_relay(const EventSetti
                                                                 const std::string& relay,
                                                                 EventBoard& board) {
   const std::string host(setting.network == nullptr ? "127.0.0.1" : NetworkPair::kServerAddress);
-  auto side = std::make_unique<RelaySide>(host, static_cast<std::uint16_t>(std::stoi(relay)));
+  auto side = std::make_unique<RelaySide>(host, relay);
   if (auto begun = side->begin(setting, board); !begun) return unexpected{begun.error()};
   return std::unique_ptr<EventSide>(std::move(side));
 }

@@ -32,6 +32,10 @@ rpc::Transport transport_of(const EventSetting& setting) {
   return rpc::Transport::kSharedMemory;
 }
 
+rpc::Transport supplier_transport_of(const EventSetting& setting) {
+  return setting.has_own_hub ? rpc::Transport::kLocal : transport_of(setting);
+}
+
 rpc::NodeConfig node_config(const rt::WaitConfig& wait) {
   rpc::NodeConfig config;
   config.wait = wait;
@@ -96,7 +100,7 @@ class HubSide final : public EventSide {
     auto supplier = events::Supplier::create(node_, supplier_hub,
                                              {.name = "bench",
                                               .priority = kHighPriority,
-                                              .transport = transport_of(setting),
+                                              .transport = supplier_transport_of(setting),
                                               .deadline = kSetUpPatience});
     if (!supplier) return unexpected{supplier.error().text};
     supplier_ = std::move(*supplier);
@@ -168,9 +172,18 @@ EventRate push_bursts(events::Supplier& supplier, std::uint32_t type,
   return rate;
 }
 
+class ServedHub final : public EventHub {
+ public:
+  [[nodiscard]] std::string url() const override { return server->url(events::kHubPath); }
+
+  std::unique_ptr<rpc::Node> link_node{};  ///< Of a hub that takes events of another.
+  std::unique_ptr<events::Hub> hub{};
+  std::unique_ptr<rpc::Server> server{};
+};
+
 }  // namespace
 
-expected<std::string, std::string> serve_event_hub(const EventSetting& setting) {
+expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetting& setting) {
   events::HubConfig config;
   config.limits.subscription_count_max = kConsumerCountMax;
   config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
@@ -184,26 +197,29 @@ expected<std::string, std::string> serve_event_hub(const EventSetting& setting) 
   server_config.lanes = {{.name = "bench-hub",
                           .priority = kHighPriority,
                           .wait = setting.wait,
-                          .cpus = {setting.placement.server_cpu}}};
+                          .cpus = {setting.has_own_hub ? setting.placement.client_cpu
+                                                       : setting.placement.server_cpu}}};
   auto server = rpc::Server::create(server_config);
   if (!server) return unexpected{server.error().text};
   if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
     return unexpected{added.error().text};
   }
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
-  // They serve until the process ends.
-  events::Hub& served = *hub->release();
+  auto served = std::make_unique<ServedHub>();
+  served->hub = std::move(*hub);
+  served->server = std::move(*server);
   if (!setting.linked_to.empty()) {
-    auto& node = *new rpc::Node(node_config(setting.wait));
-    const auto linked = served.link(node, setting.linked_to,
-                                    {.priority = kHighPriority,
-                                     .cpus = {setting.placement.server_cpu},
-                                     .realtime = setting.realtime,
-                                     .transport = transport_of(setting),
-                                     .shared_ring = setting.carrier == Carrier::kSharedMemory});
+    served->link_node = std::make_unique<rpc::Node>(node_config(setting.wait));
+    const auto linked =
+        served->hub->link(*served->link_node, setting.linked_to,
+                          {.priority = kHighPriority,
+                           .cpus = {setting.placement.server_cpu},
+                           .realtime = setting.realtime,
+                           .transport = transport_of(setting),
+                           .shared_ring = setting.carrier == Carrier::kSharedMemory});
     if (!linked) return unexpected{linked.error().text};
   }
-  return (*server).release()->url(events::kHubPath);
+  return std::unique_ptr<EventHub>(std::move(served));
 }
 
 expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
@@ -212,7 +228,10 @@ expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting
       auto entered = setting.network->enter(NetworkPair::Host::kServer);
       if (!entered) return unexpected{entered.error()};
     }
-    return serve_event_hub(setting);
+    auto hub = open_event_hub(setting);
+    if (!hub) return unexpected{hub.error()};
+    // It serves until the process ends.
+    return hub->release()->url();
   });
 }
 

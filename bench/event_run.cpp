@@ -56,7 +56,8 @@ std::string title_of(const EventSetting& setting) {
          std::string(to_string(setting.carrier)) + ", " +
          std::string(rt::to_string(setting.wait.strategy)) + " wait, " +
          std::to_string(setting.consumer_count) +
-         (setting.consumer_count == 1 ? " consumer" : " consumers");
+         (setting.consumer_count == 1 ? " consumer" : " consumers") +
+         (setting.has_own_hub ? ", hub in the supplier's program" : "");
 }
 
 void add_fan_out(Result& result, const Settings& settings, const EventSetting& setting,
@@ -64,6 +65,7 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
   JsonObject& json = result.json;
   json.add("case", "events");
   json.add("transport", to_string(setting.carrier));
+  if (setting.has_own_hub) json.add("hub", kOwnHub);
   json.add("wait", rt::to_string(setting.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(rtpm.last.count()));

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "event_board.hpp"
@@ -44,6 +45,9 @@ struct EventFinding {
                                                          EventSide& side, EventBoard& board,
                                                          std::uint32_t block, int consumer_count,
                                                          EventFinding& finding);
+
+/// What a result has as "hub", where that is of the supplier's program.
+inline constexpr std::string_view kOwnHub = "supplier's";
 
 /// "events, udp, block wait, 16 consumers".
 [[nodiscard]] std::string title_of(const EventSetting& setting);

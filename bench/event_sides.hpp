@@ -21,6 +21,10 @@ struct EventSetting {
   int consumer_count = 1;
   /// The hub and its users are of this program: no transport between them.
   bool is_embedded = false;
+  /// The hub is of the supplier's program and on its CPU, as where there is no broker: what is
+  /// pushed stays in the program, and goes to the consumers by the transport. The floor has no
+  /// relay.
+  bool has_own_hub = false;
   std::uint32_t type = 1;   ///< Of the events that are pushed and subscribed to.
   std::string pushed_to{};  ///< Another hub, to which the supplier pushes; empty: the consumers'.
   std::string linked_to{};  ///< Another hub, which this one takes events of; empty: none.
@@ -44,9 +48,15 @@ class EventSide {
 
 /// A hub in a process of its own. Fork it before this process starts a thread.
 [[nodiscard]] expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting);
-/// A hub in this program, with the lane that start_event_hub() would give it.
-/// @return its URL. It serves until the process ends.
-[[nodiscard]] expected<std::string, std::string> serve_event_hub(const EventSetting& setting);
+/// A hub in this program, with the lane that start_event_hub() would give it. It serves as long as
+/// it lives, which its users must not outlive.
+class EventHub {
+ public:
+  virtual ~EventHub() = default;
+  [[nodiscard]] virtual std::string url() const = 0;
+};
+[[nodiscard]] expected<std::unique_ptr<EventHub>, std::string> open_event_hub(
+    const EventSetting& setting);
 /// A process of `count` consumers that note nothing: to be stopped.
 [[nodiscard]] expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
                                                                         const std::string& hub,
@@ -56,6 +66,7 @@ class EventSide {
 
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_events(
     const EventSetting& setting, const std::string& hub, EventBoard& board);
+/// `relay` empty: without one, the supplier sends to each consumer itself.
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> connect_relay(
     const EventSetting& setting, const std::string& relay, EventBoard& board);
 

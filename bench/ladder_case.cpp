@@ -47,6 +47,7 @@ class Ladder {
   EventBoard board_;
   std::vector<ServerProcess> processes_{};  ///< Direct, hub, linked hub, relay.
   std::unique_ptr<CallbackChain> chain_{};
+  std::unique_ptr<EventHub> own_hub_{};
   std::vector<std::unique_ptr<EventSide>> sides_{};  ///< In the order of kRungs.
   std::vector<EventFinding> findings_{};
   std::optional<DisturbanceWatch> watch_{};
@@ -84,12 +85,13 @@ expected<void, std::string> Ladder::add(expected<std::unique_ptr<EventSide>, std
 expected<void, std::string> Ladder::connect() {
   EventSetting embedded = setting_;
   embedded.is_embedded = true;
-  const auto own_hub = serve_event_hub(embedded);
+  auto own_hub = open_event_hub(embedded);
   if (!own_hub) return unexpected{own_hub.error()};
+  own_hub_ = std::move(*own_hub);
   const std::string& hub = processes_[1].address();
   auto added = add(direct_calls(setting_, processes_[0].address(), board_));
   if (added) added = add(chain_->connect());
-  if (added) added = add(connect_events(embedded, *own_hub, board_));
+  if (added) added = add(connect_events(embedded, own_hub_->url(), board_));
   if (added) added = add(connect_events(setting_, hub, board_));
   // Of another type, so that the second hub takes nothing of what the rung before it pushes.
   EventSetting linked = setting_;

@@ -59,6 +59,10 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
   options.add("consumers", arguments.consumers, "numbers of consumers for events");
   options.add("own-threads", settings.has_own_threads,
               "each consumer of events has a thread of its own, and shares none");
+  options.add(
+      "own-hub", settings.has_own_hub,
+      "with --peers: the supplier's program has the hub of events, beside peers that have no "
+      "broker");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
   options.add("in-flight", settings.in_flight, "calls of throughput on their way at a time",
@@ -178,6 +182,10 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
     return "there is no verb '" + arguments.verb + "', only list, run and serve";
   if (const auto peers = choose_peers(settings.peers); !peers) {
     return "there is no peer '" + peers.error() + "', only all, " + peer_names();
+  }
+  const bool has_events = std::ranges::find(arguments.cases, "events") != arguments.cases.end();
+  if (settings.has_own_hub && (!has_events || settings.peers.empty())) {
+    return "--own-hub is for the case events beside peers without a broker, such as --peers lcm";
   }
   std::string names;
   for (const Case& known : cases()) {

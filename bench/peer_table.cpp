@@ -14,15 +14,15 @@ std::span<const PeerEntry> known_peers() {
       PeerEntry{"grpc", "libgrpc++-dev protobuf-compiler-grpc libprotobuf-dev protobuf-compiler",
                 "tcp unix", ""},
       PeerEntry{"capnproto", "libcapnp-dev capnproto", "tcp unix", ""},
-      PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", "tcp ipc"},
-      PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc"},
+      PeerEntry{"zeromq", "libzmq3-dev", "tcp ipc", "tcp ipc", true},
+      PeerEntry{"nng", "libnng-dev", "tcp ipc", "tcp ipc", true},
       PeerEntry{"cyclonedds", "cyclonedds-dev cyclonedds-tools", "udp", "udp"},
       PeerEntry{"fastdds", "libfastrtps-dev libfastcdr-dev", "udp shm", "udp shm"},
       PeerEntry{"lcm", "liblcm-dev", "udp", "udp"},
-      PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix"},
-      PeerEntry{"omnievents", "omnievents libomnievents-dev libcos4-dev libomniorb4-dev", "",
-                "tcp"},
-      PeerEntry{"nats", "nats-server libnats-dev", "", "tcp"},
+      PeerEntry{"mosquitto", "mosquitto libmosquitto-dev", "", "tcp unix", true},
+      PeerEntry{"omnievents", "omnievents libomnievents-dev libcos4-dev libomniorb4-dev", "", "tcp",
+                true},
+      PeerEntry{"nats", "nats-server libnats-dev", "", "tcp", true},
   };
   return kPeers;
 }

@@ -17,6 +17,7 @@ struct PeerEntry {
   std::string_view packages;         ///< Debian's, by which it is built and runs.
   std::string_view call_transports;  ///< Separated by blanks; empty: it makes no calls.
   std::string_view event_transports;
+  bool has_broker = false;  ///< Its events pass through a process of their own.
 };
 
 /// All that RTPM knows, in the order in which they are shown.

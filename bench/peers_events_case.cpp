@@ -1,5 +1,6 @@
 #include <memory>
 #include <utility>
+#include <vector>
 
 #include "case.hpp"
 #include "disturbance.hpp"
@@ -49,10 +50,10 @@ using ConnectSide = expected<std::unique_ptr<EventSide>, std::string> (*)(const 
                                                                           EventBoard&);
 
 expected<std::unique_ptr<EventContender>, std::string> connect(const EventSetting& setting,
-                                                               const ServerProcess& server,
+                                                               const std::string& server,
                                                                ConnectSide connect_side) {
   auto contender = std::make_unique<EventContender>(setting.consumer_count);
-  auto side = connect_side(setting, server.address(), contender->board());
+  auto side = connect_side(setting, server, contender->board());
   if (!side) return unexpected{side.error()};
   contender->set_side(std::move(*side));
   return contender;
@@ -67,6 +68,7 @@ Result result_of_peer(const Settings& settings, const EventSetting& setting,
   json.add("case", "events");
   json.add("peer", peer.peer->name());
   json.add("transport", peer.peer->transport());
+  if (setting.has_own_hub) json.add("hub", kOwnHub);
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(finding.low.count()));
   json.add("rounds", finding.low.round_count());
@@ -110,16 +112,36 @@ void report_all(const Settings& settings, const EventSetting& setting, const Tur
   }
 }
 
+/// What is between supplier and consumers: processes of their own, or, begun on the caller's
+/// thread, a hub in this program and no relay.
+struct Middle {
+  std::vector<ServerProcess> processes{};
+  std::unique_ptr<EventHub> own_hub{};
+  std::string hub{};
+  std::string relay{};
+};
+
+expected<Middle, std::string> start_middle(const EventSetting& setting) {
+  Middle middle;
+  if (setting.has_own_hub) return middle;
+  for (const auto& start : {start_event_hub, start_event_relay}) {
+    auto process = start(setting);
+    if (!process) return unexpected{process.error()};
+    middle.processes.push_back(std::move(*process));
+  }
+  middle.hub = middle.processes[0].address();
+  middle.relay = middle.processes[1].address();
+  return middle;
+}
+
 expected<bool, std::string> measure_beside(const Settings& settings, const EventSetting& setting,
                                            const PeerChoice& choice, Report& report) {
   const CasePlan plan{.name = "events",
                       .sample_count = 2'000,
                       .turn_size = kEventBlockSize,
                       .rate_hz = settings.rate_hz};
-  auto hub = start_event_hub(setting);
-  if (!hub) return unexpected{hub.error()};
-  auto relay = start_event_relay(setting);
-  if (!relay) return unexpected{relay.error()};
+  auto middle = start_middle(setting);
+  if (!middle) return unexpected{middle.error()};
   TurnRun run(settings, plan);
   run.start_peers(choice, "events", setting.carrier,
                   {.placement = setting.placement,
@@ -127,11 +149,20 @@ expected<bool, std::string> measure_beside(const Settings& settings, const Event
                    .consumer_count = setting.consumer_count});
   if (!run.has_peers()) return run.is_complete();
   const DuelConfig caller{.placement = setting.placement, .realtime = setting.realtime};
-  const DisturbanceWatch watch({hub->id(), relay->id()});
+  std::vector<pid_t> servers;
+  for (const ServerProcess& process : middle->processes)
+    servers.push_back(process.id());
+  const DisturbanceWatch watch(servers);
   auto measured = run_as_caller(caller, [&]() -> expected<void, std::string> {
-    auto rtpm = connect(setting, *hub, connect_events);
+    if (setting.has_own_hub) {
+      auto hub = open_event_hub(setting);
+      if (!hub) return unexpected{hub.error()};
+      middle->own_hub = std::move(*hub);
+      middle->hub = middle->own_hub->url();
+    }
+    auto rtpm = connect(setting, middle->hub, connect_events);
     if (!rtpm) return unexpected{rtpm.error()};
-    auto floor = connect(setting, *relay, connect_relay);
+    auto floor = connect(setting, middle->relay, connect_relay);
     if (!floor) return unexpected{floor.error()};
     const EventContender& of_rtpm = **rtpm;
     const EventContender& of_floor = **floor;
@@ -154,15 +185,26 @@ expected<bool, std::string> measure_beside(const Settings& settings, const Event
 }  // namespace
 
 bool run_events_with_peers(const Settings& settings, Report& report) {
-  const auto choice = choose_peers(settings.peers);
+  auto choice = choose_peers(settings.peers);
   if (!choice) return false;
   bool is_complete = true;
+  if (settings.has_own_hub) {
+    const std::size_t broker_count =
+        std::erase_if(choice->peers, [](const PeerEntry* peer) { return peer->has_broker; });
+    if (choice->is_by_name && broker_count > 0) {
+      say_not_measured("events",
+                       "--own-hub is for peers without a broker, which one of those named "
+                       "has");
+      is_complete = false;
+    }
+  }
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {
       for (const int consumer_count : settings.consumer_counts) {
         const EventSetting setting{.carrier = carrier,
                                    .wait = {.strategy = strategy, .spin = settings.spin},
                                    .consumer_count = consumer_count,
+                                   .has_own_hub = settings.has_own_hub,
                                    .placement = choose_placement(),
                                    .realtime = settings.realtime,
                                    .has_own_threads = settings.has_own_threads};

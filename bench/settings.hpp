@@ -32,6 +32,8 @@ struct Settings {
   std::vector<int> consumer_counts{1, 4, 16, 64, 256};  ///< Of events.
   /// Each consumer of events has a thread of its own, even where several could share one.
   bool has_own_threads = false;
+  /// Of events, with peers: the supplier's program has the hub, beside peers without a broker.
+  bool has_own_hub = false;
   Duration work = std::chrono::microseconds{200};  ///< Of one low-priority call.
   std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.
   std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.
@@ -63,9 +65,9 @@ struct Rounds {
   int begin = 0;
   int end = 0;
 };
-/// The rounds of a run in so many parts, or less where there are less rounds. The servers are started
-/// anew for each: where a process's memory comes to lie, and on which cores of the host, moves the
-/// figures of shared memory by a third, and would else be in all of them.
+/// The rounds of a run in so many parts, or less where there are less rounds. The servers are
+/// started anew for each: where a process's memory comes to lie, and on which cores of the host,
+/// moves the figures of shared memory by a third, and would else be in all of them.
 [[nodiscard]] std::vector<Rounds> parts_of_run(int round_count, int part_count);
 
 }  // namespace rtpm::bench

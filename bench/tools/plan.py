@@ -47,17 +47,19 @@ FULL = (
     Part("paced", "paced", 62),
     Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
     Part("events", "events --samples 1400", 115),
-    Part("device", "device --wait adaptive,periodic --samples 2000", 25),
+    Part("device", "device --wait adaptive,periodic --samples 1600", 20),
     Part("ladder", "ladder --samples 1000", 20),
     Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 73, False),
     Part("isolation-peers", "isolation --peers all --wait block --transport udp,shm --low-callers 4",
          234, False),
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64 "
          "--samples 1200", 70, False),
+    Part("events-peers-own-hub", "events --own-hub --peers all --wait block --transport udp "
+         "--consumers 1,16 --samples 1200", 18, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
-    Part("bulk", "bulk --samples 2000", 32),
-    Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1600", 42),
+    Part("bulk", "bulk --samples 1600", 26),
+    Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1300", 35),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
 

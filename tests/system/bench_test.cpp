@@ -27,6 +27,8 @@ TEST(Bench, RefusesWhatItDoesNotHave) {
                       {"--wait", "'sleep'"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--payload", "1Gi"}), 2,
                       {"--payload", "'1Gi'", "8Mi"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--own-hub"}), 2,
+                      {"--own-hub", "events", "--peers"});
 }
 
 TEST(Bench, PrintsAnObjectPerResultWithItsFields) {

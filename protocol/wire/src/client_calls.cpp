@@ -314,8 +314,8 @@ void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
   call.heard = now;
 }
 
-// When to ask after the stream next follows from the pace of its items, and from how soon one can be
-// known to be lost.
+// When to ask after the stream next follows from the pace of its items, and from how soon one can
+// be known to be lost.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
   hear(call, now);
   const Duration least = config_.medium == Medium::kStream ? Duration{kStreamAskIntervalConnected}

@@ -229,7 +229,8 @@ TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
     now = channel_.next_time();
     ASSERT_EQ(channel_.on_time(now).kind, Kind::kSend);
   }
-  ASSERT_GT(channel_.next_time() - now, Duration{500ms}) << "the call itself would be repeated then";
+  ASSERT_GT(channel_.next_time() - now, Duration{500ms})
+      << "the call itself would be repeated then";
   static_cast<void>(ack(0, now + 1ms));
   EXPECT_LE(channel_.next_time() - now, Duration{501ms});
 }

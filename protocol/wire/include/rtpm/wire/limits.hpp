@@ -53,8 +53,8 @@ inline constexpr std::uint32_t kStreamWindow = 32;
 inline constexpr Duration kStreamLease = std::chrono::seconds{3};
 /// A client asks after a stream at least so often, whether items come or not (hp-5.10-5).
 inline constexpr Duration kStreamAskIntervalMax = std::chrono::milliseconds{500};
-/// Over a connection, which loses nothing, it is not asked after sooner than this behind an item: so
-/// who waits for the next one need set no timer that it would outrun.
+/// Over a connection, which loses nothing, it is not asked after sooner than this behind an item:
+/// so who waits for the next one need set no timer that it would outrun.
 inline constexpr Duration kStreamAskIntervalConnected = std::chrono::milliseconds{100};
 
 /// A session is not replaced before it was silent for so long (hp-5.5-1). A caller repeats at least

@@ -54,8 +54,8 @@ bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
 /// About how long a receive blocks that is meant to, and by how much that may be too long, as the
-/// system counts in ticks of up to 10 ms. It spares the poll before it and a timer of its own, which
-/// costs more than the poll, where nobody needs the wait to end to the nanosecond.
+/// system counts in ticks of up to 10 ms. It spares the poll before it and a timer of its own,
+/// which costs more than the poll, where nobody needs the wait to end to the nanosecond.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
 inline constexpr Duration kBlockTimeError = std::chrono::milliseconds{20};
 /// The same for one that has something to do by itself soon.
