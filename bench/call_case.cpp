@@ -76,7 +76,8 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, Rounds rounds,
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
-    const RoundWatch round_watch;
+    duel.end_turn();
+    const RoundWatch round_watch(duel.cpus());
     for (std::size_t done = 0; done < count_per_round; done += amount.block_size) {
       const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,
@@ -86,9 +87,9 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, Rounds rounds,
       }
       is_rtpm_first = !is_rtpm_first;
     }
-    if (!round_watch.saw_any()) continue;
+    const RoundFault fault = round_watch.fault();
     for (Samples& samples : sides.samples)
-      samples.leave_out_round();
+      samples.note_fault(fault);
   }
   return {};
 }

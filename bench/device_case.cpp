@@ -111,7 +111,8 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
   for (int round = 0; round < settings.round_count; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    const RoundWatch round_watch;
+    duel.end_turn();
+    const RoundWatch round_watch(duel.cpus());
     for (std::size_t done = 0; done < count_per_round; done += turn_size, ++first) {
       for (std::size_t i = 0; i < 2; ++i) {
         const std::size_t which = (i + first) % 2;
@@ -129,11 +130,11 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
         if (!called) return called;
       }
     }
-    if (!round_watch.saw_any()) continue;
+    duel.end_turn();
+    const RoundFault fault = round_watch.fault();
     for (Samples& each : samples)
-      each.leave_out_round();
+      each.note_fault(fault);
   }
-  duel.end_turn();
   return {};
 }
 

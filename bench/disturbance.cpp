@@ -8,8 +8,10 @@
 #include <filesystem>
 #include <fstream>
 #include <sstream>
+#include <utility>
 
 #include "rtpm/rt/priority.hpp"
+#include "shared_core.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -68,17 +70,21 @@ bool is_measured_thread(pid_t thread) {
 
 }  // namespace
 
-RoundWatch::RoundWatch() : stolen_time_({}), stolen_(read_cpu_time().stolen) {}
-
-RoundWatch::RoundWatch(const StallWitness& witness)
-    : witness_(&witness),
-      stolen_time_(witness.cpus()),
+RoundWatch::RoundWatch(std::vector<int> cpus, const StallWitness* witness)
+    : cpus_(std::move(cpus)),
+      witness_(witness),
+      began_shared_(SharedCore::is_shared(cpus_)),
+      stolen_time_(witness == nullptr ? std::span<const int>{} : witness->cpus()),
       stolen_(read_cpu_time().stolen),
-      stall_count_(witness.count()) {}
+      stall_count_(witness == nullptr ? 0 : witness->count()) {}
 
-bool RoundWatch::saw_any() const {
-  return read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
-         (witness_ != nullptr && witness_->count() != stall_count_);
+RoundFault RoundWatch::fault() const {
+  if (read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
+      (witness_ != nullptr && witness_->count() != stall_count_)) {
+    return RoundFault::kStill;
+  }
+  return began_shared_ || SharedCore::is_shared(cpus_) ? RoundFault::kSharedCore
+                                                       : RoundFault::kNone;
 }
 
 DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) {

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "report.hpp"
+#include "samples.hpp"
 #include "settings.hpp"
 #include "stall_witness.hpp"
 #include "stolen_time.hpp"
@@ -15,22 +16,25 @@
 namespace rtpm::bench {
 
 /// Whether the round that was measured since this was made tells of the machine's neighbours, and
-/// not of the contenders: a hypervisor took CPU time away, or a witness felt a stall.
-/// Set-up only: it reads /proc, so outside of timed stretches.
+/// not of the contenders: a hypervisor took CPU time away, a witness felt a stall, or somebody else
+/// computed on a core as the round began or ended.
+/// Set-up only: it reads /proc and runs on each CPU, so outside of timed stretches, and with nobody
+/// spinning there who is as urgent.
 class RoundWatch {
  public:
   /// What matters to a p99.9 that is some tenths of a millisecond.
   static constexpr Duration kStolenMin = std::chrono::microseconds{300};
 
-  /// Sees what the hypervisor accounts for in /proc/stat, in hundredths of a second.
-  RoundWatch();
-  /// Sees, besides, what the witness feels, to which it refers, and kStolenMin taken from one of
-  /// its CPUs.
-  explicit RoundWatch(const StallWitness& witness);
-  [[nodiscard]] bool saw_any() const;
+  /// Sees who else is on the cores of `cpus`, and what the hypervisor accounts for in /proc/stat,
+  /// in hundredths of a second; with a witness, to which it refers, what that feels, and
+  /// kStolenMin taken from one of its CPUs.
+  explicit RoundWatch(std::vector<int> cpus, const StallWitness* witness = nullptr);
+  [[nodiscard]] RoundFault fault() const;
 
  private:
-  const StallWitness* witness_ = nullptr;
+  std::vector<int> cpus_;
+  const StallWitness* witness_;
+  bool began_shared_;
   StolenTime stolen_time_;
   std::uint64_t stolen_;
   std::uint64_t stall_count_ = 0;

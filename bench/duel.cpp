@@ -229,6 +229,10 @@ std::vector<pid_t> Duel::server_ids() const {
   return {impl_->floor_server.id(), impl_->rtpm_server.id()};
 }
 
+std::vector<int> Duel::cpus() const {
+  return cpus_of(impl_->config.placement);
+}
+
 expected<void, std::string> run_as_caller(
     const DuelConfig& config, const std::function<expected<void, std::string>()>& body) {
   expected<void, std::string> outcome;
@@ -278,8 +282,6 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   json.add("wait", rt::to_string(config.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(config.payload_size));
   json.add("n", static_cast<std::int64_t>(rtpm.count()));
-  json.add("rounds", rtpm.round_count());
-  json.add("rounds_left_out", rtpm.left_out_count());
   const Percentiles rtpm_values = rtpm.percentiles();
   const Percentiles floor_values = floor.percentiles();
   add_distribution(json, "", rtpm);
@@ -290,11 +292,7 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   result.rows.push_back({"RTPM", rtpm_values});
   result.rows.push_back({"raw floor", floor_values});
   result.rows.push_back({"ratio (no unit)", ratios});
-  if (rtpm.left_out_count() == 0) return;
-  result.notes.push_back("the machine stood still in " + std::to_string(rtpm.left_out_count()) +
-                         " of " + std::to_string(rtpm.round_count()) + " rounds, which " +
-                         (has_enough_rounds(rtpm, floor) ? "are left out, but for p99.99 and max"
-                                                         : "are too many to be left out"));
+  add_rounds(result, rtpm, floor);
 }
 
 void add_latencies(Result& result, const Samples& rtpm, const Samples& floor) {

@@ -75,6 +75,8 @@ class Duel {
   [[nodiscard]] std::uint16_t rtpm_port() const;
 
   [[nodiscard]] std::vector<pid_t> server_ids() const;
+  /// Those that the callers and servers of high priority have.
+  [[nodiscard]] std::vector<int> cpus() const;
   /// CPU time that RTPM's server has taken so far.
   [[nodiscard]] Duration rtpm_server_cpu_time() const;
 

@@ -69,7 +69,6 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
   json.add("wait", rt::to_string(setting.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(rtpm.last.count()));
-  json.add("rounds", settings.round_count);
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
   json.add("own_threads", setting.has_own_threads);
@@ -85,6 +84,7 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
                  {"RTPM, last", rtpm.last.percentiles()},
                  {"raw floor, each", floor.each.percentiles()},
                  {"raw floor, last", floor.last.percentiles()}};
+  add_rounds(result, rtpm.last, floor.last);
 }
 
 }  // namespace rtpm::bench

@@ -28,9 +28,9 @@ struct EventFinding {
     each.begin_round(round);
     last.begin_round(round);
   }
-  void leave_out_round() noexcept {
-    each.leave_out_round();
-    last.leave_out_round();
+  void note_fault(RoundFault fault) noexcept {
+    each.note_fault(fault);
+    last.note_fault(fault);
   }
 
   Samples each;

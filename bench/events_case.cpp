@@ -37,7 +37,6 @@ void add_head(Result& result, const EventSetting& setting, const Settings& setti
   json.add("wait", rt::to_string(setting.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(count));
-  json.add("rounds", settings.round_count);
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
   json.add("own_threads", setting.has_own_threads);
@@ -106,7 +105,7 @@ expected<void, std::string> measure_rounds(const Settings& settings, const Event
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (EventFinding& finding : fan_out.findings)
       finding.begin_round(round);
-    const RoundWatch round_watch;
+    const RoundWatch round_watch(cpus_of(setting.placement));
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
       const std::size_t count = std::min(kEventBlockSize, per_round - done);
       for (std::size_t turn = 0; turn < 2; ++turn) {
@@ -115,9 +114,9 @@ expected<void, std::string> measure_rounds(const Settings& settings, const Event
         if (!pushed) return pushed;
       }
     }
-    if (!round_watch.saw_any()) continue;
+    const RoundFault fault = round_watch.fault();
     for (EventFinding& finding : fan_out.findings)
-      finding.leave_out_round();
+      finding.note_fault(fault);
   }
   return {};
 }
@@ -193,7 +192,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
     for (int round = 0; round < settings.round_count; ++round) {
       for (EventFinding& finding : findings)
         finding.begin_round(round);
-      const RoundWatch round_watch;
+      const RoundWatch round_watch(cpus_of(setting.placement));
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (const bool is_bad : {false, true}) {
@@ -205,9 +204,9 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
           if (!pushed) return pushed;
         }
       }
-      if (!round_watch.saw_any()) continue;
+      const RoundFault fault = round_watch.fault();
       for (EventFinding& finding : findings)
-        finding.leave_out_round();
+        finding.note_fault(fault);
     }
     return {};
   });
@@ -222,6 +221,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, EventSet
   add_distribution(result.json, "well_each_", well.each);
   add_distribution(result.json, "well_last_", well.last);
   add_ratios(result.json, "bad_over_well_", bad.each, well.each);
+  add_rounds(result, bad.last, well.last);
   result.rows = {{"others, all well", well.each.percentiles()},
                  {"others, some bad", bad.each.percentiles()}};
   result.title = title_of(setting) + ", 8 stopped and 8 slow";

@@ -136,7 +136,7 @@ expected<void, std::string> Ladder::measure() {
   for (int round = 0; round < settings_.round_count; ++round) {
     for (EventFinding& finding : findings_)
       finding.begin_round(round);
-    const RoundWatch round_watch;
+    const RoundWatch round_watch(cpus_of(setting_.placement));
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
       const std::size_t events = std::min(kEventBlockSize, per_round - done);
       // Who goes first changes from turn to turn, and so does who goes before whom.
@@ -149,9 +149,9 @@ expected<void, std::string> Ladder::measure() {
         if (!measured) return measured;
       }
     }
-    if (!round_watch.saw_any()) continue;
+    const RoundFault fault = round_watch.fault();
     for (EventFinding& finding : findings_)
-      finding.leave_out_round();
+      finding.note_fault(fault);
   }
   return {};
 }

@@ -66,7 +66,8 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
   for (int round = 0; round < contenders[0].samples.round_count(); ++round) {
     for (Contender& contender : contenders)
       contender.samples.begin_round(round);
-    const RoundWatch round_watch;
+    duel.end_turn();
+    const RoundWatch round_watch(duel.cpus());
     for (std::size_t done = 0; done < count_per_round; done += turn_size) {
       const std::size_t count = std::min(turn_size, count_per_round - done);
       for (Contender& contender : contenders) {
@@ -77,11 +78,11 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
       }
       std::swap(contenders[0], contenders[1]);
     }
-    if (!round_watch.saw_any()) continue;
+    duel.end_turn();
+    const RoundFault fault = round_watch.fault();
     for (Contender& contender : contenders)
-      contender.samples.leave_out_round();
+      contender.samples.note_fault(fault);
   }
-  duel.end_turn();
   return {};
 }
 

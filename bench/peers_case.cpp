@@ -125,8 +125,6 @@ Result CallResults::result_of_peer(const Entrant& entrant, int low_callers) cons
   json.add("transport", entrant.peer->transport());
   json.add("payload", static_cast<std::int64_t>(kPayloadSize));
   json.add("n", static_cast<std::int64_t>(finding.high.count()));
-  json.add("rounds", finding.high.round_count());
-  json.add("rounds_left_out", finding.high.left_out_count());
   if (plan_.rate_hz > 0) json.add("rate_hz", plan_.rate_hz);
   if (plan_.work != Duration{0}) json.add("low_callers", low_callers);
   add_distribution(json, "", finding.high);
@@ -137,6 +135,7 @@ Result CallResults::result_of_peer(const Entrant& entrant, int low_callers) cons
   add_ratios(json, "rtpm_over_peer_", rtpm(low_callers), finding.high);
   add_load(json, entrant, low_callers, "");
   add_load(json, run_.entrants()[0], low_callers, "rtpm_");
+  add_rounds(result, rtpm(low_callers), finding.high);
   return result;
 }
 

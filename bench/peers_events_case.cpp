@@ -71,8 +71,6 @@ Result result_of_peer(const Settings& settings, const EventSetting& setting,
   if (setting.has_own_hub) json.add("hub", kOwnHub);
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(finding.low.count()));
-  json.add("rounds", finding.low.round_count());
-  json.add("rounds_left_out", finding.low.left_out_count());
   json.add("rate_hz", settings.rate_hz);
   json.add("consumers", setting.consumer_count);
   add_distribution(json, "each_", finding.high);
@@ -87,6 +85,7 @@ Result result_of_peer(const Settings& settings, const EventSetting& setting,
   add_distribution(json, "floor_last_", floor.last);
   add_ratios(json, "rtpm_over_peer_each_", rtpm.each, finding.high);
   add_ratios(json, "rtpm_over_peer_last_", rtpm.last, finding.low);
+  add_rounds(result, rtpm.last, finding.low);
   return result;
 }
 

@@ -77,6 +77,12 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
 Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
                        const Samples& denominator);
 
+/// How many rounds there were of what two contenders did by turns, on how many of them no figure
+/// but p99.99 and the maximum rests, and of the others, in how many somebody else computed on a
+/// core: adds "rounds", "rounds_left_out", "rounds_core_shared", notes that say why, and a mark
+/// where too many were disturbed to leave them out.
+void add_rounds(Result& result, const Samples& one, const Samples& other);
+
 /// A number with three significant places or so: "9.87", "123".
 [[nodiscard]] std::string short_text(double value);
 

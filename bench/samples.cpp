@@ -26,19 +26,14 @@ double percentile_of(std::vector<Duration> samples, double percent) {
 constexpr double kBeyondMin = 10;
 constexpr int kDrawCount = 200;
 
-std::vector<int> all_rounds(const Samples& one, const Samples& other) {
-  std::vector<int> all(static_cast<std::size_t>(std::min(one.round_count(), other.round_count())));
+Stretch all_rounds(const Samples& one, const Samples& other) {
+  Stretch all(static_cast<std::size_t>(std::min(one.round_count(), other.round_count())));
   std::iota(all.begin(), all.end(), 0);
   return all;
 }
 
-/// Rounds that are to be left out are, as long as enough remain.
-std::vector<int> rounds_that_count(const Samples& one, const Samples& other) {
-  std::vector<int> rounds = all_rounds(one, other);
-  if (!has_enough_rounds(one, other)) return rounds;
-  std::erase_if(rounds,
-                [&](int round) { return one.is_left_out(round) || other.is_left_out(round); });
-  return rounds;
+RoundFault worst_fault(const Samples& one, const Samples& other, int round) {
+  return std::max(one.fault(round), other.fault(round));
 }
 
 double percentile_of(const Samples& samples, const Stretch& stretch, double percent) {
@@ -98,7 +93,7 @@ void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denomi
 
 Samples::Samples(int round_count, std::size_t count_per_round)
     : rounds_(static_cast<std::size_t>(round_count)),
-      is_left_out_(static_cast<std::size_t>(round_count), false) {
+      faults_(static_cast<std::size_t>(round_count), RoundFault::kNone) {
   for (auto& round : rounds_) {
     // Touched as well as reserved: a page fault is not to be measured.
     round.resize(count_per_round);
@@ -144,11 +139,19 @@ std::vector<double> Samples::all_us() const {
   return values;
 }
 
-bool has_enough_rounds(const Samples& one, const Samples& other) {
-  const std::vector<int> all = all_rounds(one, other);
-  const auto disturbed = std::ranges::count_if(
-      all, [&](int round) { return one.is_left_out(round) || other.is_left_out(round); });
-  return 3 * static_cast<std::size_t>(disturbed) <= 2 * all.size();
+Stretch rounds_that_count(const Samples& one, const Samples& other) {
+  const Stretch all = all_rounds(one, other);
+  for (const RoundFault allowed : {RoundFault::kNone, RoundFault::kSharedCore}) {
+    Stretch rounds = all;
+    std::erase_if(rounds, [&](int round) { return worst_fault(one, other, round) > allowed; });
+    if (3 * rounds.size() >= all.size()) return rounds;
+  }
+  return all;
+}
+
+int round_count_with(RoundFault fault, const Samples& one, const Samples& other) {
+  return static_cast<int>(std::ranges::count_if(
+      all_rounds(one, other), [&](int round) { return worst_fault(one, other, round) == fault; }));
 }
 
 std::vector<Stretch> stretches_of(const Samples& one, const Samples& other, double percent) {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <vector>
 
@@ -19,6 +20,13 @@ struct Percentiles {
   double max = 0;
 };
 
+/// What the machine's neighbours did to a round, the worst last.
+enum class RoundFault : std::uint8_t {
+  kNone,
+  kSharedCore,  ///< Somebody else computed on a core of the run.
+  kStill,       ///< The machine stood still for a while.
+};
+
 /// Every latency of one contender, kept round by round. They are kept whole, not in a histogram:
 /// a ratio of 1.1 is nothing to blur by a bucket's width.
 class Samples {
@@ -29,9 +37,9 @@ class Samples {
   Samples& operator=(Samples&&) noexcept = default;
 
   void begin_round(int round) noexcept { round_ = static_cast<std::size_t>(round); }
-  /// The round that was begun last was disturbed: no figure but the maximum rests on it, as long as
-  /// enough of the rounds are left.
-  void leave_out_round() noexcept { is_left_out_[round_] = true; }
+  /// If that was anything, no figure but the maximum rests on the round that was begun last, as
+  /// long as enough of the rounds are left.
+  void note_fault(RoundFault fault) noexcept { faults_[round_] = std::max(faults_[round_], fault); }
   /// RT: alloc-free within the room made.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
 
@@ -46,11 +54,8 @@ class Samples {
 
   [[nodiscard]] std::size_t count() const noexcept;
   [[nodiscard]] int round_count() const noexcept { return static_cast<int>(rounds_.size()); }
-  [[nodiscard]] bool is_left_out(int round) const {
-    return is_left_out_[static_cast<std::size_t>(round)];
-  }
-  [[nodiscard]] int left_out_count() const {
-    return static_cast<int>(std::ranges::count(is_left_out_, true));
+  [[nodiscard]] RoundFault fault(int round) const {
+    return faults_[static_cast<std::size_t>(round)];
   }
 
   /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
@@ -63,7 +68,7 @@ class Samples {
 
  private:
   std::vector<std::vector<Duration>> rounds_;
-  std::vector<bool> is_left_out_;
+  std::vector<RoundFault> faults_;
   std::size_t round_ = 0;
 };
 
@@ -72,11 +77,14 @@ class Samples {
 /// p99.9 of ten thousand samples at a time.
 using Stretch = std::vector<int>;
 
-/// Whether enough rounds are left if those to be left out are: a third of all.
-[[nodiscard]] bool has_enough_rounds(const Samples& one, const Samples& other);
+/// The rounds of what two contenders did by turns that figures rest on: those without a fault of
+/// either, or at least of the worst kind, if that is a third of all; else all.
+[[nodiscard]] Stretch rounds_that_count(const Samples& one, const Samples& other);
+/// How many rounds of either had such a fault, and no worse one.
+[[nodiscard]] int round_count_with(RoundFault fault, const Samples& one, const Samples& other);
 
-/// The stretches of what two contenders did by turns: the same for both, without the rounds that
-/// either is to leave out. One alone, if there are too few samples for several.
+/// The stretches of what two contenders did by turns: the same for both, of the rounds that count.
+/// One alone, if there are too few samples for several.
 [[nodiscard]] std::vector<Stretch> stretches_of(const Samples& one, const Samples& other,
                                                 double percent);
 
@@ -92,8 +100,8 @@ struct Ratio {
 [[nodiscard]] Ratio ratio_at(const Samples& numerator, const Samples& denominator, double percent);
 
 /// The mean of the middle half of the values, which no wild one moves; 0 of nothing. A median would
-/// jump where the values come in two heaps, as they do where memory lies well or badly in the caches
-/// from one start of the servers to the next. Of three values it is the median.
+/// jump where the values come in two heaps, as they do where memory lies well or badly in the
+/// caches from one start of the servers to the next. Of three values it is the median.
 [[nodiscard]] double middle_of(std::vector<double> values);
 
 }  // namespace rtpm::bench

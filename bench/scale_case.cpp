@@ -63,7 +63,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    const RoundWatch round_watch;
+    const RoundWatch round_watch(duel.cpus());
     auto first = static_cast<std::size_t>(round);
     for (std::size_t done = 0; done < count_per_round; done += kBlockSize, ++first) {
       const TurnPlan plan{.warm_up_count = kWarmUpCount,
@@ -76,9 +76,9 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
         rt::sleep_until(rt::now() + (rt::now() - turn_begin) / 10);
       }
     }
-    if (!round_watch.saw_any()) continue;
+    const RoundFault fault = round_watch.fault();
     for (Samples& each : samples)
-      each.leave_out_round();
+      each.note_fault(fault);
   }
   return {};
 }

@@ -90,14 +90,13 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(*witness_);
+  const RoundWatch round_watch(cpus_, &*witness_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
-  if (round_watch.saw_any()) {
-    finding.high.leave_out_round();
-    finding.low.leave_out_round();
-  }
+  const RoundFault fault = round_watch.fault();
+  finding.high.note_fault(fault);
+  finding.low.note_fault(fault);
   rt::sleep_until(end + std::chrono::duration_cast<Duration>((end - begin) * plan_.rest_part));
   return taken;
 }
@@ -135,10 +134,11 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
                                              const Placement& placement, Rounds rounds) {
   entrants_[0].contender = std::move(rtpm);
   entrants_[1].contender = std::move(floor);
+  cpus_ = cpus_of(placement);
   witness_.emplace();
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
-    if (auto started = witness_->start(cpus_of(placement)); !started) return started;
+    if (auto started = witness_->start(cpus_); !started) return started;
   }
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (const int low_callers : levels_) {

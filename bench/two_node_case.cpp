@@ -173,7 +173,7 @@ expected<void, std::string> TwoNodeRun::measure() {
   for (int round = 0; round < settings_.round_count; ++round) {
     rtpm_samples_.begin_round(round);
     floor_samples_.begin_round(round);
-    const RoundWatch round_watch;
+    const RoundWatch round_watch(duel_.cpus());
     for (std::size_t done = 0; done < count_per_round_; done += kBlockSize) {
       const std::size_t count = std::min(kBlockSize, count_per_round_ - done);
       for (const bool is_rtpm : {is_rtpm_first, !is_rtpm_first}) {
@@ -185,9 +185,9 @@ expected<void, std::string> TwoNodeRun::measure() {
       }
       is_rtpm_first = !is_rtpm_first;
     }
-    if (!round_watch.saw_any()) continue;
-    rtpm_samples_.leave_out_round();
-    floor_samples_.leave_out_round();
+    const RoundFault fault = round_watch.fault();
+    rtpm_samples_.note_fault(fault);
+    floor_samples_.note_fault(fault);
   }
   return ask_server();
 }

@@ -56,6 +56,13 @@ def _by_chance(verdict):
     return f" It may be chance: with 95 % confidence it lies from {low} to {high}."
 
 
+def _beside_others(verdict):
+    shared, rounds = verdict.beside_others
+    if not shared:
+        return ""
+    return f" Somebody else computed on a core of the run in {shared} of its {rounds} rounds."
+
+
 def _missed(rows, notes):
     lines = []
     for verdict in targets.judge(rows):
@@ -66,7 +73,9 @@ def _missed(rows, notes):
             f"- **{verdict.name}**: {target.figure} is {tables.number(verdict.value)} "
             f"{target.unit}; the target is {'at most' if target.is_most else 'at least'} "
             f"{tables.number(target.limit)}.{' ' + tables.MARK if verdict.is_marked else ''}"
-            + (notes.why(verdict.name, target.figure) or _by_chance(verdict) or NO_REASON))
+            + _beside_others(verdict)
+            + (notes.why(verdict.name, target.figure) or _by_chance(verdict)
+               or ("" if _beside_others(verdict) else NO_REASON)))
     return lines
 
 

@@ -123,6 +123,9 @@ def _machine_lines(rows):
         said.append(["taken by the hypervisor (steal)",
                      f"{max(stolen):.2f} % of the CPU time in the worst row, "
                      f"{sum(stolen) / len(stolen):.2f} % on average"])
+    shared = sum(bool(row.get("rounds_core_shared")) for row in rows)
+    said.append(["rows in whose rounds somebody else computed on the same core",
+                 f"{shared} of {len(rows)}"])
     marked = sum(bool(row.get("marks")) for row in rows)
     said.append(["disturbed rows", f"{marked} of {len(rows)}, marked {tables.MARK}"])
     lines = ["## The machine", "", "| | |", "|---|---|"]

@@ -49,6 +49,34 @@ TEST(JsonObject, TellsEachRoundOfADistribution) {
       << "of both rounds together, as there are few samples";
 }
 
+TEST(AddRounds, SaysWhichWereLeftOutAndMarksWhatTooManyMet) {
+  Samples samples(6, 1);
+  for (int round = 0; round < 6; ++round) {
+    samples.begin_round(round);
+    if (round == 0) samples.note_fault(RoundFault::kStill);
+    if (round == 1) samples.note_fault(RoundFault::kSharedCore);
+  }
+  Result few;
+  add_rounds(few, samples, samples);
+  EXPECT_EQ(few.json.text(), R"({"rounds": 6, "rounds_left_out": 2, "rounds_core_shared": 0})");
+  ASSERT_EQ(few.notes.size(), 2u);
+  EXPECT_EQ(few.notes[0],
+            "the machine stood still in 1 of 6 rounds, which are left out, but for p99.99 and max");
+  EXPECT_TRUE(few.marks.empty());
+  for (int round = 2; round < 6; ++round) {
+    samples.begin_round(round);
+    samples.note_fault(RoundFault::kSharedCore);
+  }
+  Result many;
+  add_rounds(many, samples, samples);
+  EXPECT_EQ(many.json.text(), R"({"rounds": 6, "rounds_left_out": 1, "rounds_core_shared": 5})");
+  EXPECT_EQ(many.notes.size(), 1u);
+  ASSERT_EQ(many.marks.size(), 1u);
+  EXPECT_EQ(
+      many.marks[0],
+      "somebody else computed on a core of the run in 5 of 6 rounds, too many to be left out");
+}
+
 TEST(Report, PrintsOneJsonObjectALineWithMarksAndEnvironment) {
   JsonObject environment;
   environment.add("kernel", "6.1");

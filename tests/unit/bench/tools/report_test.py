@@ -56,6 +56,17 @@ class Page(Folder):
         self.assertRegex(self.text(), r"\*\*call, shm, spin, 48 B\*\*: ratio_p50 is 2\.50 x the floor; "
                                       r"the target is at most 1\.80\. †")
 
+    def test_says_of_a_missed_target_that_somebody_else_used_its_cores(self):
+        shared = tool.data("report.jsonl").read_text().replace(
+            '"ratio_p50": 2.5', '"rounds": 40, "rounds_core_shared": 39, "ratio_p50": 2.5')
+        self.assertIn('"rounds_core_shared": 39', shared)
+        with tool.file(shared) as path:
+            self.report("--from", path)
+        self.assertIn("the target is at most 1.80. † Somebody else computed on a core of the run in "
+                      "39 of its 40 rounds.", self.text())
+        self.assertIn("| rows in whose rounds somebody else computed on the same core | 1 of ",
+                      self.text())
+
     def test_lists_where_a_peer_is_quicker_for_sure_and_only_that(self):
         lost = self.text().partition("Lost to peers")[2].partition("Too close")[0]
         self.assertIn("RTPM takes 1.50 times as long (1.20 to 1.90) at p99.9.", lost)
