@@ -79,8 +79,7 @@ void ReaderSeat::set_slow(MonotonicTime now) noexcept {
   slow_until_ = now + slow_span_;
 }
 
-std::shared_ptr<CommonReader> CommonReader::of(const Key& key,
-                                               std::shared_ptr<transport::BroadcastView> view) {
+std::shared_ptr<CommonReader> CommonReader::of(const Key& key, const MakeSource& make) {
   Registry& its = registry();
   const std::lock_guard lock(its.mutex);
   std::erase_if(its.readers, [](const auto& each) { return each.second.expired(); });
@@ -88,13 +87,16 @@ std::shared_ptr<CommonReader> CommonReader::of(const Key& key,
     if (known != key) continue;
     if (auto found = reader.lock()) return found;
   }
-  std::shared_ptr<CommonReader> reader(new CommonReader(key, std::move(view)));
+  auto source = make();
+  if (!source) return nullptr;
+  std::shared_ptr<CommonReader> reader(new CommonReader(key, std::move(source)));
+  if (reader->source_->must_be_fetched() && !reader->start_threads()) return nullptr;
   its.readers.emplace_back(key, reader);
   return reader;
 }
 
-CommonReader::CommonReader(Key key, std::shared_ptr<transport::BroadcastView> view)
-    : key_(std::move(key)), view_(std::move(view)) {
+CommonReader::CommonReader(Key key, std::shared_ptr<ReaderSource> source)
+    : key_(std::move(key)), source_(std::move(source)) {
   seats_.reserve(kSeatCountMax);
   served_.reserve(kSeatCountMax);
 }
@@ -103,8 +105,8 @@ CommonReader::~CommonReader() {
   is_stopping_.store(true, std::memory_order_release);
   lead_call_.post();
   guard_call_.post();
-  // They may sleep at the bell. Others wake, too, and find nothing.
-  if (lead_.is_running()) view_->bell().ring(~0U);
+  // They may sleep there. Others wake, too, and find nothing.
+  if (lead_.is_running()) source_->stop();
 }
 
 bool CommonReader::start_threads() {
@@ -143,7 +145,9 @@ void CommonReader::decide() {
     bits |= each->wake_bits();
   const std::uint32_t earlier_bits = wake_bits_.exchange(bits);
   version_.fetch_add(1, std::memory_order_release);
-  const bool serves = !is_dispersed_ && seats_.size() >= kSeatCountMin && start_threads();
+  // Where it has to fetch anyway, it may as well serve a single one.
+  const std::size_t count_min = source_->must_be_fetched() ? 1 : kSeatCountMin;
+  const bool serves = !is_dispersed_ && seats_.size() >= count_min && start_threads();
   if (serves_.exchange(serves, std::memory_order_acq_rel) != serves) {
     if (serves) {
       lead_call_.post();
@@ -152,9 +156,10 @@ void CommonReader::decide() {
       for (const auto& each : seats_)
         each->call();
     }
+    source_->relieve();
   }
   // Who sleeps for less than it is to sleep for now wakes, and sleeps anew.
-  if ((bits & ~earlier_bits) != 0 && serves) view_->bell().ring(earlier_bits);
+  if ((bits & ~earlier_bits) != 0 && serves) source_->ring(earlier_bits);
 }
 
 // --- the reader's thread -----------------------------------------------------------------------
@@ -166,11 +171,11 @@ void CommonReader::lead() noexcept {
       if (!gather(nullptr, MonotonicTime{})) static_cast<void>(lead_call_.wait_until(kNever));
       continue;
     }
-    const std::uint32_t seen = view_->bell().value();
+    const std::uint32_t seen = source_->value();
     if (served_version_ != version_.load(std::memory_order_acquire)) take_over_seats();
     if (pass()) continue;
     done_.store(seen, std::memory_order_release);
-    view_->bell().sleep(seen, wake_bits_.load(), kNever);
+    source_->fetch(seen, wake_bits_.load());
   }
 }
 
@@ -206,7 +211,7 @@ bool CommonReader::serve(ReaderSeat& seat) noexcept {
     last_time_ = now;
     if (!serves()) static_cast<void>(gather(&seat, now));
     if (seat.is_slow(now)) seat.set_common(false);
-  } else if (taking == ReaderSeat::Member::Taking::kEnded) {
+  } else if (taking == ReaderSeat::Member::Taking::kApart) {
     seat.set_common(false);
   }
   // Its own thread is to go on.
@@ -230,11 +235,15 @@ bool CommonReader::gather(ReaderSeat* slow, MonotonicTime now) noexcept {
 void CommonReader::guard() noexcept {
   Duration patience = kGuardPatience;
   while (!is_stopping_.load(std::memory_order_acquire)) {
+    const std::uint32_t seen = source_->value();
     if (!serves()) {
-      static_cast<void>(guard_call_.wait_until(kNever));
+      if (source_->must_be_fetched()) {
+        source_->fetch(seen, ~0U);
+      } else {
+        static_cast<void>(guard_call_.wait_until(kNever));
+      }
       continue;
     }
-    const std::uint32_t seen = view_->bell().value();
     if (done_.load(std::memory_order_acquire) != seen) {
       const std::uint64_t call = call_.load(std::memory_order_acquire);
       rt::sleep_until(rt::now() + patience);
@@ -250,7 +259,7 @@ void CommonReader::guard() noexcept {
       }
     }
     patience = kGuardPatience;
-    view_->bell().sleep(seen, wake_bits_.load(), kNever);
+    source_->sleep(seen, wake_bits_.load(), kNever);
   }
 }
 

@@ -2,28 +2,34 @@
 
 #include <atomic>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
+#include <string>
 #include <vector>
 
+#include "reader_source.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/broadcast_memory.hpp"
 
 namespace rtpm::events {
 
 /// A consumer's place at a common reader. Whoever has claimed it, the consumer's own thread or the
-/// reader's, may read the ring for the consumer and call its handler; the other waits, or passes.
+/// reader's, may read for the consumer and call its handler; the other waits, or passes.
 /// Threads: those two.
 class ReaderSeat {
  public:
   /// What the reader serves.
   class Member {
    public:
-    enum class Taking : std::uint8_t { kDelivered, kNothing, kEnded };
+    enum class Taking : std::uint8_t {
+      kDelivered,
+      kNothing,
+      kApart,  ///< Nothing, and its own thread is to go on.
+    };
     /// Takes one delivery and hands it over. Called with the seat claimed.
     [[nodiscard]] virtual Taking take_one() noexcept = 0;
 
@@ -69,7 +75,7 @@ class ReaderSeat {
   MonotonicTime slow_until_ = MonotonicTime::min();
 };
 
-/// A thread that reads a hub's ring for several consumers of one program, priority and set of CPUs,
+/// A thread that reads for several consumers of one program, source, priority and set of CPUs,
 /// so that an event wakes one thread and not each of theirs: to wake a thread and have it sleep
 /// again takes some µs, longer than most handlers do.
 ///
@@ -77,10 +83,13 @@ class ReaderSeat {
 /// and looks whether that is still in one and the same handler 0.1 ms later. If so, each consumer's
 /// own thread serves it until the handler has returned. A consumer whose handler was slow is served
 /// by its own thread until it was quick for 1 to 10 s.
+///
+/// What must be fetched from its source, such as a multicast, the reader fetches, and the guard
+/// where the reader does not serve.
 /// Ownership: its threads; consumers share it.
 class CommonReader {
  public:
-  /// So many consumers are worth it.
+  /// So many consumers are worth it where nothing needs to be fetched.
   static constexpr std::size_t kSeatCountMin = 2;
   static constexpr std::size_t kSeatCountMax = 1024;
   /// A handler is slow that often takes longer than the first, or once longer than the second.
@@ -93,15 +102,18 @@ class CommonReader {
   /// Whom one reader can serve.
   struct Key {
     const void* node = nullptr;
-    std::uint64_t ring = 0;
+    std::uint64_t broadcast = 0;  ///< The ring's or multicast's id.
+    std::string interface {};     ///< Where a multicast is received.
     std::optional<Priority> priority{};
     std::vector<int> cpus{};
     rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
     friend bool operator==(const Key&, const Key&) = default;
   };
-  /// The program's reader for `key`, made if there is none. `view` is of the key's ring.
-  [[nodiscard]] static std::shared_ptr<CommonReader> of(
-      const Key& key, std::shared_ptr<transport::BroadcastView> view);
+  using MakeSource = std::function<std::shared_ptr<ReaderSource>()>;
+  /// The program's reader for `key`; where there is none, one is made with a source of the key's.
+  /// Null: there is no source, or it must be fetched and the system gives no threads for that.
+  /// Set-up only.
+  [[nodiscard]] static std::shared_ptr<CommonReader> of(const Key& key, const MakeSource& make);
   CommonReader(const CommonReader&) = delete;
   CommonReader& operator=(const CommonReader&) = delete;
   ~CommonReader();
@@ -110,11 +122,12 @@ class CommonReader {
   /// not common.   Set-up only.
   void join(const std::shared_ptr<ReaderSeat>& seat);
   void leave(const std::shared_ptr<ReaderSeat>& seat);
+  [[nodiscard]] const std::shared_ptr<ReaderSource>& source() const noexcept { return source_; }
   /// Whether it serves now: else all are served by their own threads.
   [[nodiscard]] bool serves() const noexcept { return serves_.load(std::memory_order_acquire); }
 
  private:
-  CommonReader(Key key, std::shared_ptr<transport::BroadcastView> view);
+  CommonReader(Key key, std::shared_ptr<ReaderSource> source);
   [[nodiscard]] bool start_threads();
   void decide();
   void lead() noexcept;
@@ -126,7 +139,7 @@ class CommonReader {
   void disperse(std::uint64_t call) noexcept;
 
   const Key key_;
-  const std::shared_ptr<transport::BroadcastView> view_;
+  const std::shared_ptr<ReaderSource> source_;
   /// Of what follows; never held while a handler runs.
   rt::PiMutex mutex_;
   std::vector<std::shared_ptr<ReaderSeat>> seats_{};
@@ -139,7 +152,7 @@ class CommonReader {
   std::atomic<bool> is_stopping_{false};
   /// Counts the begins and ends of calls to handlers: odd while one runs.
   std::atomic<std::uint64_t> call_{0};
-  /// What the bell said before the last pass, which found nothing.
+  /// What the source said before the last pass, which found nothing.
   std::atomic<std::uint32_t> done_{0};
   // The reader's thread.
   std::vector<std::shared_ptr<ReaderSeat>> served_{};

@@ -44,6 +44,7 @@ Consumer::Impl::Impl(rpc::Node& node, std::string target, ConsumerConfig config,
     : node_(node),
       target_(std::move(target)),
       handler_(handler),
+      taker_([this](std::span<const EventView> group) { hand_over(group); }),
       assembler_(kEventSizeMax),
       config_(std::move(config)) {}
 
@@ -157,13 +158,11 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
   if (is_latest) options.window = kLatestWindow;
-  std::unique_ptr<RingSession> ring = open_ring(*client);
+  std::shared_ptr<CommonReader> reader;
+  auto ring = open_ring(*client, reader);
+  auto multicast = ring ? nullptr : open_multicast(*client, reader);
   SubscribeRequestT wish = request();
   if (ring) wish.ring = ring->id();
-  std::unique_ptr<MulticastSession> multicast;
-  if (!ring && config_.multicast) {
-    multicast = MulticastSession::open(*client, config_.multicast_interface, config_.deadline);
-  }
   if (multicast) wish.multicast = multicast->id();
   auto stream = client->subscribe(wish, options);
   if (!stream) return failed(std::string(rpc::to_string(stream.error())));
@@ -194,19 +193,47 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   }
   reads_ring_ = ring != nullptr;
   receives_multicast_ = multicast != nullptr;
-  auto session = std::make_unique<Session>(
-      Session{control_client_, std::move(*stream), *first, std::move(ring), std::move(multicast)});
+  std::unique_ptr<BroadcastSession> broadcast = std::move(ring);
+  if (multicast) broadcast = std::move(multicast);
+  auto session = std::make_unique<Session>(Session{control_client_, std::move(*stream), *first,
+                                                   std::move(broadcast), std::move(reader)});
   subscription_id_ = welcome.subscription();
   last_heard_ = rt::now();
   last_epoch_ = welcome.epoch();
   return session;
 }
 
-std::unique_ptr<RingSession> Consumer::Impl::open_ring(HubClient& client) {
+std::shared_ptr<CommonReader> Consumer::Impl::reader_of(
+    std::uint64_t broadcast, const std::string& interface,
+    const CommonReader::MakeSource& make) const {
+  if (config_.has_own_thread || node_.config().wait.strategy == rt::WaitStrategy::kSpin) {
+    return nullptr;
+  }
+  return CommonReader::of(
+      {&node_, broadcast, interface, config_.priority, config_.cpus, config_.realtime}, make);
+}
+
+std::unique_ptr<RingSession> Consumer::Impl::open_ring(HubClient& client,
+                                                       std::shared_ptr<CommonReader>& reader) {
   if (!config_.shared_ring) return nullptr;
   const auto about = client.about({}, {.priority = 0, .deadline = config_.deadline});
   if (!about || about->ring() == 0 || about->clock_domain() != rt::clock_domain()) return nullptr;
-  return RingSession::open(about->ring(), rt::now() + config_.deadline);
+  auto ring = RingSession::open(about->ring(), rt::now() + config_.deadline);
+  if (ring) reader = reader_of(ring->id(), {}, [&] { return ring->source(); });
+  return ring;
+}
+
+std::unique_ptr<MulticastSession> Consumer::Impl::open_multicast(
+    HubClient& client, std::shared_ptr<CommonReader>& reader) {
+  if (!config_.multicast) return nullptr;
+  const auto facts = MulticastSession::ask(client, config_.multicast_interface, config_.deadline);
+  if (!facts) return nullptr;
+  reader = reader_of(facts->id, config_.multicast_interface,
+                     [&] { return MulticastFeed::open(facts->group); });
+  if (!reader) return MulticastSession::open(*facts);
+  // No ring has a multicast's id.
+  return std::make_unique<MulticastSession>(
+      facts->id, std::static_pointer_cast<MulticastFeed>(reader->source()));
 }
 
 std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, MonotonicTime until) {
@@ -230,8 +257,7 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
 // Reads until the stream ends; why it did.
 std::string Consumer::Impl::read(Session& session) {
   if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
-  if (session.ring) return read_ring(session);
-  if (session.multicast) return read_multicast(session);
+  if (session.broadcast) return read_broadcast(session);
   while (!is_stopping_) {
     if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
   }

@@ -44,9 +44,9 @@ class Consumer::Impl final : private ReaderSeat::Member {
   struct Session {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
-    const Batch* first = nullptr;         ///< The item with the welcome, until it is taken.
-    std::unique_ptr<RingSession> ring{};  ///< Null: its events come elsewhere.
-    std::unique_ptr<MulticastSession> multicast{};  ///< Likewise.
+    const Batch* first = nullptr;  ///< The item with the welcome, until it is taken.
+    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null: its events come by the stream.
+    std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads alone.
   };
   /// Why there is no session.
   struct Failure {
@@ -59,7 +59,14 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] bool come_back(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
-  [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client);
+  /// The reader that it may share; null if it is to have a thread of its own.
+  [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
+                                                        const std::string& interface,
+                                                        const CommonReader::MakeSource& make) const;
+  [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client,
+                                                       std::shared_ptr<CommonReader>& reader);
+  [[nodiscard]] std::unique_ptr<MulticastSession> open_multicast(
+      HubClient& client, std::shared_ptr<CommonReader>& reader);
   [[nodiscard]] std::string read(Session& session);
   /// Looks at the stream until `until`; why it ended, if it did.
   [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
@@ -70,10 +77,9 @@ class Consumer::Impl final : private ReaderSeat::Member {
             bool has_hub_restarted = false);
   void report_begin(std::optional<rpc::SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
-  /// Reads the ring by turns with a common reader, until the stream ends; why it did.
-  [[nodiscard]] std::string read_ring(Session& session);
-  [[nodiscard]] std::string read_multicast(Session& session);
-  [[nodiscard]] std::optional<std::string> attend(Session& session, auto& source);
+  /// Reads the broadcast by turns with a common reader, until the stream ends; why it did.
+  [[nodiscard]] std::string read_broadcast(Session& session);
+  [[nodiscard]] std::optional<std::string> attend(Session& session);
   [[nodiscard]] std::optional<std::string> take_all(ReaderSeat& seat, MonotonicTime until);
   [[nodiscard]] Taking take_one() noexcept override;
   /// Has it look for what has changed, if it rests while a common reader serves it.
@@ -84,6 +90,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   rpc::Node& node_;
   const std::string target_;
   EventHandler& handler_;
+  const BroadcastSession::Taker taker_;
   Assembler assembler_;
 
   mutable std::mutex mutex_;  ///< Of what follows; never held while the handler runs.
@@ -108,8 +115,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
   std::atomic<std::thread::id> own_thread_{};
   std::atomic<std::thread::id> common_thread_{};  ///< That calls the handler now; or none.
   // With the seat claimed.
-  RingSession* ring_ = nullptr;
-  std::optional<SessionOutcome> ring_end_{};
+  BroadcastSession* broadcast_ = nullptr;
+  std::optional<SessionOutcome> broadcast_end_{};
   std::weak_ptr<ReaderSeat> seat_{};  ///< With the mutex.
   std::mutex join_mutex_;
   rt::Thread thread_{};

@@ -22,16 +22,21 @@ constexpr Duration kRepairPause = 50ms;
 
 }  // namespace
 
-std::unique_ptr<MulticastSession> MulticastSession::open(HubClient& client,
-                                                         const std::string& interface,
-                                                         Duration deadline) {
+std::optional<MulticastSession::Facts> MulticastSession::ask(HubClient& client,
+                                                             const std::string& interface,
+                                                             Duration deadline) {
   const auto facts = client.multicast({}, {.priority = 0, .deadline = deadline});
-  if (!facts || (*facts)->id() == 0 || (*facts)->group() == nullptr) return nullptr;
-  auto receiver = transport::MulticastReceiver::open(
-      {.group = (*facts)->group()->str(), .port = (*facts)->port(), .interface = interface});
+  if (!facts || (*facts)->id() == 0 || (*facts)->group() == nullptr) return std::nullopt;
+  return Facts{
+      .id = (*facts)->id(),
+      .group = {
+          .group = (*facts)->group()->str(), .port = (*facts)->port(), .interface = interface}};
+}
+
+std::unique_ptr<MulticastSession> MulticastSession::open(const Facts& facts) {
+  auto receiver = transport::MulticastReceiver::open(facts.group);
   if (!receiver) return nullptr;
-  return std::unique_ptr<MulticastSession>(
-      new MulticastSession(std::move(*receiver), (*facts)->id()));
+  return std::unique_ptr<MulticastSession>(new MulticastSession(facts.id, std::move(*receiver)));
 }
 
 void MulticastSession::begin(std::shared_ptr<HubClient> client, std::uint64_t subscription,
@@ -44,17 +49,34 @@ void MulticastSession::begin(std::shared_ptr<HubClient> client, std::uint64_t su
   queue_.set_policy(policy);
 }
 
-void MulticastSession::receive() noexcept {
-  std::array<std::byte, kMulticastDatagramMax> buffer;
-  for (int i = 0; i < kDatagramsPerTurn; ++i) {
-    const ConstBytes datagram = receiver_.receive(buffer);
-    if (datagram.empty()) return;
-    // What is another hub's, or nothing, is for others.
-    static_cast<void>(reader_->take(datagram));
+MulticastSession::Outcome MulticastSession::take(const Taker& taker, Asking asking) {
+  bool is_all = false;
+  while (!is_all && queue_.empty()) {
+    is_all = receive();
+    if (const auto failed = fill_queue(asking)) return *failed;
   }
+  if (queue_.take(taker)) return Outcome::kDelivered;
+  return is_gone_ ? Outcome::kGone : Outcome::kNothing;
 }
 
-std::optional<MulticastSession::Outcome> MulticastSession::fill_queue() {
+// False if there may be more. What is another hub's, or nothing, is for others.
+bool MulticastSession::receive() noexcept {
+  if (feed_) {
+    position_ = feed_->read(position_, kDatagramsPerTurn, [this](ConstBytes datagram) {
+      static_cast<void>(reader_->take(datagram));
+    });
+    return position_ == feed_->end();
+  }
+  std::array<std::byte, kMulticastDatagramMax> buffer;
+  for (int i = 0; i < kDatagramsPerTurn; ++i) {
+    const ConstBytes datagram = receiver_->receive(buffer);
+    if (datagram.empty()) return true;
+    static_cast<void>(reader_->take(datagram));
+  }
+  return false;
+}
+
+std::optional<MulticastSession::Outcome> MulticastSession::fill_queue(Asking asking) {
   for (bool is_again = true; is_again;) {
     for (int i = 0; i < kRecordsPerTurn && reader_->read(); ++i) {
       const bool is_sound = decode_group(reader_->events(), group_);
@@ -62,14 +84,14 @@ std::optional<MulticastSession::Outcome> MulticastSession::fill_queue() {
       if (!is_sound) return Outcome::kBroken;
       if (!queue_.push(group_)) return Outcome::kFallenBehind;
     }
-    const bool was_due = rt::now() >= repair_due_;
-    repair_if_due();
+    const bool was_due = asking == Asking::kNow && rt::now() >= repair_due_;
+    repair_if_due(asking);
     is_again = was_due && !is_gone_ && repair_due_ == kNever;
   }
   return std::nullopt;
 }
 
-void MulticastSession::repair_if_due() {
+void MulticastSession::repair_if_due(Asking asking) {
   const auto gap = reader_->gap();
   if (!gap) {
     repair_due_ = kNever;
@@ -77,7 +99,7 @@ void MulticastSession::repair_if_due() {
   }
   const MonotonicTime now = rt::now();
   if (repair_due_ == kNever) repair_due_ = now + kRepairDelay;
-  if (now < repair_due_) return;
+  if (now < repair_due_ || asking == Asking::kLater) return;
   repair(*gap);
 }
 
@@ -105,11 +127,18 @@ void MulticastSession::repair(const MulticastReader::Gap& gap) {
 void MulticastSession::wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept {
   until = std::min(until, repair_due_);
   if (strategy == rt::WaitStrategy::kSpin) {
-    while (!(has_more_ = receiver_.wait(rt::now())) && rt::now() < until) {
+    while (!(has_more_ = wait_for_more(rt::now())) && rt::now() < until) {
     }
     return;
   }
-  has_more_ = receiver_.wait(until) || repair_due_ <= until;
+  has_more_ = wait_for_more(until) || repair_due_ <= until;
+}
+
+bool MulticastSession::wait_for_more(MonotonicTime until) noexcept {
+  if (!feed_) return receiver_->wait(until);
+  const std::uint32_t seen = feed_->value();
+  if (feed_->end() == position_) feed_->sleep(seen, wake_bits(), until);
+  return feed_->end() != position_;
 }
 
 Losses MulticastSession::losses() const noexcept {

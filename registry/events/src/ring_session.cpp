@@ -32,6 +32,19 @@ void RingSession::set_policy(const DeliveryPolicy& policy) {
   queue_.set_policy(policy);
 }
 
+RingSession::Outcome RingSession::take(const Taker& taker, Asking) {
+  if (queue_.empty() && backlog() <= direct_max_) {
+    const RingRead read = reader_->read();
+    if (read == RingRead::kNothing || read == RingRead::kOverrun) return Outcome::kNothing;
+    if (read == RingRead::kGone) return Outcome::kGone;
+    if (read == RingRead::kBroken || !parse()) return Outcome::kBroken;
+    taker(group_);
+    return Outcome::kDelivered;
+  }
+  if (const auto failed = fill_queue()) return *failed;
+  return queue_.take(taker) ? Outcome::kDelivered : Outcome::kNothing;
+}
+
 bool RingSession::parse() noexcept {
   const bool is_sound = decode_group(reader_->events(), group_);
   reader_->count_read(group_.size());

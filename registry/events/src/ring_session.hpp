@@ -6,53 +6,50 @@
 #include <span>
 #include <vector>
 
-#include "local_queue.hpp"
+#include "broadcast_session.hpp"
+#include "reader_source.hpp"
 #include "rtpm/events/delivery.hpp"
 #include "rtpm/events/ring.hpp"
-#include "rtpm/rt/wait.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 
 namespace rtpm::events {
 
-/// A consumer's end of a hub's ring: reads what is for it, and does by itself what the hub would do
-/// for one that has a stream: drops what the policy says when the handler does not keep up.
-/// Ownership: the mapping, and a queue of its own.   Threads: one.
-class RingSession {
+/// A hub's ring as a source: its readers are woken by the hub.
+class RingSource final : public ReaderSource {
+ public:
+  explicit RingSource(std::shared_ptr<transport::BroadcastView> view) : view_(std::move(view)) {}
+  [[nodiscard]] std::uint32_t value() const noexcept override { return view_->bell().value(); }
+  void sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept override {
+    view_->bell().sleep(seen, bits, until);
+  }
+  void ring(std::uint32_t bits) noexcept override { view_->bell().ring(bits); }
+
+ private:
+  std::shared_ptr<transport::BroadcastView> view_;
+};
+
+/// A consumer's end of a hub's ring: reads what is for it.
+/// Ownership: the mapping, and a queue of its own.
+class RingSession final : public BroadcastSession {
  public:
   /// Maps the hub's ring; null if that can't be: the hub is on another host, or another user's.
   [[nodiscard]] static std::unique_ptr<RingSession> open(std::uint64_t id, MonotonicTime deadline);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  [[nodiscard]] bool has_more() const noexcept { return reader_->has_more(); }
   /// Begins to read for a place.
   void begin(std::uint32_t place, std::uint64_t owner, std::uint64_t position,
              const DeliveryPolicy& policy);
-  /// Another policy; what waits stays as far as there is room.
-  void set_policy(const DeliveryPolicy& policy);
-
-  using Outcome = SessionOutcome;
-  /// Takes one delivery and calls deliver(span of EventView) with it.
-  template <class Deliver>
-  [[nodiscard]] Outcome take(Deliver deliver) {
-    if (queue_.empty() && backlog() <= direct_max_) {
-      const RingRead read = reader_->read();
-      if (read == RingRead::kEvents) return take_record(deliver);
-      if (read == RingRead::kGone) return Outcome::kGone;
-      return read == RingRead::kBroken ? Outcome::kBroken : Outcome::kNothing;
-    }
-    if (const auto failed = fill_queue()) return *failed;
-    return queue_.take(deliver) ? Outcome::kDelivered : Outcome::kNothing;
+  /// What it reads.
+  [[nodiscard]] std::shared_ptr<ReaderSource> source() const {
+    return std::make_shared<RingSource>(view_);
   }
-  /// What it reads, and which bits of the bell it is woken by.
-  [[nodiscard]] const std::shared_ptr<transport::BroadcastView>& view() const noexcept {
-    return view_;
-  }
-  [[nodiscard]] std::uint32_t wake_bits() const noexcept { return reader_->wake_bits(); }
-  /// Waits until more is written, or until `until`.
-  void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept;
 
-  /// What was lost since begin(), on this side.
-  [[nodiscard]] Losses losses() const noexcept;
+  void set_policy(const DeliveryPolicy& policy) override;
+  [[nodiscard]] Outcome take(const Taker& taker, Asking asking) override;
+  void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept override;
+  [[nodiscard]] bool has_more() const noexcept override { return reader_->has_more(); }
+  [[nodiscard]] std::uint32_t wake_bits() const noexcept override { return reader_->wake_bits(); }
+  [[nodiscard]] Losses losses() const noexcept override;
 
  private:
   RingSession(std::shared_ptr<transport::BroadcastView> view, std::uint64_t id)
@@ -65,12 +62,6 @@ class RingSession {
   }
   /// The events of the record that was read, into group_; false if they are none.
   [[nodiscard]] bool parse() noexcept;
-  template <class Deliver>
-  [[nodiscard]] Outcome take_record(Deliver deliver) {
-    if (!parse()) return Outcome::kBroken;
-    deliver(std::span<const EventView>(group_));
-    return Outcome::kDelivered;
-  }
   [[nodiscard]] std::optional<Outcome> fill_queue();
 
   std::shared_ptr<transport::BroadcastView> view_;

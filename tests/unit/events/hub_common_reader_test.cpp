@@ -5,10 +5,12 @@
 #include <thread>
 #include <vector>
 
+#include "loopback_multicast.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// Consumers of one program that read a hub's ring by one thread: none is to notice the others.
+// Consumers of one program that read a hub's ring, or receive its multicast, by one thread: none is
+// to notice the others.
 namespace rtpm::events::test {
 namespace {
 
@@ -30,19 +32,36 @@ class Noter final : public EventHandler {
   std::function<void()> act{};  ///< Set before its consumer is made.
 };
 
-class HubCommonReader : public testing::Test {
+enum class Way : std::uint8_t { kRing, kMulticast, kLossyMulticast };
+
+class HubCommonReader : public testing::TestWithParam<Way> {
  protected:
+  void SetUp() override {
+    if (GetParam() != Way::kRing && !has_multicast()) GTEST_SKIP() << kNeedsMulticast;
+  }
+  [[nodiscard]] static HubConfig config() {
+    HubConfig config;
+    if (GetParam() != Way::kRing) {
+      config.multicast = {group_of_mine(), 4096, GetParam() == Way::kLossyMulticast ? 5U : 0U};
+    }
+    return config;
+  }
   [[nodiscard]] std::unique_ptr<Consumer> join(EventHandler& handler, bool has_own_thread = false) {
     auto consumer = Consumer::create(node_, hub_.url(),
                                      {.filter = of_type(kPose),
                                       .delivery = {.queue_capacity = 4096},
                                       .realtime = rt::RealtimeMode::kOff,
+                                      .shared_ring = GetParam() == Way::kRing,
                                       .has_own_thread = has_own_thread,
+                                      .multicast = GetParam() != Way::kRing,
+                                      .multicast_interface = kLoopback,
                                       .deadline = kPatience},
                                      handler);
     EXPECT_TRUE(consumer) << consumer.error().text;
-    EXPECT_TRUE(consumer && (*consumer)->reads_ring());
-    return consumer ? std::move(*consumer) : nullptr;
+    if (!consumer) return nullptr;
+    EXPECT_EQ((*consumer)->reads_ring(), GetParam() == Way::kRing);
+    EXPECT_EQ((*consumer)->receives_multicast(), GetParam() != Way::kRing);
+    return std::move(*consumer);
   }
   /// Pushes until one thread calls all handlers. On a busy machine one may seem slow for a while.
   [[nodiscard]] bool await_common(const std::vector<Noter*>& noters) {
@@ -62,13 +81,13 @@ class HubCommonReader : public testing::Test {
       return std::ranges::all_of(noters, [&](const Noter* each) { return each->last >= number; });
     });
   }
-  ServedHub hub_{};
+  ServedHub hub_{config()};
   rpc::Node node_{};
   std::unique_ptr<Supplier> supplier_ = make_supplier(node_, hub_);
   std::uint64_t pushed_ = 0;
 };
 
-TEST_F(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
+TEST_P(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
   Noter first;
   Noter second;
   Noter third;
@@ -82,7 +101,7 @@ TEST_F(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
   EXPECT_NE(apart.thread.load(), first.thread.load());
 }
 
-TEST_F(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
+TEST_P(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
   std::atomic<bool> shall_block{false};
   std::atomic<int> blocked_count{0};
   const auto block = [&] {
@@ -121,7 +140,7 @@ TEST_F(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
   }
 }
 
-TEST_F(HubCommonReader, ConsumerMayUnsubscribeInItsHandler) {
+TEST_P(HubCommonReader, ConsumerMayUnsubscribeInItsHandler) {
   std::unique_ptr<Consumer> leaving;
   std::atomic<bool> shall_leave{false};
   Noter leaver;
@@ -141,7 +160,7 @@ TEST_F(HubCommonReader, ConsumerMayUnsubscribeInItsHandler) {
   EXPECT_EQ(leaver.last, before + 1);
 }
 
-TEST_F(HubCommonReader, HandlerMayEndAnotherConsumer) {
+TEST_P(HubCommonReader, HandlerMayEndAnotherConsumer) {
   std::unique_ptr<Consumer> victim;
   std::atomic<bool> shall_end{false};
   std::atomic<bool> has_ended{false};
@@ -164,7 +183,7 @@ TEST_F(HubCommonReader, HandlerMayEndAnotherConsumer) {
   EXPECT_TRUE(await([&] { return has_ended.load(); }));
 }
 
-TEST_F(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
+TEST_P(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
   Noter first;
   Noter second;
   const auto a = join(first);
@@ -195,7 +214,7 @@ TEST_F(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
   EXPECT_EQ(a->counters().losses, Losses{});
 }
 
-TEST_F(HubCommonReader, ConsumersComeBackAfterARestartOfTheHub) {
+TEST_P(HubCommonReader, ConsumersComeBackAfterARestartOfTheHub) {
   Noter first;
   Noter second;
   const auto a = join(first);
@@ -211,6 +230,14 @@ TEST_F(HubCommonReader, ConsumersComeBackAfterARestartOfTheHub) {
            first.count > 1;
   }));
 }
+
+INSTANTIATE_TEST_SUITE_P(Ways, HubCommonReader,
+                         testing::Values(Way::kRing, Way::kMulticast, Way::kLossyMulticast),
+                         [](const auto& each) {
+                           return std::string(each.param == Way::kRing        ? "ring"
+                                              : each.param == Way::kMulticast ? "multicast"
+                                                                              : "lossy_multicast");
+                         });
 
 }  // namespace
 }  // namespace rtpm::events::test

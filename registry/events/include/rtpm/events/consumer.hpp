@@ -70,14 +70,16 @@ struct ConsumerConfig {
   bool shared_ring = true;
   /// Its handler is called by its own thread always. Else, where two or more consumers of a node
   /// read one ring at the same priority, CPUs and real-time mode, and do not spin while they wait,
-  /// one thread calls all their handlers, which spares a change of threads for each but one. A
+  /// one thread calls all their handlers, which spares a change of threads for each but one; so it
+  /// is where they receive one multicast, which then comes by one socket, and for a single one. A
   /// handler keeps the others waiting 0.1 ms, where events come without a pause 1 ms: then each
   /// consumer's own thread serves it until that handler returns, and the slow one's own thread
   /// until it was quick for 1 s, or 10 s if that happens often. Handlers that compute in parallel
   /// set it.
   bool has_own_thread = false;
   /// Where it does not read the ring: receives the hub's multicast, if the hub has one, at the
-  /// interface with this address (empty: as the system's routes say).
+  /// interface with this address (empty: as the system's routes say). With has_own_thread by a
+  /// socket of its own.
   bool multicast = false;
   std::string multicast_interface{};
   /// How many signs of life in a row the hub may miss, one each half second, until it drops the

@@ -48,6 +48,8 @@ class MulticastReceiver {
       const MulticastGroup& group);
   /// The next datagram, a view of `buffer`; empty: none is there.   RT: alloc-free, one syscall.
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
+  /// Can be read while there is one.
+  [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Waits until there is one, or until `until`; false if it was the time.   RT: alloc-free, one
   /// syscall.
   bool wait(MonotonicTime until) noexcept { return wait_readable(socket_.number(), until); }

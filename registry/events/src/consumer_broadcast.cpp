@@ -31,57 +31,30 @@ std::optional<std::string> in_words(SessionOutcome outcome) {
 }  // namespace
 
 // The stream tells of losses in the hub, and of the end.
-std::optional<std::string> Consumer::Impl::attend(Session& session, auto& source) {
+std::optional<std::string> Consumer::Impl::attend(Session& session) {
   if (auto why = look_at_stream(session, rt::now())) return why;
   if (has_new_policy_.exchange(false)) {
     const std::lock_guard lock(mutex_);
-    source.set_policy(config_.delivery);
+    broadcast_->set_policy(config_.delivery);
   }
-  if (source.losses() != own_losses_) {
-    own_losses_ = source.losses();
+  if (const Losses losses = broadcast_->losses(); losses != own_losses_) {
+    own_losses_ = losses;
     update_losses();
   }
   return std::nullopt;
 }
 
-std::string Consumer::Impl::read_multicast(Session& session) {
-  MulticastSession& source = *session.multicast;
-  const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
-  MonotonicTime next_look{};
-  while (!is_stopping_) {
-    const MonotonicTime now = rt::now();
-    if (now >= next_look) {
-      if (auto why = attend(session, source)) return std::move(*why);
-      next_look = now + kStreamLookInterval;
-    }
-    const SessionOutcome outcome = source.take(hand);
-    if (auto why = in_words(outcome)) return std::move(*why);
-    if (outcome == SessionOutcome::kDelivered) {
-      last_heard_ = now;
-      continue;
-    }
-    source.wait(node_.config().wait.strategy, next_look);
-    // Woken for nothing: there may be something in the stream.
-    if (!source.has_more()) next_look = MonotonicTime{};
-  }
-  return {};
-}
-
-std::string Consumer::Impl::read_ring(Session& session) {
+std::string Consumer::Impl::read_broadcast(Session& session) {
   const rt::WaitStrategy strategy = node_.config().wait.strategy;
-  RingSession& ring = *session.ring;
-  ring_ = &ring;
-  ring_end_.reset();
+  BroadcastSession& broadcast = *session.broadcast;
+  CommonReader* const reader = session.reader.get();
+  broadcast_ = &broadcast;
+  broadcast_end_.reset();
   ReaderSeat::Member& me = *this;
-  const auto seat = std::make_shared<ReaderSeat>(me, ring.wake_bits());
-  std::shared_ptr<CommonReader> reader;
+  const auto seat = std::make_shared<ReaderSeat>(me, broadcast.wake_bits());
   {
     const std::lock_guard lock(mutex_);
     seat_ = seat;
-    if (!config_.has_own_thread && strategy != rt::WaitStrategy::kSpin) {
-      reader = CommonReader::of(
-          {&node_, ring.id(), config_.priority, config_.cpus, config_.realtime}, ring.view());
-    }
   }
   bool is_joined = false;
   MonotonicTime next_look{};
@@ -91,65 +64,71 @@ std::string Consumer::Impl::read_ring(Session& session) {
     seat->set_common(false);
     if (is_stopping_) break;
     if (const MonotonicTime now = rt::now(); now >= next_look) {
-      why = attend(session, ring);
+      why = attend(session);
       next_look = now + kStreamLookInterval;
     }
     if (!why) why = take_all(*seat, next_look);
     if (why) break;
-    if (reader && seat->is_slow(rt::now()) == is_joined) {
+    if (reader != nullptr && seat->is_slow(rt::now()) == is_joined) {
       if (is_joined) {
         reader->leave(seat);
       } else {
         reader->join(seat);
       }
       is_joined = !is_joined;
+      // What came just before, the reader may have passed by.
+      static_cast<void>(seat->release());
+      continue;
     }
-    const bool is_common = is_joined && reader->serves();
+    // To ask the hub for something would have the others wait.
+    const bool is_common = is_joined && reader->serves() && !broadcast.is_lacking();
     seat->set_common(is_common);
     if (seat->release()) continue;
     if (is_common) {
       seat->rest(next_look);
       continue;
     }
-    ring.wait(strategy, next_look);
-    // Woken for nothing in the ring: there may be something in the stream.
-    if (!ring.has_more()) next_look = MonotonicTime{};
+    broadcast.wait(strategy, next_look);
+    // Woken for nothing there: there may be something in the stream.
+    if (!broadcast.has_more()) next_look = MonotonicTime{};
   }
   // With the seat claimed for ever: the reader does not touch it any more.
   if (is_joined) reader->leave(seat);
   const std::lock_guard lock(mutex_);
   seat_.reset();
-  ring_ = nullptr;
+  broadcast_ = nullptr;
   return std::move(why).value_or("");
 }
 
 // All that there is, as far as there is time until the next look at the stream.
 std::optional<std::string> Consumer::Impl::take_all(ReaderSeat& seat, MonotonicTime until) {
-  const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
-  if (ring_end_) return in_words(*ring_end_);
+  if (broadcast_end_) return in_words(*broadcast_end_);
   MonotonicTime now = rt::now();
   while (now < until && !is_stopping_) {
-    const SessionOutcome outcome = ring_->take(hand);
+    // What the hub takes to answer is not the handler's time.
+    const bool may_ask = broadcast_->is_lacking();
+    const SessionOutcome outcome = broadcast_->take(taker_, BroadcastSession::Asking::kNow);
     if (outcome != SessionOutcome::kDelivered) return in_words(outcome);
     const MonotonicTime begin = std::exchange(now, rt::now());
     last_heard_ = now;
-    seat.note_duration(now - begin, now);
+    if (!may_ask) seat.note_duration(now - begin, now);
   }
   return std::nullopt;
 }
 
 ReaderSeat::Member::Taking Consumer::Impl::take_one() noexcept {
   common_thread_ = std::this_thread::get_id();
-  const SessionOutcome outcome =
-      ring_->take([this](std::span<const EventView> group) { hand_over(group); });
+  const SessionOutcome outcome = broadcast_->take(taker_, BroadcastSession::Asking::kLater);
   common_thread_ = std::thread::id{};
-  if (outcome == SessionOutcome::kNothing) return Taking::kNothing;
+  if (outcome == SessionOutcome::kNothing) {
+    return broadcast_->is_lacking() ? Taking::kApart : Taking::kNothing;
+  }
   if (outcome == SessionOutcome::kDelivered) {
     last_heard_ = rt::now();
     return Taking::kDelivered;
   }
-  ring_end_ = outcome;
-  return Taking::kEnded;
+  broadcast_end_ = outcome;
+  return Taking::kApart;
 }
 
 void Consumer::Impl::call_own_thread() {

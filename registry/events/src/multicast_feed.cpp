@@ -1,0 +1,52 @@
+#include "multicast_feed.hpp"
+
+#include <utility>
+
+namespace rtpm::events {
+namespace {
+
+// So many are taken in one go, for which those who read wait.
+constexpr int kDatagramsPerTurn = 64;
+
+}  // namespace
+
+std::shared_ptr<MulticastFeed> MulticastFeed::open(const transport::MulticastGroup& group) {
+  auto receiver = transport::MulticastReceiver::open(group);
+  auto poller = transport::Poller::open();
+  auto bell = transport::BroadcastBell::make();
+  if (!receiver || !poller || !bell) return nullptr;
+  return std::shared_ptr<MulticastFeed>(
+      new MulticastFeed(std::move(*receiver), std::move(*poller), std::move(bell->first)));
+}
+
+void MulticastFeed::fetch(std::uint32_t seen, std::uint32_t) noexcept {
+  const std::lock_guard lock(fetching_);
+  if (is_stopped_.load(std::memory_order_acquire) || value() != seen) return;
+  const transport::Watched socket{receiver_.descriptor(), 0};
+  std::array<std::uint64_t, 2> tags{};
+  static_cast<void>(poller_.wait_for({&socket, 1}, kNever, tags));
+  // SYNC POINT bell: what there is to see was written before it rings.
+  if (take_in()) bell_.ring(~0U);
+}
+
+bool MulticastFeed::take_in() noexcept {
+  const std::lock_guard lock(mutex_);
+  const std::uint64_t begin = end();
+  std::uint64_t next = begin;
+  for (int i = 0; i < kDatagramsPerTurn; ++i) {
+    Place& place = places_[next % kHistoryCount];
+    place.size = receiver_.receive(place.bytes).size();
+    if (place.size == 0) break;
+    ++next;
+  }
+  end_.store(next, std::memory_order_release);
+  return next != begin;
+}
+
+void MulticastFeed::stop() noexcept {
+  is_stopped_.store(true, std::memory_order_release);
+  bell_.ring(~0U);
+  poller_.ring();
+}
+
+}  // namespace rtpm::events
