@@ -1,3 +1,5 @@
+#include <unistd.h>
+
 #include <atomic>
 #include <vector>
 
@@ -18,6 +20,13 @@ using namespace std::chrono_literals;
 
 constexpr Duration kSetUpPatience = 10s;
 constexpr std::uint32_t kConsumerCountMax = 512;
+constexpr const char* kLoopback = "127.0.0.1";
+
+/// A group that stays on this host, at a port of this process's own.
+events::MulticastConfig multicast_config() {
+  const auto port = static_cast<std::uint16_t>(20'000 + getpid() % 40'000);
+  return {.group = {.group = "239.255.42.2", .port = port, .interface = kLoopback, .hops = 0}};
+}
 
 rpc::Transport transport_of(const EventSetting& setting) {
   if (setting.is_embedded) return rpc::Transport::kLocal;
@@ -79,6 +88,8 @@ struct Consumers {
          .transport = transport_of(setting),
          .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
          .has_own_thread = setting.has_own_threads,
+         .multicast = setting.is_multicast,
+         .multicast_interface = kLoopback,
          .deadline = kSetUpPatience},
         *handlers.back());
     if (!consumer) return unexpected{consumer.error().text};
@@ -189,6 +200,7 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
   config.quota = {.events_per_s = 1e8, .bytes_per_s = 1e11, .burst_s = 0.1};
   config.priority = kHighPriority;
   config.realtime = setting.realtime;
+  if (setting.is_multicast) config.multicast = multicast_config();
   auto hub = events::Hub::create(config);
   if (!hub) return unexpected{hub.error().text};
   auto server_config = events::server_config_for(config);

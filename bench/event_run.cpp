@@ -57,7 +57,8 @@ std::string title_of(const EventSetting& setting) {
          std::string(rt::to_string(setting.wait.strategy)) + " wait, " +
          std::to_string(setting.consumer_count) +
          (setting.consumer_count == 1 ? " consumer" : " consumers") +
-         (setting.has_own_hub ? ", hub in the supplier's program" : "");
+         (setting.has_own_hub ? ", hub in the supplier's program" : "") +
+         (setting.is_multicast ? ", by multicast" : "");
 }
 
 void add_fan_out(Result& result, const Settings& settings, const EventSetting& setting,
@@ -66,6 +67,7 @@ void add_fan_out(Result& result, const Settings& settings, const EventSetting& s
   json.add("case", "events");
   json.add("transport", to_string(setting.carrier));
   if (setting.has_own_hub) json.add("hub", kOwnHub);
+  if (setting.is_multicast) json.add("delivery", kMulticast);
   json.add("wait", rt::to_string(setting.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(rtpm.last.count()));

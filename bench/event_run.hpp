@@ -46,6 +46,8 @@ struct EventFinding {
                                                          std::uint32_t block, int consumer_count,
                                                          EventFinding& finding);
 
+/// What a result has as "delivery", where the hub sends once for all.
+inline constexpr std::string_view kMulticast = "multicast";
 /// What a result has as "hub", where that is of the supplier's program.
 inline constexpr std::string_view kOwnHub = "supplier's";
 

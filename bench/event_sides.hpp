@@ -25,6 +25,9 @@ struct EventSetting {
   /// pushed stays in the program, and goes to the consumers by the transport. The floor has no
   /// relay.
   bool has_own_hub = false;
+  /// The hub sends each event once, by multicast on this host, and not to each consumer. The floor
+  /// sends to each.
+  bool is_multicast = false;
   std::uint32_t type = 1;   ///< Of the events that are pushed and subscribed to.
   std::string pushed_to{};  ///< Another hub, to which the supplier pushes; empty: the consumers'.
   std::string linked_to{};  ///< Another hub, which this one takes events of; empty: none.

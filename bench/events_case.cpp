@@ -34,6 +34,7 @@ void add_head(Result& result, const EventSetting& setting, const Settings& setti
   JsonObject& json = result.json;
   json.add("case", "events");
   json.add("transport", to_string(setting.carrier));
+  if (setting.is_multicast) json.add("delivery", kMulticast);
   json.add("wait", rt::to_string(setting.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(count));
@@ -298,10 +299,14 @@ bool run_events(const Settings& settings, Report& report) {
     for (const rt::WaitStrategy strategy : settings.waits) {
       EventSetting setting{.carrier = carrier,
                            .wait = {.strategy = strategy, .spin = settings.spin},
+                           .is_multicast = settings.has_multicast,
                            .placement = choose_placement(),
                            .realtime = settings.realtime,
                            .has_own_threads = settings.has_own_threads};
-      is_complete = report_two_hosts(settings, setting, report) && is_complete;
+      // The network between the two hosts has no group.
+      if (!setting.is_multicast) {
+        is_complete = report_two_hosts(settings, setting, report) && is_complete;
+      }
       for (const int count : settings.consumer_counts) {
         setting.consumer_count = count;
         is_complete = report_one(settings, setting, fan_out, report) && is_complete;

@@ -63,6 +63,8 @@ void add_options(program::Options& options, Arguments& arguments, Settings& sett
       "own-hub", settings.has_own_hub,
       "with --peers: the supplier's program has the hub of events, beside peers that have no "
       "broker");
+  options.add("multicast", settings.has_multicast,
+              "with --transport udp: RTPM's hub of events sends each once for all consumers");
   options.add("work", settings.work, "how long each low-priority call computes",
               {std::chrono::microseconds{1}, std::chrono::seconds{1}});
   options.add("in-flight", settings.in_flight, "calls of throughput on their way at a time",
@@ -186,6 +188,9 @@ std::optional<std::string> check(const Arguments& arguments, Settings& settings)
   const bool has_events = std::ranges::find(arguments.cases, "events") != arguments.cases.end();
   if (settings.has_own_hub && (!has_events || settings.peers.empty())) {
     return "--own-hub is for the case events beside peers without a broker, such as --peers lcm";
+  }
+  if (settings.has_multicast && (!has_events || settings.carriers != std::vector{Carrier::kUdp})) {
+    return "--multicast is for the case events over UDP: give --transport udp, too";
   }
   std::string names;
   for (const Case& known : cases()) {

@@ -69,6 +69,7 @@ Result result_of_peer(const Settings& settings, const EventSetting& setting,
   json.add("peer", peer.peer->name());
   json.add("transport", peer.peer->transport());
   if (setting.has_own_hub) json.add("hub", kOwnHub);
+  if (setting.is_multicast) json.add("delivery", kMulticast);
   json.add("payload", static_cast<std::int64_t>(sizeof(EventStamp)));
   json.add("n", static_cast<std::int64_t>(finding.low.count()));
   json.add("rate_hz", settings.rate_hz);
@@ -204,6 +205,7 @@ bool run_events_with_peers(const Settings& settings, Report& report) {
                                    .wait = {.strategy = strategy, .spin = settings.spin},
                                    .consumer_count = consumer_count,
                                    .has_own_hub = settings.has_own_hub,
+                                   .is_multicast = settings.has_multicast,
                                    .placement = choose_placement(),
                                    .realtime = settings.realtime,
                                    .has_own_threads = settings.has_own_threads};

@@ -34,6 +34,8 @@ struct Settings {
   bool has_own_threads = false;
   /// Of events, with peers: the supplier's program has the hub, beside peers without a broker.
   bool has_own_hub = false;
+  /// Of events over UDP: by the hub's multicast.
+  bool has_multicast = false;
   Duration work = std::chrono::microseconds{200};  ///< Of one low-priority call.
   std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.
   std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.

@@ -55,10 +55,14 @@ FULL = (
     Part("events-peers", "events --peers all --wait block --transport udp,shm --consumers 1,16,64 "
          "--samples 1200", 70, False),
     Part("events-peers-own-hub", "events --own-hub --peers all --wait block --transport udp "
-         "--consumers 1,16 --samples 1200", 18, False),
+         "--consumers 1 --samples 1200", 7, False),
+    Part("events-peers-own-multicast", "events --own-hub --multicast --peers all --wait block "
+         "--transport udp --consumers 16 --samples 1200", 9, False),
+    Part("events-peers-multicast", "events --multicast --peers cyclonedds,fastdds,lcm "
+         "--wait block --transport udp --consumers 16,64 --samples 1200", 14, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
-    Part("bulk", "bulk --samples 1600", 26),
+    Part("bulk", "bulk --samples 1000", 16),
     Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1300", 35),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
