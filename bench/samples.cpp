@@ -140,7 +140,7 @@ std::vector<double> Samples::all_us() const {
 }
 
 Stretch rounds_that_count(const Samples& one, const Samples& other) {
-  const Stretch all = all_rounds(one, other);
+  Stretch all = all_rounds(one, other);
   for (const RoundFault allowed : {RoundFault::kNone, RoundFault::kSharedCore}) {
     Stretch rounds = all;
     std::erase_if(rounds, [&](int round) { return worst_fault(one, other, round) > allowed; });

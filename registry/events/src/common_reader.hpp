@@ -30,11 +30,9 @@ class ReaderSeat {
       kNothing,
       kApart,  ///< Nothing, and its own thread is to go on.
     };
+    virtual ~Member() = default;
     /// Takes one delivery and hands it over. Called with the seat claimed.
     [[nodiscard]] virtual Taking take_one() noexcept = 0;
-
-   protected:
-    ~Member() = default;
   };
 
   ReaderSeat(Member& member, std::uint32_t wake_bits) noexcept

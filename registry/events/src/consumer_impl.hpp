@@ -27,7 +27,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
-  ~Impl();
+  ~Impl() override;
 
   [[nodiscard]] expected<void, rpc::SetupError> begin();
   [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
