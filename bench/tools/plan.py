@@ -43,10 +43,10 @@ FULL = (
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
     Part("scale", "scale", 14),
     # What the pace of the calls makes long.
-    Part("isolation", "isolation --low-callers 4", 270),
+    Part("isolation", "isolation --low-callers 4 --samples 20000", 182),
     Part("paced", "paced", 62),
     Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
-    Part("events", "events --samples 1400", 115),
+    Part("events", "events --samples 1000", 100),
     Part("device", "device --wait adaptive,periodic --samples 1600", 20),
     Part("ladder", "ladder --samples 1000", 20),
     Part("call-peers", "call --peers all --wait adaptive,block --samples 10000", 73, False),
