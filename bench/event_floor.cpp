@@ -34,7 +34,7 @@ class Socket {
  public:
   Socket() : handle_(socket(AF_INET, SOCK_DGRAM, 0)) {
     sockaddr_in address = address_of("0.0.0.0", 0);
-    bind(handle_, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+    static_cast<void>(bind(handle_, reinterpret_cast<const sockaddr*>(&address), sizeof address));
     // So that a reader sees now and then whether it shall end.
     const timeval patience{.tv_sec = 0, .tv_usec = 100'000};
     setsockopt(handle_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);

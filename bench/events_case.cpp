@@ -172,8 +172,9 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
 }
 
 /// The others' latencies while all are well, and while some are stopped and some slow, by turns.
-expected<void, std::string> measure_isolation(const Settings& settings, EventSetting setting,
+expected<void, std::string> measure_isolation(const Settings& settings, const EventSetting& wanted,
                                               Result& result) {
+  EventSetting setting = wanted;
   setting.consumer_count = kCrowd - kStopped;
   const int measured_count = setting.consumer_count - kSlow;
   auto hub = start_event_hub(setting);
@@ -249,7 +250,7 @@ expected<void, std::string> measure_rate(const Settings&, const EventSetting& se
   return {};
 }
 
-using Measure = expected<void, std::string> (*)(const Settings&, EventSetting, Result&);
+using Measure = expected<void, std::string> (*)(const Settings&, const EventSetting&, Result&);
 
 bool report_one(const Settings& settings, const EventSetting& setting, Measure measure,
                 Report& report) {
@@ -278,22 +279,13 @@ bool report_two_hosts(const Settings& settings, EventSetting setting, Report& re
   }
   setting.network = &*network;
   setting.consumer_count = 1;
-  return report_one(
-      settings, setting,
-      [](const Settings& s, EventSetting e, Result& r) { return measure_fan_out(s, e, r); },
-      report);
+  return report_one(settings, setting, measure_fan_out, report);
 }
 
 }  // namespace
 
 bool run_events(const Settings& settings, Report& report) {
   if (!settings.peers.empty()) return run_events_with_peers(settings, report);
-  const Measure fan_out = [](const Settings& s, EventSetting e, Result& r) {
-    return measure_fan_out(s, e, r);
-  };
-  const Measure rate = [](const Settings& s, EventSetting e, Result& r) {
-    return measure_rate(s, e, r);
-  };
   bool is_complete = true;
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {
@@ -309,7 +301,7 @@ bool run_events(const Settings& settings, Report& report) {
       }
       for (const int count : settings.consumer_counts) {
         setting.consumer_count = count;
-        is_complete = report_one(settings, setting, fan_out, report) && is_complete;
+        is_complete = report_one(settings, setting, measure_fan_out, report) && is_complete;
       }
       if (is_asked_for(settings, kCrowd)) {
         setting.consumer_count = kCrowd;
@@ -318,7 +310,7 @@ bool run_events(const Settings& settings, Report& report) {
       // Every latency is asked for, which a rate has not.
       if (settings.tells_latencies) continue;
       setting.consumer_count = 1;
-      is_complete = report_one(settings, setting, rate, report) && is_complete;
+      is_complete = report_one(settings, setting, measure_rate, report) && is_complete;
     }
   }
   return is_complete;
