@@ -35,6 +35,7 @@ int open_new_namespace() {
 [[noreturn]] void become(int network, const std::vector<std::string>& command, int input,
                          int output) {
   std::vector<char*> arguments;
+  arguments.reserve(command.size() + 1);
   for (const std::string& word : command)
     arguments.push_back(const_cast<char*>(word.c_str()));
   arguments.push_back(nullptr);
@@ -186,7 +187,7 @@ expected<std::uint64_t, std::string> NetworkPair::dropped_count() const {
   for (const Host host : {Host::kServer, Host::kClient}) {
     const auto listing = run(host, {"nft", "list", "table", "inet", "rtpm_bench"});
     if (!listing) return unexpected{listing.error()};
-    const std::string_view kBefore = "counter packets ";
+    constexpr std::string_view kBefore = "counter packets ";
     const std::size_t at = listing->find(kBefore);
     if (at == std::string::npos) return unexpected{std::string("'nft list' shows no counter")};
     count += std::strtoull(listing->c_str() + at + kBefore.size(), nullptr, 10);

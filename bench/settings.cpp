@@ -38,6 +38,7 @@ std::vector<int> cpus_of(const Placement& placement) {
 std::vector<Rounds> parts_of_run(int round_count, int part_count) {
   const int count = std::min(part_count, round_count);
   std::vector<Rounds> parts;
+  parts.reserve(static_cast<std::size_t>(count));
   for (int i = 0; i < count; ++i)
     parts.push_back({.begin = round_count * i / count, .end = round_count * (i + 1) / count});
   return parts;

@@ -5,8 +5,10 @@
 
 #include <cstdint>
 #include <cstring>
+#include <initializer_list>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "allocations.hpp"
@@ -184,16 +186,20 @@ BENCHMARK(collocated_call_48_bytes)->UseManualTime()->Iterations(300);
 /// A schema of `services` services with ten methods each.
 std::string large_schema(int services) {
   std::string text = "attribute \"rtpm_id\";\nnamespace big;\n";
+  const auto add = [&text](std::initializer_list<std::string_view> parts) {
+    for (const std::string_view part : parts)
+      text += part;
+  };
   for (int service = 0; service < services; ++service) {
     const std::string number = std::to_string(service);
-    text += "struct S" + number + " { a:double; b:double; c:int; }\ntable M" + number +
-            " { value:S" + number + " (required); }\ntable T" + number +
-            " { name:string; count:int = 3; values:[S" + number + "]; }\nrpc_service Service" +
-            number + " {\n";
+    add({"struct S", number, " { a:double; b:double; c:int; }\n"});
+    add({"table M", number, " { value:S", number, " (required); }\n"});
+    add({"table T", number, " { name:string; count:int = 3; values:[S", number, "]; }\n"});
+    add({"rpc_service Service", number, " {\n"});
     for (int method = 1; method <= 10; ++method) {
-      const std::string type = (method % 2 == 0 ? "M" : "T") + number;
-      text += "  method_" + std::to_string(method) + '(' + type + "):" + type +
-              " (rtpm_id: " + std::to_string(method) + ");\n";
+      const std::string id = std::to_string(method);
+      const std::string_view kind = method % 2 == 0 ? "M" : "T";
+      add({"  method_", id, "(", kind, number, "):", kind, number, " (rtpm_id: ", id, ");\n"});
     }
     text += "}\n";
   }
