@@ -104,6 +104,7 @@ class RtpmPipeline final : public Pipeline {
       }
       const auto reply = pending_[taken % pending_.size()]->take();
       if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+      // Byte by byte, as it came.   NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
       if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
         return unexpected{std::string("RTPM's echo differs")};
       }

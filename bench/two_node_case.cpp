@@ -78,7 +78,7 @@ expected<void, std::string> TwoNodeRun::connect() {
   // Only this thread goes there, and with it the sockets that it opens.
   if (auto entered = network_.enter(NetworkPair::Host::kClient); !entered) return entered;
   if (settings_.drop_percent > 0) {
-    const auto dropping = network_.drop(config_.carrier, duel_.rtpm_port(), settings_.drop_percent);
+    auto dropping = network_.drop(config_.carrier, duel_.rtpm_port(), settings_.drop_percent);
     if (!dropping) return dropping;
   }
   duel_.take_turn(Side::kFloor);
