@@ -89,6 +89,7 @@ MatchKind kind_of(const Match& match) {
 // As add_once(), for a long list: none that another one covers.
 std::vector<Interest> interests_in(const std::vector<Match>& matches) {
   std::vector<Interest> all;
+  all.reserve(matches.size());
   for (const Match& each : matches)
     all.push_back(interest_of(each));
   const auto key = [](const Interest& each) { return std::tuple(each.type, each.source); };
