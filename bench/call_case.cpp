@@ -76,8 +76,7 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, Rounds rounds,
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& samples : sides.samples)
       samples.begin_round(round);
-    duel.end_turn();
-    const RoundWatch round_watch(duel.cpus());
+    const RoundWatch round_watch = duel.watch_round();
     for (std::size_t done = 0; done < count_per_round; done += amount.block_size) {
       const std::size_t count = std::min(amount.block_size, count_per_round - done);
       for (const Side side : {is_rtpm_first ? Side::kRtpm : Side::kFloor,

@@ -111,8 +111,7 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
   for (int round = 0; round < settings.round_count; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    duel.end_turn();
-    const RoundWatch round_watch(duel.cpus());
+    const RoundWatch round_watch = duel.watch_round();
     for (std::size_t done = 0; done < count_per_round; done += turn_size, ++first) {
       for (std::size_t i = 0; i < 2; ++i) {
         const std::size_t which = (i + first) % 2;

@@ -169,6 +169,11 @@ void Duel::end_turn() {
   impl_->turn.reset();
 }
 
+RoundWatch Duel::watch_round() {
+  end_turn();
+  return RoundWatch(cpus_of(impl_->config.placement));
+}
+
 void Duel::rest_after(Duration turn, double part) {
   end_turn();
   const auto rest = static_cast<Duration::rep>(part * static_cast<double>(turn.count()));
@@ -227,10 +232,6 @@ Duration Duel::rtpm_server_cpu_time() const {
 
 std::vector<pid_t> Duel::server_ids() const {
   return {impl_->floor_server.id(), impl_->rtpm_server.id()};
-}
-
-std::vector<int> Duel::cpus() const {
-  return cpus_of(impl_->config.placement);
 }
 
 expected<void, std::string> run_as_caller(

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "caller.hpp"
+#include "disturbance.hpp"
 #include "report.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm_side.hpp"
@@ -51,8 +52,11 @@ class Duel {
   void join_rtpm();
   /// Stops both servers, so that the CPUs rest.
   void end_turn();
-  /// The same, and waits for `part` of the time that the turn took. Real-time threads that leave
-  /// nothing to others for about a second are throttled by the kernel. RTPM's take care, the
+  /// Ends the turn, so that nobody spins, and watches the round that begins, on the CPUs of the
+  /// callers and servers of high priority.
+  [[nodiscard]] RoundWatch watch_round();
+  /// As end_turn(), and waits for `part` of the time that the turn took. Real-time threads that
+  /// leave nothing to others for about a second are throttled by the kernel. RTPM's take care, the
   /// floor's do not, and its stalls would fall into RTPM's turns as well.
   void rest_after(Duration turn, double part = 0.15);
 
@@ -75,8 +79,6 @@ class Duel {
   [[nodiscard]] std::uint16_t rtpm_port() const;
 
   [[nodiscard]] std::vector<pid_t> server_ids() const;
-  /// Those that the callers and servers of high priority have.
-  [[nodiscard]] std::vector<int> cpus() const;
   /// CPU time that RTPM's server has taken so far.
   [[nodiscard]] Duration rtpm_server_cpu_time() const;
 

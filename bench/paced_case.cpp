@@ -66,8 +66,7 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
   for (int round = 0; round < contenders[0].samples.round_count(); ++round) {
     for (Contender& contender : contenders)
       contender.samples.begin_round(round);
-    duel.end_turn();
-    const RoundWatch round_watch(duel.cpus());
+    const RoundWatch round_watch = duel.watch_round();
     for (std::size_t done = 0; done < count_per_round; done += turn_size) {
       const std::size_t count = std::min(turn_size, count_per_round - done);
       for (Contender& contender : contenders) {

@@ -63,7 +63,7 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (Samples& each : samples)
       each.begin_round(round);
-    const RoundWatch round_watch(duel.cpus());
+    const RoundWatch round_watch = duel.watch_round();
     auto first = static_cast<std::size_t>(round);
     for (std::size_t done = 0; done < count_per_round; done += kBlockSize, ++first) {
       const TurnPlan plan{.warm_up_count = kWarmUpCount,

@@ -173,7 +173,7 @@ expected<void, std::string> TwoNodeRun::measure() {
   for (int round = 0; round < settings_.round_count; ++round) {
     rtpm_samples_.begin_round(round);
     floor_samples_.begin_round(round);
-    const RoundWatch round_watch(duel_.cpus());
+    const RoundWatch round_watch = duel_.watch_round();
     for (std::size_t done = 0; done < count_per_round_; done += kBlockSize) {
       const std::size_t count = std::min(kBlockSize, count_per_round_ - done);
       for (const bool is_rtpm : {is_rtpm_first, !is_rtpm_first}) {

@@ -69,13 +69,13 @@ def _missed(rows, notes):
         if verdict.value is None or verdict.is_met:
             continue
         target = verdict.target
+        beside_others = _beside_others(verdict)
+        why = notes.why(verdict.name, target.figure) or _by_chance(verdict)
         lines.append(
             f"- **{verdict.name}**: {target.figure} is {tables.number(verdict.value)} "
             f"{target.unit}; the target is {'at most' if target.is_most else 'at least'} "
             f"{tables.number(target.limit)}.{' ' + tables.MARK if verdict.is_marked else ''}"
-            + _beside_others(verdict)
-            + (notes.why(verdict.name, target.figure) or _by_chance(verdict)
-               or ("" if _beside_others(verdict) else NO_REASON)))
+            + (beside_others + why or NO_REASON))
     return lines
 
 

@@ -29,6 +29,8 @@ TEST(Bench, RefusesWhatItDoesNotHave) {
                       {"--payload", "'1Gi'", "8Mi"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--own-hub"}), 2,
                       {"--own-hub", "events", "--peers"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "events", "--multicast"}), 2,
+                      {"--multicast", "events", "--transport udp"});
 }
 
 TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
