@@ -34,6 +34,8 @@ constexpr int kLooksAtOne = 64;
 // While one has calls without end, so often and so many of the others.
 constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
 constexpr std::size_t kMemoryLooksWhenDue = 64;
+// A call that took less may have the answers to others wait for it, if they came together.
+constexpr Duration kQuickCall = std::chrono::microseconds{5};
 // A wait names its sources, which is quicker than to have the system keep them, for so many
 // connections besides the port.
 constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
@@ -372,7 +374,7 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
   }
   // Nobody else receives into the lane's buffer meanwhile.
   if (connection_count() == 0 && !is_shared) {
-    return poller_.receive_for(*port_, datagram_, kUdp, until, ready_);
+    return poller_.receive_for(*port_, datagrams_, kUdp, until, ready_);
   }
   std::array<transport::Watched, kFewStreams + 1> few{{{port_->descriptor(), kUdp}}};
   std::size_t few_count = 1;
@@ -437,29 +439,69 @@ bool Lane::serve_leftovers() noexcept {
 
 bool Lane::serve_one(Source source) noexcept {
   if (source == kLocal) return serve_local();
-  const bool has_served = source == kUdp ? serve_datagram() : serve_stream(source);
+  const bool has_served = source == kUdp ? serve_datagrams() : serve_stream(source);
   // Each time, because a lane that never rests is the one whose counters people want to see.
   publish();
   return has_served;
 }
 
-bool Lane::serve_datagram() noexcept {
-  const auto datagram = port_->receive(datagram_);
-  if (!datagram) return false;
+bool Lane::serve_datagrams() noexcept {
+  auto datagrams = port_->receive(datagrams_);
+  if (!datagrams) return false;
   is_unpublished_ = true;
   received_ = rt::now();
-  const wire::Verdict verdict =
-      datagram_sessions_.on_frame(datagram->bytes, datagram->peer, received_);
-  ConstBytes answer = verdict.frame;
+  port_->note(*datagrams, received_);
+  auto frame = datagrams->next();
+  serve_datagram(*frame, datagrams->peer(), !datagrams->is_empty());
+  while ((frame = datagrams->next())) {
+    received_ = rt::now();
+    serve_datagram(*frame, datagrams->peer(), !datagrams->is_empty());
+  }
+  return true;
+}
+
+// `has_more`: others came together with it, whose answers go together, too, but for those that
+// would have to wait for a call that may take long.
+void Lane::serve_datagram(ConstBytes frame, const wire::PeerAddress& peer, bool has_more) noexcept {
+  const wire::Verdict verdict = datagram_sessions_.on_frame(frame, peer, received_);
+  ConstBytes answer_frame = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
-    answer = run_request(datagram_sessions_, verdict.request);
+    if (!answers_.is_empty() && !is_quick(verdict.request.header)) flush_answers();
+    answer_frame = run_request(datagram_sessions_, verdict.request);
+    if (has_more) note_pace(verdict.request.header);
   }
-  for (; !answer.empty(); answer = datagram_sessions_.next_frame(rt::now())) {
-    if (!port_->send(datagram->peer, answer)) ++counters_.send_failure_count;
-  }
+  answer(peer, answer_frame, has_more);
   end_cycle(std::max(completed_, received_));
   after_frame(verdict.credit_tag);
-  return true;
+}
+
+// Remembers the last method of datagrams that came together, if it was quick.
+void Lane::note_pace(const wire::Header& call) noexcept {
+  const bool was_quick = rt::now() - received_ < kQuickCall;
+  quick_service_ = was_quick ? call.service : wire::kSessionService;
+  quick_method_ = call.method;
+}
+
+// Sends a frame to a peer of the port, and what belongs behind it; later, if there will be more.
+void Lane::answer(const wire::PeerAddress& peer, ConstBytes frame, bool has_more) noexcept {
+  if (!answers_.is_empty() && !(peer == answers_peer_)) flush_answers();
+  // One alone goes as it is. As large as can be, it may be one of several.
+  const bool is_alone =
+      !has_more && answers_.is_empty() && frame.size() < wire::kDatagramFrameSizeMax;
+  for (; !frame.empty(); frame = datagram_sessions_.next_frame(rt::now())) {
+    answers_peer_ = peer;
+    if (!is_alone && answers_.add(frame)) continue;
+    flush_answers();
+    if (!is_alone && answers_.add(frame)) continue;
+    if (!port_->send(peer, frame)) ++counters_.send_failure_count;
+  }
+  if (!has_more) flush_answers();
+}
+
+void Lane::flush_answers() noexcept {
+  if (answers_.is_empty()) return;
+  if (!port_->send_train(answers_peer_, answers_)) ++counters_.send_failure_count;
+  answers_.clear();
 }
 
 bool Lane::serve_stream(Source source) noexcept {

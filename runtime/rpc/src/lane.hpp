@@ -21,6 +21,7 @@
 #include "rtpm/rt/spin_sense.hpp"
 #include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/train.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
@@ -136,7 +137,14 @@ class Lane {
   [[nodiscard]] bool serve_memory(std::size_t look_count) noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
   [[nodiscard]] bool serve_leftovers() noexcept;
-  [[nodiscard]] bool serve_datagram() noexcept;
+  [[nodiscard]] bool serve_datagrams() noexcept;
+  void serve_datagram(ConstBytes frame, const wire::PeerAddress& peer, bool has_more) noexcept;
+  [[nodiscard]] bool is_quick(const wire::Header& call) const noexcept {
+    return call.service == quick_service_ && call.method == quick_method_;
+  }
+  void note_pace(const wire::Header& call) noexcept;
+  void answer(const wire::PeerAddress& peer, ConstBytes frame, bool has_more) noexcept;
+  void flush_answers() noexcept;
   [[nodiscard]] bool serve_stream(Source source) noexcept;
   [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
                                        const wire::Request& request) noexcept;
@@ -233,6 +241,11 @@ class Lane {
   MonotonicTime last_memory_look_{};  ///< At connections through memory that are not hot.
   MonotonicTime received_{};          ///< When the last frame was taken,
   MonotonicTime completed_{};         ///< and when a call's answer was written last.
+  /// Answers to datagrams that came together, to their peer.
+  transport::FrameTrain answers_ = transport::FrameTrain::with_room();
+  wire::PeerAddress answers_peer_{};
+  std::uint32_t quick_service_ = wire::kSessionService;  ///< Whose last call took next to no time,
+  std::uint16_t quick_method_ = 0;                       ///< and its method.
   bool is_periodic_ = false;
   bool has_rhythm_ = false;  ///< At the last look ahead.
   rt::Foresight foresight_;
@@ -240,7 +253,7 @@ class Lane {
   bool is_unpublished_ = false;
   ServerCounters counters_{};
   LaneSample sample_{};  ///< But for its counters, which publish() adds.
-  alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> datagram_{};
+  alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> datagrams_{};
   alignas(64) std::array<std::uint64_t, 64> ready_{};
 
   using Handover = SpscRing<std::unique_ptr<transport::Connection>, 128>;

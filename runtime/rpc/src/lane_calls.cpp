@@ -171,12 +171,7 @@ void Lane::send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
                 ConstBytes frame) noexcept {
   if (frame.empty()) return;
   is_unpublished_ = true;
-  if (&sessions == &datagram_sessions_) {
-    for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
-      if (!port_->send(peer, frame)) ++counters_.send_failure_count;
-    }
-    return;
-  }
+  if (&sessions == &datagram_sessions_) return answer(peer, frame, /*has_more=*/false);
   const auto connection = std::ranges::find_if(
       connections_, [&](const Connection& each) { return each.stream && each.peer == peer; });
   if (connection == connections_.end()) return;

@@ -9,10 +9,12 @@
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "segments.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -38,9 +40,24 @@ class UdpLink final : public Link {
     if (count >= 0) return {};
     return unexpected{error_of(errno)};
   }
+  expected<void, IoError> send_train(const FrameTrain& train) noexcept override {
+    if (can_send_trains_) {
+      if (send_segments(socket_.number(), nullptr, train) >= 0) return {};
+      if (!means_no_trains(errno)) return unexpected{error_of(errno)};
+      can_send_trains_ = false;
+    }
+    return Link::send_train(train);
+  }
+  void take_trains() noexcept override {
+    if (!train_room_.bytes().empty()) return;
+    train_room_ = rt::LazyMemory(Datagrams::kSizeMax);
+    if (!train_room_.bytes().empty()) accept_segments(socket_.number(), true);
+  }
 
   expected<ConstBytes, IoError> receive() noexcept override { return receive(MSG_DONTWAIT); }
+  bool has_buffered() const noexcept override { return !received_.is_empty(); }
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
+    if (has_buffered()) return receive();
     if (!is_on_host_ || !may_block_until(until, kBlockTimeShort)) return Link::await(until);
     const rt::AsleepScope asleep;
     return receive(0);
@@ -52,9 +69,21 @@ class UdpLink final : public Link {
 
  private:
   expected<ConstBytes, IoError> receive(int flags) noexcept {
+    if (!train_room_.bytes().empty()) return receive_next(flags);
     const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), flags);
     if (count < 0) return unexpected{error_of(errno)};
     return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
+  }
+  // Of those that came together, or else of what comes.
+  expected<ConstBytes, IoError> receive_next(int flags) noexcept {
+    if (received_.is_empty()) {
+      const MutableBytes room = train_room_.bytes();
+      std::size_t each = 0;
+      const ssize_t count = receive_segments(socket_.number(), room, nullptr, flags, each);
+      if (count < 0) return unexpected{error_of(errno)};
+      received_ = Datagrams{room.first(static_cast<std::size_t>(count)), each, {}};
+    }
+    return received_.next().value_or(ConstBytes{});
   }
   static IoError error_of(int error) noexcept {
     switch (error) {
@@ -72,6 +101,9 @@ class UdpLink final : public Link {
 
   Descriptor socket_;
   bool is_on_host_;
+  bool can_send_trains_ = true;
+  rt::LazyMemory train_room_;  ///< Empty unless it takes trains.
+  Datagrams received_;
   // One byte more than the largest frame, so that a larger datagram is noticed.
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer_{};
 };
@@ -84,7 +116,11 @@ class TcpLink final : public Link {
   expected<void, IoError> send(ConstBytes frame) noexcept override {
     return stream_.send(frame, rt::now() + kSendPatience);
   }
+  expected<void, IoError> send_train(const FrameTrain& train) noexcept override {
+    return send(train.bytes());
+  }
   expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
+  bool has_buffered() const noexcept override { return stream_.has_buffered(); }
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
     // It would wake no poll.
     if (stream_.has_buffered()) return stream_.receive();
@@ -121,6 +157,15 @@ int finish_connecting(int socket, MonotonicTime deadline) noexcept {
 }
 
 }  // namespace
+
+expected<void, IoError> Link::send_train(const FrameTrain& train) noexcept {
+  expected<void, IoError> outcome;
+  static_cast<void>(train.for_each([&](ConstBytes frame) {
+    outcome = send(frame);
+    return outcome.has_value();
+  }));
+  return outcome;
+}
 
 void Link::wait(MonotonicTime until) noexcept {
   wait_readable(descriptor(), until);

@@ -2,11 +2,14 @@
 
 #include <sys/socket.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <utility>
 
+#include "rtpm/wire/header.hpp"
+#include "segments.hpp"
 #include "steering.hpp"
 
 namespace rtpm::transport {
@@ -29,6 +32,34 @@ bool is_free(const sockaddr_in& address) noexcept {
 
 wire::PeerAddress peer_of(const sockaddr_in& address) noexcept {
   return {0, address.sin_addr.s_addr, address.sin_port};
+}
+
+sockaddr_in address_of(const wire::PeerAddress& peer) noexcept {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = static_cast<in_port_t>(peer.port);
+  address.sin_addr.s_addr = static_cast<in_addr_t>(peer.low);
+  return address;
+}
+
+ssize_t receive_one(int socket, MutableBytes buffer, sockaddr_in& from, int flags,
+                    std::size_t& each) noexcept {
+  socklen_t from_size = sizeof from;
+  const ssize_t count = recvfrom(socket, buffer.data(), buffer.size(), flags,
+                                 reinterpret_cast<sockaddr*>(&from), &from_size);
+  each = static_cast<std::size_t>(std::max<ssize_t>(count, 0));
+  return count;
+}
+
+// Of the first frame, as its header says it.
+std::size_t frame_size_in(ConstBytes bytes) noexcept {
+  const auto header = wire::decode(bytes);
+  return header ? wire::kHeaderSize + header->payload_size : bytes.size();
+}
+
+IoError error_of_send(int error) noexcept {
+  const bool is_full = error == EAGAIN || error == EWOULDBLOCK || error == ENOBUFS;
+  return is_full ? IoError::kFull : IoError::kFailed;
 }
 
 TransportError no_socket(const std::string& name) {
@@ -79,29 +110,38 @@ bool UdpPort::open_waker() noexcept {
   return true;
 }
 
-expected<Datagram, IoError> UdpPort::receive(MutableBytes buffer) noexcept {
+expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer) noexcept {
   if (awaited_) return *std::exchange(awaited_, std::nullopt);
   return receive(buffer, MSG_DONTWAIT);
 }
 
 bool UdpPort::await(MutableBytes buffer) noexcept {
   if (awaited_) return true;
-  if (const auto datagram = receive(buffer, 0)) awaited_ = *datagram;
+  if (const auto datagrams = receive(buffer, 0)) awaited_ = *datagrams;
   return awaited_.has_value();
 }
 
-expected<Datagram, IoError> UdpPort::receive(MutableBytes buffer, int flags) noexcept {
+expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) noexcept {
   sockaddr_in from{};
-  socklen_t from_size = sizeof from;
-  const ssize_t count = recvfrom(socket_.number(), buffer.data(), buffer.size(), flags,
-                                 reinterpret_cast<sockaddr*>(&from), &from_size);
+  std::size_t each = 0;
+  const ssize_t count = sense_.is_on()
+                            ? receive_segments(socket_.number(), buffer, &from, flags, each)
+                            : receive_one(socket_.number(), buffer, from, flags, each);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
+    sense_.on_nothing();
     return unexpected{is_nothing ? IoError::kNothing : IoError::kFailed};
   }
+  const auto size = static_cast<std::size_t>(count);
+  // The system says how long its datagrams are only while trains are asked for.
+  if (sense_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
   const wire::PeerAddress peer = peer_of(from);
   if (peer == waker_peer_) return unexpected{IoError::kNothing};
-  return Datagram{buffer.first(static_cast<std::size_t>(count)), peer};
+  return Datagrams{buffer.first(size), each, peer};
+}
+
+void UdpPort::heed(TrainSense::Change change) noexcept {
+  accept_segments(socket_.number(), change == TrainSense::Change::kBegin);
 }
 
 void UdpPort::wake() noexcept {
@@ -113,16 +153,28 @@ void UdpPort::wake() noexcept {
 }
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {
-  sockaddr_in to{};
-  to.sin_family = AF_INET;
-  to.sin_port = static_cast<in_port_t>(peer.port);
-  to.sin_addr.s_addr = static_cast<in_addr_t>(peer.low);
+  const sockaddr_in to = address_of(peer);
   const ssize_t count =
       sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
              reinterpret_cast<const sockaddr*>(&to), sizeof to);
   if (count == static_cast<ssize_t>(frame.size())) return {};
-  const bool is_full = errno == EAGAIN || errno == EWOULDBLOCK || errno == ENOBUFS;
-  return unexpected{is_full ? IoError::kFull : IoError::kFailed};
+  return unexpected{error_of_send(errno)};
+}
+
+expected<void, IoError> UdpPort::send_train(const wire::PeerAddress& peer,
+                                            const FrameTrain& train) noexcept {
+  if (can_send_trains_) {
+    const sockaddr_in to = address_of(peer);
+    if (send_segments(socket_.number(), &to, train) >= 0) return {};
+    if (!means_no_trains(errno)) return unexpected{error_of_send(errno)};
+    can_send_trains_ = false;
+  }
+  expected<void, IoError> outcome;
+  static_cast<void>(train.for_each([&](ConstBytes frame) {
+    outcome = send(peer, frame);
+    return outcome.has_value();
+  }));
+  return outcome;
 }
 
 }  // namespace rtpm::transport

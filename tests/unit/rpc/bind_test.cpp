@@ -148,13 +148,13 @@ TEST(BindHandshake, SaysThatVersionsDiffer) {
     ASSERT_TRUE(transport::wait_readable(port->descriptor(), rt::now() + rtpm::test::kPatience));
     const auto hello = port->receive(buffer);
     ASSERT_TRUE(hello);
-    wire::Header refusal = *wire::decode_frame(hello->bytes);
+    wire::Header refusal = *wire::decode_frame(hello->bytes());
     refusal.kind = wire::FrameKind::kRefuse;
     refusal.status = wire::Status::kVersionUnsupported;
     refusal.payload_size = refusal.message_size = 0;
     Bytes frame(wire::kHeaderSize);
     wire::encode(refusal, frame.data());
-    EXPECT_TRUE(port->send(hello->peer, frame));
+    EXPECT_TRUE(port->send(hello->peer(), frame));
   });
   Node node(quiet_node());
   expect_text(error_of(node, "rtpm://127.0.0.1:" + std::to_string(number) + "/echo"),

@@ -50,7 +50,7 @@ std::optional<Bytes> await_datagram(UdpPort& port, std::size_t room = 2000) {
   std::optional<Bytes> bytes;
   static_cast<void>(rtpm::test::await([&] {
     const auto datagram = port.receive(buffer);
-    if (datagram) bytes = copy_of(datagram->bytes);
+    if (datagram) bytes = copy_of(datagram->bytes());
     return datagram.has_value();
   }));
   return bytes;
@@ -150,7 +150,7 @@ TEST(UdpPort, KeepsWhatItAwaitedForTheNextReceive) {
   ASSERT_TRUE(link && (*link)->send(Bytes(3)) && (*link)->send(Bytes(4)));
   ASSERT_TRUE(port.await(buffer));
   EXPECT_TRUE(port.await(buffer)) << "and does not take a second one over it";
-  EXPECT_EQ(port.receive(buffer)->bytes.size(), 3u);
+  EXPECT_EQ(port.receive(buffer)->bytes().size(), 3u);
   EXPECT_EQ(await_datagram(port)->size(), 4u);
   EXPECT_FALSE(port.receive(buffer)) << "there were two";
 }
@@ -207,10 +207,10 @@ TEST(UdpPort, AnswersWhereADatagramCameFrom) {
   ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
   const auto datagram = port.receive(buffer);
   ASSERT_TRUE(datagram);
-  EXPECT_EQ(copy_of(datagram->bytes), request);
+  EXPECT_EQ(copy_of(datagram->bytes()), request);
 
   const Bytes reply = frame_of(20, 0, 2);
-  ASSERT_TRUE(port.send(datagram->peer, reply));
+  ASSERT_TRUE(port.send(datagram->peer(), reply));
   ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
   const auto received = (*link)->receive();
   ASSERT_TRUE(received);
@@ -228,7 +228,7 @@ TEST(UdpPort, TellsItsPeersApart) {
     ASSERT_TRUE(links.back()->send(frame_of(0)));
     ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
     Bytes buffer(2000);
-    peers.push_back(port.receive(buffer)->peer);
+    peers.push_back(port.receive(buffer)->peer());
   }
   EXPECT_FALSE(peers[0] == peers[1]);
   EXPECT_FALSE(peers[1] == peers[2]);
@@ -246,9 +246,9 @@ TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
   ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
   const auto datagram = port.receive(buffer);
   ASSERT_TRUE(datagram);
-  EXPECT_EQ(wire::decode_frame(datagram->bytes).error(), wire::DropReason::kBadLength);
+  EXPECT_EQ(wire::decode_frame(datagram->bytes()).error(), wire::DropReason::kBadLength);
 
-  ASSERT_TRUE(port.send(datagram->peer, too_large));
+  ASSERT_TRUE(port.send(datagram->peer(), too_large));
   ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
   const auto received = (*link)->receive();
   ASSERT_TRUE(received);
@@ -291,7 +291,7 @@ TEST(UdpLink, AwaitsForAsLongAsItIsTold) {
   Bytes buffer(2000);
   const auto datagram = port.receive(buffer);
   ASSERT_TRUE(datagram);
-  ASSERT_TRUE(port.send(datagram->peer, frame_of(2)));
+  ASSERT_TRUE(port.send(datagram->peer(), frame_of(2)));
   const auto received = (*link)->await(rt::now() + 20s);
   ASSERT_TRUE(received);
   EXPECT_EQ(copy_of(*received), frame_of(2));

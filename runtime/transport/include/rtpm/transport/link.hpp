@@ -9,6 +9,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
+#include "rtpm/transport/train.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
 namespace rtpm::transport {
@@ -27,11 +28,18 @@ class Link {
   /// RT: alloc-free, one syscall (a stream: per 32 KiB); a stream whose buffer is full waits up to
   /// 100 ms for room.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
+  /// The same of several frames; together where the transport can. Some may have gone where it
+  /// gives an error.   RT: alloc-free, one syscall where they go together, else as send() of each.
+  [[nodiscard]] virtual expected<void, IoError> send_train(const FrameTrain& train) noexcept;
+  /// From here on, frames that a peer sends together may be received together.   Set-up only.
+  virtual void take_trains() noexcept {}
 
   /// One whole frame if one is there. It is aligned to 16 bytes and valid until the next receive().
   /// What a peer sent that is no frame is given as it is, for the protocol to count.
   /// RT: alloc-free, at most one syscall (a stream: per 32 KiB), never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
+  /// Whether receive() has a frame that came together with an earlier one.   RT: no syscall.
+  [[nodiscard]] virtual bool has_buffered() const noexcept { return false; }
 
   /// Waits, after receive() had nothing, until it may have something, or until `until`; it may end
   /// before. Frames that came together end one wait only.   RT: alloc-free, at most two syscalls.

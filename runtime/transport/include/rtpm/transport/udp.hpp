@@ -9,15 +9,10 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/train.hpp"
 #include "rtpm/wire/cookie.hpp"
 
 namespace rtpm::transport {
-
-/// A datagram and where it came from.
-struct Datagram {
-  ConstBytes bytes{};
-  wire::PeerAddress peer{};
-};
 
 /// What a lane's UDP socket is opened for.
 struct UdpPortConfig {
@@ -36,12 +31,18 @@ class UdpPort {
   /// Set-up only.   Errors: the port is taken, the address is not this host's.
   [[nodiscard]] static expected<UdpPort, TransportError> open(const UdpPortConfig& config);
 
-  /// One datagram into `buffer`; a longer one is cut, so leave a byte to notice.
+  /// A datagram, or several that came together, into `buffer`, which holds Datagrams::kSizeMax.
   /// RT: alloc-free, one syscall, never blocks.
-  [[nodiscard]] expected<Datagram, IoError> receive(MutableBytes buffer) noexcept;
+  [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer) noexcept;
+  /// When receive() gave these: whether trains are to be taken follows from it, see TrainSense.
+  /// RT: alloc-free, a syscall where that changes.
+  void note(const Datagrams& datagrams, MonotonicTime received) noexcept {
+    const auto change = sense_.on_datagrams(datagrams.peer(), datagrams.are_several(), received);
+    if (change != TrainSense::Change::kNone) heed(change);
+  }
 
-  /// Waits for a datagram, for kBlockTime at most, and receives it into `buffer`: the next
-  /// receive() gives it, wherever that is told to put it. False: none came, or wake() ended the
+  /// Waits for datagrams, for kBlockTime at most, and receives them into `buffer`: the next
+  /// receive() gives them, wherever that is told to put them. False: none came, or wake() ended the
   /// wait. RT: alloc-free, one syscall, where a poll and a receive are two.
   [[nodiscard]] bool await(MutableBytes buffer) noexcept;
   /// Ends the await() that another thread is in, or the next one, by a datagram to itself. Should
@@ -51,18 +52,25 @@ class UdpPort {
   /// RT: alloc-free, one syscall, never blocks.
   [[nodiscard]] expected<void, IoError> send(const wire::PeerAddress& peer,
                                              ConstBytes frame) noexcept;
+  /// The same of several frames, together where the system can; some may have gone where it gives
+  /// an error.   RT: alloc-free, one syscall, never blocks; where the system can't, one a frame.
+  [[nodiscard]] expected<void, IoError> send_train(const wire::PeerAddress& peer,
+                                                   const FrameTrain& train) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
  private:
   UdpPort(Descriptor socket, Priority low) noexcept : socket_(std::move(socket)), low_(low) {}
   [[nodiscard]] bool open_waker() noexcept;
-  [[nodiscard]] expected<Datagram, IoError> receive(MutableBytes buffer, int flags) noexcept;
+  [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer, int flags) noexcept;
+  void heed(TrainSense::Change change) noexcept;
 
   Descriptor socket_;
   Descriptor waker_;                ///< Connected to the port.
   wire::PeerAddress waker_peer_{};  ///< Whom its datagrams come from.
   Priority low_;
-  std::optional<Datagram> awaited_;
+  bool can_send_trains_ = true;
+  TrainSense sense_;
+  std::optional<Datagrams> awaited_;
 };
 
 /// Has the kernel hand each datagram to the lane that serves the priority in its header.

@@ -1,0 +1,78 @@
+#include "segments.hpp"
+
+#include <netinet/udp.h>
+#include <sys/socket.h>
+#include <sys/uio.h>
+
+#include <array>
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+
+// Not in every C library's header yet.
+#ifndef UDP_SEGMENT
+#define UDP_SEGMENT 103
+#endif
+#ifndef UDP_GRO
+#define UDP_GRO 104
+#endif
+
+namespace rtpm::transport {
+
+void accept_segments(int socket, bool is_on) noexcept {
+  const int on = is_on ? 1 : 0;
+  setsockopt(socket, IPPROTO_UDP, UDP_GRO, &on, sizeof on);
+}
+
+ssize_t send_segments(int socket, const sockaddr_in* to, const FrameTrain& train) noexcept {
+  const auto segment_size = static_cast<std::uint16_t>(train.frame_size());
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof segment_size)> control{};
+  // What is sent is only read.
+  iovec part{.iov_base = const_cast<std::byte*>(train.bytes().data()),
+             .iov_len = train.bytes().size()};
+  msghdr message{};
+  message.msg_name = const_cast<sockaddr_in*>(to);
+  message.msg_namelen = to == nullptr ? 0 : sizeof *to;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  if (train.bytes().size() > train.frame_size()) {
+    message.msg_control = control.data();
+    message.msg_controllen = control.size();
+    cmsghdr* const entry = CMSG_FIRSTHDR(&message);
+    entry->cmsg_level = IPPROTO_UDP;
+    entry->cmsg_type = UDP_SEGMENT;
+    entry->cmsg_len = CMSG_LEN(sizeof segment_size);
+    std::memcpy(CMSG_DATA(entry), &segment_size, sizeof segment_size);
+  }
+  return sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
+}
+
+bool means_no_trains(int error) noexcept {
+  // No checksums by the device, an option that the system does not know, a way with smaller frames.
+  return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
+}
+
+ssize_t receive_segments(int socket, MutableBytes buffer, sockaddr_in* from, int flags,
+                         std::size_t& each) noexcept {
+  alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int))> control;
+  iovec part{.iov_base = buffer.data(), .iov_len = buffer.size()};
+  msghdr message{};
+  message.msg_name = from;
+  message.msg_namelen = from == nullptr ? 0 : sizeof *from;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  message.msg_control = control.data();
+  message.msg_controllen = control.size();
+  const ssize_t count = recvmsg(socket, &message, flags);
+  each = count > 0 ? static_cast<std::size_t>(count) : 0;
+  if (count <= 0 || message.msg_controllen < sizeof(cmsghdr)) return count;
+  const cmsghdr* const entry = CMSG_FIRSTHDR(&message);
+  if (entry->cmsg_level == IPPROTO_UDP && entry->cmsg_type == UDP_GRO) {
+    int segment_size = 0;
+    std::memcpy(&segment_size, CMSG_DATA(entry), sizeof segment_size);
+    if (segment_size > 0) each = static_cast<std::size_t>(segment_size);
+  }
+  return count;
+}
+
+}  // namespace rtpm::transport

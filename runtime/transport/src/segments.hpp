@@ -1,0 +1,29 @@
+#pragma once
+
+#include <netinet/in.h>
+#include <sys/types.h>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/transport/train.hpp"
+
+// How trains of datagrams pass a socket.
+namespace rtpm::transport {
+
+/// Has the socket take the datagrams of a train together, or no longer; those that came before are
+/// given as they came. A system that refuses gives them one by one.   RT: alloc-free, one syscall.
+void accept_segments(int socket, bool is_on) noexcept;
+
+/// As sendmsg(2), of several datagrams; `to` is null where the socket is connected.
+/// RT: alloc-free, one syscall.
+[[nodiscard]] ssize_t send_segments(int socket, const sockaddr_in* to,
+                                    const FrameTrain& train) noexcept;
+/// Whether an error of send_segments() means that the socket's way takes no trains, but may take
+/// datagrams.
+[[nodiscard]] bool means_no_trains(int error) noexcept;
+
+/// As recvmsg(2); `each` becomes the size of each datagram but the last. `from` may be null.
+/// RT: alloc-free, one syscall.
+[[nodiscard]] ssize_t receive_segments(int socket, MutableBytes buffer, sockaddr_in* from,
+                                       int flags, std::size_t& each) noexcept;
+
+}  // namespace rtpm::transport

@@ -1,0 +1,69 @@
+#include "rtpm/transport/train.hpp"
+
+#include <algorithm>
+#include <cstdint>
+#include <cstring>
+
+namespace rtpm::transport {
+
+FrameTrain FrameTrain::with_room() noexcept {
+  FrameTrain train;
+  train.room_ = rt::LazyMemory(kSizeMax);
+  return train;
+}
+
+bool FrameTrain::add(ConstBytes frame) noexcept {
+  const MutableBytes room = room_.bytes();
+  if (frame.empty() || frame.size() > room.size() - size_) return false;
+  if (!is_empty()) {
+    const bool is_over = size_ % frame_size_ != 0 || size_ / frame_size_ == kFrameCountMax;
+    if (is_over || frame.size() > frame_size_) return false;
+  } else {
+    frame_size_ = frame.size();
+  }
+  std::memcpy(room.data() + size_, frame.data(), frame.size());
+  size_ += frame.size();
+  return true;
+}
+
+std::optional<ConstBytes> Datagrams::next() noexcept {
+  constexpr std::size_t kAlignment = 16;
+  if (is_empty_) return std::nullopt;
+  const std::size_t size = std::min(each_, bytes_.size());
+  std::byte* frame = bytes_.data();
+  bytes_ = bytes_.subspan(size);
+  is_empty_ = bytes_.empty();
+  const std::size_t kept_size = std::min(size, wire::kDatagramFrameSizeMax + 1);
+  // What lies in front of it was taken before.
+  if (const std::size_t excess = reinterpret_cast<std::uintptr_t>(frame) % kAlignment; excess > 0) {
+    std::memmove(frame - excess, frame, kept_size);
+    frame -= excess;
+  }
+  return ConstBytes(frame, kept_size);
+}
+
+TrainSense::Change TrainSense::on_datagrams(const wire::PeerAddress& peer, bool is_train,
+                                            MonotonicTime now) noexcept {
+  // Less than the way of a reply to its caller, and of its next call, takes through the system.
+  constexpr Duration kPause = std::chrono::microseconds{12};
+  constexpr std::uint32_t kStreakMin = 3;
+  constexpr std::uint32_t kLoneCountMax = 256;
+  if (is_on_) {
+    lone_count_ = is_train ? 0 : lone_count_ + 1;
+    if (lone_count_ < kLoneCountMax) return Change::kNone;
+    is_on_ = false;
+    may_be_left_ = true;
+    streak_ = 0;
+    return Change::kEnd;
+  }
+  streak_ = peer == last_peer_ && now - last_ < kPause ? streak_ + 1 : 0;
+  last_peer_ = peer;
+  last_ = now;
+  if (streak_ < kStreakMin) return Change::kNone;
+  is_on_ = true;
+  may_be_left_ = false;
+  lone_count_ = 0;
+  return Change::kBegin;
+}
+
+}  // namespace rtpm::transport

@@ -1,0 +1,287 @@
+#include "rtpm/transport/train.hpp"
+
+#include <array>
+#include <vector>
+
+#include "frames.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+constexpr const char* kHere = "127.0.0.1";
+constexpr wire::PeerAddress kPeer{.low = 1, .port = 2};
+
+FrameTrain train_of(const std::vector<Bytes>& frames) {
+  FrameTrain train = FrameTrain::with_room();
+  for (const Bytes& frame : frames)
+    EXPECT_TRUE(train.add(frame));
+  return train;
+}
+
+std::vector<Bytes> frames_of(std::size_t count, std::size_t size, std::size_t last_size) {
+  std::vector<Bytes> frames;
+  for (std::size_t i = 0; i < count; ++i) {
+    const bool is_last = i + 1 == count;
+    frames.push_back(frame_of(is_last ? last_size : size, 0, static_cast<std::uint32_t>(i)));
+  }
+  return frames;
+}
+
+std::vector<Bytes> frames_in(const FrameTrain& train) {
+  std::vector<Bytes> frames;
+  EXPECT_TRUE(train.for_each([&](ConstBytes frame) {
+    frames.push_back(copy_of(frame));
+    return true;
+  }));
+  return frames;
+}
+
+TEST(FrameTrain, TakesFramesOfOneSizeAndASmallerLast) {
+  FrameTrain train = train_of(frames_of(3, 48, 10));
+  EXPECT_EQ(frames_in(train), frames_of(3, 48, 10));
+  EXPECT_EQ(train.frame_size(), 48 + wire::kHeaderSize);
+  EXPECT_FALSE(train.add(frame_of(10))) << "behind a smaller one is the end";
+  train.clear();
+  EXPECT_TRUE(train.is_empty());
+  EXPECT_TRUE(train.add(frame_of(10)));
+  EXPECT_FALSE(train.add(frame_of(11))) << "larger than the first";
+  EXPECT_EQ(frames_in(train), std::vector<Bytes>{frame_of(10)});
+}
+
+TEST(FrameTrain, TakesAWindowOfTheLargestFramesAndNoMore) {
+  const Bytes largest = frame_of(wire::kDatagramPayloadSizeMax);
+  FrameTrain train = FrameTrain::with_room();
+  for (std::size_t i = 0; i < wire::kFragmentWindow; ++i)
+    ASSERT_TRUE(train.add(largest)) << i;
+  EXPECT_FALSE(train.add(largest));
+  EXPECT_EQ(train.bytes().size(), FrameTrain::kSizeMax);
+  train.clear();
+  for (std::size_t i = 0; i < FrameTrain::kFrameCountMax; ++i)
+    ASSERT_TRUE(train.add(frame_of(0)));
+  EXPECT_FALSE(train.add(frame_of(0))) << "there is room, but the system has its limit, too";
+}
+
+TEST(FrameTrain, TakesNoneWithoutRoom) {
+  FrameTrain none;
+  EXPECT_FALSE(none.has_room());
+  EXPECT_FALSE(none.add(frame_of(0)));
+  FrameTrain train = FrameTrain::with_room();
+  EXPECT_FALSE(train.add(frame_of(wire::kStreamPayloadSizeMax)));
+  EXPECT_TRUE(train.is_empty());
+}
+
+TEST(Datagrams, AreGivenOneByOneAndAligned) {
+  alignas(16) std::array<std::byte, 250> buffer{};
+  for (std::size_t i = 0; i < buffer.size(); ++i)
+    buffer[i] = static_cast<std::byte>(i);
+  const std::array original = buffer;
+  Datagrams datagrams(buffer, 100, kPeer);
+  EXPECT_TRUE(datagrams.are_several());
+  std::size_t at = 0;
+  for (const std::size_t size : {100u, 100u, 50u}) {
+    EXPECT_FALSE(datagrams.is_empty());
+    const auto datagram = datagrams.next();
+    ASSERT_TRUE(datagram);
+    EXPECT_EQ(reinterpret_cast<std::uintptr_t>(datagram->data()) % 16, 0u);
+    EXPECT_EQ(copy_of(*datagram), copy_of(ConstBytes(original).subspan(at, size)));
+    at += size;
+  }
+  EXPECT_TRUE(datagrams.is_empty());
+  EXPECT_FALSE(datagrams.next());
+}
+
+TEST(Datagrams, AreOneEvenWithoutABytes) {
+  Datagrams datagrams(MutableBytes{}, 0, kPeer);
+  const auto datagram = datagrams.next();
+  ASSERT_TRUE(datagram) << "or nobody counts it";
+  EXPECT_TRUE(datagram->empty());
+  EXPECT_FALSE(datagrams.next());
+}
+
+TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
+  alignas(16) std::array<std::byte, 5000> buffer{};
+  Datagrams datagrams(buffer, 3000, kPeer);
+  EXPECT_EQ(datagrams.next()->size(), wire::kDatagramFrameSizeMax + 1);
+  EXPECT_EQ(datagrams.next()->size(), wire::kDatagramFrameSizeMax + 1);
+  EXPECT_FALSE(datagrams.next());
+}
+
+// A caller that waits for its reply leaves a pause; who does not is one for trains.
+TEST(TrainSense, BeginsWhereOnePeerSendsWithoutAPause) {
+  using Change = TrainSense::Change;
+  TrainSense sense;
+  MonotonicTime now{1s};
+  for (int i = 0; i < 100; ++i) {
+    EXPECT_EQ(sense.on_datagrams(kPeer, false, now += 5us), Change::kNone);
+    sense.on_nothing();
+  }
+  for (int i = 0; i < 100; ++i)
+    EXPECT_EQ(sense.on_datagrams(kPeer, false, now += 30us), Change::kNone);
+  for (std::uint32_t i = 0; i < 100; ++i) {
+    const wire::PeerAddress one_of_two{.low = 1, .port = i % 2};
+    EXPECT_EQ(sense.on_datagrams(one_of_two, false, now += 5us), Change::kNone);
+  }
+  Change change = Change::kNone;
+  for (int i = 0; i < 8 && change == Change::kNone; ++i)
+    change = sense.on_datagrams(kPeer, false, now += 5us);
+  EXPECT_EQ(change, Change::kBegin);
+  EXPECT_TRUE(sense.is_on());
+}
+
+TEST(TrainSense, EndsWhereNoneComeForLong) {
+  using Change = TrainSense::Change;
+  TrainSense sense;
+  MonotonicTime now{1s};
+  while (!sense.is_on())
+    static_cast<void>(sense.on_datagrams(kPeer, false, now += 1us));
+  for (int i = 0; i < 1000; ++i)
+    EXPECT_EQ(sense.on_datagrams(kPeer, i % 100 == 0, now += 1us), Change::kNone) << i;
+  Change change = Change::kNone;
+  for (int i = 0; i < 300 && change == Change::kNone; ++i)
+    change = sense.on_datagrams(kPeer, false, now += 1us);
+  EXPECT_EQ(change, Change::kEnd);
+  EXPECT_FALSE(sense.is_on());
+  EXPECT_TRUE(sense.may_be_left()) << "some may have come while trains were taken";
+  sense.on_nothing();
+  EXPECT_FALSE(sense.may_be_left());
+}
+
+/// A port and a link to it.
+struct Ends {
+  Ends() {
+    const auto listener = TcpListener::open(kHere, 0);
+    auto opened = UdpPort::open({.port = listener->port()});
+    EXPECT_TRUE(opened) << opened.error().text;
+    port.emplace(std::move(*opened));
+    link = std::move(*open_udp_link(kHere, listener->port(), 0));
+  }
+  /// The next datagrams at the port, at most `count`; the last of their peers is kept.
+  std::vector<Bytes> receive(std::size_t count) {
+    std::vector<Bytes> frames;
+    while (frames.size() < count && wait_readable(port->descriptor(), rt::now() + 20s)) {
+      auto datagrams = port->receive(buffer);
+      if (!datagrams) continue;
+      ++receive_count;
+      port->note(*datagrams, MonotonicTime{1s});
+      peer = datagrams->peer();
+      while (const auto frame = datagrams->next())
+        frames.push_back(copy_of(*frame));
+    }
+    return frames;
+  }
+  /// The next at the link.
+  std::vector<Bytes> receive_at_link(std::size_t count) {
+    std::vector<Bytes> frames;
+    while (frames.size() < count) {
+      const auto frame = link->await(rt::now() + 20s);
+      if (!frame) break;
+      EXPECT_EQ(reinterpret_cast<std::uintptr_t>(frame->data()) % 16, 0u);
+      frames.push_back(copy_of(*frame));
+      if (link->has_buffered()) ++buffered_count;
+    }
+    return frames;
+  }
+
+  std::optional<UdpPort> port;
+  std::unique_ptr<Link> link;
+  std::vector<std::byte> buffer = std::vector<std::byte>(Datagrams::kSizeMax);
+  wire::PeerAddress peer{};
+  int receive_count = 0;
+  int buffered_count = 0;
+};
+
+TEST(UdpTrain, IsDatagramsForThosWhoTakeThemOneByOne) {
+  Ends ends;
+  const auto requests = frames_of(3, 50, 7);
+  ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+  EXPECT_EQ(ends.receive(3), requests);
+  EXPECT_EQ(ends.receive_count, 3);
+  const auto replies = frames_of(5, 48, 48);
+  ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(replies)));
+  EXPECT_EQ(ends.receive_at_link(5), replies);
+  EXPECT_EQ(ends.buffered_count, 0);
+}
+
+TEST(UdpTrain, ComesTogetherToALinkThatTakesTrains) {
+  Ends ends;
+  ends.link->take_trains();
+  ASSERT_TRUE(ends.link->send(frame_of(1)));
+  ASSERT_EQ(ends.receive(1).size(), 1u);
+  for (const std::size_t last_size : {50u, 7u}) {
+    const auto replies = frames_of(8, 50, last_size);
+    ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(replies)));
+    ends.buffered_count = 0;
+    EXPECT_EQ(ends.receive_at_link(8), replies);
+    EXPECT_EQ(ends.buffered_count, 7) << "or the system has no trains";
+  }
+  // A single one goes on as ever.
+  ASSERT_TRUE(ends.port->send(ends.peer, frame_of(9)));
+  EXPECT_EQ(ends.receive_at_link(1), std::vector<Bytes>{frame_of(9)});
+}
+
+TEST(UdpTrain, ComesTogetherToAPortThatSensedTrains) {
+  Ends ends;
+  const auto requests = frames_of(8, 50, 50);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+    ends.receive_count = 0;
+    EXPECT_EQ(ends.receive(8), requests);
+  }
+  EXPECT_EQ(ends.receive_count, 1);
+}
+
+// Between the last look and the end of trains one may come, and then nobody says how long its
+// datagrams are but these themselves.
+TEST(UdpTrain, IsNotLostWhereTrainsHaveJustEnded) {
+  Ends ends;
+  const auto requests = frames_of(4, 50, 50);
+  for (int i = 0; i < 3; ++i) {
+    ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+    EXPECT_EQ(ends.receive(4), requests);
+  }
+  for (int i = 0; i < 256; ++i)
+    ASSERT_TRUE(ends.link->send(frame_of(50)));
+  const auto last = frames_of(6, 50, 20);
+  ASSERT_TRUE(ends.link->send_train(train_of(last)));
+  EXPECT_EQ(ends.receive(256).size(), 256u);
+  EXPECT_EQ(ends.receive(6), last);
+}
+
+TEST(UdpTrain, OfTheLargestFramesIsAWindow) {
+  Ends ends;
+  ends.link->take_trains();
+  const auto frames = frames_of(wire::kFragmentWindow, wire::kDatagramPayloadSizeMax,
+                                wire::kDatagramPayloadSizeMax);
+  ASSERT_TRUE(ends.link->send_train(train_of(frames)));
+  EXPECT_EQ(ends.receive(frames.size()), frames);
+  ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(frames)));
+  EXPECT_EQ(ends.receive_at_link(frames.size()), frames);
+}
+
+TEST(TcpTrain, IsFramesOneBehindTheOther) {
+  auto listener = TcpListener::open(kHere, 0);
+  ASSERT_TRUE(listener);
+  const auto link = open_tcp_link(kHere, listener->port(), 0, 10'000, rt::now() + 20s);
+  ASSERT_TRUE(link) << link.error().text;
+  ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
+  FrameStream served(listener->accept(), 10'000);
+  const auto frames = frames_of(5, 100, 30);
+  ASSERT_TRUE((*link)->send_train(train_of(frames)));
+  std::vector<Bytes> received;
+  while (received.size() < frames.size()) {
+    if (!served.has_buffered() && !wait_readable(served.descriptor(), rt::now() + 20s)) break;
+    if (const auto frame = served.receive()) received.push_back(copy_of(*frame));
+  }
+  EXPECT_EQ(received, frames);
+}
+
+}  // namespace
+}  // namespace rtpm::transport
