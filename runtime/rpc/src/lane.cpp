@@ -620,6 +620,8 @@ void Lane::retire(Source source) noexcept {
   // Later the place is tried again: the acceptor takes connections back as they come.
   if (is_crowded_) unwatch(source);
   (connection.is_memory ? memory_sessions_ : stream_sessions_).forget(connection.peer);
+  // At once: later, another call may have the place of one that was told of.
+  tell_cancelled(CallEnding::kLeft);
   std::vector<Source>& sources = connection.is_memory ? memory_sources_ : stream_sources_;
   *std::ranges::find(sources, source) = sources.back();
   sources.pop_back();
