@@ -98,7 +98,7 @@ class RtpmPipeline final : public Pipeline {
     std::uint64_t begun = 0;
     for (std::uint64_t taken = 0; taken < count; ++taken) {
       for (; begun < std::min(count, taken + pending_.size()); ++begun) {
-        auto call = client_.begin_echo(wrench_);
+        auto call = client_.begin_echo(wrench_, {.pipeline = &pipeline_});
         if (!call) return unexpected{std::string(rpc::to_string(call.error()))};
         pending_[begun % pending_.size()].emplace(std::move(*call));
       }
@@ -114,6 +114,7 @@ class RtpmPipeline final : public Pipeline {
 
  private:
   EchoClient client_;
+  rpc::Pipeline pipeline_;
   std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
   Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
 };

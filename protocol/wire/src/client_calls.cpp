@@ -204,6 +204,11 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
   return {.kind = ChannelEvent::Kind::kSend, .call = index, .frame = frame};
 }
 
+ChannelEvent ClientChannel::repeat_first(MonotonicTime now) noexcept {
+  const auto open = std::ranges::find_if(calls_, [](const Call& call) { return call.is_open; });
+  return open == calls_.end() ? ChannelEvent{} : repeat(now, index_of(*open));
+}
+
 ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
                                      MonotonicTime now) noexcept {
   Call* const call = find(header);

@@ -1,6 +1,8 @@
 #include "rtpm/rpc/async.hpp"
 
 #include "binding_impl.hpp"
+#include "pending_reply.hpp"
+#include "pipeline.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
@@ -36,10 +38,37 @@ expected<void, CallError> Binding::send(const MethodDescriptor& method, ConstByt
 // --- a call that is waited for later
 // --------------------------------------------------------------
 
-struct PendingReply::State {
-  State(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
-        const Binding::Impl::Ready& ready_in) noexcept
+/// One on a channel of its own.
+struct PendingReply::OwnState final : PendingReply::State {
+  OwnState(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
+           const Binding::Impl::Ready& ready_in) noexcept
       : binding(binding_in), plan(plan_in), ready(ready_in), channel(ready_in.channel) {}
+
+  [[nodiscard]] bool wait(MonotonicTime until) noexcept override {
+    if (outcome.kind == CallOutcome::Kind::kGoing) outcome = channel->finish(until, rt::now());
+    return outcome.kind != CallOutcome::Kind::kGoing;
+  }
+  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override {
+    if (outcome.kind == CallOutcome::Kind::kReply) {
+      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      return ReplyLease(outcome.payload, channel.keep());
+    }
+    if (auto again = binding.judge(outcome, ready, plan, channel->call_begun()); !again) {
+      return unexpected{again.error()};
+    }
+    // What is left of the time is spent as by any other call; this one's channel keeps the request.
+    return binding.call(plan, request);
+  }
+  void cancel() noexcept override {
+    if (outcome.kind != CallOutcome::Kind::kGoing) return;
+    channel->cancel();
+    outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+  }
+  void drop() noexcept override {
+    // It was made when the call was begun, which is set-up's right as much as the lane's not.
+    const rt::AllowAllocationScope is_allowed;
+    delete this;
+  }
 
   Binding::Impl& binding;
   Binding::Impl::Plan plan;
@@ -49,9 +78,13 @@ struct PendingReply::State {
   CallOutcome outcome{.kind = CallOutcome::Kind::kGoing};
 };
 
+void PendingReply::Drop::operator()(State* state) const noexcept {
+  state->drop();
+}
+
 PendingReply::PendingReply() noexcept = default;
 PendingReply::PendingReply(PendingReply&& other) noexcept = default;
-PendingReply::PendingReply(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
+PendingReply::PendingReply(State& state) noexcept : state_(&state) {}
 
 PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
   std::swap(state_, other.state_);
@@ -60,34 +93,36 @@ PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
 
 PendingReply::~PendingReply() {
   cancel();
-  // Its state was made when the call was begun, which is set-up's right as much as the lane's not.
-  const rt::AllowAllocationScope is_allowed;
-  state_.reset();
 }
 
 expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method, ConstBytes request,
                                                  const CallOptions& options) {
   const Impl::Plan plan = impl_->plan(method, options);
+  if (options.pipeline != nullptr) {
+    const auto place = options.pipeline->impl_->begin(*impl_, plan, request);
+    if (!place) return unexpected{place.error()};
+    return PendingReply(**place);
+  }
   Impl::Ready ready;
   if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
     return unexpected{made.error()};
   }
-  auto state = std::make_unique<PendingReply::State>(*impl_, plan, ready);
-  const auto kept = state->channel->keep(request);
+  PendingReply pending(*new PendingReply::OwnState(*impl_, plan, ready));
+  auto& state = static_cast<PendingReply::OwnState&>(*pending.state_);
+  state.outcome = {.error = CallError::kTooLarge};  // Nothing to cancel yet.
+  const auto kept = state.channel->keep(request);
   if (!kept) return unexpected{CallError::kTooLarge};
-  state->request = *kept;
-  if (auto begun = state->channel->begin(ready.parameters, state->request, rt::now()); !begun) {
+  state.request = *kept;
+  if (auto begun = state.channel->begin(ready.parameters, state.request, rt::now()); !begun) {
     return unexpected{begun.error()};
   }
-  return PendingReply(std::move(state));
+  state.outcome = {.kind = CallOutcome::Kind::kGoing};
+  return pending;
 }
 
 bool PendingReply::wait(MonotonicTime until) noexcept {
   RTPM_ASSERT(state_ != nullptr, "a call was begun");
-  if (state_->outcome.kind == CallOutcome::Kind::kGoing) {
-    state_->outcome = state_->channel->finish(until, rt::now());
-  }
-  return state_->outcome.kind != CallOutcome::Kind::kGoing;
+  return state_->wait(until);
 }
 
 bool PendingReply::is_done() noexcept {
@@ -96,24 +131,12 @@ bool PendingReply::is_done() noexcept {
 
 expected<ReplyLease, CallError> PendingReply::take() noexcept {
   static_cast<void>(wait(kNever));
-  const rt::AllowAllocationScope is_allowed;
-  const std::unique_ptr<State> state = std::move(state_);
-  const CallOutcome& outcome = state->outcome;
-  if (outcome.kind == CallOutcome::Kind::kReply) {
-    if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
-    return ReplyLease(outcome.payload, state->channel.keep());
-  }
-  if (auto again = state->binding.judge(outcome, state->ready, state->plan); !again) {
-    return unexpected{again.error()};
-  }
-  // What is left of the time is spent as by any other call; this one's channel keeps the request.
-  return state->binding.call(state->plan, state->request);
+  const auto state = std::move(state_);
+  return state->take();
 }
 
 void PendingReply::cancel() noexcept {
-  if (!state_ || state_->outcome.kind != CallOutcome::Kind::kGoing) return;
-  state_->channel->cancel();
-  state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+  if (state_) state_->cancel();
 }
 
 // --- streams -------------------------------------------------------------------------------------

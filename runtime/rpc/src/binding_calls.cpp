@@ -4,20 +4,13 @@
 
 #include "binding_impl.hpp"
 #include "current_call.hpp"
+#include "pipeline.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 
 // How a binding calls: a channel, a session, the bind of another life of the server, and what a
 // lost session means.
 namespace rtpm::rpc {
-namespace {
-
-// Each round follows a lost session or connection, of which a server that keeps restarting could
-// make many.
-constexpr int kRoundCountMax = 4;
-
-}  // namespace
-
 MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
   return patience > kNever - now ? kNever : now + patience;
 }
@@ -58,6 +51,7 @@ CallError error_of(wire::Status status) noexcept {
 ReplyLease::~ReplyLease() {
   if (channel_ != nullptr) channel_->release();
   if (local_ != nullptr) local_->release();
+  if (place_ != nullptr) place_->release();
 }
 
 Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
@@ -80,49 +74,57 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
 
 expected<void, CallError> Binding::Impl::make_ready(const Plan& plan, MonotonicTime now,
                                                     Ready& ready) noexcept {
+  ready.now = now;
   for (int round = 0; round < kRoundCountMax; ++round) {
-    Bound now_bound = remembered();
-    const Priority priority = priority_of(plan, now_bound);
+    const Bound last = remembered();
+    const Priority priority = priority_of(plan, last);
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
-    if (!channel->is_ready(priority)) {
-      if (auto made = channel->make_ready(priority, plan.deadline); !made) return made;
-      now = rt::now();
+    if (auto made = make_ready_on(*channel, last, priority, plan, ready); !made) {
+      return made;
     }
-    if (channel->server_epoch() != now_bound.server_epoch) {
-      // Another life of the server: the object's number may be another's now (hp-6.1-4).
-      const BindOutcome again = ask(*channel, priority, plan.deadline);
-      if (again.kind == CallOutcome::Kind::kLost) {
-        now = rt::now();
-        continue;
-      }
-      if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
-        return unexpected{again.error};
-      }
-      remember(again.bound);
-      now_bound = again.bound;
-      now = rt::now();
-    }
-    ready.channel = channel.keep();
-    ready.server_epoch = now_bound.server_epoch;
-    ready.now = now;
-    ready.parameters.service =
-        plan.target == Target::kSession ? wire::kSessionService : now_bound.service;
-    ready.parameters.method = plan.method;
-    ready.parameters.priority = priority;
-    ready.parameters.trace_id = plan.trace_id;
-    ready.parameters.deadline = plan.deadline;
-    ready.parameters.delivery = plan.delivery;
-    ready.parameters.stream_window = plan.stream_window;
-    ready.parameters.stream_lease = plan.stream_lease;
+    if (ready.channel == nullptr) continue;
+    static_cast<void>(channel.keep());
     return {};
   }
   return unexpected{CallError::kPeerRestarted};
 }
 
+expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, const Bound& last,
+                                                       Priority priority, const Plan& plan,
+                                                       Ready& ready) noexcept {
+  if (!channel.is_ready(priority)) {
+    if (auto made = channel.make_ready(priority, plan.deadline); !made) return made;
+    ready.now = rt::now();
+  }
+  std::uint32_t service = last.service;
+  if (channel.server_epoch() != last.server_epoch) {
+    // Another life of the server: the object's number may be another's now (hp-6.1-4).
+    const BindOutcome again = ask(channel, priority, plan.deadline);
+    ready.now = rt::now();
+    if (again.kind == CallOutcome::Kind::kLost) return {};
+    if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
+      return unexpected{again.error};
+    }
+    remember(again.bound);
+    service = again.bound.service;
+  }
+  ready.channel = &channel;
+  ready.server_epoch = channel.server_epoch();
+  ready.parameters.service = plan.target == Target::kSession ? wire::kSessionService : service;
+  ready.parameters.method = plan.method;
+  ready.parameters.priority = priority;
+  ready.parameters.trace_id = plan.trace_id;
+  ready.parameters.deadline = plan.deadline;
+  ready.parameters.delivery = plan.delivery;
+  ready.parameters.stream_window = plan.stream_window;
+  ready.parameters.stream_lease = plan.stream_lease;
+  return {};
+}
+
 expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const Ready& ready,
-                                               const Plan& plan) noexcept {
+                                               const Plan& plan, MonotonicTime begun) noexcept {
   if (outcome.kind == CallOutcome::Kind::kFailed) {
     if (outcome.error == CallError::kDisconnected && plan.is_idempotent) return {};
     return unexpected{outcome.error};
@@ -130,7 +132,6 @@ expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const
   if (plan.is_idempotent) return {};
   // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
   // long, so it has not seen this call; a restarted one may have run it in its former life.
-  const MonotonicTime begun = ready.channel->call_begun();
   if (auto again = ready.channel->make_ready(ready.parameters.priority, plan.deadline); !again) {
     return unexpected{again.error() == CallError::kTimeout ? CallError::kTimeout : outcome.error};
   }
@@ -161,7 +162,9 @@ expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
       return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
     }
-    if (auto again = judge(outcome, ready, plan); !again) return unexpected{again.error()};
+    if (auto again = judge(outcome, ready, plan, channel->call_begun()); !again) {
+      return unexpected{again.error()};
+    }
   }
   return unexpected{CallError::kPeerRestarted};
 }

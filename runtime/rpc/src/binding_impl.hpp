@@ -58,6 +58,10 @@ class Binding::Impl {
   Impl& operator=(const Impl&) = delete;
   ~Impl();
 
+  /// Each round follows a lost session or connection, of which a server that keeps restarting could
+  /// make many.
+  static constexpr int kRoundCountMax = 4;
+
   /// Asks for the object. RT: alloc-free, unless the server has a version of the interface that
   /// this binding has not met yet: then it compares the two.
   [[nodiscard]] BindOutcome ask(CallChannel& channel, Priority priority,
@@ -89,9 +93,15 @@ class Binding::Impl {
   /// Takes a channel and binds again where the server is another one.
   [[nodiscard]] expected<void, CallError> make_ready(const Plan& plan, MonotonicTime now,
                                                      Ready& ready) noexcept;
+  /// The same on a channel that the caller has taken, for what was bound last. `ready` keeps its
+  /// null channel where the session was lost meanwhile: try again.
+  [[nodiscard]] expected<void, CallError> make_ready_on(CallChannel& channel, const Bound& last,
+                                                        Priority priority, const Plan& plan,
+                                                        Ready& ready) noexcept;
   /// What a call that ended without reply means for its caller: whether it may be made again.
+  /// `begun`: when it was sent first.
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
-                                                const Plan& plan) noexcept;
+                                                const Plan& plan, MonotonicTime begun) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
   /// The priority with which a call goes out (hp-6.1-3).
   [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <bit>
 #include <cstring>
+#include <utility>
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -66,13 +67,15 @@ auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTim
 
 CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
                          std::uint64_t client_epoch, std::uint64_t number,
-                         std::uint64_t clock_domain)
+                         std::uint64_t clock_domain, std::uint16_t call_count_max)
     : address_(address),
       config_(config),
+      call_count_max_(call_count_max),
+      takes_trains_(call_count_max > 1),
       buffer_(frame_size_of(address, config)),
+      rooms_(call_count_max),
       wire_({medium_of(address.transport), client_epoch, number, clock_domain,
-             config.message_size_max, /*open_call_max=*/1,
-             static_cast<std::uint32_t>(rt::random_u64())},
+             config.message_size_max, call_count_max, static_cast<std::uint32_t>(rt::random_u64())},
             buffer_) {}
 
 CallChannel::~CallChannel() {
@@ -87,6 +90,7 @@ bool CallChannel::serves(Priority priority) const noexcept {
 
 void CallChannel::drop_link() noexcept {
   wire_.reset();
+  held_.clear();
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
   link_.reset();
@@ -99,6 +103,7 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
   if (!link) return unexpected{CallError::kUnreachable};
   link_ = std::move(*link);
   wire_.set_on_host(link_->is_on_host());
+  if (takes_trains_) link_->take_trains();
   return {};
 }
 
@@ -173,11 +178,28 @@ expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& pa
   return {};
 }
 
+expected<wire::CallIndex, CallError> CallChannel::begin_held(const wire::CallParameters& parameters,
+                                                             ConstBytes request,
+                                                             MonotonicTime now) noexcept {
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{CallError::kTooLarge};
+  const wire::CallIndex call = wire_.last_call();
+  if (!(call_count_max_ > 1 ? hold_all(*frame, now) : send_all(*frame, now))) {
+    drop_link();
+    return unexpected{CallError::kDisconnected};
+  }
+  return call;
+}
+
+void CallChannel::flush() noexcept {
+  if (!send_held()) drop_link();
+}
+
 CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
   wait_for_event(now, /*may_spin=*/true, until);
   switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReply:
-      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload};
+      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload, event_.call};
     case wire::ChannelEvent::Kind::kItems:
       return {.kind = CallOutcome::Kind::kItems};
     case wire::ChannelEvent::Kind::kNothing:
@@ -189,7 +211,7 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
       if (link_->medium() == wire::Medium::kStream) drop_link();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
     case wire::ChannelEvent::Kind::kTimeout:
-      return {.error = CallError::kTimeout};
+      return {.error = CallError::kTimeout, .call = event_.call};
     default:
       break;
   }
@@ -213,8 +235,8 @@ std::optional<ConstBytes> CallChannel::next_item() noexcept {
   return item;
 }
 
-void CallChannel::cancel() noexcept {
-  const ConstBytes frame = wire_.cancel(0, rt::now());
+void CallChannel::cancel(wire::CallIndex call) noexcept {
+  const ConstBytes frame = wire_.cancel(call, rt::now());
   // It only saves the server work: nothing is lost with it.
   if (link_ && !frame.empty()) static_cast<void>(link_->send(frame));
 }
@@ -244,25 +266,64 @@ bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
 
 // Sends a frame and whatever more there is to send behind it.
 bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
+  // A datagram as large as can be is one of several.
+  if (frame.size() == wire::kDatagramFrameSizeMax && address_.transport == Transport::kUdp) {
+    return hold_all(frame, now) && send_held();
+  }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {
     if (!send(frame)) return false;
   }
   return true;
 }
 
+// Keeps a frame, and whatever more there is to send behind it, for send_held(); or sends it, where
+// there is no room for more.
+bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
+  if (!held_.has_room()) {
+    const rt::AllowAllocationScope is_allowed;
+    held_ = transport::FrameTrain::with_room();
+  }
+  for (; !frame.empty(); frame = wire_.next_frame(now)) {
+    if (held_.add(frame)) continue;
+    if (!send_held()) return false;
+    if (!held_.add(frame) && !send(frame)) return false;
+  }
+  return true;
+}
+
+bool CallChannel::send_held() noexcept {
+  if (held_.is_empty()) return true;
+  const auto sent = send_by([&] { return link_->send_train(held_); });
+  held_.clear();
+  return sent.has_value();
+}
+
 // Finds room for a reply larger than a frame. The first of each size is set-up work.
-bool CallChannel::make_room(std::uint32_t size) noexcept {
+bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
+  take_trains();
   // In powers of two, so that replies that grow do not each ask anew.
-  room_ = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
-  wire_.give_room(room_.bytes());
-  return !room_.bytes().empty();
+  rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
+  wire_.give_room(rooms_[call].bytes(), call);
+  return !rooms_[call].bytes().empty();
+}
+
+// What is larger than a frame comes in many at a time.
+void CallChannel::take_trains() noexcept {
+  if (std::exchange(takes_trains_, true)) return;
+  const rt::AllowAllocationScope is_allowed;
+  link_->take_trains();
 }
 
 expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
-  auto sent = link_->send(frame);
+  return send_by([&] { return link_->send(frame); });
+}
+
+template <class Send>
+expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
+  auto sent = send();
   // A datagram socket tells with the next send that nobody took an earlier frame; the frame at hand
   // was not tried. If the server is still not there, the next receive will tell.
-  if (!sent && sent.error() == transport::IoError::kRefused) sent = link_->send(frame);
+  if (!sent && sent.error() == transport::IoError::kRefused) sent = send();
   // No room for a datagram is as good as its loss: it is repeated in time.
   if (!sent && link_->medium() == wire::Medium::kDatagram) return {};
   return sent;
@@ -309,7 +370,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.
-      set_event([&] { return wire_.repeat(now); });
+      set_event([&] { return wire_.repeat_first(now); });
     } else {
       event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
     }
@@ -330,7 +391,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
 void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
   set_event([&] { return wire_.on_frame(frame, now); });
   if (event_.kind == wire::ChannelEvent::Kind::kNeedRoom) {
-    if (!make_room(event_.room_size)) {
+    if (!make_room(event_.room_size, event_.call)) {
       event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
       return;
     }

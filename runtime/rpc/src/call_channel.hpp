@@ -14,6 +14,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/transport/link.hpp"
+#include "rtpm/transport/train.hpp"
 #include "rtpm/wire/client_channel.hpp"
 
 namespace rtpm::rpc {
@@ -40,15 +41,18 @@ struct CallOutcome {
   CallError error = CallError::kTimeout;
   wire::Status status = wire::Status::kOk;
   ConstBytes payload{};
+  wire::CallIndex call = 0;  ///< Which of the channel's. Without a session, it ended all of them.
 };
 
-/// A link and a session on it that carry one call at a time for whoever has taken it. The calling
-/// thread sends and receives itself: no other thread stands between it and its reply.
+/// A link and a session on it that carry calls for whoever has taken it: one at a time, or several
+/// if it is made for a pipeline. The calling thread sends and receives itself: no other thread
+/// stands between it and its reply.
 /// Threads: try_take() from any; everything else by the thread that took it.
 class CallChannel {
  public:
+  /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow.
   CallChannel(const ServerAddress& address, const NodeConfig& config, std::uint64_t client_epoch,
-              std::uint64_t number, std::uint64_t clock_domain);
+              std::uint64_t number, std::uint64_t clock_domain, std::uint16_t call_count_max);
   /// Tells the server that the session ends, if there is one.
   ~CallChannel();
   CallChannel(const CallChannel&) = delete;
@@ -67,6 +71,8 @@ class CallChannel {
     return band_.load(std::memory_order_relaxed) == kNoBand;
   }
 
+  [[nodiscard]] std::uint16_t call_count_max() const noexcept { return call_count_max_; }
+
   /// Has a session for `priority`, with a handshake if need be.
   /// RT: alloc-free and without a syscall if there is one; else set-up.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
@@ -83,12 +89,24 @@ class CallChannel {
   /// stream, the memory is the channel's own.   Errors: kTooLarge, kDisconnected.
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
-  /// Waits for the call's end, or its items, but not beyond `until`: then the outcome is kGoing.
+  /// Of a pipeline: begins a call and gives its index; where it is one of several, it goes out with
+  /// flush(), or before. The channel has a session and has_free_call().   Errors: as begin().
+  [[nodiscard]] expected<wire::CallIndex, CallError> begin_held(
+      const wire::CallParameters& parameters, ConstBytes request, MonotonicTime now) noexcept;
+  [[nodiscard]] bool has_free_call() const noexcept { return wire_.has_free_call(); }
+  [[nodiscard]] bool has_session() const noexcept { return wire_.is_ready(); }
+  /// Whether a call waits for flush().
+  [[nodiscard]] bool has_held() const noexcept { return !held_.is_empty(); }
+  /// Sends what is held; when that fails there is no session any more.
+  void flush() noexcept;
+  /// Whether finish() has a frame to look at without a syscall.
+  [[nodiscard]] bool has_buffered() const noexcept { return link_ && link_->has_buffered(); }
+  /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// The next item of the stream that is here, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
   /// Tells the server that nobody waits for the call any more.
-  void cancel() noexcept;
+  void cancel(wire::CallIndex call = 0) noexcept;
   /// A copy of the request that lives as long as the call; none if there is no memory for it.
   /// Set-up, when it grows.
   [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);
@@ -127,19 +145,27 @@ class CallChannel {
   void look_for_loss(MonotonicTime now) noexcept;
   [[nodiscard]] bool make_item_room(wire::CallParameters& parameters) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
+  template <class Send>
+  [[nodiscard]] expected<void, transport::IoError> send_by(Send send) noexcept;
   [[nodiscard]] bool send_all(ConstBytes frame, MonotonicTime now) noexcept;
-  [[nodiscard]] bool make_room(std::uint32_t size) noexcept;
+  [[nodiscard]] bool hold_all(ConstBytes frame, MonotonicTime now) noexcept;
+  [[nodiscard]] bool send_held() noexcept;
+  [[nodiscard]] bool make_room(std::uint32_t size, wire::CallIndex call) noexcept;
+  void take_trains() noexcept;
   void drop_link() noexcept;
 
   const ServerAddress& address_;
   const NodeConfig& config_;
+  std::uint16_t call_count_max_;
+  bool takes_trains_;
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::Link> link_;
   std::vector<std::byte> buffer_;
-  rt::LazyMemory room_;   // For replies larger than a frame.
-  rt::LazyMemory items_;  // Of a stream.
-  rt::LazyMemory kept_;   // A request that outlives its caller's.
+  transport::FrameTrain held_;         // What is to go together. Has room once it was needed.
+  std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.
+  rt::LazyMemory items_;               // Of a stream.
+  rt::LazyMemory kept_;                // A request that outlives its caller's.
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< For what its link sees only when it waits.
   wire::ChannelEvent event_{};  ///< The last.

@@ -28,27 +28,32 @@ Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_
       clock_domain_(clock_domain),
       channels_(std::size_t{config.channel_count_max} * kBandCountMax) {}
 
-expected<CallChannel*, CallError> Endpoint::take(Priority priority) noexcept {
-  if (CallChannel* channel = take_existing(priority)) return channel;
-  return add(priority);
+expected<CallChannel*, CallError> Endpoint::take(Priority priority,
+                                                 std::uint16_t call_count_max) noexcept {
+  if (CallChannel* channel = take_existing(priority, call_count_max)) return channel;
+  return add(priority, call_count_max);
 }
 
-CallChannel* Endpoint::take_existing(Priority priority) noexcept {
+CallChannel* Endpoint::take_existing(Priority priority, std::uint16_t call_count_max) noexcept {
+  const auto fits = [&](const CallChannel& channel) {
+    return channel.call_count_max() == call_count_max;
+  };
   // SYNC POINT endpoint-channels: a counted channel is whole.
   const std::size_t count = channel_count_.load(std::memory_order_acquire);
   if (last_taken.endpoint == this && last_taken.index < count) {
     CallChannel& channel = *channels_[last_taken.index];
-    if (channel.serves(priority) && channel.try_take()) return &channel;
+    if (fits(channel) && channel.serves(priority) && channel.try_take()) return &channel;
   }
   for (std::size_t i = 0; i < count; ++i) {
     CallChannel& channel = *channels_[i];
-    if (!channel.serves(priority) || !channel.try_take()) continue;
+    if (!fits(channel) || !channel.serves(priority) || !channel.try_take()) continue;
     last_taken = {this, i};
     return &channel;
   }
   // One whose handshake never came through belongs to no band yet.
   for (std::size_t i = 0; i < count; ++i) {
-    if (channels_[i]->is_new() && channels_[i]->try_take()) return channels_[i].get();
+    CallChannel& channel = *channels_[i];
+    if (fits(channel) && channel.is_new() && channel.try_take()) return &channel;
   }
   return nullptr;
 }
@@ -60,7 +65,8 @@ std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noex
                     [&](const auto& c) { return c->serves(priority) || c->is_new(); }));
 }
 
-expected<CallChannel*, CallError> Endpoint::add(Priority priority) noexcept {
+expected<CallChannel*, CallError> Endpoint::add(Priority priority,
+                                                std::uint16_t call_count_max) noexcept {
   const rt::AllowAllocationScope is_allowed;
   const std::lock_guard lock(adding_);
   const std::size_t count = channel_count_.load(std::memory_order_relaxed);
@@ -68,7 +74,7 @@ expected<CallChannel*, CallError> Endpoint::add(Priority priority) noexcept {
     return unexpected{CallError::kNoChannel};
   }
   channels_[count] = std::make_unique<CallChannel>(address_, config_, client_epoch_,
-                                                   ++channel_serial, clock_domain_);
+                                                   ++channel_serial, clock_domain_, call_count_max);
   CallChannel* channel = channels_[count].get();
   const bool is_taken = channel->try_take();
   RTPM_ASSERT(is_taken, "nobody else knows a new channel");

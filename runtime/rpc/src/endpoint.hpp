@@ -20,17 +20,20 @@ class Endpoint {
   Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
            std::uint64_t clock_domain);
 
-  /// A free channel that serves `priority` or can be made to; it is the caller's until it releases
-  /// it. Opens one more if all are in use.
+  /// A free channel for `call_count_max` calls at a time that serves `priority` or can be made to;
+  /// it is the caller's until it releases it. Opens one more if all are in use.
   /// RT: alloc-free if one is free.   Errors: kNoChannel.
-  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority) noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
+                                                       std::uint16_t call_count_max = 1) noexcept;
 
   [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }
 
  private:
-  [[nodiscard]] CallChannel* take_existing(Priority priority) noexcept;
+  [[nodiscard]] CallChannel* take_existing(Priority priority,
+                                           std::uint16_t call_count_max) noexcept;
   [[nodiscard]] std::size_t count_for(Priority priority, std::size_t count) const noexcept;
-  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority) noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority,
+                                                      std::uint16_t call_count_max) noexcept;
 
   ServerAddress address_;
   const NodeConfig& config_;

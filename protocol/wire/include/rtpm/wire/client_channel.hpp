@@ -134,6 +134,8 @@ class ClientChannel {
   [[nodiscard]] ChannelEvent on_time(MonotonicTime now) noexcept;
   /// Repeats a call at once, without waiting for its time.
   [[nodiscard]] ChannelEvent repeat(MonotonicTime now, CallIndex call = 0) noexcept;
+  /// The same for the first of the calls that are open, if any is.
+  [[nodiscard]] ChannelEvent repeat_first(MonotonicTime now) noexcept;
   /// When on_time() has something to do, unless a frame comes first.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 

@@ -15,9 +15,10 @@ class ReplyLease;
 
 /// A call that was begun and whose reply is waited for later. No thread stands behind it: whoever
 /// holds it sends repetitions and takes the reply while it asks or waits, on a call channel that is
-/// the call's own until this ends.
-/// Ownership: move-only; refers to its binding, which must outlive it. Ends by cancelling the call.
-/// Threads: one at a time.   RT: alloc-free.
+/// the call's own until this ends, or its pipeline's.
+/// Ownership: move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
+/// cancelling the call.
+/// Threads: one at a time; see Pipeline for one of these.   RT: alloc-free.
 class PendingReply {
  public:
   PendingReply() noexcept;
@@ -37,9 +38,14 @@ class PendingReply {
 
  private:
   friend class Binding;
+  friend class PipelinePlace;
   struct State;
-  explicit PendingReply(std::unique_ptr<State> state) noexcept;
-  std::unique_ptr<State> state_;
+  struct OwnState;
+  struct Drop {
+    void operator()(State* state) const noexcept;
+  };
+  explicit PendingReply(State& state) noexcept;
+  std::unique_ptr<State, Drop> state_;
 };
 
 /// The items that answer a call, taken one by one. No thread stands behind it, as with

@@ -16,6 +16,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/pipeline.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 
@@ -30,6 +31,8 @@ struct CallOptions {
   std::optional<Duration> deadline{};
   /// Passed on to the servant, to follow one action across programs; in a method, 0 is its own's.
   std::uint64_t trace_id = 0;
+  /// Of begin_x(): the calls with which this one shares sessions. Others do not heed it.
+  Pipeline* pipeline = nullptr;
 };
 
 inline constexpr std::uint32_t kMissCountMin = 2;
@@ -71,6 +74,7 @@ class ReplyLease {
     std::swap(bytes_, other.bytes_);
     std::swap(channel_, other.channel_);
     std::swap(local_, other.local_);
+    std::swap(place_, other.place_);
     return *this;
   }
   ~ReplyLease();
@@ -81,15 +85,19 @@ class ReplyLease {
  private:
   friend class Binding;
   friend class PendingReply;
+  friend class PipelinePlace;
   friend class expected<ReplyLease, CallError>;
   ReplyLease(ConstBytes bytes, class CallChannel* channel) noexcept
       : bytes_(bytes), channel_(channel) {}
   ReplyLease(ConstBytes bytes, class LocalChannel& channel) noexcept
       : bytes_(bytes), local_(&channel) {}
+  ReplyLease(ConstBytes bytes, class PipelinePlace& place) noexcept
+      : bytes_(bytes), place_(&place) {}
 
   ConstBytes bytes_{};
   class CallChannel* channel_ = nullptr;
   class LocalChannel* local_ = nullptr;
+  class PipelinePlace* place_ = nullptr;
 };
 
 /// An object of some server, bound: what every generated stub holds.
@@ -128,7 +136,8 @@ class Binding {
                                                const CallOptions& options = {}) noexcept;
 
   /// Begins a call and returns; its reply is waited for later. The request is copied.
-  /// Allocates the call's state, once.   Errors: as call(), as far as they show before the reply.
+  /// Allocates the call's state, once, unless the call is one of a pipeline, which has it.
+  /// Errors: as call(), as far as they show before the reply; kNoChannel: too many are open.
   [[nodiscard]] expected<PendingReply, CallError> begin(const MethodDescriptor& method,
                                                         ConstBytes request,
                                                         const CallOptions& options = {});
@@ -157,6 +166,8 @@ class Binding {
  private:
   friend class PendingReply;
   friend class ItemReader;
+  friend class Pipeline;
+  friend class PipelinePlace;
   class Impl;
   explicit Binding(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;

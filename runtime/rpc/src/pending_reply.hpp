@@ -1,0 +1,25 @@
+#pragma once
+
+#include "rtpm/rpc/async.hpp"
+#include "rtpm/rpc/binding.hpp"
+
+namespace rtpm::rpc {
+
+/// A call that was begun, as its PendingReply sees it.
+struct PendingReply::State {
+  State() = default;
+  State(const State&) = delete;
+  State& operator=(const State&) = delete;
+  virtual ~State() = default;
+
+  /// Waits for the end, but not beyond `until`; true if it is there.
+  [[nodiscard]] virtual bool wait(MonotonicTime until) noexcept = 0;
+  /// Once, after wait() gave true.
+  [[nodiscard]] virtual expected<ReplyLease, CallError> take() noexcept = 0;
+  /// If it has not ended: it has now.
+  virtual void cancel() noexcept = 0;
+  /// Nobody asks for it any more.
+  virtual void drop() noexcept = 0;
+};
+
+}  // namespace rtpm::rpc
