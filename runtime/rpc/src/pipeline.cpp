@@ -81,6 +81,11 @@ bool PipelinePlace::wait(MonotonicTime until) noexcept {
   Pipeline::Impl& pipeline = session_->pipeline;
   for (MonotonicTime now = rt::now(); is_going(); now = rt::now()) {
     const MonotonicTime next = pipeline.flush_due(now);
+    if (!session_->channel->has_session()) {
+      // The flush lost it.
+      session_->end_all({.error = CallError::kDisconnected});
+      break;
+    }
     const CallOutcome outcome = session_->channel->finish(std::min(until, next), now);
     session_->settle(outcome);
     if (outcome.kind == CallOutcome::Kind::kGoing && rt::now() >= until) return false;

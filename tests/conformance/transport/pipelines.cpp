@@ -151,6 +151,24 @@ TEST_P(TransportSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EXPECT_TRUE(behind.take());
 }
 
+// They come together, but who answers the first is not to wait for the second.
+TEST_P(TransportSuite, AnswersACallOfAPipelineBeforeOneThatTakesLong) {
+  EchoServer server;
+  Node node(node_config());
+  Binding binding = bind_echo(node, server);
+  Pipeline pipeline;
+  open_sessions(binding, pipeline, 40);
+  auto first = begin(binding, pipeline, "first");
+  auto hold = begin(binding, pipeline, "hold", echo::kHold);
+  pipeline.flush();
+  await_inside(server);
+  const auto reply = first.take();
+  ASSERT_TRUE(reply) << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), "first");
+  server.servant.gate().open();
+  EXPECT_TRUE(hold.take());
+}
+
 TEST_P(TransportSuite, EndsOneCallOfAPipelineAtItsDeadline) {
   EchoServer server;
   Node node(node_config());
