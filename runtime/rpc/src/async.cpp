@@ -53,11 +53,8 @@ struct PendingReply::OwnState final : PendingReply::State {
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
       return ReplyLease(outcome.payload, channel.keep());
     }
-    if (auto again = binding.judge(outcome, ready, plan, channel->call_begun()); !again) {
-      return unexpected{again.error()};
-    }
-    // What is left of the time is spent as by any other call; this one's channel keeps the request.
-    return binding.call(plan, request);
+    // Meanwhile this one's channel keeps the request.
+    return binding.call_again(outcome, ready, plan, channel->call_begun(), request);
   }
   void cancel() noexcept override {
     if (outcome.kind != CallOutcome::Kind::kGoing) return;
@@ -75,7 +72,7 @@ struct PendingReply::OwnState final : PendingReply::State {
   Binding::Impl::Ready ready;
   TakenChannel channel;
   ConstBytes request{};
-  CallOutcome outcome{.kind = CallOutcome::Kind::kGoing};
+  CallOutcome outcome{};  ///< Not kGoing before the call was begun: there is nothing to cancel.
 };
 
 void PendingReply::Drop::operator()(State* state) const noexcept {
@@ -109,7 +106,6 @@ expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method,
   }
   PendingReply pending(*new PendingReply::OwnState(*impl_, plan, ready));
   auto& state = static_cast<PendingReply::OwnState&>(*pending.state_);
-  state.outcome = {.error = CallError::kTooLarge};  // Nothing to cancel yet.
   const auto kept = state.channel->keep(request);
   if (!kept) return unexpected{CallError::kTooLarge};
   state.request = *kept;

@@ -169,6 +169,14 @@ expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes
   return unexpected{CallError::kPeerRestarted};
 }
 
+expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& outcome,
+                                                          const Ready& ready, const Plan& plan,
+                                                          MonotonicTime begun,
+                                                          ConstBytes request) noexcept {
+  if (auto again = judge(outcome, ready, plan, begun); !again) return unexpected{again.error()};
+  return call(plan, request);
+}
+
 expected<void, CallError> Binding::Impl::warm_up(std::span<const Priority> priorities,
                                                  MonotonicTime deadline) noexcept {
   for (const Priority priority : priorities) {

@@ -103,6 +103,12 @@ class Binding::Impl {
   [[nodiscard]] expected<void, CallError> judge(const CallOutcome& outcome, const Ready& ready,
                                                 const Plan& plan, MonotonicTime begun) noexcept;
   [[nodiscard]] expected<ReplyLease, CallError> call(const Plan& plan, ConstBytes request) noexcept;
+  /// The same, for what is left of the time, after a call that was begun ended without reply, if it
+  /// may be made again: see judge().
+  [[nodiscard]] expected<ReplyLease, CallError> call_again(const CallOutcome& outcome,
+                                                           const Ready& ready, const Plan& plan,
+                                                           MonotonicTime begun,
+                                                           ConstBytes request) noexcept;
   /// The priority with which a call goes out (hp-6.1-3).
   [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;
   /// Calls through the door; nothing if the call has to go over a transport.

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <bit>
-#include <cstring>
 #include <utility>
 
+#include "kept_copy.hpp"
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -242,14 +242,7 @@ void CallChannel::cancel(wire::CallIndex call) noexcept {
 }
 
 std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
-  if (kept_.bytes().size() < request.size()) {
-    const rt::AllowAllocationScope is_allowed;
-    kept_ = rt::LazyMemory(std::bit_ceil(std::max(request.size(), std::size_t{4096})));
-  }
-  // The system may have none left, or a limit on what may be locked.
-  if (kept_.bytes().size() < request.size()) return std::nullopt;
-  if (!request.empty()) std::memcpy(kept_.bytes().data(), request.data(), request.size());
-  return ConstBytes(kept_.bytes()).first(request.size());
+  return keep_copy(kept_, request);
 }
 
 bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {

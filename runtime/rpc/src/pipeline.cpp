@@ -1,10 +1,8 @@
 #include "pipeline.hpp"
 
 #include <algorithm>
-#include <bit>
-#include <cstring>
-#include <optional>
 
+#include "kept_copy.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -23,18 +21,6 @@ std::uint16_t calls_per_session(Transport transport) noexcept {
   return transport == Transport::kUdp ? wire::kCallWindow : 1;
 }
 
-// A copy in `room`, which grows as far as it must; none if there is no memory for it.
-std::optional<ConstBytes> copy_into(rt::LazyMemory& room, ConstBytes bytes) noexcept {
-  constexpr std::size_t kPage = 4096;
-  if (room.bytes().size() < bytes.size()) {
-    const rt::AllowAllocationScope is_allowed;
-    room = rt::LazyMemory(std::bit_ceil(std::max(bytes.size(), kPage)));
-  }
-  if (room.bytes().size() < bytes.size()) return std::nullopt;
-  if (!bytes.empty()) std::memcpy(room.bytes().data(), bytes.data(), bytes.size());
-  return ConstBytes(room.bytes()).first(bytes.size());
-}
-
 }  // namespace
 
 // --- a call --------------------------------------------------------------------------------------
@@ -43,7 +29,7 @@ expected<void, CallError> PipelinePlace::begin(Binding::Impl& binding,
                                                const Binding::Impl::Plan& plan,
                                                const Binding::Impl::Ready& ready,
                                                ConstBytes request) noexcept {
-  const auto kept = copy_into(request_room_, request);
+  const auto kept = keep_copy(request_room_, request);
   if (!kept) return unexpected{CallError::kTooLarge};
   CallChannel& channel = *session_->channel;
   begun_ = rt::now();
@@ -66,7 +52,7 @@ void PipelinePlace::end(const CallOutcome& outcome) noexcept {
   outcome_ = outcome;
   if (outcome.kind != CallOutcome::Kind::kReply) return;
   // What it views is the channel's, for the next frame.
-  if (const auto reply = copy_into(reply_room_, outcome.payload)) {
+  if (const auto reply = keep_copy(reply_room_, outcome.payload)) {
     outcome_.payload = *reply;
   } else {
     outcome_ = {.error = CallError::kTooLarge};
@@ -99,11 +85,7 @@ expected<ReplyLease, CallError> PipelinePlace::take() noexcept {
     is_leased_ = true;
     return expected<ReplyLease, CallError>(std::in_place, outcome_.payload, *this);
   }
-  if (auto again = binding_->judge(outcome_, ready_, plan_, begun_); !again) {
-    return unexpected{again.error()};
-  }
-  // What is left of the time is spent as by any other call.
-  return binding_->call(plan_, request_);
+  return binding_->call_again(outcome_, ready_, plan_, begun_, request_);
 }
 
 void PipelinePlace::cancel() noexcept {

@@ -116,9 +116,6 @@ class TcpLink final : public Link {
   expected<void, IoError> send(ConstBytes frame) noexcept override {
     return stream_.send(frame, rt::now() + kSendPatience);
   }
-  expected<void, IoError> send_train(const FrameTrain& train) noexcept override {
-    return send(train.bytes());
-  }
   expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
   bool has_buffered() const noexcept override { return stream_.has_buffered(); }
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
@@ -159,12 +156,7 @@ int finish_connecting(int socket, MonotonicTime deadline) noexcept {
 }  // namespace
 
 expected<void, IoError> Link::send_train(const FrameTrain& train) noexcept {
-  expected<void, IoError> outcome;
-  static_cast<void>(train.for_each([&](ConstBytes frame) {
-    outcome = send(frame);
-    return outcome.has_value();
-  }));
-  return outcome;
+  return send_each(train, [&](ConstBytes frame) { return send(frame); });
 }
 
 void Link::wait(MonotonicTime until) noexcept {

@@ -18,6 +18,19 @@
 #endif
 
 namespace rtpm::transport {
+namespace {
+
+// A message of one part. `peer` may be null.
+msghdr message_of(iovec& part, sockaddr_in* peer) noexcept {
+  msghdr message{};
+  message.msg_name = peer;
+  message.msg_namelen = peer == nullptr ? 0 : sizeof *peer;
+  message.msg_iov = &part;
+  message.msg_iovlen = 1;
+  return message;
+}
+
+}  // namespace
 
 void accept_segments(int socket, bool is_on) noexcept {
   const int on = is_on ? 1 : 0;
@@ -30,11 +43,7 @@ ssize_t send_segments(int socket, const sockaddr_in* to, const FrameTrain& train
   // What is sent is only read.
   iovec part{.iov_base = const_cast<std::byte*>(train.bytes().data()),
              .iov_len = train.bytes().size()};
-  msghdr message{};
-  message.msg_name = const_cast<sockaddr_in*>(to);
-  message.msg_namelen = to == nullptr ? 0 : sizeof *to;
-  message.msg_iov = &part;
-  message.msg_iovlen = 1;
+  msghdr message = message_of(part, const_cast<sockaddr_in*>(to));
   if (train.bytes().size() > train.frame_size()) {
     message.msg_control = control.data();
     message.msg_controllen = control.size();
@@ -56,11 +65,7 @@ ssize_t receive_segments(int socket, MutableBytes buffer, sockaddr_in* from, int
                          std::size_t& each) noexcept {
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int))> control;
   iovec part{.iov_base = buffer.data(), .iov_len = buffer.size()};
-  msghdr message{};
-  message.msg_name = from;
-  message.msg_namelen = from == nullptr ? 0 : sizeof *from;
-  message.msg_iov = &part;
-  message.msg_iovlen = 1;
+  msghdr message = message_of(part, from);
   message.msg_control = control.data();
   message.msg_controllen = control.size();
   const ssize_t count = recvmsg(socket, &message, flags);

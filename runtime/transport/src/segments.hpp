@@ -4,6 +4,8 @@
 #include <sys/types.h>
 
 #include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/transport/error.hpp"
 #include "rtpm/transport/train.hpp"
 
 // How trains of datagrams pass a socket.
@@ -20,6 +22,17 @@ void accept_segments(int socket, bool is_on) noexcept;
 /// Whether an error of send_segments() means that the socket's way takes no trains, but may take
 /// datagrams.
 [[nodiscard]] bool means_no_trains(int error) noexcept;
+
+/// Sends each frame of a train by itself, up to the first that fails.
+template <class Send>
+[[nodiscard]] expected<void, IoError> send_each(const FrameTrain& train, Send send) noexcept {
+  expected<void, IoError> outcome;
+  static_cast<void>(train.for_each([&](ConstBytes frame) {
+    outcome = send(frame);
+    return outcome.has_value();
+  }));
+  return outcome;
+}
 
 /// As recvmsg(2); `each` becomes the size of each datagram but the last. `from` may be null.
 /// RT: alloc-free, one syscall.

@@ -169,12 +169,7 @@ expected<void, IoError> UdpPort::send_train(const wire::PeerAddress& peer,
     if (!means_no_trains(errno)) return unexpected{error_of_send(errno)};
     can_send_trains_ = false;
   }
-  expected<void, IoError> outcome;
-  static_cast<void>(train.for_each([&](ConstBytes frame) {
-    outcome = send(peer, frame);
-    return outcome.has_value();
-  }));
-  return outcome;
+  return send_each(train, [&](ConstBytes frame) { return send(peer, frame); });
 }
 
 }  // namespace rtpm::transport

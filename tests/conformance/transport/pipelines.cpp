@@ -1,8 +1,8 @@
-#include <array>
+#include <algorithm>
 #include <deque>
-#include <numeric>
 #include <optional>
 #include <string>
+#include <thread>
 #include <utility>
 #include <vector>
 
@@ -31,13 +31,29 @@ PendingReply begin(Binding& binding, Pipeline& pipeline, std::string_view text,
   return begun ? std::move(*begun) : PendingReply{};
 }
 
-/// Has the sessions that so many calls take, which nobody gives while the only thread runs a call.
-void open_sessions(Binding& binding, Pipeline& pipeline, std::size_t count) {
+/// Begins so many calls, each with its number.
+std::vector<PendingReply> begin_numbered(Binding& binding, Pipeline& pipeline, std::size_t count) {
   std::vector<PendingReply> calls;
   for (std::size_t i = 0; i < count; ++i)
     calls.push_back(begin(binding, pipeline, numbered(i)));
-  for (PendingReply& call : calls)
-    EXPECT_TRUE(call.take());
+  return calls;
+}
+
+/// The call's reply is its number.
+void expect_numbered(PendingReply& call, std::size_t number) {
+  const auto reply = call.take();
+  ASSERT_TRUE(reply) << number << ": " << to_string(reply.error());
+  EXPECT_EQ(text_of(*reply), numbered(number));
+}
+void expect_numbered(std::vector<PendingReply>& calls) {
+  for (std::size_t i = 0; i < calls.size(); ++i)
+    expect_numbered(calls[i], i);
+}
+
+/// Has the sessions that so many calls take, which nobody gives while the only thread runs a call.
+void open_sessions(Binding& binding, Pipeline& pipeline, std::size_t count) {
+  std::vector<PendingReply> calls = begin_numbered(binding, pipeline, count);
+  expect_numbered(calls);
 }
 
 }  // namespace
@@ -69,14 +85,9 @@ TEST_P(TransportSuite, GivesTheRepliesOfAPipelineInAnyOrder) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   Pipeline pipeline;
-  std::vector<PendingReply> calls;
-  for (std::size_t i = 0; i < 30; ++i)
-    calls.push_back(begin(binding, pipeline, numbered(i)));
-  for (std::size_t i = calls.size(); i-- > 0;) {
-    const auto reply = calls[i].take();
-    ASSERT_TRUE(reply) << to_string(reply.error());
-    EXPECT_EQ(text_of(*reply), numbered(i));
-  }
+  std::vector<PendingReply> calls = begin_numbered(binding, pipeline, 30);
+  for (std::size_t i = calls.size(); i-- > 0;)
+    expect_numbered(calls[i], i);
 }
 
 // Larger than a frame, and than all that goes together; small ones between them.
@@ -176,16 +187,10 @@ TEST_P(TransportSuite, EndsOneCallOfAPipelineAtItsDeadline) {
   Pipeline pipeline;
   open_sessions(binding, pipeline, 6);
   auto late = begin(binding, pipeline, "late", echo::kHold, {.deadline = 100ms});
-  std::vector<PendingReply> others;
-  for (std::size_t i = 0; i < 5; ++i)
-    others.push_back(begin(binding, pipeline, numbered(i)));
+  std::vector<PendingReply> others = begin_numbered(binding, pipeline, 5);
   expect_error(late.take(), CallError::kTimeout);
   server.servant.gate().open();
-  for (std::size_t i = 0; i < others.size(); ++i) {
-    const auto reply = others[i].take();
-    ASSERT_TRUE(reply) << to_string(reply.error());
-    EXPECT_EQ(text_of(*reply), numbered(i));
-  }
+  expect_numbered(others);
 }
 
 TEST_P(TransportSuite, CancelsOneCallOfAPipeline) {
@@ -266,11 +271,7 @@ TEST_P(TransportSuite, SharesAPipelineAmongBindingsAndPriorities) {
     const CallOptions options{.priority = i % 2 == 0 ? Priority{100} : Priority{25'000}};
     calls.push_back(begin(binding, pipeline, numbered(i), echo::kEcho, options));
   }
-  for (std::size_t i = 0; i < calls.size(); ++i) {
-    const auto reply = calls[i].take();
-    ASSERT_TRUE(reply) << i << ": " << to_string(reply.error());
-    EXPECT_EQ(text_of(*reply), numbered(i));
-  }
+  expect_numbered(calls);
   EXPECT_EQ(server.servant.run_count(), 16);
   EXPECT_EQ(another.servant.run_count(), 8);
 }
@@ -311,14 +312,9 @@ TEST_P(EndSuite, GoesOnInAPipelineWithARestartedServer) {
   Binding binding = bind_echo(node, *server);
   Pipeline pipeline;
   for (int restart = 0; restart < 3; ++restart) {
-    std::vector<PendingReply> calls;
-    for (std::size_t i = 0; i < 12; ++i)
-      calls.push_back(begin(binding, pipeline, numbered(i)));
-    for (std::size_t i = 0; i < calls.size(); ++i) {
-      const auto reply = calls[i].take();
-      ASSERT_TRUE(reply) << "restart " << restart << ": " << to_string(reply.error());
-      EXPECT_EQ(text_of(*reply), numbered(i));
-    }
+    SCOPED_TRACE("restart " + std::to_string(restart));
+    std::vector<PendingReply> calls = begin_numbered(binding, pipeline, 12);
+    expect_numbered(calls);
     server.reset();
     server.emplace(config);
   }

@@ -98,7 +98,7 @@ TEST(Datagrams, AreGivenOneByOneAndAligned) {
   EXPECT_FALSE(datagrams.next());
 }
 
-TEST(Datagrams, AreOneEvenWithoutABytes) {
+TEST(Datagrams, AreOneEvenWithoutAByte) {
   Datagrams datagrams(MutableBytes{}, 0, kPeer);
   const auto datagram = datagrams.next();
   ASSERT_TRUE(datagram) << "or nobody counts it";
@@ -198,7 +198,7 @@ struct Ends {
   int buffered_count = 0;
 };
 
-TEST(UdpTrain, IsDatagramsForThosWhoTakeThemOneByOne) {
+TEST(UdpTrain, IsDatagramsForThoseWhoTakeThemOneByOne) {
   Ends ends;
   const auto requests = frames_of(3, 50, 7);
   ASSERT_TRUE(ends.link->send_train(train_of(requests)));
