@@ -174,9 +174,10 @@ TEST_P(TransportSuite, EndsACallAtItsDeadline) {
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   const MonotonicTime begin = rt::now();
-  expect_error(binding.call(echo::kHold, bytes_of("late"), {.deadline = 20ms}),
+  // Time enough to be inside on a busy machine, too: else the server refuses it as late.
+  expect_error(binding.call(echo::kHold, bytes_of("late"), {.deadline = 100ms}),
                CallError::kTimeout);
-  EXPECT_GE(rt::now() - begin, Duration{20ms});
+  EXPECT_GE(rt::now() - begin, Duration{100ms});
   server.servant.gate().let_one_go();
   const MonotonicTime deadline = rt::now() + rtpm::test::kPatience;
   const auto next =
@@ -198,10 +199,10 @@ TEST_P(TransportSuite, KeepsTheDeadlinesOfMethodsAndNodes) {
   std::thread holder([&] { EXPECT_TRUE(patient.call(echo::kHold, {})); });
   await_inside(server);
   MonotonicTime begin = rt::now();
-  expect_error(patient.call(echo::kImpatient, {}), CallError::kTimeout);
+  expect_late(patient.call(echo::kImpatient, {}));
   EXPECT_GE(rt::now() - begin, echo::kImpatient.default_deadline);
   begin = rt::now();
-  expect_error(impatient.call(echo::kEcho, {}), CallError::kTimeout);
+  expect_late(impatient.call(echo::kEcho, {}));
   EXPECT_GE(rt::now() - begin, Duration{40ms});
   server.servant.gate().let_one_go();
   holder.join();
@@ -220,9 +221,8 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
   std::thread holder([&] { EXPECT_TRUE(binding.call(echo::kHold, {})); });
   await_inside(server);
   // Over a network that loses frames, one alone may never arrive.
-  for (int i = 0; i < 4; ++i) {
-    expect_error(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}), CallError::kTimeout);
-  }
+  for (int i = 0; i < 4; ++i)
+    expect_late(binding.call(echo::kEchoOnce, {}, {.deadline = 5ms}));
   server.servant.gate().let_one_go();
   holder.join();
   EXPECT_TRUE(await([&] {

@@ -93,7 +93,7 @@ MethodDescriptor idempotent(MethodDescriptor method) {
 
 }  // namespace
 
-TEST_P(EndSuite, GoesOnWithARestartedServer) {
+TEST_P(LosslessSuite, GoesOnWithARestartedServer) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
   Node node(node_config());
@@ -110,7 +110,7 @@ TEST_P(EndSuite, GoesOnWithARestartedServer) {
 }
 
 // The caller can't know whether its call ran in the server's former life.
-TEST_P(EndSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
+TEST_P(LosslessSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
   std::optional<EchoServer> server(std::in_place);
   const std::uint16_t port = server->server->port();
   Node node(node_config());
@@ -125,7 +125,7 @@ TEST_P(EndSuite, TellsOnceThatTheServerRestartedWhereACallMustNotRunTwice) {
 }
 
 // hp-6.1-4
-TEST_P(EndSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
+TEST_P(LosslessSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
   Node node(node_config());
@@ -144,7 +144,7 @@ TEST_P(EndSuite, FindsItsObjectUnderAnotherNumberAfterARestart) {
   server->stop();
 }
 
-TEST_P(EndSuite, TellsThatTheObjectIsGoneAfterARestart) {
+TEST_P(LosslessSuite, TellsThatTheObjectIsGoneAfterARestart) {
   std::optional<EchoServer> first(std::in_place);
   const std::uint16_t port = first->server->port();
   Node node(node_config());
@@ -160,7 +160,7 @@ TEST_P(EndSuite, TellsThatTheObjectIsGoneAfterARestart) {
   server->stop();
 }
 
-TEST_P(EndSuite, TellsThatNobodyIsThereAnyMore) {
+TEST_P(LosslessSuite, TellsThatNobodyIsThereAnyMore) {
   std::optional<EchoServer> server(std::in_place);
   Node node(node_config());
   Binding binding = bind_echo(node, *server);
@@ -170,7 +170,7 @@ TEST_P(EndSuite, TellsThatNobodyIsThereAnyMore) {
   expect_error(binding.call(echo::kEchoOnce, {}), CallError::kUnreachable);
 }
 
-TEST_P(EndSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
+TEST_P(LosslessSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
   Victim server(serve_until_killed);
   const std::string url = "rtpm://127.0.0.1:" + std::to_string(server.await_number()) + "/echo";
   Node node(node_config());
@@ -186,7 +186,7 @@ TEST_P(EndSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
 }
 
 // hp-5.5-2
-TEST_P(EndSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
+TEST_P(LosslessSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   Victim former(serve_until_killed);
   const std::uint16_t port = former.await_number();
   Node node(node_config());
@@ -235,7 +235,7 @@ TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
   EXPECT_EQ(server->servant.run_count(), 1);
 }
 
-TEST_P(EndSuite, FinishesTheCallThatRunsWhenTheServerStops) {
+TEST_P(LosslessSuite, FinishesTheCallThatRunsWhenTheServerStops) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -251,7 +251,7 @@ TEST_P(EndSuite, FinishesTheCallThatRunsWhenTheServerStops) {
   caller.join();
 }
 
-TEST_P(EndSuite, EndsCallsThatWaitWhenTheServerStops) {
+TEST_P(LosslessSuite, EndsCallsThatWaitWhenTheServerStops) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -281,7 +281,7 @@ TEST_P(EndSuite, EndsCallsThatWaitWhenTheServerStops) {
   EXPECT_TRUE(has_stopped);
 }
 
-TEST_P(EndSuite, TellsThatAStoppedServerIsNobody) {
+TEST_P(LosslessSuite, TellsThatAStoppedServerIsNobody) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);

@@ -205,7 +205,7 @@ TEST_P(LateAnswers, EndWithTheServer) {
 }
 
 TEST_P(LateAnswers, TimeOutLikeAnyOther) {
-  expect_error(binding_->call(kLater, {}, {.deadline = 20ms}), CallError::kTimeout);
+  expect_error(binding_->call(kLater, {}, {.deadline = 100ms}), CallError::kTimeout);
   answer(servant_.reply(), "late");
   EXPECT_TRUE(binding_->call(kNote, {}));
 }

@@ -129,7 +129,7 @@ TEST_P(TransportSuite, KeepsARepliesBytesWhileThePipelineGoesOn) {
   EXPECT_EQ(text_of(*held), "held");
 }
 
-TEST_P(TransportSuite, SendsWhatAPipelineHoldsWithAFlush) {
+TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWithAFlush) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -144,7 +144,7 @@ TEST_P(TransportSuite, SendsWhatAPipelineHoldsWithAFlush) {
 }
 
 // A caller that only looks, and one that waits for another call, have it go out all the same.
-TEST_P(TransportSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
+TEST_P(LosslessSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -163,7 +163,7 @@ TEST_P(TransportSuite, SendsWhatAPipelineHoldsWhenItIsAskedFor) {
 }
 
 // They come together, but who answers the first is not to wait for the second.
-TEST_P(TransportSuite, AnswersACallOfAPipelineBeforeOneThatTakesLong) {
+TEST_P(LosslessSuite, AnswersACallOfAPipelineBeforeOneThatTakesLong) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -193,7 +193,7 @@ TEST_P(TransportSuite, EndsOneCallOfAPipelineAtItsDeadline) {
   expect_numbered(others);
 }
 
-TEST_P(TransportSuite, CancelsOneCallOfAPipeline) {
+TEST_P(LosslessSuite, CancelsOneCallOfAPipeline) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -276,7 +276,7 @@ TEST_P(TransportSuite, SharesAPipelineAmongBindingsAndPriorities) {
   EXPECT_EQ(another.servant.run_count(), 8);
 }
 
-TEST_P(EndSuite, TellsAllCallsOfAPipelineThatTheServerStopped) {
+TEST_P(LosslessSuite, TellsAllCallsOfAPipelineThatTheServerStopped) {
   EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
@@ -303,7 +303,7 @@ TEST_P(EndSuite, TellsAllCallsOfAPipelineThatTheServerStopped) {
   EXPECT_EQ(pipeline.open_count(), 0u);
 }
 
-TEST_P(EndSuite, GoesOnInAPipelineWithARestartedServer) {
+TEST_P(LosslessSuite, GoesOnInAPipelineWithARestartedServer) {
   ServerConfig config = quiet_config();
   std::optional<EchoServer> server;
   server.emplace(config);

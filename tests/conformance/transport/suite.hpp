@@ -35,14 +35,22 @@ class TransportSuite : public testing::TestWithParam<Transport> {
     EXPECT_EQ(reply.error(), error);
   }
 
+  /// The error of a call whose time passes before a servant has it: the caller sees that first, or
+  /// the server, where the caller's thread had to wait before it could send.
+  static void expect_late(const expected<ReplyLease, CallError>& reply) {
+    ASSERT_FALSE(reply);
+    EXPECT_TRUE(is_late(reply.error())) << to_string(reply.error());
+  }
+
   /// Waits until somebody is inside `hold`.
   static void await_inside(EchoServer& server, int count = 1) {
     ASSERT_TRUE(await([&] { return server.servant.gate().inside_count() == count; }));
   }
 };
 
-/// What those keep that hear of a server's end from the system, which a network can swallow.
-class EndSuite : public TransportSuite {};
+/// What those keep whose network swallows nothing: the end of a server that the system tells of,
+/// and calls that arrive though nobody asks for them yet, and so repeats them.
+class LosslessSuite : public TransportSuite {};
 
 /// What those keep that have frames; the tests that speak with their own.
 class WireSuite : public TransportSuite {};

@@ -9,10 +9,10 @@ INSTANTIATE_TEST_SUITE_P(Udp, WireSuite, testing::Values(Transport::kUdp));
 INSTANTIATE_TEST_SUITE_P(Tcp, WireSuite, testing::Values(Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, WireSuite, testing::Values(Transport::kSharedMemory));
 INSTANTIATE_TEST_SUITE_P(FaultyUdp, TransportSuite, testing::Values(kFaultyUdp));
-INSTANTIATE_TEST_SUITE_P(Udp, EndSuite, testing::Values(Transport::kUdp));
-INSTANTIATE_TEST_SUITE_P(Tcp, EndSuite, testing::Values(Transport::kTcp));
-INSTANTIATE_TEST_SUITE_P(SharedMemory, EndSuite, testing::Values(Transport::kSharedMemory));
-INSTANTIATE_TEST_SUITE_P(Local, EndSuite, testing::Values(Transport::kLocal));
+INSTANTIATE_TEST_SUITE_P(Udp, LosslessSuite, testing::Values(Transport::kUdp));
+INSTANTIATE_TEST_SUITE_P(Tcp, LosslessSuite, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SharedMemory, LosslessSuite, testing::Values(Transport::kSharedMemory));
+INSTANTIATE_TEST_SUITE_P(Local, LosslessSuite, testing::Values(Transport::kLocal));
 INSTANTIATE_TEST_SUITE_P(Local, TransportSuite, testing::Values(Transport::kLocal));
 
 }  // namespace rtpm::rpc::test

@@ -136,9 +136,11 @@ TEST(HubRingLimits, ConsumerThatIsOverrunIsToldHowManyItMissed) {
   const auto other = make_consumer(node, hub, quick, of_type(kPose));
   push(*supplier, kPose);
   ASSERT_TRUE(sleeper.await_deliveries(1));
-  constexpr std::size_t kCount = 2000;
+  // Large ones, a few times what the ring holds: the fewer, the sooner the sleeper is called on.
+  constexpr std::size_t kCount = 100;
+  const std::vector<std::byte> large(4000);
   for (std::size_t i = 2; i <= kCount; ++i) {
-    push(*supplier, kPose);
+    ASSERT_TRUE(supplier->push({.type = kPose, .payload = large}));
     ASSERT_TRUE(quick.await_deliveries(i));
   }
   sleeper.release();

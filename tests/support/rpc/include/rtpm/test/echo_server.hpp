@@ -29,6 +29,11 @@ using rtpm::test::await;
 using rtpm::test::Bytes;
 using rtpm::test::RawPeer;
 
+/// Whether a call ended because its time was over. Either side may see that first.
+[[nodiscard]] constexpr bool is_late(CallError error) noexcept {
+  return error == CallError::kTimeout || error == CallError::kExpired;
+}
+
 #ifndef RTPM_TEST_BUFFERED_REQUESTS
 #define RTPM_TEST_BUFFERED_REQUESTS 0
 #endif
