@@ -22,6 +22,10 @@ namespace {
 /// is none they shall be out of the way.
 constexpr rt::WaitConfig kLowWait{.strategy = rt::WaitStrategy::kBlock};
 
+Carrier floor_carrier_of(const DuelConfig& config) {
+  return config.floor_carrier.value_or(config.carrier);
+}
+
 expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory,
                                                 MemoryBulkFloor* memory_bulk) {
   std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
@@ -50,7 +54,7 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config, Memory
     }
     return std::string("0 0");
   }
-  const auto ports = start_floor_server(config.carrier, lanes, config.realtime);
+  const auto ports = start_floor_server(floor_carrier_of(config), lanes, config.realtime);
   if (!ports) return unexpected{ports.error()};
   std::string text;
   for (const std::uint16_t port : *ports)
@@ -118,11 +122,12 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   // their CPU.
   std::unique_ptr<MemoryFloor> memory_floor;
   std::unique_ptr<MemoryBulkFloor> memory_bulk_floor;
-  if (config.carrier == Carrier::kSharedMemory && config.payload_size != kPayloadSize) {
+  const bool is_floor_memory = floor_carrier_of(config) == Carrier::kSharedMemory;
+  if (is_floor_memory && config.payload_size != kPayloadSize) {
     auto created = MemoryBulkFloor::create(config.payload_size);
     if (!created) return unexpected{created.error()};
     memory_bulk_floor = std::move(*created);
-  } else if (config.carrier == Carrier::kSharedMemory) {
+  } else if (is_floor_memory) {
     auto created = MemoryFloor::create({1, config.low_caller_count});
     if (!created) return unexpected{created.error()};
     memory_floor = std::move(*created);
@@ -184,8 +189,9 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
     if (impl_->memory_bulk_floor) return impl_->memory_bulk_floor->connect(impl_->config.wait);
-    return connect_floor_caller(impl_->config.carrier, impl_->config.host, impl_->floor_high_port,
-                                impl_->config.wait, impl_->config.payload_size);
+    return connect_floor_caller(floor_carrier_of(impl_->config), impl_->config.host,
+                                impl_->floor_high_port, impl_->config.wait,
+                                impl_->config.payload_size);
   }
   return connect_rtpm_caller(*impl_->high_node, impl_->rtpm_server.address(), kHighPriority,
                              impl_->config.payload_size);
@@ -198,8 +204,8 @@ expected<std::unique_ptr<Caller>, std::string> Duel::connect_by(rpc::Node& node)
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_low() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(1, kLowWait);
-    return connect_floor_caller(impl_->config.carrier, impl_->config.host, impl_->floor_low_port,
-                                kLowWait);
+    return connect_floor_caller(floor_carrier_of(impl_->config), impl_->config.host,
+                                impl_->floor_low_port, kLowWait);
   }
   return connect_rtpm_caller(*impl_->low_node, impl_->rtpm_server.address(), kLowPriority);
 }
@@ -270,8 +276,10 @@ bool measure_each(std::string_view case_name, Measurement measure, const Setting
 }
 
 std::string title_of(std::string_view case_name, const DuelConfig& config) {
-  return std::string(case_name) + ", " + std::string(to_string(config.carrier)) + ", " +
-         std::string(rt::to_string(config.wait.strategy)) + " wait, " +
+  std::string title = std::string(case_name) + ", " + std::string(to_string(config.carrier));
+  if (config.floor_carrier)
+    title += " beside raw " + std::string(to_string(*config.floor_carrier)) + " sockets";
+  return title + ", " + std::string(rt::to_string(config.wait.strategy)) + " wait, " +
          std::to_string(config.payload_size) + " bytes";
 }
 
@@ -280,6 +288,7 @@ void add_comparison(Result& result, std::string_view case_name, const DuelConfig
   JsonObject& json = result.json;
   json.add("case", case_name);
   json.add("transport", to_string(config.carrier));
+  if (config.floor_carrier) json.add("floor", to_string(*config.floor_carrier));
   json.add("wait", rt::to_string(config.wait.strategy));
   json.add("payload", static_cast<std::int64_t>(config.payload_size));
   json.add("n", static_cast<std::int64_t>(rtpm.count()));

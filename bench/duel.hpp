@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,7 @@ inline constexpr Side kBothSides[] = {Side::kRtpm, Side::kFloor};
 /// What the two sides have in common.
 struct DuelConfig {
   Carrier carrier = Carrier::kUdp;
+  std::optional<Carrier> floor_carrier{};   ///< Of the raw floor, if not the same.
   rt::WaitConfig wait{};                    ///< Of the measured callers and their lane.
   std::size_t payload_size = kPayloadSize;  ///< Of the measured calls.
   int low_caller_count = 0;  ///< Above 0: both servers have a second lane, for low priorities.

@@ -42,8 +42,8 @@ def isolation(rows):
     """The urgent caller's tail, by how many others saturate the server."""
     series = []
     for transport in ("udp", "tcp", "shm"):
-        series += _both(records.select(rows, case="isolation", transport=transport), "low_callers",
-                        (("p50_us", "p50"), ("p999_us", "p99.9")), transport)
+        series += _both(records.select(rows, case="isolation", transport=transport, floor=None),
+                        "low_callers", (("p50_us", "p50"), ("p999_us", "p99.9")), transport)
     return plots.Plot("isolation", "A 1 kHz caller of high priority beside callers of low priority",
                       "callers of low priority that saturate the server", "microseconds", series,
                       False, True)

@@ -43,7 +43,7 @@ FULL = (
     Part("two-node-loss", "two-node --transport udp --drop 5 --calls 2000", 1),
     Part("scale", "scale", 14),
     # What the pace of the calls makes long.
-    Part("isolation", "isolation --low-callers 4 --samples 20000", 182),
+    Part("isolation", "isolation --low-callers 4 --samples 15000", 182),
     Part("paced", "paced", 62),
     Part("paced-waits", "paced --wait block,spin,periodic --samples 2000", 38),
     Part("events", "events --samples 1000", 100),
@@ -63,7 +63,7 @@ FULL = (
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
     Part("bulk", "bulk --samples 1000", 16),
-    Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1300", 35),
+    Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1000", 36),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
 
@@ -76,7 +76,7 @@ QUICK = (
     Part("throughput", "throughput --samples 100000", 3),
     Part("two-node", "two-node --transport udp,tcp", 1),
     Part("scale", "scale --samples 5000 --clients 1,100", 2),
-    Part("isolation", "isolation --low-callers 4 --samples 2000", 22),
+    Part("isolation", "isolation --low-callers 4 --samples 1500", 22),
     Part("events", "events --transport udp,shm --consumers 1,16,64 --samples 1000", 26),
     Part("paced", "paced --wait adaptive,periodic,spin --samples 1600", 30),
     Part("idle", "idle", 10),

@@ -11,7 +11,7 @@ import statistics
 
 # What tells one row from another, in the order in which a row is named. All else is measured.
 IDENTITY = (
-    "case", "part", "rung", "peer", "transport", "hub", "delivery", "wait", "rtpm_transport",
+    "case", "part", "rung", "peer", "transport", "floor", "hub", "delivery", "wait", "rtpm_transport",
     "rtpm_wait", "payload", "rate_hz", "low_callers", "bulk_callers", "work_us", "consumers",
     "stopped", "slow", "hosts", "in_flight", "drop_percent", "clients",
 )
@@ -19,6 +19,7 @@ IDENTITY = (
 # How a part of a row's name is said to people; "{}" stands for the value. Others: "name value".
 _WORDS = {
     "case": "{}", "part": "({})", "rung": "{}", "peer": "{}", "transport": "{}",
+    "floor": "beside raw {} sockets",
     "hub": "hub in the {} program", "delivery": "by {}", "wait": "{}",
     "rtpm_transport": "beside RTPM over {}", "rtpm_wait": "{} wait", "payload": "{} B",
     "rate_hz": "{} Hz", "low_callers": "{} low callers", "bulk_callers": "{} bulk callers",

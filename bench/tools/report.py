@@ -37,7 +37,8 @@ SECTIONS = (
      tables.DUEL + (("server CPU %", "server_cpu_percent"),), None),
     ("Priority under load",
      "A 1 kHz caller of high priority, while callers of low priority saturate the server's CPU with "
-     "calls of 200 us. The floor has a thread and a socket for each priority. Microseconds.",
+     "calls of 200 us. The floor has a thread and a socket for each priority; shared memory stands "
+     "beside that, and beside a thread and a ring for each. Microseconds.",
      lambda row: row["case"] == "isolation", tables.LOADED, "isolation"),
     ("Small calls beside bulk",
      "A 1 kHz caller of high priority, while 1 MiB goes to and fro below it. Microseconds.",

@@ -37,8 +37,12 @@ TARGETS = (
     *(_call(transport, "adaptive", figure, limit) for transport in ("udp", "tcp")
       for figure, limit in (("ratio_p50", 1.15), ("ratio_p99", 1.25))),
     *(_call(transport, "block", "ratio_p50", 1.1) for transport in ("udp", "tcp")),
-    *(Target({"case": "isolation", "transport": transport, "low_callers": 4}, figure, 1.15)
-      for transport in ("udp", "tcp", "shm") for figure in ("ratio_p50", "ratio_p99", "ratio_p999")),
+    *(Target({"case": "isolation", "transport": transport, "floor": floor, "low_callers": 4}, figure,
+             1.15, True, {}, unit)
+      for transport, floor, unit in (
+          ("udp", None, "x two raw sockets"), ("tcp", None, "x two raw sockets"),
+          ("shm", "udp", "x two raw sockets"), ("shm", None, "x two raw rings"))
+      for figure in ("ratio_p50", "ratio_p99", "ratio_p999")),
     *(Target({"case": "paced", "transport": transport, "wait": "periodic", "rate_hz": 1000},
              "ratio_p50", 1.3, True, {"wait": "spin"},
              "x that of the spin wait, both by the raw socket that spins beside them")

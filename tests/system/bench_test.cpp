@@ -86,6 +86,18 @@ TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
   }
 }
 
+// Two sockets and two threads are what a program has without RTPM, whatever RTPM goes over.
+TEST(Bench, IsolatesOverSharedMemoryBesideSocketsAndBesideRings) {
+  const auto end = run_program(
+      "rtpm-bench", {"run", "isolation", "--samples", "40", "--rounds", "2", "--low-callers", "2",
+                     "--transport", "shm", "--realtime", "off", "--json"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 2) << end.output;
+  constexpr std::string_view kBesideSockets = R"("floor": "udp")";
+  EXPECT_NE(end.output.find(kBesideSockets), std::string::npos) << end.output;
+  EXPECT_EQ(end.output.find(kBesideSockets), end.output.rfind(kBesideSockets)) << end.output;
+}
+
 TEST(Bench, ClosesALoopThroughADevice) {
   const auto end = run_program("rtpm-bench", {"run", "device", "--samples", "40", "--rounds", "2",
                                               "--transport", "udp", "--realtime", "off", "--json"});
