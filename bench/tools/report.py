@@ -111,7 +111,12 @@ def _head_lines(results):
           if form == "quick" else []), ""]
 
 
-def _machine_lines(rows):
+def _parts_of(results):
+    """What is said of each part; of one that was measured again, what is said last."""
+    return list(records.by_key(records.select(results, case="part")).values())
+
+
+def _machine_lines(rows, parts):
     environment = next((row["environment"] for row in rows if "environment" in row), {})
     words = {"cpu": "CPU", "cpu_count": "CPUs", "virtualised": "virtualised", "kernel": "Linux",
              "governor": "governor", "sched_rt_runtime_us": "real-time throttling, us of 1 s",
@@ -127,6 +132,10 @@ def _machine_lines(rows):
     shared = sum(bool(row.get("rounds_core_shared")) for row in rows)
     said.append(["rows in whose rounds somebody else computed on the same core",
                  f"{shared} of {len(rows)}"])
+    again = [part for part in parts if "first_disturbance" in part]
+    if again:
+        said.append(["parts measured again, as the first run was disturbed more",
+                     ", ".join(f"`{part['part']}`" for part in again)])
     marked = sum(bool(row.get("marks")) for row in rows)
     said.append(["disturbed rows", f"{marked} of {len(rows)}, marked {tables.MARK}"])
     lines = ["## The machine", "", "| | |", "|---|---|"]
@@ -139,7 +148,7 @@ def _machine_lines(rows):
 
 
 def _missing_lines(results):
-    parts = records.by_key(records.select(results, case="part")).values()
+    parts = _parts_of(results)
     lines = []
     for part in parts:
         if part["outcome"] == "done" and not part["said"]:
@@ -195,7 +204,7 @@ def page(results, drawn):
     """The page as text. `drawn`: the names of the plots that there are."""
     rows, others = own_rows(results), peer_rows(results)
     lines = _head_lines(results) + losses.lines(rows, others) + _missing_lines(results)
-    lines += _machine_lines(rows + others)
+    lines += _machine_lines(rows + others, _parts_of(results))
     for heading, text, is_in, columns, plot in SECTIONS:
         found = [row for row in rows if is_in(row)]
         if not found:
@@ -272,7 +281,7 @@ def main(arguments):
     print(f"the results are in {os.path.relpath(options.page)}", file=sys.stderr)
     if is_interrupted:
         return 130
-    is_complete = all(part["outcome"] == "done" for part in records.select(results, case="part"))
+    is_complete = all(part["outcome"] == "done" for part in _parts_of(results))
     return 0 if is_complete else 1
 
 

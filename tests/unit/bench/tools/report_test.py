@@ -153,6 +153,56 @@ class Run(Folder):
         self.assertIn("- `throughput` (throughput --samples 100000): interrupted", self.text())
 
 
+# In the place of rtpm-bench: each part's n-th run finds as much steal as the n-th word behind its name
+# says, or fails where that is "fails".
+DISTURBED_BENCH = """#!/bin/sh
+shift
+name=$1
+count=$(cat "$0.$name" 2>/dev/null || echo 0)
+echo $((count + 1)) >"$0.$name"
+shift $((count + 1))
+[ "$1" = fails ] && exit 1
+[ "$name" = slow ] && sleep 1.1
+echo '{"case": "'"$name"'", "steal_percent": '"$1"', "p50_us": '"$count"'}'
+"""
+
+
+class Again(Folder):
+    def measure(self, *arguments, budget_s=60):
+        """Runs a part for each. @return the rows' p50_us, which is how many runs of the part came
+        before, by the part's name, and the file's records."""
+        sys.path.insert(0, str(tool.TOOLS))
+        import measure  # pylint: disable=import-outside-toplevel,import-error
+        import plan  # pylint: disable=import-outside-toplevel,import-error
+        bench = self.folder / "bench"
+        bench.write_text(DISTURBED_BENCH, encoding="utf-8")
+        bench.chmod(0o755)
+        kept = io.StringIO()
+        with contextlib.redirect_stderr(io.StringIO()):
+            measure.Measurement(bench, kept, budget_s).run_all(
+                [plan.Part(text.split()[0], text, 1) for text in arguments])
+        found = [json.loads(line) for line in kept.getvalue().splitlines()]
+        rows = {record["case"]: record["p50_us"] for record in found if record["case"] != "part"}
+        return rows, {record["part"]: record for record in found if record["case"] == "part"}
+
+    def test_keeps_the_run_that_was_disturbed_less(self):
+        rows, parts = self.measure("better 7 2", "worse 5 9", "calm 0.2 0")
+        self.assertEqual(rows, {"better": 1, "worse": 0, "calm": 0})
+        self.assertEqual(parts["better"]["disturbance"], 2)
+        self.assertEqual(parts["better"]["first_disturbance"], 7)
+        self.assertNotIn("first_disturbance", parts["worse"])
+
+    def test_tries_again_what_was_incomplete(self):
+        rows, parts = self.measure("recovers fails 3", "stays fails fails", "breaks 4 fails")
+        self.assertEqual(rows, {"recovers": 1, "breaks": 0})
+        self.assertEqual({name: part["outcome"] for name, part in parts.items()},
+                         {"recovers": "done", "stays": "incomplete", "breaks": "done"})
+
+    def test_ends_with_its_time(self):
+        rows, _ = self.measure("slow 7 2", budget_s=2)
+        self.assertEqual(rows, {"slow": 0}, "a second run of 1.1 s had not ended in time")
+
+
 class Budget(unittest.TestCase):
     def test_leaves_out_by_name_what_there_is_no_time_for(self):
         sys.path.insert(0, str(tool.TOOLS))
