@@ -4,15 +4,15 @@
 #include <string>
 #include <vector>
 
-#include "case.hpp"
-#include "disturbance.hpp"
-#include "peer_table.hpp"
-#include "peers_case.hpp"
-#include "report.hpp"
+#include "cases/case.hpp"
+#include "cases/peers_case.hpp"
+#include "figures/disturbance.hpp"
+#include "figures/report.hpp"
 #include "rtpm/program/options.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "runs/peer_table.hpp"
 #include "settings.hpp"
-#include "standalone.hpp"
+#include "sides/standalone.hpp"
 
 namespace rtpm::bench {
 namespace {

@@ -9,9 +9,9 @@
 // queues, with as many threads as queues; so a lane is a server with one queue that the lane's
 // thread takes from. Callers use the synchronous stub, which reads its reply on the calling thread,
 // and a channel of their own, as gRPC would else share one connection among them. Deadlines are
-// set, as gRPC's guide asks of everybody: long enough for its own threads, which have no priority and
-// get a CPU that real-time threads keep busy only when the kernel throttles these, once a second.
-// gRPC sets TCP_NODELAY by itself.
+// set, as gRPC's guide asks of everybody: long enough for its own threads, which have no priority
+// and get a CPU that real-time threads keep busy only when the kernel throttles these, once a
+// second. gRPC sets TCP_NODELAY by itself.
 namespace rtpm::bench {
 namespace {
 

@@ -9,12 +9,12 @@
 #include <utility>
 #include <vector>
 
-#include "caller.hpp"
-#include "event_board.hpp"
-#include "event_sides.hpp"
-#include "peer_board.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "runs/peer_board.hpp"
+#include "sides/caller.hpp"
+#include "sides/event_board.hpp"
+#include "sides/event_sides.hpp"
 
 /// What each peer's program does in its own way. peer_main.cpp does the rest: processes,
 /// priorities, CPUs and measuring.

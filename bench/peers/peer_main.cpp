@@ -11,13 +11,13 @@
 #include <utility>
 #include <vector>
 
-#include "event_run.hpp"
 #include "peer.hpp"
 #include "peer_port.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "turn.hpp"
+#include "runs/event_run.hpp"
+#include "runs/turn.hpp"
 
 // The program of a peer, as rtpm-bench starts it: rtpm-peer-NAME ROLE BOARD. serve and call are the
 // two ends of calls, broker and events those of events.

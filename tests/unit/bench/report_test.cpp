@@ -1,4 +1,4 @@
-#include "report.hpp"
+#include "figures/report.hpp"
 
 #include <gtest/gtest.h>
 

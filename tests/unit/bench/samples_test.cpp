@@ -1,4 +1,4 @@
-#include "samples.hpp"
+#include "figures/samples.hpp"
 
 #include <gtest/gtest.h>
 

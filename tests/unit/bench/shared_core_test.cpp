@@ -1,4 +1,4 @@
-#include "shared_core.hpp"
+#include "figures/shared_core.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

@@ -1,4 +1,4 @@
-#include "stall_witness.hpp"
+#include "figures/stall_witness.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

@@ -1,4 +1,4 @@
-#include "stolen_time.hpp"
+#include "figures/stolen_time.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>

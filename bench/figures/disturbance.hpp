@@ -1,0 +1,84 @@
+#pragma once
+
+#include <sys/types.h>
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "figures/report.hpp"
+#include "figures/samples.hpp"
+#include "figures/stall_witness.hpp"
+#include "figures/stolen_time.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// Whether the round that was measured since this was made tells of the machine's neighbours, and
+/// not of the contenders: a hypervisor took CPU time away, a witness felt a stall, or somebody else
+/// computed on a core as the round began or ended.
+/// Set-up only: it reads /proc and runs on each CPU, so outside of timed stretches, and with nobody
+/// spinning there who is as urgent.
+class RoundWatch {
+ public:
+  /// What matters to a p99.9 that is some tenths of a millisecond.
+  static constexpr Duration kStolenMin = std::chrono::microseconds{300};
+
+  /// Sees who else is on the cores of `cpus`, and what the hypervisor accounts for in /proc/stat,
+  /// in hundredths of a second; with a witness, to which it refers, what that feels, and
+  /// kStolenMin taken from one of its CPUs.
+  explicit RoundWatch(std::vector<int> cpus, const StallWitness* witness = nullptr);
+  [[nodiscard]] RoundFault fault() const;
+
+ private:
+  std::vector<int> cpus_;
+  const StallWitness* witness_;
+  bool began_shared_;
+  StolenTime stolen_time_;
+  std::uint64_t stolen_;
+  std::uint64_t stall_count_ = 0;
+};
+
+/// Watches, over a run, what spoils figures and is nobody's fault: time that a hypervisor took away
+/// (steal), and real-time threads that had to wait for their CPU all the same, which is what the
+/// kernel's real-time throttling looks like from inside.
+/// Threads: one.   Set-up only: it reads /proc, so outside of timed stretches.
+class DisturbanceWatch {
+ public:
+  /// Watches the machine, this process and `servers` from now on.
+  explicit DisturbanceWatch(std::vector<pid_t> servers);
+
+  /// Notes what the servers met so far, which are about to end.
+  void note();
+  /// Notes the same at the end of each of a run's rounds, of which the longest counts. Else the
+  /// ordinary waits of a thousand wake-ups add up to what looks like one long one.
+  void end_round();
+  /// Watches other servers, which take the place of those noted.
+  void follow(std::vector<pid_t> servers);
+
+  /// What happened since: fields steal_percent and held_off_ms, and a mark for each that matters to
+  /// a result whose longest latency is `longest_us`.
+  void finish(Result& result, double longest_us) const;
+
+ private:
+  /// Nanoseconds that each measured real-time thread waited, ready to run, for a CPU.
+  [[nodiscard]] std::map<pid_t, std::uint64_t> read_run_delays() const;
+  /// The longest that a thread waited since follow() or end_round(), in milliseconds.
+  [[nodiscard]] double held_off_ms() const;
+
+  std::vector<pid_t> processes_;
+  std::uint64_t stolen_ = 0;  ///< Ticks of all CPUs, as the total is.
+  std::uint64_t total_ = 0;
+  std::map<pid_t, std::uint64_t> run_delays_;
+  double noted_ms_ = 0;
+};
+
+/// The machine as far as it matters for latencies, for the JSON and in words.
+struct Environment {
+  JsonObject json;
+  std::string text;
+};
+[[nodiscard]] Environment describe_environment(const Placement& placement, bool is_realtime);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,40 @@
+#include "figures/stall_witness.hpp"
+
+#include <sched.h>
+
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::bench {
+
+StallWitness::~StallWitness() {
+  is_over_.store(true, std::memory_order_relaxed);
+}
+
+expected<void, std::string> StallWitness::start(std::span<const int> cpus) {
+  cpus_.assign(cpus.begin(), cpus.end());
+  for (const int cpu : cpus) {
+    auto thread = rt::Thread::start({.name = "bench-witness", .cpus = {cpu}}, [this] { run(); });
+    if (!thread) return unexpected{thread.error().text};
+    threads_.push_back(std::move(*thread));
+  }
+  return {};
+}
+
+void StallWitness::run() noexcept {
+  const sched_param parameter{.sched_priority = sched_get_priority_max(SCHED_FIFO)};
+  if (sched_setscheduler(0, SCHED_FIFO, &parameter) != 0) return;
+  // No multiple of anybody's period: it is not to meet the same call each time.
+  constexpr Duration kPeriod = std::chrono::microseconds{1730};
+  MonotonicTime due = rt::now() + kPeriod;
+  while (!is_over_.load(std::memory_order_relaxed)) {
+    rt::sleep_until(due);
+    const MonotonicTime now = rt::now();
+    if (now - due >= kStallMin && now - due < kStallMax) count_.fetch_add(1);
+    while (due <= now)
+      due += kPeriod;
+  }
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,54 @@
+#include "figures/stolen_time.hpp"
+
+#include <algorithm>
+#include <ctime>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "figures/excursion.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/native_time.hpp"
+
+namespace rtpm::bench {
+namespace {
+
+// By how much the clock for tasks of this CPU is behind. The kernel notes its time as a thread is
+// given the CPU, hence the sleep.
+std::optional<Duration> read_behind() {
+  rt::sleep_until(rt::now() + std::chrono::microseconds{10});
+  timespec now{};
+  clock_gettime(CLOCK_MONOTONIC_RAW, &now);
+  std::ifstream file("/proc/thread-self/sched");
+  for (std::string line; std::getline(file, line);) {
+    if (!line.starts_with("se.exec_start")) continue;
+    std::istringstream value(line.substr(line.find(':') + 1));
+    double given_ms = 0;
+    if (!(value >> given_ms)) return std::nullopt;
+    return rt::to_duration(now) - Duration{static_cast<Duration::rep>(given_ms * 1e6)};
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+StolenTime::StolenTime(std::span<const int> cpus) {
+  Excursion excursion;
+  for (const int cpu : cpus) {
+    if (!excursion.go_to(cpu)) continue;
+    if (const auto behind = read_behind()) cpus_.push_back({cpu, *behind});
+  }
+}
+
+std::optional<Duration> StolenTime::most() const {
+  std::optional<Duration> most;
+  Excursion excursion;
+  for (const Cpu& cpu : cpus_) {
+    if (!excursion.go_to(cpu.number)) continue;
+    const auto behind = read_behind();
+    if (behind) most = std::max(most.value_or(Duration{0}), *behind - cpu.behind);
+  }
+  return most;
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "settings.hpp"
+#include "sides/caller.hpp"
+
+namespace rtpm::bench {
+
+/// Callers of low priority that call without pause, each on a thread of its own, on the CPU of the
+/// measured caller, which their priority keeps out of its way.
+/// Threads: one.   Set-up only.
+class LowLoad {
+ public:
+  /// One caller per job.
+  LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vector<Job> jobs);
+
+  /// Starts the first `caller_count` callers and returns when each has had its first answer.
+  [[nodiscard]] expected<void, std::string> start(int caller_count);
+  /// Ends the callers' calling and gives back what they met: the latencies of their calls, or why
+  /// one of them failed.
+  [[nodiscard]] expected<std::vector<Duration>, std::string> stop();
+
+ private:
+  struct Member {
+    Job job;
+    std::vector<Duration> latencies;
+    std::string failure;
+    std::atomic<bool> has_begun{false};
+    rt::Thread thread;
+  };
+  void run(Member& member);
+
+  Placement placement_;
+  rt::RealtimeMode realtime_;
+  std::atomic<bool> is_stopping_{false};
+  std::vector<std::unique_ptr<Member>> members_;
+};
+
+}  // namespace rtpm::bench

@@ -1,0 +1,252 @@
+#include "sides/rtpm_side.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <bench.rtpm.hpp>
+#include <cstring>
+#include <optional>
+#include <utility>
+
+namespace rtpm::bench {
+namespace {
+
+class EchoServantImpl final : public EchoServant {
+ public:
+  explicit EchoServantImpl(std::uint64_t numbered_count) : has_run_(numbered_count) {}
+
+  rpc::Result<Wrench> echo(const Wrench& request, const rpc::CallContext&) override {
+    return request;
+  }
+
+  rpc::Result<void> nothing(const rpc::CallContext&) override { return {}; }
+
+  rpc::Result<void> work(const Work& request, const rpc::CallContext&) override {
+    compute_for(std::chrono::microseconds{request.duration_us()});
+    return {};
+  }
+
+  rpc::Result<Numbered> count(const Numbered& request, const rpc::CallContext&) override {
+    if (request.number() >= has_run_.size()) return unexpected{rpc::Refusal::kBadRequest};
+    (has_run_[request.number()].exchange(true) ? again_count_ : distinct_count_).fetch_add(1);
+    return request;
+  }
+
+  rpc::Result<Runs> runs(const rpc::CallContext&) override {
+    return Runs(distinct_count_.load(), again_count_.load());
+  }
+
+  rpc::Result<void> echo_bulk(const Bulk& request, rpc::ReplyBuilder<Bulk>& reply,
+                              const rpc::CallContext&) override {
+    const auto bytes =
+        reply.builder().CreateVector(request.bytes()->data(), request.bytes()->size());
+    reply.finish(CreateBulk(reply.builder(), bytes));
+    return {};
+  }
+
+ private:
+  std::vector<std::atomic<bool>> has_run_;
+  std::atomic<std::uint64_t> distinct_count_{0};
+  std::atomic<std::uint64_t> again_count_{0};
+};
+
+class RtpmCaller final : public Caller {
+ public:
+  explicit RtpmCaller(EchoClient client) : client_(std::move(client)) {}
+
+  expected<void, std::string> echo() override {
+    const auto reply = client_.echo(wrench_);
+    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+    // The very bytes are to come back.
+    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
+    if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
+      return unexpected{std::string("RTPM's echo differs")};
+    }
+    return {};
+  }
+
+  expected<void, std::string> work(Duration duration) override {
+    const auto us = std::chrono::duration_cast<std::chrono::microseconds>(duration).count();
+    const auto reply = client_.work(Work(static_cast<std::uint64_t>(us)));
+    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+    return {};
+  }
+
+ private:
+  EchoClient client_;
+  Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
+};
+
+/// Calls with another payload than the usual; nothing in them computes.
+class RtpmPayloadCaller final : public Caller {
+ public:
+  explicit RtpmPayloadCaller(Job job) : job_(std::move(job)) {}
+  expected<void, std::string> echo() override { return job_(); }
+  expected<void, std::string> work(Duration) override {
+    return unexpected{std::string("calls of this payload only echo")};
+  }
+
+ private:
+  Job job_;
+};
+
+class RtpmPipeline final : public Pipeline {
+ public:
+  RtpmPipeline(EchoClient client, std::size_t in_flight)
+      : client_(std::move(client)), pending_(in_flight) {}
+
+  expected<void, std::string> run(std::uint64_t count) override {
+    std::uint64_t begun = 0;
+    for (std::uint64_t taken = 0; taken < count; ++taken) {
+      for (; begun < std::min(count, taken + pending_.size()); ++begun) {
+        auto call = client_.begin_echo(wrench_, {.pipeline = &pipeline_});
+        if (!call) return unexpected{std::string(rpc::to_string(call.error()))};
+        pending_[begun % pending_.size()].emplace(std::move(*call));
+      }
+      const auto reply = pending_[taken % pending_.size()]->take();
+      if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+      // Byte by byte, as it came.   NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
+      if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
+        return unexpected{std::string("RTPM's echo differs")};
+      }
+    }
+    return {};
+  }
+
+ private:
+  EchoClient client_;
+  rpc::Pipeline pipeline_;
+  std::vector<std::optional<rpc::PendingStruct<Wrench>>> pending_;
+  Wrench wrench_{1.0, -2.0, 3.0, -4.0, 5.0, -6.0};
+};
+
+class RtpmNumberedCaller final : public NumberedCaller {
+ public:
+  explicit RtpmNumberedCaller(EchoClient client) : client_(std::move(client)) {}
+
+  expected<void, rpc::CallError> call(std::uint64_t number, Duration deadline) noexcept override {
+    constexpr std::array<std::uint64_t, 5> kFilling{1, 2, 3, 4, 5};
+    const Numbered request(number, kFilling);
+    const auto reply = client_.count(request, {.deadline = deadline});
+    if (!reply) return unexpected{reply.error()};
+    if (std::memcmp(&*reply, &request, sizeof request) != 0) {
+      return unexpected{rpc::CallError::kBadReply};
+    }
+    return {};
+  }
+
+  expected<NumberedRuns, rpc::CallError> runs() noexcept override {
+    const auto reply = client_.runs();
+    if (!reply) return unexpected{reply.error()};
+    return NumberedRuns{reply->distinct(), reply->again()};
+  }
+
+ private:
+  EchoClient client_;
+};
+
+expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& url,
+                                            Priority priority) {
+  auto client =
+      EchoClient::bind(node, url, {.transport = node.config().transport, .warm_up = {priority}});
+  if (!client) return unexpected{client.error().text};
+  return std::move(*client);
+}
+
+/// A message of `size` bytes, encoded, which differ so that a mix-up shows.
+flatbuffers::DetachedBuffer encode_bulk(std::size_t size) {
+  flatbuffers::FlatBufferBuilder builder(size + 64);
+  std::uint8_t* bytes = nullptr;
+  const auto vector = builder.CreateUninitializedVector(size, &bytes);
+  for (std::size_t i = 0; i < size; ++i)
+    bytes[i] = static_cast<std::uint8_t>(i ^ (i >> 8) ^ (i >> 16));
+  builder.Finish(CreateBulk(builder, vector));
+  return builder.Release();
+}
+
+}  // namespace
+
+expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
+  auto server = rpc::Server::create({.name = "rtpm-bench",
+                                     .host = std::move(config.host),
+                                     .lanes = std::move(config.lanes),
+                                     .realtime = config.realtime,
+                                     .session_count_max = config.session_count_max});
+  if (!server) return unexpected{server.error().text};
+  static auto& servant = *new EchoServantImpl(config.numbered_count);
+  if (auto added = (*server)->add("bench/echo", servant); !added) {
+    return unexpected{added.error().text};
+  }
+  if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+  // Served until the process ends, so never given back.
+  return server->release()->url("bench/echo");
+}
+
+std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait) {
+  rpc::NodeConfig config{.wait = wait, .transport = rpc::Transport::kUdp};
+  if (carrier == Carrier::kTcp) config.transport = rpc::Transport::kTcp;
+  if (carrier == Carrier::kSharedMemory) config.transport = rpc::Transport::kSharedMemory;
+  return std::make_unique<rpc::Node>(config);
+}
+
+expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,
+                                                                   const std::string& url,
+                                                                   Priority priority,
+                                                                   std::size_t payload_size) {
+  const auto caller_of = [](Job job) {
+    return std::unique_ptr<Caller>(std::make_unique<RtpmPayloadCaller>(std::move(job)));
+  };
+  if (payload_size != 0 && payload_size != kPayloadSize) {
+    auto job = connect_bulk_job(node, url, priority, payload_size);
+    if (!job) return unexpected{job.error()};
+    return caller_of(std::move(*job));
+  }
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  if (payload_size == kPayloadSize) {
+    return std::unique_ptr<Caller>(std::make_unique<RtpmCaller>(std::move(*client)));
+  }
+  return caller_of(
+      [held = std::make_shared<EchoClient>(std::move(*client))]() -> expected<void, std::string> {
+        const auto reply = held->nothing();
+        if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+        return {};
+      });
+}
+
+expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
+                                            Priority priority, std::size_t size) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  // Shared, because a job is copied.
+  auto held = std::make_shared<EchoClient>(std::move(*client));
+  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_bulk(size));
+  return Job([held, message]() -> expected<void, std::string> {
+    const auto reply =
+        held->echo_bulk_encoded(std::as_bytes(std::span(message->data(), message->size())));
+    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+    const auto& sent = *flatbuffers::GetRoot<Bulk>(message->data())->bytes();
+    const auto& got = *(*reply)->bytes();
+    if (got.size() != sent.size() || std::memcmp(got.data(), sent.data(), sent.size()) != 0) {
+      return unexpected{std::string("RTPM's large echo differs")};
+    }
+    return {};
+  });
+}
+
+expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(rpc::Node& node,
+                                                                       const std::string& url,
+                                                                       Priority priority,
+                                                                       std::size_t in_flight) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  return std::unique_ptr<Pipeline>(std::make_unique<RtpmPipeline>(std::move(*client), in_flight));
+}
+
+expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
+    rpc::Node& node, const std::string& url, Priority priority) {
+  auto client = bind_echo(node, url, priority);
+  if (!client) return unexpected{client.error()};
+  return std::unique_ptr<NumberedCaller>(std::make_unique<RtpmNumberedCaller>(std::move(*client)));
+}
+
+}  // namespace rtpm::bench

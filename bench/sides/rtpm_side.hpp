@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rpc/error.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "settings.hpp"
+#include "sides/caller.hpp"
+
+/// RTPM's own side of every comparison: the Echo service of bench.fbs through generated code.
+namespace rtpm::bench {
+
+/// What an Echo server is started with.
+struct RtpmServerConfig {
+  std::string host = "127.0.0.1";  ///< Numeric.
+  std::vector<rpc::LaneConfig> lanes{};
+  std::uint32_t session_count_max = 256;  ///< Per lane and transport.
+  std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it can tell apart.
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// Starts an Echo server in this process, which serves until the process ends, and gives back the
+/// object's URL.   Set-up only.
+[[nodiscard]] expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config);
+
+/// The calling side of one program for callers that share a carrier and a wait strategy.
+[[nodiscard]] std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait);
+
+/// Binds the Echo object at `url`; the caller's priority is that of the thread that calls. Its
+/// echo() has `payload_size` bytes brought back: 48 as a struct, none as rtpm.Empty, others as a
+/// vector in a table, encoded beforehand.   Ownership: refers to `node`.   Set-up only.
+[[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(
+    rpc::Node& node, const std::string& url, Priority priority,
+    std::size_t payload_size = kPayloadSize);
+
+/// As connect_rtpm_caller(): a call that has `size` bytes brought back, as one message.
+[[nodiscard]] expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
+                                                          Priority priority, std::size_t size);
+
+/// As connect_rtpm_caller().
+[[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(
+    rpc::Node& node, const std::string& url, Priority priority, std::size_t in_flight);
+
+/// What a server noted of numbered calls.
+struct NumberedRuns {
+  std::uint64_t distinct_count = 0;  ///< Numbers that ran.
+  std::uint64_t again_count = 0;     ///< Runs of a number that had run before.
+};
+
+/// One calling thread whose calls each have a number, so that a second run of one is seen.
+/// Threads: one.
+class NumberedCaller {
+ public:
+  NumberedCaller() = default;
+  NumberedCaller(const NumberedCaller&) = delete;
+  NumberedCaller& operator=(const NumberedCaller&) = delete;
+  virtual ~NumberedCaller() = default;
+
+  /// Sends 48 bytes that begin with `number` and waits for them to come back; kBadReply: others
+  /// came.   RT: alloc-free.
+  [[nodiscard]] virtual expected<void, rpc::CallError> call(std::uint64_t number,
+                                                            Duration deadline) noexcept = 0;
+  /// What the server noted so far.
+  [[nodiscard]] virtual expected<NumberedRuns, rpc::CallError> runs() noexcept = 0;
+};
+
+/// As connect_rtpm_caller().
+[[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
+    rpc::Node& node, const std::string& url, Priority priority);
+
+}  // namespace rtpm::bench
