@@ -93,17 +93,15 @@ class Measurement:
                 self._keep_outcome(self._run(part, self.keep))
 
     def _run_again(self, parts):
-        left = [part for part in parts if self._is_worth_it(part)]
-        while left and not self.is_interrupted:
-            left.sort(key=lambda part: _rank(self._parts[part.name]), reverse=True)
-            fitting = [part for part in left
-                       if time.monotonic() + self._parts[part.name]["seconds"] < self._end]
-            if not fitting:
+        worst_first = sorted(filter(self._is_worth_it, parts),
+                             key=lambda part: _rank(self._parts[part.name]), reverse=True)
+        for part in worst_first:
+            if self.is_interrupted:
                 return
-            left.remove(fitting[0])
-            print(f"measuring {fitting[0].name} again, as it was disturbed", file=sys.stderr,
-                  flush=True)
-            self._run_once_more(fitting[0])
+            if time.monotonic() + self._parts[part.name]["seconds"] < self._end:
+                print(f"measuring {part.name} again, as it was disturbed", file=sys.stderr,
+                      flush=True)
+                self._run_once_more(part)
 
     def _is_worth_it(self, part):
         first = self._parts[part.name]
