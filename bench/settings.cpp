@@ -35,6 +35,12 @@ std::vector<int> cpus_of(const Placement& placement) {
   return {placement.client_cpu, placement.server_cpu};
 }
 
+std::size_t samples_per_round(const Settings& settings, std::uint64_t count_default) {
+  const std::uint64_t count = settings.sample_count == 0 ? count_default : settings.sample_count;
+  return static_cast<std::size_t>(
+      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+}
+
 std::vector<Rounds> parts_of_run(int round_count, int part_count) {
   const int count = std::min(part_count, round_count);
   std::vector<Rounds> parts;

@@ -62,6 +62,10 @@ struct Placement {
 /// Each of its CPUs once.
 [[nodiscard]] std::vector<int> cpus_of(const Placement& placement);
 
+/// How many samples a round has: a like part of those that were asked for, or else of
+/// `count_default`; at least one.
+[[nodiscard]] std::size_t samples_per_round(const Settings& settings, std::uint64_t count_default);
+
 /// Rounds of a run, from one on and before another.
 struct Rounds {
   int begin = 0;

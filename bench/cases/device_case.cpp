@@ -147,10 +147,7 @@ expected<Result, std::string> measure_one(const Settings& settings, const DuelCo
   if (!device) return unexpected{device.error()};
   auto duel = Duel::start(config);
   if (!duel) return unexpected{duel.error()};
-  const std::uint64_t count =
-      settings.sample_count == 0 ? kSampleCountDefault : settings.sample_count;
-  const auto per_round = static_cast<std::size_t>(
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+  const std::size_t per_round = samples_per_round(settings, kSampleCountDefault);
   std::array<Samples, 2> samples{Samples(settings.round_count, per_round),
                                  Samples(settings.round_count, per_round)};
   Result result{.title = title_of("device", config) + ", " + short_text(settings.rate_hz) + " Hz"};

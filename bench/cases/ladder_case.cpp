@@ -118,10 +118,7 @@ expected<void, std::string> Ladder::warm_up(EventSide& side) {
 
 expected<void, std::string> Ladder::measure() {
   if (auto connected = connect(); !connected) return connected;
-  const std::uint64_t count =
-      settings_.sample_count == 0 ? kEventCountDefault : settings_.sample_count;
-  const auto per_round = static_cast<std::size_t>(
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings_.round_count)));
+  const std::size_t per_round = samples_per_round(settings_, kEventCountDefault);
   const Duration period{static_cast<std::int64_t>(1e9 / settings_.rate_hz)};
   for (std::size_t rung = 0; rung < kRungs.size(); ++rung) {
     findings_.emplace_back(settings_.round_count, per_round, 1);

@@ -1,4 +1,3 @@
-#include <algorithm>
 #include <array>
 
 #include "cases/case.hpp"
@@ -55,10 +54,7 @@ expected<void, std::string> start_once(const Settings& settings, const DuelConfi
 }
 
 expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
-  const std::uint64_t count =
-      settings.sample_count == 0 ? kStartCountDefault : settings.sample_count;
-  const auto per_round = static_cast<std::size_t>(
-      std::max<std::uint64_t>(1, count / static_cast<std::uint64_t>(settings.round_count)));
+  const std::size_t per_round = samples_per_round(settings, kStartCountDefault);
   std::array<Finding, 2> findings{Finding(settings.round_count, per_round),
                                   Finding(settings.round_count, per_round)};
   DuelConfig floor_config = config;
