@@ -124,7 +124,11 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
   stream_sources_.reserve(connections_.size());
-  if (Crew::is_wanted(config_, setup.borrows)) crew_.emplace(config_, call_count_max(setup));
+  if (Crew::is_wanted(config_, setup.borrows)) {
+    crew_.emplace(config_, call_count_max(setup));
+  } else {
+    poller_.allow_receives();
+  }
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
                                       config_.wait.strategy == rt::WaitStrategy::kPeriodic)) {
@@ -139,6 +143,7 @@ void Lane::run() noexcept {
   MonotonicTime spin_end = kNever;
   while (!is_stopping_.load(std::memory_order_acquire))
     step(spin_end);
+  poller_.end_receives();
   say_goodbye();
 }
 
@@ -376,7 +381,12 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
   if (connection_count() == 0 && !is_shared) {
     return poller_.receive_for(*port_, datagrams_, kUdp, until, ready_);
   }
-  std::array<transport::Watched, kFewStreams + 1> few{{{port_->descriptor(), kUdp}}};
+  const transport::Watched port{port_->descriptor(), kUdp};
+  if (stream_sources_.size() == 1 && memory_sources_.empty() && !is_crowded_ && !is_shared) {
+    const Source only = stream_sources_.front();
+    return poller_.receive_for(*connections_[only].stream, only, port, until, ready_);
+  }
+  std::array<transport::Watched, kFewStreams + 1> few{{port}};
   std::size_t few_count = 1;
   for (std::size_t i = 0; !is_crowded_ && i < stream_sources_.size(); ++i) {
     const Source source = stream_sources_[i];

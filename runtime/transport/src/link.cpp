@@ -206,7 +206,6 @@ expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string&
                                      " (" + std::strerror(error) +
                                      "). Remedy: start the server, or check host and port."}};
   }
-  limit_blocking(socket.number());
   return std::unique_ptr<Link>(std::make_unique<TcpLink>(std::move(socket), message_size_max));
 }
 

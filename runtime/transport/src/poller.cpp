@@ -17,8 +17,14 @@
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
+#include "side_watch.hpp"
 
 namespace rtpm::transport {
+
+Poller::Poller() noexcept = default;
+Poller::Poller(Poller&&) noexcept = default;
+Poller& Poller::operator=(Poller&&) noexcept = default;
+Poller::~Poller() = default;
 
 expected<Poller, TransportError> Poller::open() {
   Poller poller;
@@ -42,6 +48,10 @@ expected<Poller, TransportError> Poller::open() {
                        "seccomp profile that knows this system call."}};
   }
   return poller;
+}
+
+void Poller::allow_receives() {
+  side_ = SideWatch::open();
 }
 
 namespace {
@@ -144,6 +154,38 @@ std::size_t Poller::receive_for(UdpPort& port, MutableBytes buffer, std::uint64_
   if (has_datagram) tags[count++] = tag;
   if (was_rung_) tags[count++] = kBell;
   return count;
+}
+
+std::size_t Poller::receive_for(Connection& connection, std::uint64_t tag, const Watched& other,
+                                MonotonicTime until, std::span<std::uint64_t> tags) noexcept {
+  if (!may_block_until(until) || !may_receive_beside(other)) {
+    const std::array<Watched, 2> both{other, {connection.descriptor(), tag}};
+    const std::size_t count = wait_for(both, until, tags);
+    const bool was_alone = count == 1 && tags[0] == tag;
+    if (count > 0) alone_count_ = was_alone ? alone_count_ + 1 : 0;
+    return count;
+  }
+  const rt::AsleepScope asleep;
+  // If it was one of the others that ended it, the next wait sees so before it begins.
+  if (!connection.await_news()) return 0;
+  tags[0] = tag;
+  return 1;
+}
+
+// Whether neither the other nor the bell has something to tell, and a receive will end when one
+// has.
+bool Poller::may_receive_beside(const Watched& other) noexcept {
+  if (alone_count_ < kAloneMin || side_ == nullptr || !side_->is_open()) return false;
+  const std::array<int, 2> watched{bell_.number(), other.descriptor};
+  if (!side_->is_on() && !side_->begin(watched)) return false;
+  if (!side_->has_news()) return true;
+  end_receives();
+  return false;
+}
+
+void Poller::end_receives() noexcept {
+  alone_count_ = 0;
+  if (side_ != nullptr) side_->end();
 }
 
 // Whether the bell rang since this was last asked.

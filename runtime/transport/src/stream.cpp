@@ -18,11 +18,17 @@ namespace {
 // would gain that little more, and cost large messages much.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
+bool is_nothing(int error) noexcept {
+  return error == EAGAIN || error == EWOULDBLOCK || error == EINTR;
+}
+
 }  // namespace
 
 FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
     : socket_(std::move(socket)),
-      lines_((wire::kHeaderSize + message_size_max + sizeof(CacheLine) - 1) / sizeof(CacheLine)) {}
+      lines_((wire::kHeaderSize + message_size_max + sizeof(CacheLine) - 1) / sizeof(CacheLine)) {
+  limit_blocking(socket_.number());
+}
 
 MutableBytes FrameStream::buffer() noexcept {
   return {lines_.front().bytes, lines_.size() * sizeof(CacheLine)};
@@ -50,33 +56,50 @@ expected<ConstBytes, IoError> FrameStream::await() noexcept {
   return receive(0);
 }
 
+bool FrameStream::await_news() noexcept {
+  take_back_given();
+  if (has_buffered()) return true;
+  // An error is told by the receive that follows, too.
+  return fill(0) >= 0 || !is_nothing(errno);
+}
+
 expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
-  if (given_size_ > 0) {
-    // Each frame begins at the buffer's begin, so that its payload is aligned.
-    filled_size_ -= given_size_;
-    if (filled_size_ > 0) {
-      std::memmove(buffer().data(), buffer().data() + given_size_, filled_size_);
-    }
-    given_size_ = 0;
-  }
+  take_back_given();
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
   while (size == 0) {
-    MutableBytes room = buffer().subspan(filled_size_);
-    room = room.first(std::min(room.size(), kStepSizeMax));
-    const ssize_t count = recv(socket_.number(), room.data(), room.size(), flags);
+    const std::size_t room_size = std::min(buffer().size() - filled_size_, kStepSizeMax);
+    const ssize_t count = fill(flags);
     if (count == 0) return unexpected{IoError::kClosed};
     if (count < 0) {
-      const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
-      return unexpected{is_nothing ? IoError::kNothing : IoError::kClosed};
+      return unexpected{is_nothing(errno) ? IoError::kNothing : IoError::kClosed};
     }
-    filled_size_ += static_cast<std::size_t>(count);
     size = complete_size(0);
-    if (size == 0 && static_cast<std::size_t>(count) < room.size()) {
+    if (size == 0 && static_cast<std::size_t>(count) < room_size) {
       return unexpected{IoError::kNothing};
     }
   }
   given_size_ = size;
   return ConstBytes(buffer().data(), size);
+}
+
+// The frame that was given makes room. Each frame begins at the buffer's begin, so that its payload
+// is aligned.
+void FrameStream::take_back_given() noexcept {
+  if (given_size_ == 0) return;
+  filled_size_ -= given_size_;
+  if (filled_size_ > 0) {
+    std::memmove(buffer().data(), buffer().data() + given_size_, filled_size_);
+  }
+  given_size_ = 0;
+}
+
+// Receives once, behind what is there.
+ssize_t FrameStream::fill(int flags) noexcept {
+  MutableBytes room = buffer().subspan(filled_size_);
+  room = room.first(std::min(room.size(), kStepSizeMax));
+  const ssize_t count = recv(socket_.number(), room.data(), room.size(), flags);
+  if (count > 0) filled_size_ += static_cast<std::size_t>(count);
+  return count;
 }
 
 expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {

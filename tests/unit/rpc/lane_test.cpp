@@ -244,6 +244,48 @@ TEST(Lane, IsNeverDeafToItsBell) {
   }
 }
 
+// With one caller it waits by receiving from that alone, and is to hear everybody else all the
+// same.
+TEST(Lane, HearsEverybodyWhileItReceivesFromItsOnlyCaller) {
+  for (const rt::WaitStrategy wait : {rt::WaitStrategy::kBlock, rt::WaitStrategy::kAdaptive}) {
+    LaneConfig lane;
+    lane.wait = {.strategy = wait, .spin = std::chrono::microseconds{1}};
+    EchoServer server(quiet_config({lane}));
+    RawPeer only(Transport::kTcp, server.server->port());
+    ASSERT_TRUE(only.open());
+    std::uint32_t call_id = 0;
+    const auto call_often = [&] {
+      for (int i = 0; i < 2 * transport::Poller::kAloneMin; ++i) {
+        only.send(only.call_frame(++call_id, echo::kEcho.id));
+        ASSERT_TRUE(only.receive_answer(call_id)) << call_id;
+      }
+    };
+    call_often();
+    RawPeer by_datagrams(Transport::kUdp, server.server->port());
+    ASSERT_TRUE(by_datagrams.open());
+    call_often();
+    by_datagrams.send(by_datagrams.call_frame(1, echo::kEcho.id));
+    ASSERT_TRUE(by_datagrams.receive_answer(1));
+    call_often();
+    {
+      RawPeer second(Transport::kTcp, server.server->port());
+      ASSERT_TRUE(second.open());
+      second.send(second.call_frame(1, echo::kEcho.id));
+      ASSERT_TRUE(second.receive_answer(1));
+    }
+    call_often();
+    Node node(quiet_node(Transport::kLocal));
+    auto local = Binding::bind(node, server.server->url("echo"), echo::kInterface);
+    ASSERT_TRUE(local) << local.error().text;
+    ASSERT_TRUE(local->call(echo::kEcho, {}));
+    call_often();
+    ASSERT_TRUE(local->call(echo::kEcho, {}));
+    call_often();
+    // It ends at once, with what it has.
+    server.server->stop();
+  }
+}
+
 TEST(Lane, TakesOverEveryConnectionThatItIsGiven) {
   LaneAlone alone(/*session_count_max=*/8, rt::WaitStrategy::kSpin);
   const Bytes garbage(wire::kHeaderSize, std::byte{0x55});

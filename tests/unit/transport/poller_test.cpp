@@ -13,7 +13,9 @@
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/link.hpp"
+#include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
+#include "side_watch.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -222,6 +224,131 @@ TEST_P(PollerWithPort, HearsEachRingOfOthersWhileItWaits) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Poller, PollerWithPort, testing::Bool(), [](const auto& parameter) {
+  return parameter.param ? "Receiving" : "Polling";
+});
+
+// A lane waits for its only connection beside its port; where the system has io_uring, by a
+// receive.
+class PollerWithConnection : public PollerTest, public testing::WithParamInterface<bool> {
+ protected:
+  void SetUp() override {
+    PollerTest::SetUp();
+    if (!GetParam()) return;
+    if (SideWatch::open() == nullptr) GTEST_SKIP() << "io_uring is not to be had here";
+    poller_.allow_receives();
+  }
+  Tags wait_for_both(MonotonicTime until) {
+    std::array<std::uint64_t, 3> tags{};
+    const Watched other{other_.first.number(), 7};
+    const std::size_t count = poller_.receive_for(stream_, 5, other, until, tags);
+    Tags ready(tags.begin(), tags.begin() + static_cast<std::ptrdiff_t>(count));
+    std::ranges::sort(ready);
+    return ready;
+  }
+  Tags await_any() {
+    Tags tags;
+    while (tags.empty())
+      tags = wait_for_both(kNever);
+    return tags;
+  }
+  void send() { write_all(far_, frame_of(48)); }
+  bool receive() { return stream_.receive().has_value(); }
+  /// Until it waits by receiving, where it does.
+  void be_alone() {
+    for (int i = 0; i < Poller::kAloneMin + 2; ++i) {
+      send();
+      ASSERT_EQ(await_any(), Tags{5});
+      ASSERT_TRUE(receive());
+      ASSERT_FALSE(receive()) << "there was one";
+    }
+  }
+
+  std::pair<Descriptor, Descriptor> other_ = stream_pair();
+  std::pair<Descriptor, Descriptor> ends_ = stream_pair();
+  Descriptor& far_ = ends_.second;
+  FrameStream stream_{std::move(ends_.first), 1000};
+};
+
+TEST_P(PollerWithConnection, WaitsForTheConnectionTheOtherAndTheBell) {
+  for (int round = 0; round < 3; ++round) {
+    be_alone();
+    write_all(other_.second, Bytes(1));
+    EXPECT_EQ(await_any(), Tags{7});
+    EXPECT_EQ(wait_for_both(Poller::kAlready), Tags{7}) << "while it can be read";
+    std::byte byte{};
+    EXPECT_EQ(recv(other_.first.number(), &byte, 1, 0), 1);
+    be_alone();
+    poller_.ring();
+    EXPECT_EQ(await_any(), Tags{Poller::kBell});
+    EXPECT_EQ(wait_for_both(rt::now() + 100ms), Tags{}) << "the bell rang once";
+  }
+}
+
+TEST_P(PollerWithConnection, WaitsAsLongAsItIsTold) {
+  be_alone();
+  EXPECT_EQ(wait_for_both(Poller::kAlready), Tags{});
+  const MonotonicTime until = rt::now() + 3ms;
+  EXPECT_EQ(wait_for_both(until), Tags{});
+  EXPECT_GE(rt::now(), until);
+}
+
+TEST_P(PollerWithConnection, GivesWhatComesInPieces) {
+  be_alone();
+  const Bytes frame = frame_of(48);
+  write_all(far_, ConstBytes(frame).first(10));
+  EXPECT_EQ(await_any(), Tags{5});
+  EXPECT_FALSE(receive());
+  write_all(far_, ConstBytes(frame).subspan(10));
+  EXPECT_EQ(await_any(), Tags{5});
+  EXPECT_TRUE(receive());
+}
+
+TEST_P(PollerWithConnection, TellsThatThePeerIsGone) {
+  be_alone();
+  far_ = Descriptor{};
+  EXPECT_EQ(await_any(), Tags{5});
+  const auto frame = stream_.receive();
+  ASSERT_FALSE(frame);
+  EXPECT_EQ(frame.error(), IoError::kClosed);
+}
+
+TEST_P(PollerWithConnection, HoldsOnToNothingAfterItsEnd) {
+  be_alone();
+  poller_.end_receives();
+  other_.first = Descriptor{};
+  std::byte byte{};
+  EXPECT_EQ(recv(other_.second.number(), &byte, 1, 0), 0) << "the other end is still open";
+}
+
+TEST_P(PollerWithConnection, HearsEachRingOfOthersWhileItWaits) {
+  constexpr int kRingCount = 3000;
+  std::atomic<int> heard_count = 0;
+  std::thread other([&] {
+    for (int i = 0; i < kRingCount; ++i) {
+      // Enough of the connection in between for a wait that receives.
+      for (int call = 0; call < i % (2 * Poller::kAloneMin); ++call)
+        send();
+      poller_.ring();
+      while (heard_count <= i)
+        std::this_thread::yield();
+    }
+  });
+  int overslept_count = 0;
+  while (heard_count < kRingCount) {
+    const MonotonicTime begin = rt::now();
+    const Tags tags = wait_for_both(kNever);
+    if (rt::now() - begin >= kBlockTime) ++overslept_count;
+    static_cast<void>(receive());
+    if (std::ranges::find(tags, Poller::kBell) == tags.end()) continue;
+    while (receive()) {
+    }
+    ++heard_count;
+  }
+  other.join();
+  EXPECT_LT(overslept_count, kRingCount / 10) << "rings were heard when a wait was over";
+}
+
+INSTANTIATE_TEST_SUITE_P(Poller, PollerWithConnection, testing::Bool(), [](const auto& parameter) {
   return parameter.param ? "Receiving" : "Polling";
 });
 

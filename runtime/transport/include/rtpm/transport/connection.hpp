@@ -20,11 +20,16 @@ class Connection {
   /// Sends one whole frame; waits for room until `until` if there is none.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
-  /// One whole frame if it has arrived; valid until the next receive(), aligned to 16 bytes.
+  /// One whole frame if it has arrived; valid until the next receive() or await_news(), aligned to
+  /// 16 bytes.
   /// Never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
   /// Whether there is a whole frame that no poll would tell.
   [[nodiscard]] virtual bool has_buffered() const noexcept = 0;
+  /// Waits until receive() has something to say, for about kBlockTime or until the thread is
+  /// interrupted; false if it has not. Those that are memory don't wait.
+  /// RT: alloc-free, at most one syscall.
+  [[nodiscard]] virtual bool await_news() noexcept { return has_buffered(); }
   /// To be polled for reading.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
 

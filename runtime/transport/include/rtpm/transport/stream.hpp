@@ -16,14 +16,15 @@ namespace rtpm::transport {
 /// Threads: one at a time.   RT: send() and receive() are alloc-free, one syscall per 32 KiB.
 class FrameStream final : public Connection {
  public:
+  /// Has the socket block for kBlockTime where it is meant to.
   FrameStream(Descriptor socket, std::uint32_t message_size_max);
 
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   /// Bytes that can't be a frame of the stated size are given as they are.
   expected<ConstBytes, IoError> receive() noexcept override;
-  /// The same, but where nothing is there it waits, as long as its socket does: see
-  /// limit_blocking().
+  /// The same, but where nothing is there it waits, for about kBlockTime.
   [[nodiscard]] expected<ConstBytes, IoError> await() noexcept;
+  bool await_news() noexcept override;
   bool has_buffered() const noexcept override;
   int descriptor() const noexcept override { return socket_.number(); }
 
@@ -32,6 +33,8 @@ class FrameStream final : public Connection {
   [[nodiscard]] std::size_t complete_size(std::size_t at) const noexcept;
   [[nodiscard]] MutableBytes buffer() noexcept;
   [[nodiscard]] expected<ConstBytes, IoError> receive(int flags) noexcept;
+  void take_back_given() noexcept;
+  [[nodiscard]] ssize_t fill(int flags) noexcept;
 
   struct alignas(64) CacheLine {
     std::byte bytes[64];
