@@ -162,7 +162,7 @@ std::size_t Poller::receive_for(Connection& connection, std::uint64_t tag, const
     const std::array<Watched, 2> both{other, {connection.descriptor(), tag}};
     const std::size_t count = wait_for(both, until, tags);
     const bool was_alone = count == 1 && tags[0] == tag;
-    if (count > 0) alone_count_ = was_alone ? alone_count_ + 1 : 0;
+    if (count > 0) alone_count_ = was_alone ? std::min(alone_count_ + 1, kAloneMin) : 0;
     return count;
   }
   const rt::AsleepScope asleep;

@@ -99,7 +99,7 @@ class Poller {
   std::uint64_t heard_count_ = 0;
   bool was_rung_ = false;  ///< In the last wait.
   std::unique_ptr<SideWatch> side_;
-  int alone_count_ = 0;  ///< Waits in a row that a connection ended alone.
+  int alone_count_ = 0;  ///< Waits in a row that a connection ended alone, at most kAloneMin.
 };
 
 }  // namespace rtpm::transport
