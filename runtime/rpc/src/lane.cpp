@@ -126,7 +126,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   stream_sources_.reserve(connections_.size());
   if (Crew::is_wanted(config_, setup.borrows)) {
     crew_.emplace(config_, call_count_max(setup));
-  } else {
+  } else if (config_.wait.strategy != rt::WaitStrategy::kSpin) {
     poller_.allow_receives();
   }
   // On one CPU a spinning lane would only keep its callers from running.

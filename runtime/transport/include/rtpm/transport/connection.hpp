@@ -21,8 +21,7 @@ class Connection {
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
   /// One whole frame if it has arrived; valid until the next receive() or await_news(), aligned to
-  /// 16 bytes.
-  /// Never blocks.
+  /// 16 bytes. Never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
   /// Whether there is a whole frame that no poll would tell.
   [[nodiscard]] virtual bool has_buffered() const noexcept = 0;
