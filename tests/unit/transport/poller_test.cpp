@@ -40,6 +40,30 @@ class PollerTest : public testing::Test {
     return ready;
   }
   std::vector<std::uint64_t> look() { return wait(Poller::kAlready); }
+  /// Another thread rings so often, by `ring`, each time once it was heard that it rang before;
+  /// `receive` takes what came in a wait, and is told whether the bell rang in it.
+  template <class Ring, class Wait, class Receive>
+  static void expect_each_ring_heard(int ring_count, Ring ring, Wait wait, Receive receive) {
+    std::atomic<int> heard_count = 0;
+    std::thread other([&] {
+      for (int i = 0; i < ring_count; ++i) {
+        ring(i);
+        while (heard_count <= i)
+          std::this_thread::yield();
+      }
+    });
+    int overslept_count = 0;
+    while (heard_count < ring_count) {
+      const MonotonicTime begin = rt::now();
+      const std::vector<std::uint64_t> tags = wait();
+      if (rt::now() - begin >= kBlockTime) ++overslept_count;
+      const bool has_rung = std::ranges::find(tags, Poller::kBell) != tags.end();
+      receive(has_rung);
+      if (has_rung) ++heard_count;
+    }
+    other.join();
+    EXPECT_LT(overslept_count, ring_count / 10) << "rings were heard when a wait was over";
+  }
 
   Poller poller_;
 };
@@ -197,30 +221,17 @@ TEST_P(PollerWithPort, HearsTheBellThatRangBeforeAndOnce) {
 }
 
 TEST_P(PollerWithPort, HearsEachRingOfOthersWhileItWaits) {
-  constexpr int kRingCount = 2000;
-  std::atomic<int> rung_count = 0;
-  std::atomic<int> heard_count = 0;
-  std::thread other([&] {
-    for (int i = 0; i < kRingCount; ++i) {
-      ++rung_count;
-      poller_.ring();
-      // Now and then a datagram comes with it, after which it waits by receiving again.
-      if (i % 3 == 0) send();
-      while (heard_count < rung_count)
-        std::this_thread::yield();
-    }
-  });
-  int overslept_count = 0;
-  while (heard_count < kRingCount) {
-    const MonotonicTime begin = rt::now();
-    const Tags tags = wait_for_port(kNever);
-    if (rt::now() - begin >= kBlockTime) ++overslept_count;
+  const auto ring = [this](int i) {
+    poller_.ring();
+    // Now and then a datagram comes with it, after which it waits by receiving again.
+    if (i % 3 == 0) send();
+  };
+  const auto receive_all = [this](bool) {
     while (receive()) {
     }
-    if (std::ranges::find(tags, Poller::kBell) != tags.end()) heard_count = rung_count.load();
-  }
-  other.join();
-  EXPECT_LT(overslept_count, kRingCount / 10) << "rings were heard when a wait was over";
+  };
+  expect_each_ring_heard(
+      2000, ring, [this] { return wait_for_port(kNever); }, receive_all);
 }
 
 INSTANTIATE_TEST_SUITE_P(Poller, PollerWithPort, testing::Bool(), [](const auto& parameter) {
@@ -321,31 +332,18 @@ TEST_P(PollerWithConnection, HoldsOnToNothingAfterItsEnd) {
 }
 
 TEST_P(PollerWithConnection, HearsEachRingOfOthersWhileItWaits) {
-  constexpr int kRingCount = 3000;
-  std::atomic<int> heard_count = 0;
-  std::thread other([&] {
-    for (int i = 0; i < kRingCount; ++i) {
-      // Enough of the connection in between for a wait that receives.
-      for (int call = 0; call < i % (2 * Poller::kAloneMin); ++call)
-        send();
-      poller_.ring();
-      while (heard_count <= i)
-        std::this_thread::yield();
+  const auto ring = [this](int i) {
+    // Enough of the connection in between for a wait that receives.
+    for (int call = 0; call < i % (2 * Poller::kAloneMin); ++call)
+      send();
+    poller_.ring();
+  };
+  const auto receive_some = [this](bool has_rung) {
+    while (receive() && has_rung) {
     }
-  });
-  int overslept_count = 0;
-  while (heard_count < kRingCount) {
-    const MonotonicTime begin = rt::now();
-    const Tags tags = wait_for_both(kNever);
-    if (rt::now() - begin >= kBlockTime) ++overslept_count;
-    static_cast<void>(receive());
-    if (std::ranges::find(tags, Poller::kBell) == tags.end()) continue;
-    while (receive()) {
-    }
-    ++heard_count;
-  }
-  other.join();
-  EXPECT_LT(overslept_count, kRingCount / 10) << "rings were heard when a wait was over";
+  };
+  expect_each_ring_heard(
+      3000, ring, [this] { return wait_for_both(kNever); }, receive_some);
 }
 
 INSTANTIATE_TEST_SUITE_P(Poller, PollerWithConnection, testing::Bool(), [](const auto& parameter) {
