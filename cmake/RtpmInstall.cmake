@@ -26,12 +26,13 @@ function(rtpm_install_library target)
     return()
   endif()
   install(TARGETS ${target} EXPORT rtpm-targets
-    ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development
-    LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development)
+    ARCHIVE DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development OPTIONAL
+    LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}" COMPONENT development OPTIONAL)
+  rtpm_is_expected(${target} development)
   set(include_folder "${CMAKE_INSTALL_INCLUDEDIR}")
   if(A_HEADERS)
     string(APPEND include_folder "/rtpm/idl")
-    install(FILES ${A_HEADERS} DESTINATION "${include_folder}" COMPONENT development)
+    install(FILES ${A_HEADERS} DESTINATION "${include_folder}" COMPONENT development OPTIONAL)
   else()
     install(DIRECTORY "${A_INCLUDE}/" DESTINATION "${include_folder}" COMPONENT development)
   endif()
@@ -72,10 +73,34 @@ function(rtpm_install_program target)
   rtpm_is_installed(is_program "registry|devices|clients")
   if(is_tool)
     install(TARGETS ${target} EXPORT rtpm-targets
-      RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT development)
+      RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT development OPTIONAL)
+    rtpm_is_expected(${target} development)
   elseif(is_program)
-    install(TARGETS ${target} RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT programs)
+    install(TARGETS ${target}
+      RUNTIME DESTINATION "${CMAKE_INSTALL_BINDIR}" COMPONENT programs OPTIONAL)
+    rtpm_is_expected(${target} programs)
   endif()
+endfunction()
+
+# rtpm_is_expected(target component): of a build that is not complete, an installation says that the
+# target is missing, and no package is made.
+function(rtpm_is_expected target component)
+  get_target_property(type ${target} TYPE)
+  if(NOT type STREQUAL "INTERFACE_LIBRARY")
+    set_property(GLOBAL APPEND PROPERTY RTPM_EXPECTED_${component} ${target})
+  endif()
+endfunction()
+
+# Sets `result` to code that sets `missing` to the files of the component that are not built.
+function(rtpm_missing_code component result)
+  get_property(targets GLOBAL PROPERTY RTPM_EXPECTED_${component})
+  set(code "set(missing \"\")\n")
+  foreach(target IN LISTS targets)
+    string(APPEND code "if(NOT EXISTS \"$<TARGET_FILE:${target}>\")\n"
+      "  list(APPEND missing \"$<TARGET_FILE_NAME:${target}>\")\nendif()\n")
+  endforeach()
+  string(APPEND code "list(JOIN missing \", \" missing)\n")
+  set(${result} "${code}" PARENT_SCOPE)
 endfunction()
 
 # The CMake package, the schemas, and the Debian package; called once, last.
@@ -95,6 +120,15 @@ function(rtpm_install_package)
     COMPONENT development)
   file(GLOB schemas "${RTPM_IDL_DIR}/*.fbs")
   install(FILES ${schemas} DESTINATION "${RTPM_INSTALL_IDL_DIR}" COMPONENT development)
+  set(package_code "cmake_minimum_required(VERSION 3.25)\n")
+  foreach(component development programs)
+    rtpm_missing_code(${component} code)
+    install(CODE "${code}if(missing)\n  message(WARNING \"not installed, as not built: \${missing}. \"
+      \"Remedy: build all, and install again.\")\nendif()" COMPONENT ${component})
+    string(APPEND package_code "if(\"${component}\" IN_LIST CPACK_COMPONENTS_ALL)\n${code}if(missing)\n"
+      "  message(FATAL_ERROR \"no package ${component} without what is not built: \${missing}. Remedy: build all.\")\n"
+      "endif()\nendif()\n")
+  endforeach()
 
   if(NOT PROJECT_IS_TOP_LEVEL)
     return()
@@ -118,5 +152,8 @@ function(rtpm_install_package)
   set(CPACK_DEBIAN_PROGRAMS_PACKAGE_SECTION net)
   set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
   set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+  file(GENERATE OUTPUT "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake"
+    CONTENT "${package_code}")
+  set(CPACK_PRE_BUILD_SCRIPTS "${CMAKE_CURRENT_BINARY_DIR}/rtpm-package-is-whole.cmake")
   include(CPack)
 endfunction()

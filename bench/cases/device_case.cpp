@@ -29,7 +29,8 @@ expected<ServerProcess, std::string> start_device(const DuelConfig& config) {
     if (!driver) return unexpected{driver.error().text};
     gvd::DeviceServerConfig device_config;
     // The other side's turn is a silence.
-    device_config.cycle.lease = std::chrono::minutes{10};
+    device_config.cycle.lease.silence_max = std::chrono::minutes{10};
+    device_config.cycle.lease.idle_max = std::chrono::minutes{10};
     device_config.thread = {.name = "device",
                             .priority = kDevicePriority,
                             .cpus = {config.placement.server_cpu},

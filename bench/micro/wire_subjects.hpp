@@ -87,7 +87,7 @@ class JoinedProtocol {
   void to_server(ConstBytes frame) {
     const wire::Verdict verdict = sessions_.on_frame(frame, peer_, now_);
     if (verdict.action == wire::Verdict::Action::kDispatch) {
-      const MutableBytes reply = sessions_.reply_buffer(verdict.request);
+      const MutableBytes reply = sessions_.reply_buffer(verdict.request, now_);
       const ConstBytes request = verdict.request.payload;
       std::memcpy(reply.data(), request.data(), request.size());
       to_client(sessions_.complete(verdict.request, wire::Status::kOk,

@@ -97,7 +97,7 @@ def _head_lines(results):
         "# Results", "",
         f"Made by `./dev bench --report{' --quick' if form == 'quick' else ''}`"
         + (f" on {head['date']}" if "date" in head else "")
-        + (f" at commit {head['commit']}" if head.get("commit") else "")
+        + (f" at commit {head['commit']}" if head.get("commit") else " at an unknown commit")
         + "; the rows themselves are in [results/results.jsonl](results/results.jsonl). What each "
         "case does, and how it is measured, is said in [README.md](README.md).", "",
         "Every row was measured beside the raw floor, by turns in one run: the sockets or rings "
@@ -236,8 +236,12 @@ def draw(results, folder):
 
 
 def _commit():
-    done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True, text=True,
-                          cwd=os.path.dirname(os.path.abspath(__file__)), check=False)
+    """The tree's commit; empty where it has none, as in a source archive, or where there is no git."""
+    try:
+        done = subprocess.run(["git", "rev-parse", "--short", "HEAD"], capture_output=True,
+                              text=True, cwd=os.path.dirname(os.path.abspath(__file__)), check=False)
+    except OSError:
+        return ""
     return done.stdout.strip() if done.returncode == 0 else ""
 
 

@@ -10,6 +10,7 @@
 #include "rtpm/program/options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace {
 
@@ -32,7 +33,7 @@ Vector3 calculate_force(double x_m, double y_m) {
 }
 
 int fail(const std::string& text) {
-  std::fprintf(stderr, "rtpm-figure5: %s\n", text.c_str());
+  rtpm::rt::print_error("rtpm-figure5", text);
   return 1;
 }
 

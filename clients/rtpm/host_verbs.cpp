@@ -9,9 +9,11 @@
 #include <utility>
 #include <vector>
 
+#include "rtpm/base/printable.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
 
 // The verbs about this host, which call nobody.
@@ -73,17 +75,17 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
   const std::string band = std::to_string(lane.band_low) + "-" + std::to_string(lane.band_high);
   const bool is_shared = lane.schedule == "time-shared";
   return {std::to_string(table.process_id()),
-          table.server_name() + "@" + table.host() + ":" + std::to_string(table.port()),
-          lane.name,
+          printable(table.server_name() + "@" + table.host()) + ":" + std::to_string(table.port()),
+          printable(lane.name),
           band,
-          lane.wait + (is_shared ? ",shared" : ""),
+          printable(lane.wait) + (is_shared ? ",shared" : ""),
           std::to_string(counters.call_count),
           rate_of(table, lane, counters.call_count, history),
           time_text(sample.longest_cycle_ns),
           std::to_string(sample.queued_count),
           std::to_string(sample.open_call_count),
           std::to_string(dropped_count(counters.frames)),
-          std::to_string(counters.frames.expired_count + counters.late_count),
+          std::to_string(counters.late_count),
           std::to_string(counters.frames.duplicate_answered_count +
                          counters.frames.dropped_for(wire::DropReason::kDuplicateRunning)),
           std::to_string(sample.rest_count),
@@ -106,11 +108,13 @@ std::string remarks_of(const rpc::LaneReading& lane) {
   add("borrowed", counters.borrowed_count);
   add("queued_max", counters.queued_count_max);
   add("evicted", counters.frames.session_evicted_count);
+  add("large_evicted", counters.frames.large_evicted_count);
+  add("connections_refused", counters.connection_refused_count);
   add("bad_requests", counters.bad_request_count);
   add("servant_failures", counters.servant_failure_count);
   add("send_failures", counters.send_failure_count);
   add("broken_memory", counters.broken_memory_count);
-  return text.empty() ? text : "  " + lane.name + ":" + text + "\n";
+  return text.empty() ? text : "  " + printable(lane.name) + ":" + text + "\n";
 }
 
 std::string aligned(const std::vector<Row>& rows) {
@@ -157,7 +161,7 @@ std::string picture_of_lanes(History& history) {
 int lanes(const Request& request) {
   const bool is_watch = !request.arguments.empty();
   if (is_watch && request.arguments[0] != "watch") {
-    std::fprintf(stderr, "rtpm: usage: rtpm lanes [watch]\n");
+    rt::print_error("rtpm", "usage: rtpm lanes [watch]; run 'rtpm lanes --help'");
     return 2;
   }
   History history;

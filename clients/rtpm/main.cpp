@@ -1,4 +1,5 @@
 // rtpm: looks at servers and calls their objects from a terminal, without generated code.
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -11,21 +12,24 @@ int main(int argc, char** argv) {
   std::string verb;
   std::vector<std::string> arguments;
   std::string registry{rtpm::names::kDefaultRegistryUrl};
-  rtpm::Duration deadline = std::chrono::seconds{1};
+  std::optional<rtpm::Duration> deadline;
   rtpm::Duration stream_time{0};
   rtpm::Priority priority = 0;
   rtpm::program::Options options("rtpm", "looks at servers and calls their objects");
-  options.add_positional("verb", verb, rtpm::tool::verbs_help(),
-                         rtpm::program::Presence::kRequired);
-  options.add_positional("arguments", arguments,
+  options.add_positional("VERB", verb, "What to do", rtpm::program::Presence::kRequired);
+  options.add_positional("ARGUMENTS", arguments,
                          "What the verb takes; a TARGET is a name or a URL");
+  rtpm::tool::add_verbs(options);
   options.add_registry(registry);
-  options.add("deadline", deadline, "How long a call may take",
-              {std::chrono::microseconds{1}, std::chrono::hours{1}});
-  options.add("for", stream_time, "How long a stream is taken; 0s: until it ends, or Ctrl-C",
+  options.add_off_or_time("deadline", deadline,
+                          "How long a call may take; off: as its schema says, else 1s",
+                          {std::chrono::microseconds{1}, std::chrono::hours{1}});
+  options.add("for", stream_time,
+              "How long a stream is taken or a device held; 0s: until it ends, or Ctrl-C",
               {rtpm::Duration{0}, std::chrono::hours{24}});
   options.add("priority", priority, "The call's priority");
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+  if (!rtpm::tool::takes(verb, arguments.size())) return options.usage_error_of_verb(verb);
 
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, registry);
@@ -33,7 +37,6 @@ int main(int argc, char** argv) {
   return rtpm::tool::run(
       verb,
       {.node = node,
-       .resolver = resolver,
        .registry = registry,
        .arguments = arguments,
        .options = {.priority = priority, .deadline = deadline, .trace_id = 0},

@@ -4,7 +4,9 @@
 #include <chrono>
 #include <utility>
 
+#include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -12,7 +14,36 @@ namespace rtpm::tool {
 namespace {
 
 rpc::SetupError at(const std::string& url, rpc::CallError error, const std::string& what) {
-  return {what + " of " + url + ": " + std::string(to_string(error))};
+  return {what + " of " + printable(url) + ": " + std::string(to_string(error))};
+}
+
+// "; most like it: lab/arm0, lab/arm1", or nothing.
+std::string similar_names(names::Directory& directory, const std::string& name) {
+  const auto bound = directory.list();
+  if (!bound) return {};
+  std::vector<std::string> names;
+  for (const names::NameEntry& entry : *bound) {
+    if (wire::is_valid_path(entry.name)) names.push_back(entry.name);
+  }
+  const auto middle = names.begin() + static_cast<std::ptrdiff_t>(
+                                          std::min(names.size(), wire::kSimilarPathCountMax));
+  std::ranges::partial_sort(
+      names, middle, std::ranges::greater{},
+      [&](const std::string& candidate) { return wire::similarity(candidate, name); });
+  std::string text;
+  for (auto candidate = names.begin(); candidate != middle; ++candidate)
+    text += (text.empty() ? "; most like it: " : ", ") + *candidate;
+  return text;
+}
+
+// Of an object that the server's catalog does not know.
+rpc::SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
+  // The server itself tells what is most like it.
+  static const rpc::InterfaceDescriptor kAnything{};
+  const auto bound = rpc::Binding::bind(node, url, kAnything);
+  if (!bound && bound.error().cause == rpc::CallError::kNoSuchObject) return bound.error();
+  return {"the server's catalog does not tell of " + url +
+          ". Remedy: add it there (rtpm::introspection::Catalog::add)."};
 }
 
 // How long a stream may be silent until the tool looks whether it is to end.
@@ -32,9 +63,15 @@ wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
 
 }  // namespace
 
-expected<std::string, rpc::SetupError> url_of(const std::string& target, rpc::Resolver& resolver) {
+expected<std::string, rpc::SetupError> url_of(rpc::Node& node, const std::string& registry_url,
+                                              const std::string& target) {
   if (wire::is_url(target)) return target;
-  return resolver.resolve(target);
+  names::Directory directory(node, registry_url);
+  auto entry = directory.resolve(target);
+  if (entry) return std::move(entry->url);
+  std::string text = std::move(entry.error().text);
+  if (entry.error().outcome == names::Outcome::kNotFound) text += similar_names(directory, target);
+  return rpc::setup_error(std::move(text));
 }
 
 std::string catalog_url(const std::string& url) {
@@ -58,11 +95,14 @@ expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
   introspection::DescribeRequestT request;
   request.path = parts->path;
   const auto description = catalog->describe(request);
+  if (!description && description.error() == rpc::CallError::kNoSuchObject) {
+    return unexpected{not_in_catalog(node, url)};
+  }
   if (!description) return unexpected{at(url, description.error(), "the description")};
 
   auto object = std::unique_ptr<RemoteObject>(new RemoteObject);
   object->schema_ = (*description)->schema()->str();
-  object->compiler_version_ = (*description)->compiler_version()->str();
+  object->compiler_version_ = printable((*description)->compiler_version()->string_view());
   std::string error;
   object->dynamic_ =
       schema::Dynamic::make(object->schema_, (*description)->interface()->string_view(), error);

@@ -57,9 +57,11 @@ class RemoteObject {
   std::unique_ptr<rpc::Binding> binding_{};
 };
 
-/// The URL of a target that is a URL already, or a name that `resolver` knows.
-[[nodiscard]] expected<std::string, rpc::SetupError> url_of(const std::string& target,
-                                                            rpc::Resolver& resolver);
+/// The URL of a target that is a URL already, or a name in the registry at `registry_url`. Of a
+/// name that is not bound the error has those that are most like it.
+[[nodiscard]] expected<std::string, rpc::SetupError> url_of(rpc::Node& node,
+                                                            const std::string& registry_url,
+                                                            const std::string& target);
 
 /// The URL of the catalog at the server of `url`; empty if that is no URL.
 [[nodiscard]] std::string catalog_url(const std::string& url);

@@ -1,22 +1,36 @@
 #include "verbs.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cstdio>
+#include <initializer_list>
 #include <memory>
 #include <string_view>
 
+#include "device_verbs.hpp"
 #include "host_verbs.hpp"
 #include "remote.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
 namespace {
 
 int fail(const std::string& text) {
-  std::fprintf(stderr, "rtpm: %s\n", text.c_str());
+  rt::print_error("rtpm", text);
   return 1;
+}
+
+/// A line of what others say of themselves, in columns.
+void print_row(std::initializer_list<std::string_view> columns) {
+  std::string line;
+  for (const std::string_view column : columns)
+    line += (line.empty() ? "" : "\t") + printable(column);
+  std::puts(line.c_str());
 }
 
 /// list: the names in the registry.   list TARGET: the objects of that server.
@@ -26,28 +40,28 @@ int list(const Request& request) {
     const auto entries = directory.list();
     if (!entries) return fail(entries.error().text);
     for (const names::NameEntry& entry : *entries) {
-      std::printf("%s\t%s\t%s\n", entry.name.c_str(), entry.interface.c_str(), entry.url.c_str());
+      print_row({entry.name, entry.interface, entry.url});
     }
     return 0;
   }
-  const auto url = url_of(request.arguments[0], request.resolver);
+  const auto url = url_of(request.node, request.registry, request.arguments[0]);
   if (!url) return fail(url.error().text);
   auto catalog = introspection::IntrospectionClient::bind(request.node, catalog_url(*url));
   if (!catalog) return fail(catalog.error().text);
   const auto reply = catalog->list();
   if (!reply) return fail(std::string(to_string(reply.error())));
   for (const auto* object : *(*reply)->objects()) {
-    std::printf("%s\t%s\n", object->path()->c_str(), object->interface()->c_str());
+    print_row({object->path()->string_view(), object->interface()->string_view()});
   }
   return 0;
 }
 
 int describe(const Request& request) {
-  const auto url = url_of(request.arguments[0], request.resolver);
+  const auto url = url_of(request.node, request.registry, request.arguments[0]);
   if (!url) return fail(url.error().text);
   const auto object = RemoteObject::open(request.node, *url);
   if (!object) return fail(object.error().text);
-  std::fputs((*object)->schema().c_str(), stdout);
+  std::fputs(printable_lines((*object)->schema()).c_str(), stdout);
   return 0;
 }
 
@@ -57,7 +71,7 @@ bool is_stream_of(RemoteObject& object, const std::string& method) {
 }
 
 int call(const Request& request) {
-  const auto url = url_of(request.arguments[0], request.resolver);
+  const auto url = url_of(request.node, request.registry, request.arguments[0]);
   if (!url) return fail(url.error().text);
   const auto object = RemoteObject::open(request.node, *url);
   if (!object) return fail(object.error().text);
@@ -67,7 +81,7 @@ int call(const Request& request) {
   const auto stop = is_stream ? std::make_unique<program::StopSignal>() : nullptr;
   const auto print = [&](std::string_view text) {
     if (!text.empty()) {
-      std::printf("%.*s\n", static_cast<int>(text.size()), text.data());
+      std::puts(printable(text, kShownWhole).c_str());
       std::fflush(stdout);
     }
     return stop == nullptr || !stop->is_requested();
@@ -79,44 +93,60 @@ int call(const Request& request) {
 }
 
 struct Verb {
-  std::string_view name{};
+  const char* name = "";
   std::size_t count_min = 0;  ///< Of arguments.
   std::size_t count_max = 0;
-  std::string_view form{};
+  const char* arguments = "";
+  const char* help = "";
+  const char* details = "";
   int (*run)(const Request&) = nullptr;
 };
 
 constexpr std::array kVerbs{
-    Verb{"list", 0, 1, "list [TARGET]: the registry's names, or a server's objects", &list},
-    Verb{"describe", 1, 1, "describe TARGET: the schema of an object", &describe},
-    Verb{"call", 2, 3,
-         "call TARGET METHOD [JSON]: calls a method, such as "
-         "`call lab/arm0 set_force '{x: 1}'`, and prints its reply, or a stream's items",
+    Verb{"list", 0, 1, "[TARGET]", "List the registry's names, or a server's objects",
+         "TARGET is an object of the server: a name in the registry, or a URL.\n", &list},
+    Verb{"describe", 1, 1, "TARGET", "Print the schema of an object",
+         "TARGET is a name in the registry, or a URL.\n", &describe},
+    Verb{"call", 2, 3, "TARGET METHOD [JSON]", "Call a method, and print its reply or its items",
+         "TARGET is a name in the registry, or a URL; JSON is the request, such as:\n"
+         "  rtpm call lab/arm0 set_force '{x: 1}'\n"
+         "A stream's items are printed as they come, until it ends, for --for, or until Ctrl-C.\n",
          &call},
-    Verb{"lanes", 0, 1, "lanes [watch]: what the lanes of this host's servers do", &lanes},
-    Verb{"doctor", 0, 0, "doctor: what this host gives to real-time programs", &doctor},
+    Verb{"take-over", 1, 2, "DEVICE [recover|activate|deactivate]",
+         "Take the right to command a device from its holder",
+         "The former holder's force goes to zero. The device is held without force for --for, "
+         "until\n"
+         "Ctrl-C, or until it frees itself of a holder that commands nothing. The call's "
+         "--priority is\n"
+         "the device's --operator-priority, or above; if none is given, it is that.\n",
+         &take_over},
+    Verb{"lanes", 0, 1, "[watch]", "Show what the lanes of this host's servers do",
+         "With `watch`: again each second, until Ctrl-C.\n", &lanes},
+    Verb{"doctor", 0, 0, "", "Show what this host gives to real-time programs",
+         "Each thing that is missing has its remedy; then the exit code is 1.\n", &doctor},
 };
+
+const Verb& verb_named(const std::string& name) {
+  const auto* const verb =
+      std::ranges::find_if(kVerbs, [&](const Verb& candidate) { return candidate.name == name; });
+  RTPM_ASSERT(verb != kVerbs.end(), "the options refuse other verbs");
+  return *verb;
+}
 
 }  // namespace
 
-std::string verbs_help() {
-  std::string text;
+void add_verbs(program::Options& options) {
   for (const Verb& verb : kVerbs)
-    text += (text.empty() ? "" : "; ") + std::string(verb.form);
-  return text;
+    options.add_verb(verb.name, verb.arguments, verb.help, verb.details);
 }
 
-int run(const std::string& name, const Request& request) {
-  for (const Verb& verb : kVerbs) {
-    if (verb.name != name) continue;
-    const std::size_t count = request.arguments.size();
-    if (count >= verb.count_min && count <= verb.count_max) return verb.run(request);
-    std::fprintf(stderr, "rtpm: usage: rtpm %s\n", std::string(verb.form).c_str());
-    return 2;
-  }
-  std::fprintf(stderr, "rtpm: unknown verb `%s`: rtpm --help lists those there are\n",
-               name.c_str());
-  return 2;
+bool takes(const std::string& verb, std::size_t argument_count) {
+  const Verb& found = verb_named(verb);
+  return argument_count >= found.count_min && argument_count <= found.count_max;
+}
+
+int run(const std::string& verb, const Request& request) {
+  return verb_named(verb).run(request);
 }
 
 }  // namespace rtpm::tool

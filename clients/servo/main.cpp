@@ -10,11 +10,13 @@
 #include "configuration.hpp"
 #include "loop.hpp"
 #include "report.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/memory.hpp"
 
 namespace rtpm::servo {
@@ -25,7 +27,7 @@ constexpr int kDeviceLost = 3;
 constexpr std::size_t kLineSizeMax = 79;
 
 int fail(int exit_code, std::string_view text) {
-  std::fprintf(stderr, "rtpm-servo: %.*s\n", static_cast<int>(text.size()), text.data());
+  rt::print_error("rtpm-servo", text);
   return exit_code;
 }
 
@@ -66,8 +68,10 @@ expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
     const bool is_taken = acquired.error() == rpc::CallError::kNotLeaseHolder;
     return rpc::setup_error(
         configuration.device +
-        (is_taken ? " is commanded by somebody else; end that client, or choose another --device"
-                  : " can't be commanded: " + std::string(to_string(acquired.error()))));
+        (is_taken
+             ? " is commanded by somebody else; end that client, take the right to command from it "
+               "(rtpm take-over), or choose another --device"
+             : " can't be commanded: " + std::string(to_string(acquired.error()))));
   }
   if (configuration.is_recovery) {
     if (auto recovered = device->recover(); !recovered) {
@@ -98,6 +102,14 @@ expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
   return {};
 }
 
+/// Why the loop gave `device` up, in words.
+std::string loss_text(gvd::DeviceClient& device, rpc::CallError loss) {
+  std::string text = "was lost: " + std::string(to_string(loss));
+  if (loss != rpc::CallError::kNotLeaseHolder) return text;
+  if (const auto state = device.lease_state()) text += "; " + std::string(to_string(*state));
+  return text;
+}
+
 int serve(const Configuration& configuration) {
   const program::StopSignal stop;
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
@@ -125,7 +137,7 @@ int serve(const Configuration& configuration) {
   config.thread.realtime = configuration.realtime;
   const auto loop = std::make_unique<Loop>(*device, config);
   std::printf("%s at %s: a wall of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
-              configuration.device.c_str(), std::string(device->url()).c_str(),
+              printable(configuration.device).c_str(), printable(device->url()).c_str(),
               wall->stiffness_newton_per_m, wall->damping_newton_s_per_m, configuration.rate_hz);
   std::fflush(stdout);
   if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text);
@@ -134,7 +146,7 @@ int serve(const Configuration& configuration) {
   std::printf("\n%s", table_text(loop->statistics()).c_str());
   std::fflush(stdout);
   if (const auto loss = loop->loss()) {
-    return fail(kDeviceLost, configuration.device + " was lost: " + std::string(to_string(*loss)));
+    return fail(kDeviceLost, configuration.device + " " + loss_text(*device, *loss));
   }
   static_cast<void>(device->release());
   return 0;

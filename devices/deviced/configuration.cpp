@@ -35,6 +35,8 @@ std::vector<rpc::LaneConfig> default_lanes() {
 
 void add_service(program::Options& options, Configuration& configuration) {
   options.add_registry(configuration.registry);
+  options.add("allow-takeover", configuration.allows_takeover,
+              "Take the name from another server that holds it, at the start");
   configuration.settings.server.lanes = default_lanes();
   program::add_server(options, configuration.settings);
 }
@@ -54,8 +56,13 @@ void add_safety(program::Options& options, Configuration& configuration) {
   options.add("hold-max", configuration.hold_max, "Longest life of one command", kUpTo10s);
   options.add("ramp", configuration.ramp, "From full force to none when commands stop", kUpTo10s);
   options.add("soft-start", configuration.soft_start, "From none to full force", kUpTo10s);
-  options.add("lease", configuration.lease, "How long a silent client keeps the right to command",
-              {std::chrono::milliseconds{10}, std::chrono::hours{1}});
+  constexpr program::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
+  options.add("lease", configuration.lease.silence_max,
+              "How long a silent client keeps the right to command", kLease);
+  options.add("lease-idle", configuration.lease.idle_max,
+              "How long a client keeps the right to command that only renews it", kLease);
+  options.add("operator-priority", configuration.operator_priority,
+              "From which priority on a call may take the right to command over");
 }
 
 }  // namespace

@@ -6,6 +6,7 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/gvd/cycle.hpp"
 #include "rtpm/program/options.hpp"
 #include "rtpm/program/server_options.hpp"
 
@@ -21,12 +22,14 @@ struct Configuration {
   double rate_hz = 1000;
   program::ServerSettings settings{};  ///< Its server's.
   std::string registry{};
+  bool allows_takeover = false;  ///< Of its name, from a server that lives.
   Priority device_priority = 30000;
   double force_max_newton = 0;  ///< 0: what the device gives.
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};
-  Duration lease = std::chrono::seconds{1};
+  gvd::LeaseConfig lease{};
+  Priority operator_priority = gvd::CycleConfig{}.operator_priority;
 };
 
 /// The registry's URL that stands for "serve without a registry".

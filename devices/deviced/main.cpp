@@ -15,6 +15,7 @@
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::deviced {
 namespace {
@@ -22,13 +23,14 @@ namespace {
 /// Says on standard error what happens to the device.
 class Reporter final : public gvd::DeviceListener {
  public:
-  void report(std::string_view text) override {
-    std::fprintf(stderr, "rtpm-deviced: %.*s\n", static_cast<int>(text.size()), text.data());
-  }
+  void report(std::string_view text) override { log_.write(text); }
+
+ private:
+  rt::Log log_{"rtpm-deviced"};
 };
 
 int fail(std::string_view text) {
-  Reporter{}.report(text);
+  rt::print_error("rtpm-deviced", text);
   return 1;
 }
 
@@ -63,6 +65,7 @@ gvd::DeviceServerConfig device_config(const Configuration& configuration,
   config.cycle.period = std::chrono::duration_cast<Duration>(
       std::chrono::duration<double>(1.0 / configuration.rate_hz));
   config.cycle.lease = configuration.lease;
+  config.cycle.operator_priority = configuration.operator_priority;
   config.cycle.safety = safety;
   config.cycle.listener = &reporter;
   config.thread.name = "device";
@@ -102,8 +105,10 @@ int serve(const Configuration& configuration) {
   const std::string url = (*server)->url(configuration.name);
   std::unique_ptr<names::Registration> registration;
   if (configuration.registry != kNoRegistry) {
-    auto bound = names::Registration::create(node, configuration.registry, configuration.name, url,
-                                             std::string(served.servant().interface().name));
+    auto bound = names::Registration::create(
+        node, configuration.registry, configuration.name, url,
+        std::string(served.servant().interface().name), names::Registration::kDefaultLease, {},
+        configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused);
     if (!bound) return fail(bound.error().text);
     registration = std::move(*bound);
   }

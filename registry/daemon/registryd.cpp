@@ -2,6 +2,7 @@
 #include <cstdint>
 #include <cstdio>
 #include <string>
+#include <string_view>
 
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
@@ -10,6 +11,7 @@
 #include "rtpm/program/server_options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace {
 
@@ -19,13 +21,15 @@ struct Configuration {
 };
 
 int fail(const std::string& text) {
-  std::fprintf(stderr, "rtpm-registryd: %s\n", text.c_str());
+  rtpm::rt::print_error("rtpm-registryd", text);
   return 1;
 }
 
 int serve(const Configuration& configuration) {
   const rtpm::program::StopSignal stop;
-  const auto registry = rtpm::names::make_servant(configuration.limits);
+  const auto registry = rtpm::names::make_servant(
+      configuration.limits,
+      [](std::string_view sentence) { rtpm::rt::print_error("rtpm-registryd", sentence); });
   const auto prepared = rtpm::program::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
@@ -52,8 +56,14 @@ int serve(const Configuration& configuration) {
 
 int main(int argc, char** argv) {
   Configuration configuration;
-  std::uint64_t name_count_max = configuration.limits.name_count_max;
-  std::uint64_t name_count_per_server_max = configuration.limits.name_count_per_owner_max;
+  rtpm::names::Limits& limits = configuration.limits;
+  constexpr rtpm::program::Range<std::uint64_t> kCounts{1, 1'000'000};
+  std::uint64_t name_count_max = limits.name_count_max;
+  std::uint64_t name_count_per_server_max = limits.name_count_per_owner_max;
+  std::uint64_t name_count_per_host_max = limits.name_count_per_host_max;
+  std::uint64_t server_count_per_host_max = limits.owner_count_per_host_max;
+  std::uint64_t name_count_own_host_max = limits.name_count_own_host_max;
+  std::uint64_t server_count_own_host_max = limits.owner_count_own_host_max;
   rtpm::program::Options options("rtpm-registryd", "the registry, where servers bind their names");
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server.name = "registry";
@@ -61,11 +71,23 @@ int main(int argc, char** argv) {
   // One lane that blocks: nobody asks for names in a real-time loop, so a core is worth more.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
   rtpm::program::add_server(options, configuration.settings);
-  options.add("names-max", name_count_max, "How many names it holds", {1, 1'000'000});
+  options.add("names-max", name_count_max, "How many names it holds", kCounts);
   options.add("names-per-server-max", name_count_per_server_max,
-              "How many of them one server may bind", {1, 1'000'000});
+              "How many of them one server may bind", kCounts);
+  options.add("names-per-host-max", name_count_per_host_max,
+              "How many of them may be bound from one other host", kCounts);
+  options.add("servers-per-host-max", server_count_per_host_max,
+              "For how many servers one other host may bind names", kCounts);
+  options.add("names-own-host-max", name_count_own_host_max,
+              "How many of them may be bound from this host", kCounts);
+  options.add("servers-own-host-max", server_count_own_host_max,
+              "For how many servers this host may bind names", kCounts);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
-  configuration.limits.name_count_max = name_count_max;
-  configuration.limits.name_count_per_owner_max = name_count_per_server_max;
+  limits.name_count_max = name_count_max;
+  limits.name_count_per_owner_max = name_count_per_server_max;
+  limits.name_count_per_host_max = name_count_per_host_max;
+  limits.owner_count_per_host_max = server_count_per_host_max;
+  limits.name_count_own_host_max = name_count_own_host_max;
+  limits.owner_count_own_host_max = server_count_own_host_max;
   return serve(configuration);
 }

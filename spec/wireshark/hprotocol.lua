@@ -13,6 +13,7 @@ local VERSION = 1
 local DEFAULT_PORT = 7420
 local PRIORITY_MAX = 32767
 local MESSAGE_SIZE_FLOOR, MESSAGE_SIZE_CEILING = 1024, 16 * 1024 * 1024
+local DATAGRAM_PAYLOAD_MAX = 1344
 local FLAG_REPEATED, FLAG_ACK_WANTED, FLAG_NO_REPLY, FLAG_REPLY_ON_RECEIPT = 1, 2, 4, 8
 local FRAGMENT_COUNT_MAX = 12544
 
@@ -20,12 +21,18 @@ local STATUSES = {
   [0] = "ok", "overload", "expired", "no_such_method", "no_such_object", "bad_request",
   "not_lease_holder", "gone", "servant_failed", "too_large", "priority_not_allowed", "wrong_band",
   "unknown_session", "version_unsupported", "bad_limits", "wrong_interface", "cancelled", "stopping",
+  "lost",
 }
 local STATUS_OK, STATUS_EXPIRED, STATUS_WRONG_INTERFACE = 0, 2, 15
 
 -- ---- layouts -------------------------------------------------------------------------------------
 -- Each entry: offset, size, name in filters, text, and how it is shown: "dec", "hex", "bytes", a
 -- table of names, or "reserved", which has to be zero. A payload may have a `check` of its own.
+
+local function is_power_of_two(number)
+  while number > 1 and number % 2 == 0 do number = number / 2 end
+  return number == 1
+end
 
 local KIND_NAMES = {}  -- Filled from KINDS below.
 
@@ -45,7 +52,7 @@ local HEADER = {
   {34, 2, "fragment_count", "Fragment count", "dec"},
   {36, 4, "message_size", "Message size", "dec"},
   {40, 4, "budget_us", "Time budget (µs)", "dec"},
-  {44, 4, "item", "Item", "dec"},
+  {44, 4, "item", "Item or frame of a stream", "dec"},
   {48, 8, "sender_time_ns", "Sender's time (ns)", "dec"},
   {56, 8, "trace_id", "Trace", "hex"},
 }
@@ -84,8 +91,8 @@ local WELCOME = {
   {36, 12, "reserved", "Reserved", "reserved"},
   check = function(tvb, frame)
     local low, high = tvb(2, 2):le_uint(), tvb(4, 2):le_uint()
-    local limit = tvb(32, 4):le_uint()
-    return tvb(0, 2):le_uint() == VERSION and tvb(8, 4):le_uint() == 0 and
+    local limit, window = tvb(32, 4):le_uint(), tvb(12, 2):le_uint()
+    return tvb(0, 2):le_uint() == VERSION and is_power_of_two(window) and tvb(8, 4):le_uint() == 0 and
            limit >= MESSAGE_SIZE_FLOOR and limit <= MESSAGE_SIZE_CEILING and low <= high and high <= PRIORITY_MAX and
            tvb(6, 2):le_uint() <= PRIORITY_MAX and not frame.is_without_session
   end,
@@ -111,8 +118,8 @@ local ACK = {
 
 local CREDIT = {
   name = "credit", size = 16,
-  {0, 4, "first_missing", "First missing item", "dec"},
-  {4, 4, "reserved", "Reserved", "reserved"},
+  {0, 4, "first_missing", "First missing frame", "dec"},
+  {4, 4, "byte_limit", "Bytes that may come in all", "dec"},
   {8, 8, "later", "Later ones that are there", "hex"},
 }
 
@@ -206,9 +213,10 @@ local function has_good_flags(kind, flags, item)
 end
 
 -- Rules hp-2-4, hp-5.6-1 and hp-5.8-2.
+local IN_FRAGMENTS = {CALL = true, REPLY = true, ITEM = true}
 local function has_good_fragment_numbers(kind, flags, payload_size, index, count, message_size)
   if count == 1 then return index == 0 and message_size == payload_size end
-  local is_divisible = (KIND_NAMES[kind] == "CALL" or KIND_NAMES[kind] == "REPLY") and
+  local is_divisible = IN_FRAGMENTS[KIND_NAMES[kind]] == true and
                        not has_flag(flags, FLAG_NO_REPLY)
   if not is_divisible or count < 2 or count > FRAGMENT_COUNT_MAX or index >= count or
      payload_size == 0 or payload_size >= message_size or message_size > MESSAGE_SIZE_CEILING then
@@ -324,14 +332,17 @@ local function note_handshake_answer(frame)
   note_answer(handshakes[handshake_key(frame)], frame)
 end
 
--- Puts the fragments of a message together. Gives whether this one was there already.
+-- Puts the fragments of a message together. Gives whether this one was there already. Each item of a
+-- stream is a message of its own: the number of its first frame tells which (hp-5.10-1).
 local function note_fragment(exchange, frame)
   if frame.fragment_count == 1 then return false end
   exchange.messages = exchange.messages or {}
-  local message = exchange.messages[frame.kind]
+  local key = frame.kind
+  if frame.kind_name == "ITEM" then key = "item " .. frame.item - frame.fragment_index end
+  local message = exchange.messages[key]
   if not message or message.count ~= frame.fragment_count then
     message = {count = frame.fragment_count, parts = {}, missing = frame.fragment_count, highest = -1}
-    exchange.messages[frame.kind] = message
+    exchange.messages[key] = message
   end
   local mine = known[identity(frame)]
   mine.message, mine.has_gap = message, frame.fragment_index > message.highest + 1
@@ -376,6 +387,7 @@ local function note_item(frame)
   exchange.items = exchange.items or {}
   mine.is_copy = exchange.items[frame.item] ~= nil
   mine.first_of_copy = exchange.items[frame.item]
+  note_fragment(exchange, frame)
   mine.has_gap = frame.item > (exchange.item_next or 0)
   exchange.items[frame.item] = exchange.items[frame.item] or frame.pinfo.number
   exchange.item_next = math.max(exchange.item_next or 0, frame.item + 1)
@@ -560,12 +572,18 @@ local KINDS = {
   [9] = {name = "CANCEL", from = "client", payload = none, note = note_of_call,
          info = describe_object},
   [10] = {name = "ITEM", from = "server", payload = opaque, note = note_item,
-          info = function(frame) return describe_object(frame) .. ", item " .. frame.item end},
+          info = function(frame)
+            local part = ""
+            if frame.fragment_count > 1 then
+              part = ", fragment " .. frame.fragment_index .. " of " .. frame.fragment_count
+            end
+            return describe_object(frame) .. ", item frame " .. frame.item .. part
+          end},
   [11] = {name = "CREDIT", from = "client", payload = layout_payload(CREDIT), note = note_of_call,
           info = function(frame)
             local is_there = frame.payload:len() >= 4
             return describe_object(frame) ..
-                   (is_there and ", all before item " .. number(frame.payload, 0, 4) or "") ..
+                   (is_there and ", all before frame " .. number(frame.payload, 0, 4) or "") ..
                    ", up to item " .. frame.item
           end},
 }
@@ -720,7 +738,8 @@ end
 -- Why a receiver drops a frame whose header is good; nothing if it does not.
 local function add_payload(tree, frame, is_datagram)
   local reported_size = frame.tvb:reported_len() - HEADER_SIZE
-  if is_datagram and number(frame.tvb, 28, 4) ~= reported_size then return "bad_length" end
+  local has_its_size = number(frame.tvb, 28, 4) == reported_size
+  if is_datagram and (not has_its_size or reported_size > DATAGRAM_PAYLOAD_MAX) then return "bad_length" end
   if frame.kind_name == "REFUSE" and frame.status == STATUS_OK then return "unexpected" end
   if frame.payload:len() > 0 then
     tree = tree:add(frame.payload(), "Payload of " .. frame.kind_name)

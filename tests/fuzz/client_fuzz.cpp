@@ -19,7 +19,9 @@ namespace {
 constexpr std::uint64_t kSession = 0x123456789a0000;
 constexpr std::uint16_t kCallMax = 3;
 constexpr std::uint32_t kLarge = 4096;
-constexpr std::size_t kItemSize = 100;
+constexpr std::uint32_t kItemSize = 96;  // Of one that goes in a frame.
+constexpr std::uint32_t kByteWindow = 20 * kItemSize;
+constexpr std::size_t kItemMemory = (kStreamWindow + 20) * std::size_t{kItemSize};
 
 class World {
  public:
@@ -42,8 +44,12 @@ class World {
     if (how % 4 == 3) {
       const auto free = static_cast<std::size_t>(std::ranges::find(open_, false) - open_.begin());
       parameters.stream_window = 1U + how / 4 % kStreamWindow;
-      parameters.stream_memory =
-          MutableBytes(item_rooms_[free]).first(parameters.stream_window * kItemSize);
+      parameters.stream_room = {
+          .frames = MutableBytes(item_rooms_[free])
+                        .first((parameters.stream_window + kByteWindow / kItemSize) * kItemSize),
+          .frame_size = kItemSize,
+          .item = large_items_[free],
+          .byte_window = kByteWindow};
     }
     const auto frame = channel_.call(parameters, ConstBytes(payload_).first(size), now_);
     if (!frame) {
@@ -156,12 +162,14 @@ class World {
     take(receive(ConstBytes(frame).first(kHeaderSize + size)));
   }
 
-  /// A fragment of a reply, or an ACK, whose numbers the input chooses.
+  /// A fragment of a reply or item, or an ACK, whose numbers the input chooses.
   void answer_in_parts(std::uint8_t index, std::uint8_t count, std::uint16_t size,
-                       std::uint32_t message_size, bool is_ack) {
+                       std::uint32_t message_size, FrameKind kind) {
     std::array<std::byte, kHeaderSize + 2048> frame{};
+    const bool is_ack = kind == FrameKind::kAck;
     Header header;
-    header.kind = is_ack ? FrameKind::kAck : FrameKind::kReply;
+    header.kind = kind;
+    if (kind == FrameKind::kItem) header.item = message_size >> 24;
     header.priority = 100;
     header.session = kSession;
     header.call_id = call_id_;
@@ -186,7 +194,7 @@ class World {
     for (std::uint8_t i = 0; i < count; ++i) {
       const auto item = channel_.next_item(index);
       if (!item) break;
-      RTPM_ASSERT(open_[index] && item->size() <= kItemSize, "items are an open stream's");
+      RTPM_ASSERT(open_[index] && item->size() <= kLarge, "items are an open stream's");
     }
     if (ended_[index]) open_[index] = channel_.is_open(index);
     drain();
@@ -230,10 +238,12 @@ class World {
   std::array<std::vector<std::byte>, kCallMax> rooms_{std::vector<std::byte>(kLarge),
                                                       std::vector<std::byte>(kLarge),
                                                       std::vector<std::byte>(kLarge)};
-  std::array<std::vector<std::byte>, kCallMax> item_rooms_{
-      std::vector<std::byte>(kStreamWindow * kItemSize),
-      std::vector<std::byte>(kStreamWindow* kItemSize),
-      std::vector<std::byte>(kStreamWindow* kItemSize)};
+  std::array<std::vector<std::byte>, kCallMax> item_rooms_{std::vector<std::byte>(kItemMemory),
+                                                           std::vector<std::byte>(kItemMemory),
+                                                           std::vector<std::byte>(kItemMemory)};
+  std::array<std::vector<std::byte>, kCallMax> large_items_{std::vector<std::byte>(kLarge),
+                                                            std::vector<std::byte>(kLarge),
+                                                            std::vector<std::byte>(kLarge)};
   ClientChannel channel_;
   bool is_opening_ = false;
   std::array<bool, kCallMax> open_{};
@@ -263,7 +273,9 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
       case 3:
         world.answer_in_parts(script.byte(), script.byte(),
                               static_cast<std::uint16_t>(script.number()), script.number(),
-                              step >= 128);
+                              step >= 192   ? FrameKind::kItem
+                              : step >= 128 ? FrameKind::kAck
+                                            : FrameKind::kReply);
         break;
       case 4:
         world.take_items(step / 8 % kCallMax, script.byte());

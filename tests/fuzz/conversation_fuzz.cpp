@@ -28,7 +28,6 @@ using Frame = std::vector<std::byte>;
 constexpr std::uint16_t kCallMax = 4;
 constexpr std::uint32_t kLarge = 8192;
 constexpr std::size_t kOnTheWayMax = 64;
-constexpr std::size_t kItemRoom = kStreamWindow * 64;
 constexpr PeerAddress kClient{0, 1, 2};
 
 /// Whether `status` promises that the method did not run. A stream may end with expired later.
@@ -66,9 +65,17 @@ class World {
     if (how % 8 >= 5) {
       parameters.deadline = now_ + std::chrono::seconds{20};
       parameters.stream_window = 1U + how / 8;
-      item_rooms_[place].resize(kItemRoom);
-      parameters.stream_memory =
-          MutableBytes(item_rooms_[place]).first(parameters.stream_window * 64);
+      const std::uint32_t byte_window = stream_bytes_first(medium_);
+      const std::uint32_t count =
+          stream_frame_count(medium_, parameters.stream_window, byte_window);
+      const auto frame_size =
+          static_cast<std::uint32_t>(std::min<std::size_t>(frame_payload_max(medium_), kLarge));
+      item_rooms_[place].resize(count * std::size_t{frame_size});
+      large_items_[place].resize(kLarge);
+      parameters.stream_room = {.frames = item_rooms_[place],
+                                .frame_size = frame_size,
+                                .item = large_items_[place],
+                                .byte_window = byte_window};
     }
     if (how % 8 == 2) call.payload.resize(std::min<std::size_t>(call.payload.size(), 1000));
     const auto frame = client_.call(parameters, call.payload, now_);
@@ -126,8 +133,10 @@ class World {
         std::next(running_.begin(), static_cast<std::ptrdiff_t>(which % running_.size()));
     const Running running = one->second;
     if (is_item && running.request.wants_stream()) return give_item(one->second);
+    // What was begun is not left.
+    if (server_->is_item_midway(running.request)) return give_item(one->second);
     running_.erase(one);
-    const MutableBytes room = server_->reply_buffer(running.request);
+    const MutableBytes room = server_->reply_buffer(running.request, now_);
     std::uint32_t reply_size =
         std::min<std::uint32_t>(4 + size % kLarge, static_cast<std::uint32_t>(room.size()));
     store_le(room.data(), running.serial);
@@ -140,9 +149,8 @@ class World {
     Call& call = calls_[index];
     while (const auto item = client_.next_item(index)) {
       if (!is_corrupting_) {
-        RTPM_ASSERT(item->size() == 8 && load_le<std::uint32_t>(item->data()) == call.serial &&
-                        load_le<std::uint32_t>(item->data() + 4) == call.item_count,
-                    "a stream's items come in order, without a gap");
+        RTPM_ASSERT(std::ranges::equal(*item, item_of(call.serial, call.item_count)),
+                    "a stream's items come in order, without a gap, and whole");
       }
       ++call.item_count;
     }
@@ -231,12 +239,24 @@ class World {
     server_->set_tag(request, ++tag_);
     running_[tag_] = {request, serial};
   }
+  /// Each seventh is larger than a frame.
+  static Frame item_of(std::uint32_t serial, std::uint32_t number) {
+    Frame item(number % 7 == 6 ? 4000 + number % 4000 : 8, static_cast<std::byte>(serial));
+    store_le(item.data(), serial);
+    store_le(item.data() + 4, number);
+    return item;
+  }
+  /// Gives an item, or goes on with one, as far as it is taken.
   void give_item(Running& running) {
-    const MutableBytes room = server_->item_buffer(running.request);
-    if (room.empty()) return;
-    store_le(room.data(), running.serial);
-    store_le(room.data() + 4, running.item_count++);
-    server_sends(server_->push_item(running.request, 8, now_));
+    const Frame item = item_of(running.serial, running.item_count);
+    bool is_midway = true;
+    while (is_midway) {
+      const ConstBytes frame = server_->push_item(running.request, item, now_);
+      if (frame.empty()) return;
+      put(to_client_, frame);
+      is_midway = server_->is_item_midway(running.request);
+    }
+    ++running.item_count;
   }
   void hear_of_cancels() {
     for (std::uint32_t tag = server_->next_cancelled(); tag != 0; tag = server_->next_cancelled()) {
@@ -295,6 +315,7 @@ class World {
   std::array<std::byte, kHeaderSize + kLarge> buffer_{};
   std::array<Frame, kCallMax> rooms_{};
   std::array<Frame, kCallMax> item_rooms_{};
+  std::array<Frame, kCallMax> large_items_{};
   std::array<Call, kCallMax> calls_{};
   ClientChannel client_{{medium_, 5, 6, 0, kLarge, kCallMax}, buffer_};
   std::unique_ptr<ServerSessions> server_;

@@ -6,6 +6,7 @@
 #include <array>
 #include <cstdint>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "rtpm/base/assert.hpp"
@@ -89,24 +90,63 @@ void take_apart(fuzz::Script& script) {
   }
 }
 
+constexpr std::uint32_t kPart = 16;
+
+/// A stream of items by a rule: of each five, four go in a frame, and the fifth in three.
+constexpr std::uint32_t kItemsPerRound = 5;
+constexpr std::uint32_t kFramesPerRound = 7;
+
+Room item_of(std::uint32_t item) {
+  const bool is_large = item % kItemsPerRound == kItemsPerRound - 1;
+  return Room(is_large ? 2 * kPart + 1 + item % kPart : item % (kPart + 1),
+              static_cast<std::byte>(item));
+}
+
+/// The frame `number`, counted from 0.
+std::pair<Header, Room> frame_of(std::uint32_t number) {
+  const std::uint32_t round = number / kFramesPerRound;
+  const std::uint32_t place = number % kFramesPerRound;
+  const std::uint32_t item = round * kItemsPerRound + std::min(place, kItemsPerRound - 1);
+  Room whole = item_of(item);
+  Header header;
+  header.kind = FrameKind::kItem;
+  header.message_size = header.payload_size = static_cast<std::uint32_t>(whole.size());
+  if (place < kItemsPerRound - 1) return {header, whole};
+  header.fragment_count = 3;
+  header.fragment_index = static_cast<std::uint16_t>(place - (kItemsPerRound - 1));
+  const ConstBytes rest = ConstBytes(whole).subspan(header.fragment_index * std::size_t{kPart});
+  const ConstBytes part = rest.first(std::min<std::size_t>(kPart, rest.size()));
+  header.payload_size = static_cast<std::uint32_t>(part.size());
+  return {header, Room(part.begin(), part.end())};
+}
+
 void give_items(fuzz::Script& script) {
-  constexpr std::size_t kFrameSize = kHeaderSize + 16;
+  constexpr std::size_t kFrameSize = kHeaderSize + kPart;
   const bool is_kept = script.byte() % 2 == 0;
   Room memory((is_kept ? kStreamWindow : 1) * kFrameSize);
   Header call;
   call.item = script.number();
   const std::uint32_t first = script.number();
   OutgoingStream stream;
-  stream.begin(call, memory, kFrameSize, is_kept, first);
+  stream.begin(call, {.memory = memory, .frame_size = kFrameSize, .fragment_size = kPart},
+               is_kept ? Medium::kDatagram : Medium::kStream, first);
   std::uint32_t there = first;  // What the other end is known to have.
+  std::uint32_t item = 0;
   while (script.has_more()) {
-    for (int i = 0; i < 40 && !stream.item_buffer().empty(); ++i) {
+    for (int i = 0; i < 40; ++i) {
       const std::uint32_t number = stream.count();
-      const auto header = decode_frame(stream.push(number % 17, time_from_ns(1)));
-      RTPM_ASSERT(header.has_value() && header->item == number, "items are numbered upward");
+      const ConstBytes frame = stream.push(item_of(item), time_from_ns(1));
+      if (frame.empty()) break;
+      const auto header = decode_frame(frame);
+      const auto wanted = frame_of(number - first);
+      RTPM_ASSERT(header.has_value() && header->item == number, "frames are numbered upward");
+      RTPM_ASSERT(header->fragment_index == wanted.first.fragment_index &&
+                      std::ranges::equal(frame.subspan(kHeaderSize), wanted.second),
+                  "an item is cut as it should be");
       RTPM_ASSERT(!is_kept || number - there < kStreamWindow, "the window is kept");
+      if (!stream.is_midway()) ++item;
     }
-    const StreamCredit credit{there + script.byte() % 40U, script.number()};
+    const StreamCredit credit{there + script.byte() % 40U, script.number(), script.number()};
     const std::uint32_t count = stream.count();
     stream.on_credit(credit, script.number(), script.byte() % 2 == 0);
     if (credit.first_missing - there <= count - there) there = credit.first_missing;
@@ -114,24 +154,29 @@ void give_items(fuzz::Script& script) {
     for (ConstBytes one; !(one = stream.next()).empty(); ++repaired) {
       const auto header = decode_frame(one);
       RTPM_ASSERT(is_kept && header.has_value(), "what is repeated was kept");
-      RTPM_ASSERT(header->item - there < kStreamWindow && header->payload_size == header->item % 17,
-                  "what is repeated is what was sent");
+      RTPM_ASSERT(
+          header->item - there < kStreamWindow &&
+              std::ranges::equal(one.subspan(kHeaderSize), frame_of(header->item - first).second),
+          "what is repeated is what was sent");
       RTPM_ASSERT(repaired < 32, "repairs have an end");
     }
   }
 }
 
 void take_items(fuzz::Script& script) {
-  constexpr std::size_t kItemSize = 16;
-  const std::uint32_t window = 1 + script.byte() % kStreamWindow;
+  const std::uint8_t how = script.byte();
+  const std::uint32_t window = 1 + how % kStreamWindow;
+  const bool is_lying = how >= 128;
   const std::uint32_t first = script.number();
-  Room memory(window * kItemSize);
+  Room memory((window + 8) * kPart);
+  Room item_room(3 * std::size_t{kPart});
   IncomingStream stream;
-  stream.begin(memory, window, kItemSize, first);
-  std::uint32_t taken = first;
+  stream.begin({.frames = memory, .frame_size = kPart, .item = item_room, .byte_window = 8 * kPart},
+               window, first);
+  std::uint32_t taken = 0;
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
-    const std::uint32_t number = taken + script.byte() % 40U - 4;
+    const std::uint32_t number = stream.credit().first_missing + script.byte() % 40U - 4;
     if (step % 4 == 0) {
       static_cast<void>(stream.end(number));
     } else if (step % 4 == 1) {
@@ -139,16 +184,25 @@ void take_items(fuzz::Script& script) {
       const auto item = stream.next();
       RTPM_ASSERT(item.has_value() == had, "it has what it says");
       if (!item) continue;
-      RTPM_ASSERT(
-          item->size() == taken % 17 &&
-              std::ranges::all_of(*item, [&](std::byte b) { return b == std::byte(taken); }),
-          "items come in order, as they were");
+      RTPM_ASSERT(is_lying || std::ranges::equal(*item, item_of(taken)),
+                  "items come in order, as they were");
+      RTPM_ASSERT(item->size() <= item_room.size(), "an item is not larger than its room");
       ++taken;
     } else {
-      const Room item(number % 17, static_cast<std::byte>(number));
-      static_cast<void>(stream.take(number, item));
+      auto [header, payload] = frame_of(number - first);
+      header.item = number;
+      if (is_lying && step >= 128) {
+        header.fragment_index = script.byte() % 4;
+        header.fragment_count = 1 + script.byte() % 4;
+        header.message_size = header.fragment_count == 1 ? header.payload_size : script.byte();
+        if (header.fragment_count > 1 && fragment_size_of(header) == 0) continue;
+        if (header.fragment_count == 1) header.fragment_index = 0;
+      }
+      static_cast<void>(stream.take(header, payload));
     }
     RTPM_ASSERT(stream.limit() - taken <= window, "it takes no more than its window");
+    const std::uint32_t beyond = stream.credit().first_missing - stream.freed_count();
+    RTPM_ASSERT(beyond <= window + 8, "it keeps no more frames than it has room for");
   }
 }
 

@@ -1,7 +1,7 @@
-// A server's sessions under any frames from three peers: raw bytes, and well-formed handshakes,
-// calls, streams and cancels whose fields the input chooses; its methods end at once or later, in
-// any order. It never sends more to an unproven address than came from it, runs no call twice,
-// answers nobody who is not there any more, and keeps within its tables.
+// A server's sessions under any frames from three peers on two hosts: raw bytes, and well-formed
+// handshakes, calls, streams and cancels whose fields the input chooses; its methods end at once or
+// later, in any order. It never sends more to an unproven address than came from it, runs no call
+// twice, answers nobody who is not there any more, and keeps within its tables.
 
 #include <algorithm>
 #include <array>
@@ -22,6 +22,7 @@ namespace {
 
 constexpr std::uint32_t kSessionCountMax = 2;
 constexpr std::uint32_t kLarge = 8192;
+constexpr std::uint32_t kRoomCount = 2;
 constexpr std::size_t kRunningMax = 12;
 
 /// The flags of a CALL that the input chooses.
@@ -65,14 +66,15 @@ class World {
   }
 
   ConstBytes complete(const Request& request, std::uint8_t how_it_ends) {
-    const MutableBytes room = sessions_.reply_buffer(request);
+    const MutableBytes room = sessions_.reply_buffer(request, now_);
     // At times more than a frame.
     const std::uint32_t wanted = how_it_ends < 128 ? how_it_ends : 30U * how_it_ends;
     const auto size = std::min<std::uint32_t>(wanted, static_cast<std::uint32_t>(room.size()));
     std::ranges::fill(room.first(size), std::byte{how_it_ends});
     const bool is_there = sessions_.peer_of(request).has_value();
-    const ConstBytes answer = sessions_.complete(request, static_cast<Status>(how_it_ends % 18),
-                                                 request.wants_stream() ? 0 : size, now_);
+    const ConstBytes answer =
+        sessions_.complete(request, static_cast<Status>(how_it_ends % kStatusCount),
+                           request.wants_stream() ? 0 : size, now_);
     RTPM_ASSERT(is_there || answer.empty(), "who is gone is not answered");
     const bool is_silent = (request.header.flags & (kFlagNoReply | kFlagReplyOnReceipt)) != 0;
     RTPM_ASSERT(!is_silent || answer.empty(), "a oneway is not answered when it ran");
@@ -86,26 +88,34 @@ class World {
         std::next(running_.begin(), static_cast<std::ptrdiff_t>(which % running_.size()));
     const Request request = one->second;
     const auto peer = sessions_.peer_of(request);
-    ConstBytes answer;
-    if (how % 2 == 0 && request.wants_stream()) {
-      const MutableBytes room = sessions_.item_buffer(request);
-      if (room.empty()) return;
-      RTPM_ASSERT(peer.has_value(), "items go to somebody");
-      const std::size_t size = std::min<std::size_t>(room.size(), how * 7U);
-      std::ranges::fill(room.first(size), std::byte{how});
-      answer = sessions_.push_item(request, static_cast<std::uint32_t>(size), now_);
-    } else {
-      running_.erase(one);
-      answer = complete(request, how);
+    if (how % 2 == 0 && request.wants_stream()) return give_item(one->first, how);
+    items_.erase(one->first);
+    running_.erase(one);
+    send(complete(request, how), {}, peer.value_or(PeerAddress{}));
+  }
+
+  /// Gives an item, at times a large one, or goes on with the one at hand, as far as it is taken.
+  void give_item(std::uint32_t tag, std::uint8_t how) {
+    const Request request = running_[tag];
+    const std::uint32_t size_max = sessions_.item_size_max(request);
+    std::vector<std::byte>& item = items_[tag];
+    if (!sessions_.is_item_midway(request)) {
+      item.assign(std::min<std::uint32_t>(size_max, how < 200 ? how : 40U * how), std::byte{how});
     }
-    send(answer, {}, peer.value_or(PeerAddress{}));
+    do {
+      const ConstBytes frame = sessions_.push_item(request, item, now_);
+      if (frame.empty()) return;
+      const auto peer = sessions_.peer_of(request);
+      RTPM_ASSERT(size_max > 0 && peer.has_value(), "items go to somebody");
+      check_answer(frame, {}, *peer);
+    } while (sessions_.is_item_midway(request));
   }
 
   void hear_of_cancels() {
     for (std::uint32_t tag = sessions_.next_cancelled(); tag != 0;
          tag = sessions_.next_cancelled()) {
       RTPM_ASSERT(running_.contains(tag), "what is cancelled runs");
-      RTPM_ASSERT(sessions_.item_buffer(running_[tag]).empty(), "nobody takes its items");
+      RTPM_ASSERT(sessions_.item_size_max(running_[tag]) == 0, "nobody takes its items");
       RTPM_ASSERT(cancelled_.insert(tag).second, "it is told once");
     }
   }
@@ -162,7 +172,8 @@ class World {
     header.priority = 100;
     header.session = session_of_[peer.port];
     header.call_id = call_id;
-    header.budget_us = 1'000'000;
+    // Some are waited for for ever, and may be left unfinished.
+    header.budget_us = message_size >= 1U << 31 ? 0xffff'ffff : 1'000'000;
     header.flags = kFlagAckWanted;
     header.fragment_index = index;
     header.fragment_count = count;
@@ -230,6 +241,10 @@ class World {
   }
   void check() const {
     RTPM_ASSERT(sessions_.session_count() <= kSessionCountMax, "the table keeps its size");
+    RTPM_ASSERT(sessions_.large_message_count(now_) <= kRoomCount, "so do the rooms");
+    RTPM_ASSERT(sessions_.large_message_count(now_ + kLargeMessageSilenceMax) <= running_.size(),
+                "what is silent is not held");
+    RTPM_ASSERT(sessions_.next_room_time(now_) > now_, "a room that is free is not waited for");
   }
 
  private:
@@ -248,8 +263,9 @@ class World {
   }
 
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
-  std::vector<std::byte> bulk_ = std::vector<std::byte>(3 * kLarge);
+  std::vector<std::byte> bulk_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
   std::vector<std::byte> stream_memory_;
+  std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< By tag: the one at hand.
   ServerSessions sessions_;
   std::map<std::uint32_t, std::uint64_t> session_of_;
   std::map<std::uint32_t, Cookie> cookie_of_;
@@ -266,7 +282,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   World world(script.byte() % 2 == 0 ? Medium::kDatagram : Medium::kStream);
   while (script.has_more()) {
     const std::uint8_t step = script.byte();
-    const PeerAddress peer{0, 1, step % 3U};
+    // Two on one host, and one on another.
+    const PeerAddress peer{0, 1 + step % 3U / 2, step % 3U};
     switch (step / 3 % 10) {
       case 0:
         world.feed(script.bytes(), peer, step);
@@ -297,7 +314,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
         world.go_on(script.byte(), script.byte());
         break;
       case 7: {
-        const StreamCredit credit{script.number() % 64, script.number()};
+        const StreamCredit credit{script.number() % 64, script.number(), script.number()};
         world.credit(peer, script.number() % 1000, credit, script.number(), step >= 128);
         break;
       }

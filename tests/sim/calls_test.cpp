@@ -35,6 +35,7 @@ struct Coverage {
   std::uint64_t sent_count = 0;
   std::uint64_t stream_count = 0;
   std::uint64_t item_count = 0;
+  std::uint64_t large_item_count = 0;
   std::uint64_t cancelled_count = 0;
 };
 
@@ -89,6 +90,7 @@ class Conversation {
       coverage.large_reply_count += client->large_reply_count();
       coverage.stream_count += client->stream_count();
       coverage.item_count += client->item_count();
+      coverage.large_item_count += client->large_item_count();
       coverage.cancelled_count += client->cancelled_count();
     }
   }
@@ -101,6 +103,7 @@ class Conversation {
     // Long enough in a deferring server that a client leaves a whole window of calls behind.
     profile.bulk_count = random_.chance(900) ? random_.between(std::size_t{2}, std::size_t{6}) : 0;
     profile.stream_count = random_.between(std::size_t{0}, std::size_t{6});
+    profile.large_item_per_mille = random_.chance(500) ? 100 : 10;
     profile.service_max = random_.chance(300) ? 100ms : random_.chance(500) ? 5ms : 50us;
     return profile;
   }
@@ -125,6 +128,7 @@ class Conversation {
     profile.cancel_per_mille = random_.chance(500) ? 100 : 0;
     profile.slow_taker_per_mille = random_.chance(300) ? 300 : 0;
     profile.large_per_mille = random_.chance(500) ? 300 : 0;
+    profile.abandoned_per_mille = random_.chance(200) ? 200 : 0;
     return profile;
   }
 
@@ -252,6 +256,7 @@ void expect_that_much_happened(const Coverage& coverage) {
   EXPECT_GT(coverage.sent_count, 100u);
   EXPECT_GT(coverage.stream_count, 100u);
   EXPECT_GT(coverage.item_count, 10'000u);
+  EXPECT_GT(coverage.large_item_count, 1000u);
   EXPECT_GT(coverage.cancelled_count, 100u);
   EXPECT_GT(coverage.lost_count, 10u);
   EXPECT_GT(coverage.large_reply_count, 100u);
@@ -259,6 +264,7 @@ void expect_that_much_happened(const Coverage& coverage) {
   EXPECT_GT(coverage.frames.expired_count, 100u);
   EXPECT_GT(coverage.frames.refused_count, 100u);
   EXPECT_GT(coverage.frames.session_evicted_count, 10u);
+  EXPECT_GT(coverage.frames.large_evicted_count, 10u);
   EXPECT_GT(coverage.frames.orphaned_count, 10u);
   EXPECT_GT(coverage.frames.item_repeated_count, 100u);
   for (const DropReason reason :

@@ -50,7 +50,7 @@ void Network::send(std::uint32_t from_port, std::uint32_t to_port, ConstBytes fr
     scheduler_.after(delay(), [this, from_port, to_port, bytes = std::move(bytes)] {
       const auto receiver = receivers_.find(to_port);
       if (receiver == receivers_.end() || !receiver->second) return;
-      receiver->second(bytes, {.high = 0, .low = 0x7f00'0001, .port = from_port});
+      receiver->second(bytes, address_of(from_port));
     });
   }
 }

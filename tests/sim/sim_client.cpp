@@ -69,8 +69,12 @@ void SimClient::pause() {
           send(channel_->close(local_now()));
         }
         --calls_left_;
-        begin_job(random_.between(profile_.deadline_min, profile_.deadline_max),
-                  /*is_plain=*/false);
+        if (random_.chance(profile_.abandoned_per_mille)) {
+          begin_abandoned_job();
+        } else {
+          begin_job(random_.between(profile_.deadline_min, profile_.deadline_max),
+                    /*is_plain=*/false);
+        }
         if (jobs_.size() < profile_.open_call_max) pause();
       });
 }
@@ -94,10 +98,23 @@ void SimClient::begin_job(Duration deadline, bool is_plain) {
                              is_one_clock ? scheduler_.now() + deadline : kNever);
   job.deadline = local_now() + deadline;
   const bool is_small = job.delivery == wire::Delivery::kSent;
-  job.payload.resize(is_small ? std::size_t{32} : message_size());
-  Message{job.token, 0, message_size()}.write(job.payload);
+  // In peace there is room for large messages, whatever was left unfinished before.
+  const std::uint64_t large_per_mille =
+      is_plain && profile_.large_per_mille > 0 ? 1000 : profile_.large_per_mille;
+  job.payload.resize(is_small ? std::size_t{32} : message_size(large_per_mille));
+  Message{job.token, 0, message_size(large_per_mille)}.write(job.payload);
   if (!is_plain && random_.chance(profile_.cancel_per_mille)) plan_cancel(job.number);
   pump();
+}
+
+// Leaves the server with half a request, or with a large reply, that would be waited for for an
+// hour.
+void SimClient::begin_abandoned_job() {
+  begin_job(std::chrono::hours{1}, /*is_plain=*/true);
+  scheduler_.after(random_.between(Duration{0}, Duration{20'000'000}),
+                   [this, number = job_serial_] {
+                     if (job_number(number) != jobs_.end()) restart();
+                   });
 }
 
 void SimClient::plan_cancel(std::uint64_t number) {
@@ -150,8 +167,15 @@ void SimClient::begin_call(Jobs::iterator job) {
                                   .delivery = job->delivery};
   if (job->is_stream) {
     parameters.stream_window = static_cast<std::uint32_t>(random_.between(1, wire::kStreamWindow));
-    job->items.resize(parameters.stream_window * wire::kDatagramPayloadSizeMax);
-    parameters.stream_memory = job->items;
+    constexpr std::uint32_t kByteWindow = wire::kStreamBytesFirstDatagram;
+    job->items.resize(
+        std::size_t{wire::kDatagramPayloadSizeMax} *
+        wire::stream_frame_count(wire::Medium::kDatagram, parameters.stream_window, kByteWindow));
+    job->large_item.resize(kMessageSizeMax);
+    parameters.stream_room = {.frames = job->items,
+                              .frame_size = wire::kDatagramPayloadSizeMax,
+                              .item = job->large_item,
+                              .byte_window = kByteWindow};
   }
   const auto frame = channel_->call(parameters, job->payload, local_now());
   // The server said in WELCOME how much it takes.
@@ -164,10 +188,10 @@ void SimClient::begin_call(Jobs::iterator job) {
 }
 
 // Mostly one frame; else up to some dozens, more than a window, unless the server takes none.
-std::uint32_t SimClient::message_size() {
+std::uint32_t SimClient::message_size(std::uint64_t large_per_mille) {
   const bool is_refused =
       channel_->is_ready() && channel_->welcome().message_size_max < kMessageSizeMax;
-  if (is_refused || !random_.chance(profile_.large_per_mille)) {
+  if (is_refused || !random_.chance(large_per_mille)) {
     return static_cast<std::uint32_t>(random_.between(Message::kSizeMin, std::size_t{64}));
   }
   return static_cast<std::uint32_t>(
@@ -290,6 +314,7 @@ void SimClient::take_items(Jobs::iterator job) {
   while (const auto item = channel_->next_item(job->index)) {
     const Message message = Message::read(*item);
     ++item_count_;
+    if (item->size() > wire::kDatagramPayloadSizeMax) ++large_item_count_;
     if (message.token != job->token || message.run_number != job->item_count ||
         !message.has_its_filling(*item)) {
       history_.broken(scheduler_.now(), job->token, "got an item that is not the next of its own");
@@ -304,7 +329,7 @@ void SimClient::take_items(Jobs::iterator job) {
       ++stream_count_;
       history_.end_stream(scheduler_.now(), job->token, job->item_count);
       return end(job, Outcome::kDone, to_string(job->end_status));
-    case wire::Status::kExpired:
+    case wire::Status::kLost:
     case wire::Status::kCancelled:
       return end(job, Outcome::kMayHaveRun, to_string(job->end_status));
     default:

@@ -23,8 +23,10 @@ struct ClientProfile {
   Duration pause_max{};                     ///< Between two calls, usually;
   std::uint64_t long_pause_per_mille = 10;  ///< at times it is so long that sessions are replaced.
   std::uint64_t idempotent_per_mille = 200;
-  std::uint64_t close_per_mille = 0;       ///< Sessions that it closes between two calls.
-  std::uint64_t large_per_mille = 0;       ///< Requests and, apart from them, replies in fragments.
+  std::uint64_t close_per_mille = 0;  ///< Sessions that it closes between two calls.
+  std::uint64_t large_per_mille = 0;  ///< Requests and, apart from them, replies in fragments.
+  /// Of the calls: large ones with plenty of time, of which it dies before they end.
+  std::uint64_t abandoned_per_mille = 0;
   std::uint64_t oneway_per_mille = 0;      ///< Of the calls: merely sent, or confirmed on receipt.
   std::uint64_t stream_per_mille = 0;      ///< Of the calls.
   std::uint64_t cancel_per_mille = 0;      ///< Of the calls: cancelled at some time.
@@ -54,6 +56,7 @@ class SimClient {
   /// Streams that came to their end, and their items.
   [[nodiscard]] std::uint64_t stream_count() const noexcept { return stream_count_; }
   [[nodiscard]] std::uint64_t item_count() const noexcept { return item_count_; }
+  [[nodiscard]] std::uint64_t large_item_count() const noexcept { return large_item_count_; }
   [[nodiscard]] std::uint64_t cancelled_count() const noexcept { return cancelled_count_; }
 
  private:
@@ -76,6 +79,7 @@ class SimClient {
     wire::CallIndex index = 0;  ///< On the channel, unless it waits.
     std::vector<std::byte> payload;
     std::vector<std::byte> items;
+    std::vector<std::byte> large_item;
     std::uint32_t item_count = 0;
     bool is_over = false;  ///< A stream whose end came; items may be left.
     wire::Status end_status = wire::Status::kOk;
@@ -86,12 +90,13 @@ class SimClient {
   [[nodiscard]] MonotonicTime local_now() const { return scheduler_.now() + profile_.clock_offset; }
   void pause();
   void begin_job(Duration deadline, bool is_plain);
+  void begin_abandoned_job();
   void plan_cancel(std::uint64_t number);
   void pump();
   [[nodiscard]] bool may_begin(Job& job);
   void begin_call(Jobs::iterator job);
   void send(ConstBytes frame);
-  [[nodiscard]] std::uint32_t message_size();
+  [[nodiscard]] std::uint32_t message_size(std::uint64_t large_per_mille);
   void receive(const Bytes& frame);
   void wait();
   void on_time();
@@ -126,6 +131,7 @@ class SimClient {
   std::uint64_t large_reply_count_ = 0;
   std::uint64_t stream_count_ = 0;
   std::uint64_t item_count_ = 0;
+  std::uint64_t large_item_count_ = 0;
   std::uint64_t cancelled_count_ = 0;
 };
 

@@ -170,18 +170,8 @@ void SimServer::give_items(std::uint32_t tag) {
   const auto found = jobs_.find(tag);
   if (found == jobs_.end()) return;
   Job& job = found->second;
-  if (job.is_cancelled || job.items_left == 0) return finish(tag);
-  const MutableBytes room = sessions_->item_buffer(job.request);
-  if (room.empty()) return;
-  --job.items_left;
-  const std::uint32_t number = history_.give_item(job.token);
-  const std::size_t size = std::min(
-      room.size(),
-      random_.chance(100) ? room.size() : random_.between(std::size_t{16}, std::size_t{64}));
-  Message{job.token, number, 0}.write(room.first(size));
-  const ConstBytes frame =
-      sessions_->push_item(job.request, static_cast<std::uint32_t>(size), scheduler_.now());
-  if (const auto peer = sessions_->peer_of(job.request)) send(*peer, frame);
+  if (job.is_cancelled || (job.items_left == 0 && job.item.empty())) return finish(tag);
+  if (!send_item(job)) return;
   const Duration gap = random_.chance(10) ? random_.between(Duration{0}, Duration{2'000'000'000})
                                           : random_.between(Duration{0}, Duration{2'000'000});
   scheduler_.after(gap, [this, tag, life = life_] {
@@ -189,11 +179,40 @@ void SimServer::give_items(std::uint32_t tag) {
   });
 }
 
+// Sends as much of the item at hand, or of the next one, as its caller takes; false if it is not at
+// its end then.
+bool SimServer::send_item(Job& job) {
+  const std::size_t size_max = sessions_->item_size_max(job.request);
+  if (size_max == 0) return false;
+  if (job.item.empty()) {
+    const bool is_large = random_.chance(profile_.large_item_per_mille);
+    job.item.resize(std::min(size_max, is_large
+                                           ? random_.between(std::size_t{64}, size_max)
+                                           : random_.between(std::size_t{16}, std::size_t{64})));
+    Message{job.token, job.item_number, 0}.write(job.item);
+  }
+  do {
+    const ConstBytes frame = sessions_->push_item(job.request, job.item, scheduler_.now());
+    if (frame.empty()) return false;
+    if (!std::exchange(job.is_midway, true)) {
+      --job.items_left;
+      static_cast<void>(history_.give_item(job.token));
+    }
+    if (const auto peer = sessions_->peer_of(job.request)) {
+      network_.send(kServerPort, peer->port, frame);
+    }
+  } while (sessions_->is_item_midway(job.request));
+  ++job.item_number;
+  job.item.clear();
+  job.is_midway = false;
+  return true;
+}
+
 void SimServer::finish(std::uint32_t tag) {
   const Job job = jobs_.at(tag);
   jobs_.erase(tag);
   const auto peer = sessions_->peer_of(job.request);
-  const MutableBytes room = sessions_->reply_buffer(job.request);
+  const MutableBytes room = sessions_->reply_buffer(job.request, scheduler_.now());
   // Where all rooms are taken there may be place for one frame only.
   std::size_t size = std::min<std::size_t>(job.reply_size, room.size());
   if (job.request.wants_stream()) size = 0;

@@ -22,12 +22,13 @@ struct ServerProfile {
   /// True: as a lane does, which takes up no frame while a servant runs. False: all replies are
   /// deferred, and frames are taken up while calls run.
   bool is_lane = true;
-  Duration service_max{};                ///< The longest that a servant runs.
-  std::uint64_t failing_per_mille = 20;  ///< Calls that the servant runs and fails.
-  std::size_t queue_max = 64;            ///< Datagrams in the socket's buffer.
-  std::size_t bulk_count = 3;            ///< Rooms for large messages; 0: it takes none.
-  std::size_t stream_count = 4;          ///< Streams at a time.
-  std::uint32_t item_count_max = 100;    ///< Of one stream.
+  Duration service_max{};                  ///< The longest that a servant runs.
+  std::uint64_t failing_per_mille = 20;    ///< Calls that the servant runs and fails.
+  std::size_t queue_max = 64;              ///< Datagrams in the socket's buffer.
+  std::size_t bulk_count = 3;              ///< Rooms for large messages; 0: it takes none.
+  std::size_t stream_count = 4;            ///< Streams at a time.
+  std::uint32_t item_count_max = 100;      ///< Of one stream.
+  std::uint64_t large_item_per_mille = 0;  ///< Of the items: in fragments.
 };
 
 /// One ServerSessions behind a socket, with a servant that answers each call with its own token; it
@@ -58,6 +59,9 @@ class SimServer {
     std::uint32_t reply_size = 0;
     wire::Status status = wire::Status::kOk;
     std::uint32_t items_left = 0;
+    Bytes item{};  ///< That is being given; empty: none.
+    std::uint32_t item_number = 0;
+    bool is_midway = false;  ///< Some of it was sent.
     bool is_cancelled = false;
   };
   void on_datagram(const Bytes& frame, const wire::PeerAddress& from);
@@ -66,6 +70,7 @@ class SimServer {
   void run(const wire::Request& request, const wire::PeerAddress& from);
   void finish(std::uint32_t tag);
   void give_items(std::uint32_t tag);
+  [[nodiscard]] bool send_item(Job& job);
   void learn_of_cancelled();
   void plan_time();
   void send(const wire::PeerAddress& to, ConstBytes frame);

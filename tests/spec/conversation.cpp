@@ -5,9 +5,9 @@
 #include <map>
 #include <memory>
 #include <optional>
-#include <set>
 #include <utility>
 
+#include "free_bytes.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
@@ -17,107 +17,9 @@ namespace {
 using wire::ChannelEvent;
 using wire::Verdict;
 
-std::string_view name_of(Role role) {
-  return role == Role::kClient ? "client" : "server";
-}
 std::string_view other_name(Role role) {
   return role == Role::kClient ? "server" : "client";
 }
-
-/// The bytes that one side is free to choose: `<name>` in a vector's hex. Those of the side that is
-/// tested are learned from the first frame in which they stand; the other's are the examples.
-class FreeBytes {
- public:
-  FreeBytes(const Json& free, Role role) {
-    for (const auto& [name, choice] : free.items()) {
-      size_[name] = choice.at("size");
-      if (choice.at("chosen_by") != name_of(role)) known_[name] = choice.at("example");
-    }
-  }
-
-  /// The hex of a frame that is given to the tested side.
-  [[nodiscard]] std::string fill_in(const std::string& pattern) const {
-    std::string hex;
-    for_each_part(pattern, [&](const std::string& part, bool is_name) {
-      if (!is_name) hex += part;
-      if (is_name) hex += known(part);
-      return true;
-    });
-    return hex;
-  }
-  /// Whether a frame of the tested side is as the pattern says; learns what stands there for the
-  /// first time.
-  [[nodiscard]] bool matches(const std::string& pattern, const std::string& hex) {
-    std::map<std::string, std::string> learned;
-    std::size_t at = 0;
-    const bool is_same = for_each_part(pattern, [&](const std::string& part, bool is_name) {
-      const std::size_t size = is_name ? 2 * size_.at(part) : part.size();
-      if (at + size > hex.size()) return false;
-      const std::string here = hex.substr(at, size);
-      at += size;
-      if (!is_name) return here == part;
-      if (known_.contains(part)) return here == known_[part];
-      const auto [place, is_first] = learned.try_emplace(part, here);
-      return is_first || place->second == here;
-    });
-    if (!is_same || at != hex.size()) return false;
-    for (const auto& [name, value] : learned)
-      learn(name, value);
-    return true;
-  }
-  /// A number that stands as itself or as "<name>".
-  [[nodiscard]] std::uint64_t number(const Json& value) const {
-    if (value.is_number()) return value;
-    return little_endian(fill_in(value));
-  }
-
- private:
-  [[nodiscard]] static std::uint64_t little_endian(const std::string& hex) {
-    std::uint64_t value = 0;
-    const Bytes bytes = bytes_of_hex(hex);
-    for (std::size_t i = bytes.size(); i > 0; --i)
-      value = value << 8 | std::to_integer<std::uint64_t>(bytes[i - 1]);
-    return value;
-  }
-  [[nodiscard]] std::string known(const std::string& name) const {
-    const auto found = known_.find(name);
-    if (found != known_.end()) return found->second;
-    ADD_FAILURE() << "<" << name << "> is used before it was sent";
-    return std::string(2 * size_.at(name), '0');
-  }
-  /// A name without its number: choices of one kind are different, and calls count upward.
-  [[nodiscard]] static std::string kind_of(const std::string& name) {
-    return name.substr(0, name.find_last_not_of("0123456789") + 1);
-  }
-  void learn(const std::string& name, const std::string& value) {
-    const std::string kind = kind_of(name);
-    for (const auto& [other, other_value] : known_) {
-      if (kind_of(other) != kind || kind == "cookie") continue;
-      EXPECT_NE(value, other_value) << "<" << name << "> is the same as <" << other << ">";
-      if (kind != "call") continue;
-      const auto step =
-          static_cast<std::uint32_t>(little_endian(value) - little_endian(other_value));
-      EXPECT_LT(step, 1u << 31) << "<" << name << "> is not later than <" << other << ">";
-    }
-    known_[name] = value;
-  }
-  /// Calls `take(part, is_name)` for the stretches of a pattern until it gives false.
-  template <class Take>
-  static bool for_each_part(const std::string& pattern, const Take& take) {
-    for (std::size_t at = 0; at < pattern.size();) {
-      const bool is_name = pattern[at] == '<';
-      const std::size_t end = std::min(pattern.find(is_name ? '>' : '<', at), pattern.size());
-      if (!take(pattern.substr(at + (is_name ? 1 : 0), end - at - (is_name ? 1 : 0)), is_name)) {
-        return false;
-      }
-      at = is_name ? end + 1 : end;
-    }
-    return true;
-  }
-
-  std::map<std::string, std::size_t> size_;
-  std::map<std::string, std::string> known_;
-};
 
 /// What the tested side did: a frame that it sent, or a step without its time.
 struct Output {
@@ -156,64 +58,71 @@ class ServerSide final : public Side {
   explicit ServerSide(const Json& conversation) {
     const Json& setup = conversation.at("setup").at("server");
     config_.medium = medium_named(conversation.at("medium"));
-    config_.band = {setup.at("band").at(0).get<int>(), setup.at("band").at(1).get<int>()};
+    for (const Json& band : setup.contains("bands") ? setup.at("bands") : Json{setup.at("band")})
+      bands_.push_back({band.at(0).get<int>(), band.at(1).get<int>()});
+    config_.lane_count = static_cast<std::uint32_t>(bands_.size());
     config_.ceiling = setup.at("ceiling").get<int>();
     config_.epoch = wide_number(setup.at("epoch"));
     config_.clock_domain = wide_number(setup.at("clock_domain"));
     config_.session_count_max = setup.at("session_count_max");
     config_.message_size_max = setup.at("message_size_max");
     EXPECT_EQ(setup.at("window"), wire::kCallWindow);
-    bulk_memory_.resize(std::size_t{4} * config_.message_size_max);
-    stream_memory_.resize(4 * stream_room_size(config_.medium));
-    config_.bulk_memory = bulk_memory_;
-    config_.stream_memory = stream_memory_;
-    sessions_ = std::make_unique<wire::ServerSessions>(config_);
+    start();
   }
 
   Outputs receive(const Bytes& frame, bool is_foreign, MonotonicTime now) override {
     const wire::PeerAddress peer{.high = connection_number_, .port = is_foreign ? 2u : 1u};
-    const wire::FrameCounters before = sessions_->counters();
-    const Verdict verdict = sessions_->on_frame(frame, peer, now);
+    wire::ServerSessions& sessions = lane_of(frame);
+    const wire::FrameCounters before = sessions.counters();
+    const Verdict verdict = sessions.on_frame(frame, peer, now);
     Outputs outputs;
-    if (const std::string reason = newly_dropped(before, sessions_->counters()); !reason.empty()) {
+    if (const std::string reason = newly_dropped(before, sessions.counters()); !reason.empty()) {
       outputs.push_back({{}, counted(Role::kServer, reason)});
     }
     switch (verdict.action) {
       case Verdict::Action::kNothing:
         break;
       case Verdict::Action::kSend:
-        send(outputs, verdict.frame, now);
+        send(outputs, sessions, verdict.frame, now);
         break;
       case Verdict::Action::kHangUp:
         outputs.push_back({{}, {{"server_sees", "hang_up"}}});
         break;
       case Verdict::Action::kDispatch:
-        outputs.push_back({{}, note(verdict.request)});
+        outputs.push_back({{}, note(sessions, verdict.request)});
         break;
     }
     tell_cancelled(outputs);
+    if (verdict.credit_tag != 0) give_item(outputs, call_of_tag_.at(verdict.credit_tag), now);
     return outputs;
   }
 
   Outputs act(const Json& step, const FreeBytes& free, MonotonicTime now) override {
     if (step.value("network_does", "") == "disconnect") {
-      sessions_->forget({.high = connection_number_++, .port = 1});
-      return {};
+      for (Lane& lane : lanes_)
+        lane.sessions->forget({.high = connection_number_, .port = 1});
+      ++connection_number_;
+      Outputs outputs;
+      tell_cancelled(outputs);
+      return outputs;
     }
     const std::string what = step.at("server_does");
     if (what == "restart") {
       config_.epoch = wide_number(step.at("epoch"));
       ++config_.key.low;
-      sessions_ = std::make_unique<wire::ServerSessions>(config_);
       running_.clear();
+      start();
       return {};
     }
     Outputs outputs;
     if (what == "wait") {
-      sessions_->on_time(now);
+      for (Lane& lane : lanes_)
+        lane.sessions->on_time(now);
     } else if (what == "stop") {
-      while (const auto outgoing = sessions_->close_next(now))
-        outputs.push_back({hex_of(outgoing->frame), {}});
+      for (Lane& lane : lanes_) {
+        while (const auto outgoing = lane.sessions->close_next(now))
+          outputs.push_back({hex_of(outgoing->frame), {}});
+      }
     } else {
       act_on_call(outputs, step, free, now);
     }
@@ -229,48 +138,71 @@ class ServerSide final : public Side {
       ADD_FAILURE() << "this call does not run: " << step;
       return;
     }
-    const wire::Request request = running->second;
+    const wire::Request request = running->second.request;
+    wire::ServerSessions& sessions = *running->second.sessions;
     if (what == "receipt") {
-      send(outputs, sessions_->accept(request, status_named(step.at("status")), now), now);
+      send(outputs, sessions, sessions.accept(request, status_named(step.at("status")), now), now);
       return;
     }
     const Bytes payload = bytes_of_hex(step.at("payload"));
     const auto size = static_cast<std::uint32_t>(payload.size());
     if (what == "item") {
-      const MutableBytes room = sessions_->item_buffer(request);
-      if (room.empty()) {
-        outputs.push_back({{}, {{"server_sees", "no_credit"}, {"call_id", running->first}}});
+      const std::uint32_t size_max = sessions.item_size_max(request);
+      if (size_max > 0 && size > size_max) {
+        outputs.push_back({{}, {{"server_sees", "item_too_large"}, {"call_id", running->first}}});
         return;
       }
-      std::ranges::copy(payload, room.begin());
-      send(outputs, sessions_->push_item(request, size, now), now);
+      items_[running->first] = payload;
+      if (give_item(outputs, running->first, now)) return;
+      items_.erase(running->first);
+      outputs.push_back({{}, {{"server_sees", "no_credit"}, {"call_id", running->first}}});
       return;
     }
     EXPECT_EQ(what, "complete");
     running_.erase(running);
-    const MutableBytes reply = sessions_->reply_buffer(request);
+    const MutableBytes reply = sessions.reply_buffer(request, now);
     EXPECT_LE(payload.size(), reply.size());
     std::ranges::copy(payload, reply.begin());
-    send(outputs, sessions_->complete(request, status_named(step.at("status")), size, now), now);
+    send(outputs, sessions, sessions.complete(request, status_named(step.at("status")), size, now),
+         now);
   }
 
+  /// Gives as much of the call's item as its caller takes; false if that is nothing.
+  bool give_item(Outputs& outputs, std::uint32_t call_id, MonotonicTime now) {
+    const auto item = items_.find(call_id);
+    const auto running = running_.find(call_id);
+    if (item == items_.end() || running == running_.end()) return false;
+    wire::ServerSessions& sessions = *running->second.sessions;
+    bool has_given = false;
+    do {
+      const ConstBytes frame = sessions.push_item(running->second.request, item->second, now);
+      if (frame.empty()) return has_given;
+      outputs.push_back({hex_of(frame), {}});
+      has_given = true;
+    } while (sessions.is_item_midway(running->second.request));
+    items_.erase(item);
+    return true;
+  }
   /// Takes note of a frame and of what the server has to send behind it.
-  void send(Outputs& outputs, ConstBytes frame, MonotonicTime now) {
-    for (; !frame.empty(); frame = sessions_->next_frame(now))
+  static void send(Outputs& outputs, wire::ServerSessions& sessions, ConstBytes frame,
+                   MonotonicTime now) {
+    for (; !frame.empty(); frame = sessions.next_frame(now))
       outputs.push_back({hex_of(frame), {}});
   }
   void tell_cancelled(Outputs& outputs) {
-    for (std::uint32_t tag = sessions_->next_cancelled(); tag != 0;
-         tag = sessions_->next_cancelled()) {
-      outputs.push_back({{}, {{"server_sees", "cancelled"}, {"call_id", call_of_tag_.at(tag)}}});
+    for (Lane& lane : lanes_) {
+      for (std::uint32_t tag = lane.sessions->next_cancelled(); tag != 0;
+           tag = lane.sessions->next_cancelled()) {
+        outputs.push_back({{}, {{"server_sees", "cancelled"}, {"call_id", call_of_tag_.at(tag)}}});
+      }
     }
   }
-  Json note(const wire::Request& request) {
+  Json note(wire::ServerSessions& sessions, const wire::Request& request) {
     const wire::Header& header = request.header;
-    running_[header.call_id] = request;
+    running_[header.call_id] = {request, &sessions};
     const auto tag = static_cast<std::uint32_t>(call_of_tag_.size() + 1);
     call_of_tag_[tag] = header.call_id;
-    sessions_->set_tag(request, tag);
+    sessions.set_tag(request, tag);
     return {{"server_sees", "run"},
             {"call_id", header.call_id},
             {"service", header.service},
@@ -279,21 +211,63 @@ class ServerSide final : public Side {
             {"deadline_ns", to_ns(request.deadline)}};
   }
 
-  std::vector<std::byte> bulk_memory_;
-  std::vector<std::byte> stream_memory_;
+  struct Lane {
+    std::vector<std::byte> bulk_memory;
+    std::vector<std::byte> stream_memory;
+    std::unique_ptr<wire::ServerSessions> sessions;
+  };
+  struct Running {
+    wire::Request request;
+    wire::ServerSessions* sessions = nullptr;
+  };
+
+  /// Begins a life of the server: its lanes share the key and the epoch.
+  void start() {
+    lanes_.clear();
+    lanes_.resize(bands_.size());
+    for (std::size_t i = 0; i < bands_.size(); ++i) {
+      Lane& lane = lanes_[i];
+      lane.bulk_memory.resize(std::size_t{4} * config_.message_size_max);
+      lane.stream_memory.resize(4 * stream_room_size(config_.medium));
+      wire::ServerSessionsConfig config = config_;
+      config.lane = static_cast<std::uint32_t>(i);
+      config.band = bands_[i];
+      config.bulk_memory = lane.bulk_memory;
+      config.stream_memory = lane.stream_memory;
+      lane.sessions = std::make_unique<wire::ServerSessions>(config);
+    }
+  }
+  /// hp-11-2: the frame's priority chooses, wherever its session is.
+  wire::ServerSessions& lane_of(const Bytes& frame) {
+    if (frame.size() >= wire::kHeaderSize) {
+      const auto priority = load_le<std::uint16_t>(frame.data() + 4);
+      for (std::size_t i = 0; i < bands_.size(); ++i) {
+        if (bands_[i].low.value() <= priority && priority <= bands_[i].high.value())
+          return *lanes_[i].sessions;
+      }
+    }
+    return *lanes_.front().sessions;
+  }
+
+  std::vector<Band> bands_;
   wire::ServerSessionsConfig config_;
-  std::unique_ptr<wire::ServerSessions> sessions_;
-  std::map<std::uint32_t, wire::Request> running_;
+  std::vector<Lane> lanes_;
+  std::map<std::uint32_t, Running> running_;
+  std::map<std::uint32_t, Bytes> items_;  ///< That were not given in whole yet.
   std::map<std::uint32_t, std::uint32_t> call_of_tag_;
   std::uint64_t connection_number_ = 1;
 };
 
 class ClientSide final : public Side {
  public:
-  explicit ClientSide(const Json& conversation) : channel_(config_of(conversation), buffer_) {}
+  explicit ClientSide(const Json& conversation)
+      : medium_(medium_named(conversation.at("medium"))),
+        message_size_max_(conversation.at("setup").at("client").at("message_size_max")),
+        channel_(config_of(conversation), buffer_) {}
 
   Outputs receive(const Bytes& frame, bool, MonotonicTime now) override {
     const wire::FrameCounters before = channel_.counters();
+    const std::vector<LostCall> open = open_calls();
     ChannelEvent event = channel_.on_frame(frame, now);
     if (event.kind == ChannelEvent::Kind::kNeedRoom) {
       rooms_.emplace_back(event.room_size);
@@ -301,6 +275,8 @@ class ClientSide final : public Side {
       event = channel_.on_frame(frame, now);
     }
     Outputs outputs = outputs_of(event);
+    if (event.kind == ChannelEvent::Kind::kLost) lost_ = open;
+    if (event.kind == ChannelEvent::Kind::kReady) judge_lost(outputs, now);
     send_more(outputs, now);
     if (const std::string reason = newly_dropped(before, channel_.counters()); !reason.empty()) {
       outputs.push_back({{}, counted(Role::kClient, reason)});
@@ -322,12 +298,12 @@ class ClientSide final : public Side {
     const MonotonicTime deadline = time_from_ns(step.at("deadline_ns"));
     if (what == "open") return {{hex_of(channel_.open(priority, deadline, now)), {}}};
     EXPECT_EQ(what, "call");
+    if (!channel_.has_free_call()) return {{{}, {{"client_sees", "window_full"}}}};
     wire::CallParameters parameters{step.at("service"), step.at("method"), priority,
                                     wide_number(step.at("trace_id")), deadline};
     parameters.delivery = delivery_named(step.value("delivery", "reply"));
     parameters.stream_window = step.value("window", 0u);
-    rooms_.emplace_back(parameters.stream_window * wire::kDatagramPayloadSizeMax);
-    parameters.stream_memory = rooms_.back();
+    if (parameters.stream_window > 0) give_stream_room(parameters);
     payloads_.push_back(bytes_of_hex(step.at("payload")));
     const auto frame = channel_.call(parameters, payloads_.back(), now);
     if (!frame) return {{{}, {{"client_sees", to_string(frame.error())}}}};
@@ -335,11 +311,53 @@ class ClientSide final : public Side {
     const std::uint32_t call_id = wire::decode(*frame)->call_id;
     indices_[call_id] = channel_.last_call();
     call_ids_[channel_.last_call()] = call_id;
+    expect_free(call_id);
     send_more(outputs, now);
     return outputs;
   }
 
  private:
+  /// A call that was open when its session was lost.
+  struct LostCall {
+    std::uint32_t call_id = 0;
+    std::uint64_t server_epoch = 0;
+    MonotonicTime begun{};
+  };
+  std::vector<LostCall> open_calls() const {
+    std::vector<LostCall> open;
+    for (const auto& [index, call_id] : call_ids_) {
+      if (!channel_.is_open(index)) continue;
+      open.push_back({call_id, channel_.welcome().server_epoch, channel_.call_begun(index)});
+    }
+    return open;
+  }
+  /// hp-5.5-2, hp-5.5-3: what its application may do with the calls of the lost session.
+  void judge_lost(Outputs& outputs, MonotonicTime now) {
+    for (const LostCall& call : std::exchange(lost_, {})) {
+      const bool is_safe =
+          wire::has_not_run(call.server_epoch, channel_.welcome().server_epoch, call.begun, now);
+      outputs.push_back(
+          {{}, {{"client_sees", is_safe ? "not_run" : "may_have_run"}, {"call_id", call.call_id}}});
+    }
+  }
+  /// hp-4.3-2: no open call has the place of the new one.
+  void expect_free(std::uint32_t new_call) const {
+    for (const LostCall& open : open_calls()) {
+      if (open.call_id == new_call) continue;
+      EXPECT_NE((new_call - open.call_id) % channel_.welcome().window, 0u)
+          << new_call << " begins while " << open.call_id << " is open";
+    }
+  }
+  void give_stream_room(wire::CallParameters& parameters) {
+    constexpr std::size_t kFrameSize = wire::kDatagramPayloadSizeMax;
+    const std::uint32_t byte_window = wire::stream_bytes_first(medium_);
+    rooms_.emplace_back(kFrameSize *
+                        wire::stream_frame_count(medium_, parameters.stream_window, byte_window));
+    parameters.stream_room = {
+        .frames = rooms_.back(), .frame_size = kFrameSize, .item = {}, .byte_window = byte_window};
+    rooms_.emplace_back(message_size_max_);
+    parameters.stream_room.item = rooms_.back();
+  }
   static wire::Delivery delivery_named(const std::string& name) {
     if (name == "receipt") return wire::Delivery::kReceipt;
     return name == "sent" ? wire::Delivery::kSent : wire::Delivery::kReply;
@@ -428,6 +446,9 @@ class ClientSide final : public Side {
   std::deque<std::vector<std::byte>> rooms_;
   std::map<std::uint32_t, wire::CallIndex> indices_;
   std::map<wire::CallIndex, std::uint32_t> call_ids_;
+  std::vector<LostCall> lost_;
+  wire::Medium medium_;
+  std::uint32_t message_size_max_;
   wire::ClientChannel channel_;
 };
 

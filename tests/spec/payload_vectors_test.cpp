@@ -2,6 +2,7 @@
 
 #include <array>
 
+#include "rtpm/rt/host.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/fragments.hpp"
@@ -164,6 +165,7 @@ TEST(CreditVectors, AreReadOrNot) {
     const auto credit = wire::decode_credit(payload);
     ASSERT_TRUE(credit);
     EXPECT_EQ(credit->first_missing, vector.at("fields").at("first_missing"));
+    EXPECT_EQ(credit->byte_limit, vector.at("fields").at("byte_limit"));
     EXPECT_EQ(credit->later, wide_number(vector.at("fields").at("later")));
     Bytes again(wire::StreamCredit::kSize);
     encode(*credit, again);
@@ -260,6 +262,18 @@ TEST(UrlVectors, AreTakenApartOrNot) {
   }
   for (const Json& text : vectors.at("bad")) {
     EXPECT_FALSE(wire::parse_url(text.get<std::string>())) << text;
+  }
+}
+
+// hp-4.1-7
+TEST(ClockDomainVectors, AreWhatTheRecipeMakes) {
+  const Json vectors = read_vectors("clock-domain.json").at("vectors");
+  EXPECT_FALSE(vectors.empty());
+  for (const Json& vector : vectors) {
+    EXPECT_EQ(rt::clock_domain_of(vector.at("boot_id").get<std::string>(),
+                                  vector.at("time_namespace").get<std::string>()),
+              wide_number(vector.at("clock_domain")))
+        << vector.at("name");
   }
 }
 

@@ -57,7 +57,10 @@ class Talk {
   }
   /// With all frames of a large request.
   Bytes call(wire::CallParameters parameters, const Bytes& payload, Duration when) {
-    parameters.stream_memory = items_;
+    parameters.stream_room = {.frames = items_,
+                              .frame_size = wire::kDatagramPayloadSizeMax,
+                              .item = item_,
+                              .byte_window = wire::stream_bytes_first(medium_)};
     payloads_.push_back(payload);  // The call views it.
     const auto frame = client_.call(parameters, payloads_.back(), at(when));
     EXPECT_TRUE(frame);
@@ -78,7 +81,7 @@ class Talk {
   }
   Bytes complete(const wire::Verdict& verdict, const Bytes& payload, Duration when) {
     EXPECT_EQ(verdict.action, wire::Verdict::Action::kDispatch);
-    std::ranges::copy(payload, server_->reply_buffer(verdict.request).begin());
+    std::ranges::copy(payload, server_->reply_buffer(verdict.request, at(when)).begin());
     return copy_of(server_->complete(verdict.request, wire::Status::kOk,
                                      static_cast<std::uint32_t>(payload.size()), at(when)));
   }
@@ -122,7 +125,8 @@ class Talk {
   End server_end_;
   Bytes bulk_memory_ = Bytes(3 * 4032);
   Bytes stream_memory_ = Bytes(stream_room_size(medium_));
-  Bytes items_ = Bytes(4 * wire::kDatagramPayloadSizeMax);
+  Bytes items_ = Bytes(8 * wire::kDatagramPayloadSizeMax);
+  Bytes item_ = Bytes(4000);
   std::unique_ptr<wire::ServerSessions> server_;
   std::array<std::byte, 4096> buffer_{};
   std::deque<Bytes> payloads_;

@@ -228,8 +228,7 @@ TEST_F(Dissector, LinksAStreamToItsCall) {
   const wire::Verdict verdict = talk.to_server(call, 1ms);
   std::vector<Bytes> items;
   for (int i = 0; i < 3; ++i) {
-    static_cast<void>(talk.server().item_buffer(verdict.request));
-    items.push_back(Talk::copy_of(talk.server().push_item(verdict.request, 5, at(2ms))));
+    items.push_back(Talk::copy_of(talk.server().push_item(verdict.request, Bytes(5), at(2ms))));
   }
   // The second is lost, and repeated.
   for (const std::size_t i : {0u, 2u}) {
@@ -267,6 +266,34 @@ TEST_F(Dissector, LinksAStreamToItsCall) {
   EXPECT_EQ(copies, (Flags{0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 0}));
   EXPECT_EQ(cancels, (Flags{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1}));
   EXPECT_EQ(rows[9].at("rtpm.copy_of"), "7");
+  EXPECT_EQ(column(rows, "rtpm.drop"), Column(11, ""));
+}
+
+// hp-5.10-1
+TEST_F(Dissector, PutsLargeItemsTogether) {
+  Talk talk(wire::Medium::kDatagram, kDefaultPort);
+  talk.open(0us);
+  wire::CallParameters wanted{7, 2, kPriority, 0x7ace, kNever};
+  wanted.stream_window = 4;
+  const Bytes call = talk.call(wanted, {}, 1ms);
+  const wire::Verdict verdict = talk.to_server(call, 1ms);
+  std::vector<Bytes> items;
+  for (int i = 0; i < 2; ++i) {
+    items.emplace_back(3000, static_cast<std::byte>('a' + i));
+    do {
+      talk.sent_by_server(
+          Talk::copy_of(talk.server().push_item(verdict.request, items.back(), at(2ms))), 2ms);
+    } while (talk.server().is_item_midway(verdict.request));
+  }
+  const auto rows = dissect(talk.capture, {"rtpm.kind", "rtpm.item", "rtpm.fragment_index",
+                                           "rtpm.message", "rtpm.expert.gap", "rtpm.drop"});
+  ASSERT_EQ(rows.size(), 11u);
+  EXPECT_EQ(rows[7].at("rtpm.item"), "2");
+  EXPECT_EQ(rows[7].at("rtpm.message"), hex_of(items[0]));
+  EXPECT_EQ(rows[8].at("rtpm.fragment_index"), "0");
+  EXPECT_EQ(rows[8].at("rtpm.message"), "");
+  EXPECT_EQ(rows[10].at("rtpm.message"), hex_of(items[1]));
+  EXPECT_EQ(column(rows, "rtpm.expert.gap"), Column(11, ""));
   EXPECT_EQ(column(rows, "rtpm.drop"), Column(11, ""));
 }
 

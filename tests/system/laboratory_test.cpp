@@ -74,6 +74,41 @@ TEST_F(Laboratory, AClientKilledInMidCallLeavesTheServerServing) {
   }
 }
 
+TEST_F(Laboratory, AnOperatorTakesTheArmFromAForceLoopThatLearnsWhy) {
+  auto servo = start_servo(60);
+  ASSERT_TRUE(servo);
+  const auto take_over = [&](std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(),
+                     {"take-over", "lab/arm0", "--registry", registry_->url, "--deadline", "10s"});
+    return run_program("rtpm", arguments);
+  };
+  expect_one_sentence(take_over({"--priority", "27999"}), 1, {"lab/arm0", "28000", "--priority"});
+  EXPECT_FALSE(servo->wait(std::chrono::milliseconds{300})) << "nothing has changed for the loop";
+
+  const auto taken = take_over({"--for", "500ms"});
+  EXPECT_EQ(taken.exit_code, 0) << taken.errors;
+  EXPECT_NE(taken.output.find("was taken over"), std::string::npos) << taken.output;
+  EXPECT_NE(taken.output.find("given back"), std::string::npos) << taken.output;
+  const auto end = servo->wait(kPatience);
+  ASSERT_TRUE(end) << "it goes on without the right to command";
+  expect_one_sentence(*end, 3, {"lab/arm0", "an operator took the lease over"});
+  EXPECT_TRUE(device_->process.wait_for_errors("a call of priority 28000", kPatience));
+  const auto successor = run_servo({"--seconds", "0.2"});
+  EXPECT_EQ(successor.exit_code, 0) << successor.errors;
+}
+
+TEST_F(Laboratory, ADeviceFreesItselfOfAClientThatOnlyHoldsIt) {
+  const auto device = start_daemon(
+      "rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime", "off", "--name",
+                       "lab/arm1", "--lease-idle", "1s", "--operator-priority", "5"});
+  ASSERT_TRUE(device);
+  const auto held = run_program("rtpm", {"take-over", "lab/arm1", "--registry", registry_->url,
+                                         "--priority", "5", "--deadline", "10s"});
+  EXPECT_EQ(held.exit_code, 0) << held.errors;
+  EXPECT_NE(held.output.find("sent no command for too long"), std::string::npos) << held.output;
+  EXPECT_EQ(run_servo({"--seconds", "0.2", "--device", "lab/arm1"}).exit_code, 0);
+}
+
 TEST_F(Laboratory, ALostDeviceEndsTheLoopWithTheReason) {
   auto servo = start_servo(60);
   ASSERT_TRUE(servo);

@@ -52,6 +52,11 @@ const std::vector<Rule>& rules() {
        "time is an argument here"},
       {"print", std::regex(R"(\b(v?f?printf|f?puts|std::cout|std::cerr|std::clog)\b)"),
        Reads::kCode, realtime_folders(), "count it, or give it back as a value"},
+      {"stderr",
+       std::regex(R"(\bstderr\b|std::(cerr|clog)\b)"),
+       Reads::kCode,
+       {"runtime/program/", "registry/", "gvd/", "clients/", "devices/"},
+       "print by rt::print_error() or rt::Log, which escape the text of others"},
       {"throw", std::regex(R"(\bthrow\b)"), Reads::kCode, {}, "errors are values: expected<T, E>"},
       {"function", std::regex(R"(\bstd::function\b)"), Reads::kCode, realtime_folders(),
        "it may allocate; take a template, a reference or an interface"},
@@ -155,8 +160,11 @@ const std::vector<Exemption>& exemptions() {
   static const std::vector<Exemption> kExemptions{
       {"print", "protocol/base/src/assert.cpp", "prints the bug that ends the process"},
       {"print", "runtime/rt/src/cpu_latency.cpp", "the one warning that CPUs may sleep deeply"},
+      {"print", "runtime/rt/src/log.cpp", "the log of programs, for threads that are time-shared"},
       {"print", "runtime/rt/src/memory.cpp", "the one warning that memory is not locked"},
+      {"print", "runtime/rt/src/report.cpp", "warnings of threads that are no lanes'"},
       {"print", "runtime/rt/src/thread.cpp", "the one warning that a thread is time-shared"},
+      {"stderr", "runtime/program/src/server_options.cpp", "the report of this program's set-up"},
       {"function", "runtime/rt/include/rtpm/rt/thread.hpp", "a thread's body, taken at set-up"},
       {"function", "runtime/rt/src/thread.cpp", "a thread's body, taken at set-up"},
   };

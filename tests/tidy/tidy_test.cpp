@@ -105,6 +105,7 @@ TEST(BannedWords, AreFoundWherePlanted) {
       {"protocol/wire/src/a.cpp", "void f() { throw 1; }\n"},
       {"runtime/rt/src/a.cpp", "void f() { std::this_thread::sleep_for(x); printf(\"x\"); }\n"},
       {"clients/servo/a.cpp", "auto t = std::chrono::system_clock::now();\n"},
+      {"clients/servo/main.cpp", "std::fprintf(stderr, name);\n"},
       {"gvd/driver/src/a.cpp", "auto t = std::chrono::steady_clock::now();\n"},
       {"spec/a.md", std::string("one\n\nTO") + "DO: say more\n"},
       {"README.md", std::string("see /ho") + "me/somebody/rtpm\n"},
@@ -120,7 +121,8 @@ TEST(BannedWords, AreFoundWherePlanted) {
   expect_fault(faults, "spec/a.md:3:", "rule deferred");
   expect_fault(faults, "README.md:1:", "rule machine-path");
   expect_fault(faults, "runtime/rpc/src/b.hpp:1:", "rule function");
-  EXPECT_EQ(faults.size(), 9u);
+  expect_fault(faults, "clients/servo/main.cpp:1:", "rule stderr");
+  EXPECT_EQ(faults.size(), 10u);
 }
 
 TEST(BannedWords, MayStandInCommentsTextsAndOtherFolders) {

@@ -25,7 +25,8 @@ class DeviceClient::Impl {
   Impl(device::DeviceClient stub, const device::Description& description, Duration hold)
       : stub_(std::move(stub)),
         descriptor_(from_wire(description)),
-        hold_(std::clamp(hold, Duration{0}, from_us(description.hold_us_max()))) {
+        hold_(std::clamp(hold, Duration{0}, from_us(description.hold_us_max()))),
+        operator_priority_(std::min<int>(description.operator_priority(), Priority::kHighest)) {
     const Duration period = std::chrono::duration_cast<Duration>(
         std::chrono::duration<double>(1.0 / std::max(descriptor_.rate_hz, 1.0)));
     force_end_ = hold_ + from_us(description.ramp_us()) + period;
@@ -35,6 +36,7 @@ class DeviceClient::Impl {
   [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept { return descriptor_; }
   [[nodiscard]] Duration force_end() const noexcept { return force_end_; }
+  [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
   [[nodiscard]] device::Holder holder() const noexcept {
     return device::Holder{lease_.load(std::memory_order_relaxed)};
   }
@@ -65,6 +67,22 @@ class DeviceClient::Impl {
     }
   }
 
+  expected<void, rpc::CallError> take_over(Priority priority) {
+    rpc::CallOptions options;
+    options.priority = priority;
+    const auto lease = stub_.take_over({}, options);
+    if (!lease) return unexpected{lease.error()};
+    lease_.store(lease->id(), std::memory_order_relaxed);
+    return {};
+  }
+
+  expected<LeaseState, rpc::CallError> lease_state() {
+    const auto standing = stub_.lease_state(holder());
+    if (!standing) return unexpected{standing.error()};
+    return standing->state() < kLeaseStateCount ? static_cast<LeaseState>(standing->state())
+                                                : LeaseState::kUnknown;
+  }
+
   expected<void, rpc::CallError> release() {
     const std::uint64_t lease = lease_.exchange(Lease::kNobody, std::memory_order_relaxed);
     if (lease == Lease::kNobody) return {};
@@ -76,6 +94,7 @@ class DeviceClient::Impl {
   driver::Descriptor descriptor_;
   Duration hold_;
   Duration force_end_{};
+  Priority operator_priority_;
   std::atomic<std::uint64_t> lease_{Lease::kNobody};
   std::atomic<std::uint32_t> sequence_{1};
 };
@@ -106,11 +125,14 @@ DeviceClient::~DeviceClient() = default;
 const driver::Descriptor& DeviceClient::descriptor() const noexcept {
   return impl_->descriptor();
 }
-std::string_view DeviceClient::url() const noexcept {
+std::string DeviceClient::url() const {
   return impl_->stub().binding().url();
 }
 Duration DeviceClient::force_end() const noexcept {
   return impl_->force_end();
+}
+Priority DeviceClient::operator_priority() const noexcept {
+  return impl_->operator_priority();
 }
 
 expected<driver::Sample, rpc::CallError> DeviceClient::read(
@@ -132,6 +154,12 @@ expected<void, rpc::CallError> DeviceClient::set_wrench(const driver::Wrench& wr
 
 expected<void, rpc::CallError> DeviceClient::acquire(Duration patience) {
   return impl_->acquire(patience);
+}
+expected<void, rpc::CallError> DeviceClient::take_over(std::optional<Priority> priority) {
+  return impl_->take_over(priority.value_or(impl_->operator_priority()));
+}
+expected<LeaseState, rpc::CallError> DeviceClient::lease_state() {
+  return impl_->lease_state();
 }
 expected<void, rpc::CallError> DeviceClient::renew() {
   return impl_->stub().renew(impl_->holder());

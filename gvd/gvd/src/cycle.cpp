@@ -24,9 +24,24 @@ bool is_whole(const driver::Sample& sample) noexcept {
                      [](float value) { return std::isfinite(value); });
 }
 
-/// Whether `sequence` comes after `last` on a counter that wraps.
-bool is_newer(std::uint32_t sequence, std::uint32_t last) noexcept {
-  return static_cast<std::int32_t>(sequence - last) > 0;
+constexpr std::uint16_t kRecovery = 1;
+
+constexpr std::uint16_t number_of(Transition transition) noexcept {
+  return static_cast<std::uint16_t>(static_cast<int>(transition) + 1);
+}
+
+/// `what` is not 0.
+constexpr std::uint32_t wish_of(std::uint64_t lease, std::uint16_t what) noexcept {
+  return std::uint32_t{Lease::serial_of(lease)} << 16 | what;
+}
+
+/// The wish that was left, if it is the holder's: that of a former holder, left just before it lost
+/// the lease, counts for nothing. 0: there is none.
+std::uint16_t take_wish(std::atomic<std::uint32_t>& wish, std::uint64_t holder) noexcept {
+  if (wish.load(std::memory_order_relaxed) == 0) return 0;
+  const std::uint32_t taken = wish.exchange(0, std::memory_order_acq_rel);
+  const auto what = static_cast<std::uint16_t>(taken);
+  return holder != Lease::kNobody && taken == wish_of(holder, what) ? what : 0;
 }
 
 }  // namespace
@@ -69,7 +84,7 @@ expected<void, driver::DriverError> DeviceCycle::open() {
 
 std::optional<WrenchCommand> DeviceCycle::command_of(std::uint64_t holder) noexcept {
   if (const auto newest = mailbox_.take()) held_ = *newest;
-  if (is_recovery_wanted_.exchange(false, std::memory_order_acq_rel)) {
+  if (take_wish(recovery_wish_, holder) != 0) {
     filter_.recover();
     // What was commanded before belongs to the fault.
     held_ = {};
@@ -82,8 +97,11 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   ++counters_.cycle_count;
   counters_.missed_count += missed_count;
   const std::uint64_t holder = lease_.step(now);
-  if (std::exchange(last_holder_, holder) != holder) filter_.rearm();
+  if (std::exchange(last_holder_, holder) != holder) filter_.change_client();
   const std::optional<WrenchCommand> newest = command_of(holder);
+  if (const auto what = take_wish(transition_wish_, holder); what != 0) {
+    wanted_ = static_cast<Transition>(what - 1);
+  }
   sample_.faults = {};
   if (lifecycle() != Lifecycle::kActive) {
     rest(now);
@@ -165,12 +183,36 @@ void DeviceCycle::publish() noexcept {
   published_.write(sample_);
   counters_.safety = filter_.counters();
   counters_.lease_expired_count = lease_.expired_count();
+  counters_.lease_idle_count = lease_.idle_count();
+  counters_.lease_taken_over_count = lease_.taken_over_count();
   published_counters_.write(counters_);
 }
 
 bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
-  return is_to_close_ || wanted_.load(std::memory_order_relaxed) != Transition::kNone ||
+  return is_to_close_ || wanted_ || has_lease_report() ||
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
+}
+
+// To report may take long, and nothing is exchanged meanwhile: the force is off before.
+bool DeviceCycle::has_lease_report() const noexcept {
+  return filter_.is_off() && (lease_.taken_over_count() != reported_taken_over_count_ ||
+                              lease_.idle_count() != reported_idle_count_);
+}
+
+void DeviceCycle::report_lease() {
+  if (!has_lease_report()) return;
+  const std::uint64_t taken_over_count = lease_.taken_over_count();
+  if (std::exchange(reported_taken_over_count_, taken_over_count) != taken_over_count) {
+    report("a call of priority " +
+           std::to_string(taken_over_at_priority_.load(std::memory_order_relaxed)) +
+           " took the right to command over; the former holder's force went to zero");
+  }
+  const std::uint64_t idle_count = lease_.idle_count();
+  if (std::exchange(reported_idle_count_, idle_count) != idle_count) {
+    const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(config_.lease.idle_max);
+    report("the right to command ended: its holder sent no command for " +
+           std::to_string(ms.count()) + " ms; others may acquire it");
+  }
 }
 
 void DeviceCycle::maintain(MonotonicTime now) {
@@ -178,7 +220,8 @@ void DeviceCycle::maintain(MonotonicTime now) {
     driver_.deactivate();
     report("the device does not answer any more; force is off, trying to reach it again");
   }
-  const Transition wanted = wanted_.exchange(Transition::kNone, std::memory_order_acq_rel);
+  report_lease();
+  const std::optional<Transition> wanted = std::exchange(wanted_, std::nullopt);
   const Lifecycle before = lifecycle();
   if (wanted == Transition::kDeactivate && before != Lifecycle::kInactive) {
     driver_.deactivate();
@@ -226,20 +269,22 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
   const Duration hold = std::clamp(command.hold, Duration{0}, safety().hold_max);
   const HeldCommand next{
       command.lease, command.sequence, {command.wrench, received, received + hold}};
-  bool is_old = false;
-  const bool was_put = mailbox_.put([&](const HeldCommand& last) -> std::optional<HeldCommand> {
-    is_old = last.lease == next.lease && !is_newer(next.sequence, last.sequence);
-    if (is_old) return std::nullopt;
-    return next;
-  });
-  if (!was_put) {
-    hasty_command_count_.fetch_add(1, std::memory_order_relaxed);
-    return unexpected{rpc::Refusal::kOverload};
+  const MailOutcome outcome = mailbox_.put({Lease::serial_of(command.lease), command.sequence},
+                                           next, [&] { return lease_.holder() == command.lease; });
+  switch (outcome) {
+    case MailOutcome::kPut:
+      break;
+    case MailOutcome::kOld:
+      old_command_count_.fetch_add(1, std::memory_order_relaxed);
+      return unexpected{rpc::Refusal::kBadRequest};
+    case MailOutcome::kRefused:
+      foreign_command_count_.fetch_add(1, std::memory_order_relaxed);
+      return unexpected{rpc::Refusal::kNotLeaseHolder};
+    case MailOutcome::kBusy:
+      hasty_command_count_.fetch_add(1, std::memory_order_relaxed);
+      return unexpected{rpc::Refusal::kOverload};
   }
-  if (is_old) {
-    old_command_count_.fetch_add(1, std::memory_order_relaxed);
-    return unexpected{rpc::Refusal::kBadRequest};
-  }
+  static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
   // The filter sees it too: it takes the force away and latches the fault.
   if (!is_finite(command.wrench)) return unexpected{rpc::Refusal::kBadRequest};
@@ -247,15 +292,31 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
 }
 
 rpc::Result<void> DeviceCycle::request(std::uint64_t lease, Transition transition) noexcept {
-  if (!lease_.renew(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  wanted_.store(transition, std::memory_order_release);
-  return {};
+  return leave(transition_wish_, lease, number_of(transition));
 }
 
 rpc::Result<void> DeviceCycle::request_recovery(std::uint64_t lease) noexcept {
-  if (!lease_.renew(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  is_recovery_wanted_.store(true, std::memory_order_release);
+  return leave(recovery_wish_, lease, kRecovery);
+}
+
+rpc::Result<void> DeviceCycle::leave(std::atomic<std::uint32_t>& wish, std::uint64_t lease,
+                                     std::uint16_t what) noexcept {
+  std::uint32_t before = wish.load(std::memory_order_acquire);
+  // The lease is asked for again after every wish that came in between: a thread of a former holder
+  // that stood still meanwhile replaces none of the new one's.
+  do {
+    if (!lease_.use(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
+  } while (!wish.compare_exchange_weak(before, wish_of(lease, what), std::memory_order_acq_rel,
+                                       std::memory_order_acquire));
   return {};
+}
+
+rpc::Result<std::uint64_t> DeviceCycle::take_over(Priority priority) noexcept {
+  if (priority < config_.operator_priority) return unexpected{rpc::Refusal::kNotLeaseHolder};
+  const auto id = lease_.take_over();
+  if (!id) return unexpected{rpc::Refusal::kOverload};
+  taken_over_at_priority_.store(priority.value(), std::memory_order_relaxed);
+  return *id;
 }
 
 DeviceCounters DeviceCycle::counters() const noexcept {

@@ -17,6 +17,7 @@ using driver::Vector3;
 /// up does not jump to full force when it goes on.
 constexpr Duration kElapsedMax = std::chrono::milliseconds{10};
 constexpr Duration kConfigTimeMax = std::chrono::seconds{10};
+constexpr std::optional<WrenchCommand> kNoCommand{};
 
 Vector3 scaled(const Vector3& vector, double by) noexcept {
   return {vector.x * by, vector.y * by, vector.z * by};
@@ -95,13 +96,13 @@ expected<void, rpc::SetupError> SafetyConfig::check() const {
 }
 
 driver::Wrench SafetyFilter::step(MonotonicTime now,
-                                  const std::optional<WrenchCommand>& newest) noexcept {
+                                  const std::optional<WrenchCommand>& offered) noexcept {
   if (last_step_) now = std::max(now, *last_step_);
   const Duration elapsed = last_step_ ? now - *last_step_ : Duration{0};
   last_step_ = now;
   faults_ = {};
 
-  if (newest && !is_latched_ && !is_finite(newest->wrench)) {
+  if (offered && !is_latched_ && !is_finite(offered->wrench)) {
     is_latched_ = true;
     ++counters_.not_finite_count;
   }
@@ -110,7 +111,10 @@ driver::Wrench SafetyFilter::step(MonotonicTime now,
     faults_.set(Fault::kCommandNotFinite);
     return output_;
   }
-  // Who may no longer command ends the command now, even if it would have lived on.
+  // The next client's commands count in the cycle after the first one without force.
+  const bool is_changing_client = is_changing_client_;
+  const std::optional<WrenchCommand>& newest = is_changing_client ? kNoCommand : offered;
+  // A client that may no longer command ends its command now, even if it would have lived on.
   const MonotonicTime ends =
       newest ? std::min(newest->deadline, after(newest->received, config_.hold_max)) : now;
   if (now < ends) {
@@ -128,6 +132,10 @@ driver::Wrench SafetyFilter::step(MonotonicTime now,
     ramp_down(now, elapsed);
   }
   if (is_lost_) faults_.set(Fault::kCommandLost);
+  if (is_changing_client && is_off()) {
+    is_changing_client_ = false;
+    gain_ = 0;
+  }
   return output_;
 }
 
@@ -182,6 +190,7 @@ void SafetyFilter::go_off() noexcept {
   output_ = {};
   gain_ = 0;
   is_following_ = false;
+  is_changing_client_ = false;
   is_lost_ = false;
   if (last_step_) zero_at_ = *last_step_;
 }
@@ -191,8 +200,8 @@ void SafetyFilter::recover() noexcept {
   reset();
 }
 
-void SafetyFilter::rearm() noexcept {
-  gain_ = 0;
+void SafetyFilter::change_client() noexcept {
+  is_changing_client_ = true;
 }
 
 void SafetyFilter::reset() noexcept {

@@ -11,6 +11,15 @@ rpc::Result<void> for_holder(bool is_holder) noexcept {
   return {};
 }
 
+std::uint64_t to_us(Duration duration) noexcept {
+  return static_cast<std::uint64_t>(
+      std::chrono::duration_cast<std::chrono::microseconds>(duration).count());
+}
+
+device::Lease to_wire(std::uint64_t id, const LeaseConfig& config) noexcept {
+  return {id, to_us(config.silence_max), to_us(config.idle_max)};
+}
+
 }  // namespace
 
 rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>& reply,
@@ -18,7 +27,9 @@ rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>
   // A client asks this once, when it binds, and not in its loop.
   const rt::AllowAllocationScope set_up;
   const SafetyConfig& safety = cycle_.safety();
-  reply.finish(to_wire(descriptor_, period_, safety.hold_max, safety.ramp, reply.builder()));
+  reply.finish(to_wire(descriptor_,
+                       {period_, safety.hold_max, safety.ramp, cycle_.config().operator_priority},
+                       reply.builder()));
   return {};
 }
 
@@ -42,8 +53,7 @@ rpc::Result<device::Lease> DeviceServant::acquire(const rpc::CallContext&) {
   Lease& lease = cycle_.lease();
   const auto id = lease.acquire();
   if (!id) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  const auto duration = std::chrono::duration_cast<std::chrono::microseconds>(lease.duration());
-  return device::Lease{*id, static_cast<std::uint64_t>(duration.count())};
+  return to_wire(*id, lease.config());
 }
 
 rpc::Result<void> DeviceServant::renew(const device::Holder& request, const rpc::CallContext&) {
@@ -65,6 +75,17 @@ rpc::Result<void> DeviceServant::activate(const device::Holder& request, const r
 rpc::Result<void> DeviceServant::deactivate(const device::Holder& request,
                                             const rpc::CallContext&) {
   return cycle_.request(request.lease(), Transition::kDeactivate);
+}
+
+rpc::Result<device::Lease> DeviceServant::take_over(const rpc::CallContext& context) {
+  const auto id = cycle_.take_over(context.priority);
+  if (!id) return unexpected{id.error()};
+  return to_wire(*id, cycle_.lease().config());
+}
+
+rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Holder& request,
+                                                              const rpc::CallContext&) {
+  return device::LeaseStanding{static_cast<std::uint8_t>(cycle_.lease().state_of(request.lease()))};
 }
 
 }  // namespace rtpm::gvd

@@ -30,6 +30,9 @@ class DeviceServant final : public device::DeviceServant {
                              const rpc::CallContext& context) override;
   rpc::Result<void> deactivate(const device::Holder& request,
                                const rpc::CallContext& context) override;
+  rpc::Result<device::Lease> take_over(const rpc::CallContext& context) override;
+  rpc::Result<device::LeaseStanding> lease_state(const device::Holder& request,
+                                                 const rpc::CallContext& context) override;
 
  private:
   DeviceCycle& cycle_;

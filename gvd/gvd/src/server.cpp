@@ -23,6 +23,17 @@ SipKey random_key() {
   return {word(), word()};
 }
 
+expected<void, rpc::SetupError> check(const LeaseConfig& lease) {
+  constexpr Duration kNone{0};
+  if (lease.silence_max > kNone && lease.idle_max > kNone && lease.acquire_interval >= kNone &&
+      lease.take_over_interval >= kNone) {
+    return {};
+  }
+  return rpc::setup_error(
+      "the device's lease has silence_max or idle_max that is not above zero, or an interval below "
+      "it; a lease that is over at once commands nothing");
+}
+
 expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
   const std::string device = "the driver of \"" + descriptor.model + "\"";
   if (descriptor.model.empty() || descriptor.serial.empty() || descriptor.frame.empty()) {
@@ -135,6 +146,7 @@ expected<std::unique_ptr<DeviceServer>, rpc::SetupError> DeviceServer::create(
     return rpc::setup_error("the device's period is " + std::to_string(period.count()) +
                             " ns; it must be 20 µs to 100 ms (10 to 50000 Hz)");
   }
+  if (auto checked = check(config.cycle.lease); !checked) return unexpected{checked.error()};
   driver::Descriptor descriptor = driver->describe();
   if (auto checked = check(descriptor); !checked) return unexpected{checked.error()};
   const SafetyConfig safety =

@@ -71,7 +71,7 @@ driver::Sample from_wire(const device::Sample& wire) noexcept {
 }
 
 flatbuffers::Offset<device::Description> to_wire(const driver::Descriptor& descriptor,
-                                                 Duration period, Duration hold_max, Duration ramp,
+                                                 const ServerTerms& terms,
                                                  flatbuffers::FlatBufferBuilder& builder) {
   std::vector<flatbuffers::Offset<device::Axis>> axes;
   for (const driver::Axis& axis : descriptor.axes) {
@@ -97,8 +97,8 @@ flatbuffers::Offset<device::Description> to_wire(const driver::Descriptor& descr
       builder, static_cast<device::DeviceClass>(descriptor.device_class), model, serial, frame,
       axes_at, buttons_at, analogs_at, limits.force_newton_max, limits.torque_newton_metre_max,
       limits.stiffness_newton_per_m_max, limits.damping_newton_s_per_m, &low, &high,
-      descriptor.position_resolution_m, 1.0 / std::chrono::duration<double>(period).count(),
-      to_us(hold_max), to_us(ramp));
+      descriptor.position_resolution_m, 1.0 / std::chrono::duration<double>(terms.period).count(),
+      to_us(terms.hold_max), to_us(terms.ramp), terms.operator_priority.value());
 }
 
 driver::Descriptor from_wire(const device::Description& wire) {

@@ -2,6 +2,7 @@
 
 #include <device.rtpm.hpp>
 
+#include "rtpm/base/priority.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
@@ -16,9 +17,17 @@ namespace rtpm::gvd {
 /// A lifecycle that this program does not know yet reads as kFault.   RT: alloc-free.
 [[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
 
+/// What a device's server adds to its descriptor.
+struct ServerTerms {
+  Duration period{};
+  Duration hold_max{};
+  Duration ramp{};
+  Priority operator_priority{};
+};
+
 /// RT: allocates only in `builder`.
 [[nodiscard]] flatbuffers::Offset<device::Description> to_wire(
-    const driver::Descriptor& descriptor, Duration period, Duration hold_max, Duration ramp,
+    const driver::Descriptor& descriptor, const ServerTerms& terms,
     flatbuffers::FlatBufferBuilder& builder);
 /// Set-up only.
 [[nodiscard]] driver::Descriptor from_wire(const device::Description& wire);

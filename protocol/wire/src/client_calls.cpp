@@ -59,6 +59,8 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   const auto index = free_call();
   // hp-4-1, hp-4.3-2
   RTPM_ASSERT(is_ready_ && index, "a channel is ready and has room for a call");
+  // hp-5.1-8
+  if (!welcome_.band.contains(parameters.priority)) return unexpected{Status::kWrongBand};
   const bool is_one_frame = payload.size() <= frame_payload_max_;
   if (payload.size() > std::min(config_.message_size_max, welcome_.message_size_max) ||
       payload.size() > std::size_t{frame_payload_max_} * kFragmentCountMax ||
@@ -87,10 +89,13 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   }
   if (parameters.delivery == Delivery::kReceipt) call.header.flags = kFlagReplyOnReceipt;
   if (parameters.stream_window > 0) {
-    call.items.begin(parameters.stream_memory, parameters.stream_window,
-                     parameters.stream_memory.size() / parameters.stream_window);
+    call.items.begin(parameters.stream_room, parameters.stream_window);
     call.header.item = call.credit_sent = parameters.stream_window;
-    call.lease = std::min(parameters.stream_lease, kStreamLease);
+    call.bytes_sent = stream_bytes_first(config_.medium);
+    call.freed_sent = 0;
+    call.silence = std::min(parameters.stream_silence, kStreamSilence);
+    call.lease = parameters.stream_lease;
+    if (config_.medium == Medium::kDatagram) call.lease = std::min(call.lease, kStreamLeaseMax);
   }
   return begin_call(call, now);
 }
@@ -101,7 +106,8 @@ ConstBytes ClientChannel::begin_call(Call& call, MonotonicTime now) noexcept {
   call.request.clear();
   call.reply.clear();
   call.timer.begin(now);
-  call.heard = call.item_heard = now;
+  call.asked = call.item_heard = now;
+  call.ask_count = 1;
   call.item_gap = Duration{0};
   if (call.payload.size() <= frame_payload_max_) return stamp_call(call, now);
   call.request.begin(call.header, call.payload, frame_payload_max_, window_of(config_.medium));
@@ -168,7 +174,10 @@ MonotonicTime ClientChannel::due(const Call& call) const noexcept {
 }
 
 ChannelEvent ClientChannel::on_call_time(Call& call, MonotonicTime now) noexcept {
-  const bool is_silent = call.items.is_begun() && now - call.heard >= call.lease;
+  // A reader that did other things for a while has asked nothing meanwhile, and so is owed nothing.
+  constexpr std::uint32_t kAskCountMin = 3;
+  const bool is_silent =
+      call.items.is_begun() && call.ask_count >= kAskCountMin && now - call.asked >= call.silence;
   if (now < call.deadline && !is_silent) return repeat(now, index_of(call));
   ChannelEvent event{.kind = ChannelEvent::Kind::kTimeout, .call = index_of(call)};
   // Of a call that ends with its deadline the server knows when; of a stream it does not.
@@ -183,6 +192,7 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
   if (!call.is_open || (config_.medium == Medium::kStream && !is_asking)) return {};
   ++repeat_count_;
   call.timer.repeat(now);
+  count_question(call, now);
   ConstBytes frame;
   if (is_asking) {
     ask_after(call, call.timer.current(), now);
@@ -299,7 +309,7 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   if (!ack) return drop(DropReason::kBadPayload);
   if (call->request.is_begun()) call->request.on_ack(*ack);
   if (is_stream && (!call->request.is_begun() || call->request.is_acknowledged())) {
-    hear(*call, now);
+    hear(*call);
     // hp-5.10-5: nothing is missing, so that it is not asked again as soon.
     ask_after(*call, call->timer.current(), now);
   } else {
@@ -313,24 +323,29 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
 // --- streams -------------------------------------------------------------------------------------
 
 // The server has the call.
-void ClientChannel::hear(Call& call, MonotonicTime now) noexcept {
+void ClientChannel::hear(Call& call) noexcept {
   call.has_answered = true;
   call.request.clear();
-  call.heard = now;
+  call.ask_count = 0;
+}
+
+void ClientChannel::count_question(Call& call, MonotonicTime now) noexcept {
+  if (call.ask_count++ == 0) call.asked = now;
 }
 
 // When to ask after the stream next follows from the pace of its items, and from how soon one can
 // be known to be lost.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
-  hear(call, now);
+  hear(call);
   const Duration least = config_.medium == Medium::kStream ? Duration{kStreamAskIntervalConnected}
                                                            : round_trip_.interval();
-  ask_after(call, std::max(4 * call.item_gap, least), now);
+  // The rest of an item is on its way, however rarely items come.
+  ask_after(call, call.items.is_midway() ? least : std::max(4 * call.item_gap, least), now);
 }
 
 // Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).
 void ClientChannel::ask_after(Call& call, Duration wait, MonotonicTime now) noexcept {
-  call.timer.wait(now, std::min({wait, Duration{kStreamAskIntervalMax}, call.lease / 4}));
+  call.timer.wait(now, std::min({wait, Duration{kStreamAskIntervalMax}, call.silence / 4}));
 }
 
 ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
@@ -345,23 +360,27 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
     return event;
   }
   if (call->is_ended) return drop(DropReason::kUnexpected);
-  const bool had_gap = call->items.has_gap();
-  const IncomingStream::Taken taken = call->items.take(header.item, payload);
+  // hp-5.10-10: the limit was stated in HELLO.
+  if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
+  const bool reveals_gap = call->items.reveals_gap(header.item);
+  const std::uint32_t dropped_before = call->items.dropped_count();
+  const IncomingStream::Taken taken = call->items.take(header, payload);
   if (taken == IncomingStream::Taken::kForeign) return drop(DropReason::kUnexpected);
+  // hp-8-1
+  if (call->items.dropped_count() != dropped_before) counters_.drop(DropReason::kUnexpected);
   const bool is_copy = taken == IncomingStream::Taken::kCopy;
   if (is_copy) counters_.drop(DropReason::kUnexpected);
-  if (!is_copy && (header.flags & kFlagRepeated) == 0) {
+  if (!is_copy && (header.flags & kFlagRepeated) == 0 && header.fragment_index == 0) {
     // A pause is not to be remembered for long.
     const Duration gap = std::min<Duration>(now - call->item_heard, kStreamAskIntervalMax / 4);
     call->item_gap += (gap - call->item_gap) / 8;
     call->item_heard = now;
   }
   hear_of_items(*call, now);
-  // hp-5.10-4: a gap is told once; if the copies get lost, too, time tells.
-  const bool has_gap = call->items.has_gap();
-  if ((has_gap && !had_gap) || (has_gap && taken == IncomingStream::Taken::kNew) || is_copy) {
-    call->is_credit_due = true;
-  }
+  // hp-5.10-4: each gap is told once; if what is sent again gets lost, too, time tells. A CREDIT
+  // for each copy, answered with all that it lacks, would bring more copies, without end.
+  if (reveals_gap && !is_copy) call->is_credit_due = true;
+  look_at_credit(*call);
   if (call->items.is_complete()) return end_of_stream(*call, now);
   ChannelEvent event;
   event.call = index_of(*call);
@@ -376,10 +395,10 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
 
 ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
                                           MonotonicTime now) noexcept {
-  // hp-5.10-6: items that were lost are still to come, unless the server has given them up.
+  // hp-5.10-6: frames that were lost are still to come, unless the server has given them up.
   const bool is_given_up = header.status == Status::kExpired ||
                            header.status == Status::kCancelled ||
-                           header.status == Status::kStopping;
+                           header.status == Status::kStopping || header.status == Status::kLost;
   const bool is_copy = call.items.is_ended();
   if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
   call.end_status = header.status;
@@ -410,10 +429,23 @@ std::optional<ConstBytes> ClientChannel::next_item(CallIndex index) noexcept {
     end_call(call);
     return std::nullopt;
   }
-  // Half a window at a time: often enough that the server never stands still, no oftener.
-  const std::uint32_t taken = call.items.limit() - call.credit_sent;
-  if (!call.is_ended && 2 * taken >= call.header.item) call.is_credit_due = true;
+  look_at_credit(call);
   return item;
+}
+
+// hp-5.10-4: half a window at a time: often enough that the server never stands still, no oftener.
+void ClientChannel::look_at_credit(Call& call) noexcept {
+  // Before it has the whole call the server has no use for it.
+  if (call.is_ended || !call.has_answered) return;
+  const IncomingStream& items = call.items;
+  const std::uint32_t item_count = items.limit() - call.credit_sent;
+  const std::uint32_t frame_count = items.freed_count() - call.freed_sent;
+  // More than half a circle: the server may send more at first than this client takes at a time.
+  const auto bytes = static_cast<std::int32_t>(items.credit().byte_limit - call.bytes_sent);
+  if (2 * item_count >= call.header.item || frame_count >= kStreamWindow / 2 ||
+      2 * std::int64_t{bytes} >= items.byte_window()) {
+    call.is_credit_due = true;
+  }
 }
 
 ConstBytes ClientChannel::credit_frame(Call& call, MonotonicTime now) noexcept {
@@ -422,7 +454,10 @@ ConstBytes ClientChannel::credit_frame(Call& call, MonotonicTime now) noexcept {
   header.budget_us = budget_of(call, now);
   header.item = call.credit_sent = call.items.limit();
   encode(header, small_frame_.data());
-  encode(call.items.credit(), MutableBytes(small_frame_).subspan(kHeaderSize));
+  const StreamCredit credit = call.items.credit();
+  call.bytes_sent = credit.byte_limit;
+  call.freed_sent = call.items.freed_count();
+  encode(credit, MutableBytes(small_frame_).subspan(kHeaderSize));
   call.is_credit_due = call.is_asking = false;
   return ConstBytes(small_frame_).first(kHeaderSize + StreamCredit::kSize);
 }

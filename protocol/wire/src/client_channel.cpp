@@ -13,6 +13,13 @@ constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 
 }  // namespace
 
+// The client repeats a call at least each second (hp-5.3-3), so that a server which has had it, or
+// a copy of it, has heard the session since (hp-5.5-1).
+bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now, MonotonicTime begun,
+                 MonotonicTime now) noexcept {
+  return lost_epoch == epoch_now && now - begun < kSessionIdleMin;
+}
+
 ClientChannel::ClientChannel(const ClientChannelConfig& config, MutableBytes buffer)
     : config_(config), buffer_(buffer), handshake_number_(config.handshake_number) {
   RTPM_ASSERT(buffer.size() >= kHelloFrameSize, "a channel's buffer holds a HELLO");
@@ -115,7 +122,7 @@ ChannelEvent ClientChannel::drop(DropReason reason) noexcept {
 ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexcept {
   ++counters_.received_count;
   Header header;
-  if (auto read = decode_frame(frame, header); !read) {
+  if (auto read = decode_frame(frame, config_.medium, header); !read) {
     ChannelEvent event = drop(read.error());
     if (config_.medium == Medium::kStream) {
       // hp-8-2: nobody knows where the next frame begins.
@@ -198,7 +205,7 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
   if (!is_ready_ || header.session != session_) return drop(DropReason::kUnexpected);
   if (header.status == Status::kUnknownSession) {
     if (refused != calls_.end()) {
-      // Whether the calls may be sent again is for the caller to judge (hp-5.5-2).
+      // hp-5.5-3: whether the calls may be sent again is for the caller to judge.
       is_ready_ = false;
       const CallIndex index = index_of(*refused);
       end_all();

@@ -1,6 +1,7 @@
 #include "rtpm/wire/handshake.hpp"
 
 #include <algorithm>
+#include <bit>
 
 #include "rtpm/base/assert.hpp"
 
@@ -82,8 +83,9 @@ std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
   welcome.message_size_max = reader.take<std::uint32_t>();
   const bool is_second_zero = reader.take_zeros(12);
   if (!low || !high || !ceiling || *low > *high || !is_first_zero || !is_second_zero ||
-      welcome.version != kVersion || welcome.window == 0 || welcome.server_epoch == 0 ||
-      welcome.features != 0 || welcome.message_size_max < kMessageSizeFloor ||
+      welcome.version != kVersion || !std::has_single_bit(welcome.window) ||
+      welcome.server_epoch == 0 || welcome.features != 0 ||
+      welcome.message_size_max < kMessageSizeFloor ||
       welcome.message_size_max > kMessageSizeCeiling) {
     return std::nullopt;
   }

@@ -69,13 +69,15 @@ bool has_good_fragment_numbers(const Header& header) noexcept {
     return header.fragment_index == 0 && header.message_size == header.payload_size;
   }
   // hp-5.8-2: what nobody acknowledges comes in one frame.
-  return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply) &&
+  return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply ||
+          header.kind == FrameKind::kItem) &&
          (header.flags & kFlagNoReply) == 0 && header.message_size <= kMessageSizeCeiling &&
          fragment_size_of(header) != 0;
 }
 
 // Obeys hp-2-1, hp-2-2 and hp-2-4: the order of the checks is the spec's, so that a frame with
-// several faults is counted alike everywhere.
+// several faults is counted alike everywhere. What a field holds that has no meaning in the frame
+// is not looked at (hp-2-7).
 expected<void, DropReason> decode(ConstBytes bytes, Header& header) noexcept {
   if (bytes.size() < kHeaderSize) return unexpected{DropReason::kTooShort};
   const std::byte* from = bytes.data();
@@ -167,18 +169,22 @@ std::uint32_t fragment_size_of(const Header& header) noexcept {
 }
 
 // hp-2-3: a datagram is one frame and nothing else.
-expected<void, DropReason> decode_frame(ConstBytes frame, Header& header) noexcept {
+expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept {
+  auto header = decode(frame);
+  if (header && header->payload_size != frame.size() - kHeaderSize) {
+    return unexpected{DropReason::kBadLength};
+  }
+  return header;
+}
+
+// hp-2-6, hp-8-2: larger ones are dropped even where their message would be taken.
+expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium, Header& header) noexcept {
   auto read = decode(frame, header);
-  if (read && header.payload_size != frame.size() - kHeaderSize) {
+  if (read && (header.payload_size != frame.size() - kHeaderSize ||
+               header.payload_size > frame_payload_max(medium))) {
     return unexpected{DropReason::kBadLength};
   }
   return read;
-}
-
-expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept {
-  Header header;
-  if (auto read = decode_frame(frame, header); !read) return unexpected{read.error()};
-  return header;
 }
 
 std::string_view to_string(FrameKind kind) noexcept {

@@ -27,11 +27,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   const Header& header = request.header;
   const MonotonicTime now = request.received;
   Session* session = find(header.session);
-  if (session == nullptr) {
-    // hp-4.4-1: the client shall see at once that this is another life of the server.
-    counters_.drop(DropReason::kUnknownSession);
-    return refuse(header, Status::kUnknownSession, now);
-  }
+  if (session == nullptr) return refuse_session(header, peer, now);
   // hp-5.1-4: the address was proven for this session, and no other was.
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   session->last_heard = now;
@@ -66,6 +62,7 @@ ServerSessions::Answer ServerSessions::on_copy(Request& request, Slot& slot,
                                                Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
+  if (slot.is_evicted) return refuse(header, Status::kOverload, now);
   // hp-5.8-1
   if ((header.flags & kFlagNoReply) != 0) {
     return drop(slot.state == Slot::State::kDone ? DropReason::kStaleCall
@@ -89,10 +86,7 @@ ServerSessions::Answer ServerSessions::on_copy(Request& request, Slot& slot,
     return acknowledge(header, all, item_count, now);
   }
   if (slot.bulk != kNoBulk && bulks_[slot.bulk].use == Bulk::Use::kReply) {
-    ++counters_.duplicate_answered_count;
-    sending_ = slot.bulk;
-    bulks_[slot.bulk].outgoing.nudge();
-    return {Verdict::Action::kSend, next_frame(now)};
+    return send_large_again(slot, now);
   }
   // No copy is made on a stream, and of a large reply nothing is kept once it has arrived.
   if (config_.medium == Medium::kStream || slot.frame_size == 0) {
@@ -128,7 +122,9 @@ ServerSessions::Answer ServerSessions::admit(Request& request, Session& session)
   if (!config_.band.contains(header.priority)) {
     return refuse_call(request, Status::kWrongBand, now);
   }
-  if (header.priority > config_.ceiling) {
+  // hp-6.2-1
+  const bool is_ping = header.service == kSessionService && header.method == kMethodPing;
+  if (header.priority > config_.ceiling && !is_ping) {
     return refuse_call(request, Status::kPriorityNotAllowed, now);
   }
   // hp-5.4-3: what is late here is late for its caller, too.
@@ -154,126 +150,6 @@ MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& 
     return time_from_ns(static_cast<std::int64_t>(header.sender_time_ns)) + budget;
   }
   return now + budget;
-}
-
-ServerSessions::Answer ServerSessions::receive_large(Request& request, Slot& slot,
-                                                     Session& session) noexcept {
-  const std::uint16_t index = take_bulk(Bulk::Use::kRequest, request.received);
-  if (index == kNoBulk) return refuse_call(request, Status::kOverload, request.received);
-  slot.state = Slot::State::kReceiving;
-  slot.bulk = index;
-  Bulk& bulk = bulks_[index];
-  bulk.session_index = request.session_index;
-  bulk.slot_index = request.slot_index;
-  bulk.deadline = request.deadline;
-  bulk.incoming.begin(request.header, bulk.room);
-  return on_fragment(request, slot, session);
-}
-
-ServerSessions::Answer ServerSessions::on_fragment(Request& request, Slot& slot,
-                                                   Session& session) noexcept {
-  const Header& header = request.header;
-  const MonotonicTime now = request.received;
-  Bulk& bulk = bulks_[slot.bulk];
-  const IncomingMessage::Taken taken = bulk.incoming.take(header, request.payload);
-  if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
-  if (taken != IncomingMessage::Taken::kLast) {
-    if ((header.flags & kFlagAckWanted) == 0) return {};
-    return acknowledge(header, bulk.incoming.ack(), 0, now);
-  }
-  slot.state = Slot::State::kRunning;
-  request.payload = bulk.incoming.message();
-  request.deadline = deadline_of(session, header, now);
-  request.session_index = index_of(session);
-  request.slot_index = header.call_id % kCallWindow;
-  if (request.deadline > now) return dispatch(request, slot);
-  ++counters_.expired_count;
-  return refuse_call(request, Status::kExpired, now);
-}
-
-ServerSessions::Answer ServerSessions::acknowledge(const Header& about, const FragmentAck& ack,
-                                                   std::uint32_t item_count,
-                                                   MonotonicTime now) noexcept {
-  Header header = header_about(about, FrameKind::kAck, FragmentAck::kSize, now);
-  header.item = item_count;
-  encode(header, answer_.data());
-  encode(ack, MutableBytes(answer_).subspan(kHeaderSize));
-  return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + FragmentAck::kSize)};
-}
-
-// How far a large reply has arrived.
-ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes payload,
-                                              const PeerAddress& peer, MonotonicTime now) noexcept {
-  Session* session = find(header.session);
-  if (session == nullptr) return drop(DropReason::kUnknownSession);
-  if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
-  const auto ack = decode_ack(payload);
-  if (!ack) return drop(DropReason::kBadPayload);
-  session->last_heard = now;
-  Slot& slot = session->slots[header.call_id % kCallWindow];
-  if (slot.state != Slot::State::kDone || slot.call_id != header.call_id || slot.bulk == kNoBulk) {
-    return drop(DropReason::kUnexpected);
-  }
-  OutgoingMessage& reply = bulks_[slot.bulk].outgoing;
-  reply.on_ack(*ack, (header.flags & kFlagAckWanted) != 0);
-  if (reply.is_acknowledged()) {
-    // hp-5.6-8
-    free_bulk(slot);
-    return {};
-  }
-  sending_ = slot.bulk;
-  const ConstBytes frame = next_frame(now);
-  if (frame.empty()) return {};
-  return {Verdict::Action::kSend, frame};
-}
-
-ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
-  if (repairing_ != kNoStream) return next_repair();
-  if (sending_ == kNoBulk) return {};
-  const MutableBytes to(fragment_frame_.front().bytes, fragment_frame_.size() * sizeof(CacheLine));
-  const ConstBytes frame = bulks_[sending_].outgoing.next(to, 0, now);
-  if (frame.empty()) sending_ = kNoBulk;
-  return frame;
-}
-
-// Whether somebody still waits for what is in a room. A request that is being served is in use,
-// however late it is.
-bool ServerSessions::is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept {
-  const Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
-  return bulk.deadline > now || slot.state == Slot::State::kRunning;
-}
-
-// A room for a large message; where none is free, that of one for which nobody waits any more.
-std::uint16_t ServerSessions::take_bulk(Bulk::Use use, MonotonicTime now) noexcept {
-  for (std::size_t i = 0; i < bulks_.size(); ++i) {
-    Bulk& bulk = bulks_[i];
-    if (bulk.use == Bulk::Use::kScratch) continue;
-    if (bulk.use != Bulk::Use::kFree) {
-      Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
-      if (is_awaited(bulk, now)) continue;
-      // Of half a request that is forgotten any more is a late copy.
-      slot.state = Slot::State::kDone;
-      free_bulk(slot);
-    }
-    bulk.use = use;
-    return static_cast<std::uint16_t>(i);
-  }
-  return kNoBulk;
-}
-
-std::uint32_t ServerSessions::large_message_count(MonotonicTime now) const noexcept {
-  return static_cast<std::uint32_t>(std::ranges::count_if(bulks_, [&](const Bulk& bulk) {
-    return bulk.use != Bulk::Use::kFree && bulk.use != Bulk::Use::kScratch && is_awaited(bulk, now);
-  }));
-}
-
-void ServerSessions::free_bulk(Slot& slot) noexcept {
-  if (slot.bulk == kNoBulk) return;
-  Bulk& bulk = bulks_[slot.bulk];
-  bulk.use = Bulk::Use::kFree;
-  bulk.incoming.clear();
-  bulk.outgoing.clear();
-  slot.bulk = kNoBulk;
 }
 
 // hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike; or, where the
@@ -316,16 +192,17 @@ std::uint32_t ServerSessions::next_cancelled() noexcept {
   return tag;
 }
 
-MutableBytes ServerSessions::reply_buffer(const Request& request) noexcept {
+std::uint32_t ServerSessions::reply_size_max(const Request& request) const noexcept {
   const Session& session = sessions_[request.session_index];
-  std::uint32_t size_max = config_.message_size_max;
-  if (session.id == request.header.session) size_max = std::min(size_max, session.message_size_max);
-  if (scratch_ == kNoBulk && !bulks_.empty()) {
-    scratch_ = take_bulk(Bulk::Use::kScratch, request.received);
-  }
+  if (session.id != request.header.session) return config_.message_size_max;
+  return std::min(config_.message_size_max, session.message_size_max);
+}
+
+MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime now) noexcept {
+  std::uint32_t size_max = reply_size_max(request);
   if (scratch_ != kNoBulk) {
-    const MutableBytes room = bulks_[scratch_].room;
-    return room.first(std::min<std::size_t>(room.size(), size_max));
+    if (is_short_of_rooms(request, now)) size_max = std::min(size_max, payload_size_max_);
+    return bulks_[scratch_].room.first(size_max);
   }
   // What will not be sent must not be written over a reply that is kept.
   const Slot* const slot = slot_of(request);
@@ -379,25 +256,6 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   encode(header, frame);
   slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);
   return {frame, slot.frame_size};
-}
-
-// The scratch, which holds the reply, goes with it until it has arrived.
-ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
-                                          MonotonicTime now) noexcept {
-  RTPM_ASSERT(scratch_ != kNoBulk && header.message_size <= bulks_[scratch_].room.size(),
-              "a reply fits its buffer");
-  slot.bulk = scratch_;
-  slot.frame_size = 0;
-  Bulk& bulk = bulks_[scratch_];
-  bulk.use = Bulk::Use::kReply;
-  bulk.session_index = request.session_index;
-  bulk.slot_index = request.slot_index;
-  bulk.deadline = request.deadline;
-  bulk.outgoing.begin(header, bulk.room.first(header.message_size), payload_size_max_,
-                      window_of(config_.medium));
-  sending_ = slot.bulk;
-  scratch_ = take_bulk(Bulk::Use::kScratch, now);
-  return next_frame(now);
 }
 
 // hp-5.9-1, hp-5.9-2: what has not begun never will; what runs is told of it and ends as it likes.

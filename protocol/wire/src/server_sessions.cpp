@@ -8,25 +8,26 @@
 namespace rtpm::wire {
 namespace {
 
-bool is_same_host(const PeerAddress& a, const PeerAddress& b) noexcept {
-  return a.high == b.high && a.low == b.low;
-}
-
-// Three quarters of the sessions at most are one host's, so that it can't keep all others out.
-std::uint32_t session_count_per_host(std::uint32_t count_max) noexcept {
-  return count_max - count_max / 4;
-}
+constexpr std::uint64_t kIndexBits = 0xffff;
+constexpr int kLaneShift = 16;
+constexpr std::uint64_t kLaneBits = std::uint64_t{0xffffff} << kLaneShift;
 
 }  // namespace
 
 ServerSessions::ServerSessions(const ServerSessionsConfig& config)
-    : config_(config), cookies_(config.key), sessions_(config.session_count_max) {
+    : config_(config),
+      cookies_(config.key),
+      stranger_answers_(config.key, std::max(kStrangerAnswerBurst, config.session_count_max),
+                        kStrangerAnswerInterval),
+      sessions_(config.session_count_max) {
   RTPM_ASSERT(config.session_count_max >= 1 && config.session_count_max <= 0xffff,
               "a lane has 1 to 65535 sessions");
   RTPM_ASSERT(config.epoch != 0, "a server has an epoch");
+  RTPM_ASSERT(config.lane < config.lane_count, "a lane is one of its server's");
   const bool is_datagram = config.medium == Medium::kDatagram;
   payload_size_max_ = std::min(config.frame_payload_max,
                                static_cast<std::uint32_t>(frame_payload_max(config.medium)));
+  item_size_max_ = config.message_size_max;
   make_bulks();
   const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
   frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max
@@ -42,22 +43,6 @@ void ServerSessions::make_streams() {
   const std::size_t count =
       std::min<std::size_t>(config_.stream_memory.size() / room_size, kNoStream - 1U);
   streams_.resize(count);
-}
-
-// Cuts the memory for large messages in rooms. Without any the largest message is a frame's.
-void ServerSessions::make_bulks() {
-  const std::size_t room_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
-  const std::size_t count = std::min<std::size_t>(config_.bulk_memory.size() / room_size, kNoBulk);
-  // One room is the scratch for replies, so that a single one could not take a request.
-  if (config_.message_size_max <= payload_size_max_ || count < 2) {
-    config_.message_size_max = std::min(config_.message_size_max, payload_size_max_);
-    return;
-  }
-  bulks_.resize(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    bulks_[i].room = config_.bulk_memory.subspan(i * room_size, config_.message_size_max);
-  }
-  scratch_ = take_bulk(Bulk::Use::kScratch, MonotonicTime{});
 }
 
 std::byte* ServerSessions::frame_of(std::uint32_t session_index,
@@ -85,7 +70,7 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
   // than to write it.
   Verdict verdict;
   Request& request = verdict.request;
-  if (auto read = decode_frame(frame, request.header); !read) {
+  if (auto read = decode_frame(frame, config_.medium, request.header); !read) {
     static_cast<void>(drop(read.error()));
     // hp-8-2: after a bad header nobody knows where on a stream the next frame begins.
     if (config_.medium == Medium::kStream) verdict.action = Verdict::Action::kHangUp;
@@ -142,28 +127,36 @@ ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize), {}};
 }
 
+// hp-4.1-2, hp-4.1-3, hp-4.1-5: what can't be served is refused before it costs more.
+std::optional<Status> ServerSessions::fault_of(const Header& header,
+                                               const Hello& hello) const noexcept {
+  if (hello.version_min > kVersion || hello.version_max < kVersion) {
+    return Status::kVersionUnsupported;
+  }
+  if (hello.message_size_max < kMessageSizeFloor || hello.message_size_max > kMessageSizeCeiling) {
+    return Status::kBadLimits;
+  }
+  if (!config_.band.contains(header.priority)) return Status::kWrongBand;
+  return std::nullopt;
+}
+
 ServerSessions::Answer ServerSessions::on_hello(const Header& header, ConstBytes payload,
                                                 const PeerAddress& peer,
                                                 MonotonicTime now) noexcept {
   const auto hello = decode_hello(payload);
   if (!hello) return drop(DropReason::kBadPayload);
-  // hp-4.1-2, hp-4.1-3, hp-4.1-5: what can't be served is refused before it costs more.
-  if (hello->version_min > kVersion || hello->version_max < kVersion) {
-    return refuse(header, Status::kVersionUnsupported, now);
-  }
-  if (hello->message_size_max < kMessageSizeFloor ||
-      hello->message_size_max > kMessageSizeCeiling) {
-    return refuse(header, Status::kBadLimits, now);
-  }
-  if (!config_.band.contains(header.priority)) return refuse(header, Status::kWrongBand, now);
+  const bool is_proven = config_.medium == Medium::kStream ||
+                         cookies_.is_good(hello->cookie, peer, hello->client_epoch, now);
+  // hp-4.4-5
+  if (!is_proven && !stranger_answers_.admit(peer, now)) return drop(DropReason::kRateLimited);
+  if (const auto fault = fault_of(header, *hello)) return refuse(header, *fault, now);
 
   Header answer;
   answer.priority = header.priority;
   answer.call_id = header.call_id;
   answer.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
   // hp-4.2-1: on datagrams a session needs proof of the address; on a stream it is proven.
-  if (config_.medium == Medium::kDatagram &&
-      !cookies_.is_good(hello->cookie, peer, hello->client_epoch, now)) {
+  if (!is_proven) {
     if (hello->cookie != Cookie{}) counters_.drop(DropReason::kBadCookie);
     const Cookie cookie = cookies_.give(peer, hello->client_epoch, now);
     answer.kind = FrameKind::kCookie;
@@ -172,6 +165,7 @@ ServerSessions::Answer ServerSessions::on_hello(const Header& header, ConstBytes
     std::ranges::copy(cookie, answer_.begin() + kHeaderSize);
     return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + cookie.size()), {}};
   }
+  if (is_late(*hello, header.call_id, peer)) return drop(DropReason::kUnexpected);
   Session* session = find_or_open(*hello, header.call_id, peer, now);
   if (session == nullptr) return refuse(header, Status::kOverload, now);
   Welcome welcome;
@@ -188,6 +182,22 @@ ServerSessions::Answer ServerSessions::on_hello(const Header& header, ConstBytes
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + Welcome::kSize), {}};
 }
 
+bool ServerSessions::is_of(const Session& session, const Hello& hello,
+                           const PeerAddress& peer) noexcept {
+  return session.id != 0 && session.peer == peer && session.client_epoch == hello.client_epoch &&
+         session.channel == hello.channel;
+}
+
+// hp-4.1-6: a late copy of an earlier handshake must not end the session of a later one.
+bool ServerSessions::is_late(const Hello& hello, std::uint32_t handshake_number,
+                             const PeerAddress& peer) const noexcept {
+  if (config_.medium == Medium::kStream) return false;
+  return std::ranges::any_of(sessions_, [&](const Session& session) {
+    return is_of(session, hello, peer) &&
+           static_cast<std::int32_t>(handshake_number - session.handshake_number) < 0;
+  });
+}
+
 ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
                                                       std::uint32_t handshake_number,
                                                       const PeerAddress& peer,
@@ -197,13 +207,15 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   Session* best = nullptr;
   const bool has_room = has_room_for(peer);
   for (Session& session : sessions_) {
-    if (session.id != 0 && session.peer == peer && session.client_epoch == hello.client_epoch &&
-        session.channel == hello.channel && session.handshake_number == handshake_number) {
+    const bool is_of_channel = is_of(session, hello, peer);
+    if (is_of_channel && session.handshake_number == handshake_number) {
       session.last_heard = now;
       return &session;
     }
-    if (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer) {
-      // hp-4-4: a connection carries one session; a further HELLO on it begins that anew.
+    if (is_of_channel ||
+        (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer)) {
+      // hp-4-4, hp-4.1-6: a connection, and a channel, has one session; a further HELLO replaces
+      // it.
       end_session(session);
       best = &session;
       break;
@@ -225,14 +237,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   }
   *best = Session{};
   const auto index = static_cast<std::uint64_t>(best - sessions_.data());
-  std::array<std::byte, 16> seed{};
-  ByteWriter writer(seed);
-  writer.put(config_.epoch);
-  writer.put(++session_serial_);
-  // The upper 48 bits can't be guessed, the lower 16 find the session without a search. Never 0.
-  best->id =
-      ((siphash_2_4(config_.key, seed) | (std::uint64_t{1} << 16)) & ~std::uint64_t{0xffff}) |
-      index;
+  best->id = new_session_id(index);
   best->peer = peer;
   best->client_epoch = hello.client_epoch;
   best->channel = hello.channel;
@@ -245,6 +250,52 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   return best;
 }
 
+// Bits 0 to 15 find the session without a search, bits 16 to 39 hold the lane under a mask, the
+// rest is random. Nobody can guess what a secret key makes of the other bits.
+std::uint64_t ServerSessions::new_session_id(std::uint64_t index) noexcept {
+  std::array<std::byte, 24> seed{};
+  ByteWriter writer(seed);
+  writer.put(config_.epoch);
+  writer.put(++session_serial_);
+  writer.put(std::uint64_t{config_.lane});
+  // Never 0.
+  const std::uint64_t random = siphash_2_4(config_.key, seed) | std::uint64_t{1} << 40;
+  const std::uint64_t id = (random & ~kLaneBits & ~kIndexBits) | index;
+  return id | (lane_mask_of(id) ^ std::uint64_t{config_.lane} << kLaneShift);
+}
+
+std::uint64_t ServerSessions::lane_mask_of(std::uint64_t id) const noexcept {
+  std::array<std::byte, 16> seed{};
+  ByteWriter writer(seed);
+  writer.put(config_.epoch);
+  writer.put(id & ~kLaneBits);
+  return siphash_2_4(config_.key, seed) & kLaneBits;
+}
+
+// hp-4.4-4: a number of this life of the server that another lane gave. A number of anything else
+// passes once in 2^24 for each lane.
+bool ServerSessions::is_of_another_lane(std::uint64_t id) const noexcept {
+  const std::uint64_t lane = ((id ^ lane_mask_of(id)) & kLaneBits) >> kLaneShift;
+  return lane < config_.lane_count && lane != config_.lane;
+}
+
+// hp-4.4-1, hp-4.4-4: the client shall see at once that this is another life of the server; but a
+// session that another lane serves is not lost.
+ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const PeerAddress& peer,
+                                                      MonotonicTime now) noexcept {
+  // hp-4.4-5: nobody shall keep a lane busy by asking. A client asks again.
+  if (config_.medium == Medium::kDatagram && !stranger_answers_.admit(peer, now)) {
+    return drop(DropReason::kRateLimited);
+  }
+  if (!is_of_another_lane(about.session)) {
+    counters_.drop(DropReason::kUnknownSession);
+    return refuse(about, Status::kUnknownSession, now);
+  }
+  const Answer refusal = refuse(about, Status::kWrongBand, now);
+  // hp-5.8-1
+  return (about.flags & kFlagNoReply) != 0 ? Answer{} : refusal;
+}
+
 // Whether the host has fewer sessions than one host may have. Only a datagram's address names a
 // host; how many connections a host may open is the acceptor's affair.
 bool ServerSessions::has_room_for(const PeerAddress& peer) const noexcept {
@@ -252,11 +303,11 @@ bool ServerSessions::has_room_for(const PeerAddress& peer) const noexcept {
   const auto count = std::ranges::count_if(sessions_, [&](const Session& session) {
     return session.id != 0 && is_same_host(session.peer, peer);
   });
-  return count < session_count_per_host(config_.session_count_max);
+  return count < share_of_one_host(config_.session_count_max);
 }
 
 ServerSessions::Session* ServerSessions::find(std::uint64_t id) noexcept {
-  const auto index = static_cast<std::size_t>(id & 0xffff);
+  const auto index = static_cast<std::size_t>(id & kIndexBits);
   if (id == 0 || index >= sessions_.size() || sessions_[index].id != id) return nullptr;
   return &sessions_[index];
 }
@@ -289,6 +340,19 @@ void ServerSessions::forget(const PeerAddress& peer) noexcept {
     if (session.id == 0 || !(session.peer == peer)) continue;
     end_session(session);
   }
+}
+
+bool ServerSessions::has_session(const PeerAddress& peer) const noexcept {
+  return std::ranges::any_of(
+      sessions_, [&](const Session& session) { return session.id != 0 && session.peer == peer; });
+}
+
+ConstBytes ServerSessions::turn_away(ConstBytes frame, MonotonicTime now) noexcept {
+  Header header;
+  if (!decode_frame(frame, config_.medium, header) || header.kind != FrameKind::kHello) return {};
+  const auto hello = decode_hello(frame.subspan(kHeaderSize));
+  if (!hello) return {};
+  return refuse(header, fault_of(header, *hello).value_or(Status::kOverload), now).frame;
 }
 
 // hp-4.5-2

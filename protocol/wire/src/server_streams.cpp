@@ -14,21 +14,28 @@ ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot
   const auto index = static_cast<std::size_t>(found - streams_.begin());
   const std::size_t room_size = stream_room_size(config_.medium);
   const bool is_datagram = config_.medium == Medium::kDatagram;
+  const Session& session = sessions_[request.session_index];
   found->session_index = request.session_index;
   found->slot_index = request.slot_index;
-  found->deadline = std::min(request.deadline, request.received + kStreamLease);
-  found->items.begin(request.header, config_.stream_memory.subspan(index * room_size, room_size),
-                     is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax, is_datagram);
+  found->deadline = lease_of(session, request.header, request.received);
+  found->items.begin(request.header,
+                     {.memory = config_.stream_memory.subspan(index * room_size, room_size),
+                      .frame_size = is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax,
+                      .fragment_size = std::min(payload_size_max_, session.message_size_max)},
+                     config_.medium);
   streams_due_ = std::min(streams_due_, found->deadline);
   slot.stream = static_cast<std::uint16_t>(index);
   ++open_stream_count_;
   return {Verdict::Action::kDispatch};
 }
 
-// hp-5.10-7: until when a stream is kept without hearing of its caller, whatever that states.
+// hp-5.10-7: until when a stream is kept without hearing of its caller. A connection tells by
+// itself when that is gone.
 MonotonicTime ServerSessions::lease_of(const Session& session, const Header& header,
                                        MonotonicTime now) const noexcept {
-  return std::min(deadline_of(session, header, now), now + kStreamLease);
+  if (config_.medium == Medium::kStream && header.budget_us == kBudgetUnlimited) return kNever;
+  const MonotonicTime stated = deadline_of(session, header, now);
+  return config_.medium == Medium::kStream ? stated : std::min(stated, now + kStreamLeaseMax);
 }
 
 void ServerSessions::free_stream(Slot& slot) noexcept {
@@ -38,31 +45,41 @@ void ServerSessions::free_stream(Slot& slot) noexcept {
   if (--open_stream_count_ == 0) streams_due_ = kNever;
 }
 
-MutableBytes ServerSessions::item_buffer(const Request& request) noexcept {
+ServerSessions::Stream* ServerSessions::stream_of(const Request& request) noexcept {
   const Slot* const slot = slot_of(request);
-  if (slot == nullptr || slot->stream == kNoStream) return {};
-  const MutableBytes room = streams_[slot->stream].items.item_buffer();
-  const std::size_t size_max = sessions_[request.session_index].message_size_max;
-  return room.first(std::min({room.size(), size_max, std::size_t{payload_size_max_}}));
+  return slot == nullptr || slot->stream == kNoStream ? nullptr : &streams_[slot->stream];
 }
 
-ConstBytes ServerSessions::push_item(const Request& request, std::uint32_t size,
+std::uint32_t ServerSessions::item_size_max(const Request& request) noexcept {
+  if (stream_of(request) == nullptr) return 0;
+  return std::min(item_size_max_, sessions_[request.session_index].message_size_max);
+}
+
+std::uint32_t ServerSessions::item_frame_size_max(const Request& request) noexcept {
+  return std::min(item_size_max(request), payload_size_max_);
+}
+
+ConstBytes ServerSessions::push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept {
-  const Slot* const slot = slot_of(request);
-  RTPM_ASSERT(slot != nullptr && slot->stream != kNoStream, "there was a buffer for the item");
-  ++counters_.item_count;
-  return streams_[slot->stream].items.push(size, now);
+  Stream* const stream = stream_of(request);
+  if (stream == nullptr) return {};
+  // hp-5.10-10
+  RTPM_ASSERT(item.size() <= item_size_max(request), "an item is not larger than it may be");
+  const ConstBytes frame = stream->items.push(item, now);
+  if (!frame.empty() && !stream->items.is_midway()) ++counters_.item_count;
+  return frame;
+}
+
+bool ServerSessions::is_item_midway(const Request& request) noexcept {
+  const Stream* const stream = stream_of(request);
+  return stream != nullptr && stream->items.is_midway();
 }
 
 ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstBytes payload,
                                                  const PeerAddress& peer,
                                                  MonotonicTime now) noexcept {
   Session* session = find(header.session);
-  if (session == nullptr) {
-    // hp-4.4-1: who waits for items learns at once that none will come.
-    counters_.drop(DropReason::kUnknownSession);
-    return refuse(header, Status::kUnknownSession, now);
-  }
+  if (session == nullptr) return refuse_session(header, peer, now);
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   // hp-5.10-8
   const auto credit = decode_credit(payload);
@@ -75,7 +92,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   const bool is_replied = is_known && slot.frame_size > 0;
   if (!is_known || (slot.stream == kNoStream && !is_replied)) {
     // hp-5.10-7: the stream ended because nobody heard of its caller, who shall learn it.
-    return is_asked ? refuse(header, Status::kExpired, now) : drop(DropReason::kUnexpected);
+    return is_asked ? refuse(header, Status::kLost, now) : drop(DropReason::kUnexpected);
   }
   Answer answer;
   if (slot.stream != kNoStream) {
@@ -89,7 +106,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
     if (is_replied && stream.items.is_acknowledged()) free_stream(slot);
   }
   if (is_asked && is_replied && config_.medium == Medium::kDatagram) {
-    // hp-5.10-5: behind the items that are missing the reply goes once more.
+    // hp-5.10-5: behind the frames that are missing the reply goes once more.
     if (answer.frame.empty()) {
       answer.frame = kept_reply(index_of(*session), slot_index);
     } else {
@@ -106,7 +123,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   return answer;
 }
 
-// The items that were lost, then the reply if that is due, too.
+// The frames that were lost, then the reply if that is due, too.
 ConstBytes ServerSessions::next_repair() noexcept {
   Stream& stream = streams_[repairing_];
   if (const ConstBytes frame = stream.items.next(); !frame.empty()) {

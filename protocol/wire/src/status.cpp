@@ -22,7 +22,8 @@ std::string_view to_string(Status status) noexcept {
                                                                      "bad_limits",
                                                                      "wrong_interface",
                                                                      "cancelled",
-                                                                     "stopping"};
+                                                                     "stopping",
+                                                                     "lost"};
   const auto index = static_cast<std::size_t>(status);
   return index < kNames.size() ? kNames[index] : "unknown";
 }

@@ -9,7 +9,8 @@
 namespace rtpm::wire {
 namespace {
 
-// Items are numbered around the circle; of two within half of it, how far the first is ahead.
+// Frames, items and bytes are counted around the circle; of two counts within half of it, how far
+// the first is ahead.
 std::int32_t ahead(std::uint32_t number, std::uint32_t of) noexcept {
   return static_cast<std::int32_t>(number - of);
 }
@@ -19,7 +20,7 @@ std::int32_t ahead(std::uint32_t number, std::uint32_t of) noexcept {
 void encode(const StreamCredit& credit, MutableBytes to) noexcept {
   ByteWriter writer(to);
   writer.put(credit.first_missing);
-  writer.put_zeros(4);
+  writer.put(credit.byte_limit);
   writer.put(credit.later);
   RTPM_ASSERT(writer.ok() && writer.size() == StreamCredit::kSize, "CREDIT has its size");
 }
@@ -29,16 +30,18 @@ std::optional<StreamCredit> decode_credit(ConstBytes payload) noexcept {
   ByteReader reader(payload);
   StreamCredit credit;
   credit.first_missing = reader.take<std::uint32_t>();
-  if (!reader.take_zeros(4)) return std::nullopt;
+  credit.byte_limit = reader.take<std::uint32_t>();
   credit.later = reader.take<std::uint64_t>();
   return credit;
 }
 
-void OutgoingStream::begin(const Header& header, MutableBytes memory, std::size_t frame_size,
-                           bool is_kept, std::uint32_t first) noexcept {
+void OutgoingStream::begin(const Header& header, const Room& room, Medium medium,
+                           std::uint32_t first) noexcept {
+  RTPM_ASSERT(room.fragment_size >= 1 && kHeaderSize + room.fragment_size <= room.frame_size,
+              "a frame has room for a fragment");
   // A power of two, so that the places go on where the numbers wrap around.
   window_ = static_cast<std::uint32_t>(
-      std::bit_floor(std::min<std::size_t>(memory.size() / frame_size, kStreamWindow)));
+      std::bit_floor(std::min<std::size_t>(room.memory.size() / room.frame_size, kStreamWindow)));
   RTPM_ASSERT(window_ >= 1, "a stream has memory for a frame");
   header_ = header;
   header_.kind = FrameKind::kItem;
@@ -46,55 +49,64 @@ void OutgoingStream::begin(const Header& header, MutableBytes memory, std::size_
   header_.budget_us = 0;
   header_.fragment_index = 0;
   header_.fragment_count = 1;
-  memory_ = memory;
-  frame_size_ = frame_size;
-  is_kept_ = is_kept;
+  room_ = room;
+  medium_ = medium;
   count_ = first_missing_ = first;
-  limit_ = first + header.item;
+  item_count_ = 0;
+  item_limit_ = header.item;
+  byte_count_ = 0;
+  byte_limit_ = stream_bytes_first(medium);
   repairs_ = 0;
 }
 
 std::byte* OutgoingStream::frame_of(std::uint32_t number) const noexcept {
-  return memory_.data() + (is_kept_ ? number % window_ : 0) * frame_size_;
+  return room_.memory.data() + (is_kept() ? number % window_ : 0) * room_.frame_size;
 }
 
-MutableBytes OutgoingStream::item_buffer() noexcept {
+ConstBytes OutgoingStream::push(ConstBytes item, MonotonicTime now) noexcept {
   // hp-5.10-2
-  if (!is_begun() || ahead(limit_, count_) <= 0) return {};
-  if (is_kept_ && count_ - first_missing_ >= window_) return {};
-  return {frame_of(count_) + kHeaderSize, frame_size_ - kHeaderSize};
-}
-
-ConstBytes OutgoingStream::push(std::uint32_t size, MonotonicTime now) noexcept {
-  RTPM_ASSERT(size <= frame_size_ - kHeaderSize, "an item stays within its buffer");
-  std::byte* const frame = frame_of(count_);
-  header_.payload_size = header_.message_size = size;
+  if (!is_begun() || (!is_midway() && ahead(item_limit_, item_count_) <= 0)) return {};
+  if (is_kept() && count_ - first_missing_ >= window_) return {};
+  const std::size_t at = std::size_t{header_.fragment_index} * room_.fragment_size;
+  RTPM_ASSERT(!is_midway() || item.size() == header_.message_size, "an item stays the same");
+  const auto size =
+      static_cast<std::uint32_t>(std::min<std::size_t>(room_.fragment_size, item.size() - at));
+  if (ahead(byte_limit_, byte_count_) < static_cast<std::int32_t>(size)) return {};
+  if (!is_midway()) {
+    const std::size_t count = (item.size() + room_.fragment_size - 1) / room_.fragment_size;
+    RTPM_ASSERT(count <= kFragmentCountMax, "an item has a bounded count of fragments");
+    header_.message_size = static_cast<std::uint32_t>(item.size());
+    header_.fragment_count = static_cast<std::uint16_t>(std::max<std::size_t>(count, 1));
+    header_.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+    ++item_count_;
+  }
+  header_.payload_size = size;
   header_.item = count_;
-  header_.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
+  std::byte* const frame = frame_of(count_);
   encode(header_, frame);
+  if (size > 0) std::memcpy(frame + kHeaderSize, item.data() + at, size);
   sizes_[count_ % kStreamWindow] = size;
+  byte_count_ += size;
   ++count_;
-  if (!is_kept_) first_missing_ = count_;
+  if (++header_.fragment_index == header_.fragment_count) header_.fragment_index = 0;
+  if (!is_kept()) first_missing_ = count_;
   return {frame, kHeaderSize + size};
 }
 
-void OutgoingStream::raise_limit(std::uint32_t limit) noexcept {
-  if (ahead(limit, limit_) > 0) limit_ = limit;
-}
-
-void OutgoingStream::on_credit(const StreamCredit& credit, std::uint32_t limit,
+void OutgoingStream::on_credit(const StreamCredit& credit, std::uint32_t item_limit,
                                bool is_asked) noexcept {
   // hp-5.10-8: who says that he has what was never sent lies or errs.
   if (!is_begun() || ahead(credit.first_missing, count_) > 0) return;
-  raise_limit(limit);
-  if (!is_kept_ || ahead(credit.first_missing, first_missing_) < 0) return;
+  if (ahead(item_limit, item_limit_) > 0) item_limit_ = item_limit;
+  if (ahead(credit.byte_limit, byte_limit_) > 0) byte_limit_ = credit.byte_limit;
+  if (!is_kept() || ahead(credit.first_missing, first_missing_) < 0) return;
   first_missing_ = credit.first_missing;
   const std::uint32_t sent = count_ - first_missing_;
   if (sent == 0) {
     repairs_ = 0;
     return;
   }
-  // hp-5.10-4: what lies before an item that arrived, and has not arrived itself, is lost; and, if
+  // hp-5.10-4: what lies before a frame that arrived, and has not arrived itself, is lost; and, if
   // nothing came for long, the first that is missing.
   const std::uint32_t known = static_cast<std::uint32_t>(std::bit_width(credit.later));
   const std::uint32_t lost_end = std::min(known, sent);
@@ -113,74 +125,151 @@ ConstBytes OutgoingStream::next() noexcept {
   return {frame, kHeaderSize + sizes_[number % kStreamWindow]};
 }
 
-void IncomingStream::begin(MutableBytes memory, std::uint32_t window, std::size_t item_size,
-                           std::uint32_t first) noexcept {
+void IncomingStream::begin(const Room& room, std::uint32_t window, std::uint32_t first) noexcept {
   RTPM_ASSERT(window >= 1 && window <= kStreamWindow, "a stream takes 1 to 32 items at a time");
-  RTPM_ASSERT(memory.size() >= window * item_size, "the memory holds the window");
+  RTPM_ASSERT(room.frame_size > 0 && room.frames.size() >= room.frame_size,
+              "a stream has memory for a frame");
   *this = IncomingStream{};
-  memory_ = memory;
-  item_size_ = item_size;
+  room_ = room;
+  place_count_ = static_cast<std::uint32_t>(
+      std::min<std::size_t>(room.frames.size() / room.frame_size, kStreamFrameCountMax));
   window_ = window;
-  taken_ = first_missing_ = first;
+  freed_ = first_missing_ = first;
 }
 
-// Not the number modulo the window: that would jump where the numbers wrap around.
+// Not the number modulo the places: that would jump where the numbers wrap around.
 std::uint32_t IncomingStream::place_of(std::uint32_t number) const noexcept {
-  return (taken_place_ + (number - taken_)) % window_;
+  return (freed_place_ + (number - freed_)) % place_count_;
 }
 
-std::byte* IncomingStream::room_of(std::uint32_t number) const noexcept {
-  return memory_.data() + place_of(number) * item_size_;
+std::byte* IncomingStream::frame_at(std::uint32_t place) const noexcept {
+  return room_.frames.data() + place * std::size_t{room_.frame_size};
 }
 
-IncomingStream::Taken IncomingStream::take(std::uint32_t number, ConstBytes item) noexcept {
-  const std::int32_t place = ahead(number, first_missing_);
-  if (place < 0) return Taken::kCopy;
-  if (ahead(number, limit()) >= 0 || item.size() > item_size_) return Taken::kForeign;
-  if (is_ended_ && ahead(number, end_) >= 0) return Taken::kForeign;
-  if (place > 0) {
-    const std::uint64_t bit = std::uint64_t{1} << (place - 1);
-    if ((present_ & bit) != 0) return Taken::kCopy;
-    present_ |= bit;
+// Whether the frame that comes next in order goes on with the item at hand, or begins one.
+bool IncomingStream::fits(const Part& part) const noexcept {
+  if (!is_midway()) {
+    return part.index == 0 && (part.count == 1 || part.message_size <= room_.item.size());
   }
-  if (!item.empty()) std::memcpy(room_of(number), item.data(), item.size());
-  sizes_[place_of(number)] = static_cast<std::uint32_t>(item.size());
-  if (place > 0) return Taken::kAhead;
-  const auto run = static_cast<std::uint32_t>(std::countr_one(present_));
-  first_missing_ += run + 1;
-  // The item that is missing now had no bit of its own.
-  present_ = run >= 63 ? 0 : present_ >> (run + 1);
+  return part.index == at_hand_.index && part.count == at_hand_.count &&
+         part.message_size == at_hand_.message_size && part.fragment_size == at_hand_.fragment_size;
+}
+
+void IncomingStream::accept(const Part& part) noexcept {
+  ++first_missing_;
+  at_hand_ = part;
+  if (++at_hand_.index < part.count) return;
+  at_hand_ = {};
+  ++ready_count_;
+}
+
+IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payload) noexcept {
+  const std::uint32_t number = header.item;
+  const std::int32_t distance = ahead(number, first_missing_);
+  if (distance < 0) return Taken::kCopy;
+  if (distance > 64 || number - freed_ >= place_count_ || payload.size() > room_.frame_size) {
+    return Taken::kForeign;
+  }
+  if (is_ended_ && ahead(number, end_) >= 0) return Taken::kForeign;
+  const std::uint64_t bit = distance == 0 ? 0 : std::uint64_t{1} << (distance - 1);
+  if ((present_ & bit) != 0) return Taken::kCopy;
+  const Part part{.size = static_cast<std::uint32_t>(payload.size()),
+                  .message_size = header.message_size,
+                  .fragment_size = header.fragment_count > 1 ? fragment_size_of(header) : 0,
+                  .index = header.fragment_index,
+                  .count = header.fragment_count};
+  // hp-5.10-9: nothing is kept that was not granted.
+  if (kept_bytes_ + part.size > room_.byte_window || (distance == 0 && !fits(part))) {
+    return Taken::kForeign;
+  }
+  const std::uint32_t place = place_of(number);
+  if (part.size > 0) std::memcpy(frame_at(place), payload.data(), part.size);
+  parts_[place] = part;
+  kept_bytes_ += part.size;
+  present_ |= bit;
+  if (distance > 0) return Taken::kAhead;
+  accept(part);
+  // The frame that is missing now had its bit: it may have come before the one that was.
+  for (bool is_there = true; is_there;) {
+    is_there = (present_ & 1) != 0;
+    present_ >>= 1U;
+    if (!is_there) break;
+    const Part& later = parts_[place_of(first_missing_)];
+    is_there = fits(later);
+    if (is_there) {
+      accept(later);
+    } else {
+      kept_bytes_ -= later.size;
+      ++dropped_count_;
+    }
+  }
+  put_together();
   return Taken::kNew;
 }
 
 bool IncomingStream::end(std::uint32_t count) noexcept {
   if (is_ended_) return count == end_;
-  const std::uint32_t beyond =
-      first_missing_ +
-      (present_ == 0 ? 0 : static_cast<std::uint32_t>(std::bit_width(present_)) + 1);
-  if (ahead(count, beyond) < 0 || ahead(count, limit()) > 0) return false;
+  if (ahead(count, known_end()) < 0 || count - freed_ > place_count_) return false;
   is_ended_ = true;
   end_ = count;
   return true;
 }
 
-bool IncomingStream::has_next() const noexcept {
-  return ahead(first_missing_, taken_ + (is_viewed_ ? 1 : 0)) > 0;
+// Behind the last frame that came.
+std::uint32_t IncomingStream::known_end() const noexcept {
+  if (present_ == 0) return first_missing_;
+  return first_missing_ + static_cast<std::uint32_t>(std::bit_width(present_)) + 1;
+}
+
+bool IncomingStream::reveals_gap(std::uint32_t number) const noexcept {
+  return ahead(number, known_end()) > 0;
+}
+
+void IncomingStream::free_first() noexcept {
+  const std::uint32_t size = parts_[freed_place_].size;
+  kept_bytes_ -= size;
+  freed_bytes_ += size;
+  freed_place_ = (freed_place_ + 1) % place_count_;
+  ++freed_;
+}
+
+// Moves the fragments that are there in order to the item that is put together, so that more of it
+// may come. What is looked at stays where it is.
+void IncomingStream::put_together() noexcept {
+  while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
+    const Part& part = parts_[freed_place_];
+    if (part.count == 1) return;
+    std::memcpy(room_.item.data() + filled_, frame_at(freed_place_), part.size);
+    filled_ += part.size;
+    is_whole_ = part.index + 1 == part.count;
+    free_first();
+  }
 }
 
 std::optional<ConstBytes> IncomingStream::next() noexcept {
-  if (is_viewed_) {
-    is_viewed_ = false;
-    taken_place_ = (taken_place_ + 1) % window_;
-    ++taken_;
+  if (view_ != View::kNone) {
+    if (view_ == View::kFrame) {
+      free_first();
+    } else {
+      filled_ = 0;
+      is_whole_ = false;
+    }
+    view_ = View::kNone;
+    ++item_count_;
+    put_together();
   }
   if (!has_next()) return std::nullopt;
-  is_viewed_ = true;
-  return ConstBytes(room_of(taken_), sizes_[taken_place_]);
+  --ready_count_;
+  if (is_whole_) {
+    view_ = View::kItem;
+    return ConstBytes(room_.item.data(), filled_);
+  }
+  view_ = View::kFrame;
+  return ConstBytes(frame_at(freed_place_), parts_[freed_place_].size);
 }
 
 StreamCredit IncomingStream::credit() const noexcept {
-  return {first_missing_, present_};
+  return {first_missing_, freed_bytes_ + room_.byte_window, present_};
 }
 
 }  // namespace rtpm::wire

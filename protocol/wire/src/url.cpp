@@ -49,6 +49,16 @@ std::optional<Url> parse_url(std::string_view text) {
   return url;
 }
 
+std::size_t similarity(std::string_view path, std::string_view other) noexcept {
+  const std::size_t size = std::min(path.size(), other.size());
+  const auto begin =
+      std::mismatch(path.begin(), path.begin() + static_cast<std::ptrdiff_t>(size), other.begin());
+  const auto common = static_cast<std::size_t>(begin.first - path.begin());
+  const auto left = static_cast<std::ptrdiff_t>(size - common);
+  const auto end = std::mismatch(path.rbegin(), path.rbegin() + left, other.rbegin());
+  return common + static_cast<std::size_t>(end.first - path.rbegin());
+}
+
 bool is_valid_path(std::string_view path) noexcept {
   if (path.empty() || path.size() > kPathSizeMax) return false;
   char previous = '/';

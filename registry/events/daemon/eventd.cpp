@@ -18,6 +18,7 @@
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace {
 
@@ -25,6 +26,7 @@ struct Configuration {
   rtpm::program::ServerSettings settings{};
   std::string registry{rtpm::names::kDefaultRegistryUrl};
   std::string name{rtpm::events::kHubPath};
+  bool allows_takeover = false;  ///< Of the name, from a server that lives.
   std::uint64_t subscriptions_max = 1024;
   std::uint64_t history = 8;
   double quota = 2e6;
@@ -35,7 +37,7 @@ struct Configuration {
 };
 
 int fail(const std::string& text) {
-  std::fprintf(stderr, "rtpm-eventd: %s\n", text.c_str());
+  rtpm::rt::print_error("rtpm-eventd", text);
   return 1;
 }
 
@@ -90,8 +92,11 @@ int serve(const Configuration& configuration) {
   const std::string url = (*server)->url(rtpm::events::kHubPath);
   std::unique_ptr<rtpm::names::Registration> name;
   if (!configuration.name.empty()) {
-    auto bound = rtpm::names::Registration::create(node, configuration.registry, configuration.name,
-                                                   url, "rtpm.events.Hub");
+    auto bound = rtpm::names::Registration::create(
+        node, configuration.registry, configuration.name, url, "rtpm.events.Hub",
+        rtpm::names::Registration::kDefaultLease, {},
+        configuration.allows_takeover ? rtpm::names::Takeover::kAllowed
+                                      : rtpm::names::Takeover::kRefused);
     if (!bound) return fail(bound.error().text);
     name = std::move(*bound);
   }
@@ -136,6 +141,8 @@ int main(int argc, char** argv) {
   rtpm::program::add_server(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
+  options.add("allow-takeover", configuration.allows_takeover,
+              "Take the name from another server that holds it, at the start");
   options.add("subscriptions-max", configuration.subscriptions_max, "How many consumers it serves",
               {1, 1024});
   options.add("history", configuration.history,

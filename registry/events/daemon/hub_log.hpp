@@ -5,11 +5,12 @@
 
 #include "rtpm/events/hub.hpp"
 #include "rtpm/events/link.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::eventd {
 
 /// Says on standard error what happens to a hub: a sentence for each consumer that is gone, unless
-/// it unsubscribed, and for each link whose state changes.
+/// it unsubscribed, and for each link whose state changes; not more than a reader can follow.
 /// Ownership: refers to the hub.   Threads: one, time-shared.
 class HubLog {
  public:
@@ -19,7 +20,8 @@ class HubLog {
 
  private:
   const events::Hub& hub_;
-  std::uint64_t departure_number_ = 0;
+  rt::Log log_{"rtpm-eventd"};
+  std::uint64_t disconnect_number_ = 0;
   std::vector<events::LinkState> link_states_{};
 };
 

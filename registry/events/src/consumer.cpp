@@ -6,6 +6,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
+#include "rtpm/wire/limits.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -157,6 +158,8 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
+  // A consumer always takes: one that is silent is dead.
+  options.pause_max = config_.miss_count_max * wire::kStreamAskIntervalMax;
   if (is_latest) options.window = kLatestWindow;
   std::shared_ptr<CommonReader> reader;
   auto ring = open_ring(*client, reader);
@@ -170,7 +173,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   if (!first) return failed(std::string(rpc::to_string(first.error())));
   if (*first != nullptr && (*first)->refusal() != nullptr) {
     // With a ring or multicast the hub may just have become another.
-    return unexpected{Failure{(*first)->refusal()->str(),
+    return unexpected{Failure{refusal_of(*(*first)->refusal()),
                               /*is_final=*/ring == nullptr && multicast == nullptr}};
   }
   if (*first == nullptr || (*first)->welcome() == nullptr) {
@@ -241,7 +244,7 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
   if (batch) {
     last_heard_ = rt::now();
     if (*batch == nullptr) return "The hub ended the subscription.";
-    if ((*batch)->refusal() != nullptr) return (*batch)->refusal()->str();
+    if ((*batch)->refusal() != nullptr) return refusal_of(*(*batch)->refusal());
     take(**batch);
     return std::nullopt;
   }
@@ -342,7 +345,7 @@ expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
     return rpc::setup_error("The subscription was not changed: " +
                             std::string(rpc::to_string(reply.error())));
   }
-  if ((*reply)->refusal() != nullptr) return rpc::setup_error((*reply)->refusal()->str());
+  if ((*reply)->refusal() != nullptr) return rpc::setup_error(refusal_of(*(*reply)->refusal()));
   {
     const std::lock_guard lock(mutex_);
     config_.filter = filter;

@@ -20,8 +20,8 @@ constexpr Duration kBacklogInterval = 1ms;
 constexpr int kEventsPerTurn = 16;
 constexpr std::uint64_t kDoor = 1;
 
-DepartureReason reason_of(rpc::CallEnding ending) noexcept {
-  return ending == rpc::CallEnding::kSilent ? DepartureReason::kSilent : DepartureReason::kLeft;
+DisconnectReason reason_of(rpc::CallEnding ending) noexcept {
+  return ending == rpc::CallEnding::kSilent ? DisconnectReason::kSilent : DisconnectReason::kLeft;
 }
 
 }  // namespace
@@ -169,7 +169,7 @@ void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
   if (exchange_.has_failed(number)) {
     // Behind what still waits, its end says why.
     outlet.writer.fail(rpc::Refusal::kOverload);
-    end(outlet, DepartureReason::kQueueFull);
+    end(outlet, DisconnectReason::kQueueFull);
     return;
   }
   const auto outcome =
@@ -179,7 +179,7 @@ void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
   if (outcome == Outlet::Outcome::kGone) end(outlet, reason_of(outlet.writer.ending()));
 }
 
-void HubImpl::end(Outlet& outlet, DepartureReason reason) noexcept {
+void HubImpl::end(Outlet& outlet, DisconnectReason reason) noexcept {
   outlet.is_dead = true;
   outlet.reason = reason;
   has_dead_ = true;
@@ -268,7 +268,7 @@ void HubImpl::bury_dead() noexcept {
       std::swap(outlet, outlets_[i]);
     }
     forget_wishes(outlet.id);
-    departures_.note(outlet.name, outlet.reason, rt::now());
+    disconnects_.note(outlet.name, outlet.reason, rt::now());
   }
 }
 

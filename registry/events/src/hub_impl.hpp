@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "departures.hpp"
+#include "disconnects.hpp"
 #include "idl.hpp"
 #include "intake.hpp"
 #include "link.hpp"
@@ -48,10 +48,12 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   std::vector<LinkStatus> links() const override;
   IntakeCounters intake() const noexcept override;
   std::size_t subscription_count() const noexcept override;
-  std::vector<Departure> departures(std::uint64_t after) const override {
-    return departures_.after(after);
+  std::vector<Disconnect> disconnects(std::uint64_t after) const override {
+    return disconnects_.after(after);
   }
-  DepartureCounters departure_counters() const noexcept override { return departures_.counters(); }
+  DisconnectCounters disconnect_counters() const noexcept override {
+    return disconnects_.counters();
+  }
 
   rpc::Result<HubFacts> about(const rpc::CallContext& context) override;
   rpc::Result<void> push(const PushRequest& request, const rpc::CallContext& context) override;
@@ -112,7 +114,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
-  void end(Outlet& outlet, DepartureReason reason) noexcept;
+  void end(Outlet& outlet, DisconnectReason reason) noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool receives_multicast(SubscriptionNumber number) const noexcept {
     return multicast_ && multicast_->has_place(number);
@@ -155,7 +157,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   MonotonicTime sleeping_until_ = kNever;
 
   std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring that are to be woken.
-  Departures departures_{};
+  Disconnects disconnects_{};
   transport::Poller poller_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};

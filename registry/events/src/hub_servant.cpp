@@ -1,6 +1,7 @@
 #include <utility>
 
 #include "hub_impl.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
@@ -9,9 +10,10 @@
 namespace rtpm::events {
 namespace {
 
+// For people, in reports and logs.
 std::string name_of(const flatbuffers::String* name) {
   constexpr std::size_t kNameSizeMax = 64;
-  return name == nullptr ? std::string() : name->str().substr(0, kNameSizeMax);
+  return name == nullptr ? std::string() : printable(name->string_view(), kNameSizeMax);
 }
 
 SupplierCounts counts_of(const IntakeCounters& counters) noexcept {
@@ -185,7 +187,7 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
       break;
     case Action::End:
       outlet.writer.finish();
-      end(outlet, DepartureReason::kUnsubscribed);
+      end(outlet, DisconnectReason::kUnsubscribed);
       // Who reads the ring sleeps there, and is to look at its stream.
       wake_bits_.fetch_or(1U << (*number % 32));
       break;
@@ -226,15 +228,15 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
   std::vector<flatbuffers::Offset<LinkEntry>> links;
   for (const LinkStatus& each : this->links())
     links.push_back(link_entry_of(builder, each));
-  std::vector<flatbuffers::Offset<DepartureEntry>> departures;
-  for (const Departure& each : this->departures(0)) {
-    departures.push_back(CreateDepartureEntry(builder, builder.CreateString(each.name),
-                                              static_cast<DepartureCause>(each.reason),
-                                              to_ns(each.time)));
+  std::vector<flatbuffers::Offset<DisconnectEntry>> disconnects;
+  for (const Disconnect& each : this->disconnects(0)) {
+    disconnects.push_back(CreateDisconnectEntry(builder, builder.CreateString(each.name),
+                                                static_cast<DisconnectCause>(each.reason),
+                                                to_ns(each.time)));
   }
-  const DepartureCounters gone = departure_counters();
-  const DepartureCounts departure_counts(gone.unsubscribed_count, gone.left_count,
-                                         gone.silent_count, gone.queue_full_count);
+  const DisconnectCounters gone = disconnect_counters();
+  const DisconnectCounts disconnect_counts(gone.unsubscribed_count, gone.left_count,
+                                           gone.silent_count, gone.queue_full_count);
   const std::vector<std::uint64_t> linking = linking_subscriptions();
   const std::lock_guard lock(mutex_);
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
@@ -250,13 +252,13 @@ rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const r
         std::ranges::find(linking, outlet.id) != linking.end(), receives_multicast(i)));
   }
   for (const Intake::Supplier& each : intake_.suppliers()) {
-    if (each.id == 0) continue;
+    if (each.tag == 0) continue;
     const SupplierCounts counts = counts_of(each.counters);
     suppliers.push_back(CreateSupplierEntry(builder, builder.CreateString(each.name), &counts));
   }
   reply.finish(CreateReportReply(builder, &now, builder.CreateVector(subscriptions),
                                  builder.CreateVector(suppliers), builder.CreateVector(links),
-                                 &departure_counts, builder.CreateVector(departures)));
+                                 &disconnect_counts, builder.CreateVector(disconnects)));
   return {};
 }
 

@@ -1,5 +1,7 @@
 #include "idl.hpp"
 
+#include "rtpm/base/printable.hpp"
+
 #include "rtpm/events/program.hpp"
 
 namespace rtpm::events {
@@ -160,6 +162,11 @@ std::unique_ptr<TypeEntryT> entry_of(const EventDescriptor& descriptor) {
     entry->fields.push_back(std::move(field));
   }
   return entry;
+}
+
+std::string refusal_of(const flatbuffers::String& text) {
+  constexpr std::size_t kRefusalSizeMax = 1024;
+  return printable(text.string_view(), kRefusalSizeMax);
 }
 
 }  // namespace rtpm::events

@@ -31,6 +31,9 @@ struct OwnedDescriptor {
 [[nodiscard]] OwnedDescriptor descriptor_of(const TypeEntry& entry);
 [[nodiscard]] std::unique_ptr<TypeEntryT> entry_of(const EventDescriptor& descriptor);
 
+/// Why a hub refused, in its words, for people.
+[[nodiscard]] std::string refusal_of(const flatbuffers::String& text);
+
 [[nodiscard]] inline LossCounts counts_of(const Losses& losses) {
   return {losses.overflow_count, losses.replaced_count, losses.suspended_count, losses.memory_count,
           losses.too_large_count};

@@ -15,7 +15,7 @@ namespace rtpm::events {
 /// Ownership: its memory, taken when built.   Threads: one at a time.
 class Intake {
  public:
-  /// A supplier; id 0: the place is free.
+  /// A supplier. Any id may be one's; tag 0: the slot is free.
   struct Supplier {
     std::uint64_t id = 0;
     std::uint32_t tag = 0;  ///< Of its events, in this life of the hub.
@@ -32,7 +32,7 @@ class Intake {
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
     for (Supplier& each : suppliers_) {
-      if (each.id == id) {
+      if (each.tag != 0 && each.id == id) {
         each.last_heard = now;
         return each;
       }

@@ -118,7 +118,8 @@ Outlet::Outcome Outlet::pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& 
 expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses& losses,
                                                    ItemBuilder& builder,
                                                    MonotonicTime now) noexcept {
-  const std::size_t item_max = writer.item_size_max();
+  // In one frame, so that no event waits for the rest of others.
+  const std::size_t item_max = writer.item_frame_size_max();
   const std::size_t part_max = (item_max - std::min(item_max, kItemOverheadMax)) & ~std::size_t{15};
   const Losses news = losses;
   const ItemBuilder::Extras extras{.welcome = is_welcome_due ? &welcome : nullptr,

@@ -68,7 +68,7 @@ class Outlet {
   bool is_suspended = false;
   bool is_backlogged = false;
   bool is_dead = false;
-  DepartureReason reason = DepartureReason::kLeft;  ///< Why it is dead.
+  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why it is dead.
 
   /// Sends what waits in the queue, as far as the consumer takes it.
   [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,

@@ -4,15 +4,18 @@
 #include <array>
 #include <atomic>
 #include <condition_variable>
+#include <limits>
 #include <mutex>
 #include <utility>
 
 #include "idl.hpp"
+#include "push_ledger.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/wire/limits.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -21,10 +24,23 @@ namespace {
 constexpr std::size_t kBatchSizeMax = 15 * 1024;
 constexpr std::size_t kRequestOverheadMax = 256;
 constexpr std::size_t kSequenceCountMax = 256;
+constexpr std::uint64_t kAllFrames = std::numeric_limits<std::uint64_t>::max();
 
 IntakeCounters counters_of(const SupplierCounts& counts) noexcept {
   return {counts.taken(), counts.over_quota(), counts.too_large(), counts.bad(),
           counts.no_memory()};
+}
+
+// An event that a hub received is counted once, whatever became of it.
+std::uint64_t total_of(const IntakeCounters& intake) noexcept {
+  return intake.taken_count + intake.over_quota_count + intake.too_large_count + intake.bad_count +
+         intake.no_memory_count;
+}
+
+// Of the errors of a call that is confirmed.
+bool may_have_run(rpc::CallError error) noexcept {
+  return error == rpc::CallError::kTimeout || error == rpc::CallError::kDisconnected ||
+         error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kStopped;
 }
 
 /// Events go through a channel of their own, one after the other: two channels have no order
@@ -101,15 +117,23 @@ class Supplier::Impl {
                                    draft.payload);
     if (!is_put) return unexpected{rpc::CallError::kTooLarge};
     size_ += span;
+    ++gathered_count_;
     return {};
   }
 
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept {
     if (size_ == 0) return {};
     const ConstBytes events = std::as_bytes(std::span(memory_)).first(std::exchange(size_, 0));
+    const std::uint32_t count = std::exchange(gathered_count_, 0);
     if (hub_ != nullptr) {
       hub_->push(id_, events, config_.priority);
+      ledger_.note_sent(hub_->epoch(), count);
+      ledger_.note_counted(hub_->epoch(), ledger_.sent_count());
       return {};
+    }
+    if (std::exchange(is_loss_untold_, false)) {
+      ledger_.note_failed(count);
+      return unexpected{rpc::CallError::kMaybeLost};
     }
     rpc::LentMemory lent(std::as_writable_bytes(std::span(request_)));
     flatbuffers::FlatBufferBuilder builder(request_.size() * sizeof(request_[0]), &lent);
@@ -117,11 +141,23 @@ class Supplier::Impl {
     const auto bytes =
         builder.CreateVector(reinterpret_cast<const std::uint8_t*>(events.data()), events.size());
     builder.Finish(CreatePushRequest(builder, id_, bytes));
-    return clients_->pushing.push_encoded(rpc::table_bytes(builder),
-                                          {.priority = config_.priority});
+    auto pushed = send(rpc::table_bytes(builder));
+    // The hub may have counted them all.
+    const std::uint64_t lost = ledger_.maybe_lost_count();
+    if (!pushed && pushed.error() == rpc::CallError::kMaybeLost && note_ended_frames() &&
+        ledger_.maybe_lost_count() == lost) {
+      pushed = send(rpc::table_bytes(builder));
+    }
+    note_pushed(pushed, count, rpc::table_bytes(builder).size());
+    return pushed;
   }
 
-  rt::PiMutex mutex;  ///< Of add() and flush().
+  mutable rt::PiMutex mutex;  ///< Of add() and flush().
+
+  [[nodiscard]] SupplierCounters counters() const noexcept {
+    return {ledger_.sent_count(), ledger_.failed_count(), ledger_.unconfirmed_count(),
+            ledger_.maybe_lost_count()};
+  }
 
   [[nodiscard]] IntakeCounters intake() const noexcept {
     return intake_.read().value_or(IntakeCounters{});
@@ -166,6 +202,42 @@ class Supplier::Impl {
     return 1;
   }
 
+  [[nodiscard]] expected<void, rpc::CallError> send(ConstBytes request) noexcept {
+    return clients_->pushing.push_encoded(request, {.priority = config_.priority});
+  }
+  // What a push came to. One that does not fit a frame is confirmed (see Binding::send()), so that
+  // of a failed one nobody knows whether it arrived.
+  void note_pushed(const expected<void, rpc::CallError>& pushed, std::uint32_t count,
+                   std::size_t size) noexcept {
+    const rpc::Binding& binding = clients_->pushing.binding();
+    note_ended_frames();
+    if (pushed) {
+      const std::uint64_t lost = ledger_.maybe_lost_count();
+      ledger_.note_sent(binding.server_epoch(), count);
+      // The hub is another, and no connection ended that told: as in the hub's own program.
+      is_loss_untold_ = is_loss_untold_ || ledger_.maybe_lost_count() > lost;
+      return;
+    }
+    const bool is_confirmed =
+        binding.transport() == rpc::Transport::kUdp && size > wire::kDatagramPayloadSizeMax;
+    if (!is_confirmed || !may_have_run(pushed.error())) return ledger_.note_failed(count);
+    ledger_.note_sent(binding.server_epoch(), count);
+    ledger_.note_doubtful();
+  }
+  bool note_ended_frames() noexcept {
+    const std::uint64_t lost = clients_->pushing.binding().lost_oneway_count();
+    if (lost == lost_frames_noted_) return false;
+    ledger_.note_end(lost - std::exchange(lost_frames_noted_, lost));
+    return true;
+  }
+  // For one that pushes nothing more: looks whether what it pushed last may be lost.
+  void check_pushed() noexcept {
+    const std::lock_guard lock(mutex);
+    if (ledger_.unconfirmed_count() == 0 || clients_->pushing.binding().check_oneways()) return;
+    note_ended_frames();
+    is_loss_untold_ = true;
+  }
+
   // Tells of ourselves and asks how we fare; why the hub refused a type, or does not answer.
   [[nodiscard]] std::string attend() {
     AttendRequestT request;
@@ -177,9 +249,14 @@ class Supplier::Impl {
         clients_->asking.attend(request, {.priority = 0, .deadline = config_.deadline});
     is_attended_ = reply.has_value();
     if (!reply) return std::string(rpc::to_string(reply.error()));
-    intake_.write(counters_of(*(*reply)->counts()));
+    const IntakeCounters intake = counters_of(*(*reply)->counts());
+    intake_.write(intake);
+    {
+      const std::lock_guard lock(mutex);
+      ledger_.note_counted(clients_->asking.binding().server_epoch(), total_of(intake));
+    }
     read_clock();
-    return (*reply)->refusal() == nullptr ? std::string() : (*reply)->refusal()->str();
+    return (*reply)->refusal() == nullptr ? std::string() : refusal_of(*(*reply)->refusal());
   }
 
   void read_clock() {
@@ -203,6 +280,7 @@ class Supplier::Impl {
       lock.unlock();
       // A type that is refused by now was told at the begin; here only the hub's life counts.
       static_cast<void>(attend());
+      check_pushed();
       if (!is_attended_) bind_again();
       lock.lock();
     }
@@ -214,7 +292,13 @@ class Supplier::Impl {
     if (!clients) return;
     {
       const std::lock_guard lock(mutex);
+      const std::uint64_t lost = ledger_.maybe_lost_count();
+      static_cast<void>(clients_->pushing.binding().check_oneways());
+      // Where the connection seems to be alive, its hub does not answer.
+      if (!note_ended_frames()) ledger_.note_end(kAllFrames);
+      is_loss_untold_ = is_loss_untold_ || ledger_.maybe_lost_count() > lost;
       std::swap(*clients_, *clients);
+      lost_frames_noted_ = clients_->pushing.binding().lost_oneway_count();
     }
     static_cast<void>(attend());
   }
@@ -229,11 +313,15 @@ class Supplier::Impl {
   struct alignas(16) Line {
     std::byte bytes[16];
   };
-  std::vector<Line> memory_{};  ///< What was gathered,
-  std::size_t size_ = 0;        ///< in bytes.
+  std::vector<Line> memory_{};        ///< What was gathered,
+  std::size_t size_ = 0;              ///< in bytes,
+  std::uint32_t gathered_count_ = 0;  ///< and in events.
   std::vector<Line> request_{};
   std::array<Counter, kSequenceCountMax> counters_{};
   std::size_t counter_count_ = 0;
+  PushLedger ledger_{};
+  std::uint64_t lost_frames_noted_ = 0;  ///< Of the pushing binding's lost_oneway_count().
+  bool is_loss_untold_ = false;          ///< The next flush() tells that events may be lost.
 
   Latest<HubClock> clock_;
   Latest<IntakeCounters> intake_;
@@ -275,6 +363,11 @@ expected<void, rpc::CallError> Supplier::add(const EventDraft& event) noexcept {
 expected<void, rpc::CallError> Supplier::flush() noexcept {
   const std::lock_guard lock(impl_->mutex);
   return impl_->flush();
+}
+
+SupplierCounters Supplier::counters() const noexcept {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->counters();
 }
 
 IntakeCounters Supplier::intake() const noexcept {

@@ -110,11 +110,14 @@ void Bridge::on_message(const Message& message) {
     return;
   }
   const auto hops = is_bridged ? static_cast<std::uint8_t>(message.hops - 1) : config_.hops;
-  const auto pushed = supplier_->push({.type = origin->type,
-                                       .source = origin->source,
-                                       .schema_id = message.schema_id,
-                                       .payload = message.payload,
-                                       .hops = hops});
+  const events::EventDraft event{.type = origin->type,
+                                 .source = origin->source,
+                                 .schema_id = message.schema_id,
+                                 .payload = message.payload,
+                                 .hops = hops};
+  auto pushed = supplier_->push(event);
+  // That is about earlier ones; this one was not sent.
+  if (!pushed && pushed.error() == rpc::CallError::kMaybeLost) pushed = supplier_->push(event);
   ++(pushed ? pushed_count_ : push_failed_count_);
 }
 
@@ -137,6 +140,7 @@ std::string Bridge::report() const {
   add("received", broker.received_count);
   add("to_hub", bridge.pushed_count);
   add("failed", bridge.push_failed_count);
+  if (supplier_) add("maybe_lost", supplier_->counters().maybe_lost_count);
   add("own", bridge.own_count);
   add("unknown_topic", bridge.unknown_topic_count);
   add("hops_spent", bridge.hops_spent_count);

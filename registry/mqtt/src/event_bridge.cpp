@@ -13,6 +13,7 @@
 #include "rtpm/program/options.hpp"
 #include "rtpm/program/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace {
 
@@ -31,7 +32,7 @@ struct Configuration {
 };
 
 int fail(const std::string& text) {
-  std::fprintf(stderr, "rtpm-event-bridge: %s\n", text.c_str());
+  rtpm::rt::print_error("rtpm-event-bridge", text);
   return 1;
 }
 
@@ -80,15 +81,17 @@ std::string finish(Configuration& its) {
   return {};
 }
 
-void tell_connection(const Bridge& bridge, bool& was_connected, std::string& told) {
+void tell_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Log& log,
+                     bool& was_connected, std::string& told) {
   const bool is_connected = bridge.broker().is_connected();
   const std::string reason = bridge.broker().reason();
   if (is_connected && !was_connected) {
-    std::printf("connected to the broker\n");
+    output.write("connected to the broker");
   } else if (!is_connected && reason != told) {
-    std::fprintf(stderr, "rtpm-event-bridge: not connected to the broker: %s\n", reason.c_str());
+    log.write("not connected to the broker: " + reason);
   }
-  std::fflush(stdout);
+  log.tick();
+  output.tick();
   was_connected = is_connected;
   told = is_connected ? std::string() : reason;
 }
@@ -103,10 +106,12 @@ int run(const Configuration& configuration) {
   std::printf("bridging %s\n", configuration.bridge.hub.c_str());
   bool was_connected = false;
   std::string told;
+  rtpm::rt::Log output("", {}, stdout);
+  rtpm::rt::Log log("rtpm-event-bridge");
   rtpm::Duration since_report{0};
   constexpr rtpm::Duration kLook = 50ms;
   while (!stop.wait_for(kLook)) {
-    tell_connection(**bridge, was_connected, told);
+    tell_connection(**bridge, output, log, was_connected, told);
     since_report += kLook;
     if (configuration.report == rtpm::Duration{0} || since_report < configuration.report) continue;
     since_report = rtpm::Duration{0};

@@ -1,11 +1,13 @@
 #include "rtpm/names/directory.hpp"
 
+#include <algorithm>
 #include <mutex>
 #include <utility>
 
 #include "idl.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rpc/tables.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::names {
@@ -17,7 +19,7 @@ std::string text_of(const flatbuffers::String* text) {
 
 NameEntry entry_of(const Entry& entry) {
   return {text_of(entry.name()), text_of(entry.url()), text_of(entry.interface()),
-          duration_of(entry.lease_left_ns())};
+          duration_of(entry.lease_left_ns()), entry.revision()};
 }
 
 DirectoryError refused(const Answer& answer, std::string_view name) {
@@ -47,38 +49,43 @@ class Directory::Impl {
 
   [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
 
-  /// Runs `operation` with the bound client; what it returns is a result or a CallError.
+  /// Runs `operation` with the bound client and what the call may state; what it returns is a
+  /// result or a CallError. All of it ends by `deadline`.
   template <class Operation>
-  auto ask(Operation operation)
-      -> expected<typename std::invoke_result_t<Operation, NamesClient&>::value_type,
-                  DirectoryError> {
-    auto client = bound_client();
+  auto ask(MonotonicTime deadline, Operation operation) -> expected<
+      typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
+      DirectoryError> {
+    auto client = bound_client(deadline);
     if (!client) return unexpected{std::move(client.error())};
-    auto reply = operation(**client);
+    auto reply = operation(**client, rpc::CallOptions{.deadline = deadline - rt::now()});
     if (!reply) return unexpected{no_result(reply.error())};
     return std::move(*reply);
   }
 
-  [[nodiscard]] rpc::CallOptions options() const { return {.deadline = deadline_}; }
+  /// When an operation that begins now ends.
+  [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
-  [[nodiscard]] expected<void, DirectoryError> bind(const Store::Wish& wish, bool replaces) {
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Wish& wish, bool replaces) {
     Request request;
     const OwnerId owner = id_of(wish.owner);
     const auto name = request.text(wish.name);
     const auto url = request.text(wish.url);
     const auto interface = request.text(wish.interface);
     const ConstBytes bytes = request.finished(
-        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(wish.lease)));
-    const auto reply = ask([&](NamesClient& client) {
-      return replaces ? client.rebind_encoded(bytes, options())
-                      : client.bind_encoded(bytes, options());
+        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(wish.lease),
+                          wish.holder_revision, wish.allows_takeover));
+    const auto reply = ask(usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
+      return replaces ? client.rebind_encoded(bytes, options) : client.bind_encoded(bytes, options);
     });
     if (!reply) return unexpected{reply.error()};
     const BindReply& answer = **reply;
-    if (outcome_of(*answer.answer()) == Outcome::kDone) return {};
+    if (outcome_of(*answer.answer()) == Outcome::kDone) {
+      return Granted{.lease = duration_of(answer.lease_ns()), .revision = answer.revision()};
+    }
     DirectoryError error = refused(*answer.answer(), wish.name);
     error.holder_url = text_of(answer.holder_url());
     error.holder_lease_left = duration_of(answer.holder_lease_left_ns());
+    error.holder_revision = answer.holder_revision();
     if (!error.holder_url.empty()) error.text += " (it leads to " + error.holder_url + ")";
     return unexpected{std::move(error)};
   }
@@ -87,15 +94,19 @@ class Directory::Impl {
   /// The client, bound on first use; once bound it stays, for its binding finds a registry that
   /// restarted by itself. Callers that meet before that bind side by side, lest one wait for the
   /// deadlines of others.
-  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client() {
+  [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(MonotonicTime deadline) {
     {
       const std::lock_guard lock(mutex_);
       if (client_) return &*client_;
     }
     // A name could only be asked for here: without end, where the node's resolver asks us.
     if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
-    auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline_});
-    if (!client) return unexpected{no_answer(client.error().text)};
+    auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
+    if (!client) {
+      return unexpected{client.error().cause == rpc::CallError::kNoResources
+                            ? not_asked(client.error().text)
+                            : no_answer(client.error().text)};
+    }
     const std::lock_guard lock(mutex_);
     if (!client_) client_.emplace(std::move(*client));
     return &*client_;
@@ -109,6 +120,8 @@ class Directory::Impl {
       case rpc::CallError::kDisconnected:
       case rpc::CallError::kUnreachable:
         return no_answer(text);
+      case rpc::CallError::kNoResources:
+        return not_asked(text);
       default:
         break;
     }
@@ -123,6 +136,13 @@ class Directory::Impl {
     error.text = "'" + registry_url_ +
                  "' is no URL of a registry: give --registry rtpm://host:port/path, such as ";
     error.text.append(kDefaultRegistryUrl);
+    return error;
+  }
+
+  [[nodiscard]] DirectoryError not_asked(std::string_view cause) const {
+    DirectoryError error;
+    error.text = "the registry at " + registry_url_ + " was not asked: ";
+    error.text.append(cause);
     return error;
   }
 
@@ -151,10 +171,10 @@ const std::string& Directory::registry_url() const noexcept {
   return impl_->registry_url();
 }
 
-expected<void, DirectoryError> Directory::bind(const Store::Wish& wish) {
+expected<Granted, DirectoryError> Directory::bind(const Store::Wish& wish) {
   return impl_->bind(wish, /*replaces=*/false);
 }
-expected<void, DirectoryError> Directory::rebind(const Store::Wish& wish) {
+expected<Granted, DirectoryError> Directory::rebind(const Store::Wish& wish) {
   return impl_->bind(wish, /*replaces=*/true);
 }
 
@@ -164,19 +184,24 @@ expected<void, DirectoryError> Directory::renew(std::string_view name, Owner own
   const OwnerId id = id_of(owner);
   const ConstBytes bytes =
       request.finished(CreateRenewRequest(request.builder, request.text(name), &id, ns_of(lease)));
-  const auto answer = impl_->ask(
-      [&](NamesClient& client) { return client.renew_encoded(bytes, impl_->options()); });
+  const auto answer =
+      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
+        return client.renew_encoded(bytes, options);
+      });
   if (!answer) return unexpected{answer.error()};
   if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
   return {};
 }
 
-expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name) {
+expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
+                                                       MonotonicTime deadline) {
   Request request;
   const ConstBytes bytes =
       request.finished(CreateResolveRequest(request.builder, request.text(name)));
-  const auto reply = impl_->ask(
-      [&](NamesClient& client) { return client.resolve_encoded(bytes, impl_->options()); });
+  const auto reply = impl_->ask(std::min(deadline, impl_->usual_end()),
+                                [&](NamesClient& client, const rpc::CallOptions& options) {
+                                  return client.resolve_encoded(bytes, options);
+                                });
   if (!reply) return unexpected{reply.error()};
   const ResolveReply& found = **reply;
   if (outcome_of(*found.answer()) != Outcome::kDone) {
@@ -194,8 +219,10 @@ expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner ow
   const OwnerId id = id_of(owner);
   const ConstBytes bytes =
       request.finished(CreateUnbindRequest(request.builder, request.text(name), &id));
-  const auto answer = impl_->ask(
-      [&](NamesClient& client) { return client.unbind_encoded(bytes, impl_->options()); });
+  const auto answer =
+      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
+        return client.unbind_encoded(bytes, options);
+      });
   if (!answer) return unexpected{answer.error()};
   if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
   return {};
@@ -210,8 +237,10 @@ expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_vie
     const auto after_text = request.text(after);
     const ConstBytes bytes =
         request.finished(CreateListRequest(request.builder, directory_text, after_text));
-    const auto reply = impl_->ask(
-        [&](NamesClient& client) { return client.list_encoded(bytes, impl_->options()); });
+    const auto reply =
+        impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
+          return client.list_encoded(bytes, options);
+        });
     if (!reply) return unexpected{reply.error()};
     const ListReply& page = **reply;
     if (outcome_of(*page.answer()) != Outcome::kDone) {

@@ -49,6 +49,9 @@ static_assert(static_cast<Outcome>(OutcomeCode::BadInterface) == Outcome::kBadIn
 static_assert(static_cast<Outcome>(OutcomeCode::BadOwner) == Outcome::kBadOwner);
 static_assert(static_cast<Outcome>(OutcomeCode::Full) == Outcome::kFull);
 static_assert(static_cast<Outcome>(OutcomeCode::OwnerFull) == Outcome::kOwnerFull);
-static_assert(OutcomeCode::MAX == OutcomeCode::OwnerFull);
+static_assert(static_cast<Outcome>(OutcomeCode::HostFull) == Outcome::kHostFull);
+static_assert(static_cast<Outcome>(OutcomeCode::HostOwnersFull) == Outcome::kHostOwnersFull);
+static_assert(static_cast<Outcome>(OutcomeCode::StaleRevision) == Outcome::kStaleRevision);
+static_assert(OutcomeCode::MAX == OutcomeCode::StaleRevision);
 
 }  // namespace rtpm::names

@@ -1,19 +1,16 @@
 #include "rtpm/names/outcome.hpp"
 
+#include "quoted.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/names/name.hpp"
 
 namespace rtpm::names {
-namespace {
 
-/// `text` in quotes, fit for a terminal whatever it holds.
 std::string quoted(std::string_view text) {
-  constexpr std::size_t kShownMax = 256;
-  std::string shown = "'";
-  for (const char character : text.substr(0, kShownMax)) {
-    shown += character >= ' ' && character < '\x7f' ? character : '?';
-  }
-  return shown + (text.size() > kShownMax ? "…'" : "'");
+  return "'" + printable(text) + "'";
 }
+
+namespace {
 
 /// `name` up to and with the component `index`.
 std::string_view up_to(std::string_view name, std::size_t index) {
@@ -74,6 +71,16 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
       return it + " finds the registry full: unbind others, or start another registry";
     case Outcome::kOwnerFull:
       return it + " is one more than the registry lets one server hold: unbind others";
+    case Outcome::kHostFull:
+      return it +
+             " is one more than the registry lets one host hold: unbind others, or start "
+             "rtpm-registryd with a larger --names-per-host-max";
+    case Outcome::kHostOwnersFull:
+      return it +
+             " is of one more server than the registry lets one host have: end others, or start "
+             "rtpm-registryd with a larger --servers-per-host-max";
+    case Outcome::kStaleRevision:
+      return it + " is held by another server than the one to be replaced: look who it is";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

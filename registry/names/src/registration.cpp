@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
-#include <cstdio>
 #include <mutex>
 #include <utility>
 
 #include "rtpm/names/directory.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::names {
@@ -23,8 +23,10 @@ constexpr Duration kUnbindDeadline = 200ms;
 /// How long it may take to bind at the begin.
 constexpr Duration kBindDeadline = 1s;
 
+/// The registrations of a program share a log.
 void report_to_standard_error(std::string_view sentence) {
-  std::fprintf(stderr, "%.*s\n", static_cast<int>(sentence.size()), sentence.data());
+  static auto* const log = new rt::Log("");
+  log->write(sentence);
 }
 
 bool is_held_by_another(const DirectoryError& error) {
@@ -36,7 +38,7 @@ bool is_held_by_another(const DirectoryError& error) {
 class Registration::Impl {
  public:
   Impl(rpc::Node& node, std::string registry_url, std::string name, std::string url,
-       std::string interface, Duration lease, Report report)
+       std::string interface, Duration lease, Report report, Takeover takeover)
       : node_(node),
         registry_url_(std::move(registry_url)),
         name_(std::move(name)),
@@ -44,7 +46,8 @@ class Registration::Impl {
         interface_(std::move(interface)),
         owner_(owner_of(url_)),
         lease_(lease),
-        report_(report ? std::move(report) : report_to_standard_error) {}
+        report_(report ? std::move(report) : report_to_standard_error),
+        takeover_(takeover) {}
 
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -65,6 +68,9 @@ class Registration::Impl {
   [[nodiscard]] expected<void, rpc::SetupError> begin() {
     Directory directory(node_, registry_url_, kBindDeadline);
     auto bound = bind(directory);
+    if (!bound && is_held_by_another(bound.error()) && takeover_ == Takeover::kAllowed) {
+      bound = bind(directory, Takeover::kAllowed);
+    }
     if (!bound && is_held_by_another(bound.error()) &&
         bound.error().holder_lease_left <= kHolderWaitMax) {
       rt::sleep_until(rt::now() + bound.error().holder_lease_left + 1ms);
@@ -82,19 +88,31 @@ class Registration::Impl {
   [[nodiscard]] bool is_bound() const noexcept { return is_bound_; }
 
  private:
-  [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory) const {
-    return directory.bind({name_, url_, interface_, owner_, lease_});
+  [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory,
+                                                    Takeover takeover = Takeover::kRefused) {
+    Store::Wish wish{name_, url_, interface_, owner_, lease_};
+    wish.allows_takeover = takeover == Takeover::kAllowed;
+    const auto granted = wish.allows_takeover ? directory.rebind(wish) : directory.bind(wish);
+    if (!granted) return unexpected{granted.error()};
+    first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, lease_) : lease_;
+    // Later than the registry did it: so our reckoning never runs ahead of its own.
+    bound_ = rt::now();
+    return {};
+  }
+
+  /// How long the registry keeps the name from a renewal at `now` on.
+  [[nodiscard]] Duration lease_at(MonotonicTime now) const {
+    return now - bound_ < first_lease_ ? first_lease_ : lease_;
   }
 
   /// Renews every third of the lease until the end, and gives each renewal that long: so a registry
   /// that answers at all in that lease is heard before the name is lost.
   void keep() {
-    const Duration period = lease_ / 3;
-    Directory directory(node_, registry_url_, std::min(period, kBindDeadline));
+    Directory directory(node_, registry_url_, std::min(first_lease_ / 3, kBindDeadline));
     MonotonicTime next = rt::now();
     std::unique_lock lock(mutex_);
     for (;;) {
-      next = std::max(next + period, rt::now());
+      next = std::max(next + lease_at(next) / 3, rt::now());
       if (ending_.wait_for(lock, next - rt::now(), [this] { return is_ending_; })) return;
       lock.unlock();
       keep_once(directory);
@@ -123,6 +141,10 @@ class Registration::Impl {
   const Owner owner_;
   const Duration lease_;
   const Report report_;
+  const Takeover takeover_;
+  // The creating thread's until it starts the renewing one's, then that one's.
+  Duration first_lease_{};
+  MonotonicTime bound_{};
   std::atomic<bool> is_bound_ = false;
   // Plain ones: only the creating thread and the time-shared renewing thread meet here.
   std::mutex mutex_;
@@ -133,9 +155,9 @@ class Registration::Impl {
 
 expected<std::unique_ptr<Registration>, rpc::SetupError> Registration::create(
     rpc::Node& node, std::string registry_url, std::string name, std::string url,
-    std::string interface, Duration lease, Report report) {
+    std::string interface, Duration lease, Report report, Takeover takeover) {
   auto impl = std::make_unique<Impl>(node, std::move(registry_url), std::move(name), std::move(url),
-                                     std::move(interface), lease, std::move(report));
+                                     std::move(interface), lease, std::move(report), takeover);
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Registration>(new Registration(std::move(impl)));
 }

@@ -5,10 +5,15 @@
 namespace rtpm::names {
 
 RegistryResolver::RegistryResolver(rpc::Node& node, std::string registry_url)
-    : directory_(node, std::move(registry_url), node.config().default_deadline) {}
+    : node_(node), directory_(node, std::move(registry_url)) {}
 
-expected<std::string, rpc::SetupError> RegistryResolver::resolve(std::string_view name) {
-  auto entry = directory_.resolve(name);
+RegistryResolver::~RegistryResolver() {
+  node_.forget(*this);
+}
+
+expected<std::string, rpc::SetupError> RegistryResolver::resolve(std::string_view name,
+                                                                 MonotonicTime deadline) {
+  auto entry = directory_.resolve(name, deadline);
   if (!entry) return rpc::setup_error(std::move(entry.error().text));
   return std::move(entry->url);
 }

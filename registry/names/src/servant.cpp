@@ -1,10 +1,17 @@
 #include "rtpm/names/servant.hpp"
 
+#include <array>
 #include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "idl.hpp"
+#include "quoted.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -17,10 +24,44 @@ std::string_view view_of(const flatbuffers::String* text) {
   return text == nullptr ? std::string_view{} : text->string_view();
 }
 
-Store::Wish wish_of(const BindRequest& request) {
-  return {view_of(request.name()), view_of(request.url()), view_of(request.interface()),
-          owner_of(*request.owner()), duration_of(request.lease_ns())};
+Store::Wish wish_of(const BindRequest& request, rpc::CallerHost caller) {
+  return {.name = view_of(request.name()),
+          .url = view_of(request.url()),
+          .interface = view_of(request.interface()),
+          .owner = owner_of(*request.owner()),
+          .lease = duration_of(request.lease_ns()),
+          .holder_revision = request.holder_revision(),
+          .allows_takeover = request.allow_takeover(),
+          .host = caller.ipv4};
 }
+
+bool is_limit(Outcome outcome) noexcept {
+  return outcome == Outcome::kFull || outcome == Outcome::kOwnerFull ||
+         outcome == Outcome::kHostFull || outcome == Outcome::kHostOwnersFull;
+}
+
+void report_to_standard_error(std::string_view sentence) {
+  rt::print_error("rtpm-names", sentence);  // SentenceLimit limits it.
+}
+
+/// Lets one sentence through in a second and counts the others.
+class SentenceLimit {
+ public:
+  /// What stands behind the sentence; nothing: it is not to be said.
+  [[nodiscard]] std::optional<std::string> admit(MonotonicTime now) {
+    if (now < next_) {
+      ++withheld_count_;
+      return std::nullopt;
+    }
+    next_ = now + std::chrono::seconds{1};
+    const std::uint64_t count = std::exchange(withheld_count_, 0);
+    return count == 0 ? "" : " (and " + std::to_string(count) + " more before)";
+  }
+
+ private:
+  MonotonicTime next_{};
+  std::uint64_t withheld_count_ = 0;
+};
 
 Answer answer_of(const expected<void, Refusal>& result) {
   return result ? names::answer_of(Outcome::kDone)
@@ -32,14 +73,14 @@ flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
   const auto name = builder.CreateString(record.name);
   const auto url = builder.CreateString(record.url);
   const auto interface = builder.CreateString(record.interface);
-  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now));
+  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision);
 }
 
 // What FlatBuffers needs at most, so that a page is known to fit before it is written. Each text
 // has a length, an end and padding; a table its offset to the vtable, its fields and padding; and
 // the vector one offset for each entry.
 constexpr std::size_t kTextOverheadMax = 4 + 1 + 3;
-constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 8 + 8) + 4;
+constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 8) + 4;
 constexpr std::size_t kPageOverheadMax = 96;
 // The builder notes fields and vtables at the other end of the same memory while it writes.
 constexpr std::size_t kScratchSizeMax = 128;
@@ -61,15 +102,18 @@ constexpr std::size_t kPageCountMax = kPageSizeMax / kEntryOverheadMax;
 /// real-time, and names are bound and resolved while programs set up. See make_servant().
 class RegistryServant final : public NamesServant {
  public:
-  explicit RegistryServant(Limits limits) : store_(limits) {}
+  // Revisions of two lives of a registry are not to meet.
+  RegistryServant(Limits limits, RegistryReport report)
+      : store_(limits, rt::random_u64() >> 1 | 1),
+        report_(report ? std::move(report) : report_to_standard_error) {}
 
   rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
-                         const rpc::CallContext&) override {
-    return bind(request, reply, &Store::bind);
+                         const rpc::CallContext& context) override {
+    return bind(wish_of(request, context.caller), reply, &Store::bind);
   }
   rpc::Result<void> rebind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
-                           const rpc::CallContext&) override {
-    return bind(request, reply, &Store::rebind);
+                           const rpc::CallContext& context) override {
+    return bind(wish_of(request, context.caller), reply, &Store::rebind);
   }
 
   rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext&) override {
@@ -129,33 +173,104 @@ class RegistryServant final : public NamesServant {
     return answer_of(store_.unbind(view_of(request.name()), owner_of(*request.owner()), rt::now()));
   }
 
- private:
-  using Bind = expected<void, Refusal> (Store::*)(const Store::Wish&, MonotonicTime);
-
-  rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
-                         Bind bind_in_store) {
+  rpc::Result<void> report(rpc::ReplyBuilder<Report>& reply, const rpc::CallContext&) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
-    const MonotonicTime now = rt::now();
-    const auto bound = (store_.*bind_in_store)(wish_of(request), now);
-    const Record* const holder = bound ? nullptr : bound.error().holder;
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
-    flatbuffers::Offset<flatbuffers::String> holder_url;
-    if (holder != nullptr) holder_url = builder.CreateString(holder->url);
-    const Answer answer = answer_of(bound);
-    reply.finish(CreateBindReply(builder, &answer, holder_url,
-                                 holder == nullptr ? 0 : ns_of(holder->expires - now)));
+    std::vector<flatbuffers::Offset<OutcomeCount>> refused;
+    for (std::size_t code = 0; code < refused_counts_.size(); ++code) {
+      if (refused_counts_[code] == 0) continue;
+      refused.push_back(
+          CreateOutcomeCount(builder, static_cast<OutcomeCode>(code), refused_counts_[code]));
+    }
+    std::vector<flatbuffers::Offset<HostUse>> hosts;
+    for (const Store::HostUse& use : store_.hosts(kReportedHostMax)) {
+      const auto host = builder.CreateString(to_string(rpc::CallerHost{use.host}));
+      hosts.push_back(CreateHostUse(builder, host, static_cast<std::uint32_t>(use.name_count),
+                                    static_cast<std::uint32_t>(use.owner_count)));
+    }
+    const auto refused_list = builder.CreateVector(refused);
+    const auto host_list = builder.CreateVector(hosts);
+    reply.finish(CreateReport(builder, static_cast<std::uint32_t>(store_.size()),
+                              static_cast<std::uint32_t>(store_.owner_count()), takeover_count_,
+                              refused_list, host_list));
     return {};
+  }
+
+ private:
+  using Bind = expected<Granted, Refusal> (Store::*)(const Store::Wish&, MonotonicTime);
+  /// As many as fit a datagram, with all outcomes.
+  static constexpr std::size_t kReportedHostMax = 8;
+
+  rpc::Result<void> bind(const Store::Wish& wish, rpc::ReplyBuilder<BindReply>& reply,
+                         Bind bind_in_store) {
+    const rt::AllowAllocationScope not_real_time;
+    std::optional<std::string> sentence;
+    {
+      const std::lock_guard lock(mutex_);
+      const MonotonicTime now = rt::now();
+      const auto before = store_.resolve(wish.name, now);
+      const Record former = before ? **before : Record{};
+      const auto bound = (store_.*bind_in_store)(wish, now);
+      if (!bound) {
+        sentence = note_refusal(wish, bound.error(), now);
+        write_refusal(bound.error(), reply, now);
+      } else {
+        if (bound->is_takeover) sentence = note_takeover(wish, former, now);
+        const Answer answer = names::answer_of(Outcome::kDone);
+        reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, ns_of(bound->lease),
+                                     bound->revision));
+      }
+    }
+    if (sentence) report_(*sentence);
+    return {};
+  }
+
+  static void write_refusal(const Refusal& refusal, rpc::ReplyBuilder<BindReply>& reply,
+                            MonotonicTime now) {
+    flatbuffers::FlatBufferBuilder& builder = reply.builder();
+    const Record* const holder = refusal.holder;
+    flatbuffers::Offset<flatbuffers::String> url;
+    if (holder != nullptr) url = builder.CreateString(holder->url);
+    const Answer answer = names::answer_of(refusal.outcome, refusal.component);
+    reply.finish(CreateBindReply(builder, &answer, url,
+                                 holder == nullptr ? 0 : ns_of(holder->expires - now),
+                                 holder == nullptr ? 0 : holder->revision));
+  }
+
+  std::optional<std::string> note_refusal(const Store::Wish& wish, const Refusal& refusal,
+                                          MonotonicTime now) {
+    ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
+    if (!is_limit(refusal.outcome)) return std::nullopt;
+    const auto more = limit_sentences_.admit(now);
+    if (!more) return std::nullopt;
+    return "refused a bind from " + to_string(rpc::CallerHost{wish.host}) + ": " +
+           outcome_text(refusal.outcome, wish.name, refusal.component) + *more;
+  }
+
+  std::optional<std::string> note_takeover(const Store::Wish& wish, const Record& former,
+                                           MonotonicTime now) {
+    ++takeover_count_;
+    const auto more = takeover_sentences_.admit(now);
+    if (!more) return std::nullopt;
+    return "the name " + quoted(wish.name) + " was taken from " + quoted(former.url) +
+           ", bound from " + to_string(rpc::CallerHost{former.host}) + ", by " + quoted(wish.url) +
+           " from " + to_string(rpc::CallerHost{wish.host}) + *more;
   }
 
   rt::PiMutex mutex_;
   Store store_;
+  RegistryReport report_;
+  std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
+  std::uint64_t takeover_count_ = 0;
+  SentenceLimit limit_sentences_;
+  SentenceLimit takeover_sentences_;
 };
 
 }  // namespace
 
-std::unique_ptr<rpc::Servant> make_servant(Limits limits) {
-  return std::make_unique<RegistryServant>(limits);
+std::unique_ptr<rpc::Servant> make_servant(Limits limits, RegistryReport report) {
+  return std::make_unique<RegistryServant>(limits, std::move(report));
 }
 
 }  // namespace rtpm::names

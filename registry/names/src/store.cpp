@@ -10,6 +10,12 @@ unexpected<Refusal> refuse(Outcome outcome, std::size_t component = 0,
   return unexpected<Refusal>{{outcome, static_cast<std::uint8_t>(component), holder}};
 }
 
+// As rpc::CallerHost has it.
+constexpr std::uint32_t kOwnHost = 0x7f00'0001;
+constexpr bool is_own_host(std::uint32_t host) noexcept {
+  return host >> 24 == 127;
+}
+
 std::size_t last_component(std::string_view name) {
   return static_cast<std::size_t>(std::count(name.begin(), name.end(), '/'));
 }
@@ -28,36 +34,54 @@ expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_
 
 }  // namespace
 
-Store::Store(Limits limits) : limits_(limits) {}
+Store::Store(Limits limits, std::uint64_t first_revision)
+    : limits_(limits), next_revision_(first_revision) {}
 
-expected<void, Refusal> Store::bind(const Wish& wish, MonotonicTime now) {
+expected<Granted, Refusal> Store::bind(const Wish& wish, MonotonicTime now) {
   return bind(wish, /*replaces=*/false, now);
 }
-expected<void, Refusal> Store::rebind(const Wish& wish, MonotonicTime now) {
+expected<Granted, Refusal> Store::rebind(const Wish& wish, MonotonicTime now) {
   return bind(wish, /*replaces=*/true, now);
 }
 
-expected<void, Refusal> Store::bind(const Wish& wish, bool replaces, MonotonicTime now) {
+expected<Granted, Refusal> Store::bind(const Wish& from_anywhere, bool replaces,
+                                       MonotonicTime now) {
   expire(now);
-  if (auto checked = check_wish(wish); !checked) return checked;
+  Wish wish = from_anywhere;
+  // All of its own addresses are one host: there are 16 million of them.
+  if (is_own_host(wish.host)) wish.host = kOwnHost;
+  if (auto checked = check_wish(wish); !checked) return unexpected{checked.error()};
   const auto place = records_.find(wish.name);
   if (place == records_.end()) {
-    if (auto checked = check_place(wish.name); !checked) return checked;
-    if (auto checked = check_room(wish); !checked) return checked;
-    put(wish, now);
-    return {};
+    if (auto checked = check_place(wish.name); !checked) return unexpected{checked.error()};
+    if (auto checked = check_room(wish, nullptr); !checked) return unexpected{checked.error()};
+    return put(wish, nullptr, now);
   }
-  const Record& held = place->second;
-  const std::size_t last = last_component(wish.name);
-  if (held.owner.id != wish.owner.id) {
-    if (!replaces) return refuse(Outcome::kAlreadyBound, last, &held);
-    if (auto checked = check_room(wish); !checked) return checked;
-  } else if (wish.owner.epoch < held.owner.epoch) {
+  const Record held = place->second;
+  if (auto checked = check_holder(wish, place->second, replaces); !checked) {
+    return unexpected{checked.error()};
+  }
+  if (auto checked = check_room(wish, &held); !checked) return unexpected{checked.error()};
+  erase(place);
+  Granted granted = put(wish, held.owner == wish.owner ? &held : nullptr, now);
+  granted.is_takeover = held.owner.id != wish.owner.id;
+  return granted;
+}
+
+// Whether the wish may have a name that is held.
+expected<void, Refusal> Store::check_holder(const Wish& wish, const Record& held,
+                                            bool replaces) const {
+  const std::size_t last = last_component(held.name);
+  if (held.owner == wish.owner) return {};
+  const bool is_same_owner = held.owner.id == wish.owner.id;
+  if (is_same_owner && wish.owner.epoch < held.owner.epoch) {
     return refuse(Outcome::kStaleEpoch, last, &held);
   }
-  erase(place);
-  put(wish, now);
-  return {};
+  if (is_same_owner && wish.host == held.host) return {};
+  if (!replaces) return refuse(Outcome::kAlreadyBound, last, &held);
+  if (wish.allows_takeover || wish.holder_revision == held.revision) return {};
+  return refuse(wish.holder_revision == 0 ? Outcome::kAlreadyBound : Outcome::kStaleRevision, last,
+                &held);
 }
 
 expected<void, Refusal> Store::renew(std::string_view name, Owner owner, Duration lease,
@@ -69,7 +93,8 @@ expected<void, Refusal> Store::renew(std::string_view name, Owner owner, Duratio
   Record& record = (*place)->second;
   if (auto checked = check_owner(record, owner, /*may_be_later=*/false); !checked) return checked;
   ends_.erase({record.expires, record.name});
-  record.expires = now + lease;
+  const bool is_settled = now - record.bound >= limits_.first_lease_max;
+  record.expires = now + (is_settled ? lease : std::min(lease, limits_.first_lease_max));
   ends_.emplace(record.expires, record.name);
   return {};
 }
@@ -124,17 +149,39 @@ void Store::expire(MonotonicTime now) {
 void Store::erase(Records::iterator place) {
   const Record& record = place->second;
   ends_.erase({record.expires, record.name});
-  const auto count = count_of_owner_.find(record.owner.id);
-  if (--count->second == 0) count_of_owner_.erase(count);
+  const auto drop_one = [](auto& counts, std::uint64_t owner) {
+    const auto count = counts.find(owner);
+    if (--count->second == 0) counts.erase(count);
+  };
+  drop_one(count_of_owner_, record.owner.id);
+  const auto host = hosts_.find(record.host);
+  drop_one(host->second.count_of_owner, record.owner.id);
+  if (--host->second.name_count == 0) hosts_.erase(host);
   records_.erase(place);
 }
 
-void Store::put(const Wish& wish, MonotonicTime now) {
+// `kept`: what this start of this owner holds already.
+Granted Store::put(const Wish& wish, const Record* kept, MonotonicTime now) {
+  const MonotonicTime bound = kept != nullptr ? kept->bound : now;
+  const std::uint64_t revision = kept != nullptr ? kept->revision : next_revision_++;
+  const bool is_settled = now - bound >= limits_.first_lease_max;
+  const Duration lease = is_settled ? wish.lease : std::min(wish.lease, limits_.first_lease_max);
   const std::string name(wish.name);
   Record& record = records_[name];
-  record = {name, std::string(wish.url), std::string(wish.interface), wish.owner, now + wish.lease};
+  record = {name,
+            std::string(wish.url),
+            std::string(wish.interface),
+            wish.owner,
+            now + lease,
+            revision,
+            bound,
+            wish.host};
   ends_.emplace(record.expires, record.name);
   ++count_of_owner_[wish.owner.id];
+  Host& host = hosts_[wish.host];
+  ++host.name_count;
+  ++host.count_of_owner[wish.owner.id];
+  return {.lease = lease, .revision = revision};
 }
 
 expected<void, Refusal> Store::check_wish(const Wish& wish) const {
@@ -158,15 +205,45 @@ expected<void, Refusal> Store::check_place(std::string_view name) const {
   return {};
 }
 
-expected<void, Refusal> Store::check_room(const Wish& wish) const {
-  if (records_.size() >= limits_.name_count_max && !records_.contains(wish.name)) {
-    return refuse(Outcome::kFull);
-  }
+// Whether there is room for the wish once `held`, the record that it replaces, is gone; null: none.
+expected<void, Refusal> Store::check_room(const Wish& wish, const Record* held) const {
+  if (held == nullptr && records_.size() >= limits_.name_count_max) return refuse(Outcome::kFull);
   const auto count = count_of_owner_.find(wish.owner.id);
-  if ((count == count_of_owner_.end() ? 0 : count->second) >= limits_.name_count_per_owner_max) {
+  const bool is_more = held == nullptr || held->owner.id != wish.owner.id;
+  if (is_more && count != count_of_owner_.end() &&
+      count->second >= limits_.name_count_per_owner_max) {
     return refuse(Outcome::kOwnerFull);
   }
+  return check_host(wish, held);
+}
+
+expected<void, Refusal> Store::check_host(const Wish& wish, const Record* held) const {
+  const auto found = hosts_.find(wish.host);
+  if (found == hosts_.end()) return {};
+  const Host& host = found->second;
+  const bool is_own = is_own_host(wish.host);
+  const bool is_more = held == nullptr || held->host != wish.host;
+  if (is_more && host.name_count >=
+                     (is_own ? limits_.name_count_own_host_max : limits_.name_count_per_host_max)) {
+    return refuse(Outcome::kHostFull);
+  }
+  if (!host.count_of_owner.contains(wish.owner.id) &&
+      host.count_of_owner.size() >=
+          (is_own ? limits_.owner_count_own_host_max : limits_.owner_count_per_host_max)) {
+    return refuse(Outcome::kHostOwnersFull);
+  }
   return {};
+}
+
+std::vector<Store::HostUse> Store::hosts(std::size_t count_max) const {
+  std::vector<HostUse> uses;
+  for (const auto& [host, use] : hosts_)
+    uses.push_back({host, use.name_count, use.count_of_owner.size()});
+  std::ranges::sort(uses, [](const HostUse& a, const HostUse& b) {
+    return a.name_count != b.name_count ? a.name_count > b.name_count : a.host < b.host;
+  });
+  uses.resize(std::min(uses.size(), count_max));
+  return uses;
 }
 
 expected<Store::Records::iterator, Refusal> Store::find(std::string_view name) {

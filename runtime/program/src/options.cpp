@@ -12,6 +12,7 @@
 #include "command_line.hpp"
 #include "config_file.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/log.hpp"
 #include "setting.hpp"
 
 namespace rtpm::program {
@@ -31,6 +32,17 @@ struct Group {
   std::string key;
   std::vector<std::string>* names;
   std::function<void(const std::vector<std::string>&)> add_members;
+};
+
+struct Verb {
+  std::string name;
+  std::string arguments;
+  std::string help;
+  std::string details;
+
+  [[nodiscard]] std::string form() const {
+    return arguments.empty() ? name : name + ' ' + arguments;
+  }
 };
 
 std::string variable_of(std::string_view key) {
@@ -84,6 +96,7 @@ struct Options::Impl {
   std::vector<Setting> settings{};
   std::vector<std::string> sources{};  ///< Of each setting: where its value came from.
   std::vector<Positional> positionals{};
+  std::vector<Verb> verbs{};
   std::string config_path{};
   std::vector<Group> groups{};
 
@@ -122,7 +135,9 @@ struct Options::Impl {
   expected<void, UsageError> apply_flags(const CommandLine& command_line);
   expected<void, UsageError> apply_positionals(const CommandLine& command_line);
   expected<void, UsageError> apply_all(const CommandLine& command_line);
-  [[nodiscard]] std::string help_text() const;
+  [[nodiscard]] expected<const Verb*, UsageError> verb_in(const CommandLine& command_line) const;
+  [[nodiscard]] std::string usage_text() const;
+  [[nodiscard]] std::string help_text(const Verb* verb) const;
   [[nodiscard]] std::string dump_text();
 };
 
@@ -228,7 +243,20 @@ expected<void, UsageError> Options::Impl::apply_all(const CommandLine& command_l
   return apply_flags(command_line);
 }
 
-std::string Options::Impl::help_text() const {
+/// The verb on the command line; null if there is none, or the program has no verbs.
+expected<const Verb*, UsageError> Options::Impl::verb_in(const CommandLine& command_line) const {
+  if (verbs.empty() || command_line.positionals.empty()) return nullptr;
+  const std::string& word = command_line.positionals.front();
+  const auto found = std::ranges::find(verbs, word, &Verb::name);
+  if (found != verbs.end()) return &*found;
+  std::vector<std::string> names;
+  for (const Verb& verb : verbs)
+    names.push_back(verb.name);
+  return unexpected{UsageError{"unknown verb '" + word + "'" + suggestion(word, names)}};
+}
+
+/// What --help says of the whole program, before the options.
+std::string Options::Impl::usage_text() const {
   std::string usage = "Usage: " + name + " [options]";
   std::string arguments;
   for (const Positional& positional : positionals) {
@@ -238,6 +266,19 @@ std::string Options::Impl::help_text() const {
   }
   std::string text = name + ": " + description + "\n\n" + usage + "\n";
   if (!arguments.empty()) text += "\nArguments:\n" + arguments;
+  if (verbs.empty()) return text;
+  text += "\nVerbs ('" + name + " VERB --help' tells more of one):\n";
+  for (const Verb& verb : verbs)
+    text += help_row(verb.form(), verb.help);
+  return text;
+}
+
+std::string Options::Impl::help_text(const Verb* verb) const {
+  std::string text = usage_text();
+  if (verb != nullptr) {
+    text = name + ' ' + verb->name + ": " + verb->help + "\n\nUsage: " + name + ' ' + verb->form() +
+           " [options]\n" + (verb->details.empty() ? "" : "\n") + verb->details;
+  }
   text += "\nOptions:\n";
   for (const Setting& setting : settings) {
     const std::string value = setting.is_switch ? "" : " " + setting.placeholder;
@@ -318,8 +359,9 @@ void Options::add(std::string key, std::vector<std::string>& value, std::string 
 void Options::add(std::string key, std::vector<int>& value, std::string help) {
   impl_->add(std::move(key), std::move(help), setting_of(value));
 }
-void Options::add_off_or_time(std::string key, std::optional<Duration>& value, std::string help) {
-  impl_->add(std::move(key), std::move(help), setting_of(value));
+void Options::add_off_or_time(std::string key, std::optional<Duration>& value, std::string help,
+                              Range<Duration> range) {
+  impl_->add(std::move(key), std::move(help), setting_of(value, range));
 }
 void Options::add(std::string key, std::uint32_t& value, std::string help,
                   Range<std::uint32_t> range) {
@@ -352,6 +394,12 @@ void Options::add_positional(std::string name, std::vector<std::string>& value, 
     return true;
   };
   impl_->positionals.push_back({std::move(name), std::move(setting), presence});
+}
+
+void Options::add_verb(std::string name, std::string arguments, std::string help,
+                       std::string details) {
+  impl_->verbs.push_back(
+      {std::move(name), std::move(arguments), std::move(help), std::move(details)});
 }
 
 void Options::add_realtime(rt::RealtimeMode& mode) {
@@ -393,9 +441,11 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
   impl_->add_members(arguments);
   const auto command_line = parse_command_line(arguments, impl_->settings);
   if (!command_line) return usage_error(command_line.error().text);
+  const auto verb = impl_->verb_in(*command_line);
+  if (!verb) return usage_error(verb.error().text);
   if (command_line->wants_help || command_line->wants_version) {
     const std::string text =
-        command_line->wants_help ? impl_->help_text() : impl_->name + " " RTPM_VERSION "\n";
+        command_line->wants_help ? impl_->help_text(*verb) : impl_->name + " " RTPM_VERSION "\n";
     std::fputs(text.c_str(), stdout);
     return 0;
   }
@@ -412,10 +462,18 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
   return std::nullopt;
 }
 
+int Options::usage_error_of_verb(std::string_view verb) const {
+  const auto found = std::ranges::find(impl_->verbs, verb, &Verb::name);
+  RTPM_ASSERT(found != impl_->verbs.end(), "the verb was added");
+  const std::string whole = impl_->name + ' ' + found->name;
+  rt::print_error(impl_->name, "usage: " + impl_->name + ' ' + found->form() + "; run '" + whole +
+                                   " --help' for what it takes");
+  return 2;
+}
+
 int Options::usage_error(std::string_view what) const {
-  std::string sentence = impl_->name + ": ";
-  sentence.append(what).append("; run '" + impl_->name + " --help' for what there is\n");
-  std::fputs(sentence.c_str(), stderr);
+  rt::print_error(impl_->name,
+                  std::string(what) + "; run '" + impl_->name + " --help' for what there is");
   return 2;
 }
 

@@ -71,6 +71,9 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
               "Calls of a lane that may be unfinished at a time", {0, 4096});
   options.add("streams-max", server.stream_count_max,
               "How many of them may be streams, per transport", {0, 1024});
+  options.add("stream-bytes-max", server.stream_byte_max,
+              "Bytes of items that a stream holds while its caller takes no more",
+              {4096, static_cast<std::uint32_t>(wire::kMessageSizeCeiling)});
   options.add("local-oneways-max", server.local_oneway_count_max,
               "Oneways of the same program that wait or run in a lane at a time", {0, 4096});
 }
@@ -80,8 +83,8 @@ void add_limits(Options& options, rpc::ServerConfig& server) {
 void add_server(Options& options, ServerSettings& settings) {
   rpc::ServerConfig& server = settings.server;
   options.add("host", server.host,
-              "Numeric IPv4 address to serve and to be found at; one of the network's opens it to "
-              "the network");
+              "IPv4 address, or a name that has one, to serve and to be found at; one of the "
+              "network's opens it to the network");
   options.add("port", server.port, "Port to serve, UDP and TCP; 0: any");
   options.add("shared-memory", server.shared_memory,
               "Whether callers of the same user on this host are served through memory");

@@ -140,14 +140,22 @@ Setting setting_of(double& value, Range<double> range) {
   return number_setting(value, range, "a number");
 }
 
+namespace {
+
+/// The bounds that there are, to stand behind what a time is.
+std::string in_words(Range<Duration> range) {
+  std::string text;
+  if (range.low > Duration{0}) text += ", of at least " + duration_text(range.low);
+  if (range.high < Duration::max()) text += ", of at most " + duration_text(range.high);
+  return text;
+}
+
+}  // namespace
+
 Setting setting_of(Duration& value, Range<Duration> range) {
   Setting setting;
   setting.placeholder = "TIME";
-  setting.expected = "a time with a unit, such as 800us or 2s";
-  if (range.low > Duration{0}) setting.expected += ", of at least " + duration_text(range.low);
-  if (range.high < Duration::max()) {
-    setting.expected += ", of at most " + duration_text(range.high);
-  }
+  setting.expected = "a time with a unit, such as 800us or 2s" + in_words(range);
   setting.read = [&value, range](std::string_view text) {
     const std::optional<Duration> duration = parse_duration(text);
     if (!duration || *duration < range.low || *duration > range.high) return false;
@@ -214,13 +222,14 @@ Setting setting_of(std::vector<int>& value) {
   return setting;
 }
 
-Setting setting_of(std::optional<Duration>& value) {
+Setting setting_of(std::optional<Duration>& value, Range<Duration> range) {
   Setting setting;
   setting.placeholder = "off|TIME";
-  setting.expected = "off, or a time with a unit, such as 20us";
-  setting.read = [&value](std::string_view text) {
+  setting.expected = "off, or a time with a unit, such as 20us" + in_words(range);
+  setting.read = [&value, range](std::string_view text) {
     const std::optional<Duration> duration = parse_duration(text);
-    if (text != "off" && (!duration || *duration < Duration{0})) return false;
+    const bool is_in_range = duration && *duration >= range.low && *duration <= range.high;
+    if (text != "off" && !is_in_range) return false;
     value = text == "off" ? std::nullopt : duration;
     return true;
   };

@@ -9,10 +9,11 @@
 #include <cerrno>
 #include <chrono>
 #include <csignal>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <string>
 
+#include "rtpm/rt/log.hpp"
 #include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::program {
@@ -35,10 +36,9 @@ StopSignal::StopSignal() {
   pthread_sigmask(SIG_BLOCK, &stop_signals, nullptr);
   signals_ = signalfd(-1, &stop_signals, SFD_CLOEXEC | SFD_NONBLOCK);
   if (signals_ < 0) {
-    std::fprintf(stderr,
-                 "the system gives no descriptor to wait for SIGINT and SIGTERM (%s): close files, "
-                 "or raise the limit of open files (ulimit -n)\n",
-                 std::strerror(errno));
+    rt::print_error({}, "the system gives no descriptor to wait for SIGINT and SIGTERM (" +
+                            std::string(std::strerror(errno)) +
+                            "): close files, or raise the limit of open files (ulimit -n)");
     std::exit(1);
   }
 }

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lane.hpp"
+#include "rtpm/rt/report.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/shared_memory.hpp"
@@ -35,15 +36,22 @@ class Acceptor {
     transport::Descriptor socket;
     bool is_memory = false;
     MonotonicTime deadline{};
+    wire::PeerAddress host{};
   };
   static constexpr std::uint64_t kListener = ~std::uint64_t{0} - 1;
   static constexpr std::uint64_t kMemoryListener = ~std::uint64_t{0} - 2;
+  /// Over TCP, and as many through shared memory, so that no network keeps local clients out.
   static constexpr std::size_t kNewcomerCountMax = 64;
 
   void run() noexcept;
-  void accept_one() noexcept;
-  void accept_one_to_memory() noexcept;
+  void accept_some() noexcept;
+  void accept_some_to_memory() noexcept;
+  void note_shortage(int error, const char* what) noexcept;
+  void pause_listening(MonotonicTime now) noexcept;
+  [[nodiscard]] bool listen() noexcept;
   void take_in(transport::Descriptor socket, bool is_memory) noexcept;
+  [[nodiscard]] Newcomer& free_place(bool is_memory) noexcept;
+  void end(Newcomer& newcomer) noexcept;
   void place(Newcomer& newcomer) noexcept;
   void hand_over(Priority priority, std::unique_ptr<transport::Connection> connection) noexcept;
   void drop_late(MonotonicTime now) noexcept;
@@ -53,6 +61,8 @@ class Acceptor {
   std::optional<transport::SharedMemoryListener> memory_listener_;  ///< Likewise; or not wanted.
   transport::Poller poller_;
   std::uint32_t message_size_max_;
+  MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.
+  rt::RepeatedWarning shortage_warning_{};
   std::vector<std::unique_ptr<Lane>>* lanes_ = nullptr;
   std::vector<Newcomer> newcomers_;
   std::atomic<bool> is_stopping_{false};

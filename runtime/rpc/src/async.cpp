@@ -35,6 +35,20 @@ expected<void, CallError> Binding::send(const MethodDescriptor& method, ConstByt
   return {};
 }
 
+expected<void, CallError> Binding::check_oneways() noexcept {
+  {
+    const Impl::Pin pin(*impl_);
+    impl_->remembered().destination->endpoint.check_oneways(rt::now());
+  }
+  if (impl_->has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+  return {};
+}
+
+std::uint64_t Binding::lost_oneway_count() const noexcept {
+  const Impl::Pin pin(*impl_);
+  return impl_->remembered().destination->lost_oneway_count();
+}
+
 // --- a call that is waited for later
 // --------------------------------------------------------------
 
@@ -170,8 +184,9 @@ expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& met
   // A stream has no end of its own in time, unless its caller says so.
   if (!options.call.deadline) plan.deadline = kNever;
   plan.stream_window = options.window;
-  plan.stream_lease =
-      std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax, wire::kStreamLease);
+  plan.stream_silence = std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax,
+                                           wire::kStreamSilence);
+  plan.stream_pause_max = options.pause_max;
   Impl::Ready ready;
   if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
     return unexpected{made.error()};

@@ -5,6 +5,8 @@
 
 #include "binding_impl.hpp"
 #include "node_impl.hpp"
+#include "rebinder.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/transport/shared_memory.hpp"
@@ -14,39 +16,56 @@
 namespace rtpm::rpc {
 namespace {
 
+// Texts of a server, and of a registry, are foreign.
+constexpr std::size_t kDifferenceSizeMax = 1024;
+
+// "; most like it there: lab/arm0, lab/arm1", or nothing. What is no path is not printed.
+std::string similar_paths_of(const BindOutcome& outcome) {
+  std::string list;
+  ByteReader reader(ConstBytes(outcome.similar_paths).first(outcome.similar_paths_size));
+  for (std::size_t i = 0; i < wire::kSimilarPathCountMax && reader.left() > 0; ++i) {
+    const std::string_view path = reader.take_text();
+    if (!reader.ok() || !wire::is_valid_path(path)) break;
+    list.append(list.empty() ? "; most like it there: " : ", ").append(path);
+  }
+  return list;
+}
+
+// `link_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
 std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
-                    const std::string& path, const std::string& url) {
+                    const std::string& path, const std::string& url,
+                    const std::string& link_error = {}) {
   const std::string server = url.substr(0, url.size() - path.size() - 1);
   const std::string interface_name(interface.name);
   if (outcome.kind == CallOutcome::Kind::kReply) {
     if (!outcome.difference.empty()) {
       return "'" + path + "' at " + server + " has another " + interface_name +
-             " than this program: " + outcome.difference +
+             " than this program: " + printable(outcome.difference, kDifferenceSizeMax) +
              ". Remedy: generate both from the same schema, or from versions that "
              "`rtpmc check --conform` calls compatible.";
     }
     if (outcome.status == wire::Status::kWrongInterface) {
-      return "'" + path + "' at " + server + " is a " + outcome.other_interface.data() +
+      return "'" + path + "' at " + server + " is a " + printable(outcome.other_interface.data()) +
              ", not a " + interface_name + ". Remedy: check the name.";
     }
     if (outcome.status == wire::Status::kNoSuchObject) {
-      return "no object '" + path + "' is served at " + server +
+      return "no object '" + path + "' is served at " + server + similar_paths_of(outcome) +
              ". Remedy: check the path, and that the server added it.";
     }
   }
   return "'" + path + "' can't be bound at " + server + ": " +
-         std::string(to_string(outcome.error)) + ".";
+         (link_error.empty() ? std::string(to_string(outcome.error)) + "." : link_error);
 }
 
-expected<std::string, SetupError> resolve(Node& node, std::string_view target) {
+expected<std::string, SetupError> url_of(Node& node, std::string_view target,
+                                         MonotonicTime deadline) {
   if (wire::is_url(target)) return std::string(target);
-  Resolver* resolver = node.impl().resolver;
-  if (resolver == nullptr) {
+  if (node.impl().resolver() == nullptr) {
     return setup_error("name '" + std::string(target) +
                        "' can't be resolved: this program uses no registry. Remedy: give a URL "
                        "such as rtpm://127.0.0.1:4711/lab/arm0, or a resolver (Node::use).");
   }
-  return resolver->resolve(target);
+  return node.impl().resolver()->resolve(target, deadline);
 }
 
 // A server on this host answers such a question within microseconds, unless it is stopped.
@@ -69,65 +88,109 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
 
 }  // namespace
 
+expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
+                                                        const InterfaceDescriptor& wanted,
+                                                        MonotonicTime deadline) {
+  const auto failed = [&](const BindOutcome& outcome, const std::string& link_error = {}) {
+    return setup_error(explain(outcome, wanted, at.path, at.url, link_error), outcome.error);
+  };
+  const Priority priority = !bind_options.warm_up.empty()
+                                ? bind_options.warm_up.front()
+                                : rt::current_priority().value_or(Priority{0});
+  auto taken = at.endpoint.take(priority);
+  if (!taken) return failed({.error = taken.error()});
+  TakenChannel channel(*taken);
+  BindOutcome outcome;
+  // A session that was lost since its last use is opened anew once.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (auto ready = channel->make_ready(priority, deadline); !ready) {
+      return failed({.error = ready.error()}, channel->link_error());
+    }
+    outcome = ask(at, *channel, priority, deadline);
+    if (outcome.kind == CallOutcome::Kind::kReply) break;
+  }
+  if (outcome.kind == CallOutcome::Kind::kReply && outcome.status == wire::Status::kOk) {
+    return outcome.bound;
+  }
+  return failed(outcome);
+}
+
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::string& at_url,
+                                                                MonotonicTime deadline) {
+  const auto parts = wire::parse_url(at_url);
+  if (!parts) {
+    return setup_error("'" + printable(at_url) +
+                       "' is no RTPM URL. Remedy: write rtpm://host:port/path, such as "
+                       "rtpm://127.0.0.1:4711/lab/arm0.");
+  }
+  // A host's name is looked up here, where waiting for a name server does no harm to a call.
+  const auto host = transport::numeric_address_of(parts->host, deadline);
+  if (!host) return setup_error("'" + printable(at_url) + "' can't be bound: " + host.error().text);
+  const ServerAddress address = address_of(node, bind_options, *host, parts->port, deadline);
+  Opened opened{std::make_unique<Destination>(
+      node, node.impl().endpoint(address, bind_options.is_private), parts->path, at_url)};
+  Destination& at = *opened.destination;
+  const auto answer = open_session(at, interface, deadline);
+  if (!answer) return unexpected{answer.error()};
+  opened.bound = *answer;
+  if (bind_options.transport == Transport::kAuto && node.config().transport == Transport::kAuto &&
+      node.config().collocates) {
+    at.door = LocalDoor::find(answer->server_epoch);
+  }
+  std::vector<Priority> priorities = bind_options.warm_up;
+  // Calls without a priority of their own go at the object's.
+  if (answer->is_server_declared) priorities = {answer->priority};
+  if (at.door) at.door->open_places(priorities);
+  std::string link_error;
+  const auto warm = priorities.empty() ? warm_up_all(at.endpoint, deadline, link_error)
+                                       : warm_up(at.endpoint, priorities, deadline, link_error);
+  if (warm) return opened;
+  return setup_error(explain({.error = warm.error()}, interface, at.path, at.url, link_error),
+                     warm.error());
+}
+
+void Binding::Impl::settle(Opened opened) {
+  has_door.store(opened.destination->door != nullptr, std::memory_order_relaxed);
+  former.reserve(former.size() + 1);  // Not while a more urgent thread may wait for the lock.
+  const std::lock_guard lock(writing);
+  if (settled) {
+    opened.destination->lost_before = settled->lost_oneway_count();
+    opened.destination->lost_elsewhere = opened.destination->endpoint.lost_oneway_count();
+    former.push_back(std::move(settled));
+  } else {
+    lost_oneways_told = opened.destination->lost_oneway_count();
+  }
+  settled = std::move(opened.destination);
+  current = settled.get();
+  bound.write(opened.bound);
+}
+
 expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
                                             const InterfaceDescriptor& interface,
                                             const BindOptions& options) {
   const MonotonicTime deadline = deadline_after(options.deadline, rt::now());
-  const auto url = resolve(node, target);
+  const auto url = url_of(node, target, deadline);
   if (!url) return unexpected{url.error()};
-  const auto parts = wire::parse_url(*url);
-  if (!parts) {
-    return setup_error("'" + *url +
-                       "' is no RTPM URL. Remedy: write rtpm://host:port/path, such as "
-                       "rtpm://127.0.0.1:4711/lab/arm0.");
-  }
-  // A name is looked up once, here, where waiting for a name server does no harm to a call.
-  const auto host = transport::numeric_address_of(parts->host);
-  if (!host) return setup_error("'" + *url + "' can't be bound: " + host.error().text);
-  const bool may_be_local = node.config().collocates && options.transport == Transport::kAuto &&
-                            node.config().transport == Transport::kAuto;
-  const ServerAddress address = address_of(node, options, *host, parts->port, deadline);
-  Endpoint& endpoint =
-      options.is_private ? node.impl().private_endpoint(address) : node.impl().endpoint(address);
-  auto impl = std::make_unique<Impl>(node, endpoint, parts->path, *url, interface,
-                                     node.config().default_deadline);
-  impl->is_private = options.is_private;
-  const Priority priority = !options.warm_up.empty() ? options.warm_up.front()
-                                                     : rt::current_priority().value_or(Priority{0});
-  auto taken = endpoint.take(priority);
-  if (!taken) return setup_error(explain({.error = taken.error()}, interface, parts->path, *url));
-  BindOutcome outcome;
-  {
-    TakenChannel channel(*taken);
-    // A session that was lost since its last use is opened anew once.
-    for (int attempt = 0; attempt < 2; ++attempt) {
-      if (auto ready = channel->make_ready(priority, deadline); !ready) {
-        return setup_error(explain({.error = ready.error()}, interface, parts->path, *url));
-      }
-      outcome = impl->ask(*channel, priority, deadline);
-      if (outcome.kind == CallOutcome::Kind::kReply) break;
+  auto impl = std::make_unique<Impl>(node, interface, options);
+  auto opened = impl->open(*url, deadline);
+  if (!opened) return unexpected{std::move(opened.error())};
+  impl->settle(std::move(*opened));
+  if (!wire::is_url(target)) {
+    impl->name = target;
+    if (auto added = node.impl().rebinder().add(*impl); !added) {
+      impl->name.clear();
+      return unexpected{std::move(added.error())};
     }
   }
-  if (outcome.kind != CallOutcome::Kind::kReply || outcome.status != wire::Status::kOk) {
-    return setup_error(explain(outcome, interface, parts->path, *url));
-  }
-  impl->remember(outcome.bound);
-  if (may_be_local) impl->door = LocalDoor::find(outcome.bound.server_epoch);
-  Binding binding(std::move(impl));
-  std::vector<Priority> priorities = options.warm_up;
-  // Calls without a priority of their own go at the object's.
-  if (outcome.bound.is_server_declared) priorities = {outcome.bound.priority};
-  if (binding.impl_->door) binding.impl_->door->open_places(priorities);
-  const auto warm = priorities.empty() ? binding.impl_->warm_up_all(deadline)
-                                       : binding.impl_->warm_up(priorities, deadline);
-  if (!warm) {
-    return setup_error(explain({.error = warm.error()}, interface, parts->path, *url));
-  }
-  return binding;
+  return Binding(std::move(impl));
+}
+
+Destination::~Destination() {
+  node.impl().give_back(endpoint);
 }
 
 Binding::Impl::~Impl() {
-  if (is_private) node.impl().give_back(endpoint);
+  if (follows()) node.impl().rebinder().remove(*this);
 }
 
 Binding::Binding(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
@@ -136,18 +199,36 @@ Binding& Binding::operator=(Binding&&) noexcept = default;
 Binding::~Binding() = default;
 
 expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {
-  if (impl_->door && !priorities.empty()) impl_->door->open_places(priorities);
-  const auto warm = impl_->warm_up(priorities, deadline_after(impl_->default_deadline, rt::now()));
+  const Impl::Pin pin(*impl_);
+  const Destination& at = *impl_->remembered().destination;
+  if (at.door && !priorities.empty()) at.door->open_places(priorities);
+  std::string link_error;
+  const auto warm = Impl::warm_up(at.endpoint, priorities,
+                                  deadline_after(impl_->default_deadline, rt::now()), link_error);
   if (warm) return {};
-  return setup_error(explain({.error = warm.error()}, impl_->interface, impl_->path, impl_->url));
+  return setup_error(
+      explain({.error = warm.error()}, impl_->interface, at.path, at.url, link_error),
+      warm.error());
 }
 
-std::string_view Binding::url() const noexcept {
-  return impl_->url;
+std::string Binding::url() const {
+  const Impl::Pin pin(*impl_);
+  return impl_->remembered().destination->url;
+}
+
+std::uint64_t Binding::server_epoch() const noexcept {
+  return impl_->remembered().server_epoch;
 }
 
 Transport Binding::transport() const noexcept {
-  return impl_->door ? Transport::kLocal : impl_->endpoint.address().transport;
+  const Impl::Pin pin(*impl_);
+  const Destination& at = *impl_->remembered().destination;
+  return at.door ? Transport::kLocal : at.endpoint.address().transport;
+}
+
+FollowStatus Binding::follow_status() const {
+  const std::lock_guard lock(impl_->telling);
+  return impl_->followed;
 }
 
 }  // namespace rtpm::rpc

@@ -34,12 +34,18 @@ CallError error_of(wire::Status status) noexcept {
       return CallError::kServantFailed;
     case wire::Status::kTooLarge:
       return CallError::kTooLarge;
+    case wire::Status::kWrongBand:
+      return CallError::kWrongBand;
     case wire::Status::kPriorityNotAllowed:
       return CallError::kPriorityNotAllowed;
     case wire::Status::kCancelled:
       return CallError::kCancelled;
     case wire::Status::kStopping:
       return CallError::kStopped;
+    case wire::Status::kWrongInterface:
+      return CallError::kWrongInterface;
+    case wire::Status::kLost:
+      return CallError::kStreamLost;
     default:
       break;
   }
@@ -76,14 +82,13 @@ expected<void, CallError> Binding::Impl::make_ready(const Plan& plan, MonotonicT
                                                     Ready& ready) noexcept {
   ready.now = now;
   for (int round = 0; round < kRoundCountMax; ++round) {
+    const Pin pin(*this);
     const Bound last = remembered();
     const Priority priority = priority_of(plan, last);
-    auto taken = endpoint.take(priority);
+    auto taken = last.destination->endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
-    if (auto made = make_ready_on(*channel, last, priority, plan, ready); !made) {
-      return made;
-    }
+    if (auto made = make_ready_on(*channel, last, priority, plan, ready); !made) return made;
     if (ready.channel == nullptr) continue;
     static_cast<void>(channel.keep());
     return {};
@@ -95,18 +100,22 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
                                                        Priority priority, const Plan& plan,
                                                        Ready& ready) noexcept {
   if (!channel.is_ready(priority)) {
-    if (auto made = channel.make_ready(priority, plan.deadline); !made) return made;
+    if (auto made = channel.make_ready(priority, plan.deadline); !made) {
+      return unexpected{note_failure(made.error())};
+    }
     ready.now = rt::now();
   }
   std::uint32_t service = last.service;
   if (channel.server_epoch() != last.server_epoch) {
     // Another life of the server: the object's number may be another's now (hp-6.1-4).
-    const BindOutcome again = ask(channel, priority, plan.deadline);
+    const BindOutcome again = ask(*last.destination, channel, priority, plan.deadline);
     ready.now = rt::now();
     if (again.kind == CallOutcome::Kind::kLost) return {};
     if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
-      return unexpected{again.error};
+      return unexpected{note_failure(again.error)};
     }
+    // The name may lead elsewhere, to where its server went.
+    ask_for_name();
     remember(again.bound);
     service = again.bound.service;
   }
@@ -119,12 +128,15 @@ expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, con
   ready.parameters.deadline = plan.deadline;
   ready.parameters.delivery = plan.delivery;
   ready.parameters.stream_window = plan.stream_window;
-  ready.parameters.stream_lease = plan.stream_lease;
+  ready.parameters.stream_silence = plan.stream_silence;
+  ready.parameters.stream_lease = plan.stream_pause_max.value_or(channel.stream_pause_max());
   return {};
 }
 
 expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const Ready& ready,
                                                const Plan& plan, MonotonicTime begun) noexcept {
+  // Whatever this is, the call was sent: its error stays what it is.
+  static_cast<void>(note_failure(outcome.error));
   if (outcome.kind == CallOutcome::Kind::kFailed) {
     if (outcome.error == CallError::kDisconnected && plan.is_idempotent) return {};
     return unexpected{outcome.error};
@@ -135,8 +147,12 @@ expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const
   if (auto again = ready.channel->make_ready(ready.parameters.priority, plan.deadline); !again) {
     return unexpected{again.error() == CallError::kTimeout ? CallError::kTimeout : outcome.error};
   }
-  const bool is_same_server = ready.channel->server_epoch() == ready.server_epoch;
-  if (!is_same_server || rt::now() - begun >= wire::kSessionIdleMin) {
+  // hp-4.5-2: it may have run before the server closed the session.
+  const std::uint64_t epoch = ready.channel->server_epoch();
+  if (outcome.error == CallError::kStopped && epoch == ready.server_epoch) {
+    return unexpected{outcome.error};
+  }
+  if (!wire::has_not_run(ready.server_epoch, epoch, begun, rt::now())) {
     return unexpected{CallError::kPeerRestarted};
   }
   return {};
@@ -145,28 +161,59 @@ expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const
 Priority Binding::Impl::priority_of(const Plan& plan, const Bound& to) const noexcept {
   const Priority priority = to.is_server_declared || !plan.wanted ? to.priority : *plan.wanted;
   const PriorityTransform transform = node.config().outbound_priority;
-  return transform == nullptr ? priority : transform(priority, path);
+  return transform == nullptr ? priority : transform(priority, to.destination->path);
 }
 
 expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes request) noexcept {
-  if (door) {
-    if (auto outcome = call_locally(plan, request)) return std::move(*outcome);
+  if (has_door.load(std::memory_order_relaxed)) {
+    const Pin pin(*this);
+    const Bound to = remembered();
+    if (to.destination->door) {
+      if (auto outcome = call_locally(to, plan, request)) return std::move(*outcome);
+    }
   }
+  return call_over_transport(plan, request);
+}
+
+expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& plan,
+                                                                   ConstBytes request) noexcept {
+  const bool is_sent = plan.delivery == wire::Delivery::kSent;
+  if (is_sent && has_lost_oneways()) return unexpected{CallError::kMaybeLost};
   MonotonicTime now = plan.begun;
   for (int round = 0; round < kRoundCountMax; ++round, now = rt::now()) {
     Ready ready;
     if (auto made = make_ready(plan, now, ready); !made) return unexpected{made.error()};
     TakenChannel channel(ready.channel);
+    // Before it is sent: who finds its loss is to know that it was there.
+    if (is_sent) sends_oneways.store(true, std::memory_order_relaxed);
     const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
     if (outcome.kind == CallOutcome::Kind::kReply) {
       if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
       return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
     }
+    if (outcome.kind == CallOutcome::Kind::kUnsent) {
+      if (has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+      continue;
+    }
     if (auto again = judge(outcome, ready, plan, channel->call_begun()); !again) {
       return unexpected{again.error()};
     }
   }
-  return unexpected{CallError::kPeerRestarted};
+  return unexpected{is_sent ? CallError::kUnreachable : CallError::kPeerRestarted};
+}
+
+// Whether oneways were lost, maybe ours, since this was last asked.
+bool Binding::Impl::has_lost_oneways() noexcept {
+  const Pin pin(*this);
+  const std::uint64_t count = remembered().destination->lost_oneway_count();
+  std::uint64_t told = lost_oneways_told.load(std::memory_order_relaxed);
+  // One of those that see it tells of it.
+  while (told < count) {
+    if (lost_oneways_told.compare_exchange_weak(told, count, std::memory_order_relaxed)) {
+      return sends_oneways.load(std::memory_order_relaxed);
+    }
+  }
+  return false;
 }
 
 expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& outcome,
@@ -177,23 +224,31 @@ expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& out
   return call(plan, request);
 }
 
-expected<void, CallError> Binding::Impl::warm_up(std::span<const Priority> priorities,
-                                                 MonotonicTime deadline) noexcept {
+expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
+                                                 std::span<const Priority> priorities,
+                                                 MonotonicTime deadline, std::string& link_error) {
   for (const Priority priority : priorities) {
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(priority, deadline); !ready) return ready;
+    if (auto ready = channel->make_ready(priority, deadline); !ready) {
+      link_error = channel->link_error();
+      return ready;
+    }
   }
   return {};
 }
 
-expected<void, CallError> Binding::Impl::warm_up_all(MonotonicTime deadline) noexcept {
+expected<void, CallError> Binding::Impl::warm_up_all(Endpoint& endpoint, MonotonicTime deadline,
+                                                     std::string& link_error) {
   for (int next = Priority::kLowest; next <= Priority::kHighest;) {
     auto taken = endpoint.take(Priority{next});
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
-    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) return ready;
+    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) {
+      link_error = channel->link_error();
+      return ready;
+    }
     const wire::Welcome& welcome = channel->welcome();
     if (welcome.band.high >= welcome.ceiling) break;
     next = welcome.band.high.value() + 1;

@@ -52,11 +52,11 @@ std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& me
 
 }  // namespace
 
-BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
+BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Priority priority,
                                MonotonicTime deadline) noexcept {
   std::array<std::byte, 512> request{};
   const std::size_t size =
-      encode(wire::BindRequest{path, interface.name, interface.fingerprint}, request);
+      encode(wire::BindRequest{at.path, interface.name, interface.fingerprint}, request);
   RTPM_ASSERT(size > 0, "path and interface name fit a bind");
   const CallOutcome outcome =
       call_session(channel, wire::kMethodBind, priority, ConstBytes(request).first(size), deadline);
@@ -64,6 +64,13 @@ BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
   if (outcome.kind != CallOutcome::Kind::kReply) return result;
   if (outcome.status != wire::Status::kOk) {
     result.error = error_of(outcome.status);
+    if (outcome.status == wire::Status::kNoSuchObject) {
+      const auto paths =
+          outcome.payload.first(std::min(outcome.payload.size(), result.similar_paths.size()));
+      std::ranges::copy(paths, result.similar_paths.begin());
+      result.similar_paths_size = paths.size();
+      return result;
+    }
     const std::string_view other = ByteReader(outcome.payload).take_text();
     std::ranges::copy(other.substr(0, result.other_interface.size() - 1),
                       result.other_interface.begin());
@@ -75,12 +82,17 @@ BindOutcome Binding::Impl::ask(CallChannel& channel, Priority priority,
     result.error = CallError::kBadReply;
     return result;
   }
-  result.bound = {channel.server_epoch(), reply->service, reply->priority,
-                  reply->is_server_declared, reply->fingerprint};
+  result.bound = {&at,
+                  channel.server_epoch(),
+                  reply->service,
+                  reply->priority,
+                  reply->is_server_declared,
+                  reply->fingerprint};
   // What was found to be good once is good in another life of the server, too.
   const auto known = bound.read();
-  if (reply->fingerprint == interface.fingerprint ||
-      (known && known->fingerprint == reply->fingerprint)) {
+  // hp-6.1-6: 0 tells nothing.
+  if (reply->fingerprint != 0 && (reply->fingerprint == interface.fingerprint ||
+                                  (known && known->fingerprint == reply->fingerprint))) {
     return result;
   }
   // hp-6.1-2: a server may have more methods than we know; those that we know must mean the same.

@@ -18,12 +18,12 @@ expected<LocalChannel*, CallError> place_of(LocalGate& gate) noexcept {
 }  // namespace
 
 std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
-    const Plan& plan, ConstBytes request) noexcept {
+    const Bound& to, const Plan& plan, ConstBytes request) noexcept {
   // Receipts and pings are about the way, which is another here.
   if (plan.target != Target::kObject || plan.delivery == wire::Delivery::kReceipt) return {};
-  const Bound to = remembered();
+  const LocalDoor& door = *to.destination->door;
   const Priority priority = priority_of(plan, to);
-  LocalGate* const gate = door->gate_of(priority);
+  LocalGate* const gate = door.gate_of(priority);
   if (gate == nullptr) return unexpected{CallError::kPriorityNotAllowed};
   // The server has stopped; another may be at its address.
   if (gate->is_closed()) return {};
@@ -40,7 +40,7 @@ std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
   parameters.session = local_session;
   parameters.trace_id = plan.trace_id;
   parameters.deadline = plan.deadline;
-  parameters.message_size_max = std::min(door->message_size_max(), node.config().message_size_max);
+  parameters.message_size_max = std::min(door.message_size_max(), node.config().message_size_max);
   if (!channel.write(parameters, request)) {
     channel.give_up();
     return unexpected{CallError::kTooLarge};

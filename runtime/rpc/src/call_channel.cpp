@@ -39,12 +39,21 @@ CallError error_of_refusal(wire::Status status) noexcept {
   }
 }
 
+// A channel is asked for a priority that it serves.
+CallError error_of_begin(wire::Status status) noexcept {
+  return status == wire::Status::kTooLarge ? CallError::kTooLarge : CallError::kRefused;
+}
+
+// The largest payload of a frame.
+std::size_t payload_size_of(Transport transport) noexcept {
+  return transport == Transport::kSharedMemory ? wire::kSharedPayloadSizeMax
+                                               : wire::frame_payload_max(medium_of(transport));
+}
+
 // The largest frame that the channel will send; at least a HELLO.
 std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
-  const std::size_t payload_max = address.transport == Transport::kSharedMemory
-                                      ? wire::kSharedPayloadSizeMax
-                                      : wire::frame_payload_max(medium_of(address.transport));
-  return wire::kHeaderSize + std::min<std::size_t>(config.message_size_max, payload_max);
+  return wire::kHeaderSize +
+         std::min<std::size_t>(config.message_size_max, payload_size_of(address.transport));
 }
 
 auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
@@ -67,13 +76,15 @@ auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTim
 
 CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
                          std::uint64_t client_epoch, std::uint64_t number,
-                         std::uint64_t clock_domain, std::uint16_t call_count_max)
+                         std::uint64_t clock_domain, std::uint16_t call_count_max,
+                         std::atomic<std::uint64_t>& lost_oneways)
     : address_(address),
       config_(config),
       call_count_max_(call_count_max),
       takes_trains_(call_count_max > 1),
       buffer_(frame_size_of(address, config)),
       rooms_(call_count_max),
+      lost_oneways_(lost_oneways),
       wire_({medium_of(address.transport), client_epoch, number, clock_domain,
              config.message_size_max, call_count_max, static_cast<std::uint32_t>(rt::random_u64())},
             buffer_) {}
@@ -89,6 +100,7 @@ bool CallChannel::serves(Priority priority) const noexcept {
 }
 
 void CallChannel::drop_link() noexcept {
+  count_lost_oneways();
   wire_.reset();
   held_.clear();
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
@@ -100,7 +112,11 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
                                                  MonotonicTime deadline) noexcept {
   const rt::AllowAllocationScope is_allowed;
   auto link = open_any_link(address_, priority, deadline);
-  if (!link) return unexpected{CallError::kUnreachable};
+  if (!link) {
+    link_error_ = std::move(link.error().text);
+    return unexpected{link.error().is_exhausted ? CallError::kNoResources
+                                                : CallError::kUnreachable};
+  }
   link_ = std::move(*link);
   wire_.set_on_host(link_->is_on_host());
   if (takes_trains_) link_->take_trains();
@@ -110,6 +126,7 @@ expected<void, CallError> CallChannel::open_link(Priority priority,
 expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
   if (is_ready(priority)) return {};
+  link_error_.clear();
   if (!link_) {
     if (auto opened = open_link(priority, deadline); !opened) return opened;
   }
@@ -140,7 +157,11 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
 
 CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request,
                               MonotonicTime now) noexcept {
-  if (auto begun = begin(parameters, request, now); !begun) return {.error = begun.error()};
+  if (auto begun = begin(parameters, request, now); !begun) {
+    const bool is_unsent = parameters.delivery == wire::Delivery::kSent && !wire_.is_ready();
+    return {.kind = is_unsent ? CallOutcome::Kind::kUnsent : CallOutcome::Kind::kFailed,
+            .error = begun.error()};
+  }
   // What was merely sent is over.
   if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
   return finish(kNever, now);
@@ -155,22 +176,37 @@ expected<void, CallError> CallChannel::begin(const wire::CallParameters& paramet
   return begin_call(stream, request, now);
 }
 
+// An error says that it was not sent.
 expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameters,
                                                   ConstBytes request, MonotonicTime now) noexcept {
-  look_for_loss(now);
-  // Nothing was sent: the next call binds the next life of the server.
+  if (is_look_due(now)) look_for_end(now);
   if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
   // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
   if (request.size() > buffer_.size() - wire::kHeaderSize) {
     parameters.delivery = wire::Delivery::kReceipt;
+    return begin_call(parameters, request, now);
   }
-  return begin_call(parameters, request, now);
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{CallError::kTooLarge};
+  const auto sent = link_->send(*frame);
+  if (sent) {
+    unconfirmed_count_.fetch_add(1, std::memory_order_relaxed);
+    return {};
+  }
+  // Nobody repeats it, so a full buffer is told, too.
+  if (link_->medium() == wire::Medium::kDatagram && sent.error() != transport::IoError::kRefused) {
+    const bool is_full = sent.error() != transport::IoError::kFailed;
+    return unexpected{is_full ? CallError::kOverload : CallError::kUnreachable};
+  }
+  // A datagram socket tells in this way that nobody took an earlier frame: the server has ended.
+  drop_link();
+  return unexpected{CallError::kDisconnected};
 }
 
 expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& parameters,
                                                   ConstBytes request, MonotonicTime now) noexcept {
   const auto frame = wire_.call(parameters, request, now);
-  if (!frame) return unexpected{CallError::kTooLarge};
+  if (!frame) return unexpected{error_of_begin(frame.error())};
   if (!send_all(*frame, now)) {
     drop_link();
     return unexpected{CallError::kDisconnected};
@@ -182,7 +218,7 @@ expected<wire::CallIndex, CallError> CallChannel::begin_held(const wire::CallPar
                                                              ConstBytes request,
                                                              MonotonicTime now) noexcept {
   const auto frame = wire_.call(parameters, request, now);
-  if (!frame) return unexpected{CallError::kTooLarge};
+  if (!frame) return unexpected{error_of_begin(frame.error())};
   const wire::CallIndex call = wire_.last_call();
   if (!(call_count_max_ > 1 ? hold_all(*frame, now) : send_all(*frame, now))) {
     drop_link();
@@ -199,15 +235,19 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   wait_for_event(now, /*may_spin=*/true, until);
   switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReply:
+      // The server lived when it answered; over a connection it had all that was sent before.
+      unconfirmed_count_.store(0, std::memory_order_relaxed);
       return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload, event_.call};
     case wire::ChannelEvent::Kind::kItems:
       return {.kind = CallOutcome::Kind::kItems};
     case wire::ChannelEvent::Kind::kNothing:
       return {.kind = CallOutcome::Kind::kGoing};
     case wire::ChannelEvent::Kind::kLost:
+      count_lost_oneways();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kDisconnected};
     case wire::ChannelEvent::Kind::kClosed:
       // A connection ends with its server; a socket may find the next one.
+      count_lost_oneways();
       if (link_->medium() == wire::Medium::kStream) drop_link();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
     case wire::ChannelEvent::Kind::kTimeout:
@@ -219,14 +259,45 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
   return {.error = CallError::kDisconnected};
 }
 
-// Who only sends never hears that the session is lost. Now and then a look tells.
-void CallChannel::look_for_loss(MonotonicTime now) noexcept {
+// A caller that only sends hears of the session's end by looking now and then: sooner where the
+// server leaves in memory what it was sent.
+bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
   constexpr Duration kLookInterval = std::chrono::milliseconds{1};
-  if (now - last_look_ < kLookInterval) return;
+  constexpr Duration kLookIntervalUnread = std::chrono::microseconds{50};
+  const Duration since = now - last_look_;
+  return since >= kLookInterval ||
+         (since >= kLookIntervalUnread && link_->unread_count().value_or(0) > 0);
+}
+
+void CallChannel::look_for_end(MonotonicTime now) noexcept {
   last_look_ = now;
-  while (const auto frame = link_->receive()) {
-    static_cast<void>(wire_.on_frame(*frame, now));
+  link_->check_peer();
+  while (wire_.is_ready()) {
+    const auto frame = link_->receive();
+    if (frame) {
+      static_cast<void>(wire_.on_frame(*frame, now));
+      continue;
+    }
+    // A refusal says that nobody had the port when an earlier frame came: that server has ended.
+    if (frame.error() != transport::IoError::kNothing) drop_link();
+    break;
   }
+  if (!wire_.is_ready()) count_lost_oneways();
+}
+
+void CallChannel::check_oneways(MonotonicTime now) noexcept {
+  if (link_ && wire_.is_ready() && has_unconfirmed()) look_for_end(now);
+}
+
+// The session has ended.
+void CallChannel::count_lost_oneways() noexcept {
+  std::uint64_t count = unconfirmed_count_.exchange(0, std::memory_order_relaxed);
+  if (count == 0) return;
+  const auto unread = link_ ? link_->unread_count() : std::nullopt;
+  // The frame that was read last may not have been looked at.
+  if (unread) count = std::min(count, std::uint64_t{*unread} + 1);
+  // SYNC POINT lost-oneways
+  lost_oneways_.fetch_add(count, std::memory_order_release);
 }
 
 std::optional<ConstBytes> CallChannel::next_item() noexcept {
@@ -246,14 +317,21 @@ std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
 }
 
 bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
-  const std::size_t size =
-      parameters.stream_window * wire::frame_payload_max(medium_of(address_.transport));
+  const wire::Medium medium = medium_of(address_.transport);
+  const std::size_t frame_size = payload_size_of(address_.transport);
+  const std::uint32_t byte_window = wire::stream_byte_window(medium, frame_size);
+  const std::size_t frames_size =
+      frame_size * wire::stream_frame_count(medium, parameters.stream_window, byte_window);
+  const std::size_t size = frames_size + config_.message_size_max;
   if (items_.bytes().size() < size) {
     const rt::AllowAllocationScope is_allowed;
     items_ = rt::LazyMemory(size);
   }
   if (items_.bytes().size() < size) return false;
-  parameters.stream_memory = items_.bytes().first(size);
+  parameters.stream_room = {.frames = items_.bytes().first(frames_size),
+                            .frame_size = static_cast<std::uint32_t>(frame_size),
+                            .item = items_.bytes().subspan(frames_size, config_.message_size_max),
+                            .byte_window = byte_window};
   return true;
 }
 

@@ -36,6 +36,7 @@ struct CallOutcome {
     kGoing,   ///< Nothing yet.
     kFailed,  ///< `error` says why there is no answer.
     kLost,    ///< The server does not know the session any more: see Binding for what follows.
+    kUnsent,  ///< A oneway that was not sent, as the session has ended: another may carry it.
   };
   Kind kind = Kind::kFailed;
   CallError error = CallError::kTimeout;
@@ -50,9 +51,11 @@ struct CallOutcome {
 /// Threads: try_take() from any; everything else by the thread that took it.
 class CallChannel {
  public:
-  /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow.
+  /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
+  /// the oneways that were sent over a session that ended, and may not have arrived.
   CallChannel(const ServerAddress& address, const NodeConfig& config, std::uint64_t client_epoch,
-              std::uint64_t number, std::uint64_t clock_domain, std::uint16_t call_count_max);
+              std::uint64_t number, std::uint64_t clock_domain, std::uint16_t call_count_max,
+              std::atomic<std::uint64_t>& lost_oneways);
   /// Tells the server that the session ends, if there is one.
   ~CallChannel();
   CallChannel(const CallChannel&) = delete;
@@ -72,11 +75,17 @@ class CallChannel {
   }
 
   [[nodiscard]] std::uint16_t call_count_max() const noexcept { return call_count_max_; }
+  /// How long a reader may leave a stream alone that says nothing of it.
+  [[nodiscard]] Duration stream_pause_max() const noexcept {
+    return address_.transport == Transport::kUdp ? Duration{wire::kStreamLease} : Duration::max();
+  }
 
   /// Has a session for `priority`, with a handshake if need be.
   /// RT: alloc-free and without a syscall if there is one; else set-up.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
+  /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
+  [[nodiscard]] const std::string& link_error() const noexcept { return link_error_; }
   /// Whether it has one already.   RT: alloc-free.
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority);
@@ -103,6 +112,13 @@ class CallChannel {
   [[nodiscard]] bool has_buffered() const noexcept { return link_ && link_->has_buffered(); }
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
+  /// Looks whether the session has ended under oneways that nobody has confirmed; then
+  /// `lost_oneways` is raised.   RT: alloc-free, at most two syscalls and one per frame that came.
+  void check_oneways(MonotonicTime now) noexcept;
+  /// Whether check_oneways() would look.   RT: alloc-free, any thread.
+  [[nodiscard]] bool has_unconfirmed() const noexcept {
+    return unconfirmed_count_.load(std::memory_order_relaxed) > 0;
+  }
   /// The next item of the stream that is here, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
   /// Tells the server that nobody waits for the call any more.
@@ -142,7 +158,9 @@ class CallChannel {
     static_assert(std::is_trivially_destructible_v<wire::ChannelEvent>);
     ::new (static_cast<void*>(&event_)) wire::ChannelEvent(make());
   }
-  void look_for_loss(MonotonicTime now) noexcept;
+  [[nodiscard]] bool is_look_due(MonotonicTime now) const noexcept;
+  void look_for_end(MonotonicTime now) noexcept;
+  void count_lost_oneways() noexcept;
   [[nodiscard]] bool make_item_room(wire::CallParameters& parameters) noexcept;
   [[nodiscard]] expected<void, transport::IoError> send(ConstBytes frame) noexcept;
   template <class Send>
@@ -161,11 +179,16 @@ class CallChannel {
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::Link> link_;
+  std::string link_error_{};  ///< Of the last make_ready().
   std::vector<std::byte> buffer_;
   transport::FrameTrain held_;         // What is to go together. Has room once it was needed.
   std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.
   rt::LazyMemory items_;               // Of a stream.
   rt::LazyMemory kept_;                // A request that outlives its caller's.
+  std::atomic<std::uint64_t>& lost_oneways_;
+  /// Oneways sent over the session since the server last answered a call over it. Written by the
+  /// thread that took the channel.
+  std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
   MonotonicTime last_check_{};  ///< For what its link sees only when it waits.
   wire::ChannelEvent event_{};  ///< The last.

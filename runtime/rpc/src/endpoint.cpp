@@ -58,6 +58,29 @@ CallChannel* Endpoint::take_existing(Priority priority, std::uint16_t call_count
   return nullptr;
 }
 
+void Endpoint::check_oneways(MonotonicTime now) noexcept {
+  // SYNC POINT endpoint-channels
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  for (std::size_t i = 0; i < count; ++i) {
+    CallChannel& channel = *channels_[i];
+    // The others are left to callers, who would open one more for each that is taken.
+    if (!channel.has_unconfirmed() || !channel.try_take()) continue;
+    channel.check_oneways(now);
+    channel.release();
+  }
+}
+
+bool Endpoint::try_end() noexcept {
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (channels_[i]->try_take()) continue;
+    while (i > 0)
+      channels_[--i]->release();
+    return false;
+  }
+  return true;
+}
+
 // How many channels the band of `priority` has, as far as its channels are known to be of it.
 std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noexcept {
   return static_cast<std::size_t>(
@@ -73,8 +96,9 @@ expected<CallChannel*, CallError> Endpoint::add(Priority priority,
   if (count == channels_.size() || count_for(priority, count) >= config_.channel_count_max) {
     return unexpected{CallError::kNoChannel};
   }
-  channels_[count] = std::make_unique<CallChannel>(address_, config_, client_epoch_,
-                                                   ++channel_serial, clock_domain_, call_count_max);
+  channels_[count] =
+      std::make_unique<CallChannel>(address_, config_, client_epoch_, ++channel_serial,
+                                    clock_domain_, call_count_max, lost_oneways_);
   CallChannel* channel = channels_[count].get();
   const bool is_taken = channel->try_take();
   RTPM_ASSERT(is_taken, "nobody else knows a new channel");

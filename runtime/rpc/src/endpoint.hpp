@@ -26,6 +26,25 @@ class Endpoint {
   [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
                                                        std::uint16_t call_count_max = 1) noexcept;
 
+  /// Looks at the channels that are free whether a session has ended under oneways.
+  /// RT: alloc-free.
+  void check_oneways(MonotonicTime now) noexcept;
+  /// Oneways over the channels that were sent and may not have arrived, as their sessions ended.
+  /// RT: alloc-free, no syscall.
+  [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
+    // SYNC POINT lost-oneways: the channel of what is counted here has ended.
+    return lost_oneways_.load(std::memory_order_acquire);
+  }
+  // How many bindings use it; changed by the node only.   Threads: any.
+  [[nodiscard]] std::size_t user_count() const noexcept {
+    return user_count_.load(std::memory_order_relaxed);
+  }
+  void add_user() noexcept { user_count_.fetch_add(1, std::memory_order_relaxed); }
+  void remove_user() noexcept { user_count_.fetch_sub(1, std::memory_order_relaxed); }
+  /// Takes every channel, so that the endpoint can be destroyed; false if a call, a reply or a
+  /// pipeline holds one still. Nobody takes channels meanwhile.
+  [[nodiscard]] bool try_end() noexcept;
+
   [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }
 
  private:
@@ -39,8 +58,10 @@ class Endpoint {
   const NodeConfig& config_;
   std::uint64_t client_epoch_;
   std::uint64_t clock_domain_;
+  std::atomic<std::uint64_t> lost_oneways_{0};
   std::vector<std::unique_ptr<CallChannel>> channels_;  ///< Sized once; filled from the front.
   std::atomic<std::size_t> channel_count_{0};
+  std::atomic<std::size_t> user_count_{0};
   rt::PiMutex adding_;
 };
 

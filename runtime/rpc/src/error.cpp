@@ -1,6 +1,17 @@
 #include "rtpm/rpc/error.hpp"
 
+#include <string>
+
+#include "rtpm/rpc/servant.hpp"
+
 namespace rtpm::rpc {
+
+std::string to_string(CallerHost host) {
+  std::string text;
+  for (int shift = 24; shift >= 0; shift -= 8)
+    text += (text.empty() ? "" : ".") + std::to_string(host.ipv4 >> shift & 0xff);
+  return text;
+}
 
 std::string_view to_string(CallError error) noexcept {
   switch (error) {
@@ -18,6 +29,9 @@ std::string_view to_string(CallError error) noexcept {
       return "the server restarted during the call; call again if a second run does no harm";
     case CallError::kUnreachable:
       return "nobody serves the address; check that the server runs";
+    case CallError::kNoResources:
+      return "this process has too many open files, or no memory left, for a connection; raise "
+             "its limits (ulimit -n, ulimit -v)";
     case CallError::kRefused:
       return "the server refused the session; check the limits and priority that it asked for";
     case CallError::kVersionUnsupported:
@@ -33,9 +47,12 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kNotLeaseHolder:
       return "somebody else holds the lease; acquire it first";
     case CallError::kServantFailed:
-      return "the servant failed; the server's log says why";
+      return "the servant failed; see what its program reports";
     case CallError::kTooLarge:
-      return "a message is too large for the session; raise message_size_max on both sides";
+      return "a message, or an item of a stream, is too large; raise message_size_max on both "
+             "sides";
+    case CallError::kWrongBand:
+      return "the priority is in none of the object's bands; call at one that is";
     case CallError::kPriorityNotAllowed:
       return "the priority is above the server's ceiling; call at a lower one";
     case CallError::kBadReply:
@@ -43,9 +60,18 @@ std::string_view to_string(CallError error) noexcept {
              "schema";
     case CallError::kCancelled:
       return "the call was cancelled";
+    case CallError::kStreamLost:
+      return "the server ended the stream, as its reader took no items for too long; take them "
+             "oftener, or allow a longer pause";
     case CallError::kStopped:
       return "the server is stopping; find another, or call again later if a second run does no "
              "harm";
+    case CallError::kMaybeLost:
+      return "the connection ended, and oneways that were sent over it may not have arrived; this "
+             "one was not sent, the next one connects again";
+    case CallError::kWrongInterface:
+      return "the object that is there now has another interface; generate client and server from "
+             "the same schema, or correct the name";
   }
   return "unknown error";
 }

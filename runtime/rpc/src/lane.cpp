@@ -11,6 +11,7 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/transport/socket.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -39,6 +40,8 @@ constexpr Duration kQuickCall = std::chrono::microseconds{5};
 // A wait names its sources, which is quicker than to have the system keep them, for so many
 // connections besides the port.
 constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
+// A connection that has opened no session in this time may be replaced.
+constexpr Duration kSessionPatience = std::chrono::seconds{2};
 
 // What a lane keeps for messages larger than a frame: one more room than may be held, where replies
 // are written.
@@ -112,18 +115,30 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
           memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
       bell_(std::make_shared<Doorbell>(poller_)),
       pending_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
-                                             setup.sessions.message_size_max,
+                                             setup.sessions.message_size_max, setup.stream_byte_max,
                                              Crew::is_wanted(setup.config, setup.borrows), bell_)),
       gate_(std::make_shared<LocalGate>(bell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
       turns_per_look_(kTurnsPerLook),
       slot_(*setup.slot) {
+  const auto is_there = [](const rt::LazyMemory& memory, std::size_t size) {
+    return memory.bytes().size() == size;
+  };
+  has_memory_ = is_there(datagram_bulk_, bulk_size(setup)) &&
+                is_there(stream_bulk_, bulk_size(setup)) &&
+                is_there(memory_bulk_, bulk_size(setup)) &&
+                is_there(datagram_streams_, stream_size(setup, wire::Medium::kDatagram)) &&
+                is_there(stream_streams_, stream_size(setup, wire::Medium::kStream)) &&
+                is_there(memory_streams_, stream_size(setup, wire::Medium::kStream)) &&
+                pending_->has_memory();
   show_config();
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
   stream_sources_.reserve(connections_.size());
+  // One more: a call that used up the turn stands at the end before its old entry goes.
+  backlog_.reserve(std::size_t{call_count_max(setup)} + 1);
   if (Crew::is_wanted(config_, setup.borrows)) {
     crew_.emplace(config_, call_count_max(setup));
   } else if (config_.wait.strategy != rt::WaitStrategy::kSpin) {
@@ -236,8 +251,8 @@ Duration Lane::spin_time(MonotonicTime now) noexcept {
 
 // When the lane has something to do by itself.
 MonotonicTime Lane::next_time() const noexcept {
-  return std::min(
-      {datagram_sessions_.next_time(), stream_sessions_.next_time(), memory_sessions_.next_time()});
+  return std::min({datagram_sessions_.next_time(), stream_sessions_.next_time(),
+                   memory_sessions_.next_time(), waiting_reply_due_, retry_time_});
 }
 
 // Sleeps until just before a caller is expected; then gives back true at once, for as long as it
@@ -295,7 +310,12 @@ std::unique_ptr<transport::Connection> Lane::take_back() noexcept {
 bool Lane::turn() noexcept {
   // SYNC POINT lane-arrivals
   if (has_arrivals_.load(std::memory_order_acquire)) adopt_waiting();
-  if (pending_->open_count() > 0 && look_at_pending()) return true;
+  const bool has_backlog = send_backlog();
+  const bool has_pending = pending_->open_count() > 0 && look_at_pending();
+  // What the lane sends by itself must not keep calls waiting.
+  if (has_backlog || (has_pending && ++pending_streak_ == kStreakMax)) return look_at_others();
+  if (has_pending) return true;
+  pending_streak_ = 0;
   if (hot_ != kLocal && gate_->has_calls()) hot_ = kLocal;
   // One that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_hot_asked = config_.wait.strategy != rt::WaitStrategy::kBlock || is_memory(hot_);
@@ -312,6 +332,15 @@ bool Lane::turn() noexcept {
   turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
                                                   : std::min(2 * turns_per_look_, kTurnsPerLookMax);
   return serve_memory(kMemoryLooksPerTurn) || has_found || has_served;
+}
+
+// Serves whatever calls there are, between items of streams.
+bool Lane::look_at_others() noexcept {
+  pending_streak_ = 0;
+  if (gate_->has_calls()) static_cast<void>(serve_one(kLocal));
+  static_cast<void>(serve_memory(kMemoryLooksWhenDue));
+  static_cast<void>(look_around(transport::Poller::kAlready));
+  return true;
 }
 
 // Looks for a call on the only connection through memory, if it is the only one that had some.
@@ -473,7 +502,8 @@ bool Lane::serve_datagrams() noexcept {
 // `has_more`: others came together with it, whose answers go together, too, but for those that
 // would have to wait for a call that may take long.
 void Lane::serve_datagram(ConstBytes frame, const wire::PeerAddress& peer, bool has_more) noexcept {
-  const wire::Verdict verdict = datagram_sessions_.on_frame(frame, peer, received_);
+  wire::Verdict verdict = datagram_sessions_.on_frame(frame, peer, received_);
+  verdict.request.caller_host = transport::ipv4_of(peer);
   ConstBytes answer_frame = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     if (!answers_.is_empty() && !is_quick(verdict.request.header)) flush_answers();
@@ -526,8 +556,10 @@ bool Lane::serve_stream(Source source) noexcept {
     return false;
   }
   is_unpublished_ = true;
-  received_ = rt::now();
-  const wire::Verdict verdict = sessions.on_frame(*frame, connection.peer, received_);
+  received_ = connection.heard = rt::now();
+  wire::Verdict verdict = sessions.on_frame(*frame, connection.peer, received_);
+  verdict.request.caller_host =
+      connection.is_memory ? kThisHost.ipv4 : transport::ipv4_of(connection.peer);
   ConstBytes answer = verdict.frame;
   if (verdict.action == wire::Verdict::Action::kDispatch) {
     answer = run_request(sessions, verdict.request);
@@ -558,16 +590,18 @@ void Lane::adopt_waiting() noexcept {
     // Half of the places are for memory, as many as there are sessions for it.
     const bool is_memory = (*stream)->is_memory();
     std::vector<Source>& sources = is_memory ? memory_sources_ : stream_sources_;
+    const wire::PeerAddress host = (*stream)->host();
+    const MonotonicTime now = rt::now();
+    if (!make_place_for(host, is_memory, now)) {
+      turn_away(*stream, now);
+      continue;
+    }
     const auto place =
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
-    // The lane is full: the connection ends, which its client sees at once.
-    if (sources.size() >= connections_.size() / 2) {
-      give_back(*stream);
-      continue;
-    }
     place->stream = std::move(*stream);
-    place->peer = {.high = ++connection_serial_};
+    place->peer = {host.high, host.low, ++connection_serial_};
+    place->heard = now;
     place->is_memory = is_memory;
     sources.push_back(source);
     if (!listen_to(source)) {
@@ -578,6 +612,48 @@ void Lane::adopt_waiting() noexcept {
     ++counters_.connection_count;
     is_unpublished_ = true;
   }
+}
+
+// Whether the host may have one more connection, for which the one that was silent longest may have
+// to go: of its own, once it has its share.
+bool Lane::make_place_for(const wire::PeerAddress& host, bool is_memory,
+                          MonotonicTime now) noexcept {
+  const std::vector<Source>& sources = is_memory ? memory_sources_ : stream_sources_;
+  const auto count_max = static_cast<std::uint32_t>(connections_.size() / 2);
+  const std::uint32_t share = wire::share_of_one_host(count_max);
+  if (sources.size() < share) return true;
+  const auto is_own = [&](Source source) {
+    return wire::is_same_host(connections_[source].peer, host);
+  };
+  const bool has_share = std::cmp_greater_equal(std::ranges::count_if(sources, is_own), share);
+  if (!has_share && sources.size() < count_max) return true;
+  const wire::ServerSessions& sessions = is_memory ? memory_sessions_ : stream_sessions_;
+  std::optional<Source> longest;
+  for (const Source source : sources) {
+    const Connection& each = connections_[source];
+    if ((has_share && !is_own(source)) || now - each.heard < kSessionPatience) continue;
+    if (longest && each.heard >= connections_[*longest].heard) continue;
+    // hp-5.5-1: a client that still uses its session is heard oftener.
+    const bool may_go =
+        now - each.heard >= wire::kSessionIdleMin || !sessions.has_session(each.peer);
+    if (may_go) longest = source;
+  }
+  if (longest) retire(*longest);
+  return longest.has_value();
+}
+
+// The lane is full. Over TCP the first frame came with the connection, so that its client can be
+// told; else it sees that the connection ends.
+void Lane::turn_away(std::unique_ptr<transport::Connection>& stream, MonotonicTime now) noexcept {
+  wire::ServerSessions& sessions = stream->is_memory() ? memory_sessions_ : stream_sessions_;
+  if (const auto frame = stream->receive()) {
+    const ConstBytes refusal = sessions.turn_away(*frame, now);
+    if (!refusal.empty()) static_cast<void>(stream->send(refusal, transport::Poller::kAlready));
+  }
+  give_back(stream);
+  ++counters_.connection_refused_count;
+  is_unpublished_ = true;
+  publish();
 }
 
 // Has the next wait heed the source, which stands among the connections; false if the system
@@ -676,6 +752,7 @@ void Lane::publish() noexcept {
   counters_.frames.add(stream_sessions_.counters());
   counters_.frames.add(memory_sessions_.counters());
   sample_.counters = counters_;
+  sample_.counters.late_count += counters_.frames.expired_count - silent_stream_count_;
   sample_.queued_count = crew_ ? crew_->queued_count() : 0;
   sample_.open_call_count = pending_->open_count();
   sample_.open_connection_count = connection_count();

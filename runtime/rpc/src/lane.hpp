@@ -36,6 +36,7 @@ struct LaneSetup {
   std::uint32_t large_message_count_max = 0;
   std::uint32_t deferred_call_count_max = 0;
   std::uint32_t stream_count_max = 0;
+  std::uint32_t stream_byte_max = 0;
   std::uint32_t local_oneway_count_max = 0;
   PriorityTransform inbound_priority = nullptr;
   /// The next lower lane, if this one may borrow its threads, and those of the ones below.
@@ -57,6 +58,9 @@ class Lane {
  public:
   Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
 
+  /// Whether the system gave the memory for large messages, streams and kept calls. Without it the
+  /// lane is not to be started.
+  [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
   /// Starts its threads. `keeper`: keeps the lane's CPU awake while they rest; none: it may sleep.
   /// It must outlive join().   Set-up only.   Errors: as rt::Thread::start().
   [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
@@ -95,6 +99,7 @@ class Lane {
   struct Connection {
     std::unique_ptr<transport::Connection> stream;
     wire::PeerAddress peer{};
+    MonotonicTime heard{};  ///< When its last frame came, or it itself.
     bool is_memory = false;
     bool has_leftovers = false;  ///< It stands in leftovers_.
   };
@@ -148,6 +153,8 @@ class Lane {
   [[nodiscard]] bool serve_stream(Source source) noexcept;
   [[nodiscard]] ConstBytes run_request(wire::ServerSessions& sessions,
                                        const wire::Request& request) noexcept;
+  [[nodiscard]] ConstBytes run_without_room(wire::ServerSessions& sessions,
+                                            const wire::Request& request) noexcept;
   [[nodiscard]] ConstBytes run_accepted(wire::ServerSessions& sessions,
                                         const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult dispatch(const wire::Request& request, MutableBytes reply,
@@ -160,9 +167,19 @@ class Lane {
   [[nodiscard]] bool serve_pending() noexcept;
   void serve_pending_call(PendingCall& call) noexcept;
   [[nodiscard]] bool send_items(PendingCall& call) noexcept;
+  [[nodiscard]] bool send_item_frame(PendingCall& call, std::uint32_t number,
+                                     Connection* connection) noexcept;
+  [[nodiscard]] Connection* connection_of(const wire::PeerAddress& peer) noexcept;
+  void retry_blocked(MonotonicTime now) noexcept;
+  [[nodiscard]] bool send_backlog() noexcept;
+  [[nodiscard]] bool look_at_others() noexcept;
   void tell_cancelled(CallEnding why) noexcept;
   [[nodiscard]] bool look_at_pending() noexcept;
   void look_at_time() noexcept;
+  [[nodiscard]] bool has_freed_room() noexcept;
+  void serve_waiting_replies() noexcept;
+  [[nodiscard]] bool must_wait_for_room(PendingCall& call, MonotonicTime now) noexcept;
+  void note_end(const wire::Request& request, wire::Status status, MonotonicTime now) noexcept;
   void say_goodbye() noexcept;
   [[nodiscard]] Priority priority_of(const Object& object,
                                      const wire::Header& header) const noexcept;
@@ -194,6 +211,9 @@ class Lane {
                                          const Object& object) noexcept;
   void end_crew() noexcept;
   void adopt_waiting() noexcept;
+  [[nodiscard]] bool make_place_for(const wire::PeerAddress& host, bool is_memory,
+                                    MonotonicTime now) noexcept;
+  void turn_away(std::unique_ptr<transport::Connection>& stream, MonotonicTime now) noexcept;
   void retire(Source source) noexcept;
   void give_back(std::unique_ptr<transport::Connection>& stream) noexcept;
   void publish() noexcept;
@@ -212,6 +232,7 @@ class Lane {
   std::optional<Crew> crew_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   transport::Poller poller_;
+  bool has_memory_ = false;
   rt::LazyMemory datagram_bulk_;
   rt::LazyMemory stream_bulk_;
   rt::LazyMemory memory_bulk_;
@@ -230,13 +251,19 @@ class Lane {
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
   std::size_t next_memory_look_ = 0;    ///< Behind whom of them the next look begins.
   std::vector<Source> stream_sources_;  ///< The others. Sized once.
-  std::uint64_t connection_serial_ = 0;
+  std::uint32_t connection_serial_ = 0;
   bool is_crowded_ = false;       ///< The sources are too many to be named in each wait.
   Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;
-  std::uint32_t glance_count_ = 0;  ///< Turns of a lane that spins, for looks at the clock.
-  std::uint32_t streak_ = 0;        ///< Frames taken from hot_ without a look at the others.
+  std::uint32_t glance_count_ = 0;    ///< Turns of a lane that spins, for looks at the clock.
+  std::uint32_t streak_ = 0;          ///< Frames taken from hot_ without a look at the others.
+  std::uint32_t pending_streak_ = 0;  ///< The same for turns that served unfinished calls.
+  /// Streams with items for which a turn had no time left, the one that waits longest first. Sized
+  /// once.
+  std::vector<PendingCall*> backlog_;
+  std::size_t item_bytes_left_ = 0;    ///< That this turn may send of items.
+  MonotonicTime retry_time_ = kNever;  ///< When streams that are blocked are tried again.
   MonotonicTime last_look_{};
   MonotonicTime last_memory_look_{};  ///< At connections through memory that are not hot.
   MonotonicTime received_{};          ///< When the last frame was taken,
@@ -251,8 +278,11 @@ class Lane {
   rt::Foresight foresight_;
   rt::SpinSense spin_sense_;
   bool is_unpublished_ = false;
-  ServerCounters counters_{};
-  LaneSample sample_{};  ///< But for its counters, which publish() adds.
+  std::uint32_t waiting_reply_count_ = 0;     ///< Large ones for which there is no room yet.
+  MonotonicTime waiting_reply_due_ = kNever;  ///< No room gets free before, unless by a frame.
+  std::uint64_t silent_stream_count_ = 0;     ///< Of those that the sessions count as expired.
+  ServerCounters counters_{};                 ///< But for the late calls that the sessions count.
+  LaneSample sample_{};                       ///< But for its counters, which publish() adds.
   alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> datagrams_{};
   alignas(64) std::array<std::uint64_t, 64> ready_{};
 

@@ -218,7 +218,6 @@ void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
   crew_->end_run();
   counters_.servant_failure_count += has_thrown ? 1 : 0;
   counters_.bad_request_count += result->status == wire::Status::kBadRequest ? 1U : 0U;
-  counters_.late_count += is_in_time ? 0 : 1;
   call.is_running = false;
   if (deferral.is_taken()) {
     ++counters_.deferred_count;
@@ -281,8 +280,6 @@ bool Lane::take_in(PendingCall& call, wire::ServerSessions& sessions, const wire
   call.take_in(request, sessions);
   call.request.payload = ConstBytes(call.request_room).first(size);
   if (size > 0) std::memcpy(call.request_room.data(), request.payload.data(), size);
-  call.item_size_max =
-      request.wants_stream() ? static_cast<std::uint32_t>(sessions.item_buffer(request).size()) : 0;
   if (!find_place(call, object)) return false;
   sessions.set_tag(request, pending_->tag_of(call));
   return true;

@@ -22,6 +22,7 @@ wire::Request request_of(const LocalChannel& channel) noexcept {
   request.payload = channel.request();
   request.deadline = parameters.deadline;
   request.received = rt::now();
+  request.caller_host = kThisHost.ipv4;
   return request;
 }
 
@@ -98,6 +99,7 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
   if (deferral.is_taken()) {
     ++counters_.deferred_count;
   } else {
+    note_end(request, result.status, rt::now());
     channel.finish(result.status, result.reply_size);
   }
   end_cycle(rt::now());

@@ -1,6 +1,7 @@
 #include "object_table.hpp"
 
 #include <algorithm>
+#include <array>
 #include <span>
 #include <utility>
 
@@ -66,6 +67,35 @@ std::uint32_t write_bind_reply(std::uint32_t service, const Object& object,
   return static_cast<std::uint32_t>(at);
 }
 
+// The paths that are most similar to one that is not there.
+std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_view path,
+                                  MutableBytes to) noexcept {
+  struct Candidate {
+    const Object* object = nullptr;
+    std::size_t similarity = 0;
+  };
+  std::array<Candidate, wire::kSimilarPathCountMax> best{};
+  for (const Object& object : objects) {
+    Candidate next{&object, wire::similarity(object.path, path)};
+    // The list is sorted: what is less similar moves down, and the least out.
+    for (Candidate& candidate : best) {
+      if (candidate.object == nullptr || next.similarity > candidate.similarity) {
+        std::swap(candidate, next);
+      }
+      if (next.object == nullptr) break;
+    }
+  }
+  std::size_t size = 0;
+  for (const Candidate& candidate : best) {
+    if (candidate.object == nullptr) break;
+    ByteWriter writer(to.subspan(size));
+    writer.put_text(candidate.object->path);
+    if (!writer.ok()) break;
+    size += writer.size();
+  }
+  return static_cast<std::uint32_t>(size);
+}
+
 }  // namespace
 
 DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const noexcept {
@@ -73,7 +103,9 @@ DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const n
   if (!wanted) return {wire::Status::kBadRequest, 0};
   const auto found =
       std::ranges::find_if(objects_, [&](const Object& o) { return o.path == wanted->path; });
-  if (found == objects_.end()) return {wire::Status::kNoSuchObject, 0};
+  if (found == objects_.end()) {
+    return {wire::Status::kNoSuchObject, write_similar_paths(objects_, wanted->path, reply)};
+  }
   const std::string_view name = found->servant->interface().name;
   if (name != wanted->interface) {
     // The payload says what the object is instead, so that the client can say it to a person.

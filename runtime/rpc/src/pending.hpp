@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <array>
 #include <atomic>
 #include <cstdint>
@@ -27,12 +28,16 @@ struct PendingCall {
   bool is_taken = false;
   wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
   LocalChannel* local = nullptr;
-  std::uint32_t item_size_max = 0;
+  std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
+  std::uint32_t item_frame_size_max = 0;  ///< Of an item that goes in one frame.
+  bool is_blocked = false;                ///< Its connection has no room for items now.
+  bool is_in_backlog = false;             ///< See Lane::send_backlog().
   // Of a lane with a crew.
   const Object* object = nullptr;
   MutableBytes request_room{};
-  bool is_running = false;   ///< Or waits for it: not to be ended yet.
-  bool is_deferred = false;  ///< It counts as such; of the method's thread while that runs.
+  bool is_running = false;      ///< Or waits for it: not to be ended yet.
+  bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
+  bool is_deferred = false;     ///< It counts as such; of the method's thread while that runs.
 
   /// A call that came over a wire; the request's payload stays where it is.
   void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {
@@ -40,6 +45,14 @@ struct PendingCall {
     sessions = &its_sessions;
     local = nullptr;
     reply = reply_room;
+    const auto room = static_cast<std::uint32_t>(item_room.size());
+    item_size_max = std::min(room, its_sessions.item_size_max(request));
+    item_frame_size_max = std::min(room, its_sessions.item_frame_size_max(request));
+  }
+  /// An item that was written.
+  [[nodiscard]] ConstBytes item(std::uint32_t number) const noexcept {
+    const ItemPlace& place = item_places[number % kItemCountMax];
+    return ConstBytes(item_room).subspan(place.offset, place.size);
   }
   /// A call of the same program, which is answered where it wants its reply, unless that has to be
   /// `is_elsewhere`: where it comes later, its caller may be gone by then.
@@ -49,7 +62,7 @@ struct PendingCall {
     sessions = nullptr;
     local = &channel;
     reply = is_elsewhere ? reply_room : channel.reply();
-    item_size_max = 0;
+    item_size_max = item_frame_size_max = 0;
   }
 
   // Shared.
@@ -63,8 +76,18 @@ struct PendingCall {
   std::uint32_t size = 0;
   MutableBytes reply{};
   MutableBytes reply_room{};
-  rt::LazyMemory items{};
-  std::array<std::uint32_t, kItemCountMax> item_sizes{};
+  /// Where a stream's items are written one behind the other, from the beginning again at
+  /// `item_byte_max`; one that is larger has it alone. The same memory as reply_room: the reply of
+  /// a stream has no content.
+  MutableBytes item_room{};
+  std::uint32_t item_byte_max = 0;
+  struct ItemPlace {
+    std::uint32_t offset = 0;
+    std::uint32_t size = 0;
+  };
+  std::array<ItemPlace, kItemCountMax> item_places{};
+  std::uint32_t item_end = 0;      ///< Behind the last that was written; the writer's own.
+  bool has_refused_large = false;  ///< An item was too large; the writer's own.
   std::atomic<std::uint32_t> written_count{0};
   std::atomic<std::uint32_t> sent_count{0};
 };
@@ -75,9 +98,13 @@ struct PendingCall {
 class PendingPool {
  public:
   /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
-  /// `keeps_requests`: each place has room for the request, too.
+  /// `stream_byte_max`: how many bytes of items each stream may hold. `keeps_requests`: each place
+  /// has room for the request, too.
   PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
-              bool keeps_requests, std::shared_ptr<Doorbell> bell);
+              std::uint32_t stream_byte_max, bool keeps_requests, std::shared_ptr<Doorbell> bell);
+
+  /// Whether the system gave its memory; else there are no places, or some without items.
+  [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
 
   /// A free place, or null.
   [[nodiscard]] PendingCall* take() noexcept;
@@ -111,6 +138,7 @@ class PendingPool {
   }
 
  private:
+  bool has_memory_ = false;
   rt::LazyMemory replies_;
   rt::LazyMemory requests_;
   std::vector<PendingCall> calls_;

@@ -115,6 +115,10 @@ bool PipelineSession::is_idle() const noexcept {
   return std::ranges::none_of(places, &PipelinePlace::is_going);
 }
 
+bool PipelineSession::is_free() const noexcept {
+  return std::ranges::all_of(places, &PipelinePlace::is_free);
+}
+
 void PipelineSession::note_held(bool is_first, MonotonicTime begun) noexcept {
   if (is_first) {
     held_since = begun;
@@ -180,6 +184,10 @@ expected<PipelineSession*, CallError> Pipeline::Impl::session_for(
   const auto channel = endpoint.take(priority, calls_per_session(endpoint.address().transport));
   if (!channel) return unexpected{channel.error()};
   const rt::AllowAllocationScope is_allowed;
+  // Those of servers that no binding leads to any more.
+  std::erase_if(sessions_, [](const auto& session) {
+    return session->endpoint.user_count() == 0 && session->is_free();
+  });
   last_ = sessions_.size();
   sessions_.push_back(std::make_unique<PipelineSession>(*this, endpoint, *channel));
   for (PipelinePlace& place : sessions_.back()->places)
@@ -191,9 +199,10 @@ expected<PipelinePlace*, CallError> Pipeline::Impl::begin(Binding::Impl& binding
                                                           const Binding::Impl::Plan& plan,
                                                           ConstBytes request) noexcept {
   for (int round = 0; round < Binding::Impl::kRoundCountMax; ++round) {
+    const Binding::Impl::Pin pin(binding);
     const Bound bound = binding.remembered();
     const Priority priority = binding.priority_of(plan, bound);
-    auto session = session_for(binding.endpoint, priority, bound.server_epoch);
+    auto session = session_for(bound.destination->endpoint, priority, bound.server_epoch);
     if (!session) return unexpected{session.error()};
     CallChannel& channel = *(*session)->channel;
     Binding::Impl::Ready ready;

@@ -65,6 +65,8 @@ class PipelineSession {
   [[nodiscard]] bool has_held() const noexcept { return channel->has_held(); }
   /// No call of it is on its way.
   [[nodiscard]] bool is_idle() const noexcept;
+  /// Neither is a reply held.
+  [[nodiscard]] bool is_free() const noexcept;
   /// A call was begun, the first that waits for others or not; as many as can go together go.
   void note_held(bool is_first, MonotonicTime begun) noexcept;
   /// Looks at what came together with what was taken last.

@@ -9,10 +9,12 @@
 #include "object_table.hpp"
 #include "policy.hpp"
 #include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -25,6 +27,8 @@ constexpr std::size_t kLaneCountMax = 64;
 constexpr std::uint32_t kThreadCountMax = 64;
 constexpr std::uint32_t kBufferedRequestMax = 4096;
 constexpr std::uint32_t kLocalOnewayMax = 4096;
+constexpr std::uint32_t kLargeMessageMax = 1024;
+constexpr std::uint32_t kStreamByteMin = 4096;
 
 SetupError out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
                         std::uint32_t high) {
@@ -89,9 +93,18 @@ expected<void, SetupError> check_limits(const ServerConfig& config) {
     return setup_error("session_count_max is " + std::to_string(config.session_count_max) +
                        ". Remedy: choose 1 to 65535.");
   }
+  if (config.large_message_count_max > kLargeMessageMax) {
+    return unexpected{out_of_range("large_message_count_max", config.large_message_count_max, 0,
+                                   kLargeMessageMax)};
+  }
   if (config.local_oneway_count_max > kLocalOnewayMax) {
     return unexpected{
         out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0, kLocalOnewayMax)};
+  }
+  if (config.stream_byte_max < kStreamByteMin ||
+      config.stream_byte_max > wire::kMessageSizeCeiling) {
+    return unexpected{out_of_range("stream_byte_max", config.stream_byte_max, kStreamByteMin,
+                                   wire::kMessageSizeCeiling)};
   }
   return {};
 }
@@ -162,6 +175,10 @@ expected<void, SetupError> ServerImpl::open() {
   if (auto checked = check_limits(config_); !checked) {
     return unexpected{in_words(config_, checked.error().text)};
   }
+  // From here on the number stands for the name, also where callers are told of it.
+  auto host = transport::numeric_address_of(config_.host, rt::now() + transport::kResolvePatience);
+  if (!host) return unexpected{in_words(config_, host.error().text)};
+  config_.host = std::move(*host);
   if (config_.host == "0.0.0.0") {
     // Callers are told this address, and nobody can call 0.0.0.0.
     return unexpected{in_words(config_,
@@ -216,6 +233,8 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.objects = &objects_;
   setup.acceptor_bell = &acceptor_->bell();
   setup.sessions.epoch = epoch_;
+  setup.sessions.key = {rt::random_u64(), rt::random_u64()};
+  setup.sessions.lane_count = static_cast<std::uint32_t>(config_.lanes.size());
   setup.sessions.clock_domain = rt::clock_domain();
   setup.sessions.ceiling = config_.ceiling;
   setup.sessions.session_count_max = config_.session_count_max;
@@ -226,6 +245,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.large_message_count_max = config_.large_message_count_max;
   setup.deferred_call_count_max = config_.deferred_call_count_max;
   setup.stream_count_max = config_.stream_count_max;
+  setup.stream_byte_max = config_.stream_byte_max;
   setup.local_oneway_count_max = config_.local_oneway_count_max;
   setup.inbound_priority = config_.inbound_priority;
   setup.borrows = config_.borrows;
@@ -237,9 +257,19 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
     setup.band = {lows[i],
                   is_last ? Priority{Priority::kHighest} : Priority{lows[i + 1].value() - 1}};
     setup.sessions.band = setup.band;
-    setup.sessions.key = {rt::random_u64(), rt::random_u64()};
+    setup.sessions.lane = static_cast<std::uint32_t>(i);
     setup.slot = &slot_of(lane_table_, i);
     lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
+    if (!lanes_.back()->has_memory()) {
+      return setup_error(
+          "server '" + config_.name + "': the system gives no memory for lane '" +
+          setup.config.name +
+          "'. Remedy: raise the limit of the process (ulimit -v; LimitAS= of a systemd unit) or of "
+          "the host "
+          "(vm.overcommit_memory), or "
+          "lower message_size_max, large_message_count_max, deferred_call_count_max or "
+          "stream_count_max.");
+    }
     if (!config_.borrows) continue;
     setup.lower = lanes_.back().get();
     setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
@@ -329,6 +359,7 @@ ServerCounters ServerImpl::counters() const noexcept {
     sum.bad_request_count += one.bad_request_count;
     sum.connection_count += one.connection_count;
     sum.connection_lost_count += one.connection_lost_count;
+    sum.connection_refused_count += one.connection_refused_count;
     sum.deferred_count += one.deferred_count;
     sum.overload_count += one.overload_count;
     sum.late_count += one.late_count;

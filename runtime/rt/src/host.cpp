@@ -5,6 +5,7 @@
 #include <sys/random.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <string_view>
@@ -13,6 +14,11 @@
 #include "rtpm/base/hash.hpp"
 
 namespace rtpm::rt {
+
+// hp-4.1-7
+std::uint64_t clock_domain_of(std::string_view boot_id, std::string_view time_namespace) noexcept {
+  return fnv1a_64(time_namespace, fnv1a_64(boot_id));
+}
 
 std::uint64_t clock_domain() noexcept {
   std::array<char, 64> boot_id{};
@@ -25,11 +31,9 @@ std::uint64_t clock_domain() noexcept {
   std::array<char, 64> time_namespace{};
   const ssize_t time_namespace_size =
       readlink("/proc/self/ns/time", time_namespace.data(), time_namespace.size());
-  const std::uint64_t boot_hash =
-      fnv1a_64({boot_id.data(), static_cast<std::size_t>(boot_id_size)});
-  if (time_namespace_size <= 0) return boot_hash;
-  return fnv1a_64({time_namespace.data(), static_cast<std::size_t>(time_namespace_size)},
-                  boot_hash);
+  return clock_domain_of(
+      {boot_id.data(), static_cast<std::size_t>(boot_id_size)},
+      {time_namespace.data(), static_cast<std::size_t>(std::max<ssize_t>(time_namespace_size, 0))});
 }
 
 std::uint64_t random_u64() noexcept {

@@ -1,6 +1,7 @@
 #include "rtpm/rt/report.hpp"
 
 #include <algorithm>
+#include <cstdio>
 #include <mutex>
 #include <utility>
 
@@ -49,6 +50,22 @@ void note_setup(SetupNote note) {
   } else if (list.size() < kSetupNoteCountMax) {
     list.push_back(std::move(note));
   }
+}
+
+void RepeatedWarning::say(std::string_view text, MonotonicTime now) noexcept {
+  if (now < next_) {
+    ++kept_count_;
+    return;
+  }
+  next_ = now + kInterval;
+  const int size = static_cast<int>(text.size());
+  if (kept_count_ == 0) {
+    std::fprintf(stderr, "rtpm: warning: %.*s\n", size, text.data());
+  } else {
+    std::fprintf(stderr, "rtpm: warning: %.*s (And %llu times before.)\n", size, text.data(),
+                 static_cast<unsigned long long>(kept_count_));
+  }
+  kept_count_ = 0;
 }
 
 std::string to_text(const std::vector<SetupNote>& list) {

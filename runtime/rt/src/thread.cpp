@@ -241,10 +241,10 @@ expected<Thread, RealtimeError> Thread::start(const ThreadConfig& config,
   const int error = pthread_create(&handle, &attributes, run_thread, &launch);
   pthread_attr_destroy(&attributes);
   if (error != 0) {
-    return unexpected{RealtimeError{"thread '" + config.name + "' can't be started (" +
-                                    std::strerror(error) +
-                                    "). Remedy: raise the limit of processes (ulimit -u) or of "
-                                    "locked memory (ulimit -l)."}};
+    return unexpected{RealtimeError{
+        "thread '" + config.name + "' can't be started (" + std::strerror(error) +
+        "). Remedy: raise the limit of processes (ulimit -u), of memory (ulimit -v) or of "
+        "locked memory (ulimit -l)."}};
   }
   launch.is_configured.acquire();
   Thread thread;

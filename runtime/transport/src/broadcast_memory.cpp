@@ -18,6 +18,7 @@
 #include <ctime>
 #include <string>
 
+#include "accept.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 #include "unix_socket.hpp"
@@ -97,13 +98,15 @@ expected<BroadcastDoor, TransportError> BroadcastDoor::open(std::uint64_t id) {
       listen(socket.number(), 128) != 0) {
     return unexpected{not_made(std::strerror(errno))};
   }
-  return BroadcastDoor(std::move(socket));
+  return BroadcastDoor(std::move(socket), spare_descriptor());
 }
 
 void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
   while (true) {
-    const Descriptor asking(
-        accept4(socket_.number(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+    const Accepted accepted = accept_or_turn_away(socket_.number(), spare_);
+    // A reader that is turned away gets its events otherwise.
+    if (accepted.shortage != 0 && !accepted.still_waits) continue;
+    const Descriptor& asking = accepted.socket;
     if (!asking.is_open()) return;
     if (!is_trusted(asking.number())) continue;
     // One message always fits a new socket; who left already needs none.

@@ -23,8 +23,29 @@ namespace {
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
 TransportError no_socket(const std::string& host, std::uint16_t port, int error) {
-  return {"no socket for a link to " + host + ":" + std::to_string(port) + " (" +
-          std::strerror(error) + "). Remedy: raise the limit of open files (ulimit -n)."};
+  return no_descriptor("a socket for a link to " + host + ":" + std::to_string(port), error);
+}
+
+// Of UDP, which asks nobody: there is no way to the host.
+TransportError not_reached(const std::string& host, std::uint16_t port, int error) {
+  if (is_shortage(error)) return no_socket(host, port, error);
+  return {host + ":" + std::to_string(port) + " can't be reached over UDP (" +
+          std::strerror(error) + "). Remedy: check the host, and this host's routes (ip route)."};
+}
+
+TransportError nobody(std::string_view protocol, const std::string& host, std::uint16_t port,
+                      int error) {
+  return {"nobody answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port) +
+          " (" + std::strerror(error) + "). Remedy: start the server, or check host and port."};
+}
+
+// Whether a socket was given the very port that it connects to, as may happen where nobody serves a
+// port of those that the system hands out: it would talk to itself.
+bool is_its_own_peer(int socket, const sockaddr_in& peer) noexcept {
+  sockaddr_in own{};
+  socklen_t size = sizeof own;
+  return getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size) == 0 &&
+         own.sin_port == peer.sin_port && own.sin_addr.s_addr == peer.sin_addr.s_addr;
 }
 
 class UdpLink final : public Link {
@@ -174,10 +195,14 @@ expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string&
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
+  if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
   // Connected, so that the system finds the route once and tells when nobody has the port.
-  if (!socket.is_open() || connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address),
-                                   sizeof *address) != 0) {
-    return unexpected{no_socket(host, port, errno)};
+  if (connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) !=
+      0) {
+    return unexpected{not_reached(host, port, errno)};
+  }
+  if (is_its_own_peer(socket.number(), *address)) {
+    return unexpected{nobody("UDP", host, port, ECONNREFUSED)};
   }
   const int no_fragments = IP_PMTUDISC_DO;
   setsockopt(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, &no_fragments, sizeof no_fragments);
@@ -201,11 +226,9 @@ expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string&
       0) {
     error = errno == EINPROGRESS ? finish_connecting(socket.number(), deadline) : errno;
   }
-  if (error != 0) {
-    return unexpected{TransportError{"nobody answers at TCP " + host + ":" + std::to_string(port) +
-                                     " (" + std::strerror(error) +
-                                     "). Remedy: start the server, or check host and port."}};
-  }
+  if (is_shortage(error)) return unexpected{no_socket(host, port, error)};
+  if (error == 0 && is_its_own_peer(socket.number(), *address)) error = ECONNREFUSED;
+  if (error != 0) return unexpected{nobody("TCP", host, port, error)};
   return std::unique_ptr<Link>(std::make_unique<TcpLink>(std::move(socket), message_size_max));
 }
 

@@ -32,9 +32,7 @@ expected<Poller, TransportError> Poller::open() {
   poller.bell_ = Descriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!poller.epoll_.is_open() || !poller.bell_.is_open() ||
       !poller.add(poller.bell_.number(), kBell)) {
-    return unexpected{TransportError{"a lane can't wait for its sockets (" +
-                                     std::string(std::strerror(errno)) +
-                                     "). Remedy: raise the limit of open files (ulimit -n)."}};
+    return unexpected{no_descriptor("an epoll instance for a lane's sockets", errno)};
   }
   // Asked once, as a wait that fails later could only end the program.
   epoll_event none{};

@@ -10,6 +10,7 @@
 #include <bit>
 #include <cerrno>
 #include <cstring>
+#include <optional>
 
 #include "rtpm/rt/clock.hpp"
 #include "shared_memory_setup.hpp"
@@ -64,6 +65,10 @@ class SharedMemoryLink final : public Link {
 
   int descriptor() const noexcept override { return connection_.descriptor(); }
   wire::Medium medium() const noexcept override { return wire::Medium::kStream; }
+  std::optional<std::uint32_t> unread_count() const noexcept override {
+    return connection_.unread_count();
+  }
+  void check_peer() noexcept override { connection_.check_peer(); }
 
  private:
   SharedMemoryConnection connection_;
@@ -87,6 +92,26 @@ TransportError not_reached(const SharedMemoryAddress& address, const std::string
   return {in_words(address) + " gives no shared memory (" + cause + "). Remedy: " + remedy};
 }
 
+TransportError exhausted(const SharedMemoryAddress& address, int error) {
+  TransportError text = not_reached(address, std::strerror(error), remedy_for_shortage(error));
+  text.is_exhausted = true;
+  return text;
+}
+
+// Why the server did not grant what was asked for.
+TransportError refused(const SharedMemoryAddress& address,
+                       const std::optional<SetupAnswer>& answer) {
+  const SetupStatus status = answer ? answer->status : SetupStatus::kNotAllowed;
+  if (status == SetupStatus::kNoMemory) {
+    return not_reached(address, "the server has no memory or no descriptor left",
+                       "raise its limits (ulimit -v, ulimit -n), or use another transport.");
+  }
+  const bool is_version = status == SetupStatus::kVersionUnsupported;
+  return not_reached(address,
+                     is_version ? "the server speaks another version" : "the server refused",
+                     "run both as one user and of one release, or use another transport.");
+}
+
 // What the server granted.
 struct Grant {
   Descriptor socket;
@@ -102,9 +127,9 @@ expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const Se
   const unsigned size = to_native(address, native);
   Grant grant;
   grant.socket = Descriptor(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
-  if (size == 0 || !grant.socket.is_open()) {
-    return unexpected{not_reached(address, size == 0 ? "too long a name" : std::strerror(errno),
-                                  "choose a shorter folder, or raise the limit of open files.")};
+  if (!grant.socket.is_open()) return unexpected{exhausted(address, errno)};
+  if (size == 0) {
+    return unexpected{not_reached(address, "too long a name", "choose a shorter folder.")};
   }
   const int socket = grant.socket.number();
   if (const int error = connect_by(socket, native, size, deadline); error != 0) {
@@ -128,13 +153,8 @@ expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const Se
     received = receive_message(socket, message);
   }
   const auto answer = decode_answer(ConstBytes(message).first(received.size));
-  if (!answer || answer->status != SetupStatus::kOk) {
-    const bool is_version = answer && answer->status == SetupStatus::kVersionUnsupported;
-    return unexpected{not_reached(
-        address, is_version ? "the server speaks another version" : "the server refused",
-        "run both as one user and of one release, or use another "
-        "transport.")};
-  }
+  if (!answer || answer->status != SetupStatus::kOk) return unexpected{refused(address, answer)};
+  if (received.lacks_descriptors) return unexpected{exhausted(address, EMFILE)};
   grant.memory = std::move(received.descriptors[0]);
   grant.event = std::move(received.descriptors[1]);
   grant.answer = *answer;
@@ -172,10 +192,7 @@ expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
   // hp-16.3-3: whatever it is, a signal does not wait.
   fcntl(grant->event.number(), F_SETFL, O_NONBLOCK);
   SharedMapping mapping(grant->memory.number(), memory_size(sizes));
-  if (mapping.bytes().empty()) {
-    return unexpected{not_reached(address, std::strerror(errno),
-                                  "raise the limits of memory (ulimit -v, ulimit -l).")};
-  }
+  if (mapping.bytes().empty()) return unexpected{exhausted(address, ENOMEM)};
   return std::unique_ptr<Link>(std::make_unique<SharedMemoryLink>(
       std::move(grant->socket), std::move(grant->event), std::move(mapping), sizes));
 }

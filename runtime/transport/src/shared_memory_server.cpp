@@ -59,13 +59,12 @@ expected<SharedMemoryListener, TransportError> SharedMemoryListener::open(
   }
   Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) {
-    return unexpected{
-        not_served(address, std::strerror(errno), "raise the limit of open files (ulimit -n).")};
+    return unexpected{not_served(address, std::strerror(errno), remedy_for_shortage(errno))};
   }
   const std::string file = socket_file_of(address);
   if (!file.empty()) remove_if_dead(file, native, size);
   if (bind(socket.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 ||
-      listen(socket.number(), 128) != 0) {
+      listen(socket.number(), kBacklog) != 0) {
     const int error = errno;
     return unexpected{not_served(
         address, std::strerror(error),
@@ -85,38 +84,38 @@ SharedMemoryListener::~SharedMemoryListener() {
   if (socket_.is_open() && !file_.empty()) unlink(file_.c_str());
 }
 
-Descriptor SharedMemoryListener::accept() noexcept {
+Accepted SharedMemoryListener::accept() noexcept {
   return accept_or_turn_away(socket_.number(), spare_);
 }
 
-std::optional<SharedMemoryClient> welcome_shared_memory_client(Descriptor socket) {
+SharedMemoryClient welcome_shared_memory_client(Descriptor socket) {
   std::array<std::byte, SetupRequest::kSize + 1> message{};
   // A descriptor that comes with it is closed here.
   const ReceivedMessage received = receive_message(socket.number(), message);
   const auto request = decode_request(ConstBytes(message).first(received.size));
-  if (!request) return std::nullopt;
+  if (!request) return {};
   SetupStatus status = SetupStatus::kOk;
   if (!request->is_our_version) status = SetupStatus::kVersionUnsupported;
   // hp-16.1-4
   if (!is_trusted(socket.number())) status = SetupStatus::kNotAllowed;
   if (status != SetupStatus::kOk || request->request.only_asks) {
     refuse(socket.number(), status);
-    return std::nullopt;
+    return {};
   }
   const Descriptor memory = make_memory(memory_size(kRingSizes));
   SharedMapping mapping(memory.number(), memory_size(kRingSizes));
   Descriptor event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!memory.is_open() || !event.is_open() || mapping.bytes().empty()) {
+    const int error = errno;
     refuse(socket.number(), SetupStatus::kNoMemory);
-    return std::nullopt;
+    return {.shortage = error};
   }
   const auto answer = encode(SetupAnswer{.sizes = kRingSizes});
   const std::array descriptors{memory.number(), event.number()};
-  if (!send_message(socket.number(), answer, descriptors)) return std::nullopt;
-  return SharedMemoryClient{request->request.priority,
-                            std::make_unique<SharedMemoryConnection>(
-                                std::move(socket), std::move(event), std::move(mapping), kRingSizes,
-                                SharedMemoryConnection::Side::kServer)};
+  if (!send_message(socket.number(), answer, descriptors)) return {};
+  return {request->request.priority, std::make_unique<SharedMemoryConnection>(
+                                         std::move(socket), std::move(event), std::move(mapping),
+                                         kRingSizes, SharedMemoryConnection::Side::kServer)};
 }
 
 }  // namespace rtpm::transport

@@ -10,11 +10,17 @@
 #include <unistd.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
+#include <cstring>
+#include <memory>
+#include <system_error>
+#include <thread>
 
 #include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
+#include "rtpm/rt/semaphore.hpp"
 
 namespace rtpm::transport {
 
@@ -22,31 +28,129 @@ Descriptor::~Descriptor() {
   if (number_ >= 0) close(number_);
 }
 
-expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port) {
+namespace {
+
+// A name server may take much longer than its caller waits, and can't be interrupted.
+constexpr int kLookupCountMax = 8;
+std::atomic<int> lookup_count{0};
+
+struct Lookup {
+  std::string host{};
+  int error = EAI_SYSTEM;
+  in_addr address{};
+  rt::Semaphore done{};
+};
+
+void look_up(Lookup& lookup) noexcept {
+  addrinfo hints{};
+  hints.ai_family = AF_INET;
+  addrinfo* found = nullptr;
+  lookup.error = getaddrinfo(lookup.host.c_str(), nullptr, &hints, &found);
+  if (lookup.error == 0 && found == nullptr) lookup.error = EAI_NONAME;
+  if (lookup.error == 0) {
+    lookup.address = reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr;
+    freeaddrinfo(found);
+  }
+  lookup.done.post();
+}
+
+// Begins a lookup on a thread that nobody waits for. Null: there are too many, or no thread.
+std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
+  if (lookup_count.fetch_add(1) >= kLookupCountMax) {
+    lookup_count.fetch_sub(1);
+    return nullptr;
+  }
+  auto lookup = std::make_shared<Lookup>();
+  lookup->host = host;
+  try {
+    std::thread([lookup] {
+      look_up(*lookup);
+      lookup_count.fetch_sub(1);
+    }).detach();
+  } catch (const std::system_error&) {
+    lookup_count.fetch_sub(1);
+    return nullptr;
+  }
+  return lookup;
+}
+
+constexpr const char* kResolveRemedy = "Remedy: check the name, or give a numeric address.";
+
+}  // namespace
+
+expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port,
+                                                 MonotonicTime deadline) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) == 1) return address;
-  addrinfo hints{};
-  hints.ai_family = AF_INET;
-  addrinfo* found = nullptr;
-  const int error = getaddrinfo(host.c_str(), nullptr, &hints, &found);
-  if (error != 0 || found == nullptr) {
-    return unexpected{TransportError{"host '" + host + "' has no IPv4 address (" +
-                                     gai_strerror(error) +
-                                     "). Remedy: check the name, or give a numeric address."}};
+  const auto lookup = begin_lookup(host);
+  if (!lookup) {
+    return unexpected{TransportError{"host '" + host +
+                                     "' can't be looked up now: there is no thread for it, or too "
+                                     "many names wait for an answer. " +
+                                     kResolveRemedy}};
   }
-  address.sin_addr = reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr;
-  freeaddrinfo(found);
+  if (!lookup->done.wait_until(deadline)) {
+    return unexpected{TransportError{"host '" + host +
+                                     "' can't be looked up: no name server answered in time. " +
+                                     kResolveRemedy}};
+  }
+  if (lookup->error != 0) {
+    return unexpected{TransportError{"host '" + host + "' has no IPv4 address (" +
+                                     gai_strerror(lookup->error) + "). " + kResolveRemedy}};
+  }
+  address.sin_addr = lookup->address;
   return address;
 }
 
-expected<std::string, TransportError> numeric_address_of(const std::string& host) {
-  const auto address = address_of(host, 0);
+expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port) {
+  return address_of(host, port, rt::now() + kResolvePatience);
+}
+
+expected<std::string, TransportError> numeric_address_of(const std::string& host,
+                                                         MonotonicTime deadline) {
+  const auto address = address_of(host, 0, deadline);
   if (!address) return unexpected{address.error()};
   std::array<char, INET_ADDRSTRLEN> text{};
   inet_ntop(AF_INET, &address->sin_addr, text.data(), text.size());
   return std::string(text.data());
+}
+
+bool is_shortage(int error) noexcept {
+  return error == EMFILE || error == ENFILE || error == ENOMEM || error == ENOBUFS;
+}
+
+const char* remedy_for_shortage(int error) noexcept {
+  switch (error) {
+    case EMFILE:
+      return "raise the limit of open files (ulimit -n; LimitNOFILE= of a systemd unit), or open "
+             "fewer.";
+    case ENFILE:
+      return "raise the host's limit of open files (sysctl fs.file-max), or end other programs.";
+    default:
+      return "raise the limit of memory (ulimit -v; MemoryMax= of a systemd unit), or free some.";
+  }
+}
+
+TransportError no_descriptor(const std::string& what, int error) {
+  const char* const remedy =
+      is_shortage(error) ? remedy_for_shortage(error) : "see which system calls are allowed here.";
+  return {what + " can't be had (" + std::strerror(error) + "). Remedy: " + remedy,
+          is_shortage(error)};
+}
+
+wire::PeerAddress host_of(int socket) noexcept {
+  sockaddr_storage address{};
+  socklen_t size = sizeof address;
+  if (getpeername(socket, reinterpret_cast<sockaddr*>(&address), &size) != 0) return {};
+  if (address.ss_family == AF_INET) {
+    return {.low = reinterpret_cast<const sockaddr_in&>(address).sin_addr.s_addr};
+  }
+  ucred credentials{};
+  size = sizeof credentials;
+  if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &credentials, &size) != 0) return {};
+  return {.low = static_cast<std::uint32_t>(credentials.pid)};
 }
 
 std::string remedy_for_bind(int error) {

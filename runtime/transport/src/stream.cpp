@@ -1,5 +1,7 @@
 #include "rtpm/transport/stream.hpp"
 
+#include <linux/sockios.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -18,6 +20,10 @@ namespace {
 // would gain that little more, and cost large messages much.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
+// What the send buffer that Linux gives by default holds without waiting: a window of fragments.
+constexpr std::size_t kUnsentMax =
+    wire::kStreamFragmentWindow * std::size_t{wire::kStreamFrameSizeMax};
+
 bool is_nothing(int error) noexcept {
   return error == EAGAIN || error == EWOULDBLOCK || error == EINTR;
 }
@@ -28,6 +34,11 @@ FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
     : socket_(std::move(socket)),
       lines_((wire::kHeaderSize + message_size_max + sizeof(CacheLine) - 1) / sizeof(CacheLine)) {
   limit_blocking(socket_.number());
+  int size = 0;
+  socklen_t length = sizeof size;
+  getsockopt(socket_.number(), SOL_SOCKET, SO_SNDBUF, &size, &length);
+  // Linux counts its own bookkeeping in, for which it doubles what is asked for.
+  waiting_max_ = std::min(kUnsentMax, static_cast<std::size_t>(std::max(size, 0)) / 2);
 }
 
 MutableBytes FrameStream::buffer() noexcept {
@@ -100,6 +111,14 @@ ssize_t FrameStream::fill(int flags) noexcept {
   const ssize_t count = recv(socket_.number(), room.data(), room.size(), flags);
   if (count > 0) filled_size_ += static_cast<std::size_t>(count);
   return count;
+}
+
+// The buffer holds more, which is left to frames that may not wait.
+bool FrameStream::has_spare_room(std::size_t size) noexcept {
+  int waiting = 0;
+  // Of a connection that has ended the send tells.
+  if (ioctl(socket_.number(), SIOCOUTQ, &waiting) != 0) return true;
+  return waiting == 0 || static_cast<std::size_t>(waiting) + size <= waiting_max_;
 }
 
 expected<void, IoError> FrameStream::send(ConstBytes frame, MonotonicTime until) noexcept {

@@ -40,15 +40,12 @@ expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
   if (!address) return unexpected{address.error()};
   const std::string name = host + ":" + std::to_string(port);
   Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
-  if (!socket.is_open()) {
-    return unexpected{TransportError{"no TCP socket for " + name + " (" + std::strerror(errno) +
-                                     "). Remedy: raise the limit of open files (ulimit -n)."}};
-  }
+  if (!socket.is_open()) return unexpected{no_descriptor("a TCP socket for " + name, errno)};
   // A server that restarts may take its port over from connections that are still ending.
   const int on = 1;
   setsockopt(socket.number(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
-  if (bind(socket.number(), raw, sizeof *address) != 0 || listen(socket.number(), 128) != 0) {
+  if (bind(socket.number(), raw, sizeof *address) != 0 || listen(socket.number(), kBacklog) != 0) {
     const int error = errno;
     const std::string remedy = remedy_for_bind(error);
     return unexpected{TransportError{"TCP " + name + " can't be served (" + std::strerror(error) +
@@ -63,10 +60,10 @@ expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
 TcpListener::TcpListener(Descriptor socket, std::uint16_t port) noexcept
     : socket_(std::move(socket)), spare_(spare_descriptor()), port_(port) {}
 
-Descriptor TcpListener::accept() noexcept {
-  Descriptor socket = accept_or_turn_away(socket_.number(), spare_);
-  if (socket.is_open()) prepare_stream(socket.number());
-  return socket;
+Accepted TcpListener::accept() noexcept {
+  Accepted accepted = accept_or_turn_away(socket_.number(), spare_);
+  if (accepted.socket.is_open()) prepare_stream(accepted.socket.number());
+  return accepted;
 }
 
 }  // namespace rtpm::transport

@@ -24,10 +24,13 @@ Descriptor make_socket() noexcept {
 }
 
 // With a shared port the system lets any process of the same user join, so that a second server on
-// the same port would quietly take half of the first one's traffic. A trial without sharing tells.
-bool is_free(const sockaddr_in& address) noexcept {
+// the same port would quietly take half of the first one's traffic. A trial without sharing tells:
+// the error number of what prevents it, or 0.
+int error_of_trial(const sockaddr_in& address) noexcept {
   const Descriptor trial = make_socket();
-  return bind(trial.number(), reinterpret_cast<const sockaddr*>(&address), sizeof address) == 0;
+  if (!trial.is_open()) return errno;
+  const auto* raw = reinterpret_cast<const sockaddr*>(&address);
+  return bind(trial.number(), raw, sizeof address) == 0 ? 0 : errno;
 }
 
 wire::PeerAddress peer_of(const sockaddr_in& address) noexcept {
@@ -63,11 +66,14 @@ IoError error_of_send(int error) noexcept {
 }
 
 TransportError no_socket(const std::string& name) {
-  return {"no UDP socket for " + name + " (" + std::strerror(errno) +
-          "). Remedy: raise the limit of open files (ulimit -n)."};
+  return no_descriptor("a UDP socket for " + name, errno);
 }
 
 }  // namespace
+
+std::uint32_t ipv4_of(const wire::PeerAddress& peer) noexcept {
+  return ntohl(static_cast<std::uint32_t>(peer.low));
+}
 
 expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
   const auto address = address_of(config.host, config.port);
@@ -86,8 +92,10 @@ expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
   set_traffic_class(socket.number(), config.priority);
   limit_blocking(socket.number());
   const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
-  if ((!config.joins && !is_free(*address)) || bind(socket.number(), raw, sizeof *address) != 0) {
-    const int error = errno;
+  int error = config.joins ? 0 : error_of_trial(*address);
+  if (error == 0 && bind(socket.number(), raw, sizeof *address) != 0) error = errno;
+  if (is_shortage(error)) return unexpected{no_descriptor("a UDP socket for " + name, error)};
+  if (error != 0) {
     const std::string remedy = remedy_for_bind(error);
     return unexpected{TransportError{"UDP " + name + " can't be served (" + std::strerror(error) +
                                      "). " + remedy}};

@@ -90,6 +90,8 @@ ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
       message.descriptors[i] = Descriptor(number);
     }
   }
+  // More than there is room for are none of ours; a peer of ours sends no more.
+  message.lacks_descriptors = (header.msg_flags & MSG_CTRUNC) != 0;
   message.size = static_cast<std::size_t>(size);
   return message;
 }

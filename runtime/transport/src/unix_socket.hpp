@@ -36,6 +36,7 @@ inline constexpr std::size_t kDescriptorCountMax = 2;
 struct ReceivedMessage {
   std::size_t size = 0;  ///< 0: none, or the end.
   std::array<Descriptor, kDescriptorCountMax> descriptors;
+  bool lacks_descriptors = false;  ///< Some came for which this process had none left.
 };
 /// Takes the message that is there into `to`, and the descriptors that came with it.
 [[nodiscard]] ReceivedMessage receive_message(int socket, MutableBytes to) noexcept;

@@ -71,12 +71,26 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
+  /// Those of included files, too: a class of theirs may be named as what this file has.
   static void check_events(const Model& model, Diagnostics& errors) {
+    std::map<std::string, const Object*> classes;
     for (const Object& object : model.objects) {
-      if (!object.event_id || object.declaration_file != model.declaration_file) continue;
-      for (const char* suffix : {"Event", "Supplier", "Consumer"}) {
-        check_class(model, "event `" + object.name + '`', "event", object.location,
-                    object.name + suffix, errors);
+      if (!object.event_id) continue;
+      const cpp::EventNames names = cpp::event_names(object.name);
+      bool is_free = true;
+      for (const std::string& name : {names.descriptor, names.supplier, names.consumer}) {
+        const std::size_t error_count = errors.size();
+        check_class(model, "event `" + object.name + '`', "event", object.location, name, errors);
+        const auto [other, is_new] = classes.emplace(name, &object);
+        // Two that share several names are told once.
+        if (!is_new && is_free) {
+          errors.push_back({object.location,
+                            "event `" + object.name + "` becomes the class `" + short_name(name) +
+                                "`, as event `" + other->second->name + "` does",
+                            "rename one of the two",
+                            Note{other->second->location, "the other event is here"}});
+        }
+        is_free = is_free && errors.size() == error_count;
       }
     }
   }

@@ -129,7 +129,8 @@ std::string event(const Model& model, std::size_t index) {
   const Object& object = model.objects[index];
   const Payload payload = payload_of(model, index);
   const std::string type = payload_type(model, payload);
-  const std::string name = short_name(object.name) + "Event";
+  const EventNames names = event_names(object.name);
+  const std::string name(short_name(names.descriptor));
   const std::vector<std::string> numbers = Numbers(model).of(payload);
   const VerifyLimits limits = verify_limits(model, index);
   Documentation lines = object.documentation;
@@ -164,9 +165,9 @@ std::string event(const Model& model, std::size_t index) {
          ".name = " +
          literal(object.name) + ", .schema_id = kSchemaId" +
          (numbers.empty() ? "" : ", .fields = kFields") + "};\n};\n\n/// Pushes " + object.name +
-         ".\nusing " + short_name(object.name) + "Supplier = ::rtpm::events::TypedSupplier<" +
-         name + ">;\n/// Gets " + object.name + ".\nusing " + short_name(object.name) +
-         "Consumer = ::rtpm::events::TypedConsumer<" + name + ">;\n";
+         ".\nusing " + short_name(names.supplier) + " = ::rtpm::events::TypedSupplier<" + name +
+         ">;\n/// Gets " + object.name + ".\nusing " + short_name(names.consumer) +
+         " = ::rtpm::events::TypedConsumer<" + name + ">;\n";
 }
 
 }  // namespace

@@ -123,6 +123,14 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
   return text + function(head, "  ");
 }
 
+/// What ok promises of a oneway that nobody confirms.
+Documentation promise(const Method& method) {
+  if (method.oneway != OnewayLevel::kSent) return {};
+  return {"Ok says that it was sent, not that it arrived: see ::rtpm::rpc::Binding::send().",
+          "kMaybeLost tells that earlier ones may not have arrived; other errors, that this one",
+          "was not sent."};
+}
+
 std::string client_method(const Model& model, const Service& service, const Method& method) {
   Function head{.lead = "[[nodiscard]] ",
                 .result = client_result(model, method),
@@ -130,7 +138,8 @@ std::string client_method(const Model& model, const Service& service, const Meth
                 .parameters = {"const " + payload_type(model, method.request) + "& request",
                                method.is_stream ? kStreamOptions : kOptions},
                 .tail = method.is_stream ? ";" : " noexcept;"};
-  const std::string docs = comment(documentation_of(model, method), "  ");
+  const std::string docs =
+      comment(documentation_of(model, method), "  ") + comment(promise(method), "  ");
   if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
   if (method.request.kind != PayloadKind::kTable) {
     return docs + comment({real_time(method)}, "  ") + function(head, "  ") +

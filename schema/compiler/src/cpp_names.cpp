@@ -74,6 +74,16 @@ std::string method_name(const Service& service, const Method& method) {
   return is_taken ? method.name + '_' : method.name;
 }
 
+EventNames event_names(const std::string& table) {
+  constexpr std::string_view kEvent = "Event";
+  if (!short_name(table).ends_with(kEvent)) {
+    return {table + "Event", table + "Supplier", table + "Consumer"};
+  }
+  const bool is_bare = short_name(table) == kEvent;
+  const std::string stem = table.substr(0, table.size() - (is_bare ? 0 : kEvent.size()));
+  return {table + "Traits", stem + "Supplier", stem + "Consumer"};
+}
+
 std::string namespace_name(const std::string& namespace_with_dots) {
   std::string name;
   for (const char c : namespace_with_dots) {

@@ -16,6 +16,16 @@ namespace rtpm::schema::cpp {
 /// it.
 [[nodiscard]] std::string method_name(const Service& service, const Method& method);
 
+/// What the table of an event, "lab.Touched", becomes besides its data type.
+struct EventNames {
+  std::string descriptor{};  ///< "lab.TouchedEvent", which has its constants.
+  std::string supplier{};    ///< "lab.TouchedSupplier".
+  std::string consumer{};    ///< "lab.TouchedConsumer".
+};
+/// A table that is called an event already is not called so twice: "lab.TouchedEvent" becomes
+/// "lab.TouchedEventTraits", "lab.TouchedSupplier" and "lab.TouchedConsumer".
+[[nodiscard]] EventNames event_names(const std::string& table);
+
 /// "::lab::Force" of "lab.Force", the type that flatc generates.
 [[nodiscard]] std::string type_name(const std::string& qualified_name);
 /// A name of a field, or of an enumeration's value, as flatc writes it.

@@ -14,6 +14,10 @@ US, MS, S = 1_000, 1_000_000, 1_000_000_000
 CHOICES = {
     'handshake': (4, 'client', lambda number: number),
     'call': (4, 'client', lambda number: number),
+    # Of a second channel of the client.
+    'other': (4, 'client', lambda number: number),
+    'low': (4, 'client', lambda number: number),
+    'high': (4, 'client', lambda number: number),
     'cookie': (16, 'server', lambda number: 0x0f0e0d0c0b0a09080706050403020100 + number),
     'session': (8, 'server', lambda number: 0xb7fc5e0b78510000 + (number << 32) + number - 1),
 }
@@ -45,8 +49,11 @@ class Conversation:
         self.server = dict(epoch=0x5e12e7, clock_domain=0, band=[0, 32767], ceiling=32767,
                            message_size_max=1344, window=8,
                            session_count_max=4) | (server or {})
+        if 'bands' in self.server:
+            del self.server['band']
         self.head = dict(about=about, rules=list(rules), roles=list(roles), medium=medium)
         self.steps = []
+        self.taken_bytes = {}  # Of the items of each stream.
         self.now = BEGIN_NS
         self.priority = 24000
         self.server_epoch = self.server['epoch']
@@ -115,31 +122,38 @@ class Conversation:
 
     def hello(self, handshake='handshake', cookie=0, way='client to server', copy=False, lost=False,
               address=None, epoch=None, channel=None, versions=(1, 1), limit=None, says=''):
-        payload = lay_out(
+        payload = self.hello_payload(cookie, epoch, channel, versions, limit)
+        self.frame(way, 'HELLO', payload, lost=lost, address=address, call_id=handshake,
+                   flags=REPEATED if copy else 0, says=says or f'cookie {cookie or "none"}')
+
+    def hello_payload(self, cookie=0, epoch=None, channel=None, versions=(1, 1), limit=None):
+        return lay_out(
             HELLO, version_min=versions[0], version_max=versions[1],
             client_epoch=self.client['epoch'] if epoch is None else epoch,
             channel=self.client['channel'] if channel is None else channel,
             clock_domain=self.client['clock_domain'],
             message_size_max=self.client['message_size_max'] if limit is None else limit,
             cookie=cookie)
-        self.frame(way, 'HELLO', payload, lost=lost, address=address, call_id=handshake,
-                   flags=REPEATED if copy else 0, says=says or f'cookie {cookie or "none"}')
 
     def cookie(self, handshake='handshake', cookie='cookie', lost=False):
         self.frame('server to client', 'COOKIE', f'<{cookie}>', call_id=handshake, lost=lost)
 
     def welcome(self, handshake='handshake', session='session', lost=False):
-        payload = lay_out(
-            WELCOME, band_low=self.server['band'][0], band_high=self.server['band'][1],
-            ceiling=self.server['ceiling'], window=self.server['window'],
-            server_epoch=self.server_epoch, clock_domain=self.server['clock_domain'],
-            message_size_max=self.server['message_size_max'])
-        self.frame('server to client', 'WELCOME', payload, call_id=handshake, session=session,
-                   lost=lost)
+        self.frame('server to client', 'WELCOME', self.welcome_payload(), call_id=handshake,
+                   session=session, lost=lost)
 
-    def refuse(self, status, call_id, session=0):
+    def welcome_payload(self):
+        bands = self.server.get('bands') or [self.server['band']]
+        band = next(b for b in bands if b[0] <= self.priority <= b[1])
+        return lay_out(
+            WELCOME, band_low=band[0], band_high=band[1], ceiling=self.server['ceiling'],
+            window=self.server['window'], server_epoch=self.server_epoch,
+            clock_domain=self.server['clock_domain'],
+            message_size_max=self.server['message_size_max'])
+
+    def refuse(self, status, call_id, session=0, **more):
         self.frame('server to client', 'REFUSE', status=status, call_id=call_id, session=session,
-                   says=status)
+                   says=status, **more)
 
     def handshake(self, handshake='handshake', cookie='cookie', session='session'):
         """All of it: over UDP with COOKIE, over TCP without."""
@@ -279,7 +293,8 @@ def statuses():
                      ['hp-5.1-2', 'hp-5.1-5'])
     c.handshake()
     methods = ['ok', 'overload', 'expired', 'no_such_method', 'no_such_object', 'bad_request',
-               'not_lease_holder', 'gone', 'servant_failed', 'too_large', 'cancelled', 'stopping']
+               'not_lease_holder', 'gone', 'servant_failed', 'too_large', 'cancelled', 'stopping',
+               'lost']
     for number, status in enumerate(methods, start=1):
         name = f'call{number}'
         c.at(number * MS)
@@ -347,7 +362,7 @@ def beyond_the_window():
 def refused_calls():
     c = Conversation('refused-calls', 'Calls that the server will not run, each for a reason.',
                      ['hp-5.1-5', 'hp-5.4-3', 'hp-4.4-1'], roles=['server'],
-                     server=dict(band=[20000, 25000], ceiling=24500))
+                     server=dict(band=[20000, 25000], ceiling=24500, message_size_max=KIB))
     c.handshake()
     c.at(1 * MS)
 
@@ -360,7 +375,7 @@ def refused_calls():
     refused(2, 'wrong_band', priority=25001)
     refused(3, 'priority_not_allowed', priority=24501)
     refused(4, 'expired', budget_us=0)
-    refused(5, 'too_large', payload='00' * 1345)
+    refused(5, 'too_large', payload='00' * (KIB + 1))
     c.call(4, budget_us=0, way='network to server', address='client', copy=True)
     c.reply(4, status='expired', copy=True)
     for session in (0, 1, 2**64 - 1):
@@ -430,9 +445,10 @@ def cookies():
 
 def repeated_hello():
     c = Conversation('repeated-hello',
-                     'Late copies of a HELLO find the session that it opened; a HELLO with another '
-                     'number, or of another channel, opens another.',
-                     ['hp-4.1-4'], roles=['server'])
+                     'Late copies of a HELLO find the session that it opened. A HELLO of another '
+                     'channel opens another, and one with a later number replaces its channel\'s: '
+                     'behind it, copies of the earlier one are dropped.',
+                     ['hp-4.1-4', 'hp-4.1-6', 'hp-4-2'], roles=['server'])
     c.handshake()
     c.at(1 * MS)
     way = dict(way='network to server', address='client')
@@ -440,12 +456,27 @@ def repeated_hello():
     c.welcome()
     c.hello('handshake', 'cookie', channel=2, says='another channel', **way)
     c.welcome(session='session2')
-    c.hello(0x7777, 'cookie', says='another number', **way)
-    c.welcome(0x7777, 'session3')
-    c.call(1, 'session', way='network to server', address='client')
+    # The numbers of one channel, around the place where they begin again at 0.
+    first = 2**32 - 2
+    c.hello(first, 'cookie', channel=3, says='of a third channel', **way)
+    c.welcome(first, 'session3')
+    c.call(1, 'session3', **way)
     c.server_runs(1, 1, 2, '', c.now + S)
-    c.call(1, 'session2', way='network to server', address='client', says='of the other session')
-    c.server_runs(1, 1, 2, '', c.now + S)
+    c.server_completes(1)
+    c.reply(1, 'session3')
+    for number, session in ((2**32 - 1, 'session4'), (0, 'session5')):
+        c.hello(number, 'cookie', channel=3, says='a later number', **way)
+        c.welcome(number, session)
+    for number in (2**32 - 1, first):
+        c.hello(number, 'cookie', channel=3, copy=True, says='a late copy', **way)
+        c.counts('server', 'unexpected')
+    for session in ('session3', 'session4'):
+        c.call(2, session, says='of a replaced session', **way)
+        c.counts('server', 'unknown_session')
+        c.refuse('unknown_session', 2, session)
+    for session in ('session', 'session2', 'session5'):
+        c.call(3, session, says='of a good session', **way)
+        c.server_runs(3, 1, 2, '', c.now + S)
     return c
 
 
@@ -454,7 +485,7 @@ def restart():
                      'The server restarts between two calls. The client learns it from the '
                      'refusal, shakes hands anew and sees another epoch: what it knew of objects '
                      'is void.',
-                     ['hp-4.4-1', 'hp-4-2', 'hp-5.1-1', 'hp-5.5-2'])
+                     ['hp-4.4-1', 'hp-4-2', 'hp-5.1-1', 'hp-5.5-2', 'hp-5.5-3'])
     c.handshake()
     c.exchange('call', at_ns=1 * MS)
     c.at(2 * MS)
@@ -468,6 +499,7 @@ def restart():
     c.client_sees('lost')
     c.at(4 * MS)
     c.handshake('handshake2', 'cookie2', 'session2')
+    c.client_sees('may_have_run', call_id='<call2>')
     c.exchange('call3', 'session2', service=0, method=1,
                payload=bind_request('lab/arm0', 'lab.Arm', 1),
                answer=bind_reply(service=1, fingerprint=1), at_ns=5 * MS)

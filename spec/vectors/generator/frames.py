@@ -10,11 +10,11 @@ KINDS = {'HELLO': 1, 'COOKIE': 2, 'WELCOME': 3, 'REFUSE': 4, 'CALL': 5, 'REPLY':
 STATUSES = {name: number for number, name in enumerate(
     'ok overload expired no_such_method no_such_object bad_request not_lease_holder gone '
     'servant_failed too_large priority_not_allowed wrong_band unknown_session '
-    'version_unsupported bad_limits wrong_interface cancelled stopping'.split())}
+    'version_unsupported bad_limits wrong_interface cancelled stopping lost'.split())}
 
 DROP_REASONS = ('too_short bad_magic bad_version bad_kind reserved_set bad_priority bad_length '
                 'bad_fragment bad_payload bad_cookie unknown_session foreign_address stale_call '
-                'duplicate_running unexpected').split()
+                'duplicate_running unexpected rate_limited').split()
 
 REPEATED = 1
 ACK_WANTED = 2
@@ -46,7 +46,7 @@ BIND_REPLY = [
     ('fingerprint', 8, None), ('method_count', 2, None), ('reserved_end', 6, 0),
 ]
 ACK = [('first_missing', 2, None), ('reserved', 6, 0), ('later', 32, 0)]
-CREDIT = [('first_missing', 4, None), ('reserved', 4, 0), ('later', 8, 0)]
+CREDIT = [('first_missing', 4, None), ('byte_limit', 4, None), ('later', 8, 0)]
 METHOD = [('id', 2, None), ('reserved', 2, 0), ('fingerprint', 4, None)]
 
 LAYOUTS = {'HELLO': HELLO, 'WELCOME': WELCOME}

@@ -7,13 +7,18 @@ import sys
 
 sys.dont_write_bytecode = True
 
+import bindings
 import conversations
 import deliveries
 import fingerprints
+import layouts
+import sessions
 import single_frames
+import streams
 import versions
 
 FOLDER = pathlib.Path(__file__).resolve().parent.parent
+REMEDY = 'python3 spec/vectors/generator/make.py'
 
 
 def files():
@@ -21,6 +26,7 @@ def files():
     yield 'headers-good.json', single_frames.headers_good()
     yield 'headers-bad.json', single_frames.headers_bad()
     yield 'hello.json', single_frames.hello()
+    yield 'clock-domain.json', single_frames.clock_domains()
     yield 'cookie.json', single_frames.cookie()
     yield 'welcome.json', single_frames.welcome()
     yield 'ack.json', single_frames.ack()
@@ -30,16 +36,28 @@ def files():
     yield 'urls.json', single_frames.urls()
     yield 'fingerprints.json', fingerprints.fingerprints()
     yield 'versions.json', versions.versions()
-    for conversation in conversations.conversations() + deliveries.conversations():
+    yield '../layouts.json', layouts.layouts()
+    for conversation in (conversations.conversations() + deliveries.conversations() +
+                         streams.conversations() + sessions.conversations() +
+                         bindings.conversations()):
         yield f'conversations/{conversation.name}.json', conversation.document()
 
 
+def line_of(one):
+    """One element of a list; the fields of a layout stand on lines of their own."""
+    if 'fields' not in one or 'page' not in one:
+        return json.dumps(one, ensure_ascii=False)
+    head = json.dumps({key: value for key, value in one.items() if key != 'fields'})
+    fields = ',\n   '.join(json.dumps(field, ensure_ascii=False) for field in one['fields'])
+    return f'{head[:-1]}, "fields": [\n   {fields}\n  ]}}'
+
+
 def lay_out(document):
-    """JSON with a line for each vector or step, so that a difference shows as few lines."""
+    """JSON with a line for each vector, step or field, so that a difference shows as few lines."""
     parts = []
     for key, value in document.items():
         if isinstance(value, list) and value and key not in ('rules', 'roles'):
-            lines = ',\n  '.join(json.dumps(one, ensure_ascii=False) for one in value)
+            lines = ',\n  '.join(line_of(one) for one in value)
             parts.append(f' {json.dumps(key)}: [\n  {lines}\n ]')
         else:
             parts.append(f' {json.dumps(key)}: {json.dumps(value, ensure_ascii=False)}')
@@ -50,14 +68,15 @@ def main():
     is_check = sys.argv[1:] == ['--check']
     if sys.argv[1:] and not is_check:
         sys.exit('make.py takes no argument but --check')
-    wanted = {FOLDER / name: lay_out(document) for name, document in files()}
+    wanted = {(FOLDER / name).resolve(): lay_out(document) for name, document in files()}
     there = set(FOLDER.glob('*.json')) | set(FOLDER.glob('conversations/*.json'))
+    there |= {path for path in wanted if path.exists()}
     faults = []
     for path in sorted(there | set(wanted)):
         now = path.read_text() if path in there else None
         if now == wanted.get(path):
             continue
-        faults.append(str(path.relative_to(FOLDER)))
+        faults.append(str(path.relative_to(FOLDER.parent)))
         if is_check:
             continue
         if path in wanted:
@@ -66,6 +85,8 @@ def main():
             path.unlink()
     for fault in faults:
         print(fault, 'differs from what make.py writes' if is_check else 'written')
+    if is_check and faults:
+        print(f'After a change of a page or of a vector: {REMEDY}')
     sys.exit(1 if is_check and faults else 0)
 
 

@@ -78,11 +78,20 @@ def headers_good():
         flags=REPEATED, **usual)
     add('ITEM without payload, of the largest number', 'ITEM', '', ['hp-5.10-1'], service=1,
         method=2, item=ONES_32, **usual)
-    add('CREDIT', 'CREDIT', lay_out(CREDIT, first_missing=3), ['hp-5.10-4'], service=1, method=2,
-        budget_us=3_000_000, item=7, **usual)
+    add('ITEM, the first fragment of one', 'ITEM', 'a5' * 1344, ['hp-2-4', 'hp-5.10-1'], service=1,
+        method=2, item=6, fragment_count=3, message_size=2 * 1344 + 100, **usual)
+    add('ITEM, the last fragment of one, repeated', 'ITEM', 'a5' * 100, ['hp-2-4', 'hp-5.10-1'],
+        service=1, method=2, item=8, flags=REPEATED, fragment_index=2, fragment_count=3,
+        message_size=2 * 1344 + 100, **usual)
+    add('CREDIT', 'CREDIT', lay_out(CREDIT, first_missing=3, byte_limit=43100), ['hp-5.10-4'],
+        service=1, method=2, budget_us=10_000_000, item=7, **usual)
+    add('CREDIT, for as long as the connection lasts', 'CREDIT',
+        lay_out(CREDIT, first_missing=3, byte_limit=261_988), ['hp-5.10-7'], service=1, method=2,
+        budget_us=ONES_32, item=7, **usual)
     add('CREDIT, which shows a gap and wants an answer', 'CREDIT',
-        lay_out(CREDIT, first_missing=3, later=0b1001), ['hp-5.10-4', 'hp-5.10-5'], service=1,
-        method=2, budget_us=3_000_000, item=7, flags=ACK_WANTED, **usual)
+        lay_out(CREDIT, first_missing=3, byte_limit=43100, later=0b1001),
+        ['hp-5.10-4', 'hp-5.10-5'], service=1, method=2, budget_us=10_000_000, item=7,
+        flags=ACK_WANTED, **usual)
     for status in STATUSES:
         add(f'REPLY {status}', 'REPLY', service=1, method=2, budget_us=10, status=status, **usual)
     add('REPLY, repeated', 'REPLY', '0203', service=1, method=2, budget_us=10, flags=REPEATED,
@@ -154,6 +163,8 @@ def headers_bad():
     for wrong in (0, 3, 5, 16 * MIB):
         add(f'payload_size {wrong} where 4 bytes follow', 'bad_length',
             frame('CALL', '01020304', payload_size=wrong), ['hp-2-3'], medium=['datagram'])
+    add('a datagram of 1409 bytes', 'bad_length', frame('CALL', 'a5' * 1345), ['hp-2-6'],
+        medium=['datagram'])
     broken('fragment 1 of 1', 'bad_fragment', 'hp-2-4', fragment_index=1)
     broken('fragment 0 of 0', 'bad_fragment', 'hp-2-4', fragment_count=0)
     broken('fragment 0 of 2', 'bad_fragment', 'hp-2-4', fragment_count=2)
@@ -168,7 +179,7 @@ def headers_bad():
     broken('a last fragment that leaves no equal ones', 'bad_fragment', 'hp-5.6-1',
            fragment_index=2, fragment_count=3, message_size=11)
     for kind in KINDS:
-        if kind not in ('CALL', 'REPLY'):
+        if kind not in ('CALL', 'REPLY', 'ITEM'):
             broken(f'{kind} in fragments', 'bad_fragment', 'hp-2-4', kind=kind, fragment_count=2,
                    message_size=8)
     broken('a CALL that wants no reply in fragments', 'bad_fragment', 'hp-5.8-2', flags=NO_REPLY,
@@ -286,7 +297,7 @@ def welcome():
         vector('a band of one priority', ['hp-4.3-1'], band_low=24000, band_high=24000),
         vector('a ceiling below the band', ['hp-4.3-1'], ceiling=0),
         vector('the smallest numbers', ['hp-4.3-1'], session=1, window=1, server_epoch=1),
-        vector('the largest numbers', ['hp-4.3-1'], session=ONES_64, window=ONES_16,
+        vector('the largest numbers', ['hp-4.3-1'], session=ONES_64, window=32768,
                server_epoch=ONES_64, clock_domain=ONES_64, message_size_max=16 * MIB),
     ]
     bad = [vector | dict(session=wide(SESSION, 8)) for vector in
@@ -295,6 +306,8 @@ def welcome():
     bad += [
         wrong('session 0', session=0),
         wrong('window 0', window=0),
+        wrong('window 7, which does not divide 2³²', window=7),
+        wrong('window 65535', window=ONES_16),
         wrong('server_epoch 0', server_epoch=0),
         wrong('a band below the priority', band_high=23999),
         wrong('a band above the priority', band_low=24001),
@@ -314,6 +327,8 @@ def progress(layout, rules, subject, good):
     """Payloads of ACK or CREDIT, which say how far their sender is."""
     dropped = {'drop': 'bad_payload'}
     usual = dict(first_missing=3, later=0b1001)
+    if layout is CREDIT:
+        usual['byte_limit'] = 43_100
 
     def vector(name, **fields):
         shown = {key: number(value, 32) if layout is ACK and key == 'later' else wide(value, size)
@@ -336,9 +351,11 @@ def ack():
 
 def credit():
     return progress(CREDIT, ['hp-5.10-8', 'hp-8-1'], 'Payloads of CREDIT.', [
-        ('nothing is there', dict(first_missing=0)),
-        ('three are there, and two behind a gap', dict(first_missing=3, later=0b1001)),
-        ('the largest numbers', dict(first_missing=ONES_32, later=ONES_64))])
+        ('nothing is there', dict(first_missing=0, byte_limit=43_008)),
+        ('three are there, and two behind a gap',
+         dict(first_missing=3, byte_limit=43_100, later=0b1001)),
+        ('the largest numbers',
+         dict(first_missing=ONES_32, byte_limit=ONES_32, later=ONES_64))])
 
 
 def bind_requests():
@@ -425,6 +442,29 @@ def urls():
              'rtpm://u@h:1/p', 'rtpm://h:1/' + 'p' * 201])
 
 
+def fnv1a_64(data):
+    value = 0xcbf29ce484222325
+    for byte in data:
+        value = (value ^ byte) * 0x100000001b3 % 2**64
+    return value
+
+
+def clock_domains():
+    boot = '01234567-89ab-4cde-8f01-23456789abcd\n'
+
+    def vector(name, boot_id, time_namespace):
+        return dict(name=name, rules=['hp-4.1-7'], boot_id=boot_id, time_namespace=time_namespace,
+                    clock_domain=wide(fnv1a_64((boot_id + time_namespace).encode()), 8))
+
+    return dict(
+        subject='What /proc/sys/kernel/random/boot_id holds, the text of the link '
+                '/proc/self/ns/time, and the clock_domain of both.',
+        vectors=[vector('a kernel with time namespaces', boot, 'time:[4026531834]'),
+                 vector('another time namespace', boot, 'time:[4026532448]'),
+                 vector('a kernel without', boot, ''),
+                 vector('another boot', 'f' + boot[1:], 'time:[4026531834]')])
+
+
 def constants():
     return dict(
         subject='The numbers of hprotocol.md, to be compared with yours.',
@@ -435,7 +475,9 @@ def constants():
         limits=dict(datagram_frame_size_max=1408, datagram_payload_size_max=1344,
                     stream_frame_size_max=64 * KIB, stream_payload_size_max=64 * KIB - 64,
                     fragment_window=32, stream_fragment_window=4, fragment_count_max=12_544,
-                    stream_window=32, stream_lease_ms=3000, stream_ask_interval_max_ms=500,
+                    stream_window=32, stream_lease_max_ms=30_000, stream_silence_ms=3000,
+                    stream_ask_interval_max_ms=500, stream_bytes_first_datagram=43_008,
+                    stream_bytes_first_stream=65_472,
                     message_size_floor=KIB, message_size_ceiling=16 * MIB, call_window=8,
                     session_idle_min_s=30, cookie_span_s=10, path_size_max=200,
                     copy_interval_first_us=5000, copy_interval_min_us=500,

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "drivers.hpp"
+#include "rtpm/gvd/cycle.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 
@@ -231,6 +232,50 @@ TEST_P(DriverConformance, ExchangesWithoutAllocating) {
     }
   }
   EXPECT_EQ(allocation_breach_count(), before);
+}
+
+double product(const Vector3& a, const Vector3& b) {
+  return a.x * b.x + a.y * b.y + a.z * b.z;
+}
+
+/// What a client that holds `lease` commands in every cycle, and what the device applied then.
+Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequence, double newton,
+             MonotonicTime now) {
+  const Vector3 force{newton, newton, newton};
+  static_cast<void>(cycle.submit({lease, sequence, milliseconds{10}, {force, {}}}, now));
+  cycle.run(now, 0);
+  return cycle.newest()->wrench_applied.force_newton;
+}
+
+TEST_P(DriverConformance, PassesThroughNoForceWhenAnOperatorTakesItOver) {
+  const double newton = driver_->describe().limits.force_newton_max / 4;
+  gvd::DeviceCycle cycle(*driver_, {}, SipKey{1, 2});
+  ASSERT_TRUE(cycle.begin(now_));
+  const auto client = cycle.lease().acquire();
+  ASSERT_TRUE(client);
+  Vector3 before{};
+  for (std::uint32_t i = 1; i <= 300; ++i)
+    before = push(cycle, *client, i, newton, now_ += kPeriod);
+  if (length(before) == 0) GTEST_SKIP() << "a device without force";
+
+  const auto taken = cycle.take_over(cycle.config().operator_priority);
+  ASSERT_TRUE(taken);
+  const int ramp_cycle_count = static_cast<int>(cycle.safety().ramp / kPeriod) + 1;
+  int zero_at = 0;
+  for (int i = 1; i <= 300; ++i) {
+    EXPECT_FALSE(cycle.submit({*client, 1000, milliseconds{10}, {before, {}}}, now_));
+    const Vector3 force =
+        push(cycle, *taken, static_cast<std::uint32_t>(i), -newton, now_ += kPeriod);
+    if (zero_at == 0 && length(force) == 0) zero_at = i;
+    if (zero_at == 0) {
+      EXPECT_GT(product(force, before), 0) << "of the former holder alone, in cycle " << i;
+    } else {
+      EXPECT_LE(product(force, before), 0) << "of the operator alone, in cycle " << i;
+    }
+  }
+  EXPECT_GT(zero_at, 0);
+  EXPECT_LE(zero_at, ramp_cycle_count);
+  cycle.end(now_);
 }
 
 INSTANTIATE_TEST_SUITE_P(Drivers, DriverConformance, ::testing::ValuesIn(drivers_under_test()),

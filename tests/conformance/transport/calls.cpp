@@ -227,9 +227,51 @@ TEST_P(TransportSuite, RunsNoCallWhoseTimeIsOver) {
   holder.join();
   EXPECT_TRUE(await([&] {
     const ServerCounters counters = server.server->counters();
-    return counters.frames.expired_count + counters.late_count >= 1;
+    return counters.late_count >= 1;
   }));
   EXPECT_EQ(server.servant.run_count(), 3) << "the last is the one that held the lane";
+}
+
+// hp-5.6-5: what there is no room for is refused before it runs, or waits; and by default there is
+// room for many.
+TEST_P(TransportSuite, TakesLargeCallsSideBySideOrSaysThatThereAreTooMany) {
+  constexpr int kThreadCount = 12;
+  constexpr int kCallCount = 5;
+  for (const std::uint32_t room_count : {2U, ServerConfig{}.large_message_count_max}) {
+    ServerConfig config = quiet_config();
+    config.large_message_count_max = room_count;
+    EchoServer server(config);
+    Node node(node_config());
+    Binding binding = bind_echo(node, server);
+    const std::string request(100'000, 'x');
+    const std::uint32_t grown = 100'000;
+    std::atomic<int> done_count{0};
+    std::atomic<int> overload_count{0};
+    std::vector<std::thread> threads;
+    for (int i = 0; i < kThreadCount; ++i) {
+      threads.emplace_back([&, i] {
+        for (int call = 0; call < kCallCount; ++call) {
+          const auto reply = (i + call) % 2 == 0
+                                 ? binding.call(echo::kEcho, bytes_of(request))
+                                 : binding.call(echo::kGrow, std::as_bytes(std::span(&grown, 1)));
+          if (reply) {
+            EXPECT_EQ(reply->bytes().size(), 100'000u);
+            done_count.fetch_add(1);
+          } else {
+            EXPECT_EQ(reply.error(), CallError::kOverload) << to_string(reply.error());
+            overload_count.fetch_add(1);
+          }
+        }
+      });
+    }
+    for (std::thread& thread : threads)
+      thread.join();
+    EXPECT_EQ(done_count + overload_count, kThreadCount * kCallCount);
+    EXPECT_EQ(server.servant.run_count(), done_count) << "refused is not run";
+    if (room_count > 2) {
+      EXPECT_EQ(overload_count, 0);
+    }
+  }
 }
 
 TEST_P(TransportSuite, ServesManyThreadsOnOneBinding) {
@@ -335,6 +377,38 @@ TEST_P(TransportSuite, WaitsInEveryWay) {
         ASSERT_TRUE(binding.call(echo::kEcho, {}));
     }
   }
+}
+
+/// A servant that notes where its calls came from.
+class CallerNotingServant final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
+  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    caller = context.caller;
+    return {};
+  }
+  CallerHost caller{};
+};
+
+// Registries and others that serve strangers have quotas per host.
+TEST_P(TransportSuite, TellsAServantWhichHostCalls) {
+  CallerNotingServant servant;
+  auto server = std::move(*Server::create(quiet_config()));
+  ASSERT_TRUE(server->add("noting", servant));
+  ASSERT_TRUE(server->start());
+  Node node(node_config());
+  auto binding = Binding::bind(node, server->url("noting"), echo::kInterface);
+  ASSERT_TRUE(binding) << binding.error().text;
+  const Bytes large(100'000);
+  for (const ConstBytes request : {ConstBytes{}, ConstBytes(large)}) {
+    servant.caller = {};
+    ASSERT_TRUE(binding->call(echo::kEcho, request));
+    EXPECT_EQ(servant.caller, kThisHost) << to_string(servant.caller);
+    EXPECT_TRUE(servant.caller.is_this_host());
+  }
+  EXPECT_EQ(to_string(CallerHost{0x0a01'02ff}), "10.1.2.255");
+  server->stop();
 }
 
 }  // namespace rtpm::rpc::test

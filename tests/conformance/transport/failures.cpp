@@ -14,6 +14,7 @@
 
 #include "rtpm/test/child.hpp"
 #include "suite.hpp"
+#include "victim.hpp"
 
 // Servers and clients that end, and traffic that nobody should send.
 namespace rtpm::rpc::test {
@@ -21,52 +22,6 @@ namespace {
 
 using namespace std::chrono_literals;
 using wire::DropReason;
-
-/// A process that does `body` until it is killed; the body tells numbers to the test.
-class Victim {
- public:
-  template <class Body>
-  explicit Victim(Body body) {
-    std::array<int, 2> ends{};
-    if (pipe(ends.data()) != 0) return;
-    child_ = fork();
-    if (child_ == 0) {
-      body([&](std::uint16_t number) {
-        const ssize_t size = write(ends[1], &number, sizeof number);
-        if (size != sizeof number) _exit(1);
-      });
-      _exit(0);
-    }
-    close(ends[1]);
-    told_ = ends[0];
-  }
-  ~Victim() {
-    kill();
-    close(told_);
-  }
-  Victim(const Victim&) = delete;
-  Victim& operator=(const Victim&) = delete;
-
-  /// Waits for the next number that the body tells.
-  std::uint16_t await_number() const {
-    std::uint16_t number = 0;
-    const ssize_t size = read(told_, &number, sizeof number);
-    EXPECT_EQ(size, static_cast<ssize_t>(sizeof number)) << "the process ended before";
-    return number;
-  }
-  void kill() {
-    if (child_ <= 0) return;
-    ::kill(child_, SIGKILL);
-    int status = 0;
-    while (waitpid(child_, &status, 0) < 0 && errno == EINTR) {
-    }
-    child_ = -1;
-  }
-
- private:
-  pid_t child_ = -1;
-  int told_ = -1;
-};
 
 ServerConfig config_at(std::uint16_t port) {
   ServerConfig config = quiet_config();
@@ -369,6 +324,45 @@ TEST_P(WireSuite, RefusesCallsWithoutASession) {
   EXPECT_EQ(answer->kind, wire::FrameKind::kRefuse);
   EXPECT_EQ(answer->status, wire::Status::kUnknownSession);
   EXPECT_EQ(server.servant.run_count(), 0);
+}
+
+// hp-4.4-4: over UDP the kernel gives the frame to another lane, which must not make the client
+// believe that its session is lost.
+TEST_P(WireSuite, LosesNoSessionInAnotherLane) {
+  EchoServer server(quiet_config({quiet_lane(0), quiet_lane(10'000)}));
+  RawPeer peer(transport(), server.server->port(), 100);
+  ASSERT_TRUE(peer.open());
+  const auto call_at = [&](std::uint32_t call_id, Priority priority) {
+    Bytes frame = peer.call_frame(call_id, echo::kEcho.id);
+    store_le(frame.data() + 4, priority.value());
+    peer.send(frame);
+    return peer.receive_answer(call_id);
+  };
+  const auto refused = call_at(1, 20'000);
+  ASSERT_TRUE(refused);
+  EXPECT_EQ(refused->kind, is_udp() ? wire::FrameKind::kRefuse : wire::FrameKind::kReply);
+  EXPECT_EQ(refused->status, wire::Status::kWrongBand);
+  const auto answer = call_at(2, 100);
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->status, wire::Status::kOk);
+  EXPECT_EQ(server.servant.run_count(), 1);
+}
+
+// hp-6.2-1
+TEST_P(WireSuite, AnswersAPingAboveTheCeiling) {
+  ServerConfig config = quiet_config();
+  config.ceiling = 20'000;
+  EchoServer server(config);
+  RawPeer peer(transport(), server.server->port(), 30'000);
+  ASSERT_TRUE(peer.open());
+  const auto status_of = [&](std::uint32_t call_id, std::uint16_t method, std::string_view text) {
+    peer.send(peer.call_frame(call_id, method, text, wire::kSessionService));
+    const auto answer = peer.receive_answer(call_id);
+    return answer ? answer->status : wire::Status::kExpired;
+  };
+  EXPECT_EQ(status_of(1, wire::kMethodPing, ""), wire::Status::kOk);
+  EXPECT_EQ(status_of(2, wire::kMethodPing, "a payload"), wire::Status::kOk);
+  EXPECT_EQ(status_of(3, wire::kMethodBind, ""), wire::Status::kPriorityNotAllowed);
 }
 
 TEST_P(WireSuite, SurvivesRandomBytes) {

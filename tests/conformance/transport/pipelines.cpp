@@ -92,9 +92,7 @@ TEST_P(TransportSuite, GivesTheRepliesOfAPipelineInAnyOrder) {
 
 // Larger than a frame, and than all that goes together; small ones between them.
 TEST_P(TransportSuite, CarriesMessagesOfAllSizesInAPipeline) {
-  ServerConfig config = quiet_config();
-  config.large_message_count_max = 16;
-  EchoServer server(config);
+  EchoServer server;
   Node node(node_config());
   Binding binding = bind_echo(node, server);
   Pipeline pipeline;

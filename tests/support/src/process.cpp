@@ -170,6 +170,13 @@ std::optional<Process::End> Process::wait(Duration patience) {
   return how;
 }
 
+void Process::stop() const {
+  send_signal(SIGSTOP);
+  int status = 0;
+  while (waitpid(id_, &status, WUNTRACED) < 0 && errno == EINTR) {
+  }
+}
+
 void Process::send_signal(int signal) const {
   kill(id_, signal);
 }

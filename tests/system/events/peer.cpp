@@ -64,8 +64,10 @@ int supply(rtpm::rpc::Node& node, const std::string& hub) {
     // A hub that is away is no reason to end: the next one may be.
     ++((*supplier)->push({.type = kTick}) ? pushed : failed);
   }
-  std::printf("pushed %llu failed %llu\n", static_cast<unsigned long long>(pushed),
-              static_cast<unsigned long long>(failed));
+  const auto counters = (*supplier)->counters();
+  std::printf("pushed %llu failed %llu maybe lost %llu\n", static_cast<unsigned long long>(pushed),
+              static_cast<unsigned long long>(failed),
+              static_cast<unsigned long long>(counters.maybe_lost_count));
   return 0;
 }
 

@@ -4,8 +4,11 @@
 
 #include <array>
 #include <atomic>
+#include <barrier>
 #include <cstdint>
+#include <functional>
 #include <thread>
+#include <vector>
 
 namespace rtpm {
 namespace {
@@ -53,6 +56,108 @@ TEST(Latest, HoldsValuesSmallerThanAWord) {
   Latest<std::uint8_t> latest;
   latest.write(200);
   EXPECT_EQ(latest.read(), std::uint8_t{200});
+}
+
+/// Stops the writer between any two steps of a write, and lets the test look meanwhile.
+struct Stop {
+  static void pause() noexcept {
+    if (look) look();
+  }
+  static thread_local std::function<void()> look;
+};
+thread_local std::function<void()> Stop::look{};
+
+/// The number of a write, and one step for each of its words.
+constexpr int kPauseCount = 1 + 14;
+
+TEST(Latest, AWriterThatStoppedInTheMiddleLeavesTheValueBefore) {
+  Latest<Sample, Stop> latest;
+  int look_count = 0;
+  Stop::look = [&] {
+    ++look_count;
+    EXPECT_FALSE(latest.read()) << "there is no value before the first";
+  };
+  latest.write(sample_of(1));
+  EXPECT_EQ(look_count, kPauseCount);
+  // Often enough for every slot to be written twice.
+  for (std::uint64_t number = 2; number <= 2 * latest.kSlotCount + 1; ++number) {
+    Stop::look = [&] {
+      ++look_count;
+      const auto sample = latest.read();
+      ASSERT_TRUE(sample) << "while " << number << " is written";
+      EXPECT_TRUE(is_whole(*sample));
+      EXPECT_EQ(sample->words[0], number - 1);
+      EXPECT_EQ(latest.count(), number - 1);
+    };
+    latest.write(sample_of(number));
+    EXPECT_EQ(look_count, static_cast<int>(number) * kPauseCount);
+    EXPECT_EQ(latest.read()->words[0], number);
+  }
+  Stop::look = {};
+}
+
+TEST(Latest, SeveralReadersFindTheValueBeforeAtEveryStepOfTheWriter) {
+  constexpr int kReaderCount = 3;
+  constexpr std::uint64_t kWriteCount = 12;
+  Latest<Sample, Stop> latest;
+  latest.write(sample_of(1));
+  // At every step the writer waits until each reader has read once.
+  std::barrier stopped(kReaderCount + 1);
+  std::barrier read(kReaderCount + 1);
+  std::atomic<int> wrong_count{0};
+  std::vector<std::thread> readers;
+  for (int i = 0; i < kReaderCount; ++i) {
+    readers.emplace_back([&] {
+      for (std::uint64_t number = 2; number <= kWriteCount; ++number) {
+        for (int step = 0; step < kPauseCount; ++step) {
+          stopped.arrive_and_wait();
+          const auto sample = latest.read();
+          if (!sample || !is_whole(*sample) || sample->words[0] != number - 1) ++wrong_count;
+          read.arrive_and_wait();
+        }
+      }
+    });
+  }
+  Stop::look = [&] {
+    stopped.arrive_and_wait();
+    read.arrive_and_wait();
+  };
+  for (std::uint64_t number = 2; number <= kWriteCount; ++number)
+    latest.write(sample_of(number));
+  Stop::look = {};
+  for (std::thread& reader : readers)
+    reader.join();
+  EXPECT_EQ(wrong_count, 0);
+}
+
+TEST(Latest, AReaderThatIsOvertakenBeginsAgain) {
+  // Each word of the reader's copy may be of another write; only a whole value comes out.
+  constexpr int kReaderCount = 3;
+  constexpr std::uint64_t kWriteCount = 100'000;
+  Latest<Sample> latest;
+  latest.write(sample_of(1));
+  std::atomic<bool> is_done{false};
+  std::atomic<std::uint64_t> wrong_count{0};
+  std::vector<std::thread> readers;
+  for (int i = 0; i < kReaderCount; ++i) {
+    readers.emplace_back([&] {
+      std::uint64_t newest = 0;
+      while (!is_done.load(std::memory_order_acquire)) {
+        const auto sample = latest.read();
+        if (!sample || !is_whole(*sample) || sample->words[0] < newest) {
+          ++wrong_count;
+        } else {
+          newest = sample->words[0];
+        }
+      }
+    });
+  }
+  for (std::uint64_t number = 2; number <= kWriteCount; ++number)
+    latest.write(sample_of(number));
+  is_done.store(true, std::memory_order_release);
+  for (std::thread& reader : readers)
+    reader.join();
+  EXPECT_EQ(wrong_count, 0u);
 }
 
 TEST(Latest, AReaderBesideTheWriterSeesWholeValuesThatNeverGoBack) {

@@ -98,6 +98,24 @@ TEST_F(RecordRingTest, WhenFullItWritesNothing) {
   EXPECT_EQ(write(record), Outcome::kFull);
 }
 
+// hp-16.4-2: what may wait leaves room for what may not.
+TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
+  const Bytes record = record_of(500, 1);  // 512 bytes of the ring.
+  std::size_t count = 0;
+  while (writer_.has_spare_room(record.size())) {
+    ASSERT_EQ(write(record), Outcome::kWritten);
+    ++count;
+  }
+  EXPECT_EQ(count, std::max<std::size_t>(1, kRingSize / 2 / 512));
+  EXPECT_EQ(write(record), Outcome::kWritten) << "there is some";
+  for (std::size_t i = 0; i <= count; ++i)
+    expect_record(record);
+  EXPECT_TRUE(writer_.has_spare_room(record.size()));
+  memory_->control.head = 3;
+  ASSERT_EQ(write(record), Outcome::kWritten);
+  EXPECT_TRUE(writer_.has_spare_room(kRingSize)) << "nonsense is for write() to tell";
+}
+
 // hp-16.2-1: the ring is for what is long, or comes while many are not read yet.
 TEST_F(RecordRingTest, PutsShortRecordsIntoSlots) {
   for (std::uint32_t i = 0; i < 100; ++i) {

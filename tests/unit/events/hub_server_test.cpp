@@ -56,9 +56,9 @@ TEST_F(EmbeddedHub, LosesItsNameWhenItEnds) {
   {
     const auto served = HubServer::create(node_, config("lab/events"));
     ASSERT_TRUE(served) << served.error().text;
-    EXPECT_TRUE(resolver_->resolve("lab/events"));
+    EXPECT_TRUE(resolver_->resolve("lab/events", kNever));
   }
-  EXPECT_FALSE(resolver_->resolve("lab/events"));
+  EXPECT_FALSE(resolver_->resolve("lab/events", kNever));
 }
 
 TEST_F(EmbeddedHub, NeedsNoName) {

@@ -15,6 +15,29 @@ namespace {
 
 using namespace std::chrono_literals;
 
+/// Restarts the hub before it has confirmed events.
+void expect_told_of_the_next_hub(rpc::Node& node, ServedHub& hub, rpc::Transport transport) {
+  const auto supplier = Supplier::create(
+      node, hub.url(), {.attend_interval = 1h, .transport = transport, .deadline = kPatience});
+  ASSERT_TRUE(supplier) << supplier.error().text;
+  for (int i = 0; i < 10; ++i)
+    ASSERT_TRUE((*supplier)->push({.type = kPose}));
+  EXPECT_EQ((*supplier)->counters().unconfirmed_count, 10U);
+  hub.stop();
+  hub.start();
+  bool is_told = false;
+  EXPECT_TRUE(await([&] {
+    const auto pushed = (*supplier)->push({.type = kPose});
+    is_told = is_told || (!pushed && pushed.error() == rpc::CallError::kMaybeLost);
+    return is_told && pushed;
+  }));
+  const SupplierCounters counters = (*supplier)->counters();
+  // The ring may say that all but the last were read.
+  EXPECT_GE(counters.maybe_lost_count, 1U);
+  EXPECT_GE(counters.unconfirmed_count, 1U);
+  EXPECT_GE(counters.sent_count, counters.maybe_lost_count + counters.unconfirmed_count);
+}
+
 class HubOn : public testing::TestWithParam<rpc::Transport> {
  protected:
   ServedHub hub_{};
@@ -61,6 +84,10 @@ TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
   for (int i = 1; i <= kThreadCount * kCount; ++i)
     wanted += (i > 1 ? " 5.0#" : "5.0#") + std::to_string(i);
   EXPECT_EQ(recorder_.text(), wanted);
+}
+
+TEST_P(HubOn, TellsASupplierOfTheNextHubWhatTheFormerDidNotConfirm) {
+  expect_told_of_the_next_hub(node_, hub_, GetParam());
 }
 
 TEST_P(HubOn, DeliversConjunctionsTogether) {
@@ -128,6 +155,13 @@ INSTANTIATE_TEST_SUITE_P(Transports, HubOn,
                                          rpc::Transport::kSharedMemory),
                          [](const auto& each) { return std::string(to_string(each.param)); });
 
+// No connection ends there.
+TEST(HubInTheProgram, TellsASupplierOfTheNextHubWhatTheFormerDidNotConfirm) {
+  ServedHub hub;
+  rpc::Node node;
+  expect_told_of_the_next_hub(node, hub, rpc::Transport::kAuto);
+}
+
 class HubTest : public testing::Test {
  protected:
   ServedHub hub_{};
@@ -172,6 +206,23 @@ TEST_F(HubTest, WritesItselfWhatNoSupplierMaySay) {
   EXPECT_FALSE(header.is_continued);
   EXPECT_NE(header.supplier_tag, 77U);
   EXPECT_EQ(hub_.hub().intake().bad_count, 2U);
+}
+
+// ev-5.1-1: also of the supplier whose number is 0.
+TEST_F(HubTest, TagsTheEventsOfEverySupplier) {
+  const auto consumer = make_consumer(node_, hub_, recorder_, everything());
+  alignas(16) std::array<std::byte, kEventHeaderSize> memory{};
+  EventWriter writer(memory);
+  ASSERT_TRUE(writer.put({.type = kPose}, {}));
+  std::vector<std::uint32_t> tags;
+  for (const std::uint64_t supplier : {std::uint64_t{0}, std::uint64_t{0}, std::uint64_t{1}}) {
+    hub_.hub().push(supplier, writer.bytes(), 5);
+    ASSERT_TRUE(recorder_.await_deliveries(tags.size() + 1));
+    tags.push_back(recorder_.last_header_.supplier_tag);
+    EXPECT_NE(tags.back(), 0U);
+  }
+  EXPECT_EQ(tags[0], tags[1]);
+  EXPECT_NE(tags[0], tags[2]);
 }
 
 TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {
@@ -317,7 +368,7 @@ TEST_F(HubTest, WhoWentAndWhyIsCountedAndTold) {
   ASSERT_TRUE(silent.await_deliveries(1));
   for (int i = 0; i < 1000; ++i)
     push(*supplier, kPose);
-  const auto counters = [&] { return hub_.hub().departure_counters(); };
+  const auto counters = [&] { return hub_.hub().disconnect_counters(); };
   EXPECT_TRUE(await([&] {
     return counters().unsubscribed_count > 0 && counters().silent_count > 0 &&
            counters().queue_full_count > 0;
@@ -325,11 +376,11 @@ TEST_F(HubTest, WhoWentAndWhyIsCountedAndTold) {
   EXPECT_EQ(counters().unsubscribed_count, 1U);
   EXPECT_EQ(counters().silent_count, 1U);
   EXPECT_GE(counters().queue_full_count, 1U);
-  const auto departures = hub_.hub().departures();
-  const auto found = std::ranges::find(departures, "hanging", &Departure::name);
-  ASSERT_NE(found, departures.end());
-  EXPECT_EQ(found->reason, DepartureReason::kSilent);
-  EXPECT_TRUE(hub_.hub().departures(departures.back().number).empty());
+  const auto disconnects = hub_.hub().disconnects();
+  const auto found = std::ranges::find(disconnects, "hanging", &Disconnect::name);
+  ASSERT_NE(found, disconnects.end());
+  EXPECT_EQ(found->reason, DisconnectReason::kSilent);
+  EXPECT_TRUE(hub_.hub().disconnects(disconnects.back().number).empty());
   silent.release();
   full.release();
 }

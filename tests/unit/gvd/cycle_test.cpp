@@ -2,8 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
+#include <atomic>
 #include <limits>
+#include <random>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "scripted_driver.hpp"
@@ -81,10 +85,11 @@ TEST_F(Cycle, PublishesASampleEveryCycle) {
 
 TEST_F(Cycle, TellsTheDriverTheTimeAndTheEndOfItsForce) {
   acquire();
+  run(1);
   ASSERT_TRUE(command(2));
   run(1);
   EXPECT_EQ(driver_.last_command.cycle_time, now_);
-  EXPECT_EQ(driver_.last_command.sequence, 1u);
+  EXPECT_EQ(driver_.last_command.sequence, 2u);
   EXPECT_EQ(driver_.last_command.deadline, now_ - milliseconds{1} + milliseconds{30})
       << "hold and ramp after the command came";
 }
@@ -175,6 +180,234 @@ TEST_F(Cycle, ANewHolderBeginsSoftlyEvenWithoutAGap) {
     run();
   }
   EXPECT_LT(applied(), 2) << "a quarter of the soft start";
+}
+
+TEST_F(Cycle, AHolderThatOnlyRenewsLosesTheLease) {
+  acquire();
+  reach(1);
+  for (int i = 0; i < 101; ++i) {
+    static_cast<void>(cycle_->lease().renew(lease_));
+    run(100);
+  }
+  EXPECT_EQ(cycle_->lease().holder(), Lease::kNobody);
+  EXPECT_EQ(cycle_->counters().lease_idle_count, 1u);
+  EXPECT_EQ(cycle_->counters().lease_expired_count, 0u);
+  EXPECT_EQ(cycle_->lease().state_of(lease_), LeaseState::kIdle);
+  ASSERT_EQ(listener_.texts.size(), 1u);
+  EXPECT_NE(listener_.texts[0].find("no command for 10000 ms"), std::string::npos);
+  acquire();
+  reach(1);
+}
+
+TEST_F(Cycle, AHolderThatCommandsNowAndThenKeepsTheLease) {
+  acquire();
+  for (int i = 0; i < 300; ++i) {
+    if (i % 90 == 0) {
+      ASSERT_TRUE(command(0)) << i;
+    }
+    ASSERT_TRUE(cycle_->lease().renew(lease_));
+    run(100);
+  }
+  EXPECT_EQ(cycle_->lease().holder(), lease_);
+}
+
+TEST_F(Cycle, AnOperatorTakesTheLeaseOver) {
+  acquire();
+  // No multiple of the rate limit's step, which would pass through zero by chance.
+  reach(4.3);
+  const std::uint64_t former = lease_;
+  const auto refused = cycle_->take_over(27999);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder) << "no operator";
+  ASSERT_TRUE(command(4.3)) << "nothing has changed";
+  run();
+  EXPECT_NEAR(applied(), 4.3, 1e-9);
+
+  const auto taken = cycle_->take_over(28000);
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(command(5).error(), rpc::Refusal::kNotLeaseHolder);
+  EXPECT_FALSE(cycle_->lease().renew(former));
+  EXPECT_FALSE(cycle_->lease().release(former));
+  EXPECT_FALSE(cycle_->request(former, Transition::kDeactivate));
+  EXPECT_EQ(cycle_->lease().state_of(former), LeaseState::kTakenOver);
+
+  lease_ = *taken;
+  int zero_count = 0;
+  double newton = applied();
+  for (int ms = 0; ms < 22; ++ms) {
+    ASSERT_TRUE(command(-5));
+    run();
+    if (applied() == 0) {
+      ++zero_count;
+    } else if (zero_count == 0) {
+      EXPECT_LE(applied(), newton) << "the former holder's force falls";
+      EXPECT_GT(applied(), 0) << "the new one's is not in it";
+      EXPECT_TRUE(listener_.texts.empty()) << "nothing takes time before the force is zero";
+    }
+    newton = applied();
+  }
+  EXPECT_GE(zero_count, 1);
+  reach(-5);
+  EXPECT_EQ(cycle_->counters().lease_taken_over_count, 1u);
+  ASSERT_EQ(listener_.texts.size(), 1u);
+  EXPECT_NE(listener_.texts[0].find("28000"), std::string::npos);
+}
+
+TEST_F(Cycle, OperatorsTakeOverOnceASecond) {
+  ASSERT_TRUE(cycle_->take_over(28000));
+  run(500);
+  const auto refused = cycle_->take_over(32000);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error(), rpc::Refusal::kOverload);
+  run(502);
+  EXPECT_TRUE(cycle_->take_over(28000));
+}
+
+TEST_F(Cycle, TheOperatorsPriorityIsConfigured) {
+  CycleConfig config;
+  config.operator_priority = 100;
+  make(config);
+  EXPECT_FALSE(cycle_->take_over(99));
+  EXPECT_TRUE(cycle_->take_over(100));
+}
+
+TEST_F(Cycle, AFormerHoldersWishesCountForNothing) {
+  acquire();
+  reach(5);
+  ASSERT_FALSE(command(std::numeric_limits<double>::quiet_NaN()));
+  run();
+  ASSERT_TRUE(cycle_->request(lease_, Transition::kDeactivate));
+  ASSERT_TRUE(cycle_->request_recovery(lease_));
+  ASSERT_TRUE(cycle_->take_over(28000));
+  run(2);
+  EXPECT_EQ(sample().lifecycle, Lifecycle::kActive) << "it was not deactivated";
+  EXPECT_TRUE(sample().faults.has(Fault::kCommandNotFinite)) << "nor the fault ended";
+}
+
+// Two clients that push in opposite directions, whatever way the lease changes hands.
+TEST_F(Cycle, NeverMixesTwoClientsForces) {
+  CycleConfig config;
+  config.lease = {milliseconds{30}, milliseconds{200}, milliseconds{5}, milliseconds{20}};
+  for (const std::uint32_t seed : {1u, 2u, 3u, 4u}) {
+    make(config);
+    std::mt19937 random(seed);
+    std::array<std::uint64_t, 2> leases{};
+    int change_count = 0;
+    int last_sign = 0;
+    std::uint64_t last_holder = Lease::kNobody;
+    bool was_zero = true;
+    for (int ms = 0; ms < 20'000; ++ms) {
+      const std::size_t side = random() % 2;
+      switch (random() % 40) {
+        case 0:
+          leases[side] = cycle_->take_over(28000).value_or(leases[side]);
+          break;
+        case 1:
+          static_cast<void>(cycle_->lease().release(leases[side]));
+          break;
+        case 2:
+        case 3:
+          leases[side] = cycle_->lease().acquire().value_or(leases[side]);
+          break;
+        default:
+          break;
+      }
+      for (const std::size_t client : {side, 1 - side}) {
+        lease_ = leases[client];
+        static_cast<void>(command(client == 0 ? 5 : -5));
+      }
+      run();
+      const int sign = (applied() > 0) - (applied() < 0);
+      if (sign == 0) {
+        was_zero = true;
+      } else {
+        ASSERT_TRUE(was_zero || sign == last_sign) << "seed " << seed << ", at " << ms << " ms";
+        const std::uint64_t holder = cycle_->lease().holder();
+        if (holder != last_holder) ++change_count;
+        last_holder = holder;
+        if (was_zero) {
+          ASSERT_EQ(holder, leases[sign > 0 ? 0 : 1]) << "whose force begins";
+        }
+        was_zero = false;
+        last_sign = sign;
+      }
+    }
+    EXPECT_GT(change_count, 50);
+  }
+}
+
+/// A client of several threads that pushes in one direction whenever it has the lease.
+class Pusher {
+ public:
+  Pusher(DeviceCycle& cycle, double newton) noexcept : cycle_(cycle), newton_(newton) {}
+
+  void act(std::uint32_t choice, MonotonicTime now) noexcept {
+    switch (choice % 200) {
+      case 0:
+        if (const auto id = cycle_.take_over(28000)) lease_ = *id;
+        break;
+      case 1:
+        static_cast<void>(cycle_.lease().release(lease_));
+        break;
+      case 2:
+        static_cast<void>(cycle_.request_recovery(lease_));
+        break;
+      case 3:
+      case 4:
+        if (const auto id = cycle_.lease().acquire()) lease_ = *id;
+        break;
+      default:
+        static_cast<void>(
+            cycle_.submit({lease_, ++sequence_, milliseconds{10}, {{newton_, 0, 0}, {}}}, now));
+        break;
+    }
+  }
+
+ private:
+  DeviceCycle& cycle_;
+  double newton_;
+  std::atomic<std::uint64_t> lease_{Lease::kNobody};
+  std::atomic<std::uint32_t> sequence_{0};
+};
+
+TEST_F(Cycle, NeverMixesTwoClientsForcesWhateverTheirThreadsDo) {
+  CycleConfig config;
+  config.lease = {milliseconds{30}, milliseconds{200}, milliseconds{5}, milliseconds{20}};
+  make(config);
+  Pusher left(*cycle_, -4.3);
+  Pusher right(*cycle_, 4.3);
+  std::atomic<bool> is_done{false};
+  std::atomic<MonotonicTime> clock{now_};
+  std::vector<std::thread> threads;
+  for (std::uint32_t i = 0; i < 4; ++i) {
+    threads.emplace_back([&, i] {
+      std::mt19937 random(i);
+      while (!is_done) {
+        (i % 2 == 0 ? left : right).act(static_cast<std::uint32_t>(random()), clock);
+        std::this_thread::yield();
+      }
+    });
+  }
+  int turn_count = 0;
+  int last_sign = 0;
+  bool was_zero = true;
+  // The clients' threads may get little of the CPU: it goes on until they have taken turns.
+  for (int ms = 0; turn_count < 20 && ms < 2'000'000; ++ms) {
+    run();
+    clock = now_;
+    if (ms % 8 == 0) std::this_thread::yield();
+    const int sign = (applied() > 0) - (applied() < 0);
+    if (sign != 0 && sign != last_sign) {
+      EXPECT_TRUE(was_zero) << "at " << ms << " ms";
+      ++turn_count;
+      last_sign = sign;
+    }
+    was_zero = sign == 0;
+  }
+  is_done = true;
+  for (std::thread& thread : threads)
+    thread.join();
+  EXPECT_EQ(turn_count, 20);
 }
 
 TEST_F(Cycle, AnOlderCommandIsRefused) {

@@ -3,7 +3,10 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <atomic>
+#include <barrier>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace rtpm::gvd {
@@ -20,46 +23,125 @@ Letter letter(std::uint64_t number) {
   return letter;
 }
 
-bool put(Mailbox<Letter>& mailbox, std::uint64_t number) {
-  return mailbox.put([&](const Letter&) -> std::optional<Letter> { return letter(number); });
+constexpr auto kAlways = [] { return true; };
+
+MailOutcome put(Mailbox<Letter>& mailbox, std::uint32_t number, std::uint16_t writer = 1) {
+  return mailbox.put({writer, number}, letter(number), kAlways);
 }
 
 TEST(Mailbox, GivesTheNewestOnce) {
   Mailbox<Letter> mailbox;
   EXPECT_FALSE(mailbox.take());
-  EXPECT_TRUE(put(mailbox, 1));
-  EXPECT_TRUE(put(mailbox, 2));
-  EXPECT_TRUE(put(mailbox, 3));
+  EXPECT_EQ(put(mailbox, 1), MailOutcome::kPut);
+  EXPECT_EQ(put(mailbox, 2), MailOutcome::kPut);
+  EXPECT_EQ(put(mailbox, 3), MailOutcome::kPut);
   EXPECT_EQ(mailbox.take()->number, 3u);
   EXPECT_FALSE(mailbox.take());
-  EXPECT_TRUE(put(mailbox, 4));
+  EXPECT_EQ(put(mailbox, 4), MailOutcome::kPut);
   EXPECT_EQ(mailbox.take()->number, 4u);
 }
 
-TEST(Mailbox, LetsTheWriterCompareWithTheLast) {
+TEST(Mailbox, RefusesWhatIsNotNewerThanItsWritersLast) {
   Mailbox<Letter> mailbox;
-  EXPECT_TRUE(put(mailbox, 5));
-  EXPECT_TRUE(mailbox.take());
-  EXPECT_TRUE(mailbox.put([](const Letter& last) -> std::optional<Letter> {
-    EXPECT_EQ(last.number, 5u);
-    return std::nullopt;
-  }));
-  EXPECT_FALSE(mailbox.take()) << "nothing was put";
+  EXPECT_EQ(put(mailbox, 0), MailOutcome::kPut) << "any number is newer than none";
+  EXPECT_EQ(put(mailbox, 0xffffffff), MailOutcome::kOld);
+  EXPECT_EQ(put(mailbox, 5), MailOutcome::kPut);
+  EXPECT_EQ(mailbox.take()->number, 5u);
+  EXPECT_EQ(put(mailbox, 5), MailOutcome::kOld) << "also when that was taken";
+  EXPECT_EQ(put(mailbox, 4), MailOutcome::kOld);
+  EXPECT_FALSE(mailbox.take());
+  EXPECT_EQ(put(mailbox, 1, 2), MailOutcome::kPut) << "another writer counts anew";
+  EXPECT_EQ(put(mailbox, 0x7fffffff, 3), MailOutcome::kPut);
+  EXPECT_EQ(put(mailbox, 0xfffffffe, 3), MailOutcome::kPut);
+  EXPECT_EQ(put(mailbox, 1, 3), MailOutcome::kPut) << "the counter wraps";
+}
+
+TEST(Mailbox, HasNothingOfAWriterThatIsNotAllowed) {
+  Mailbox<Letter> mailbox;
+  EXPECT_EQ(mailbox.put({1, 1}, letter(1), [] { return false; }), MailOutcome::kRefused);
+  EXPECT_FALSE(mailbox.take());
+}
+
+// A writer asks whether it is allowed in the middle of its put: there the test stops it.
+
+TEST(Mailbox, AWriterThatStoppedInTheMiddleHoldsNobodyUp) {
+  Mailbox<Letter> mailbox;
+  int ask_count = 0;
+  const auto outcome = mailbox.put({1, 1}, letter(1), [&] {
+    if (++ask_count == 1) {
+      for (std::uint32_t number = 2; number <= 100; ++number) {
+        EXPECT_EQ(put(mailbox, number), MailOutcome::kPut);
+        const auto taken = mailbox.take();
+        EXPECT_TRUE(taken && taken->number == number);
+      }
+    }
+    return true;
+  });
+  EXPECT_EQ(outcome, MailOutcome::kOld) << "what came late replaces nothing newer";
+  EXPECT_FALSE(mailbox.take());
+}
+
+TEST(Mailbox, AFormerWriterThatGoesOnReplacesNothingOfTheNext) {
+  Mailbox<Letter> mailbox;
+  bool is_former_allowed = true;
+  const auto outcome = mailbox.put({1, 1}, letter(1), [&] {
+    const bool was_allowed = std::exchange(is_former_allowed, false);
+    if (was_allowed) {
+      EXPECT_EQ(put(mailbox, 7, 2), MailOutcome::kPut);
+    }
+    return was_allowed;
+  });
+  EXPECT_EQ(outcome, MailOutcome::kRefused);
+  EXPECT_EQ(mailbox.take()->number, 7u);
+}
+
+TEST(Mailbox, IsBusyOnlyWhenEverySlotIsInUse) {
+  Mailbox<Letter> mailbox;
+  constexpr std::uint32_t kCount = Mailbox<Letter>::kSlotCount;
+  std::atomic<int> stopped_count{0};
+  std::barrier go_on(kCount);
+  std::vector<std::thread> writers;
+  // All but one slot belong to writers that stand still, and the last one to the value that waits.
+  for (std::uint32_t i = 1; i < kCount; ++i) {
+    writers.emplace_back([&, i] {
+      bool has_stopped = false;
+      static_cast<void>(mailbox.put({1, i}, letter(i), [&] {
+        if (!std::exchange(has_stopped, true)) {
+          ++stopped_count;
+          go_on.arrive_and_wait();
+        }
+        return true;
+      }));
+    });
+  }
+  while (stopped_count < static_cast<int>(kCount) - 1)
+    std::this_thread::yield();
+  EXPECT_EQ(put(mailbox, kCount), MailOutcome::kPut);
+  EXPECT_EQ(put(mailbox, kCount + 1), MailOutcome::kBusy);
+  EXPECT_EQ(mailbox.take()->number, kCount);
+  EXPECT_EQ(put(mailbox, kCount + 1), MailOutcome::kPut);
+  go_on.arrive_and_wait();
+  for (std::thread& writer : writers)
+    writer.join();
+  for (std::uint32_t number = kCount + 2; number < 3 * kCount; ++number)
+    EXPECT_EQ(put(mailbox, number), MailOutcome::kPut) << "every slot came back";
+  EXPECT_EQ(mailbox.take()->number, 3 * kCount - 1);
 }
 
 TEST(Mailbox, NeverTearsOrGoesBackBetweenManyWritersAndOneReader) {
   Mailbox<Letter> mailbox;
-  constexpr std::uint64_t kLast = 20000;
+  constexpr std::uint32_t kLast = 20000;
+  std::atomic<std::uint32_t> next{0};
   std::vector<std::thread> writers;
   writers.reserve(3);
   for (int i = 0; i < 3; ++i) {
     writers.emplace_back([&] {
-      std::uint64_t last_number = 0;
-      while (last_number < kLast) {
-        static_cast<void>(mailbox.put([&](const Letter& last) -> std::optional<Letter> {
-          last_number = last.number;
-          return letter(last.number + 1);
-        }));
+      while (true) {
+        const std::uint32_t number = ++next;
+        if (number > kLast) return;
+        MailOutcome outcome = put(mailbox, number);
+        while (outcome == MailOutcome::kBusy)
+          outcome = put(mailbox, number);
       }
     });
   }

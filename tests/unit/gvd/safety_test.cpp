@@ -110,8 +110,53 @@ TEST(Safety, SoftStartRisesFromNothingToAll) {
   EXPECT_TRUE(filter.faults().has(Fault::kSoftStart));
   EXPECT_NEAR(settle(filter, {{4, 0, 0}, {}}, ms, 101).force_newton.x, 4, 1e-12);
   EXPECT_FALSE(filter.faults().has(Fault::kSoftStart));
-  filter.rearm();
-  EXPECT_LT(settle(filter, {{4, 0, 0}, {}}, ms, 1).force_newton.x, 0.1) << "for another client";
+}
+
+TEST(Safety, AnotherClientsCommandsCountOnlyAfterACycleWithoutForce) {
+  for (const int ramp_ms : {0, 20}) {
+    SafetyConfig config = plain_config();
+    config.ramp = milliseconds{ramp_ms};
+    config.soft_start = milliseconds{200};
+    SafetyFilter filter{config};
+    int ms = 0;
+    static_cast<void>(settle(filter, {{4, 0, 0}, {0, 0.3, 0}}, ms, 300));
+    filter.change_client();
+    double newton = 4;
+    int zero_at_ms = -1;
+    for (int i = 0; i <= ramp_ms; ++i) {
+      const Wrench output = settle(filter, {{-8, 0, 0}, {0, 0.5, 0}}, ms, 1);
+      EXPECT_GE(output.force_newton.x, 0) << "the new client's sign is not seen";
+      EXPECT_LE(output.force_newton.x, newton);
+      EXPECT_LE(output.torque_newton_metre.y, 0.3);
+      EXPECT_NEAR(output.force_newton.x, ramp_ms == 0 ? 0 : 4.0 * (ramp_ms - i) / ramp_ms, 1e-9);
+      EXPECT_FALSE(filter.faults().has(Fault::kCommandLost)) << "it was no loss";
+      newton = output.force_newton.x;
+      if (output == Wrench{}) zero_at_ms = i;
+    }
+    EXPECT_EQ(zero_at_ms, ramp_ms) << "off within the ramp";
+    EXPECT_NEAR(settle(filter, {{-8, 0, 0}, {}}, ms, 100).force_newton.x, -4, 0.1) << "soft start";
+  }
+}
+
+TEST(Safety, AChangeOfClientTakesOneCycleWithoutForceEvenFromNone) {
+  SafetyFilter filter = stepped(plain_config());
+  int ms = 0;
+  filter.change_client();
+  EXPECT_EQ(settle(filter, {{4, 0, 0}, {}}, ms, 1), Wrench{});
+  EXPECT_EQ(settle(filter, {{4, 0, 0}, {}}, ms, 1).force_newton.x, 4);
+}
+
+TEST(Safety, ManyChangesOfClientDoNotMakeTheRampLonger) {
+  SafetyConfig config = plain_config();
+  config.ramp = milliseconds{20};
+  SafetyFilter filter{config};
+  int ms = 0;
+  static_cast<void>(settle(filter, {{4, 0, 0}, {}}, ms, 10));
+  for (int i = 0; i <= 20; ++i) {
+    filter.change_client();
+    static_cast<void>(settle(filter, {{-4, 0, 0}, {}}, ms, 1));
+  }
+  EXPECT_TRUE(filter.is_off());
 }
 
 TEST(Watchdog, HoldsThenFallsInAStraightLineThenIsOff) {

@@ -187,7 +187,7 @@ TEST_F(Served, AForceReachesTheDeviceAndEndsWithTheLease) {
 
 TEST_F(Served, AClientThatFallsSilentLosesForceAndThenTheLease) {
   DeviceServerConfig config = off_realtime();
-  config.cycle.lease = milliseconds{200};
+  config.cycle.lease.silence_max = milliseconds{200};
   auto sim = device_sim::SimDriver::create({});
   ASSERT_TRUE(sim);
   serve(std::move(*sim), config);
@@ -223,6 +223,44 @@ TEST_F(Served, OneClientCommandsAtATimeAndAllRead) {
   EXPECT_GE(device_->counters().foreign_command_count, 2u);
 }
 
+TEST_F(Served, AnOperatorTakesTheDeviceOverAndTheFormerHolderLearnsWhy) {
+  serve_sim();
+  DeviceClient holder = open();
+  DeviceClient other = open();
+  EXPECT_EQ(other.operator_priority(), Priority{28000});
+  ASSERT_TRUE(holder.acquire());
+  ASSERT_TRUE(command_until(holder, 3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
+  EXPECT_EQ(other.take_over(Priority{27999}).error(), CallError::kNotLeaseHolder);
+  ASSERT_TRUE(holder.renew());
+  EXPECT_EQ(*holder.lease_state(), LeaseState::kHeld);
+
+  ASSERT_TRUE(other.take_over());
+  EXPECT_EQ(holder.set_force({3, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(holder.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(*holder.lease_state(), LeaseState::kTakenOver);
+  EXPECT_EQ(*other.lease_state(), LeaseState::kHeld);
+  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
+  EXPECT_TRUE(command_until(other, -3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x < -2; }));
+  EXPECT_EQ(holder.take_over().error(), CallError::kOverload) << "not so soon";
+  EXPECT_EQ(device_->counters().lease_taken_over_count, 1u);
+}
+
+TEST_F(Served, AClientThatOnlyRenewsLosesTheLease) {
+  DeviceServerConfig config = off_realtime();
+  config.cycle.lease.idle_max = milliseconds{300};
+  serve(std::make_unique<test::ScriptedDriver>(), config);
+  DeviceClient client = open();
+  EXPECT_EQ(*client.lease_state(), LeaseState::kUnknown);
+  ASSERT_TRUE(client.acquire());
+  ASSERT_TRUE(eventually([&] { return !client.renew(); }));
+  EXPECT_EQ(client.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(*client.lease_state(), LeaseState::kIdle);
+  EXPECT_EQ(device_->counters().lease_idle_count, 1u);
+  EXPECT_TRUE(open().acquire());
+}
+
 TEST_F(Served, AClientGivesTheLeaseBackAtItsEnd) {
   serve_sim();
   {
@@ -230,7 +268,7 @@ TEST_F(Served, AClientGivesTheLeaseBackAtItsEnd) {
     ASSERT_TRUE(client.acquire());
   }
   DeviceClient next = open();
-  EXPECT_TRUE(next.acquire(Duration{0}));
+  EXPECT_TRUE(next.acquire());
 }
 
 TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
@@ -301,7 +339,7 @@ TEST(DeviceServer, SaysWhyADeviceCantBeSetUp) {
   EXPECT_EQ(started.error().text, "the cable is out; plug it in");
 }
 
-TEST(DeviceServer, RefusesAPeriodOrSafetyThatCantBe) {
+TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
   DeviceServerConfig config = off_realtime();
   config.cycle.period = Duration{0};
   const auto timeless = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
@@ -313,6 +351,11 @@ TEST(DeviceServer, RefusesAPeriodOrSafetyThatCantBe) {
   const auto unsafe = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
   ASSERT_FALSE(unsafe);
   EXPECT_NE(unsafe.error().text.find("force_newton_max"), std::string::npos);
+  config = off_realtime();
+  config.cycle.lease.idle_max = Duration{0};
+  const auto idle = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
+  ASSERT_FALSE(idle);
+  EXPECT_NE(idle.error().text.find("idle_max"), std::string::npos);
 }
 
 class Collector final : public SampleSink {

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <memory>
 #include <room.rtpm.hpp>
 #include <string>
@@ -37,6 +38,10 @@ class Light final : public room::LightServant {
       EXPECT_TRUE(items.write({request.red() * share, request.green() * share, 0}));
     if (request.red() >= 0) return items.finish();
     endless_ = std::move(items);
+  }
+  rpc::Result<room::Patience> patience(const rpc::CallContext& context) override {
+    return room::Patience(
+        std::chrono::duration<double>(context.deadline - context.received).count());
   }
 
  private:

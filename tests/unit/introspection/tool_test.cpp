@@ -63,12 +63,47 @@ TEST_F(Tool, TakesAStreamForAsLongAsWanted) {
   EXPECT_EQ(rtpm::test::line_count(fade.output), 3);
 }
 
+TEST_F(Tool, WaitsAsLongAsTheSchemaSaysUnlessItIsTold) {
+  const auto patience_s = [&](std::vector<std::string> options) {
+    options.insert(options.begin(), {"call", light_, "patience"});
+    const auto end = run(options);
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+    const std::size_t colon = end.output.find(':');
+    return colon == end.output.npos ? 0.0 : std::stod(end.output.substr(colon + 1));
+  };
+  const double own = patience_s({});
+  EXPECT_GT(own, 0.0);
+  EXPECT_LE(own, 0.25);
+  const double told = patience_s({"--deadline", "30s"});
+  EXPECT_GT(told, 20.0);
+  EXPECT_LE(told, 30.0);
+}
+
+TEST_F(Tool, TellsOfEachVerb) {
+  const std::string all = run({"--help"}).output;
+  for (const std::string verb : {"list", "describe", "call", "take-over", "lanes", "doctor"}) {
+    EXPECT_NE(all.find("\n  " + verb), all.npos) << all;
+    const auto one = run({verb, "--help"});
+    EXPECT_EQ(one.exit_code, 0) << one.errors;
+    EXPECT_TRUE(one.output.starts_with("rtpm " + verb + ": ")) << one.output;
+  }
+}
+
 TEST_F(Tool, DescribesAndLists) {
   const auto described = run({"describe", light_});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
   EXPECT_EQ(described.output, room::LightClient::interface().schema);
   const auto listed = run({"list", light_});
   EXPECT_EQ(listed.output, "room/light\troom.Light\n");
+}
+
+TEST_F(Tool, TakesOverNothingButADevice) {
+  const auto light = run({"take-over", light_});
+  EXPECT_EQ(light.exit_code, 1);
+  EXPECT_NE(light.errors.find(light_), light.errors.npos) << light.errors;
+  const auto wished = run({"take-over", light_, "dim"});
+  EXPECT_EQ(wished.exit_code, 2);
+  EXPECT_NE(wished.errors.find("recover, activate or deactivate"), wished.errors.npos);
 }
 
 TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {
@@ -99,15 +134,16 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
   const Case cases[] = {
       {{"call", light_, "dim"},
        1,
-       "room.Light has no method `dim`; it has set, get, scene, flash, fade"},
+       "room.Light has no method `dim`; it has set, get, scene, flash, fade, patience"},
       {{"call", light_, "set", "{red: \"x\"}"}, 1, "the request does not fit the schema"},
-      {{"call", room_.url("room/window"), "get"}, 1, "the description of"},
+      {{"call", room_.url("room/window"), "get"}, 1, "no object 'room/window' is served at"},
+      {{"describe", room_.url("room/lihgt")}, 1, "; most like it there: room/light, "},
       {{"call", "rtpm://127.0.0.1:1/room/light", "get"},
        1,
        "the server tells nothing of its objects"},
       {{"call", "rtpm:/nonsense", "get"}, 1, ""},
-      {{"call", light_}, 2, "usage: rtpm call TARGET METHOD [JSON]"},
-      {{"fly"}, 2, "unknown verb `fly`"},
+      {{"call", light_}, 2, "usage: rtpm call TARGET METHOD [JSON]; run 'rtpm call --help'"},
+      {{"fly"}, 2, "unknown verb 'fly'"},
       {{"list", "--registry", "rtpm://127.0.0.1:1/rtpm/names"}, 1, ""},
   };
   for (const Case& c : cases) {

@@ -2,15 +2,19 @@
 
 #include <arpa/inet.h>
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <mutex>
 #include <thread>
 
 #include "names.rtpm.hpp"
 #include "registry_fixture.hpp"
+#include "rtpm/names/registration.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rt/priority.hpp"
+#include "rtpm/test/child.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::names {
@@ -23,7 +27,11 @@ constexpr Owner kStranger{.id = 2, .epoch = 1};
 
 // Leases outlast every test, however slow its machine.
 Store::Wish wish(std::string_view name, Owner owner = kArm) {
-  return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, 1h};
+  return {.name = name,
+          .url = "rtpm://127.0.0.1:4711/object",
+          .interface = "lab.Arm",
+          .owner = owner,
+          .lease = 1h};
 }
 
 void expect_part(const std::string& text, std::string_view part) {
@@ -89,7 +97,15 @@ TEST_P(DirectoryOver, TellsInWordsWhatTheRegistryRefused) {
   EXPECT_EQ(directory_.list("lab/").error().outcome, Outcome::kBadName);
   EXPECT_EQ(directory_.bind({"a", "nonsense", "lab.Arm", kArm, 1h}).error().outcome,
             Outcome::kBadUrl);
-  ASSERT_TRUE(directory_.rebind(wish("lab/arm0", kStranger)));
+  EXPECT_EQ(directory_.rebind(wish("lab/arm0", kStranger)).error().outcome, Outcome::kAlreadyBound);
+  Store::Wish taking = wish("lab/arm0", kStranger);
+  taking.holder_revision = 1;
+  EXPECT_EQ(directory_.rebind(taking).error().outcome, Outcome::kStaleRevision);
+  taking.holder_revision = taken.error().holder_revision;
+  EXPECT_EQ(directory_.resolve("lab/arm0")->revision, taking.holder_revision);
+  const auto replaced = directory_.rebind(taking);
+  ASSERT_TRUE(replaced) << replaced.error().text;
+  EXPECT_NE(replaced->revision, taking.holder_revision);
   EXPECT_TRUE(directory_.unbind("lab/arm0", kStranger));
 }
 
@@ -135,12 +151,31 @@ TEST_P(DirectoryOver, SaysThatNoRegistryAnswers) {
   }
 }
 
+// That is no reason to look after the registry.
+TEST(DirectoryWithoutDescriptors, SaysThatItCouldNotAsk) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    rpc::Node node;
+    Directory directory(node, "rtpm://127.0.0.1:4711/rtpm/names");
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    const auto listed = directory.list();
+    return listed ? "it was listed" : listed.error().text;
+  });
+  for (const char* const part : {"the registry at rtpm://127.0.0.1:4711/rtpm/names was not asked",
+                                 "Too many open files", "Remedy: raise the limit of open files"}) {
+    expect_part(child.said, part);
+  }
+  EXPECT_EQ(child.said.find("start rtpm-registryd"), std::string::npos) << child.said;
+}
+
 TEST_P(DirectoryOver, SaysThatItsRegistryIsNoUrl) {
   for (const char* const wrong : {"", "nonsense", "lab/registry", "http://127.0.0.1:80/names"}) {
     // A name could be looked up by this very resolver, for ever.
     RegistryResolver resolver(node_, wrong);
     node_.use(resolver);
-    const auto url = resolver.resolve("lab/arm0");
+    const auto url = resolver.resolve("lab/arm0", kNever);
     ASSERT_FALSE(url);
     expect_part(url.error().text, "'" + std::string(wrong) + "' is no URL of a registry");
     expect_part(url.error().text, "give --registry rtpm://host:port/path");
@@ -290,6 +325,89 @@ TEST(Directory, RefusesMoreNamesThanTheLimits) {
   EXPECT_EQ(directory.bind(wish("c")).error().outcome, Outcome::kOwnerFull);
   ASSERT_TRUE(directory.bind(wish("c", kStranger)));
   EXPECT_EQ(directory.bind(wish("d", {3, 1})).error().outcome, Outcome::kFull);
+}
+
+/// Sentences of a registry.
+struct Sentences {
+  RegistryReport taker() {
+    return [this](std::string_view sentence) {
+      const std::lock_guard lock(mutex);
+      all.emplace_back(sentence);
+    };
+  }
+  std::mutex mutex;
+  std::vector<std::string> all;
+};
+
+// One program of this host claims to be thousands of servers.
+TEST(Directory, LeavesRoomForOthersWhereOneHostInventsServers) {
+  Sentences sentences;
+  const auto servant = make_servant({.name_count_own_host_max = 40, .owner_count_own_host_max = 30},
+                                    sentences.taker());
+  ServedRegistry registry(*servant);
+  rpc::Node node;
+  Directory directory(node, registry.url());
+  const auto honest = Registration::create(node, registry.url(), "lab/arm0",
+                                           "rtpm://127.0.0.1:4711/lab/arm0", "lab.Arm");
+  ASSERT_TRUE(honest) << honest.error().text;
+  int count = 0;
+  std::optional<Outcome> refused;
+  for (; count < 100; ++count) {
+    const auto bound =
+        directory.bind(wish("n" + std::to_string(count), {100U + static_cast<unsigned>(count), 1}));
+    if (bound) {
+      EXPECT_EQ(bound->lease, 10s) << "and for an hour nobody has a name that came just now";
+      continue;
+    }
+    EXPECT_EQ(bound.error().outcome, Outcome::kHostOwnersFull);
+    expect_part(bound.error().text, "--servers-per-host-max");
+    refused = bound.error().outcome;
+  }
+  EXPECT_TRUE(refused);
+  EXPECT_EQ(directory.list()->size(), 30U);
+  EXPECT_TRUE((*honest)->is_bound());
+  auto client = NamesClient::bind(node, registry.url());
+  ASSERT_TRUE(client);
+  {
+    const auto report = client->report();
+    ASSERT_TRUE(report) << rpc::to_string(report.error());
+    EXPECT_EQ((*report)->name_count(), 30U);
+    EXPECT_EQ((*report)->owner_count(), 30U);
+    ASSERT_EQ((*report)->refused()->size(), 1U);
+    EXPECT_EQ((*report)->refused()->Get(0)->outcome(), OutcomeCode::HostOwnersFull);
+    EXPECT_EQ((*report)->refused()->Get(0)->count(), 71U);
+    ASSERT_EQ((*report)->hosts()->size(), 1U);
+    EXPECT_EQ((*report)->hosts()->Get(0)->host()->str(), "127.0.0.1");
+    EXPECT_EQ((*report)->hosts()->Get(0)->name_count(), 30U);
+  }
+  const std::lock_guard lock(sentences.mutex);
+  ASSERT_GE(sentences.all.size(), 1U);
+  EXPECT_LT(sentences.all.size(), 71U) << "they are no flood themselves";
+  expect_part(sentences.all[0],
+              "refused a bind from 127.0.0.1: the name 'n29' is of one more server");
+}
+
+TEST(Directory, ReportsWhoTookANameFromWhom) {
+  Sentences sentences;
+  const auto servant = make_servant({}, sentences.taker());
+  ServedRegistry registry(*servant);
+  rpc::Node node;
+  Directory directory(node, registry.url());
+  ASSERT_TRUE(directory.bind(wish("lab/arm0")));
+  Store::Wish taking = wish("lab/arm0", kStranger);
+  taking.url = "rtpm://127.0.0.1:4712/object";
+  taking.allows_takeover = true;
+  ASSERT_TRUE(directory.rebind(taking));
+  for (int i = 0; i < 10; ++i) {
+    taking.owner.id = 10U + static_cast<unsigned>(i);
+    ASSERT_TRUE(directory.rebind(taking));
+  }
+  const std::lock_guard lock(sentences.mutex);
+  ASSERT_GE(sentences.all.size(), 1U);
+  EXPECT_LT(sentences.all.size(), 11U);
+  EXPECT_EQ(sentences.all[0],
+            "the name 'lab/arm0' was taken from 'rtpm://127.0.0.1:4711/object', bound from "
+            "127.0.0.1, by 'rtpm://127.0.0.1:4712/object' from 127.0.0.1");
 }
 
 TEST(Owner, IsTheServerWhateverTheObject) {

@@ -126,7 +126,12 @@ TEST_F(RegistrationTest, ReportsOnceThatNoRegistryAnswersAndOnceThatItIsBack) {
 TEST_F(RegistrationTest, ReportsWhoTookTheNameAndTakesItBackWhenItIsFree) {
   const auto registration = create();
   ASSERT_TRUE(registration) << registration.error().text;
-  ASSERT_TRUE(directory_.rebind({kName, kStrangersUrl, kInterface, kStranger, 1h}));
+  ASSERT_TRUE(directory_.rebind({.name = kName,
+                                 .url = kStrangersUrl,
+                                 .interface = kInterface,
+                                 .owner = kStranger,
+                                 .lease = 1h,
+                                 .allows_takeover = true}));
   const std::vector<std::string> lost = reports_.await(1);
   ASSERT_EQ(lost.size(), 1U);
   expect_part(lost[0], "held by another server");
@@ -141,7 +146,12 @@ TEST_F(RegistrationTest, LeavesANameThatSomebodyElseTookAlone) {
   {
     const auto registration = create(1h);
     ASSERT_TRUE(registration) << registration.error().text;
-    ASSERT_TRUE(directory_.rebind({kName, kStrangersUrl, kInterface, kStranger, 1h}));
+    ASSERT_TRUE(directory_.rebind({.name = kName,
+                                   .url = kStrangersUrl,
+                                   .interface = kInterface,
+                                   .owner = kStranger,
+                                   .lease = 1h,
+                                   .allows_takeover = true}));
   }
   EXPECT_EQ(url_of(kName), kStrangersUrl);
 }
@@ -159,6 +169,20 @@ TEST_F(RegistrationTest, WaitsForTheLeaseOfADeadHolder) {
   ASSERT_TRUE(directory_.bind({kName, kStrangersUrl, kInterface, kStranger, 200ms}));
   const auto registration = create();
   ASSERT_TRUE(registration) << registration.error().text;
+  EXPECT_EQ(url_of(kName), kUrl);
+}
+
+TEST_F(RegistrationTest, TakesANameFromALivingServerOnlyWhereThatIsAllowed) {
+  const auto holder = Registration::create(node_, registry_.url(), kName, kStrangersUrl, kInterface,
+                                           1s, reports_.taker());
+  ASSERT_TRUE(holder) << holder.error().text;
+  const auto taker = Registration::create(node_, registry_.url(), kName, kUrl, kInterface, 1s, {},
+                                          Takeover::kAllowed);
+  ASSERT_TRUE(taker) << taker.error().text;
+  EXPECT_EQ(url_of(kName), kUrl);
+  // The former holder does not fight back.
+  ASSERT_EQ(reports_.await(1).size(), 1U);
+  EXPECT_TRUE((*taker)->is_bound());
   EXPECT_EQ(url_of(kName), kUrl);
 }
 
@@ -188,7 +212,7 @@ class WilfulRegistry final : public NamesServant {
   rpc::Result<void> bind(const BindRequest&, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext&) override {
     const Answer answer{is_refusing ? OutcomeCode::AlreadyBound : OutcomeCode::Done, 0};
-    reply.finish(CreateBindReply(reply.builder(), &answer));
+    reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, granted_ns));
     return {};
   }
   rpc::Result<void> rebind(const BindRequest&, rpc::ReplyBuilder<BindReply>&,
@@ -210,10 +234,25 @@ class WilfulRegistry final : public NamesServant {
   rpc::Result<Answer> unbind(const UnbindRequest&, const rpc::CallContext&) override {
     return Answer{OutcomeCode::Done, 0};
   }
+  rpc::Result<void> report(rpc::ReplyBuilder<Report>&, const rpc::CallContext&) override {
+    return unexpected{rpc::Refusal::kFailed};
+  }
 
   std::atomic<bool> is_refusing{false};
   std::atomic<int> renewal_count{0};
+  std::atomic<std::uint64_t> granted_ns{100'000'000};
 };
+
+// The registry grants less at first; who renewed by the lease that it asked for would lose the
+// name.
+TEST(Registration, RenewsByTheLeaseThatItWasGranted) {
+  WilfulRegistry servant;
+  ServedRegistry registry(servant);
+  rpc::Node node;
+  const auto registration = Registration::create(node, registry.url(), kName, kUrl, kInterface, 1h);
+  ASSERT_TRUE(registration) << registration.error().text;
+  EXPECT_TRUE(test::await([&] { return servant.renewal_count >= 2; }));
+}
 
 TEST(Registration, ReportsLossAndReturnOnceHoweverOftenItRenews) {
   WilfulRegistry servant;

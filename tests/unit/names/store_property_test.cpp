@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <random>
+#include <set>
 
 #include "rtpm/names/store.hpp"
 
@@ -30,27 +31,46 @@ class Model {
  public:
   static constexpr std::size_t kCountMax = 6;
   static constexpr std::size_t kCountPerOwnerMax = 4;
+  static constexpr std::size_t kCountPerHostMax = 4;
+  static constexpr std::size_t kOwnerCountPerHostMax = 2;
+  static constexpr Duration kFirstLeaseMax = 700ms;
 
   void advance(MonotonicTime now) {
     std::erase_if(records_, [&](const Record& record) { return record.expires <= now; });
   }
 
-  Answer bind(const Record& wished, bool replaces) {
+  Answer bind(Record wished, Duration lease, bool replaces, MonotonicTime now) {
     Record* const held = find(wished.name);
+    const bool is_kept = held != nullptr && held->owner == wished.owner;
+    wished.bound = is_kept ? held->bound : now;
+    wished.expires = now + lease_for(wished, lease, now);
     if (held == nullptr) {
       if (Answer place = place_for(wished.name); place.outcome != Outcome::kDone) return place;
       if (records_.size() >= kCountMax) return {Outcome::kFull};
-    } else if (held->owner.id == wished.owner.id) {
-      if (wished.owner.epoch < held->owner.epoch) return about(Outcome::kStaleEpoch, wished.name);
-      *held = wished;
-      return {};
-    } else if (!replaces) {
+    } else if (held->owner.id == wished.owner.id && wished.owner.epoch < held->owner.epoch) {
+      return about(Outcome::kStaleEpoch, wished.name);
+    } else if (!is_kept && !replaces &&
+               (held->owner.id != wished.owner.id || held->host != wished.host)) {
       return about(Outcome::kAlreadyBound, wished.name);
     }
-    const auto count = std::count_if(records_.begin(), records_.end(), [&](const Record& record) {
-      return record.owner.id == wished.owner.id;
-    });
-    if (static_cast<std::size_t>(count) >= kCountPerOwnerMax) return {Outcome::kOwnerFull};
+    const auto count_if = [&](auto predicate) {
+      return static_cast<std::size_t>(std::count_if(records_.begin(), records_.end(), predicate));
+    };
+    const auto is_its = [&](const Record& record) { return record.owner.id == wished.owner.id; };
+    const auto is_here = [&](const Record& record) { return record.host == wished.host; };
+    if ((held == nullptr || !is_its(*held)) && count_if(is_its) >= kCountPerOwnerMax) {
+      return {Outcome::kOwnerFull};
+    }
+    if ((held == nullptr || !is_here(*held)) && count_if(is_here) >= kCountPerHostMax) {
+      return {Outcome::kHostFull};
+    }
+    std::set<std::uint64_t> owners;
+    for (const Record& record : records_) {
+      if (is_here(record)) owners.insert(record.owner.id);
+    }
+    if (!owners.contains(wished.owner.id) && owners.size() >= kOwnerCountPerHostMax) {
+      return {Outcome::kHostOwnersFull};
+    }
     if (held != nullptr) {
       *held = wished;
     } else {
@@ -59,11 +79,11 @@ class Model {
     return {};
   }
 
-  Answer renew(const std::string& name, Owner owner, MonotonicTime expires) {
+  Answer renew(const std::string& name, Owner owner, Duration lease, MonotonicTime now) {
     Record* const held = find(name);
     if (held == nullptr) return missing(name);
     if (held->owner == owner) {
-      held->expires = expires;
+      held->expires = now + lease_for(*held, lease, now);
       return {};
     }
     const bool is_earlier = held->owner.id == owner.id && owner.epoch < held->owner.epoch;
@@ -97,6 +117,9 @@ class Model {
   }
 
  private:
+  static Duration lease_for(const Record& record, Duration lease, MonotonicTime now) {
+    return now - record.bound < kFirstLeaseMax ? std::min(lease, kFirstLeaseMax) : lease;
+  }
   static bool is_below(const std::string& name, const std::string& directory) {
     return name.starts_with(directory + "/");
   }
@@ -164,8 +187,11 @@ class StoreProperty : public testing::TestWithParam<unsigned> {
 };
 
 TEST_P(StoreProperty, BehavesAsTheModel) {
-  Store store(
-      {.name_count_max = Model::kCountMax, .name_count_per_owner_max = Model::kCountPerOwnerMax});
+  Store store({.name_count_max = Model::kCountMax,
+               .name_count_per_owner_max = Model::kCountPerOwnerMax,
+               .name_count_per_host_max = Model::kCountPerHostMax,
+               .owner_count_per_host_max = Model::kOwnerCountPerHostMax,
+               .first_lease_max = Model::kFirstLeaseMax});
   Model model;
   MonotonicTime now{};
   for (int step = 0; step < 2000; ++step) {
@@ -182,15 +208,20 @@ TEST_P(StoreProperty, BehavesAsTheModel) {
       case 1:
       case 2: {
         const bool replaces = below(4) == 0;
-        const Store::Wish wish{name, url, "lab.Arm", owner, lease};
+        const auto host = static_cast<std::uint32_t>(1 + below(2));
+        Store::Wish wish{name, url, "lab.Arm", owner, lease};
+        wish.host = host;
+        wish.allows_takeover = replaces;
         const auto result = replaces ? store.rebind(wish, now) : store.bind(wish, now);
-        ASSERT_EQ(answer_of(result),
-                  model.bind({name, url, "lab.Arm", owner, now + lease}, replaces));
+        ASSERT_EQ(
+            answer_of(result),
+            model.bind({.name = name, .url = url, .interface = {}, .owner = owner, .host = host},
+                       lease, replaces, now));
         break;
       }
       case 3:
         ASSERT_EQ(answer_of(store.renew(name, owner, lease, now)),
-                  model.renew(name, owner, now + lease));
+                  model.renew(name, owner, lease, now));
         break;
       case 4:
         ASSERT_EQ(answer_of(store.unbind(name, owner, now)), model.unbind(name, owner));

@@ -23,6 +23,13 @@ Store::Wish wish(std::string_view name, Owner owner = kArm, Duration lease = 2s)
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
+/// The same, with leave to take the name from whoever holds it.
+Store::Wish takeover(std::string_view name, Owner owner) {
+  Store::Wish taking = wish(name, owner);
+  taking.allows_takeover = true;
+  return taking;
+}
+
 /// What an operation gave, in a form that tests compare and print.
 struct Ending {
   Outcome outcome = Outcome::kDone;
@@ -123,7 +130,8 @@ TEST_P(Ownership, DecidesWhoMayDoWhat) {
     }
     static_cast<void>(store);
   };
-  const Store::Wish theirs = wish("lab/arm0", row.owner, 5s);
+  Store::Wish theirs = wish("lab/arm0", row.owner, 5s);
+  theirs.allows_takeover = true;
   auto store = held();
   expect_holder(*store, row.bind, store->bind(theirs, at(1s)));
   EXPECT_EQ(store->resolve("lab/arm0", at(1s)).value()->owner,
@@ -163,7 +171,7 @@ TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
 
 TEST_F(StoreTest, TellsTheOwnerThatLostANameToARebind) {
   ASSERT_TRUE(store_.bind(wish("lab/arm0"), at(0s)));
-  ASSERT_TRUE(store_.rebind(wish("lab/arm0", kStranger), at(0s)));
+  ASSERT_TRUE(store_.rebind(takeover("lab/arm0", kStranger), at(0s)));
   const auto renewed = store_.renew("lab/arm0", kArm, 2s, at(1s));
   ASSERT_EQ(ending_of(renewed), (Ending{Outcome::kNotOwner, 1}));
   EXPECT_EQ(renewed.error().holder->owner, kStranger);
@@ -230,14 +238,130 @@ TEST(StoreLimits, RefusesMoreNamesThanItMayHold) {
   EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}), at(0s))), (Ending{Outcome::kFull, 0}));
   // What is held can still be renewed, bound again and taken over.
   EXPECT_EQ(ending_of(store.bind(wish("a"), at(0s))), kDone);
-  EXPECT_EQ(ending_of(store.rebind(wish("a", kStranger), at(0s))), kDone);
-  EXPECT_EQ(ending_of(store.rebind(wish("b", kStranger), at(0s))),
+  EXPECT_EQ(ending_of(store.rebind(takeover("a", kStranger), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.rebind(takeover("b", kStranger), at(0s))),
             (Ending{Outcome::kOwnerFull, 0}));
   // The room of a name that is gone is free again, for the registry and for its owner.
   ASSERT_TRUE(store.unbind("c", kStranger, at(0s)));
-  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}, 1h), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}, 10s), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.bind(wish("e", kArm), at(2s))), kDone);
   EXPECT_EQ(store.size(), 2U);
+}
+
+constexpr std::uint32_t kOwnHost = 0x7f00'0001;
+constexpr std::uint32_t kNearHost = 0x0a00'0001;
+constexpr std::uint32_t kFarHost = 0x0a00'0002;
+
+Store::Wish wish_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
+  Store::Wish from = wish(name, owner);
+  from.host = host;
+  return from;
+}
+
+TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
+  Store store({}, 100);
+  const auto first = store.bind(wish("lab/arm0"), at(0s));
+  ASSERT_TRUE(first);
+  EXPECT_EQ(first->revision, 100u);
+  EXPECT_FALSE(first->is_takeover);
+  Store::Wish taking = wish("lab/arm0", kStranger);
+  const auto without = store.rebind(taking, at(0s));
+  EXPECT_EQ(ending_of(without), (Ending{Outcome::kAlreadyBound, 1}));
+  EXPECT_EQ(without.error().holder->revision, first->revision);
+  taking.holder_revision = 99;
+  EXPECT_EQ(ending_of(store.rebind(taking, at(0s))), (Ending{Outcome::kStaleRevision, 1}));
+  EXPECT_EQ(store.resolve("lab/arm0", at(0s)).value()->owner, kArm);
+  taking.holder_revision = first->revision;
+  EXPECT_EQ(ending_of(store.bind(taking, at(0s))), (Ending{Outcome::kAlreadyBound, 1}))
+      << "bind takes nothing from anybody";
+  const auto taken = store.rebind(taking, at(0s));
+  ASSERT_TRUE(taken);
+  EXPECT_TRUE(taken->is_takeover);
+  EXPECT_GT(taken->revision, first->revision);
+  // The former holder, in turn, knows no revision that would do.
+  Store::Wish back = wish("lab/arm0");
+  back.holder_revision = first->revision;
+  EXPECT_EQ(ending_of(store.rebind(back, at(0s))), (Ending{Outcome::kStaleRevision, 1}));
+}
+
+TEST(StoreRevision, StaysWithItsHolder) {
+  Store store;
+  const auto first = store.bind(wish("lab/arm0"), at(0s));
+  ASSERT_TRUE(store.renew("lab/arm0", kArm, 2s, at(1s)));
+  EXPECT_EQ(store.bind(wish("lab/arm0"), at(1s))->revision, first->revision);
+  const auto later = store.bind(wish("lab/arm0", kArmRestarted), at(1s));
+  EXPECT_NE(later->revision, first->revision) << "another start is another holder";
+  ASSERT_TRUE(store.unbind("lab/arm0", kArmRestarted, at(1s)));
+  EXPECT_NE(store.bind(wish("lab/arm0", kArmRestarted), at(1s))->revision, later->revision);
+}
+
+// Anybody could claim to be a later start, so one from elsewhere has to wait.
+TEST(StoreRestart, GetsItsNameBackAtOnceFromItsHostAndElseWithTheLease) {
+  Store store;
+  ASSERT_TRUE(store.bind(wish_from(kNearHost, "lab/arm0"), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(wish_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))),
+            (Ending{Outcome::kAlreadyBound, 1}));
+  EXPECT_EQ(ending_of(store.bind(wish_from(kNearHost, "lab/arm0", kArmRestarted), at(1s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(wish_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))), kDone)
+      << "the same start may come by another way";
+  constexpr Owner kLater{.id = kArm.id, .epoch = 12};
+  EXPECT_EQ(ending_of(store.bind(wish_from(kNearHost, "lab/arm0", kLater), at(3s))), kDone)
+      << "its lease has ended";
+}
+
+TEST(StoreFirstLease, IsShortUntilTheNameHasBeenHeldForSo) {
+  Store store;  // 10 s
+  const auto granted = store.bind(wish("lab/arm0", kArm, 1h), at(0s));
+  ASSERT_TRUE(granted);
+  EXPECT_EQ(granted->lease, 10s);
+  EXPECT_EQ(store.bind(wish("lab/short", kArm, 2s), at(0s))->lease, 2s);
+  ASSERT_TRUE(store.bind(wish("lab/dead", kStranger, 1h), at(0s)));
+  ASSERT_TRUE(store.renew("lab/arm0", kArm, 1h, at(1s)));
+  EXPECT_EQ(store.resolve("lab/arm0", at(1s)).value()->expires, at(11s))
+      << "a renewal at once gets no more";
+  EXPECT_FALSE(store.resolve("lab/dead", at(10s)));
+  ASSERT_TRUE(store.renew("lab/arm0", kArm, 1h, at(10s)));
+  EXPECT_EQ(store.resolve("lab/arm0", at(10s)).value()->expires, at(1h + 10s));
+  EXPECT_EQ(store.bind(wish("lab/arm0", kArm, 1h), at(11s))->lease, 1h) << "it holds it still";
+  EXPECT_EQ(store.bind(wish("lab/arm0", kArmRestarted, 1h), at(11s))->lease, 10s);
+}
+
+// One host invents owners, each with a name; then owners with many names.
+TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
+  Store store;
+  const Limits limits;
+  const auto fill = [&](std::uint32_t host, std::uint64_t first_owner, std::size_t names_of_each) {
+    std::size_t count = 0;
+    while (true) {
+      const Owner owner{.id = first_owner + count / names_of_each, .epoch = 1};
+      const std::string name = "n" + std::to_string(host) + "/" + std::to_string(count);
+      const auto bound = store.bind(wish_from(host, name, owner), at(0s));
+      if (!bound) return std::pair{count, bound.error().outcome};
+      ++count;
+    }
+  };
+  EXPECT_EQ(fill(kNearHost, 1'000, 1),
+            std::pair(limits.owner_count_per_host_max, Outcome::kHostOwnersFull));
+  EXPECT_EQ(fill(kFarHost, 2'000, 16),
+            std::pair(limits.name_count_per_host_max, Outcome::kHostFull));
+  EXPECT_EQ(fill(kOwnHost, 3'000, 16),
+            std::pair(limits.name_count_own_host_max, Outcome::kHostFull));
+  EXPECT_EQ(ending_of(store.bind(wish_from(kOwnHost + 1, "more"), at(0s))),
+            (Ending{Outcome::kHostFull, 0}))
+      << "its addresses are one host";
+  const auto uses = store.hosts(2);
+  ASSERT_EQ(uses.size(), 2u);
+  EXPECT_EQ(uses[0].host, kOwnHost);
+  EXPECT_EQ(uses[0].name_count, limits.name_count_own_host_max);
+  EXPECT_EQ(uses[1].host, kFarHost);
+  EXPECT_EQ(uses[1].owner_count, 32u);
+  // Others find room, and those that are full renew what they have.
+  EXPECT_TRUE(store.bind(wish_from(0x0a00'0003, "lab/arm0", kArm), at(1s)));
+  EXPECT_TRUE(store.renew("n167772161/0", {1'000, 1}, 2s, at(1s)));
+  EXPECT_TRUE(store.bind(wish_from(kNearHost, "n167772161/0", {1'000, 2}), at(1s)));
+  // What is gone counts no more.
+  EXPECT_TRUE(store.bind(wish_from(kFarHost, "again"), at(2s)));
+  EXPECT_EQ(store.hosts(9).size(), 3u);
 }
 
 TEST_F(StoreTest, ListsWhatIsAtOrBelowADirectory) {

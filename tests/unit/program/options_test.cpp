@@ -393,6 +393,44 @@ TEST_F(OptionsTest, TakesPositionalsInOrderAndTheRestAsAList) {
             std::string::npos);
 }
 
+TEST_F(OptionsTest, TellsOfVerbsOneALineAndOfEachByItself) {
+  std::string verb;
+  std::vector<std::string> arguments;
+  const auto add_verbs = [&](Options& options) {
+    options.add_positional("VERB", verb, "What to do", Presence::kRequired);
+    options.add_positional("ARGUMENTS", arguments, "With what");
+    options.add_verb("list", "[TARGET]", "List what there is");
+    options.add_verb("call", "TARGET METHOD", "Call a method", "TARGET is a name.\n");
+  };
+  const Outcome help = parse_into(values_, {"--help"}, add_verbs);
+  EXPECT_EQ(help.exit_code, 0);
+  EXPECT_NE(help.out.find("\n  list [TARGET]                   List what there is\n"
+                          "  call TARGET METHOD              Call a method\n"),
+            std::string::npos)
+      << help.out;
+  for (const std::vector<std::string>& line : {std::vector<std::string>{"call", "--help"},
+                                               {"-h", "call"},
+                                               {"--port", "4", "call", "-h"}}) {
+    const Outcome one = parse_into(values_, line, add_verbs);
+    EXPECT_EQ(one.exit_code, 0);
+    for (const char* const part :
+         {"rtpm-test call: Call a method\n", "Usage: rtpm-test call TARGET METHOD [options]\n",
+          "TARGET is a name.\n", "--port NUMBER"}) {
+      EXPECT_NE(one.out.find(part), std::string::npos) << part << " in:\n" << one.out;
+    }
+    EXPECT_EQ(one.out.find("list"), std::string::npos) << one.out;
+  }
+  EXPECT_EQ(parse_into(values_, {"list", "a"}, add_verbs).exit_code, std::nullopt);
+  EXPECT_EQ(verb, "list");
+  for (const std::vector<std::string>& line :
+       {std::vector<std::string>{"cal"}, {"cal", "--help"}}) {
+    const Outcome unknown = parse_into(values_, line, add_verbs);
+    EXPECT_EQ(unknown.exit_code, 2);
+    EXPECT_NE(unknown.err.find("unknown verb 'cal' (did you mean 'call'?)"), std::string::npos)
+        << unknown.err;
+  }
+}
+
 TEST_F(OptionsTest, RefusesAnArgumentThatNobodyTakes) {
   expect_error({"stray"}, {"unexpected argument 'stray'"});
 }

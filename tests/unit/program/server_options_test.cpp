@@ -147,6 +147,8 @@ TEST_F(ServerOptions, SetTheServer) {
                       "3",
                       "--streams-max",
                       "4",
+                      "--stream-bytes-max",
+                      "65536",
                       "--local-oneways-max",
                       "100",
                       "--setup-report"}))
@@ -165,6 +167,7 @@ TEST_F(ServerOptions, SetTheServer) {
   EXPECT_EQ(server.large_message_count_max, 2u);
   EXPECT_EQ(server.deferred_call_count_max, 3u);
   EXPECT_EQ(server.stream_count_max, 4u);
+  EXPECT_EQ(server.stream_byte_max, 65536u);
   EXPECT_EQ(server.local_oneway_count_max, 100u);
   EXPECT_TRUE(settings_.shows_setup);
 }

@@ -1,4 +1,6 @@
 #include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <array>
 #include <set>
@@ -6,6 +8,8 @@
 #include <thread>
 #include <vector>
 
+#include "node_impl.hpp"
+#include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -51,8 +55,28 @@ TEST_P(BindErrors, SayThatANameNeedsAResolver) {
 
 TEST_P(BindErrors, SayThatNobodyIsThere) {
   const std::string port = std::to_string(free_port());
+  std::string cause = "nobody serves the address";
+  if (GetParam() == Transport::kTcp) cause = "nobody answers at TCP 127.0.0.1:" + port;
+  if (GetParam() == Transport::kSharedMemory) cause = "gives no shared memory";
   expect_text(error_of(node_, "rtpm://127.0.0.1:" + port + "/echo"),
-              {"'echo'", "rtpm://127.0.0.1:" + port, "nobody serves the address"});
+              {"'echo'", "rtpm://127.0.0.1:" + port, cause});
+}
+
+// Nobody knows whether the server is there.
+TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([this]() -> std::string {
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    const auto bound = Binding::bind(node_, "rtpm://127.0.0.1:4711/echo", echo::kInterface);
+    if (bound) return "it is bound";
+    if (bound.error().cause != CallError::kNoResources) return "another cause";
+    return bound.error().text;
+  });
+  expect_text(child.said, {"'echo' can't be bound at rtpm://127.0.0.1:4711", "Too many open files",
+                           "Remedy: raise the limit of open files"});
+  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST_P(BindErrors, SayThatTheHostHasNoAddress) {
@@ -64,6 +88,19 @@ TEST_P(BindErrors, AreNoneForAHostName) {
   const EchoServer server;
   const std::string port = std::to_string(server.server->port());
   EXPECT_EQ(error_of(node_, "rtpm://localhost:" + port + "/echo"), "");
+}
+
+TEST_P(BindErrors, NameTheObjectsThatAreMostLikeTheOneThatIsNotThere) {
+  echo::Servant servant;
+  auto server = Server::create(quiet_config());
+  ASSERT_TRUE(server) << server.error().text;
+  for (const char* path : {"lab/arm0", "lab/arm1", "rtpm/introspection", "lab/hand", "lab/arm2"})
+    ASSERT_TRUE((*server)->add(path, servant));
+  ASSERT_TRUE((*server)->start());
+  expect_text(error_of(node_, (*server)->url("lab/arm7")),
+              {"no object 'lab/arm7'",
+               "; most like it there: lab/arm0, lab/arm1, lab/arm2, "
+               "lab/hand. Remedy"});
 }
 
 TEST_P(BindErrors, SayThatTheObjectIsNotThere) {
@@ -166,7 +203,7 @@ TEST(BindHandshake, SaysThatVersionsDiffer) {
 class OneName final : public Resolver {
  public:
   explicit OneName(std::string url) : url_(std::move(url)) {}
-  expected<std::string, SetupError> resolve(std::string_view name) override {
+  expected<std::string, SetupError> resolve(std::string_view name, MonotonicTime) override {
     if (name == "lab/echo") return url_;
     return setup_error("name '" + std::string(name) + "' is not bound. Remedy: start its server.");
   }
@@ -192,6 +229,33 @@ TEST(BindByName, SaysThatTheResolversAnswerIsNoUrl) {
   Node node(quiet_node());
   node.use(resolver);
   expect_text(error_of(node, "lab/echo"), {"'nonsense'", "no RTPM URL", "Remedy"});
+}
+
+// Servers come and go at ports of their own; what a node keeps of them is bounded.
+TEST(BindEndpoints, OfServersThatAreGoneAreGivenUp) {
+  Node node(quiet_node(Transport::kTcp));
+  constexpr std::size_t kServerCount = 3 * Node::Impl::kUnusedEndpointMax;
+  const EchoServer lasting;
+  Binding stays = bind_echo(node, lasting);
+  for (std::size_t i = 0; i < kServerCount; ++i) {
+    const EchoServer server;
+    Binding binding = bind_echo(node, server, {.is_private = i % 2 == 0});
+    ASSERT_TRUE(binding.call(echo::kEcho, {}));
+  }
+  EXPECT_LE(node.impl().endpoint_count(), Node::Impl::kUnusedEndpointMax + 1);
+  EXPECT_TRUE(stays.call(echo::kEcho, {}));
+}
+
+// One that is bound again soon needs no new session.
+TEST(BindEndpoints, KeepTheirSessionsBetweenBindings) {
+  const EchoServer server;
+  Node node(quiet_node());
+  const auto session_of = [&] {
+    Binding binding = bind_echo(node, server);
+    return place_of(binding).session;
+  };
+  const auto session = session_of();
+  EXPECT_EQ(session_of(), session);
 }
 
 /// A servant whose interface has so many methods that no datagram holds their list.
@@ -230,7 +294,7 @@ TEST(BindMethodList, MayEndBeforeTheInterfaceDoes) {
 
 TEST(CallErrors, AreEachExplained) {
   std::set<std::string_view> texts;
-  constexpr int kLast = static_cast<int>(CallError::kStopped);
+  constexpr int kLast = static_cast<int>(CallError::kStreamLost);
   for (int error = 0; error <= kLast; ++error) {
     const std::string_view text = to_string(static_cast<CallError>(error));
     EXPECT_FALSE(text.empty());

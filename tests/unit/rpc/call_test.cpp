@@ -51,13 +51,14 @@ class FakeServer {
 
  private:
   void serve(const OnCall& on_call) {
-    transport::Descriptor connection;
-    while (!is_stopping_ && !connection.is_open()) {
-      if (transport::wait_readable(listener_.descriptor(), rt::now() + 10ms)) {
-        connection = listener_.accept();
+    while (!is_stopping_) {
+      if (!transport::wait_readable(listener_.descriptor(), rt::now() + 10ms)) continue;
+      if (auto connection = listener_.accept().socket; connection.is_open()) {
+        serve(std::move(connection), on_call);
       }
     }
-    if (!connection.is_open()) return;
+  }
+  void serve(transport::Descriptor connection, const OnCall& on_call) {
     transport::FrameStream stream(std::move(connection), 64 * 1024);
     while (!is_stopping_) {
       const auto frame = stream.receive();
@@ -183,7 +184,9 @@ TEST(Call, TellsWhatTheServersStatusMeans) {
   EXPECT_EQ(error_for(Status::kServantFailed), CallError::kServantFailed);
   EXPECT_EQ(error_for(Status::kTooLarge), CallError::kTooLarge);
   EXPECT_EQ(error_for(Status::kPriorityNotAllowed), CallError::kPriorityNotAllowed);
-  EXPECT_EQ(error_for(Status::kWrongBand), CallError::kRefused);
+  EXPECT_EQ(error_for(Status::kWrongBand), CallError::kWrongBand);
+  EXPECT_EQ(error_for(Status::kWrongInterface), CallError::kWrongInterface);
+  EXPECT_EQ(error_for(Status::kUnknownSession), CallError::kRefused);
 }
 
 // A status of a later version: nobody can promise that the servant did not run.
@@ -191,6 +194,24 @@ TEST(Call, PromisesNothingForAStatusThatNobodyKnows) {
   // hp-5.1-7
   EXPECT_EQ(error_for(static_cast<wire::Status>(wire::kStatusCount)), CallError::kBadReply);
   EXPECT_EQ(error_for(static_cast<wire::Status>(0xffff)), CallError::kBadReply);
+}
+
+// hp-4.5-2: a call that was open may have run, also where the server goes on in the same life.
+TEST(Call, IsNotRepeatedAfterTheServerClosedItsSession) {
+  std::atomic<int> count{0};
+  FakeServer server([&](transport::FrameStream& stream, const wire::Header& call) {
+    ++count;
+    wire::Header close;
+    close.kind = wire::FrameKind::kClose;
+    close.session = call.session;
+    FakeServer::send(stream, close);
+  });
+  Node node(quiet_node(Transport::kTcp));
+  Binding binding = bind_to(node, server);
+  const auto reply = binding.call(echo::kEchoOnce, {}, {.deadline = 2s});
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error(), CallError::kStopped);
+  EXPECT_EQ(count, 1);
 }
 
 TEST(Call, MayWaitForEver) {

@@ -297,5 +297,50 @@ TEST(CrewSetUp, RefusesNumbersOutOfRange) {
   expect_text(error_of([](LaneConfig& lane) { lane.buffered_request_max = 4097; }), {"4096"});
 }
 
+/// Cancels two calls that wait for one that runs, the second of which also has a deadline, and lets
+/// that pass. How many of them the servant began.
+int begun_of_cancelled(LaneConfig lane) {
+  EchoServer server(quiet_config({lane}));
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  const auto begin = [&](const MethodDescriptor& method, Duration deadline) {
+    auto call = binding.begin(method, {}, {.deadline = deadline});
+    EXPECT_TRUE(call);
+    return std::move(*call);
+  };
+  {
+    // While the lane is busy nobody gets a session.
+    std::array<PendingReply, 3> sessions;
+    for (PendingReply& session : sessions)
+      session = begin(echo::kEcho, 20s);
+    for (PendingReply& session : sessions)
+      EXPECT_TRUE(session.take());
+  }
+  const int run_count = server.servant.run_count();
+  PendingReply hold = begin(echo::kHold, 60s);
+  EXPECT_TRUE(await([&] { return server.servant.gate().inside_count() == 1; }));
+  PendingReply waiting = begin(echo::kEchoOnce, 60s);
+  const MonotonicTime end = rt::now() + 20ms;
+  PendingReply impatient = begin(echo::kEchoOnce, 20ms);
+  waiting.cancel();
+  EXPECT_EQ(waiting.take().error(), CallError::kCancelled) << "at once, whatever the server does";
+  impatient.cancel();
+  EXPECT_TRUE(await([&] { return rt::now() > end; }));
+  server.servant.gate().open();
+  EXPECT_TRUE(hold.take());
+  EXPECT_TRUE(binding.call(echo::kEcho, {})) << "behind all that waited";
+  return server.servant.run_count() - run_count - 2;
+}
+
+// hp-5.9-2
+TEST(Cancellation, RecallsACallThatWaitsWhereTheLaneReceivesMeanwhile) {
+  EXPECT_EQ(begun_of_cancelled(lane_of(1, 4)), 0);
+}
+
+// It hears of it behind the call itself: only the deadline keeps the other one from running.
+TEST(Cancellation, IsHeardTooLateByALaneThatReceivesNothingMeanwhile) {
+  EXPECT_EQ(begun_of_cancelled(lane_of(1)), 1);
+}
+
 }  // namespace
 }  // namespace rtpm::rpc

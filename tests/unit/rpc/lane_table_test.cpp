@@ -206,13 +206,33 @@ TEST_F(ForeignTable, HasNoTextThatATerminalObeys) {
   EXPECT_EQ(table.read()[0].wait, "unknown");
 }
 
-TEST_F(ForeignTable, WhoseWriterStoppedInTheMiddleHasNoSample) {
-  slots_[0].sample.write({});
-  EXPECT_TRUE(found().read()[0].sample);
-  // The version of the sample is its first word; an odd one says that the rest is changing.
-  const std::uint64_t odd = 3;
-  std::memcpy(static_cast<void*>(&slots_[0].sample), &odd, sizeof odd);
-  EXPECT_FALSE(found().read()[0].sample);
+/// Lets the test look at the table while its writer stands in the middle of a write.
+struct Look {
+  static void pause() noexcept { at_pause(); }
+  static std::function<void()> at_pause;
+};
+std::function<void()> Look::at_pause{};
+
+TEST_F(ForeignTable, WhoseWriterStoppedInTheMiddleShowsTheSampleBefore) {
+  using Stopping = Latest<LaneSample, Look>;
+  static_assert(sizeof(Stopping) == sizeof(slots_[0].sample));
+  auto& written = *new (static_cast<void*>(&slots_[0].sample)) Stopping;
+  int look_count = 0;
+  Look::at_pause = [] {};
+  EXPECT_FALSE(found().read()[0].sample) << "nothing was served yet";
+  LaneSample sample;
+  sample.cycle_count = 1;
+  written.write(sample);
+  Look::at_pause = [&] {
+    ++look_count;
+    const auto seen = found().read()[0].sample;
+    ASSERT_TRUE(seen);
+    EXPECT_EQ(seen->cycle_count, 1u);
+  };
+  sample.cycle_count = 2;
+  written.write(sample);
+  EXPECT_GT(look_count, 1);
+  EXPECT_EQ(found().read()[0].sample->cycle_count, 2u);
 }
 
 TEST_F(ForeignTable, OfNoiseIsRead) {

@@ -1,9 +1,12 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <array>
+#include <atomic>
 #include <cstring>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -199,6 +202,62 @@ class LockingServant final : public Servant {
   std::mutex mutex_;
 };
 
+/// Answers with a stream, which the test feeds.
+class StreamingServant final : public Servant {
+ public:
+  [[nodiscard]] const InterfaceDescriptor& interface() const noexcept override {
+    return echo::kInterface;
+  }
+  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    writer = context.deferral->stream();
+    if (!writer) return {wire::Status::kOverload, 0};
+    has_writer = true;
+    return {};
+  }
+  ItemWriter writer{};
+  std::atomic<bool> has_writer{false};
+};
+
+TEST_P(NoAllocation, WithStreamsOfLargeItems) {
+  StreamingServant servant;
+  ServerConfig config = server_config();
+  // Every call that the lane has room for is a stream that waits for its turn.
+  config.deferred_call_count_max = 1;
+  const auto server = std::move(*Server::create(config));
+  ASSERT_TRUE(server->add("echo", servant));
+  ASSERT_TRUE(server->start());
+  Node node(node_config());
+  auto binding = Binding::bind(node, server->url("echo"), echo::kInterface,
+                               {.deadline = rtpm::test::kPatience});
+  ASSERT_TRUE(binding) << binding.error().text;
+  auto reader = binding->open_stream(echo::kEcho, {});
+  ASSERT_TRUE(reader);
+  ASSERT_TRUE(await([&] { return servant.has_writer.load(); }));
+  const Bytes item(200'000, std::byte{7});
+  constexpr int kItemCount = 20;
+  int good_count = 0;
+  std::thread producer([&] {
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < kItemCount; ++i) {
+      while (!servant.writer.write(item))
+        std::this_thread::yield();
+    }
+    servant.writer.finish();
+  });
+  {
+    const rt::NoAllocationScope no_allocation;
+    while (true) {
+      const auto got = reader->next(rt::now() + rtpm::test::kPatience);
+      if (!got || !*got) break;
+      if (std::ranges::equal(**got, item)) ++good_count;
+    }
+  }
+  producer.join();
+  EXPECT_EQ(good_count, kItemCount);
+  server->stop();
+}
+
 TEST(NoLock, IsBrokenByAServantThatTakesOneWithoutInheritance) {
   if (!rtpm::test::is_lock_guard_active()) GTEST_SKIP() << rtpm::test::kLockGuardInactive;
   LockingServant servant;
@@ -225,6 +284,42 @@ TEST(NoAllocationDeathTest, EndsTheProgramOfAServantThatAllocates) {
         static_cast<void>(binding.call(echo::kAllocate, {}));
       },
       testing::KilledBySignal(SIGABRT), "was called by a thread that allocates nothing any more");
+}
+
+/// Leads to one server, and later nowhere.
+class OneName final : public Resolver {
+ public:
+  explicit OneName(std::string url) : url_(std::move(url)) {}
+  expected<std::string, SetupError> resolve(std::string_view, MonotonicTime) override {
+    ++look_count;
+    if (leads) return url_;
+    return setup_error("it is not bound");
+  }
+  std::atomic<bool> leads{true};
+  std::atomic<int> look_count{0};
+
+ private:
+  std::string url_;
+};
+
+// The first calls of an outage have the name looked up, by another thread.
+TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
+  std::optional<EchoServer> server(std::in_place, server_config());
+  OneName name(server->url());
+  Node node(node_config());
+  node.use(name);
+  auto binding =
+      Binding::bind(node, "lab/echo", echo::kInterface, {.deadline = rtpm::test::kPatience});
+  ASSERT_TRUE(binding) << binding.error().text;
+  EXPECT_EQ(call_many(*binding, {}), 0);
+  server.reset();
+  name.leads = false;
+  {
+    const rt::NoAllocationScope no_allocation;
+    for (int i = 0; i < 3; ++i)
+      EXPECT_FALSE(binding->call(echo::kEcho, {}));
+  }
+  EXPECT_TRUE(await([&] { return name.look_count >= 2; })) << "one was the bind's";
 }
 
 }  // namespace

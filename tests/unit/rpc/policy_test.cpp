@@ -109,7 +109,7 @@ TEST_P(PolicyTable, HoldsForARow) {
   const bool is_refused = row.has_bands && row.model == PriorityModel::kClientPropagated;
   ASSERT_EQ(outside.has_value(), !is_refused);
   if (is_refused) {
-    EXPECT_EQ(outside.error(), CallError::kPriorityNotAllowed);
+    EXPECT_EQ(outside.error(), CallError::kWrongBand);
   }
   server->stop();
 }
@@ -153,7 +153,7 @@ TEST(Policy, RefusesAReceiptOutsideOfAllBands) {
   Binding binding = bind_echo(node, server);
   const auto sent = binding.send(echo::kEcho, {}, wire::Delivery::kReceipt, {.priority = kOutside});
   ASSERT_FALSE(sent);
-  EXPECT_EQ(sent.error(), CallError::kPriorityNotAllowed);
+  EXPECT_EQ(sent.error(), CallError::kWrongBand);
   EXPECT_EQ(server.servant.run_count(), 0);
 }
 

@@ -2,12 +2,15 @@
 
 #include <gtest/gtest.h>
 #include <sched.h>
+#include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <filesystem>
 #include <fstream>
 #include <memory>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "rtpm/rt/budget.hpp"
@@ -15,6 +18,7 @@
 #include "rtpm/rt/report.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/transport/link.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -24,6 +28,7 @@ namespace rtpm::rpc {
 namespace {
 
 using namespace test;
+using namespace std::chrono_literals;
 
 /// The text with which the set-up fails; empty if it does not.
 std::string error_of(ServerConfig config) {
@@ -40,6 +45,51 @@ TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
   EXPECT_TRUE(wire::parse_url((*server)->url("lab/arm0")));
   EXPECT_FALSE(transport::TcpListener::open("127.0.0.1", (*server)->port()));
   EXPECT_FALSE(transport::UdpPort::open({.port = (*server)->port()}));
+}
+
+TEST(ServerSetUp, ServesTheAddressOfAHostName) {
+  ServerConfig config = quiet_config();
+  config.host = "localhost";
+  const auto server = Server::create(config);
+  ASSERT_TRUE(server) << server.error().text;
+  EXPECT_EQ((*server)->url("lab/arm0"),
+            "rtpm://127.0.0.1:" + std::to_string((*server)->port()) + "/lab/arm0");
+  config.host = "no-such-host.invalid";
+  expect_text(error_of(config), {"server 'test'", "host 'no-such-host.invalid'", "Remedy"});
+}
+
+// Each caller that is turned away learns nothing more: the server's own user is to hear of it.
+TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    EchoServer server;
+    std::vector<std::unique_ptr<transport::Link>> links;
+    const auto open = [&] {
+      auto link =
+          transport::open_tcp_link("127.0.0.1", server.server->port(), 0, 1000, rt::now() + 20s);
+      if (link) links.push_back(std::move(*link));
+      return link.has_value();
+    };
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    std::vector<int> held;
+    for (int held_next = dup(STDERR_FILENO); held_next >= 0; held_next = dup(STDERR_FILENO))
+      held.push_back(held_next);
+    for (int i = 0; i < 4; ++i) {
+      // For the caller's end, which is in this process, too.
+      close(held.back());
+      held.pop_back();
+      if (!open()) return "no caller";
+      if (!transport::wait_readable(links.back()->descriptor(), rt::now() + 20s)) {
+        return "a caller waits";
+      }
+    }
+    return "";
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0) << child.errors;
+  expect_text(child.errors, {"rtpm: warning: a connection over TCP is turned away",
+                             "Too many open files", "Remedy: raise the limit of open files"});
+  EXPECT_EQ(std::ranges::count(child.errors, '\n'), 1) << child.errors;
 }
 
 TEST(ServerSetUp, SaysThatItsPortIsBusyAndWhatToDo) {
@@ -216,6 +266,8 @@ TEST(ServerLife, LeavesNoThreadBehindWhenItHasStopped) {
     const std::filesystem::directory_iterator tasks("/proc/self/task");
     return std::distance(begin(tasks), end(tasks));
   };
+  // ThreadSanitizer starts a thread of its own with the program's first, for good.
+  std::thread([] {}).join();
   const auto before = thread_count();
   LaneConfig lane = quiet_lane();
   lane.cpus = {rt::usable_cpus().front()};

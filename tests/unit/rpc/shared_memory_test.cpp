@@ -53,7 +53,7 @@ TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
   Node strict(quiet_node(Transport::kSharedMemory));
   const auto none = Binding::bind(strict, server.url(), echo::kInterface);
   ASSERT_FALSE(none);
-  expect_text(none.error().text, {"'echo'", "nobody serves the address"});
+  expect_text(none.error().text, {"'echo'", "gives no shared memory", "Remedy"});
 }
 
 TEST(SharedMemoryChoice, IsTheCallersToMake) {

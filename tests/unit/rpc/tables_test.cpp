@@ -137,6 +137,19 @@ TEST(ValidTable, IsNeverWhatWasCutOrSpoilt) {
   }
 }
 
+// hp-12-5
+TEST(ValidTable, HasNoSizePrefixAndNeedsNoIdentifier) {
+  const Bytes plain = encoded_note("plain");
+  EXPECT_TRUE(is_valid_table<Note>(plain));
+  flatbuffers::FlatBufferBuilder named;
+  named.Finish(create_note(named, "named", 1), "RTPM");
+  EXPECT_TRUE(is_valid_table<Note>(table_bytes(named)));
+  Bytes prefixed(4, std::byte{0});
+  prefixed[0] = static_cast<std::byte>(plain.size());
+  prefixed.insert(prefixed.end(), plain.begin(), plain.end());
+  EXPECT_FALSE(is_valid_table<Note>(prefixed));
+}
+
 class TableCalls : public testing::Test {
  protected:
   EchoServer server_;

@@ -121,6 +121,36 @@ TEST_P(Versions, WithoutATextMustBeEqual) {
   EXPECT_FALSE(bind(telling, kSilent));
 }
 
+// hp-6.1-6: 0 tells nothing, so that the methods decide.
+TEST_P(Versions, WithoutAFingerprintAreComparedByTheirMethods) {
+  Version server_side{"", 5};
+  server_side.interface.fingerprint = 0;
+  Version same{"", 5};
+  same.interface.fingerprint = 0;
+  Version other{"", 6};
+  other.interface.fingerprint = 0;
+  const VersionServer server(server_side);
+  EXPECT_TRUE(bind(server, same));
+  EXPECT_TRUE(bind(server, Version{"", 5}));
+  const auto refused = bind(server, other);
+  ASSERT_FALSE(refused);
+  expect_text(refused.error().text, {"method 'get' (id 1) is missing or differs there"});
+}
+
+// hp-6.1-6
+TEST_P(Versions, AreNotJudgedByTheServer) {
+  VersionServant servant(kNew);
+  ObjectTable objects;
+  ASSERT_TRUE(objects.add("versions", servant, {}, Priority::kHighest));
+  for (const std::uint64_t fingerprint : {std::uint64_t{0}, std::uint64_t{2}, ~std::uint64_t{0}}) {
+    std::array<std::byte, 256> request{};
+    const std::size_t size =
+        encode(wire::BindRequest{"versions", "test.Versions", fingerprint}, MutableBytes(request));
+    std::array<std::byte, 256> reply{};
+    EXPECT_EQ(objects.bind(ConstBytes(request).first(size), reply).status, wire::Status::kOk);
+  }
+}
+
 // hp-6.1-4: the next life of a server may be of another version.
 TEST_P(Versions, MayChangeWhileAClientStays) {
   auto server = std::make_unique<VersionServer>(kOld);

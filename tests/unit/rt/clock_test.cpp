@@ -6,6 +6,10 @@
 
 #include <atomic>
 #include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
 #include <thread>
 
 #include "rtpm/rt/host.hpp"
@@ -93,6 +97,21 @@ TEST(Host, SharesItsClockDomainBetweenProcesses) {
   EXPECT_EQ(clock_domain(), domain);
   const test::ChildResult child = test::run_in_child([] { return std::to_string(clock_domain()); });
   EXPECT_EQ(child.said, std::to_string(domain));
+}
+
+// hp-4.1-7
+TEST(Host, DrawsItsClockDomainFromBootAndTimeNamespace) {
+  const auto bytes_in = [](const char* path) {
+    std::ifstream file(path);
+    return std::string(std::istreambuf_iterator<char>(file), {});
+  };
+  std::error_code error;
+  const std::string space = std::filesystem::read_symlink("/proc/self/ns/time", error).string();
+  const std::string boot = bytes_in("/proc/sys/kernel/random/boot_id");
+  EXPECT_EQ(boot.size(), 37u) << "with the line feed";
+  EXPECT_EQ(clock_domain(), clock_domain_of(boot, space));
+  EXPECT_NE(clock_domain_of(boot, space), clock_domain_of(boot, "time:[1]"));
+  EXPECT_NE(clock_domain_of(boot, ""), clock_domain_of("0" + boot, ""));
 }
 
 TEST(Host, DrawsRandomNumbers) {

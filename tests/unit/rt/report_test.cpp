@@ -6,6 +6,7 @@
 #include <optional>
 
 #include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/cpu_latency.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -140,6 +141,18 @@ TEST(CpuLatency, ThatIsRequiredAndRefusedIsAnError) {
     return request ? std::string("granted") : request.error().text;
   });
   EXPECT_NE(child.said.find("Remedy: give the user write access"), child.said.npos) << child.said;
+}
+
+TEST(RepeatedWarning, IsSaidAtOnceAndThenNowAndThen) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    RepeatedWarning warning;
+    const MonotonicTime begin = now();
+    for (const int second : {0, 1, 9, 10, 11})
+      warning.say("it rains", begin + std::chrono::seconds{second});
+    return "";
+  });
+  EXPECT_EQ(child.errors,
+            "rtpm: warning: it rains\nrtpm: warning: it rains (And 2 times before.)\n");
 }
 
 }  // namespace

@@ -221,7 +221,8 @@ TEST_F(GeneratedAsync, LateRepliesAndItemsHaveTheirLargestSize) {
   const auto item = fits->next(now() + kPatience);
   ASSERT_TRUE(item && *item);
   EXPECT_EQ((*item)->text()->size(), 64u);
-  EXPECT_EQ(too_large->next(now() + kPatience).error(), CallError::kServantFailed);
+  EXPECT_EQ(too_large->next(now() + kPatience).error(), CallError::kTooLarge)
+      << "that is why it failed";
 }
 
 }  // namespace

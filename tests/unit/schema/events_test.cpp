@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <type_traits>
 
 #include "quantities.rtpm.events.hpp"
 #include "rtpm/events/defaults.hpp"
@@ -44,6 +45,15 @@ TEST(GeneratedEvents, OfAStructAreTheBareStruct) {
                        {"x", Scalar::of(1.0)}, {"y", Scalar::of(-2.0)}, {"z", Scalar::of(0.5)}}));
   EXPECT_EQ(TouchedEvent::kDescriptor.name, "lab.quantities.Touched");
   EXPECT_NE(TouchedEvent::kSchemaId, 0u);
+}
+
+TEST(GeneratedEvents, OfATableThatIsCalledAnEventAreNotCalledSoTwice) {
+  using lab::quantities::LeftEventTraits;
+  EXPECT_EQ(LeftEventTraits::kDescriptor.name, "lab.quantities.LeftEvent");
+  static_assert(
+      std::is_same_v<lab::quantities::LeftSupplier, rtpm::events::TypedSupplier<LeftEventTraits>>);
+  static_assert(
+      std::is_same_v<lab::quantities::LeftConsumer, rtpm::events::TypedConsumer<LeftEventTraits>>);
 }
 
 std::map<std::string, Scalar> numbers_of(const lab::quantities::MovedT& moved) {

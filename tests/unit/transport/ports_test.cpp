@@ -2,20 +2,24 @@
 #include <netinet/in.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
+#include <unistd.h>
 
 #include <array>
+#include <cerrno>
 #include <memory>
 #include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "accept.hpp"
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/link.hpp"
 #include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -85,11 +89,11 @@ TEST(TcpListener, SaysThatAnAddressIsNotThisHosts) {
 TEST(TcpListener, AcceptsWithoutWaiting) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
-  EXPECT_FALSE(listener->accept().is_open()) << "nobody is there";
+  EXPECT_FALSE(listener->accept().socket.is_open()) << "nobody is there";
   const auto link = open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s);
   ASSERT_TRUE(link) << link.error().text;
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
-  EXPECT_TRUE(listener->accept().is_open());
+  EXPECT_TRUE(listener->accept().socket.is_open());
 }
 
 // Left waiting they would wake the acceptor for ever.
@@ -107,7 +111,9 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
     }
     for (int i = 0; i < 3; ++i) {
       if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "nobody waits";
-      if (listener->accept().is_open()) return "there was a descriptor";
+      const Accepted accepted = listener->accept();
+      if (accepted.socket.is_open()) return "there was a descriptor";
+      if (accepted.shortage != EMFILE || accepted.still_waits) return "it does not say what it did";
     }
     if (wait_readable(listener->descriptor(), rt::now())) return "somebody still waits";
     for (const auto& link : links) {
@@ -115,6 +121,27 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
       if (link->receive().error() != IoError::kClosed) return "a client does not see its end";
     }
     return "";
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0) << child.errors;
+}
+
+// Nobody may be called to it again and again meanwhile.
+TEST(TcpListener, SaysThatAConnectionStillWaits) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    const auto listener = TcpListener::open(kHere, 0);
+    if (!listener) return listener.error().text;
+    const auto link = open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s);
+    if (!link) return link.error().text;
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    if (!wait_readable(listener->descriptor(), rt::now() + 20s)) return "nobody waits";
+    Descriptor spare;
+    const Accepted accepted = accept_or_turn_away(listener->descriptor(), spare);
+    if (accepted.shortage != EMFILE || !accepted.still_waits) return "it does not say so";
+    return wait_readable(listener->descriptor(), rt::now()) ? "" : "nobody waits any more";
   });
   EXPECT_EQ(child.said, "");
   EXPECT_EQ(child.status, 0) << child.errors;
@@ -190,9 +217,57 @@ TEST(Host, WithoutAnAddressIsNamed) {
 }
 
 TEST(Host, HasANumericAddress) {
-  EXPECT_EQ(*numeric_address_of("192.0.2.1"), "192.0.2.1");
-  EXPECT_EQ(*numeric_address_of("localhost"), "127.0.0.1");
-  EXPECT_FALSE(numeric_address_of("999.1.1.1"));
+  EXPECT_EQ(*numeric_address_of("192.0.2.1", rt::now()), "192.0.2.1");
+  EXPECT_EQ(*numeric_address_of("localhost", rt::now() + 20s), "127.0.0.1");
+  EXPECT_FALSE(numeric_address_of("999.1.1.1", rt::now() + 20s));
+}
+
+TEST(Host, WhoseNameNobodyKnowsIsNamed) {
+  const auto address = numeric_address_of("no-such-host.invalid", rt::now() + 20s);
+  ASSERT_FALSE(address);
+  expect_text(address.error().text,
+              {"host 'no-such-host.invalid'", "Remedy: check the name, or give a numeric address"});
+}
+
+// Whatever the name server does meanwhile.
+TEST(Host, IsNotWaitedForBeyondTheDeadline) {
+  const auto address = numeric_address_of("no-such-host.invalid", rt::now() - 1s);
+  ASSERT_FALSE(address);
+  expect_text(address.error().text, {"host 'no-such-host.invalid'"});
+}
+
+TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
+  const auto link = open_udp_link("255.255.255.255", 4711, 0);
+  ASSERT_FALSE(link);
+  expect_text(link.error().text, {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
+  EXPECT_FALSE(link.error().is_exhausted);
+}
+
+// Each says so, with the remedy, instead of that nobody is there.
+TEST(Descriptors, ThatAreUsedUpAreNamed) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    const std::vector<TransportError> errors{
+        open_udp_link(kHere, 4711, 0).error(),
+        open_tcp_link(kHere, 4711, 0, 1000, rt::now() + 20s).error(),
+        open_shared_memory_link({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
+        UdpPort::open({.host = kHere}).error(),
+        TcpListener::open(kHere, 0).error(),
+        Poller::open().error()};
+    std::string wrong;
+    for (const TransportError& error : errors) {
+      const bool is_named =
+          error.text.find("Too many open files") != error.text.npos &&
+          error.text.find("Remedy: raise the limit of open files") != error.text.npos;
+      if (!is_named || !error.is_exhausted) wrong += error.text + "\n";
+    }
+    return wrong;
+  });
+  EXPECT_EQ(child.said, "");
+  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(UdpPort, AnswersWhereADatagramCameFrom) {
@@ -348,7 +423,7 @@ TEST(TcpLink, CarriesFramesBothWays) {
   auto link = open_tcp_link(kHere, listener->port(), 0, 100'000, rt::now() + 20s);
   ASSERT_TRUE(link);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
-  FrameStream served(listener->accept(), 100'000);
+  FrameStream served(listener->accept().socket, 100'000);
   const Bytes request = frame_of(100'000);
   ASSERT_TRUE((*link)->send(request));
   Bytes received;
@@ -373,7 +448,7 @@ TEST(TcpLink, HasRoomForAWindowOfALargeMessage) {
       open_tcp_link(kHere, listener->port(), 0, wire::kStreamPayloadSizeMax, rt::now() + 20s);
   ASSERT_TRUE(late_reader);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
-  Descriptor socket = listener->accept();
+  Descriptor socket = listener->accept().socket;
   // What Linux allows by default (net.core.wmem_max), wherever this runs.
   const int usual_limit = 212'992;
   ASSERT_EQ(setsockopt(socket.number(), SOL_SOCKET, SO_SNDBUF, &usual_limit, sizeof usual_limit),
@@ -403,6 +478,16 @@ TEST(TrafficClass, FollowsThePriority) {
     EXPECT_EQ(type_of_service >> 2, row.dscp) << row.priority;
     EXPECT_EQ(queue, row.queue) << row.priority;
   }
+}
+
+// The system hands a client the port of a server that is gone, sooner or later.
+TEST(Link, IsNeverItsOwnPeer) {
+  const std::uint16_t number = free_port();
+  constexpr int kTryCountMax = 400'000;  // It has some 28 000 ports to hand out.
+  int count = 0;
+  while (count < kTryCountMax && open_udp_link(kHere, number, 0))
+    ++count;
+  EXPECT_LT(count, kTryCountMax) << "nobody has the port, and once it was the link's own";
 }
 
 }  // namespace

@@ -49,10 +49,12 @@ struct Host {
   /// Waits for the next client's request and answers it.
   std::optional<SharedMemoryClient> welcome() {
     EXPECT_TRUE(wait_readable(listener.descriptor(), soon()));
-    Descriptor socket = listener.accept();
+    Descriptor socket = listener.accept().socket;
     EXPECT_TRUE(socket.is_open());
     EXPECT_TRUE(wait_readable(socket.number(), soon()));
-    return welcome_shared_memory_client(std::move(socket));
+    auto client = welcome_shared_memory_client(std::move(socket));
+    if (!client.connection) return std::nullopt;
+    return client;
   }
 
   SharedMemoryAddress address;

@@ -2,10 +2,13 @@
 
 #include <fcntl.h>
 #include <signal.h>
+#include <sys/resource.h>
 #include <sys/wait.h>
+#include <unistd.h>
 
 #include <array>
 #include <atomic>
+#include <cerrno>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -237,6 +240,31 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
     ASSERT_FALSE(link) << answer.ring_size;
     expect_text(link.error().text, {"breaks the rules"});
   }
+}
+
+TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
+  const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
+    const SharedMemoryAddress address = own_address();
+    auto listener = SharedMemoryListener::open(address);
+    if (!listener) return listener.error().text;
+    std::string text;
+    std::thread client([&] {
+      const auto link = open_shared_memory_link(address, 0, soon());
+      text = link ? "there was memory" : link.error().text;
+    });
+    static_cast<void>(wait_readable(listener->descriptor(), soon()));
+    Accepted accepted = listener->accept();
+    static_cast<void>(wait_readable(accepted.socket.number(), soon()));
+    const rlimit few{64, 64};
+    setrlimit(RLIMIT_NOFILE, &few);
+    while (dup(STDERR_FILENO) >= 0) {
+    }
+    const int shortage = welcome_shared_memory_client(std::move(accepted.socket)).shortage;
+    client.join();
+    return shortage == EMFILE ? text : "no shortage: " + text;
+  });
+  expect_text(child.said, {"the server has no memory or no descriptor left", "ulimit -n"});
+  EXPECT_EQ(child.status, 0) << child.errors;
 }
 
 TEST(SharedMemory, SaysWhyItCanNotBeHad) {

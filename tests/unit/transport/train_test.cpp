@@ -272,7 +272,7 @@ TEST(TcpTrain, IsFramesOneBehindTheOther) {
   const auto link = open_tcp_link(kHere, listener->port(), 0, 10'000, rt::now() + 20s);
   ASSERT_TRUE(link) << link.error().text;
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
-  FrameStream served(listener->accept(), 10'000);
+  FrameStream served(listener->accept().socket, 10'000);
   const auto frames = frames_of(5, 100, 30);
   ASSERT_TRUE((*link)->send_train(train_of(frames)));
   std::vector<Bytes> received;

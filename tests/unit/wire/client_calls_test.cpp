@@ -221,6 +221,39 @@ TEST_F(ClientCalls, EndWithARefusalAsWithAReply) {
   EXPECT_TRUE(channel_.is_ready());
 }
 
+// hp-4.4-4: another lane of the server says so; the session is good.
+TEST_F(ClientCalls, ThatReachedAnotherLaneLoseNoSession) {
+  const Bytes call = begin_call(at(0s));
+  const ChannelEvent event = channel_.on_frame(refuse_frame(call, Status::kWrongBand), at(1ms));
+  EXPECT_EQ(event.kind, Kind::kReply);
+  EXPECT_EQ(event.status, Status::kWrongBand);
+  EXPECT_TRUE(channel_.is_ready());
+  const Bytes next = begin_call(at(2ms));
+  EXPECT_EQ(header_of(next).session, kSession);
+  EXPECT_EQ(channel_.on_frame(reply_frame(next, ""), at(3ms)).kind, Kind::kReply);
+}
+
+// hp-5.1-8
+TEST_F(ClientCalls, OutsideTheBandAreNotBegun) {
+  for (const int priority : {99, 201, 0, Priority::kHighest}) {
+    CallParameters outside = parameters(at(1s));
+    outside.priority = priority;
+    const auto frame = channel_.call(outside, request_, at(0s));
+    ASSERT_FALSE(frame) << priority;
+    EXPECT_EQ(frame.error(), Status::kWrongBand);
+  }
+  EXPECT_EQ(channel_.next_time(), kNever);
+  EXPECT_TRUE(channel_.call(parameters(at(1s)), request_, at(0s)));
+}
+
+// hp-5.5-2
+TEST(LostCalls, HaveNotRunOnlyIfTheServerWouldRememberTheirSession) {
+  EXPECT_TRUE(has_not_run(7, 7, at(1s), at(1s)));
+  EXPECT_TRUE(has_not_run(7, 7, at(1s), at(1s) + kSessionIdleMin - 1ns));
+  EXPECT_FALSE(has_not_run(7, 7, at(1s), at(1s) + kSessionIdleMin));
+  EXPECT_FALSE(has_not_run(7, 8, at(1s), at(1s))) << "another life may have run it";
+}
+
 // hp-4.4-3: taken for a reply it would tell the caller that a method ran which did not.
 TEST_F(ClientCalls, AreNotEndedByARefusalWithoutAReason) {
   const Bytes call = begin_call(at(0s));

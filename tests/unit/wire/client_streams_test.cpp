@@ -12,20 +12,29 @@ namespace {
 using namespace test;
 using namespace std::chrono_literals;
 
-constexpr std::size_t kItemSize = 64;
+constexpr std::uint32_t kItemSize = 64;
 
 class ClientStreams : public ClientChannelTest {
  protected:
-  explicit ClientStreams(Medium medium = Medium::kDatagram) : ClientChannelTest(medium, 2) {}
+  explicit ClientStreams(Medium medium = Medium::kDatagram)
+      : ClientChannelTest(medium, 2), medium_(medium) {}
   void SetUp() override { make_ready(at(0s)); }
 
-  /// Begins a call that takes `window` items at a time.
-  void begin(std::uint32_t window = 4, Duration patience = 1h, Duration lease = kStreamLease) {
-    CallParameters wanted = parameters(at(0s) + patience);
-    wanted.stream_lease = lease;
+  void give_room(CallParameters& wanted, std::uint32_t window) {
     memory_.resize(window * kItemSize);
     wanted.stream_window = window;
-    wanted.stream_memory = memory_;
+    wanted.stream_room = {.frames = memory_,
+                          .frame_size = kItemSize,
+                          .item = {},
+                          .byte_window = stream_bytes_first(medium_)};
+  }
+  /// Begins a call that takes `window` items at a time.
+  void begin(std::uint32_t window = 4, Duration patience = 1h, Duration lease = kStreamLease,
+             Duration silence = kStreamSilence) {
+    CallParameters wanted = parameters(at(0s) + patience);
+    wanted.stream_lease = lease;
+    wanted.stream_silence = silence;
+    give_room(wanted, window);
     const auto frame = channel_.call(wanted, request_, at(0s));
     ASSERT_TRUE(frame);
     call_ = copy_of(*frame);
@@ -83,6 +92,7 @@ class ClientStreams : public ClientChannelTest {
     EXPECT_EQ(credit->later, later);
   }
 
+  Medium medium_;
   Bytes memory_;
   Bytes call_;
   Bytes frame_;
@@ -98,7 +108,7 @@ class ClientStreamsOnAStream : public ClientStreams {
 TEST_F(ClientStreams, StateTheirWindowAndHowLongTheyAreSilent) {
   begin(4, 1h);
   EXPECT_EQ(header_of(call_).item, 4u);
-  EXPECT_EQ(header_of(call_).budget_us, 3'000'000u) << "not the hour that the stream may last";
+  EXPECT_EQ(header_of(call_).budget_us, 10'000'000u) << "not the hour that the stream may last";
   EXPECT_EQ(header_of(call_).flags, 0u);
 }
 
@@ -169,7 +179,7 @@ TEST_F(ClientStreams, AskWhenNothingCame) {
     EXPECT_LE(next - last, Duration{500ms});
     EXPECT_GE(next - last, gap) << "not oftener than before";
     gap = next - last;
-    if (next - at(1ms) >= kStreamLease) break;
+    if (next - at(1ms) >= kStreamSilence) break;
     const ChannelEvent event = channel_.on_time(next);
     ASSERT_EQ(event.kind, Kind::kSend);
     expect_credit(event.frame, 1, 0, 5, true);
@@ -237,7 +247,7 @@ TEST_F(ClientStreams, AskInTimeHoweverOftenTheCallWasRepeated) {
 
 // hp-5.10-7: asks may get lost, and still none takes the other for silent.
 TEST_F(ClientStreams, AskSeveralTimesWithinAShortLease) {
-  begin(4, 1h, 200ms);
+  begin(4, 1h, 200ms, 200ms);
   for (int i = 0; i < 100; ++i) {
     const MonotonicTime now = channel_.next_time();
     EXPECT_EQ(channel_.on_time(now).kind, Kind::kSend);
@@ -263,9 +273,66 @@ TEST_F(ClientStreams, AreLostWhenNothingIsHeardForThreeSeconds) {
   EXPECT_FALSE(channel_.is_open(index_));
 }
 
+// hp-5.10-7: a reader that does other things asks nothing, so nobody owes it an answer.
+TEST_F(ClientStreams, OutliveAReaderThatDoesOtherThings) {
+  begin(4);
+  static_cast<void>(item(0, at(1ms)));
+  EXPECT_EQ(drain(0), 1u);
+  // A question was asked, and its answer got lost; then nobody looked for long.
+  ASSERT_EQ(channel_.on_time(channel_.next_time()).kind, Kind::kSend);
+  const ChannelEvent event = channel_.on_time(at(9s));
+  ASSERT_EQ(event.kind, Kind::kSend);
+  expect_credit(event.frame, 1, 0, 5, true);
+  EXPECT_EQ(item(1, at(9s)).kind, Kind::kItems);
+}
+
+// hp-5.10-9
+TEST_F(ClientStreams, PutLargeItemsTogetherAndGrantTheirBytesMeanwhile) {
+  Random random(6);
+  const Bytes large = random_bytes(random, 2900);
+  CallParameters wanted = parameters(at(1h));
+  memory_.resize(std::size_t{stream_frame_count(Medium::kDatagram, 4, 2048)} * 1024);
+  Bytes item_room(3000);
+  wanted.stream_window = 4;
+  wanted.stream_room = {
+      .frames = memory_, .frame_size = 1024, .item = item_room, .byte_window = 2048};
+  const auto frame = channel_.call(wanted, request_, at(0s));
+  ASSERT_TRUE(frame);
+  call_ = copy_of(*frame);
+  const auto frames = item_frames(answer_header(call_, FrameKind::kItem), large, 1024);
+  ASSERT_EQ(frames.size(), 3u);
+  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
+  EXPECT_EQ(channel_.on_frame(frames[2], at(1ms)).kind, Kind::kSend) << "one is missing";
+  EXPECT_EQ(channel_.on_frame(frames[1], at(2ms)).kind, Kind::kItems);
+  const auto item = channel_.next_item(channel_.last_call());
+  ASSERT_TRUE(item);
+  EXPECT_EQ(copy_of(*item), large);
+}
+
+// hp-5.10-10: as it says in its HELLO.
+TEST_F(ClientStreams, DropItemsAboveTheirLimit) {
+  begin(4);
+  const auto frames = item_frames(answer_header(call_, FrameKind::kItem), Bytes(3001), 1024);
+  EXPECT_EQ(channel_.on_frame(frames[0], at(1ms)).kind, Kind::kNothing);
+  EXPECT_EQ(dropped(DropReason::kBadLength), 1u);
+}
+
+// hp-5.10-11, hp-8-1: what came ahead is found out when its turn comes.
+TEST_F(ClientStreams, DropFragmentsThatBelongToNoItem) {
+  begin(4);
+  Header header = answer_header(call_, FrameKind::kItem);
+  const auto stray = item_frames(header, Bytes(100), kItemSize);
+  EXPECT_EQ(channel_.on_frame(stray[1], at(1ms)).kind, Kind::kSend) << "0 is missing";
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 0u);
+  EXPECT_EQ(item(0, at(2ms)).kind, Kind::kItems);
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
+  EXPECT_EQ(item(1, at(3ms)).kind, Kind::kItems);
+  EXPECT_EQ(drain(0), 2u);
+}
+
 // hp-5.10-7
 TEST_F(ClientStreams, AreLostSoonerWhereTheClientWantsIt) {
-  begin(4, 1h, 1s);
+  begin(4, 1h, 1s, 1s);
   EXPECT_EQ(header_of(call_).budget_us, 1'000'000U);
   static_cast<void>(ack(0, at(1s)));
   ChannelEvent event;
@@ -326,7 +393,8 @@ TEST_F(ClientStreams, WaitForTheItemsThatTheReplyOvertook) {
 
 // hp-5.10-6
 TEST_F(ClientStreams, EndAtOnceWhereTheServerGaveThemUp) {
-  for (const Status status : {Status::kExpired, Status::kCancelled, Status::kStopping}) {
+  for (const Status status :
+       {Status::kExpired, Status::kCancelled, Status::kStopping, Status::kLost}) {
     make_ready(at(0s));
     begin(8);
     static_cast<void>(item(0, at(1ms)));
@@ -341,9 +409,9 @@ TEST_F(ClientStreams, EndAtOnceWhereTheServerGaveThemUp) {
 // hp-5.10-7
 TEST_F(ClientStreams, EndWithARefusal) {
   begin(8);
-  const ChannelEvent event = channel_.on_frame(refuse_frame(call_, Status::kExpired), at(1ms));
+  const ChannelEvent event = channel_.on_frame(refuse_frame(call_, Status::kLost), at(1ms));
   EXPECT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.status, Status::kExpired);
+  EXPECT_EQ(event.status, Status::kLost);
   EXPECT_FALSE(channel_.is_open(index_));
   begin(8);
   EXPECT_EQ(channel_.on_frame(refuse_frame(call_, Status::kUnknownSession), at(1ms)).kind,
@@ -400,14 +468,30 @@ TEST_F(ClientStreams, TakeNoItemThatWasNotGranted) {
   EXPECT_EQ(item(0, at(1ms)).kind, Kind::kItems);
 }
 
-TEST_F(ClientStreams, AnswerCopiesWithCreditAndCountThem) {
-  begin(4);
+// hp-5.10-4: a CREDIT for each copy would bring more copies.
+TEST_F(ClientStreams, CountCopiesAndDoNotAnswerThem) {
+  begin(8);
   static_cast<void>(item(0, at(1ms)));
   static_cast<void>(drain(0));
-  const ChannelEvent event = item(0, at(2ms), true);
-  EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
-  ASSERT_EQ(event.kind, Kind::kSend) << "the server does not know yet that it is here";
-  expect_credit(event.frame, 1, 0, 5, false);
+  ASSERT_EQ(item(2, at(2ms)).kind, Kind::kSend) << "item 1 is missing";
+  for (const std::uint32_t number : {0U, 2U, 0U, 2U})
+    EXPECT_EQ(item(number, at(2ms), true).kind, Kind::kNothing);
+  EXPECT_TRUE(channel_.next_frame(at(2ms)).empty());
+  EXPECT_EQ(dropped(DropReason::kUnexpected), 4u);
+}
+
+// hp-5.10-4: another gap is told although the first is still open; one that was told is not.
+TEST_F(ClientStreams, TellEachGapOnce) {
+  begin(8);
+  static_cast<void>(item(0, at(1ms)));
+  static_cast<void>(drain(0));
+  ASSERT_EQ(item(2, at(2ms)).kind, Kind::kSend);
+  const ChannelEvent event = item(4, at(2ms));
+  ASSERT_EQ(event.kind, Kind::kSend);
+  expect_credit(event.frame, 1, 0b101, 9, false);
+  EXPECT_EQ(item(1, at(3ms), true).kind, Kind::kItems);
+  EXPECT_EQ(drain(1), 2u);
+  EXPECT_TRUE(channel_.next_frame(at(3ms)).empty()) << "item 3 is on its way again";
 }
 
 // hp-5.9-3: items of a call that is open, but no stream.
@@ -439,9 +523,7 @@ TEST_F(ClientStreams, CanBeCancelled) {
 TEST_F(ClientStreams, MayHaveALargeRequest) {
   const Bytes large(1500);
   CallParameters wanted = parameters(at(1h));
-  memory_.resize(4 * kItemSize);
-  wanted.stream_window = 4;
-  wanted.stream_memory = memory_;
+  give_room(wanted, 4);
   const auto first = channel_.call(wanted, large, at(0s));
   ASSERT_TRUE(first);
   call_ = copy_of(*first);
@@ -476,6 +558,29 @@ TEST_F(ClientStreamsOnAStream, AskAndRepeatNothing) {
   EXPECT_EQ(item(0, at(1s)).kind, Kind::kItems);
   EXPECT_EQ(drain(0), 1u);
   EXPECT_EQ(end(1, at(1s)).kind, Kind::kReply);
+}
+
+// hp-5.10-7
+TEST_F(ClientStreamsOnAStream, StateNoLimitWhereTheConnectionTells) {
+  begin(4, 10h, 10h);
+  EXPECT_EQ(header_of(call_).budget_us, kBudgetUnlimited);
+}
+
+// hp-5.10-9: more than at first, as soon as the server has the call.
+TEST_F(ClientStreamsOnAStream, GrantTheBytesThatTheyTake) {
+  CallParameters wanted = parameters(at(1h));
+  give_room(wanted, 4);
+  wanted.stream_room.byte_window = 4 * kStreamBytesFirstStream;
+  const auto frame = channel_.call(wanted, request_, at(0s));
+  ASSERT_TRUE(frame);
+  call_ = copy_of(*frame);
+  index_ = channel_.last_call();
+  EXPECT_EQ(drain(0), 0u);
+  EXPECT_TRUE(channel_.next_frame(at(0s)).empty());
+  static_cast<void>(item(0, at(1ms)));
+  const ConstBytes credit = channel_.next_frame(at(1ms));
+  ASSERT_FALSE(credit.empty());
+  EXPECT_EQ(decode_credit(credit.subspan(kHeaderSize))->byte_limit, 4 * kStreamBytesFirstStream);
 }
 
 // hp-5.10-5

@@ -92,9 +92,9 @@ TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   ASSERT_EQ(theirs.action, Action::kDispatch);
   EXPECT_EQ(theirs.request.session_index, request.session_index) << "the place is reused";
 
-  const MutableBytes room = server_.reply_buffer(request);
+  const MutableBytes room = server_.reply_buffer(request, at(0s));
   EXPECT_GE(room.size(), kDatagramPayloadSizeMax) << "a servant need not know";
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_EQ(server_.item_size_max(request), 0u);
   EXPECT_TRUE(answer(server_, request, "for nobody", at(2ms)).empty());
   EXPECT_EQ(server_.counters().orphaned_count, 1u);
   EXPECT_EQ(payload_of(answer(server_, theirs.request, "theirs", at(3ms))), bytes_of("theirs"));
@@ -144,7 +144,7 @@ TEST_F(Deferred, MayEndWithLargeReplies) {
   std::vector<Request> requests{run(1), run(2), run(3)};
   std::vector<Header> first_frames;
   for (std::size_t i = 0; i < 2; ++i) {
-    const MutableBytes room = server_.reply_buffer(requests[i]);
+    const MutableBytes room = server_.reply_buffer(requests[i], at(0s));
     ASSERT_EQ(room.size(), kLarge);
     std::ranges::fill(room.first(3000), static_cast<std::byte>(i + 1));
     const ConstBytes frame = server_.complete(requests[i], Status::kOk, 3000, at(1ms));
@@ -167,15 +167,15 @@ TEST_F(Deferred, ThatEndLargeAfterTheirDeadlineHarmNobody) {
   const Request request = run(1);
   for (int round = 0; round < 10; ++round) {
     const Request late = run(static_cast<std::uint32_t>(10 + kCallWindow * round));
-    const MutableBytes room = server_.reply_buffer(late);
+    const MutableBytes room = server_.reply_buffer(late, at(10s));
     ASSERT_EQ(room.size(), kLarge);
     static_cast<void>(server_.complete(late, Status::kOk, 3000, at(10s)));
     while (!server_.next_frame(at(10s)).empty()) {
     }
   }
-  const MutableBytes room = server_.reply_buffer(request);
+  const MutableBytes room = server_.reply_buffer(request, at(10s));
   std::ranges::fill(room.first(3000), std::byte{7});
-  static_cast<void>(server_.complete(request, Status::kOk, 3000, at(1ms)));
+  static_cast<void>(server_.complete(request, Status::kOk, 3000, at(10s)));
 }
 
 TEST_F(Deferred, TellThatTheyWereCancelledEachOnce) {

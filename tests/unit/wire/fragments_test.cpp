@@ -265,7 +265,7 @@ TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
   const Verdict verdict = receive(peer_.call_frame(1, "small"));
   ASSERT_EQ(verdict.action, Action::kDispatch);
   const Bytes reply = pattern(kLarge);
-  const MutableBytes room = server_.reply_buffer(verdict.request);
+  const MutableBytes room = server_.reply_buffer(verdict.request, at(0s));
   ASSERT_EQ(room.size(), kLarge);
   std::ranges::copy(reply, room.begin());
   IncomingMessage incoming;
@@ -333,7 +333,7 @@ class LargeExchange : public ClientChannelTest {
   std::vector<Bytes> reply_to_a_call(std::size_t size) {
     const Verdict verdict = server_.on_frame(begin_call(at(0s), 10s), kAddress, at(0s));
     EXPECT_EQ(verdict.action, Action::kDispatch);
-    std::ranges::copy(pattern(size), server_.reply_buffer(verdict.request).begin());
+    std::ranges::copy(pattern(size), server_.reply_buffer(verdict.request, at(0s)).begin());
     std::vector<Bytes> frames{copy_of(
         server_.complete(verdict.request, Status::kOk, static_cast<std::uint32_t>(size), at(0s)))};
     for (ConstBytes frame; !(frame = server_.next_frame(at(0s))).empty();)

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
@@ -77,6 +78,33 @@ using Bytes = std::vector<std::byte>;
 
 [[nodiscard]] inline Bytes payload_of(ConstBytes frame) {
   return frame.size() < kHeaderSize ? Bytes{} : copy_of(frame.subspan(kHeaderSize));
+}
+
+/// A CREDIT for as many bytes as a test may send.
+[[nodiscard]] inline StreamCredit credit(std::uint32_t first_missing, std::uint64_t later = 0) {
+  return {.first_missing = first_missing, .byte_limit = 1U << 30, .later = later};
+}
+
+/// The frames of `item` as fragments of `fragment_size`; `header` is of an ITEM, with the number of
+/// the first.
+[[nodiscard]] inline std::vector<Bytes> item_frames(Header header, ConstBytes item,
+                                                    std::size_t fragment_size) {
+  std::vector<Bytes> frames;
+  const std::size_t count = (item.size() + fragment_size - 1) / fragment_size;
+  header.fragment_count = static_cast<std::uint16_t>(count);
+  header.message_size = static_cast<std::uint32_t>(item.size());
+  for (std::size_t i = 0; i < count; ++i) {
+    const ConstBytes part =
+        item.subspan(i * fragment_size, std::min(fragment_size, item.size() - i * fragment_size));
+    header.fragment_index = static_cast<std::uint16_t>(i);
+    header.payload_size = static_cast<std::uint32_t>(part.size());
+    Bytes frame(kHeaderSize);
+    encode(header, frame.data());
+    frame.insert(frame.end(), part.begin(), part.end());
+    frames.push_back(std::move(frame));
+    ++header.item;
+  }
+  return frames;
 }
 
 using Random = std::mt19937_64;

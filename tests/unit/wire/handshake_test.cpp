@@ -35,7 +35,7 @@ Welcome random_welcome(Random& random) {
   const int high = random_priority(random);
   welcome.band = {std::min(low, high), std::max(low, high)};
   welcome.ceiling = random_priority(random);
-  welcome.window = static_cast<std::uint16_t>(random() | 1);
+  welcome.window = static_cast<std::uint16_t>(1u << random() % 16);
   welcome.server_epoch = random() | 1;
   welcome.clock_domain = random();
   constexpr std::uint32_t kSizes = kMessageSizeCeiling - kMessageSizeFloor + 1;
@@ -132,6 +132,11 @@ TEST(Welcome, ThatCanNotBeMeantIsNotRead) {
   Welcome welcome = good;
   welcome.window = 0;
   EXPECT_FALSE(decode_welcome(encoded(welcome))) << "no call could ever be made";
+  for (const std::uint16_t window : {std::uint16_t{3}, std::uint16_t{7}, std::uint16_t{65535}}) {
+    welcome.window = window;
+    EXPECT_FALSE(decode_welcome(encoded(welcome)))
+        << "places would shift where numbers begin again: " << window;
+  }
   welcome = good;
   welcome.server_epoch = 0;
   EXPECT_FALSE(decode_welcome(encoded(welcome))) << "a restart could not be told";

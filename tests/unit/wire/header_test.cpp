@@ -175,7 +175,7 @@ TEST(Header, HasAnItemWhereThereMayBeAStream) {
 }
 
 // hp-2-4, hp-5.8-2
-TEST(Header, OfFragmentsIsACallsOrAReplys) {
+TEST(Header, OfFragmentsIsACallsAReplysOrAnItems) {
   for (const FrameKind kind : kAllKinds) {
     for (const std::uint16_t flags : {std::uint16_t{0}, kFlagNoReply, kFlagReplyOnReceipt}) {
       Header header;
@@ -187,8 +187,8 @@ TEST(Header, OfFragmentsIsACallsOrAReplys) {
       Bytes frame(kHeaderSize + 1);
       encode(header, frame.data());
       const bool is_call = kind == FrameKind::kCall;
-      const bool is_good =
-          is_call ? flags != kFlagNoReply : kind == FrameKind::kReply && flags == 0;
+      const bool is_answer = kind == FrameKind::kReply || kind == FrameKind::kItem;
+      const bool is_good = is_call ? flags != kFlagNoReply : is_answer && flags == 0;
       EXPECT_EQ(reason_for(frame) == std::nullopt, is_good) << to_string(kind) << " " << flags;
       if (is_call && !is_good) {
         EXPECT_EQ(reason_for(frame), DropReason::kBadFragment);
@@ -281,9 +281,10 @@ TEST(Frame, WithAnyOneBitTurnedIsDroppedOrReadDifferently) {
 
 TEST(Names, AreTheSpecs) {
   constexpr std::array<std::string_view, kDropReasonCount> kReasons{
-      "too_short",       "bad_magic",       "bad_version",  "bad_kind",          "reserved_set",
-      "bad_priority",    "bad_length",      "bad_fragment", "bad_payload",       "bad_cookie",
-      "unknown_session", "foreign_address", "stale_call",   "duplicate_running", "unexpected"};
+      "too_short",    "bad_magic",         "bad_version",     "bad_kind",
+      "reserved_set", "bad_priority",      "bad_length",      "bad_fragment",
+      "bad_payload",  "bad_cookie",        "unknown_session", "foreign_address",
+      "stale_call",   "duplicate_running", "unexpected",      "rate_limited"};
   for (std::size_t i = 0; i < kReasons.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<DropReason>(i)), kReasons[i]);
   }
@@ -305,7 +306,8 @@ TEST(Names, AreTheSpecs) {
                                                                  "bad_limits",
                                                                  "wrong_interface",
                                                                  "cancelled",
-                                                                 "stopping"};
+                                                                 "stopping",
+                                                                 "lost"};
   for (std::size_t i = 0; i < kStatuses.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<Status>(i)), kStatuses[i]);
   }
@@ -331,6 +333,7 @@ TEST(Counters, AddUpEachForItself) {
   one.orphaned_count = 8;
   one.item_count = 9;
   one.item_repeated_count = 10;
+  one.large_evicted_count = 11;
   for (std::size_t i = 0; i < kDropReasonCount; ++i) {
     for (std::size_t count = 0; count <= i; ++count)
       one.drop(static_cast<DropReason>(i));
@@ -347,6 +350,7 @@ TEST(Counters, AddUpEachForItself) {
   EXPECT_EQ(sum.orphaned_count, 16u);
   EXPECT_EQ(sum.item_count, 18u);
   EXPECT_EQ(sum.item_repeated_count, 20u);
+  EXPECT_EQ(sum.large_evicted_count, 22u);
   for (std::size_t i = 0; i < kDropReasonCount; ++i) {
     EXPECT_EQ(sum.dropped_for(static_cast<DropReason>(i)), 2 * (i + 1));
   }

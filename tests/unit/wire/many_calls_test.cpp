@@ -36,7 +36,7 @@ class ManyCalls : public ClientChannelTest {
 // hp-4.3-2
 TEST_F(ManyCalls, AreAsManyAsBothSidesAllow) {
   for (const auto& [window, count] :
-       {std::pair<std::uint16_t, std::size_t>{1, 1}, {2, 2}, {7, 7}, {8, 8}, {9, 8}, {65535, 8}}) {
+       {std::pair<std::uint16_t, std::size_t>{1, 1}, {2, 2}, {4, 4}, {8, 8}, {16, 8}, {32768, 8}}) {
     make_ready_with(window);
     EXPECT_EQ(fill().size(), count) << window;
   }
@@ -88,8 +88,8 @@ TEST_F(ManyCalls, TakeNoReplyThatMixesTwoOfThem) {
 
 // hp-4.3-2, hp-5.1-1: numbers are left out whose place at the server is taken.
 TEST_F(ManyCalls, LeaveOutNumbersWhosePlaceIsTaken) {
-  for (const std::uint16_t window : {std::uint16_t{1}, std::uint16_t{2}, std::uint16_t{3},
-                                     std::uint16_t{5}, std::uint16_t{8}, std::uint16_t{300}}) {
+  for (const std::uint16_t window : {std::uint16_t{1}, std::uint16_t{2}, std::uint16_t{4},
+                                     std::uint16_t{8}, std::uint16_t{256}}) {
     make_ready_with(window);
     Random random(window);
     std::vector<Bytes> open;

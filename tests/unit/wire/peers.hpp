@@ -90,7 +90,7 @@ struct Peer {
 [[nodiscard]] inline Bytes answer(ServerSessions& server, const Request& request,
                                   std::string_view text, MonotonicTime now,
                                   Status status = Status::kOk) {
-  const MutableBytes reply = server.reply_buffer(request);
+  const MutableBytes reply = server.reply_buffer(request, now);
   EXPECT_LE(text.size(), reply.size());
   std::ranges::copy(bytes_of(text), reply.begin());
   return copy_of(server.complete(request, status, static_cast<std::uint32_t>(text.size()), now));

@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 #include <optional>
 #include <set>
@@ -247,11 +248,48 @@ TEST_F(ServerCalls, AboveTheCeilingAreRefused) {
                  Status::kPriorityNotAllowed);
 }
 
+// hp-6.2-1
+TEST_F(ServerCalls, AboveTheCeilingAreTakenIfTheyArePings) {
+  ServerSessionsConfig config = server_config();
+  config.ceiling = 150;
+  ServerSessions server(config);
+  peer_.open(server, at(0s));
+  std::uint32_t call_id = 0;
+  for (const std::uint16_t method : {kMethodBind, kMethodPing, kMethodDescribe}) {
+    Header header = peer_.call_header(++call_id);
+    header.service = kSessionService;
+    header.method = method;
+    header.priority = 151;
+    const Verdict verdict = server.on_frame(frame_of(header), peer_.address, at(0s));
+    EXPECT_EQ(verdict.action == Action::kDispatch, method == kMethodPing) << method;
+  }
+  Header other = peer_.call_header(++call_id);
+  other.method = kMethodPing;
+  other.priority = 151;
+  EXPECT_EQ(server.on_frame(frame_of(other), peer_.address, at(0s)).action, Action::kSend)
+      << "an object's method 2 is no ping";
+}
+
+// hp-2-6: also where the message would fit.
+TEST_F(ServerCalls, InADatagramThatIsTooLargeAreDropped) {
+  std::array<std::byte, 4 * 4096> memory{};
+  ServerSessionsConfig config = server_config();
+  config.message_size_max = 4096;
+  config.bulk_memory = memory;
+  ServerSessions server(config);
+  peer_.open(server, at(0s));
+  const std::string largest(kDatagramPayloadSizeMax, 'x');
+  EXPECT_EQ(server.on_frame(peer_.call_frame(1, largest), peer_.address, at(0s)).action,
+            Action::kDispatch);
+  EXPECT_EQ(server.on_frame(peer_.call_frame(2, largest + 'x'), peer_.address, at(0s)).action,
+            Action::kNothing);
+  EXPECT_EQ(server.counters().dropped_for(DropReason::kBadLength), 1u);
+}
+
 // hp-5.1-5
 TEST_F(ServerCalls, LargerThanTheLimitAreRefused) {
   const std::string largest(kDatagramPayloadSizeMax, 'x');
   EXPECT_EQ(receive(peer_.call_frame(1, largest)).action, Action::kDispatch);
-  expect_not_run(receive(peer_.call_frame(2, largest + 'x')), peer_, 2, Status::kTooLarge);
 
   ServerSessionsConfig config = server_config(Medium::kStream);
   config.message_size_max = 5000;
@@ -267,14 +305,14 @@ TEST_F(ServerCalls, LargerThanTheLimitAreRefused) {
 
 TEST_F(ServerCalls, GetABufferForWhatTheirClientTakes) {
   const Verdict datagram = call(1);
-  EXPECT_EQ(server_.reply_buffer(datagram.request).size(), kDatagramPayloadSizeMax);
+  EXPECT_EQ(server_.reply_buffer(datagram.request, at(0s)).size(), kDatagramPayloadSizeMax);
   Peer modest;
   modest.channel = 2;
   modest.message_size_max = kMessageSizeFloor;
   modest.open(server_, at(0s));
   for (std::uint32_t call_id = 1; call_id <= kCallWindow; ++call_id) {
     const Verdict verdict = server_.on_frame(modest.call_frame(call_id), modest.address, at(0s));
-    const MutableBytes reply = server_.reply_buffer(verdict.request);
+    const MutableBytes reply = server_.reply_buffer(verdict.request, at(0s));
     EXPECT_EQ(reply.size(), kMessageSizeFloor);
     EXPECT_EQ(reinterpret_cast<std::uintptr_t>(reply.data()) % 16, 0u);
     std::ranges::fill(reply, static_cast<std::byte>(call_id));

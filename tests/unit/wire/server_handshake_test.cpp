@@ -116,7 +116,7 @@ TEST(ServerHandshake, GivesACopyOfTheHelloTheSessionThatItOpened) {
   }
 }
 
-TEST(ServerHandshake, GivesEachChannelClientAndHandshakeItsOwnSession) {
+TEST(ServerHandshake, GivesEachChannelClientAndAddressItsOwnSession) {
   ServerSessionsConfig config = server_config();
   config.session_count_max = 16;
   ServerSessions server(config);
@@ -127,15 +127,57 @@ TEST(ServerHandshake, GivesEachChannelClientAndHandshakeItsOwnSession) {
   third.epoch = 78;
   Peer fourth;
   fourth.address.port = 4712;
-  Peer fifth;
-  fifth.handshake_number = 2;
   std::set<std::uint64_t> sessions;
-  for (Peer* peer : {&first, &second, &third, &fourth, &fifth}) {
+  for (Peer* peer : {&first, &second, &third, &fourth}) {
     peer->open(server, at(0s));
     sessions.insert(peer->session);
   }
-  EXPECT_EQ(sessions.size(), 5u);
+  EXPECT_EQ(sessions.size(), 4u);
   EXPECT_FALSE(sessions.contains(0));
+}
+
+// hp-4.1-6
+TEST(ServerHandshake, ReplacesTheSessionOfItsChannel) {
+  // Numbers go on with 0 behind the largest.
+  for (const std::uint32_t number : {5u, 0x7fff'ffffu, 0xffff'ffffu}) {
+    ServerSessions server(server_config());
+    Peer peer;
+    peer.handshake_number = number;
+    peer.open(server, at(0s));
+    const Peer former = peer;
+    peer.handshake_number = number + 1;
+    peer.open(server, at(0s));
+    EXPECT_NE(peer.session, former.session);
+    EXPECT_EQ(server.session_count(), 1u);
+    const Verdict verdict = server.on_frame(former.call_frame(1), former.address, at(0s));
+    EXPECT_EQ(header_of(verdict.frame).status, Status::kUnknownSession);
+    EXPECT_EQ(server.on_frame(peer.call_frame(1), peer.address, at(0s)).action, Action::kDispatch);
+  }
+}
+
+// hp-4.1-6: a copy that the network delivers late must not cost the client its session.
+TEST(ServerHandshake, DropsALateHelloOfItsChannel) {
+  ServerSessions server(server_config());
+  Peer peer;
+  peer.handshake_number = 1;
+  const Bytes late = peer.proven_hello_frame(server, at(0s));
+  peer.handshake_number = 2;
+  peer.open(server, at(0s));
+  EXPECT_EQ(server.on_frame(late, peer.address, at(1s)).action, Action::kNothing);
+  EXPECT_EQ(server.counters().dropped_for(DropReason::kUnexpected), 1u);
+  EXPECT_EQ(server.on_frame(peer.call_frame(1), peer.address, at(1s)).action, Action::kDispatch);
+}
+
+// hp-4.1-6: a client that never gets a WELCOME must not fill the table by itself.
+TEST(ServerHandshake, OfOneChannelTakesOnePlaceHoweverOftenItIsTried) {
+  ServerSessions server(server_config());
+  Peer peer;
+  for (std::uint32_t i = 1; i < 20; ++i) {
+    peer.handshake_number = i;
+    EXPECT_EQ(peer.open(server, at(0s)).kind, FrameKind::kWelcome);
+  }
+  EXPECT_EQ(server.session_count(), 1u);
+  EXPECT_EQ(server.counters().session_evicted_count, 0u);
 }
 
 // hp-4-4
@@ -537,7 +579,7 @@ TEST(ServerFrames, FromAnUnprovenAddressAreNeverAnsweredWithMoreBytes) {
     Peer peer;
     peer.priority = static_cast<int>(random() % (Priority::kHighest + 1));
     const Bytes frame = any_frame(random, peer);
-    const Verdict verdict = server.on_frame(frame, peer.address, at(0s));
+    const Verdict verdict = server.on_frame(frame, peer.address, at(round * 2ms));
     ASSERT_LE(verdict.frame.size(), frame.size());
     ASSERT_NE(verdict.action, Action::kDispatch);
     answered_count += verdict.action == Action::kSend ? 1 : 0;

@@ -14,6 +14,8 @@ using namespace test;
 using namespace std::chrono_literals;
 using Action = Verdict::Action;
 
+constexpr std::uint32_t kItemSizeMax = 300'000;
+
 class ServerStreams : public testing::Test {
  protected:
   explicit ServerStreams(Medium medium = Medium::kDatagram)
@@ -23,6 +25,7 @@ class ServerStreams : public testing::Test {
   ServerSessionsConfig config(Medium medium) {
     ServerSessionsConfig config = server_config(medium);
     config.stream_memory = memory_;
+    config.message_size_max = kItemSizeMax;
     return config;
   }
   Verdict receive(const Bytes& frame, MonotonicTime now = at(0s)) {
@@ -43,10 +46,7 @@ class ServerStreams : public testing::Test {
   }
   /// Gives one item; empty if the caller takes none now.
   Bytes push(const Request& request, std::string_view text = "item", MonotonicTime now = at(0s)) {
-    const MutableBytes room = server_.item_buffer(request);
-    if (room.empty()) return {};
-    std::ranges::copy(bytes_of(text), room.begin());
-    return copy_of(server_.push_item(request, static_cast<std::uint32_t>(text.size()), now));
+    return copy_of(server_.push_item(request, bytes_of(text), now));
   }
   int push_all(const Request& request) {
     int count = 0;
@@ -101,12 +101,13 @@ TEST_F(ServerStreams, GiveItemsUpToWhatTheCallGrants) {
     EXPECT_EQ(header.trace_id, 0x7aceu);
     EXPECT_EQ(payload_of(frame), bytes_of("item " + std::to_string(number)));
   }
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_TRUE(push(request).empty());
   EXPECT_EQ(server_.counters().item_count, 3u);
 }
 
-TEST_F(ServerStreams, GiveItemsAsLargeAsAFrameOrTheirClientsLimit) {
-  EXPECT_EQ(server_.item_buffer(begin(1, 3)).size(), kDatagramPayloadSizeMax);
+// hp-5.10-10
+TEST_F(ServerStreams, GiveItemsAsLargeAsTheirOwnOrTheirClientsLimit) {
+  EXPECT_EQ(server_.item_size_max(begin(1, 3)), kItemSizeMax);
   Peer modest;
   modest.channel = 2;
   modest.message_size_max = kMessageSizeFloor;
@@ -114,9 +115,7 @@ TEST_F(ServerStreams, GiveItemsAsLargeAsAFrameOrTheirClientsLimit) {
   Header header = modest.call_header(1);
   header.item = 4;
   const Verdict verdict = server_.on_frame(frame_of(header), modest.address, at(0s));
-  const MutableBytes room = server_.item_buffer(verdict.request);
-  EXPECT_EQ(room.size(), kMessageSizeFloor);
-  EXPECT_EQ(reinterpret_cast<std::uintptr_t>(room.data()) % 16, 0u);
+  EXPECT_EQ(server_.item_size_max(verdict.request), kMessageSizeFloor);
 }
 
 // hp-5.10-2: memory for two streams, and no more.
@@ -138,14 +137,14 @@ TEST_F(ServerStreams, AreRefusedWhereThereIsNoRoom) {
 TEST_F(ServerStreams, RepeatWhatACreditShowsToBeMissing) {
   const Request request = begin(1, 8);
   EXPECT_EQ(push_all(request), 8);
-  const std::vector<Bytes> frames = sent(receive(credit_frame(1, {1, 0b0101}, 8)));
+  const std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(1, 0b0101), 8)));
   ASSERT_EQ(frames.size(), 2u);
   EXPECT_EQ(header_of(frames[0]).item, 1u);
   EXPECT_EQ(header_of(frames[1]).item, 3u);
   EXPECT_EQ(header_of(frames[0]).flags, kFlagRepeated);
   EXPECT_EQ(server_.counters().item_repeated_count, 2u);
   EXPECT_EQ(push_all(request), 0);
-  EXPECT_TRUE(sent(receive(credit_frame(1, {5, 0}, 12))).empty());
+  EXPECT_TRUE(sent(receive(credit_frame(1, credit(5, 0), 12))).empty());
   EXPECT_EQ(push_all(request), 4) << "hp-5.10-2";
 }
 
@@ -153,15 +152,15 @@ TEST_F(ServerStreams, TellWhoFeedsThemThatThereIsCredit) {
   const Request request = begin(1, 2);
   server_.set_tag(request, 42);
   EXPECT_EQ(push_all(request), 2);
-  EXPECT_EQ(receive(credit_frame(1, {2, 0}, 4)).credit_tag, 42u);
+  EXPECT_EQ(receive(credit_frame(1, credit(2, 0), 4)).credit_tag, 42u);
   static_cast<void>(answer(server_, request, "", at(1ms)));
-  EXPECT_EQ(receive(credit_frame(1, {2, 0}, 6)).credit_tag, 0u) << "it has ended";
+  EXPECT_EQ(receive(credit_frame(1, credit(2, 0), 6)).credit_tag, 0u) << "it has ended";
 }
 
 // hp-5.10-5: who asks is always answered.
 TEST_F(ServerStreams, AnswerWhoAsks) {
   const Request request = begin(1, 8);
-  std::vector<Bytes> frames = sent(receive(credit_frame(1, {0, 0}, 8, true)));
+  std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(0, 0), 8, true)));
   ASSERT_EQ(frames.size(), 1u) << "nothing was sent yet";
   Header header = header_of(frames[0]);
   EXPECT_EQ(header.kind, FrameKind::kAck);
@@ -172,16 +171,16 @@ TEST_F(ServerStreams, AnswerWhoAsks) {
   EXPECT_EQ(decode_ack(payload_of(frames[0]))->first_missing, 1u);
 
   EXPECT_EQ(push_all(request), 8);
-  frames = sent(receive(credit_frame(1, {7, 0}, 8, true)));
+  frames = sent(receive(credit_frame(1, credit(7, 0), 8, true)));
   ASSERT_EQ(frames.size(), 1u) << "the tail was lost";
   EXPECT_EQ(header_of(frames[0]).kind, FrameKind::kItem);
   EXPECT_EQ(header_of(frames[0]).item, 7u);
 
-  frames = sent(receive(credit_frame(1, {8, 0}, 8, true)));
+  frames = sent(receive(credit_frame(1, credit(8, 0), 8, true)));
   ASSERT_EQ(frames.size(), 1u) << "nothing is missing";
   EXPECT_EQ(header_of(frames[0]).kind, FrameKind::kAck);
   EXPECT_EQ(header_of(frames[0]).item, 8u);
-  EXPECT_TRUE(sent(receive(credit_frame(1, {8, 0}, 8))).empty()) << "who does not ask is not";
+  EXPECT_TRUE(sent(receive(credit_frame(1, credit(8, 0), 8))).empty()) << "who does not ask is not";
 }
 
 // hp-5.10-5, hp-5.10-6
@@ -192,9 +191,9 @@ TEST_F(ServerStreams, EndWithTheCountOfTheirItems) {
   const Bytes reply = copy_of(server_.complete(request, Status::kOk, 0, at(1ms)));
   EXPECT_EQ(header_of(reply).kind, FrameKind::kReply);
   EXPECT_EQ(header_of(reply).item, 5u);
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_EQ(server_.item_size_max(request), 0u);
 
-  std::vector<Bytes> frames = sent(receive(credit_frame(1, {3, 0}, 8, true)));
+  std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(3, 0), 8, true)));
   ASSERT_EQ(frames.size(), 2u);
   EXPECT_EQ(header_of(frames[0]).item, 3u) << "the first that is missing,";
   EXPECT_EQ(header_of(frames[0]).kind, FrameKind::kItem);
@@ -202,11 +201,11 @@ TEST_F(ServerStreams, EndWithTheCountOfTheirItems) {
   EXPECT_EQ(header_of(frames[1]).item, 5u);
   EXPECT_EQ(header_of(frames[1]).flags, kFlagRepeated);
 
-  frames = sent(receive(credit_frame(1, {5, 0}, 8, true)));
+  frames = sent(receive(credit_frame(1, credit(5, 0), 8, true)));
   ASSERT_EQ(frames.size(), 1u) << "the items are there, the REPLY was lost";
   EXPECT_EQ(header_of(frames[0]).kind, FrameKind::kReply);
   EXPECT_EQ(header_of(frames[0]).item, 5u);
-  EXPECT_TRUE(sent(receive(credit_frame(1, {5, 0}, 8))).empty());
+  EXPECT_TRUE(sent(receive(credit_frame(1, credit(5, 0), 8))).empty());
   EXPECT_EQ(server_.next_time(), kNever) << "the items are forgotten";
   EXPECT_EQ(header_of(receive(frame_of(stream_header(1, 8))).frame).item, 5u)
       << "a late copy of the call brings the same reply";
@@ -241,31 +240,31 @@ TEST_F(ServerStreams, EndWhereTheirCallerFellSilent) {
   const Request request = begin(1, 8, at(0s));
   server_.set_tag(request, 6);
   EXPECT_EQ(server_.next_time(), at(3s));
-  static_cast<void>(receive(credit_frame(1, {0, 0}, 8), at(2s)));
+  static_cast<void>(receive(credit_frame(1, credit(0, 0), 8), at(2s)));
   server_.on_time(server_.next_time());
   EXPECT_EQ(server_.next_time(), at(5s)) << "it was heard";
   server_.on_time(at(5s) - 1ns);
-  EXPECT_FALSE(server_.item_buffer(request).empty());
+  EXPECT_GT(server_.item_size_max(request), 0u);
   EXPECT_EQ(server_.next_cancelled(), 0u);
   server_.on_time(at(5s));
   EXPECT_EQ(server_.next_cancelled(), 6u);
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_EQ(server_.item_size_max(request), 0u);
   EXPECT_EQ(server_.next_time(), kNever);
   EXPECT_EQ(server_.counters().expired_count, 1u);
-  const Verdict late = receive(credit_frame(1, {0, 0}, 8, true), at(6s));
+  const Verdict late = receive(credit_frame(1, credit(0, 0), 8, true), at(6s));
   ASSERT_EQ(late.action, Action::kSend);
   EXPECT_EQ(header_of(late.frame).kind, FrameKind::kRefuse);
-  EXPECT_EQ(header_of(late.frame).status, Status::kExpired);
+  EXPECT_EQ(header_of(late.frame).status, Status::kLost);
   EXPECT_TRUE(server_.complete(request, Status::kCancelled, 0, at(7s)).empty());
-  EXPECT_EQ(header_of(receive(credit_frame(1, {0, 0}, 8, true), at(8s)).frame).status,
-            Status::kExpired);
+  EXPECT_EQ(header_of(receive(credit_frame(1, credit(0, 0), 8, true), at(8s)).frame).status,
+            Status::kLost);
 }
 
 // hp-5.10-7: what a newer frame promised is not taken back by a late copy of an older one.
 TEST_F(ServerStreams, OutliveALateCopyOfACredit) {
   static_cast<void>(begin(1, 8, at(0s)));
-  static_cast<void>(receive(credit_frame(1, {0, 0}, 8, false, 3'000'000), at(1s)));
-  static_cast<void>(receive(credit_frame(1, {0, 0}, 8, false, 10), at(1s)));
+  static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 3'000'000), at(1s)));
+  static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 10), at(1s)));
   server_.on_time(server_.next_time());
   EXPECT_EQ(server_.next_time(), at(4s));
 }
@@ -290,7 +289,7 @@ TEST_F(ServerStreams, EndWhenTheyAreCancelled) {
   cancel.kind = FrameKind::kCancel;
   static_cast<void>(receive(frame_of(cancel)));
   EXPECT_EQ(server_.next_cancelled(), 6u);
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_EQ(server_.item_size_max(request), 0u);
   EXPECT_EQ(server_.next_time(), kNever);
   EXPECT_TRUE(server_.complete(request, Status::kCancelled, 0, at(1ms)).empty());
 }
@@ -303,28 +302,25 @@ TEST_F(ServerStreams, EndWithTheirSession) {
   close.session = peer_.session;
   static_cast<void>(receive(frame_of(close)));
   EXPECT_EQ(server_.next_cancelled(), 6u);
-  EXPECT_TRUE(server_.item_buffer(request).empty());
+  EXPECT_EQ(server_.item_size_max(request), 0u);
   EXPECT_EQ(server_.next_time(), kNever);
 }
 
 // hp-5.10-8
 TEST_F(ServerStreams, DropCreditThatCanNotBeRead) {
   static_cast<void>(begin(1, 8));
-  Bytes frame = credit_frame(1, {0, 0}, 8, true);
-  frame[kHeaderSize + 4] = std::byte{1};
-  EXPECT_EQ(receive(frame).action, Action::kNothing);
   Header header = peer_.call_header(1);
   header.kind = FrameKind::kCredit;
   EXPECT_EQ(receive(frame_of(header)).action, Action::kNothing);
   EXPECT_EQ(receive(frame_of(header, Bytes(17))).action, Action::kNothing);
-  EXPECT_EQ(dropped(DropReason::kBadPayload), 3u);
+  EXPECT_EQ(dropped(DropReason::kBadPayload), 2u);
 }
 
 // hp-5.10-8
 TEST_F(ServerStreams, BelieveNoCreditForWhatWasNeverSent) {
   const Request request = begin(1, 4);
   EXPECT_EQ(push_all(request), 4);
-  const std::vector<Bytes> frames = sent(receive(credit_frame(1, {9, 0}, 100, true)));
+  const std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(9, 0), 100, true)));
   ASSERT_EQ(frames.size(), 1u) << "it is answered, for it asked";
   EXPECT_EQ(header_of(frames[0]).item, 4u);
   EXPECT_EQ(push_all(request), 0);
@@ -335,18 +331,18 @@ TEST_F(ServerStreams, TakeNoCreditOfAnotherSessionOrAddress) {
   static_cast<void>(begin(1, 8));
   PeerAddress stranger = peer_.address;
   stranger.port ^= 1;
-  EXPECT_EQ(server_.on_frame(credit_frame(1, {0, 0}, 8, true), stranger, at(0s)).action,
+  EXPECT_EQ(server_.on_frame(credit_frame(1, credit(0, 0), 8, true), stranger, at(0s)).action,
             Action::kNothing);
   EXPECT_EQ(dropped(DropReason::kForeignAddress), 1u);
   ++peer_.session;
-  const Verdict verdict = receive(credit_frame(1, {0, 0}, 8));
+  const Verdict verdict = receive(credit_frame(1, credit(0, 0), 8));
   EXPECT_EQ(header_of(verdict.frame).status, Status::kUnknownSession);
 }
 
 // hp-5.10-7
-TEST_F(ServerStreams, OfNoCallAreExpiredForWhoAsks) {
-  EXPECT_EQ(header_of(receive(credit_frame(5, {0, 0}, 8, true)).frame).status, Status::kExpired);
-  EXPECT_EQ(receive(credit_frame(5, {0, 0}, 8)).action, Action::kNothing);
+TEST_F(ServerStreams, OfNoCallAreLostForWhoAsks) {
+  EXPECT_EQ(header_of(receive(credit_frame(5, credit(0, 0), 8, true)).frame).status, Status::kLost);
+  EXPECT_EQ(receive(credit_frame(5, credit(0, 0), 8)).action, Action::kNothing);
   EXPECT_EQ(dropped(DropReason::kUnexpected), 1u);
 }
 
@@ -354,7 +350,7 @@ TEST_F(ServerStreams, OfNoCallAreExpiredForWhoAsks) {
 TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerWhoAsks) {
   const Request request = begin(1, 100);
   EXPECT_EQ(push_all(request), 100) << "the window is for what may get lost";
-  std::vector<Bytes> frames = sent(receive(credit_frame(1, {20, 0b10}, 150, true)));
+  std::vector<Bytes> frames = sent(receive(credit_frame(1, credit(20, 0b10), 150, true)));
   ASSERT_EQ(frames.size(), 1u);
   EXPECT_EQ(header_of(frames[0]).kind, FrameKind::kAck);
   EXPECT_EQ(header_of(frames[0]).item, 100u);
@@ -362,7 +358,7 @@ TEST_F(ServerStreamsOnAStream, RepeatNothingAndAnswerWhoAsks) {
   const Bytes reply = copy_of(server_.complete(request, Status::kOk, 0, at(1ms)));
   EXPECT_EQ(header_of(reply).item, 150u);
   EXPECT_EQ(server_.next_time(), kNever) << "nothing is kept";
-  EXPECT_TRUE(sent(receive(credit_frame(1, {150, 0}, 150))).empty());
+  EXPECT_TRUE(sent(receive(credit_frame(1, credit(150, 0), 150))).empty());
 }
 
 // hp-5.10-7
@@ -371,7 +367,78 @@ TEST_F(ServerStreamsOnAStream, EndWhereTheirCallerFellSilent) {
   server_.set_tag(request, 6);
   server_.on_time(at(3s));
   EXPECT_EQ(server_.next_cancelled(), 6u);
-  EXPECT_EQ(header_of(receive(credit_frame(1, {0, 0}, 8, true)).frame).status, Status::kExpired);
+  EXPECT_EQ(header_of(receive(credit_frame(1, credit(0, 0), 8, true)).frame).status, Status::kLost);
+}
+
+// hp-5.10-7: over a connection nobody has to be heard, as its end tells.
+TEST_F(ServerStreamsOnAStream, LastAsLongAsTheirConnectionWhereTheirCallerSaysSo) {
+  Header header = stream_header(1, 4);
+  header.budget_us = kBudgetUnlimited;
+  const Verdict verdict = receive(frame_of(header));
+  ASSERT_EQ(verdict.action, Action::kDispatch);
+  server_.set_tag(verdict.request, 6);
+  EXPECT_EQ(server_.next_time(), kNever);
+  server_.on_time(at(10h));
+  EXPECT_EQ(server_.next_cancelled(), 0u);
+  EXPECT_FALSE(push(verdict.request, "item", at(10h)).empty());
+  server_.forget(peer_.address);
+  EXPECT_EQ(server_.next_cancelled(), 6u);
+}
+
+// hp-5.10-7: nobody may take room for longer than a session.
+TEST_F(ServerStreams, EndAfterHalfAMinuteWhateverTheirCallerStates) {
+  Header header = stream_header(1, 4);
+  header.budget_us = kBudgetUnlimited;
+  ASSERT_EQ(receive(frame_of(header)).action, Action::kDispatch);
+  EXPECT_EQ(server_.next_time(), at(30s));
+}
+
+// hp-5.10-9
+TEST_F(ServerStreams, CutLargeItemsAndSendNoMoreThanTheirBytes) {
+  Random random(3);
+  const Bytes large = random_bytes(random, 100'000);
+  const Request request = begin(1, 8);
+  std::vector<Bytes> frames;
+  for (ConstBytes frame; !(frame = server_.push_item(request, large, at(1ms))).empty();)
+    frames.push_back(copy_of(frame));
+  EXPECT_EQ(frames.size(), 32u) << "a window of them";
+  EXPECT_TRUE(server_.is_item_midway(request));
+  EXPECT_EQ(server_.counters().item_count, 0u);
+  Bytes got;
+  for (std::uint32_t number = 0; server_.is_item_midway(request) || number < frames.size();) {
+    for (; number < frames.size(); ++number) {
+      const Header header = header_of(frames[number]);
+      EXPECT_EQ(header.item, number);
+      EXPECT_EQ(header.fragment_index, number);
+      EXPECT_EQ(header.message_size, large.size());
+      EXPECT_EQ(header.sender_time_ns, static_cast<std::uint64_t>(to_ns(at(1ms))));
+      const Bytes part = payload_of(frames[number]);
+      got.insert(got.end(), part.begin(), part.end());
+    }
+    static_cast<void>(receive(credit_frame(1, credit(number), 8)));
+    while (server_.is_item_midway(request))
+      if (Bytes frame = copy_of(server_.push_item(request, large, at(2ms))); !frame.empty())
+        frames.push_back(std::move(frame));
+      else
+        break;
+  }
+  EXPECT_EQ(got, large);
+  EXPECT_EQ(server_.counters().item_count, 1u);
+}
+
+// hp-5.10-9: the bytes that a call grants by itself.
+TEST_F(ServerStreamsOnAStream, SendOneLargeFrameBeforeTheirFirstCredit) {
+  const Bytes large(200'000);
+  const Request request = begin(1, 8);
+  EXPECT_EQ(server_.push_item(request, large, at(0s)).size(), kStreamFrameSizeMax);
+  EXPECT_TRUE(server_.push_item(request, large, at(0s)).empty());
+  StreamCredit more{.first_missing = 1, .byte_limit = 2 * kStreamBytesFirstStream};
+  static_cast<void>(receive(credit_frame(1, more, 8)));
+  EXPECT_FALSE(server_.push_item(request, large, at(0s)).empty());
+  EXPECT_TRUE(server_.push_item(request, large, at(0s)).empty());
+  more.byte_limit = kStreamBytesFirstStream;
+  static_cast<void>(receive(credit_frame(1, more, 8)));
+  EXPECT_TRUE(server_.push_item(request, large, at(0s)).empty()) << "nothing is taken back";
 }
 
 }  // namespace

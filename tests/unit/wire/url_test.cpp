@@ -72,6 +72,16 @@ TEST(Path, IsComponentsPartedBySingleSlashes) {
   EXPECT_FALSE(is_valid_path(std::string_view("a\0b", 3)));
 }
 
+TEST(Path, IsTheMoreSimilarTheMoreItsEndsAgree) {
+  EXPECT_EQ(similarity("lab/arm0", "lab/arm0"), 8u);
+  EXPECT_EQ(similarity("lab/arm0", "lab/arm1"), 7u);
+  EXPECT_EQ(similarity("lab/arm0", "lab/arm"), 7u);
+  EXPECT_EQ(similarity("lb/arm0", "lab/arm0"), 7u) << "no byte counts twice";
+  EXPECT_EQ(similarity("aaa", "aaaaa"), 3u);
+  EXPECT_EQ(similarity("lab/arm0", "rtpm/names"), 0u);
+  EXPECT_EQ(similarity("", "lab"), 0u);
+}
+
 // Each of the 256 bytes alone: the alphabet is exactly the spec's (hp-10).
 TEST(Path, HasTheSpecsAlphabet) {
   const std::string alphabet = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789._-";

@@ -152,6 +152,12 @@ class Run(Folder):
         self.assertIn("\n- two-node: the right CAP_SYS_ADMIN is missing", self.text())
         self.assertIn("- `throughput` (throughput --samples 100000): interrupted", self.text())
 
+    def test_needs_no_git(self):
+        end = self.report("--quick", "--bench", self.bench("#!/bin/sh\nexit 0\n"),
+                          environment={"PATH": "/nowhere"})
+        self.assertNotIn("Traceback", end.errors)
+        self.assertRegex(self.text(), r"on \d{4}-\d\d-\d\d at an unknown commit;")
+
 
 # In the place of rtpm-bench: each part's n-th run finds as much steal as the n-th word behind its name
 # says, or fails where that is "fails".

@@ -2,12 +2,16 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
+#include <string>
 #include <string_view>
 
 #include "rtpm/base/expected.hpp"
+#include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/lease.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -32,6 +36,9 @@ struct DeviceClientOptions {
 ///       if (sample) arm->set_force(force_for(sample->pose.position_m), {.priority = 24000});
 ///     }
 ///
+/// Opened by a name, it follows the name as rpc::Binding does: after an outage read() goes on with
+/// the server that the name leads to by now. A command does not: it needs that server's lease, so
+/// set_force() gives kNotLeaseHolder until acquire().
 /// Ownership: refers to its node, which must outlive it. Ends by giving the lease back.
 /// Threads: read() and set_force() from any, several at once; the rest from one.
 class DeviceClient {
@@ -46,10 +53,13 @@ class DeviceClient {
 
   /// What the device is and can, as it said when it was opened.
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
-  /// Where it is: "rtpm://host:port/path".
-  [[nodiscard]] std::string_view url() const noexcept;
+  /// Where it is by now: "rtpm://host:port/path".   Set-up only.
+  [[nodiscard]] std::string url() const;
   /// Its own worst case: how long after the last command its force is zero, its period included.
   [[nodiscard]] Duration force_end() const noexcept;
+
+  /// The least priority of a call that may take the lease over, as the device said.
+  [[nodiscard]] Priority operator_priority() const noexcept;
 
   /// The device's newest sample.   RT: as rpc::Binding::call().
   /// Errors: as CallError; kNoSuchObject while the device has no sample yet.
@@ -57,9 +67,10 @@ class DeviceClient {
       const rpc::CallOptions& options = {}) noexcept;
   /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
   /// RT: as rpc::Binding::call().
-  /// Errors: as CallError; kNotLeaseHolder: acquire() first, or the lease was lost meanwhile;
-  /// kNoSuchObject: the device is not active; kBadRequest: a component is not finite, or another
-  /// thread's newer command came first; kOverload: another thread commands at this instant.
+  /// Errors: as CallError; kNotLeaseHolder: acquire() first, or the lease was lost meanwhile, why
+  /// says lease_state(); kNoSuchObject: the device is not active; kBadRequest: a component is not
+  /// finite, or another thread's newer command came first; kOverload: many threads command at
+  /// this instant.
   [[nodiscard]] expected<void, rpc::CallError> set_force(
       const driver::Vector3& force_newton, const rpc::CallOptions& options = {}) noexcept;
   /// Likewise force and torque.
@@ -70,7 +81,19 @@ class DeviceClient {
   /// a predecessor that died without giving it back.   Set-up only.
   /// Errors: as CallError; kNotLeaseHolder: somebody else has it still.
   [[nodiscard]] expected<void, rpc::CallError> acquire(Duration patience = std::chrono::seconds{2});
-  /// Keeps the lease without a command; commands keep it by themselves.   Set-up only.
+  /// Takes the right to command from its holder, as an operator does whose call has
+  /// operator_priority(), or `priority` if that is given. The former holder's calls fail with
+  /// kNotLeaseHolder from then on, and its force goes to zero before this client's counts.   Set-up
+  /// only.
+  /// Errors: as CallError; kNotLeaseHolder: the priority is below the operator's; kOverload: the
+  /// last take-over was less than a second ago: try again.
+  [[nodiscard]] expected<void, rpc::CallError> take_over(
+      std::optional<Priority> priority = std::nullopt);
+  /// How the lease stands that this client acquired or took over last, or why it ended: what to ask
+  /// for after kNotLeaseHolder. kUnknown after release().   Set-up only.
+  [[nodiscard]] expected<LeaseState, rpc::CallError> lease_state();
+  /// Keeps the lease without a command, for as long as the device bears an idle holder (10 s unless
+  /// it says otherwise); commands keep it by themselves.   Set-up only.
   [[nodiscard]] expected<void, rpc::CallError> renew();
   /// Gives the lease back; the device takes the force away.   Set-up only.
   expected<void, rpc::CallError> release();

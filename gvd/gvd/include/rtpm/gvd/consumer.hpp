@@ -47,8 +47,8 @@ class SampleSink {
 /// new one to a sink's push(): the paper's GVDConsumer, for displays and loggers that must not slow
 /// a servo loop down. It asks the device's server for the newest sample at its rate; samples that
 /// came and went in between are not seen. A look that fails is counted, and the next one tries
-/// again. Ownership: refers to its node and its sink, which must outlive it. Threads: start and
-/// stop from one thread; the rest from any.
+/// again; by a name, it follows the name as rpc::Binding does. Ownership: refers to its node and
+/// its sink, which must outlive it. Threads: start and stop from one thread; the rest from any.
 class DeviceConsumer {
  public:
   /// Binds `device`, a name for the node's resolver or a URL, and starts.   Set-up only.

@@ -11,6 +11,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/latest.hpp"
+#include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/lease.hpp"
@@ -33,8 +34,11 @@ class DeviceListener {
 
 /// How a device is run.
 struct CycleConfig {
-  Duration period = std::chrono::milliseconds{1};   ///< Of the device's loop.
-  Duration lease = std::chrono::seconds{1};         ///< How long a silent holder keeps the lease.
+  Duration period = std::chrono::milliseconds{1};  ///< Of the device's loop.
+  LeaseConfig lease{};  ///< How long a client keeps the right to command.
+  /// Calls of this priority and above may take the lease over. Below the device's own thread, so
+  /// that nobody can delay it, and above its clients.
+  Priority operator_priority{28000};
   Duration retry = std::chrono::milliseconds{500};  ///< Between tries to reach a lost device.
   std::uint32_t bad_cycle_max = 20;  ///< So many late or corrupt cycles in a row count as gone.
   /// What the safety filter allows; nothing: the defaults with the device's own limits.
@@ -52,7 +56,6 @@ struct ForceCommand {
 
 /// What the holder of the lease may ask of a device.
 enum class Transition : std::uint8_t {
-  kNone = 0,
   kActivate,
   kDeactivate,
 };
@@ -60,15 +63,17 @@ enum class Transition : std::uint8_t {
 /// What happened so far on the device's side.
 struct DeviceCounters {
   std::uint64_t cycle_count = 0;
-  std::uint64_t missed_count = 0;           ///< Cycles left out because the thread was late.
-  std::uint64_t late_count = 0;             ///< Exchanges without new data.
-  std::uint64_t corrupt_count = 0;          ///< Exchanges with unreadable data.
-  std::uint64_t gone_count = 0;             ///< Times that the device was lost.
-  std::uint64_t command_count = 0;          ///< Commands accepted.
-  std::uint64_t foreign_command_count = 0;  ///< Refused: not from the lease's holder.
-  std::uint64_t old_command_count = 0;      ///< Refused: older than the newest.
-  std::uint64_t hasty_command_count = 0;    ///< Refused: met another command in the same instant.
-  std::uint64_t lease_expired_count = 0;
+  std::uint64_t missed_count = 0;            ///< Cycles left out because the thread was late.
+  std::uint64_t late_count = 0;              ///< Exchanges without new data.
+  std::uint64_t corrupt_count = 0;           ///< Exchanges with unreadable data.
+  std::uint64_t gone_count = 0;              ///< Times that the device was lost.
+  std::uint64_t command_count = 0;           ///< Commands accepted.
+  std::uint64_t foreign_command_count = 0;   ///< Refused: not from the lease's holder.
+  std::uint64_t old_command_count = 0;       ///< Refused: older than the newest.
+  std::uint64_t hasty_command_count = 0;     ///< Refused: met many others in the same instant.
+  std::uint64_t lease_expired_count = 0;     ///< Leases that ended because their holder was silent.
+  std::uint64_t lease_idle_count = 0;        ///< Leases that ended because their holder was idle.
+  std::uint64_t lease_taken_over_count = 0;  ///< Leases that an operator took away.
   SafetyCounters safety{};
 };
 
@@ -116,17 +121,25 @@ class DeviceCycle {
   /// Errors: as the service's method `command` says in device.fbs.
   [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
                                          MonotonicTime received) noexcept;
-  /// Leaves a wish for the next maintain().   RT: alloc-free, no wait.
+  /// Leaves a wish for the next cycle, which counts if `lease` is still held then. The last of
+  /// several in one cycle counts.   RT: alloc-free, no wait.
   /// Errors: kNotLeaseHolder.
   [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
-  /// Leaves the wish to end a latched fault.   RT: alloc-free, no wait.
+  /// Leaves the wish to end a latched fault, likewise.   RT: alloc-free, no wait.
   /// Errors: kNotLeaseHolder.
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
+  /// Takes the lease from its holder, if there is one, for a call of `priority`: the new lease's
+  /// number. The force goes to zero before a command of the new holder counts.   RT: alloc-free, no
+  /// wait.
+  /// Errors: kNotLeaseHolder: the priority is below CycleConfig::operator_priority; kOverload: the
+  /// last take-over was less than LeaseConfig::take_over_interval ago.
+  [[nodiscard]] rpc::Result<std::uint64_t> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nothing before the first cycle.   RT: alloc-free.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }
+  [[nodiscard]] const CycleConfig& config() const noexcept { return config_; }
   [[nodiscard]] driver::Lifecycle lifecycle() const noexcept {
     return lifecycle_.load(std::memory_order_acquire);
   }
@@ -139,11 +152,15 @@ class DeviceCycle {
   };
 
   [[nodiscard]] std::optional<WrenchCommand> command_of(std::uint64_t holder) noexcept;
+  [[nodiscard]] rpc::Result<void> leave(std::atomic<std::uint32_t>& wish, std::uint64_t lease,
+                                        std::uint16_t what) noexcept;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
   [[nodiscard]] expected<void, driver::DriverError> open();
   void lose() noexcept;
   void rest(MonotonicTime now) noexcept;
   void publish() noexcept;
+  [[nodiscard]] bool has_lease_report() const noexcept;
+  void report_lease();
   void report(std::string_view text) const;
 
   driver::Driver& driver_;
@@ -155,8 +172,10 @@ class DeviceCycle {
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
-  std::atomic<Transition> wanted_{Transition::kNone};
-  std::atomic<bool> is_recovery_wanted_{false};
+  /// What a holder wishes, with the serial of its lease, as wish_of() packs them; 0: nothing.
+  std::atomic<std::uint32_t> transition_wish_{0};
+  std::atomic<std::uint32_t> recovery_wish_{0};
+  std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
   std::atomic<std::uint64_t> command_count_{0};
   std::atomic<std::uint64_t> foreign_command_count_{0};
@@ -170,6 +189,9 @@ class DeviceCycle {
   SuccessRate success_{};
   DeviceCounters counters_{};
   std::uint32_t bad_cycle_count_ = 0;
+  std::optional<Transition> wanted_{};  ///< For the next maintain().
+  std::uint64_t reported_idle_count_ = 0;
+  std::uint64_t reported_taken_over_count_ = 0;
   bool is_to_close_ = false;
   MonotonicTime retry_at_{};
 };

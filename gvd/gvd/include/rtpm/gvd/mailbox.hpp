@@ -2,62 +2,118 @@
 
 #include <array>
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <type_traits>
 
 namespace rtpm::gvd {
 
+/// The order of what one writer puts: `sequence` grows, modulo 2^32. Values of different writers
+/// have no order but that in which they were put.
+struct MailStamp {
+  std::uint16_t writer = 0;
+  std::uint32_t sequence = 0;
+};
+
+/// How a put ended.
+enum class MailOutcome : std::uint8_t {
+  kPut,
+  kOld,      ///< The newest value is this writer's and not older.
+  kRefused,  ///< The writer may not put (any more).
+  kBusy,     ///< Too many threads are putting at this very moment: drop the value or try again.
+};
+
 /// Hands the newest value from any of several threads to one real-time thread. What was put and not
-/// taken is replaced: a state, not a queue.
-/// Ownership: holds three values in place.
-/// Threads: put() from any, take() from one.   RT: both alloc-free and without waiting. A put()
-/// that meets another one in progress gives up and says so; take() never fails because of a put().
+/// taken is replaced: a state, not a queue. A thread that is preempted in the middle of a put keeps
+/// nobody from putting or taking, and what it puts late never replaces what is newer.
+/// Ownership: holds kSlotCount values in place.
+/// Threads: put() from any, take() from one.
+/// RT: both alloc-free. take() is wait-free; put() tries again only if another put or the take came
+/// in between.
 template <class T>
 requires std::is_trivially_copyable_v<T>
 class Mailbox {
  public:
-  /// Puts what `make` makes of the value last put; nothing is put when it makes nothing. Only one
-  /// put runs at a time, so that `make` may compare and decide.
-  /// False when another thread is putting at this very moment: drop the value or try again.
-  template <class Make>
-  requires std::is_invocable_r_v < std::optional<T>, Make,
-  const T& > [[nodiscard]] bool put(Make make) noexcept {
-    // SYNC POINT mailbox-writer: one writer's doing is seen whole by the next.
-    if (is_writing_.test_and_set(std::memory_order_acquire)) return false;
-    if (const std::optional<T> value = make(last_put_)) {
-      last_put_ = *value;
-      slots_[back_] = *value;
-      // SYNC POINT mailbox-value: whoever takes the slot sees its value whole.
-      back_ = static_cast<std::uint8_t>(
-          middle_.exchange(static_cast<std::uint8_t>(back_ | kNew), std::memory_order_acq_rel) &
-          kIndexMask);
+  /// One value waits and one is being taken; so many threads but two can put at once.
+  static constexpr std::size_t kSlotCount = 16;
+
+  /// Puts `value` if `is_allowed()` says so just before, and what was put before is not newer.
+  template <class Allowed>
+  requires std::is_invocable_r_v<bool, Allowed>
+  [[nodiscard]] MailOutcome put(MailStamp stamp, const T& value, Allowed is_allowed) noexcept {
+    const std::size_t slot = claim();
+    if (slot == kSlotCount) return MailOutcome::kBusy;
+    slots_[slot].value = value;
+    std::uint64_t before = newest_.load(std::memory_order_acquire);
+    MailOutcome outcome = MailOutcome::kPut;
+    while (true) {
+      outcome = is_allowed() ? outcome_of(stamp, before) : MailOutcome::kRefused;
+      if (outcome != MailOutcome::kPut) break;
+      // SYNC POINT mailbox-value: the thread that takes or replaces the slot sees its value whole.
+      if (newest_.compare_exchange_weak(before, word_of(stamp, slot), std::memory_order_acq_rel,
+                                        std::memory_order_acquire)) {
+        free_slot_of(before);
+        return outcome;
+      }
     }
-    // SYNC POINT mailbox-writer
-    is_writing_.clear(std::memory_order_release);
-    return true;
+    free(slot);
+    return outcome;
   }
 
   /// The newest value if one was put since the last take.
   [[nodiscard]] std::optional<T> take() noexcept {
-    if ((middle_.load(std::memory_order_relaxed) & kNew) == 0) return std::nullopt;
+    if ((newest_.load(std::memory_order_relaxed) & kSlotMask) == 0) return std::nullopt;
     // SYNC POINT mailbox-value
-    front_ =
-        static_cast<std::uint8_t>(middle_.exchange(front_, std::memory_order_acq_rel) & kIndexMask);
-    return slots_[front_];
+    const std::uint64_t taken = newest_.fetch_and(~kSlotMask, std::memory_order_acq_rel);
+    const T value = slots_[(taken & kSlotMask) - 1].value;
+    free_slot_of(taken);
+    return value;
   }
 
  private:
-  static constexpr std::uint8_t kNew = 4;
-  static constexpr std::uint8_t kIndexMask = 3;
+  // The newest: from the lowest bit on its slot + 1, or 0 once it was taken; whether anything was
+  // ever put; and its stamp, which stays when it is taken.
+  static constexpr std::uint64_t kSlotMask = 0xff;
+  static constexpr std::uint64_t kStamped = 0x100;
 
-  // One slot is the writer's, one the reader's, and the middle one changes hands.
-  std::array<T, 3> slots_{};
-  alignas(64) std::atomic<std::uint8_t> middle_{1};
-  alignas(64) std::atomic_flag is_writing_{};
-  std::uint8_t back_ = 0;
-  T last_put_{};
-  alignas(64) std::uint8_t front_ = 2;
+  struct alignas(64) Slot {
+    std::atomic<bool> is_claimed{false};
+    T value{};
+  };
+
+  [[nodiscard]] static std::uint64_t word_of(MailStamp stamp, std::size_t slot) noexcept {
+    return std::uint64_t{stamp.sequence} << 32 | std::uint64_t{stamp.writer} << 16 | kStamped |
+           (slot + 1);
+  }
+  [[nodiscard]] static MailOutcome outcome_of(MailStamp stamp, std::uint64_t before) noexcept {
+    const auto writer = static_cast<std::uint16_t>(before >> 16);
+    const auto sequence = static_cast<std::uint32_t>(before >> 32);
+    const bool is_comparable = (before & kStamped) != 0 && writer == stamp.writer;
+    const bool is_newer = static_cast<std::int32_t>(stamp.sequence - sequence) > 0;
+    return is_comparable && !is_newer ? MailOutcome::kOld : MailOutcome::kPut;
+  }
+
+  [[nodiscard]] std::size_t claim() noexcept {
+    for (std::size_t slot = 0; slot < kSlotCount; ++slot) {
+      // SYNC POINT mailbox-slot: the thread that claims a slot comes after what its last one did.
+      if (!slots_[slot].is_claimed.load(std::memory_order_relaxed) &&
+          !slots_[slot].is_claimed.exchange(true, std::memory_order_acquire)) {
+        return slot;
+      }
+    }
+    return kSlotCount;
+  }
+  void free(std::size_t slot) noexcept {
+    // SYNC POINT mailbox-slot
+    slots_[slot].is_claimed.store(false, std::memory_order_release);
+  }
+  void free_slot_of(std::uint64_t word) noexcept {
+    if ((word & kSlotMask) != 0) free((word & kSlotMask) - 1);
+  }
+
+  std::array<Slot, kSlotCount> slots_{};
+  alignas(64) std::atomic<std::uint64_t> newest_{0};
 };
 
 }  // namespace rtpm::gvd

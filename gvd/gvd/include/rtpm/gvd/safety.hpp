@@ -53,9 +53,10 @@ struct SafetyCounters {
 /// are;
 /// - a wrench above a limit is shortened and keeps its direction;
 /// - force and torque change no faster than their rates allow, by the time that really went by;
+/// - a change of client: the force falls to zero within `ramp` and is zero for one cycle at least
+///   before the next client's commands count;
 /// - soft start: after start, loss, recovery and a change of client the share of the command that
-/// is applied rises from
-///   nothing to all over `soft_start`;
+///   is applied rises from nothing to all over `soft_start`;
 /// - the watchdog: at a command's deadline without a newer one, the force falls in a straight line
 ///   to zero within `ramp`, then is off.
 ///
@@ -71,18 +72,21 @@ class SafetyFilter {
   /// One cycle at time `now`: the newest command, or nothing if nobody may command (any more), to
   /// what is safe. A time before the last one counts as the last one.
   [[nodiscard]] driver::Wrench step(MonotonicTime now,
-                                    const std::optional<WrenchCommand>& newest) noexcept;
+                                    const std::optional<WrenchCommand>& offered) noexcept;
 
   /// Ends the latched fault; the force comes back by soft start.
   void recover() noexcept;
-  /// Begins soft start anew, as for another client; what is applied changes no faster than allowed.
-  void rearm() noexcept;
+  /// Another client's commands follow, or nobody's: the force falls to zero first, as when the
+  /// commands are lost, and comes back by soft start.
+  void change_client() noexcept;
   /// No force at once, as when the device was lost; the force comes back by soft start.
   void reset() noexcept;
 
   /// The filter's faults as of the last step.
   [[nodiscard]] driver::Faults faults() const noexcept { return faults_; }
   [[nodiscard]] const SafetyCounters& counters() const noexcept { return counters_; }
+  /// Whether the last step's output was no force.
+  [[nodiscard]] bool is_off() const noexcept { return output_ == driver::Wrench{}; }
   /// When the output will be zero if no newer command comes; in the past if it is.
   [[nodiscard]] MonotonicTime zero_at() const noexcept { return zero_at_; }
   [[nodiscard]] const SafetyConfig& config() const noexcept { return config_; }
@@ -98,10 +102,11 @@ class SafetyFilter {
   driver::Faults faults_{};
   std::optional<MonotonicTime> last_step_{};
   MonotonicTime zero_at_{};
-  double gain_ = 0;            ///< The share of the command that soft start lets through.
-  bool is_following_ = false;  ///< The last step had a command that was alive.
-  bool is_lost_ = false;       ///< The last command that was followed ran out.
-  bool is_latched_ = false;    ///< A command was not finite.
+  double gain_ = 0;                  ///< The share of the command that soft start lets through.
+  bool is_following_ = false;        ///< The last step had a command that was alive.
+  bool is_changing_client_ = false;  ///< What the former client commanded is not zero yet.
+  bool is_lost_ = false;             ///< The last command that was followed ran out.
+  bool is_latched_ = false;          ///< A command was not finite.
 };
 
 }  // namespace rtpm::gvd

@@ -34,8 +34,8 @@ struct DeviceServerConfig {
 class DeviceServer {
  public:
   /// Takes `driver` and checks what it says of itself.   Set-up only.
-  /// Errors: a period that is not 20 µs to 100 ms, a safety limit that can't be used, a descriptor
-  /// that contradicts itself.
+  /// Errors: a period that is not 20 µs to 100 ms, a lease that is over at once, a safety limit
+  /// that can't be used, a descriptor that contradicts itself.
   [[nodiscard]] static expected<std::unique_ptr<DeviceServer>, rpc::SetupError> create(
       std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = {});
 

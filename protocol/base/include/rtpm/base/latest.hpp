@@ -10,44 +10,56 @@
 
 namespace rtpm::inline base {
 
+/// What Latest does between two steps of a write: nothing. A test stops the writer there.
+struct LatestNoPause {
+  static void pause() noexcept {}
+};
+
 /// The newest value of a state that one real-time thread writes and others read, such as a device's
-/// sample. The writer never waits for a reader; a reader that is overtaken tries again.
-/// Ownership: holds one value in place.   Threads: write() from one thread; read() from any.
-/// RT: write() is wait-free; read() repeats only while a write overlaps it, at most kReadAttemptMax
-/// times.
-template <class T>
+/// sample. Neither waits for the other: the writer fills the oldest of several slots and publishes
+/// it when it is whole. So a writer that is preempted, stopped or killed in the middle of a write
+/// leaves the value before it readable, and a reader tries again only if it was itself overtaken by
+/// kSlotCount − 1 writes while it copied one value.
+/// Ownership: holds kSlotCount values in place.   Threads: write() from one thread; read() from
+/// any. RT: write() is wait-free; read() copies once, and at most kReadAttemptMax times.
+template <class T, class Pause = LatestNoPause>
 requires std::is_trivially_copyable_v<T>
 class Latest {
  public:
+  static constexpr std::size_t kSlotCount = 4;
   static constexpr int kReadAttemptMax = 1024;
 
   void write(const T& value) noexcept {
     std::array<std::uint64_t, kWordCount> words{};
     std::memcpy(words.data(), &value, sizeof value);
-    const std::uint64_t before = version_.load(std::memory_order_relaxed);
-    // SYNC POINT latest-begin: an odd version says that the words are changing; each word is
-    // released after it.
-    version_.store(before + 1, std::memory_order_relaxed);
+    const std::uint64_t number = newest_.load(std::memory_order_relaxed) + 1;
+    Slot& slot = slots_[number % kSlotCount];
+    // SYNC POINT latest-begin: the number says that the words are changing; each word is released
+    // after it.
+    slot.number.store(number, std::memory_order_relaxed);
+    Pause::pause();
     for (std::size_t i = 0; i < kWordCount; ++i) {
-      words_[i].store(words[i], std::memory_order_release);
+      slot.words[i].store(words[i], std::memory_order_release);
+      Pause::pause();
     }
-    // SYNC POINT latest-end: an even version says that the words belong together.
-    version_.store(before + 2, std::memory_order_release);
+    // SYNC POINT latest-end: the words of this number belong together.
+    newest_.store(number, std::memory_order_release);
   }
 
-  /// The newest value, or nothing if none was written yet (or the writer died in the middle).
+  /// The newest value that was written to its end. Nothing: there is none yet, or kReadAttemptMax
+  /// times in a row the reader was overtaken.
   [[nodiscard]] std::optional<T> read() const noexcept {
     for (int attempt = 0; attempt < kReadAttemptMax; ++attempt) {
       // SYNC POINT latest-end
-      const std::uint64_t before = version_.load(std::memory_order_acquire);
-      if (before == 0) return std::nullopt;
-      if (before % 2 == 1) continue;
+      const std::uint64_t number = newest_.load(std::memory_order_acquire);
+      if (number == 0) return std::nullopt;
+      const Slot& slot = slots_[number % kSlotCount];
       std::array<std::uint64_t, kWordCount> words;
       for (std::size_t i = 0; i < kWordCount; ++i) {
-        // SYNC POINT latest-begin: whoever sees a new word sees the odd version before it.
-        words[i] = words_[i].load(std::memory_order_acquire);
+        // SYNC POINT latest-begin: a reader of a newer word sees the newer number.
+        words[i] = slot.words[i].load(std::memory_order_acquire);
       }
-      if (version_.load(std::memory_order_relaxed) != before) continue;
+      if (slot.number.load(std::memory_order_relaxed) != number) continue;
       T value;
       std::memcpy(static_cast<void*>(&value), words.data(), sizeof value);
       return value;
@@ -57,14 +69,22 @@ class Latest {
 
   /// How many values were written.
   [[nodiscard]] std::uint64_t count() const noexcept {
-    return version_.load(std::memory_order_acquire) / 2;
+    return newest_.load(std::memory_order_acquire);
   }
 
  private:
   static constexpr std::size_t kWordCount = (sizeof(T) + 7) / 8;
 
-  alignas(64) std::atomic<std::uint64_t> version_{0};
-  std::array<std::atomic<std::uint64_t>, kWordCount> words_{};
+  /// A value and its number. On cache lines of its own, which only the writer of this value
+  /// touches.
+  struct alignas(64) Slot {
+    std::atomic<std::uint64_t> number{0};
+    std::array<std::atomic<std::uint64_t>, kWordCount> words{};
+  };
+
+  /// The number of the newest value that is whole; 0: there is none.
+  alignas(64) std::atomic<std::uint64_t> newest_{0};
+  std::array<Slot, kSlotCount> slots_{};
 };
 
 }  // namespace rtpm::inline base

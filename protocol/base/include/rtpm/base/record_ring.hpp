@@ -207,7 +207,27 @@ class RecordWriter {
     }
     return write_to_ring(record);
   }
+  /// Whether half of the ring stays free behind a record of so many bytes, or it is empty. Where
+  /// the shared words hold nonsense it says yes, so that write() tells of it.
+  [[nodiscard]] bool has_spare_room(std::size_t size) noexcept {
+    const auto is_there = [&] {
+      return tail_ == head_ || tail_ + record_span(size) - head_ <= ring_.size() / 2;
+    };
+    if (is_there()) return true;
+    // SYNC POINT record-free
+    const std::uint64_t head = control_->head.load(std::memory_order_acquire);
+    if (head - head_ > tail_ - head_ || head % kRecordAlignment != 0) return true;
+    head_ = head;
+    return is_there();
+  }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
+  /// How many records were written and not read, as the reader says.   RT: wait-free.
+  [[nodiscard]] std::uint32_t unread_count() const noexcept {
+    // hp-16.2-2: a reader that says to have read what was not written has read nothing more.
+    const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
+    const bool is_possible = taken - taken_ <= number_ - 1 - taken_;
+    return number_ - 1 - (is_possible ? taken : taken_);
+  }
 
  private:
   /// Whether the record that has the next one's slot was read, as far as is known.

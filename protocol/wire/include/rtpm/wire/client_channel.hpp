@@ -20,6 +20,12 @@
 
 namespace rtpm::wire {
 
+/// Whether a call that was refused with unknown_session has certainly not run: the server is the
+/// one that gave the lost session, and would not have forgotten a session that it heard since the
+/// call was `begun` (hp-5.5-2).
+[[nodiscard]] bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now,
+                               MonotonicTime begun, MonotonicTime now) noexcept;
+
 /// How a channel is set up.
 struct ClientChannelConfig {
   Medium medium = Medium::kDatagram;
@@ -50,9 +56,12 @@ struct CallParameters {
   Delivery delivery = Delivery::kReply;
   /// Of a stream: how many items it takes at a time, up to kStreamWindow; 0: it is none.
   std::uint32_t stream_window = 0;
-  /// Of a stream: where items are collected, frame_payload_max() bytes for each of the window.
-  MutableBytes stream_memory{};
-  /// Of a stream: how long server and client go without hearing of the other, at most kStreamLease.
+  /// Of a stream: where items are collected.
+  IncomingStream::Room stream_room{};
+  /// Of a stream: how long the client goes on asking without an answer, at most kStreamSilence.
+  Duration stream_silence = kStreamSilence;
+  /// Of a stream: how long the server keeps it without hearing of the client; more than a budget
+  /// can say: for as long as its connection lasts. Over datagrams at most kStreamLeaseMax.
   Duration stream_lease = kStreamLease;
 };
 
@@ -106,8 +115,9 @@ class ClientChannel {
   [[nodiscard]] bool has_free_call() const noexcept;
   /// Begins a call with `payload`, which must live until the call ends; gives the frame to send,
   /// and next_frame() may have more. last_call() tells its index; a call that is merely sent ends
-  /// at once and has none. The channel is ready and has_free_call(). Errors: kTooLarge: larger than
-  /// what the server takes, or than what the channel is set up for; nothing was begun.
+  /// at once and has none. The channel is ready and has_free_call(). Errors, with nothing begun:
+  /// kTooLarge: larger than what the server takes, or than what the channel is set up for.
+  /// kWrongBand: the session does not serve the priority: open() one that does.
   [[nodiscard]] expected<ConstBytes, Status> call(const CallParameters& parameters,
                                                   ConstBytes payload, MonotonicTime now) noexcept;
   [[nodiscard]] CallIndex last_call() const noexcept { return last_call_; }
@@ -170,10 +180,15 @@ class ClientChannel {
     MutableBytes room{};
     IncomingStream items;
     std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
-    Duration lease = kStreamLease;  ///< Of a stream.
-    MonotonicTime heard{};          ///< When the stream's server was heard last,
-    MonotonicTime item_heard{};     ///< when an item of it came,
-    Duration item_gap{0};           ///< and how far apart items come, smoothed.
+    std::uint32_t bytes_sent = 0;   ///< The same for bytes,
+    std::uint32_t freed_sent = 0;   ///< and how many frames were freed by then.
+    Duration lease = kStreamLease;  ///< Of a stream,
+    Duration silence = kStreamSilence;
+    /// Since when the stream's server owes an answer, and to how many questions.
+    MonotonicTime asked{};
+    std::uint32_t ask_count = 0;
+    MonotonicTime item_heard{};  ///< When an item of it came,
+    Duration item_gap{0};        ///< and how far apart items come, smoothed.
     MonotonicTime begun{};
     MonotonicTime deadline = kNever;
     RetransmitTimer timer;
@@ -206,10 +221,12 @@ class ClientChannel {
   [[nodiscard]] ChannelEvent on_stream_end(Call& call, const Header& header,
                                            MonotonicTime now) noexcept;
   [[nodiscard]] ChannelEvent end_of_stream(Call& call, MonotonicTime now) noexcept;
-  static void hear(Call& call, MonotonicTime now) noexcept;
+  static void hear(Call& call) noexcept;
   void hear_of_items(Call& call, MonotonicTime now) const noexcept;
   static void ask_after(Call& call, Duration wait, MonotonicTime now) noexcept;
   [[nodiscard]] bool is_stream_known(const Call& call) const noexcept;
+  static void count_question(Call& call, MonotonicTime now) noexcept;
+  static void look_at_credit(Call& call) noexcept;
   [[nodiscard]] MonotonicTime due(const Call& call) const noexcept;
   [[nodiscard]] ChannelEvent on_call_time(Call& call, MonotonicTime now) noexcept;
   [[nodiscard]] ConstBytes reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept;

@@ -8,13 +8,19 @@
 
 namespace rtpm::wire {
 
-/// Where a frame came from, opaque to the protocol: equal values are the same peer.
+/// Where a frame came from, opaque to the protocol: equal values are the same peer. `high` and
+/// `low` name its host, or its process in shared memory; `port` tells the peers of a host apart.
 struct PeerAddress {
   std::uint64_t high = 0;
   std::uint64_t low = 0;
   std::uint32_t port = 0;
   friend bool operator==(const PeerAddress&, const PeerAddress&) noexcept = default;
 };
+
+/// Whether both are of one host: what is shared is limited per host.
+[[nodiscard]] constexpr bool is_same_host(const PeerAddress& a, const PeerAddress& b) noexcept {
+  return a.high == b.high && a.low == b.low;
+}
 
 /// Gives and checks cookies without remembering any: a forged address costs the server nothing.
 /// RT: alloc-free.   Source: spec/hprotocol.md#hp-4.2; the idea is DTLS's (RFC 6347, 4.2.1).

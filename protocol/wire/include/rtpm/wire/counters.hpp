@@ -24,8 +24,9 @@ enum class DropReason : std::uint8_t {
   kStaleCall,         ///< A call that its session left behind: a late copy.
   kDuplicateRunning,  ///< A copy of a call that still runs.
   kUnexpected,        ///< A well-formed frame that fits no state: a late or foreign answer.
+  kRateLimited,       ///< Of no session, and its host was answered often enough (hp-4.4-5).
 };
-inline constexpr std::size_t kDropReasonCount = 15;
+inline constexpr std::size_t kDropReasonCount = 16;
 
 /// The reason's name as the spec writes it.
 [[nodiscard]] std::string_view to_string(DropReason reason) noexcept;
@@ -40,9 +41,10 @@ struct FrameCounters {
   std::uint64_t session_evicted_count = 0;  ///< Sessions replaced by newer ones.
   std::uint64_t cancelled_count = 0;        ///< Calls that their callers cancelled in time.
   std::uint64_t orphaned_count =
-      0;                         ///< Calls that ended when nobody was there any more to be told.
-  std::uint64_t item_count = 0;  ///< Items of streams sent, copies left out.
-  std::uint64_t item_repeated_count = 0;                  ///< Items sent again.
+      0;  ///< Calls that ended when nobody was there any more to be told.
+  std::uint64_t large_evicted_count = 0;  ///< Silent large messages that gave way to others.
+  std::uint64_t item_count = 0;           ///< Items of streams sent, copies left out.
+  std::uint64_t item_repeated_count = 0;  ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
 
   void drop(DropReason reason) noexcept { ++dropped[static_cast<std::size_t>(reason)]; }

@@ -8,6 +8,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/wire/counters.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "rtpm/wire/medium.hpp"
 #include "rtpm/wire/status.hpp"
 
 namespace rtpm::wire {
@@ -23,8 +24,8 @@ enum class FrameKind : std::uint8_t {
   kClose = 7,    ///< Both ways: the session ends.
   kAck = 8,      ///< Both ways: how far a message in fragments has arrived.
   kCancel = 9,   ///< Client → server: nobody waits for the call any more.
-  kItem = 10,    ///< Server → client: one item of a stream.
-  kCredit = 11,  ///< Client → server: which items are there, and how many more may come.
+  kItem = 10,    ///< Server → client: one item of a stream, or a fragment of it.
+  kCredit = 11,  ///< Client → server: which frames of a stream are there, and how much may come.
 };
 inline constexpr std::uint8_t kFrameKindLast = 11;
 
@@ -49,11 +50,11 @@ struct Header {
   Status status = Status::kOk;       ///< In replies and refusals.
   std::uint32_t payload_size = 0;    ///< Bytes that follow this header.
   std::uint16_t fragment_index = 0;  ///< Which part of the message this is, of
-  std::uint16_t fragment_count = 1;  ///< so many; only CALL and REPLY come in several.
+  std::uint16_t fragment_count = 1;  ///< so many; only CALL, REPLY and ITEM come in several.
   std::uint32_t message_size = 0;    ///< Bytes of the whole message.
   std::uint32_t budget_us = 0;       ///< CALL: time left. REPLY: time the server took.
-  /// CALL: items that the caller takes at first; 0: no stream. ITEM: its number. CREDIT: items
-  /// below this number may come. REPLY and ACK of a stream: items sent. Else 0.
+  /// CALL: items that the caller takes at first; 0: no stream. ITEM: the frame's number. CREDIT:
+  /// items below this number may come. REPLY and ACK of a stream: frames sent. Else 0.
   std::uint32_t item = 0;
   std::uint64_t sender_time_ns = 0;  ///< The sender's monotonic clock when it sent.
   std::uint64_t trace_id = 0;
@@ -71,8 +72,10 @@ void encode(const Header& header, std::byte* to) noexcept;
 
 /// As decode(), for a whole frame: exactly payload_size bytes follow the header.
 [[nodiscard]] expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept;
-/// The same, into a header where it is to stay; after an error it holds anything.
-[[nodiscard]] expected<void, DropReason> decode_frame(ConstBytes frame, Header& header) noexcept;
+/// The same, for a frame that came over `medium`, which no frame may be too large for; into a
+/// header where it is to stay. After an error that holds anything.
+[[nodiscard]] expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium,
+                                                      Header& header) noexcept;
 
 /// Marks a frame that encode() wrote as a copy of one sent before.   RT: alloc-free.
 void mark_repeated(std::byte* frame) noexcept;

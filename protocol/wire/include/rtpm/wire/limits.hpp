@@ -46,11 +46,38 @@ inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
 static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
-/// How many items of a stream are on their way, or wait to be taken, at a time. At most 64.
+/// A large message that is not whole, or a large reply that is not acknowledged, gives its room to
+/// another once nothing came of it for so long (hp-5.6-10): three copies at the longest interval.
+inline constexpr Duration kLargeMessageSilenceMax = std::chrono::seconds{3};
+
+/// What of a shared resource one host may hold: three quarters, rounded up.
+[[nodiscard]] constexpr std::uint32_t share_of_one_host(std::uint32_t count) noexcept {
+  return count - count / 4;
+}
+
+/// How many datagrams that belong to no session are answered for one host: so many at once,
+inline constexpr std::uint32_t kStrangerAnswerBurst = 256;
+/// and then one each such span (hp-4.4-5).
+inline constexpr Duration kStrangerAnswerInterval = std::chrono::milliseconds{2};
+
+/// How many items of a stream wait to be taken at a time, and how many of its datagrams are on
+/// their way. At most 64.
 inline constexpr std::uint32_t kStreamWindow = 32;
-/// What a client states as the time that it will still wait for a stream's next sign of life, and
-/// the server so long keeps the stream without hearing of it.
-inline constexpr Duration kStreamLease = std::chrono::seconds{3};
+/// How many bytes of items a server may send before the first CREDIT: a window of datagrams,
+inline constexpr std::uint32_t kStreamBytesFirstDatagram = 32 * kDatagramPayloadSizeMax;
+/// or one largest frame, which fits half of a ring in shared memory in four.
+inline constexpr std::uint32_t kStreamBytesFirstStream = kStreamPayloadSizeMax;
+/// The most frames of a stream that a client keeps, see stream_frame_count().
+inline constexpr std::uint32_t kStreamFrameCountMax = 80;
+/// How long a client that asks after a stream goes on without an answer.
+inline constexpr Duration kStreamSilence = std::chrono::seconds{3};
+/// Over datagrams, for how long a server keeps a stream whose client it does not hear: what a
+/// client states if it is not told otherwise, and the most that a server grants, which is as long
+/// as it keeps a session (hp-5.5-1). A connection that ends tells of its client's end by itself.
+inline constexpr Duration kStreamLease = std::chrono::seconds{10};
+inline constexpr Duration kStreamLeaseMax = std::chrono::seconds{30};
+/// Stated as a budget: for as long as the connection lasts.
+inline constexpr std::uint32_t kBudgetUnlimited = 0xffff'ffff;
 /// A client asks after a stream at least so often, whether items come or not (hp-5.10-5).
 inline constexpr Duration kStreamAskIntervalMax = std::chrono::milliseconds{500};
 /// Over a connection, which loses nothing, it is not asked after sooner than this behind an item:

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
@@ -15,6 +16,7 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/medium.hpp"
+#include "rtpm/wire/rate_limiter.hpp"
 #include "rtpm/wire/stream.hpp"
 
 namespace rtpm::wire {
@@ -26,22 +28,27 @@ struct ServerSessionsConfig {
   Priority ceiling = Priority::kHighest;  ///< Granted to every session.
   std::uint64_t epoch = 0;                ///< Of the server; not 0.
   std::uint64_t clock_domain = 0;
-  SipKey key{};                           ///< Secret, for cookies and session numbers.
+  /// Secret, for cookies and session numbers; the same for all lanes of the server.
+  SipKey key{};
+  std::uint32_t lane = 0;                 ///< Which of the server's lanes this is, from 0,
+  std::uint32_t lane_count = 1;           ///< and how many it has; at most 65536.
   std::uint32_t session_count_max = 256;  ///< 1…65535
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   /// The largest payload of a frame, where the transport allows less than the medium.
   std::uint32_t frame_payload_max = static_cast<std::uint32_t>(kStreamPayloadSizeMax);
   /// Memory for messages that are larger than a frame, each of which takes message_size_max bytes
-  /// of it while it comes, is served, or is kept as a reply. Without, no message is larger than a
-  /// frame. The caller's, aligned to 64 bytes; touched only when used.
+  /// of it while it comes, is served, or is kept as a reply; and one more, where replies are
+  /// written. Without, no message is larger than a frame. The caller's, aligned to 64 bytes;
+  /// touched only when used.
   MutableBytes bulk_memory{};
   /// Memory for streams, stream_room_size() bytes for each that runs at a time. Without, calls that
   /// ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
   MutableBytes stream_memory{};
 };
 
-/// What one stream takes of ServerSessionsConfig::stream_memory: where items may get lost, all that
-/// are on their way are kept; else one frame at a time.
+/// What one stream takes of ServerSessionsConfig::stream_memory: where frames may get lost, all
+/// that are on their way are kept; else one frame at a time. An item itself stays with the caller
+/// of push_item().
 [[nodiscard]] constexpr std::size_t stream_room_size(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kStreamWindow * kDatagramFrameSizeMax : kStreamFrameSizeMax;
 }
@@ -54,6 +61,7 @@ struct Request {
   MonotonicTime received{};
   std::uint32_t session_index = 0;
   std::uint32_t slot_index = 0;
+  std::uint32_t caller_host = 0;  ///< The lane's, for its servants; the protocol leaves it alone.
 
   /// The caller is answered before the method runs: call accept() first.
   [[nodiscard]] bool wants_receipt() const noexcept {
@@ -102,8 +110,18 @@ class ServerSessions {
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
 
   /// Where the reply to `request` is to be written, aligned to 16 bytes. There is room, too, when
-  /// its session has ended and nobody will get what is written.
-  [[nodiscard]] MutableBytes reply_buffer(const Request& request) noexcept;
+  /// its session has ended and nobody will get what is written. Valid until the next frame is taken
+  /// or request completed. At most reply_size_max(); one frame's while is_short_of_rooms().
+  [[nodiscard]] MutableBytes reply_buffer(const Request& request, MonotonicTime now) noexcept;
+  /// The largest reply that the session allows.
+  [[nodiscard]] std::uint32_t reply_size_max(const Request& request) const noexcept;
+  /// Whether a reply larger than a frame would find no room now: all are taken, or the caller's
+  /// host has its share. It may wait until has_freed_room(), or until next_room_time().
+  [[nodiscard]] bool is_short_of_rooms(const Request& request, MonotonicTime now) const noexcept;
+  /// Whether a room for a large message became free since this was asked last.
+  [[nodiscard]] bool has_freed_room() noexcept { return std::exchange(has_freed_room_, false); }
+  /// When the next message after `now` may be made to give its room up. Looks at all rooms.
+  [[nodiscard]] MonotonicTime next_room_time(MonotonicTime now) const noexcept;
 
   /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
   /// send. It is completed like any other afterwards, which then gives none.
@@ -128,12 +146,18 @@ class ServerSessions {
   /// gives 0.
   [[nodiscard]] std::uint32_t next_cancelled() noexcept;
 
-  /// Where the next item of the stream `request` is to be written, aligned to 16 bytes; empty while
-  /// its caller takes no more, and for good once nobody waits for it.
-  [[nodiscard]] MutableBytes item_buffer(const Request& request) noexcept;
-  /// Ends the item that was written there; gives the frame to send.
-  [[nodiscard]] ConstBytes push_item(const Request& request, std::uint32_t size,
+  /// The most bytes of an item of the stream `request`; 0 if it is none, or once nobody waits for
+  /// it.
+  [[nodiscard]] std::uint32_t item_size_max(const Request& request) noexcept;
+  /// The most bytes of an item of the stream `request` that goes in one frame; 0 as above.
+  [[nodiscard]] std::uint32_t item_frame_size_max(const Request& request) noexcept;
+  /// Gives the next frame of `item`, which has at most item_size_max() bytes and is the same until
+  /// is_item_midway() is false. The frame is to be sent before the next is asked for. Empty while
+  /// the caller takes no more, and for good once nobody waits for the stream.
+  [[nodiscard]] ConstBytes push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept;
+  /// A part of the item was given, and push_item() has more of it.
+  [[nodiscard]] bool is_item_midway(const Request& request) noexcept;
 
   /// Ends streams of which nobody was heard for too long.
   void on_time(MonotonicTime now) noexcept;
@@ -143,6 +167,11 @@ class ServerSessions {
 
   /// Stream only: the connection `peer` is gone, and its session with it.
   void forget(const PeerAddress& peer) noexcept;
+  /// Stream only: whether the connection `peer` has a session. Looks at all sessions.
+  [[nodiscard]] bool has_session(const PeerAddress& peer) const noexcept;
+  /// Stream only: the answer to the first frame of a connection for which there is no place: REFUSE
+  /// overload to a HELLO, nothing to anything else. Valid like a Verdict's frame.
+  [[nodiscard]] ConstBytes turn_away(ConstBytes frame, MonotonicTime now) noexcept;
 
   /// Ends a session because the server stops; gives the CLOSE to send, nothing if there is no
   /// session left.
@@ -152,7 +181,7 @@ class ServerSessions {
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
   /// Streams that take room now.
   [[nodiscard]] std::uint32_t stream_count() const noexcept { return open_stream_count_; }
-  /// Large messages for which somebody may still wait.
+  /// Large messages for which somebody may still wait, and shows it (hp-5.6-10).
   [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
 
  private:
@@ -163,6 +192,7 @@ class ServerSessions {
     enum class State : std::uint8_t { kEmpty, kReceiving, kRunning, kDone };
     State state = State::kEmpty;
     bool is_unawaited = false;  ///< It runs, and nobody waits for it: a oneway, or cancelled.
+    bool is_evicted = false;    ///< A request that was given up before it was whole.
     std::uint32_t call_id = 0;
     std::uint32_t newest_call_id = 0;  ///< Later than call_id: it was refused, as this one ran.
     std::uint32_t frame_size = 0;      ///< Of the kept reply; 0: it is in bulk, or not kept.
@@ -177,6 +207,7 @@ class ServerSessions {
     std::uint32_t session_index = 0;
     std::uint32_t slot_index = 0;
     MonotonicTime deadline{};  ///< Until when somebody waits for it.
+    MonotonicTime heard{};     ///< When its peer showed last that it works on it.
     MutableBytes room{};
     IncomingMessage incoming;
     OutgoingMessage outgoing;
@@ -210,6 +241,8 @@ class ServerSessions {
   [[nodiscard]] Answer on_kind(Request& request, const PeerAddress& peer) noexcept;
   [[nodiscard]] Answer on_hello(const Header& header, ConstBytes payload, const PeerAddress& peer,
                                 MonotonicTime now) noexcept;
+  [[nodiscard]] std::optional<Status> fault_of(const Header& header,
+                                               const Hello& hello) const noexcept;
   [[nodiscard]] Answer on_call(Request& request, const PeerAddress& peer) noexcept;
   [[nodiscard]] Answer on_copy(Request& request, Slot& slot, Session& session) noexcept;
   [[nodiscard]] Answer admit(Request& request, Session& session) noexcept;
@@ -234,6 +267,7 @@ class ServerSessions {
   [[nodiscard]] ConstBytes kept_reply(std::uint32_t session_index,
                                       std::uint32_t slot_index) noexcept;
   [[nodiscard]] Slot* slot_of(const Request& request) noexcept;
+  [[nodiscard]] Stream* stream_of(const Request& request) noexcept;
   [[nodiscard]] ConstBytes write_reply(const Request& request, Slot& slot, Status status,
                                        std::uint32_t payload_size, MonotonicTime now) noexcept;
   void on_close(const Header& header, ConstBytes payload, const PeerAddress& peer) noexcept;
@@ -243,28 +277,49 @@ class ServerSessions {
   [[nodiscard]] Answer refuse(const Header& about, Status status, MonotonicTime now) noexcept;
   [[nodiscard]] Answer refuse_call(const Request& request, Status status,
                                    MonotonicTime now) noexcept;
+  [[nodiscard]] Answer refuse_session(const Header& about, const PeerAddress& peer,
+                                      MonotonicTime now) noexcept;
+  [[nodiscard]] std::uint64_t new_session_id(std::uint64_t index) noexcept;
+  [[nodiscard]] std::uint64_t lane_mask_of(std::uint64_t id) const noexcept;
+  [[nodiscard]] bool is_of_another_lane(std::uint64_t id) const noexcept;
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
   void make_bulks();
   void make_streams();
   [[nodiscard]] ConstBytes next_repair() noexcept;
   [[nodiscard]] bool is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept;
-  [[nodiscard]] std::uint16_t take_bulk(Bulk::Use use, MonotonicTime now) noexcept;
+  [[nodiscard]] MonotonicTime idle_time(const Bulk& bulk) const noexcept;
+  [[nodiscard]] std::uint32_t bulk_count_max() const noexcept {
+    return bulks_.empty() ? 0 : static_cast<std::uint32_t>(bulks_.size()) - 1;
+  }
+  [[nodiscard]] std::uint16_t find_bulk(const PeerAddress& peer, MonotonicTime now) const noexcept;
+  [[nodiscard]] std::uint16_t take_bulk(Bulk::Use use, const Request& request,
+                                        MonotonicTime now) noexcept;
+  [[nodiscard]] Answer send_large_again(const Slot& slot, MonotonicTime now) noexcept;
+  void evict(Bulk& bulk, MonotonicTime now) noexcept;
   void free_bulk(Slot& slot) noexcept;
   [[nodiscard]] std::uint32_t index_of(const Session& session) const noexcept {
     return static_cast<std::uint32_t>(&session - sessions_.data());
   }
   [[nodiscard]] Session* find(std::uint64_t id) noexcept;
+  [[nodiscard]] static bool is_of(const Session& session, const Hello& hello,
+                                  const PeerAddress& peer) noexcept;
+  [[nodiscard]] bool is_late(const Hello& hello, std::uint32_t handshake_number,
+                             const PeerAddress& peer) const noexcept;
   [[nodiscard]] Session* find_or_open(const Hello& hello, std::uint32_t handshake_number,
                                       const PeerAddress& peer, MonotonicTime now) noexcept;
   [[nodiscard]] std::byte* frame_of(std::uint32_t session_index, std::uint32_t slot_index) noexcept;
 
   ServerSessionsConfig config_;
   CookieJar cookies_;
+  RateLimiter stranger_answers_;
   std::uint64_t session_serial_ = 0;
   std::uint32_t session_count_ = 0;
   std::uint32_t payload_size_max_ = 0;  ///< Of one frame.
+  std::uint32_t item_size_max_ = 0;     ///< Of a stream.
   std::vector<Bulk> bulks_;
+  std::uint32_t held_bulk_count_ = 0;  ///< Those that are neither free nor the scratch.
+  bool has_freed_room_ = false;
   std::uint16_t scratch_ = kNoBulk;  ///< Where replies are written that may become large.
   std::uint16_t sending_ = kNoBulk;  ///< Whose window next_frame() goes on with.
   std::vector<Stream> streams_;

@@ -17,17 +17,18 @@ enum class Status : std::uint16_t {
   kNotLeaseHolder = 6,  ///< Not run: somebody else holds the lease that the method needs.
   kGone = 7,            ///< Not run: the object was there and was taken away.
   kServantFailed = 8,   ///< The servant ran and ended with a fault of its own.
-  kTooLarge = 9,        ///< A message is larger than the session's limit. On a reply: it ran.
+  kTooLarge = 9,        ///< A message or item exceeds the session's limit. On a reply: it ran.
   kPriorityNotAllowed = 10,  ///< Not run: the priority is above the session's ceiling.
-  kWrongBand = 11,           ///< Not run: the priority is outside the session's band.
-  kUnknownSession = 12,      ///< The server has no such session (any more): handshake again.
+  kWrongBand = 11,       ///< Not run: the priority is outside the session's or the object's bands.
+  kUnknownSession = 12,  ///< The server has no such session (any more): handshake again.
   kVersionUnsupported = 13,  ///< Handshake refused: no protocol version in common.
   kBadLimits = 14,           ///< Handshake refused: a limit in it is absurd.
   kWrongInterface = 15,      ///< Bind refused: the object has another interface.
   kCancelled = 16,           ///< It ended early because its caller did not wait any more.
   kStopping = 17,            ///< The server stops. A call that ran may have had an effect.
+  kLost = 18,  ///< The stream ended because its client was not heard in time. It may have run.
 };
-inline constexpr std::uint16_t kStatusCount = 18;
+inline constexpr std::uint16_t kStatusCount = 19;
 
 /// The status's name as the spec writes it, "unknown" for a number that has none.
 [[nodiscard]] std::string_view to_string(Status status) noexcept;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -22,5 +23,13 @@ struct Url {
 
 /// True for an object's path: 1…200 bytes, components of [A-Za-z0-9._-] parted by single slashes.
 [[nodiscard]] bool is_valid_path(std::string_view path) noexcept;
+
+/// How many paths a server tells that has not the one it was asked for.
+/// Source: spec/hprotocol.md#hp-6.1.
+inline constexpr std::size_t kSimilarPathCountMax = 4;
+
+/// How many bytes two paths have in common at their beginnings and at their ends: the more, the
+/// more likely is one a slip of the other. RT: alloc-free; as long as the shorter one.
+[[nodiscard]] std::size_t similarity(std::string_view path, std::string_view other) noexcept;
 
 }  // namespace rtpm::wire

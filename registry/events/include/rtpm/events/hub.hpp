@@ -61,7 +61,7 @@ struct LinkConfig;
 struct LinkStatus;
 
 /// Why a subscription ended.
-enum class DepartureReason : std::uint8_t {
+enum class DisconnectReason : std::uint8_t {
   kUnsubscribed,  ///< Its consumer wanted so.
   kLeft,          ///< Its consumer's session or connection ended: the program ended, or was killed.
   /// Its consumer missed as many signs of life as it may (ConsumerConfig::miss_count_max): it is
@@ -70,23 +70,23 @@ enum class DepartureReason : std::uint8_t {
   kQueueFull,  ///< Its queue was full, and its policy is to end then.
 };
 /// "it unsubscribed", "it is gone", …: what became of the consumer.
-[[nodiscard]] std::string_view to_string(DepartureReason reason) noexcept;
+[[nodiscard]] std::string_view to_string(DisconnectReason reason) noexcept;
 
 /// A subscription that ended.
-struct Departure {
+struct Disconnect {
   std::uint64_t number = 0;  ///< Counts those of the hub, from 1.
   std::string name{};        ///< The consumer's.
-  DepartureReason reason = DepartureReason::kLeft;
+  DisconnectReason reason = DisconnectReason::kLeft;
   MonotonicTime time{};
 };
 /// How many subscriptions ended for each reason.
-struct DepartureCounters {
+struct DisconnectCounters {
   std::uint64_t unsubscribed_count = 0;
   std::uint64_t left_count = 0;
   std::uint64_t silent_count = 0;
   std::uint64_t queue_full_count = 0;
 };
-inline constexpr std::size_t kDepartureCountMax = 64;  ///< That a hub remembers.
+inline constexpr std::size_t kDisconnectCountMax = 64;  ///< That a hub remembers.
 
 /// A hub of events, as an object for any server: rtpm-eventd's, or one in the supplier's own
 /// program. Suppliers' events are matched in the lane that receives them, at their priority; each
@@ -141,10 +141,10 @@ class Hub {
   /// Over all suppliers.
   [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
   [[nodiscard]] virtual std::size_t subscription_count() const noexcept = 0;
-  /// Who went and why, of the last kDepartureCountMax those whose number is above `after`, in
+  /// Who went and why, of the last kDisconnectCountMax those whose number is above `after`, in
   /// order. Set-up only.
-  [[nodiscard]] virtual std::vector<Departure> departures(std::uint64_t after = 0) const = 0;
-  [[nodiscard]] virtual DepartureCounters departure_counters() const noexcept = 0;
+  [[nodiscard]] virtual std::vector<Disconnect> disconnects(std::uint64_t after = 0) const = 0;
+  [[nodiscard]] virtual DisconnectCounters disconnect_counters() const noexcept = 0;
 
  protected:
   Hub() = default;

@@ -42,11 +42,28 @@ struct EventDraft {
   std::optional<std::uint8_t> hops{};     ///< None: SupplierConfig::hops.
 };
 
+/// What a supplier knows of the arrival of its events. Each event that was sent or failed has the
+/// next number of its type and source (EventHeader::sequence), so what did not arrive is a gap in
+/// the numbers that a consumer gets, of exactly so many.
+struct SupplierCounters {
+  std::uint64_t sent_count = 0;
+  /// Not sent: add(), push() or flush() gave an error.
+  std::uint64_t failed_count = 0;
+  /// Of those sent: on their way, or not counted by the hub when it was last asked
+  /// (SupplierConfig::attend_interval). Over UDP also those that the network lost.
+  std::uint64_t unconfirmed_count = 0;
+  /// Of those sent: may not have arrived, as the hub or the connection ended before the hub counted
+  /// them. An upper bound; over shared memory the ring tells which were read, so at most the last
+  /// frame that was read is counted though it arrived. Falls if the same hub counts them later.
+  std::uint64_t maybe_lost_count = 0;
+};
+
 /// Pushes events to a hub: one elsewhere, or one in this program. It never waits for a consumer,
 /// nor for the hub's answer; what the hub refused it tells later (intake()). When the hub restarts,
-/// it goes on with the new one. Events of a type and a source come in their order, whatever threads
-/// push them; but UDP may lose some. Ownership: refers to its node or hub, which must outlive it.
-/// Threads: push(), add() and flush() from any, one waits for the other's copy.
+/// it goes on with the new one, and one push() in between gives kMaybeLost if events may not have
+/// arrived: counters() tells how many. Events of a type and a source come in their order, whatever
+/// threads push them; but UDP may lose some. Ownership: refers to its node or hub, which must
+/// outlive it. Threads: push(), add() and flush() from any, one waits for the other's copy.
 class Supplier {
  public:
   /// Binds the hub at `target`, a URL or a name. Set-up only. A time-shared thread "rtpm-attend"
@@ -63,15 +80,19 @@ class Supplier {
 
   /// Pushes one event, and what add() has gathered before it. The payload is copied.
   /// RT: alloc-free; one send, as any oneway call.
-  /// Errors: kTooLarge: more than the hub takes; others: as any oneway call that is merely sent;
-  /// try again with the next event.
+  /// Errors: kTooLarge: more than the hub takes; kMaybeLost: this one and what was gathered was not
+  /// sent, and earlier ones may not have arrived: see counters(); others: as any oneway call that
+  /// is merely sent. Try again with the next event.
   [[nodiscard]] expected<void, rpc::CallError> push(const EventDraft& event) noexcept;
   /// Gathers an event for the next flush(), which comes by itself when no more fit a frame.
-  /// RT: as push().   Errors: as push().
+  /// RT: as push().   Errors: as push(); the event was not gathered and has no number.
   [[nodiscard]] expected<void, rpc::CallError> add(const EventDraft& event) noexcept;
   /// Pushes what was gathered, in one frame.   RT: as push().
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept;
 
+  /// What is known of the arrival of its events, over all lives of the hub.   Threads: any, waits
+  /// as push() does.   RT: alloc-free.
+  [[nodiscard]] SupplierCounters counters() const noexcept;
   /// What became of its events in this life of the hub, as the hub said when it was last asked.
   [[nodiscard]] IntakeCounters intake() const noexcept;
   /// A random number: by it hubs tell it apart.

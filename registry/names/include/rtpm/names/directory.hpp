@@ -21,7 +21,8 @@ struct NameEntry {
   std::string name;
   std::string url;
   std::string interface;
-  Duration lease_left{};  ///< When the registry answered.
+  Duration lease_left{};       ///< When the registry answered.
+  std::uint64_t revision = 0;  ///< Of its holder: what a rebind names that is to replace it.
 };
 
 /// Why an operation on the registry failed.
@@ -30,9 +31,10 @@ struct DirectoryError {
   std::optional<Outcome> outcome{};
   /// One sentence that names the thing, the cause and the remedy.
   std::string text;
-  /// Who holds the name, for kAlreadyBound, kStaleEpoch and kNotOwner.
+  /// Who holds the name, for kAlreadyBound, kStaleEpoch and kStaleRevision.
   std::string holder_url{};
   Duration holder_lease_left{};
+  std::uint64_t holder_revision = 0;
 };
 
 /// A client of the registry: every operation asks it once. A registry that restarted is found again
@@ -50,15 +52,16 @@ class Directory {
   Directory& operator=(Directory&&) noexcept;
   ~Directory();
 
-  /// As Store::bind().
-  [[nodiscard]] expected<void, DirectoryError> bind(const Store::Wish& wish);
-  /// As Store::rebind().
-  [[nodiscard]] expected<void, DirectoryError> rebind(const Store::Wish& wish);
+  /// As Store::bind(); the registry itself sees from which host.
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Wish& wish);
+  /// As Store::rebind(), likewise.
+  [[nodiscard]] expected<Granted, DirectoryError> rebind(const Store::Wish& wish);
   /// As Store::renew().
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease);
-  /// As Store::resolve().
-  [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name);
+  /// As Store::resolve(). Ends by `deadline`, too.
+  [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
+                                                            MonotonicTime deadline = kNever);
   /// As Store::unbind().
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner);
   /// Every name that is `directory` or below it; empty: all.

@@ -20,10 +20,13 @@ enum class Outcome : std::uint8_t {
   kNotOwner = 7,    ///< The name is bound, but not by this start of this owner. Bind it first.
   kBadLease = 8,    ///< The lease is outside the limits.
   kBadUrl = 9,      ///< The URL is not of the form rtpm://host:port/path.
-  kBadInterface = 10,  ///< The interface is not a qualified name such as lab.Arm.
-  kBadOwner = 11,      ///< The owner is 0.
-  kFull = 12,          ///< The registry holds as many names as it may.
-  kOwnerFull = 13,     ///< The owner holds as many names as it may.
+  kBadInterface = 10,    ///< The interface is not a qualified name such as lab.Arm.
+  kBadOwner = 11,        ///< The owner is 0.
+  kFull = 12,            ///< The registry holds as many names as it may.
+  kOwnerFull = 13,       ///< The owner holds as many names as it may.
+  kHostFull = 14,        ///< The host that asks has bound as many names as one host may.
+  kHostOwnersFull = 15,  ///< It has bound names for as many owners as one host may.
+  kStaleRevision = 16,   ///< The holder is another one than the revision says. Look who it is.
 };
 
 /// The outcome of an operation on `name` as a clause for a person: what is wrong with which

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <string>
@@ -14,26 +15,42 @@
 
 namespace rtpm::names {
 
+/// Whether a registration may begin by taking its name from another server that lives.
+enum class Takeover : std::uint8_t {
+  kRefused,
+  kAllowed,  ///< The registry reports it. Later, when another takes the name, it does not fight
+             ///< back.
+};
+
 /// A name that stays bound as long as this lives. A time-shared thread named "rtpm-lease" renews
-/// the lease at a third of it, and binds again when the registry lost the name: because it
-/// restarted, or because nobody reached it for a lease. At its end it takes the name away.
+/// the lease at a third of it (at first of what the registry grants, see Granted), and binds again
+/// when the registry lost the name: because it restarted, or because nobody reached it for a lease.
+/// At its end it takes the name away.
+///
+/// A server that was killed gets its name back: at once where it serves at its old address again,
+/// being a later start of the same owner (see owner_of()); else when its old lease has ended, which
+/// with the default lease is within 2 s, and for which create() waits.
 /// Ownership: refers to its node, which must outlive it.
 /// Threads: create and end from one thread; is_bound() from any.
 class Registration {
  public:
+  static constexpr Duration kDefaultLease = std::chrono::seconds{2};
+
   /// Takes one sentence when the name is lost (no registry, somebody else has the name) and one
   /// when it is back; called from the thread "rtpm-lease".
   using Report = std::function<void(std::string_view sentence)>;
 
   /// Binds `name` to the object at `url` and begins to renew.
   /// `interface` is the object's, "lab.Arm"; `lease` at least 100 ms, at most 1 h: how long the
-  /// name outlives a program that is killed. `report` none: to standard error. If another start of
-  /// a server has the name, waits once until its lease would end, at most 5 s: one that was killed
-  /// is gone then.   Set-up only; blocks. Errors: no registry answers; a living server has the name
-  /// (the text says where); a malformed name, URL or interface; a limit of the registry.
+  /// name outlives a program that is killed. `report` none: to standard error. If another server
+  /// has the name, takes it where `takeover` says so; else waits once until that one's lease would
+  /// end, at most 5 s: one that was killed is gone then.   Set-up only; blocks. Errors: no registry
+  /// answers; a living server has the name (the text says where); a malformed name, URL or
+  /// interface; a limit of the registry.
   [[nodiscard]] static expected<std::unique_ptr<Registration>, rpc::SetupError> create(
       rpc::Node& node, std::string registry_url, std::string name, std::string url,
-      std::string interface, Duration lease = std::chrono::seconds{2}, Report report = {});
+      std::string interface, Duration lease = kDefaultLease, Report report = {},
+      Takeover takeover = Takeover::kRefused);
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;

@@ -9,19 +9,26 @@
 namespace rtpm::names {
 
 /// Lets a node bind objects by name: `node.use(resolver)`.
-/// Ownership: refers to its node; both live for as long as the node binds.
+/// Ownership: refers to its node, which must outlive it. At its end the node forgets it: bindings
+/// by name stay with the servers that they have.
 /// Threads: any, several at once.   Set-up only.
 class RegistryResolver final : public rpc::Resolver {
  public:
   explicit RegistryResolver(rpc::Node& node,
                             std::string registry_url = std::string(kDefaultRegistryUrl));
 
-  /// Asks the registry, and waits for it as long as the node's calls do by default.
+  RegistryResolver(const RegistryResolver&) = delete;
+  RegistryResolver& operator=(const RegistryResolver&) = delete;
+  ~RegistryResolver() override;
+
+  /// Asks the registry.
   /// Errors: "no registry answers at …"; a name that is not bound, with the component that is
   /// missing.
-  [[nodiscard]] expected<std::string, rpc::SetupError> resolve(std::string_view name) override;
+  [[nodiscard]] expected<std::string, rpc::SetupError> resolve(std::string_view name,
+                                                               MonotonicTime deadline) override;
 
  private:
+  rpc::Node& node_;
   Directory directory_;
 };
 

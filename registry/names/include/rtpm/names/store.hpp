@@ -34,14 +34,36 @@ struct Record {
   std::string interface;
   Owner owner{};
   MonotonicTime expires{};  ///< When its lease ends, unless renewed.
+  /// Another number for each holder that the name ever had; the same for as long as one holds it.
+  std::uint64_t revision = 0;
+  MonotonicTime bound{};   ///< Since when this start of its owner holds it.
+  std::uint32_t host = 0;  ///< From which it was bound, see Store::Wish.
 };
 
 /// What a store takes in, and no more.
 struct Limits {
   std::size_t name_count_max = 4096;
   std::size_t name_count_per_owner_max = 256;
+  /// Of one other host, and the owners that it may have names of.
+  std::size_t name_count_per_host_max = 512;
+  std::size_t owner_count_per_host_max = 128;
+  /// The same of the registry's own host, which may have more.
+  std::size_t name_count_own_host_max = 2048;
+  std::size_t owner_count_own_host_max = 512;
   Duration lease_min = std::chrono::milliseconds{100};
   Duration lease_max = std::chrono::hours{1};
+  /// The longest lease of a name until it has been held for as long: so what nobody renews is gone
+  /// soon, however long a lease it asked for.
+  Duration first_lease_max = std::chrono::seconds{10};
+};
+
+/// What became of a bind.
+struct Granted {
+  /// As asked for, or Limits::first_lease_max, which then holds for renewals, too, until the name
+  /// has been held for so long.
+  Duration lease{};
+  std::uint64_t revision = 0;
+  bool is_takeover = false;  ///< Another owner held the name.
 };
 
 /// Why the store did nothing.
@@ -66,7 +88,8 @@ struct Page {
 /// Threads: one at a time.   Allocates; not for real-time threads.
 class Store {
  public:
-  explicit Store(Limits limits = {});
+  /// Revisions count from `first_revision` on; give each life of a registry another range.
+  explicit Store(Limits limits = {}, std::uint64_t first_revision = 1);
 
   /// What a name is to be bound to.
   struct Wish {
@@ -75,19 +98,31 @@ class Store {
     std::string_view interface;
     Owner owner{};
     Duration lease{};
+    /// Of rebind(): whom it may take the name from. The holder with this revision, 0: none;
+    std::uint64_t holder_revision = 0;
+    /// whoever holds it.
+    bool allows_takeover = false;
+    /// Where the wish came from (rpc::CallerHost::ipv4): the registry's word, not the owner's.
+    std::uint32_t host = 0;
   };
 
-  /// Binds `wish.name`. If the same owner holds it, with this epoch or an older one, its record is
-  /// replaced and its lease begins anew; so repeating a bind does no harm.
+  /// Binds `wish.name`. If this start of this owner holds it, its record is replaced and its lease
+  /// begins anew; so repeating a bind does no harm. A later start of the owner takes the name at
+  /// once if it comes from the host that the name was bound from; from elsewhere it waits for the
+  /// lease to end, as anybody could claim to be it.
   /// Errors: kAlreadyBound, kStaleEpoch with the holder; kNotADirectory, kIsADirectory; kFull,
-  /// kOwnerFull; kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease.
-  [[nodiscard]] expected<void, Refusal> bind(const Wish& wish, MonotonicTime now);
+  /// kOwnerFull, kHostFull, kHostOwnersFull; kBadName, kBadUrl, kBadInterface, kBadOwner,
+  /// kBadLease.
+  [[nodiscard]] expected<Granted, Refusal> bind(const Wish& wish, MonotonicTime now);
 
-  /// As bind(), but takes the name away from another owner, whose renew() then fails. An older
-  /// start of the same owner still gets kStaleEpoch.
-  [[nodiscard]] expected<void, Refusal> rebind(const Wish& wish, MonotonicTime now);
+  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the wish
+  /// names that holder's revision or allows any takeover. An older start of the same owner still
+  /// gets kStaleEpoch.
+  /// Errors: as bind(), with kAlreadyBound where the wish gives no leave; kStaleRevision with the
+  /// holder: it is another one than the wish names.
+  [[nodiscard]] expected<Granted, Refusal> rebind(const Wish& wish, MonotonicTime now);
 
-  /// Lets the lease end `lease` from now.
+  /// Lets the lease end `lease` from now, or first_lease_max, see Granted.
   /// Errors: kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
   /// kBadLease, kBadName.
   [[nodiscard]] expected<void, Refusal> renew(std::string_view name, Owner owner, Duration lease,
@@ -111,6 +146,17 @@ class Store {
 
   /// How many names are bound, those included whose leases ended since the last operation.
   [[nodiscard]] std::size_t size() const noexcept { return records_.size(); }
+
+  /// What a host holds.
+  struct HostUse {
+    std::uint32_t host = 0;
+    std::size_t name_count = 0;
+    std::size_t owner_count = 0;
+  };
+  /// Of the hosts that hold any, the `count_max` with the most names, most first.
+  [[nodiscard]] std::vector<HostUse> hosts(std::size_t count_max) const;
+  /// How many owners hold names.
+  [[nodiscard]] std::size_t owner_count() const noexcept { return count_of_owner_.size(); }
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
  private:
@@ -118,11 +164,14 @@ class Store {
 
   void expire(MonotonicTime now);
   void erase(Records::iterator place);
-  void put(const Wish& wish, MonotonicTime now);
-  [[nodiscard]] expected<void, Refusal> bind(const Wish& wish, bool replaces, MonotonicTime now);
+  [[nodiscard]] Granted put(const Wish& wish, const Record* kept, MonotonicTime now);
+  [[nodiscard]] expected<Granted, Refusal> bind(const Wish& wish, bool replaces, MonotonicTime now);
+  [[nodiscard]] expected<void, Refusal> check_holder(const Wish& wish, const Record& held,
+                                                     bool replaces) const;
   [[nodiscard]] expected<void, Refusal> check_wish(const Wish& wish) const;
   [[nodiscard]] expected<void, Refusal> check_place(std::string_view name) const;
-  [[nodiscard]] expected<void, Refusal> check_room(const Wish& wish) const;
+  [[nodiscard]] expected<void, Refusal> check_room(const Wish& wish, const Record* held) const;
+  [[nodiscard]] expected<void, Refusal> check_host(const Wish& wish, const Record* held) const;
   [[nodiscard]] expected<Records::iterator, Refusal> find(std::string_view name);
   [[nodiscard]] bool is_directory(std::string_view name) const;
   [[nodiscard]] Refusal missing(std::string_view name) const;
@@ -133,6 +182,12 @@ class Store {
   /// others.
   std::set<std::pair<MonotonicTime, std::string_view>> ends_{};
   std::unordered_map<std::uint64_t, std::size_t> count_of_owner_{};
+  struct Host {
+    std::size_t name_count = 0;
+    std::unordered_map<std::uint64_t, std::size_t> count_of_owner{};
+  };
+  std::unordered_map<std::uint32_t, Host> hosts_{};  ///< Those that hold names.
+  std::uint64_t next_revision_;
 };
 
 }  // namespace rtpm::names

@@ -72,7 +72,8 @@ class Options {
   /// The numbers are of CPUs: from 0 to 1023.
   void add(std::string key, std::vector<int>& value, std::string help);
   /// Adds an option that is a time, or "off" for none.
-  void add_off_or_time(std::string key, std::optional<Duration>& value, std::string help);
+  void add_off_or_time(std::string key, std::optional<Duration>& value, std::string help,
+                       Range<Duration> range = {Duration{0}, Duration::max()});
   /// Adds a list of names, each of which has options of its own: `add_members` adds them for the
   /// names that file, environment and flags say, or else for those that `names` holds. It is called
   /// once, from parse(), with different names of lower-case letters and digits, at most `size_max`
@@ -91,6 +92,12 @@ class Options {
                       Presence presence = Presence::kOptional);
   void add_positional(std::string name, std::vector<std::string>& value, std::string help,
                       Presence presence = Presence::kOptional);
+
+  /// Adds a word that the first argument may be. Once there is one, parse() refuses all others.
+  /// `arguments` is what stands behind it, "TARGET [JSON]"; `help` one line for --help; `details`,
+  /// lines that each end with '\n', stands besides in what `PROGRAM VERB --help` prints.
+  void add_verb(std::string name, std::string arguments, std::string help,
+                std::string details = {});
 
   /// Adds --realtime prefer|require|off.
   void add_realtime(rt::RealtimeMode& mode);
@@ -112,6 +119,9 @@ class Options {
   /// finds wrong with its options by itself. `what` is a clause without a full stop.
   /// @return 2, the exit code to end with.
   [[nodiscard]] int usage_error(std::string_view what) const;
+  /// The same for a verb whose arguments are wrong: "<program>: usage: <program> <verb> …; run
+  /// '<program> <verb> --help' …".
+  [[nodiscard]] int usage_error_of_verb(std::string_view verb) const;
 
  private:
   struct Impl;

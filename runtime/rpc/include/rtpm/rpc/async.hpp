@@ -33,7 +33,11 @@ class PendingReply {
   [[nodiscard]] bool wait(MonotonicTime until) noexcept;
   /// Waits for the end and gives the reply, once.   Errors: as CallError says.
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
-  /// Ends the call: nobody waits for it any more; it may have run. Nothing happens if it is done.
+  /// Ends the call: nobody waits for it any more. The server is told, once; it may have run, or
+  /// run yet: a lane with one thread and no buffer hears nothing while it runs a call, so a call
+  /// that waits for that runs before its cancellation is heard. A lane that receives meanwhile
+  /// (LaneConfig::static_threads, buffered_request_max) does not begin it any more; no lane does
+  /// after CallOptions::deadline. Nothing happens if it is done.
   void cancel() noexcept;
 
  private:
@@ -49,9 +53,12 @@ class PendingReply {
 };
 
 /// The items that answer a call, taken one by one. No thread stands behind it, as with
-/// PendingReply: the stream stays alive only while somebody takes, at least every second; else the
-/// server ends it (spec/hprotocol.md#hp-5.10). Ownership: move-only; refers to its binding, which
-/// must outlive it. Ends by cancelling the call. Threads: one at a time.   RT: alloc-free.
+/// PendingReply: while nobody takes, the server waits, for as long as StreamOptions::pause_max says
+/// (spec/hprotocol.md#hp-5.10-7). Items may be as large as messages; what is on its way takes
+/// memory of some frames (43 KiB over UDP, 256 KiB over TCP, 64 KiB through shared memory), and an
+/// item that is larger than a frame once more its size, at most NodeConfig::message_size_max.
+/// Ownership: move-only; refers to its binding, which must outlive it. Ends by cancelling the call.
+/// Threads: one at a time.   RT: alloc-free.
 class ItemReader {
  public:
   ItemReader() noexcept;
@@ -61,8 +68,9 @@ class ItemReader {
 
   /// The next item in order, waiting until `until` at most. It is aligned to 16 bytes and valid
   /// until the next call. Without one: the stream has ended in order.
-  /// Errors: kTimeout: none came in time, and is_open() tells whether more may; others: the stream
-  /// ended because of it.
+  /// Errors: kTimeout: none came in time, and is_open() tells whether more may; kStreamLost: the
+  /// reader was away for too long; kTooLarge: the servant had an item that is larger than caller
+  /// and server both take; others: the stream ended because of it.
   [[nodiscard]] expected<std::optional<ConstBytes>, CallError> next(MonotonicTime until) noexcept;
   [[nodiscard]] bool is_open() const noexcept;
   /// Ends the stream; the server is told.

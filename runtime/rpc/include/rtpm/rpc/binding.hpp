@@ -4,6 +4,7 @@
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -44,10 +45,15 @@ struct StreamOptions {
   CallOptions call{};
   /// How many items may be on their way at a time, 1…32: how far the server may be ahead.
   std::uint32_t window = 16;
-  /// Caller and server hear of each other at least each half second. How many signs of life in a
-  /// row may be missing, kMissCountMin…kMissCountMax, until each takes the other for dead. The
-  /// caller gives its own only while it waits in next().   Source: spec/hprotocol.md#hp-5.10-7.
+  /// A reader that waits in next() asks the server at least each half second whether it is there.
+  /// How many answers in a row may be missing, kMissCountMin…kMissCountMax, until the stream ends.
+  /// Source: spec/hprotocol.md#hp-5.10-7.
   std::uint32_t miss_count_max = kMissCountMax;
+  /// How long the reader may do other things than call next(): what the server has not sent by then
+  /// waits there. After that the server ends the stream, which next() tells as kStreamLost.
+  /// Default: over TCP and shared memory, as long as the connection lasts; over UDP 10 s, where 30
+  /// s is the most.
+  std::optional<Duration> pause_max{};
 };
 
 /// How a binding is made.
@@ -100,9 +106,33 @@ class ReplyLease {
   class PipelinePlace* place_ = nullptr;
 };
 
+/// How a binding by name follows it.
+struct FollowStatus {
+  std::uint64_t resolve_count = 0;  ///< How often the name was looked up since the bind,
+  std::uint64_t move_count = 0;     ///< and how often it led to another URL, where calls go since.
+  /// Why calls can't go where the name leads: it is not bound, its server does not answer or has
+  /// another interface. Empty: they can, as far as is known.
+  std::string trouble{};
+};
+
 /// An object of some server, bound: what every generated stub holds.
-/// Ownership: refers to its node, which must outlive it.
-/// Threads: calls from any thread, several at once (each takes a call channel of its own).
+///
+/// A binding by name follows the name. When a call finds its server gone (unreachable, silent,
+/// stopped, restarted, another program at its address), the node looks up where the name leads and
+/// binds there, on its own time-shared thread "rtpm-rebind"; calls go on to the new server from
+/// then on. Meanwhile they fail at once, or at their deadline, with the errors of the server that
+/// is gone; none is made again at the new server unless it is idempotent or was not sent. A server
+/// that has another interface is not taken: calls give kWrongInterface or kNoSuchMethod, and
+/// follow_status() says why. The bindings of a node to one name share a look-up: at most one in a
+/// second, at least one in four seconds until the name leads to a server that answers.
+/// A server that restarts at its old address is found by the next call itself, with or without a
+/// name.
+///
+/// Ownership: refers to its node, which must outlive it; by name, to the node's resolver, too. Its
+/// end waits for a bind of it that is under way, for BindOptions::deadline at most.
+/// @threads   calls from any, several at once (each takes a call channel of its own)
+/// @realtime  as each call says: looking a name up and binding again take place on "rtpm-rebind"
+///            only, never in a caller's thread; the first call of an outage makes one syscall more
 class Binding {
  public:
   /// Binds `target`, a URL "rtpm://host:port/path" or a name for the node's resolver, checks that
@@ -126,14 +156,45 @@ class Binding {
                                                      const CallOptions& options = {}) noexcept;
 
   /// Calls `method`, which gives nothing back, and waits only as long as `delivery` says: not at
-  /// all, until the server has it and is about to run it, or until it ran. What does not fit a
-  /// frame is never merely sent, but confirmed. RT: as call().   Errors: as call(); what was merely
-  /// sent may be lost without any, and over Transport::kLocal gives kOverload where
-  /// ServerConfig::local_oneway_count_max of them wait or run already: send less often.
+  /// all (kSent), until the server has it and is about to run it, or until it ran. What does not
+  /// fit a frame is never merely sent, but confirmed. Of kSent, ok never says that the method ran:
+  ///
+  /// - kSharedMemory: ok says that it is in the server's ring. The first send() later than 1 ms
+  ///   after the server's end tells the loss.
+  /// - kTcp: the kernel has it, and sends in order. The loss is told in the same way, once the
+  ///   kernel knows that the connection ended: of a host that vanished after 3 s.
+  /// - kUdp: it left, if the kernel did not drop it. The loss of a session is told when the
+  /// server's
+  ///   host, or the server's next life, answers that it is not there; that single datagrams got
+  ///   lost is never told.
+  /// - kLocal: it waits in the server's lane. What waits when the server stops ends with it.
+  ///
+  /// A loss is told by kMaybeLost, from the next send() of this binding or from check_oneways().
+  ///
+  /// RT: as call(); kSent takes one system call more each millisecond, over shared memory each
+  /// 50 µs while the server has not read what was sent.
+  ///
+  /// Errors: as call(), but kSent of one frame was not sent if there is an error; kMaybeLost:
+  /// earlier ones may not have arrived either, see lost_oneway_count(); kOverload: the host's own
+  /// buffer is full, or over kLocal ServerConfig::local_oneway_count_max wait or run already: send
+  /// less often.
+  ///
   /// Source: spec/hprotocol.md#hp-5.8; CORBA's SyncScope.
   [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
                                                wire::Delivery delivery,
                                                const CallOptions& options = {}) noexcept;
+
+  /// Looks, without sending, whether oneways that were merely sent may not have arrived: for a
+  /// caller that sends no further one. Channels that other threads use meanwhile are left out.
+  /// RT: alloc-free, at most two syscalls per channel with unconfirmed oneways.
+  /// Errors: kMaybeLost, once.
+  [[nodiscard]] expected<void, CallError> check_oneways() noexcept;
+  /// How many oneways to the server were reported as sent and may not have arrived, because their
+  /// session ended: of all bindings of the node that share the channels (see
+  /// BindOptions::is_private). Over shared memory: those that the server had not read, and the one
+  /// that it read last. Elsewhere: those since the server last answered a call over the same
+  /// channel. An upper bound always; it never falls.   RT: alloc-free, no syscall.
+  [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept;
 
   /// Begins a call and returns; its reply is waited for later. The request is copied.
   /// Allocates the call's state, once, unless the call is one of a pipeline, which has it.
@@ -158,8 +219,13 @@ class Binding {
   /// Opens a channel of the band that serves each of `priorities`.   Set-up only.
   [[nodiscard]] expected<void, SetupError> warm_up(std::span<const Priority> priorities);
 
-  /// Where the object is: "rtpm://host:port/path".
-  [[nodiscard]] std::string_view url() const noexcept;
+  /// The life of the server that the last call or oneway went to: another number in each.
+  /// RT: alloc-free.
+  [[nodiscard]] std::uint64_t server_epoch() const noexcept;
+  /// Where calls go by now: "rtpm://host:port/path".   Set-up only.
+  [[nodiscard]] std::string url() const;
+  /// Of a binding by name.   Set-up only.
+  [[nodiscard]] FollowStatus follow_status() const;
   /// Over what the calls go: what was asked for, or what was best.   RT: alloc-free.
   [[nodiscard]] Transport transport() const noexcept;
 
@@ -168,6 +234,8 @@ class Binding {
   friend class ItemReader;
   friend class Pipeline;
   friend class PipelinePlace;
+  friend class Rebinder;
+  friend struct Destination;
   class Impl;
   explicit Binding(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;

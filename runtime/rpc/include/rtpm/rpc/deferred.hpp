@@ -1,7 +1,9 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <memory>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -19,7 +21,8 @@ struct PendingCall;
 enum class StreamError : std::uint8_t {
   kFull,      ///< The caller does not keep up. Try later, or leave this item out.
   kEnded,     ///< Nobody takes items any more. Finish the stream.
-  kTooLarge,  ///< More than an item may have (item_size_max()). Send it in parts.
+  kTooLarge,  ///< More than an item may have (item_size_max()). Leave it out or send it in parts; a
+              ///< stream that is failed because of it ends with CallError::kTooLarge.
 };
 
 /// "full", "ended" or "too large".
@@ -49,7 +52,7 @@ class UnfinishedCall {
   [[nodiscard]] bool is_awaited() const noexcept;
   /// Why it is not awaited.   RT: alloc-free.   Threads: any.
   [[nodiscard]] CallEnding ending() const noexcept;
-  /// After which nobody waits for the result.
+  /// After which nobody waits for the result. Of a stream: by when it had to begin.
   [[nodiscard]] MonotonicTime deadline() const noexcept;
 
  protected:
@@ -85,20 +88,28 @@ class DeferredReply : public UnfinishedCall {
 class ItemWriter : public UnfinishedCall {
  public:
   ItemWriter() noexcept = default;
-  /// The most bytes of an item, by the caller's transport.
+  /// The most bytes of an item: what caller and server both take, of their message_size_max.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept;
+  /// The most bytes of an item that goes in one frame, by the caller's transport: what arrives at
+  /// once or not at all.
+  [[nodiscard]] std::uint32_t item_frame_size_max() const noexcept;
   /// How many items were written that the lane has not sent, as the caller takes no more now: who
   /// prefers the newest writes only while it is 0.
   [[nodiscard]] std::uint32_t waiting_count() const noexcept;
   /// Gives the caller one more item. It is copied; the lane sends it as soon as the caller takes
-  /// more. Errors: as StreamError says; the item was not taken.
-  [[nodiscard]] expected<void, StreamError> write(ConstBytes item) noexcept;
+  /// more. 32 items may wait, with ServerConfig::stream_byte_max bytes together, or one that is
+  /// larger alone. Errors: as StreamError says; the item was not taken. kTooLarge also above
+  /// `size_max`.
+  [[nodiscard]] expected<void, StreamError> write(
+      ConstBytes item, std::uint32_t size_max = std::numeric_limits<std::uint32_t>::max()) noexcept;
   /// Ends the stream behind the items written so far.
   void finish(wire::Status status = wire::Status::kOk) noexcept { end(status, 0); }
 
  private:
   friend class Deferral;
   using UnfinishedCall::UnfinishedCall;
+  [[nodiscard]] std::optional<std::uint32_t> place_for(std::uint32_t size, bool is_empty,
+                                                       std::uint32_t first_waiting) const noexcept;
 };
 
 /// What a method has to ask for if it shall not answer at once. The lane's, valid during the call.

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -21,20 +22,33 @@ enum class CallError : std::uint8_t {
   kPeerRestarted,  ///< The server restarted in mid-call; it may have run. The next call binds
                    ///< again.
   kUnreachable,    ///< Not run: nobody serves the address. Check that the server runs.
+  kNoResources,    ///< Not run: this process has no descriptor or memory left for a connection.
+                   ///< Raise its limits (ulimit -n, ulimit -v), or close what it does not need.
   kRefused,        ///< Not run: the server refused the session (its limits or priority).
   kVersionUnsupported,  ///< Not run: no protocol version in common. Update the older side.
   kNoSuchMethod,        ///< Not run: the object lacks the method. Client and server schemas differ.
   kNoSuchObject,        ///< Not run: the object is not there (any more). Bind again.
   kBadRequest,          ///< Not run: the server could not read the request. Schemas differ.
   kNotLeaseHolder,      ///< Not run: somebody else holds the lease. Acquire it first.
-  kServantFailed,       ///< The servant ran and failed. The server's log says why.
-  kTooLarge,            ///< The request (not run) or the reply (run) exceeds the session's limit.
+  kServantFailed,       ///< The servant ran and failed. What its program reports says why.
+  kTooLarge,            ///< The request (not run), the reply, or an item of a stream (run) exceeds
+                        ///< what caller and server both take.
+  kWrongBand,  ///< Not run: in none of the object's bands, or outside the session's. Call at
+               ///< a priority of a band.
   kPriorityNotAllowed,  ///< Not run: above the ceiling granted to this session. Call at a lower
                         ///< one.
   kBadReply,            ///< It may have run; the reply is not what schema or protocol say. Schemas
                         ///< differ, or the server is of a later version.
   kCancelled,           ///< It was cancelled; it may have run.
   kStopped,             ///< The server is stopping; it may have run. Find another, or wait.
+  kMaybeLost,  ///< Oneways only. Not sent: the connection or session ended with oneways in it that
+               ///< may not have arrived. Binding::lost_oneway_count() says how many; it is told
+               ///< once. The next oneway goes to the server that is there then.
+  kWrongInterface,  ///< Not run: the object at the address, or that the name leads to by now, has
+                    ///< another interface. Correct the name, or generate both sides anew.
+  kStreamLost,  ///< The server ended the stream, as its reader was away for too long; it ran. Take
+                ///< items oftener, or allow a longer pause (StreamOptions::pause_max), and open it
+                ///< again.
 };
 
 /// One sentence in words for a person: the cause and the remedy.
@@ -43,10 +57,13 @@ enum class CallError : std::uint8_t {
 /// Why set-up failed: one sentence that names the thing, the cause and the remedy.
 struct SetupError {
   std::string text;
+  /// Why a server could not be asked, where that is what failed.
+  std::optional<CallError> cause{};
 };
 
-[[nodiscard]] inline unexpected<SetupError> setup_error(std::string text) {
-  return unexpected<SetupError>{SetupError{std::move(text)}};
+[[nodiscard]] inline unexpected<SetupError> setup_error(
+    std::string text, std::optional<CallError> cause = std::nullopt) {
+  return unexpected<SetupError>{SetupError{std::move(text), cause}};
 }
 
 /// What a servant may answer instead of a result.

@@ -23,7 +23,7 @@ namespace rtpm::rpc {
 /// The name of the memory, as rt::find_public_memory() takes it.
 inline constexpr std::string_view kLaneTableName = "lanes";
 inline constexpr std::uint64_t kLaneTableMagic = 0x5345'4e41'4c4d'5052;  // "RPMLANES"
-inline constexpr std::uint32_t kLaneTableVersion = 1;
+inline constexpr std::uint32_t kLaneTableVersion = 2;
 
 /// How many threads a lane has at most: 64 static ones, 64 dynamic ones, and who receives
 /// meanwhile.
@@ -79,7 +79,7 @@ struct LaneReading {
   std::string schedule{};        ///< "fifo".
   std::uint32_t busy_count = 0;  ///< Threads that run methods.
   MonotonicTime busy_since{};    ///< Since when the one does that runs longest; the epoch: none.
-  /// None: nothing was served yet, or the lane was stopped in the middle of writing.
+  /// None: nothing was served yet.
   std::optional<LaneSample> sample{};
 };
 

@@ -187,8 +187,12 @@ class StreamWriter : public LateAnswer<ItemWriter> {
  public:
   /// Ends the stream behind the items written so far.   RT: alloc-free, at most one syscall.
   void finish() noexcept { call_.finish(); }
-  /// The most bytes of an item, by the caller's transport.
+  /// The most bytes of an item: what caller and server both take, of their message_size_max.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
+  /// The most bytes of an item that goes in one frame, by the caller's transport.
+  [[nodiscard]] std::uint32_t item_frame_size_max() const noexcept {
+    return call_.item_frame_size_max();
+  }
   /// How many items wait for their caller to take more.
   [[nodiscard]] std::uint32_t waiting_count() const noexcept { return call_.waiting_count(); }
 
@@ -203,7 +207,7 @@ class StructWriter : public StreamWriter {
   StructWriter() noexcept = default;
   explicit StructWriter(ItemWriter writer) noexcept : StreamWriter(std::move(writer)) {}
 
-  /// RT: alloc-free, at most one syscall.   Errors: kFull: the caller does not keep up; kEnded.
+  /// RT: alloc-free, at most one syscall.   Errors: as StreamError says.
   [[nodiscard]] expected<void, StreamError> write(const T& item) noexcept {
     return call_.write(struct_bytes(item));
   }
@@ -221,9 +225,7 @@ class TableWriter : public StreamWriter {
   /// schema's `rtpm_max_size`.
   [[nodiscard]] expected<void, StreamError> write(
       const flatbuffers::FlatBufferBuilder& finished) noexcept {
-    const ConstBytes item = table_bytes(finished);
-    if (item.size() > size_max_) return unexpected{StreamError::kTooLarge};
-    return call_.write(item);
+    return call_.write(table_bytes(finished), size_max_);
   }
 
  private:

@@ -16,15 +16,17 @@ namespace rtpm::rpc {
 
 /// Turns a name such as "lab/arm0" into the URL of the server that has it. rtpm::names has the
 /// implementation that asks the registry.
+/// Threads: any, several at once: those that bind, and the node's own, which follows names.
 class Resolver {
  public:
   Resolver() = default;
   Resolver(const Resolver&) = delete;
   Resolver& operator=(const Resolver&) = delete;
   virtual ~Resolver() = default;
-  /// The URL "rtpm://host:port/path" for `name`.   Set-up only.
+  /// The URL "rtpm://host:port/path" for `name`; answers by `deadline`.   Set-up only.
   /// Errors: the registry does not answer, the name is not bound: in words, with the remedy.
-  [[nodiscard]] virtual expected<std::string, SetupError> resolve(std::string_view name) = 0;
+  [[nodiscard]] virtual expected<std::string, SetupError> resolve(std::string_view name,
+                                                                  MonotonicTime deadline) = 0;
 };
 
 /// Over what a binding sends its calls.
@@ -52,7 +54,7 @@ struct NodeConfig {
   /// Has calls to servers of the same program run without a transport, where none is asked for.
   bool collocates = true;
   std::uint32_t channel_count_max = 64;  ///< Call channels per server and band: calls at a time.
-  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
+  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request, reply or item.
   /// Where servers have their sockets for shared memory, if not under abstract names: as
   /// ServerConfig::shared_memory_folder.
   std::string shared_memory_folder{};
@@ -68,8 +70,12 @@ class Node {
   Node& operator=(const Node&) = delete;
   ~Node();
 
-  /// Lets bindings by name ask `resolver`, which must outlive the node.   Set-up only.
+  /// Lets bindings by name ask `resolver`: when they are made, and whenever their server is gone.
+  /// It must outlive the node, or forget() comes before its end.   Set-up only.
   void use(Resolver& resolver) noexcept;
+  /// Nobody asks `resolver` any more when this returns, which takes as long as a question that is
+  /// under way, 1 s at most. Bindings by name stay with the servers that they have.   Set-up only.
+  void forget(Resolver& resolver) noexcept;
 
   [[nodiscard]] const NodeConfig& config() const noexcept;
 

@@ -1,7 +1,9 @@
 #pragma once
 
+#include <compare>
 #include <cstdint>
 #include <optional>
+#include <string>
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
@@ -13,6 +15,19 @@
 
 namespace rtpm::rpc {
 
+/// The host that a call came from: over UDP the address that the session's cookie confirmed, over
+/// TCP the connection's, else 127.0.0.1. Good for quotas, not for rights: several hosts may share
+/// an address (NAT), and whoever can change the traffic can forge it.
+struct CallerHost {
+  std::uint32_t ipv4 = 0;  ///< 127.0.0.1 is 0x7f000001; 0: not known, as in tests.
+  [[nodiscard]] constexpr bool is_this_host() const noexcept { return ipv4 >> 24 == 127; }
+  friend auto operator<=>(const CallerHost&, const CallerHost&) = default;
+};
+inline constexpr CallerHost kThisHost{0x7f00'0001};
+
+/// "10.0.0.1".   Set-up only.
+[[nodiscard]] std::string to_string(CallerHost host);
+
 /// What a servant's method may know of the call it serves. Valid during the call only.
 struct CallContext {
   Priority priority;           ///< At which the method runs.
@@ -21,7 +36,8 @@ struct CallContext {
   std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
   std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.
   Deferral* deferral =
-      nullptr;  ///< For methods that answer later, or with a stream; null in tests.
+      nullptr;          ///< For methods that answer later, or with a stream; null in tests.
+  CallerHost caller{};  ///< Where the call came from.
 };
 
 /// How a dispatch ended; made by generated code.

@@ -32,7 +32,7 @@ namespace rtpm::rpc {
 ///     one       propagated  any     if a band has the call's priority      lane       the call's
 ///
 /// What is illegal in itself is refused by Server::add(), a call outside of all bands with
-/// kPriorityNotAllowed. Bands in one lane need one that keeps requests
+/// kWrongBand. Bands in one lane need one that keeps requests
 /// (LaneConfig::buffered_request_max), as others serve calls in the order in which they come.
 /// Source: RT-CORBA's policies; here a priority need only lie within a lane's band, not be equal to
 /// its own.
@@ -80,7 +80,7 @@ struct LaneConfig {
 struct ServerConfig {
   std::string name = "server";  ///< Shown in errors and counters.
   std::string host =
-      "127.0.0.1";         ///< Numeric IPv4 address to serve; the LAN is an explicit choice.
+      "127.0.0.1";         ///< IPv4 address or host name to serve; the LAN is an explicit choice.
   std::uint16_t port = 0;  ///< The same number for UDP and TCP; 0: the system chooses.
   std::vector<LaneConfig> lanes{};  ///< Empty: one lane for all priorities.
   /// Lets a lane whose threads all run calls take one that rests in a lower lane, for one call at
@@ -89,18 +89,27 @@ struct ServerConfig {
   PriorityTransform inbound_priority = nullptr;  ///< None: methods run at their calls' priority.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Priority ceiling = Priority::kHighest;  ///< The highest priority that sessions are granted.
-  std::uint32_t session_count_max =
-      256;  ///< Per lane and transport; more replace the longest idle.
-  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request or reply.
+  /// Sessions, and connections, per lane and transport. One host, or process in shared memory, has
+  /// at most three quarters of them. More replace the longest idle, if for 30 s.
+  std::uint32_t session_count_max = 256;
+  std::uint32_t message_size_max = 16 * 1024 * 1024;  ///< Bytes of a request, reply or item.
   /// How many messages larger than a frame (UDP: 1344 bytes, TCP: 64 KiB, shared memory: 16 KiB) a
-  /// lane may hold at a time, per transport; more are refused with overload. Each takes memory only
-  /// once it is used.
-  std::uint32_t large_message_count_max = 3;
+  /// lane may hold at a time, per transport; 0…1024. One host holds at most three quarters of them.
+  /// More requests are refused with overload, before they run; replies wait, as deferred ones. A
+  /// lane takes at most (count + 1) × message_size_max bytes for them per transport, of which it
+  /// touches what messages of that size have used: 33 × 16 MiB of address space by default.
+  std::uint32_t large_message_count_max = 32;
   /// How many calls of a lane may be unfinished at a time, because their methods answer later or
   /// with streams; 0…4096. Each takes memory only once it is used.
   std::uint32_t deferred_call_count_max = 32;
   /// How many of them may be streams, per transport; more are refused with overload; 0…1024.
   std::uint32_t stream_count_max = 16;
+  /// How many bytes of items a stream may hold that were written and not sent, as their caller
+  /// takes no more: beyond, write() says kFull. One item that is larger is held alone, so that
+  /// items may be as large as messages; 4 KiB…16 MiB. A stream takes as much memory as it held at
+  /// most: a lane's streams together deferred_call_count_max times this, or their largest items, if
+  /// those are larger.
+  std::uint32_t stream_byte_max = 1024 * 1024;
   /// How many oneways of callers in the same program, of at most 1344 bytes each, may wait or run
   /// in a lane at a time, as over a wire they wait in the socket's buffer; 0…4096. More are refused
   /// with overload. Each lane takes the memory for them, 1.5 KiB each, once a caller in the same

@@ -102,7 +102,8 @@ struct TableLimits {
   std::uint32_t tables = 0;
 };
 
-/// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4).
+/// Whether the bytes are a T from end to end, so that reading it stays within them (hp-12-4). There
+/// is no size prefix, and a file identifier is not looked at (hp-12-5).
 template <class T>
 [[nodiscard]] bool is_valid_table(ConstBytes bytes, TableLimits limits = {}) noexcept {
   if (bytes.size() < sizeof(flatbuffers::uoffset_t)) return false;

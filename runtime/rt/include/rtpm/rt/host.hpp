@@ -1,9 +1,16 @@
 #pragma once
 
 #include <cstdint>
+#include <string_view>
 #include <vector>
 
 namespace rtpm::rt {
+
+/// The number of the monotonic clock that a process reads which finds these bytes in
+/// /proc/sys/kernel/random/boot_id, and this text in the link /proc/self/ns/time, empty if there is
+/// no such link (hp-4.1-7).
+[[nodiscard]] std::uint64_t clock_domain_of(std::string_view boot_id,
+                                            std::string_view time_namespace) noexcept;
 
 /// A number that processes share if and only if their monotonic clocks are the same clock: drawn
 /// from the kernel's boot id and time namespace. 0 when the system does not tell.   Set-up only.

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <string_view>
 #include <vector>
+
+#include "rtpm/base/time.hpp"
 
 namespace rtpm::rt {
 
@@ -40,6 +43,19 @@ inline constexpr std::size_t kSetupNoteCountMax = 256;
 
 /// The notes as lines, each with its remedy below.   Set-up only.
 [[nodiscard]] std::string to_text(const std::vector<SetupNote>& notes);
+
+/// A warning that may be due often: it is said on standard error at once, and then at most every
+/// kInterval, with how often it was due meanwhile.   Threads: one.   Not for lanes.
+class RepeatedWarning {
+ public:
+  static constexpr Duration kInterval = std::chrono::seconds{10};
+  /// Prints "rtpm: warning: <text>", where that is due at `now`. Allocates nothing.
+  void say(std::string_view text, MonotonicTime now) noexcept;
+
+ private:
+  MonotonicTime next_ = MonotonicTime::min();
+  std::uint64_t kept_count_ = 0;  ///< How often it was due since it was said.
+};
 
 /// Adds a note to setup_report(), in place of the one with its subject.   Threads: any. Set-up
 /// only.

@@ -95,12 +95,15 @@ class BroadcastDoor {
   [[nodiscard]] static expected<BroadcastDoor, TransportError> open(std::uint64_t id);
   /// Can be read when somebody asks.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// Gives the memory to all who ask now and are of the same user; never waits for one.
+  /// Gives the memory to all who ask now and are of the same user; never waits for one. Those for
+  /// whom there is no descriptor are turned away.
   void let_in(const BroadcastMemory& memory) noexcept;
 
  private:
-  explicit BroadcastDoor(Descriptor socket) noexcept : socket_(std::move(socket)) {}
+  BroadcastDoor(Descriptor socket, Descriptor spare) noexcept
+      : socket_(std::move(socket)), spare_(std::move(spare)) {}
   Descriptor socket_;
+  Descriptor spare_;  ///< Given up for a moment when no other is left.
 };
 
 /// A reader's side.   Ownership: unmaps at its end.   Threads: any.   Set-up only.

@@ -4,6 +4,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
+#include "rtpm/transport/socket.hpp"
 
 namespace rtpm::transport {
 
@@ -20,6 +21,9 @@ class Connection {
   /// Sends one whole frame; waits for room until `until` if there is none.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
+  /// Whether a frame of so many bytes, which may wait, has room now: frames that may not, such as
+  /// replies, find as much again.   RT: alloc-free, at most one syscall.
+  [[nodiscard]] virtual bool has_spare_room(std::size_t size) noexcept = 0;
   /// One whole frame if it has arrived; valid until the next receive() or await_news(), aligned to
   /// 16 bytes. Never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
@@ -29,6 +33,8 @@ class Connection {
   /// interrupted; false if it has not. Those that are memory don't wait.
   /// RT: alloc-free, at most one syscall.
   [[nodiscard]] virtual bool await_news() noexcept { return has_buffered(); }
+  /// Whose it is: see host_of().   RT: alloc-free, at most two system calls.
+  [[nodiscard]] virtual wire::PeerAddress host() const noexcept { return host_of(descriptor()); }
   /// To be polled for reading.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
 

@@ -18,6 +18,9 @@ enum class IoError : std::uint8_t {
 /// Why set-up failed: one sentence that names the thing, the cause and the remedy.
 struct TransportError {
   std::string text;
+  /// The system has no descriptor or memory left for it: nothing was tried, and the peer may well
+  /// be there.
+  bool is_exhausted = false;
 };
 
 }  // namespace rtpm::transport

@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
@@ -51,6 +52,12 @@ class Link {
   /// The socket. Of a link through memory it tells only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
+  /// How many sent frames the server has not taken yet, which only memory shared with it tells;
+  /// nothing elsewhere. It outlasts the server's end.   RT: alloc-free, no syscall.
+  [[nodiscard]] virtual std::optional<std::uint32_t> unread_count() const noexcept { return {}; }
+  /// Asks the system whether the server hung up, where receive() alone would not notice at once;
+  /// then receive() says so.   RT: alloc-free, at most one syscall.
+  virtual void check_peer() noexcept {}
   /// Whether no frame leaves this host, so that none is lost but where an end has no room for it.
   [[nodiscard]] virtual bool is_on_host() const noexcept { return false; }
 };

@@ -66,6 +66,8 @@ class SharedMemoryConnection final : public Connection {
 
   /// Errors: kFailed: larger than a frame may be; kBroken and kClosed: end the connection.
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
+  /// Half of the ring is for frames that may not wait.
+  bool has_spare_room(std::size_t size) noexcept override { return writer_.has_spare_room(size); }
   expected<ConstBytes, IoError> receive() noexcept override;
   bool has_buffered() const noexcept override { return reader_.has_record(); }
   int descriptor() const noexcept override { return socket_.number(); }
@@ -83,6 +85,8 @@ class SharedMemoryConnection final : public Connection {
   /// Asks the socket, which receive() does not, whether the peer is gone; then receive()
   /// tells.   RT: alloc-free, one syscall.
   void check_peer() noexcept;
+  /// How many sent frames the peer has not taken out of the ring.   RT: no syscall.
+  [[nodiscard]] std::uint32_t unread_count() const noexcept { return writer_.unread_count(); }
 
  private:
   void ring_bell() noexcept;
@@ -112,9 +116,9 @@ class SharedMemoryListener {
   ~SharedMemoryListener();
 
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// The next client, which will send its request; not open if there is none, or no descriptor
-  /// left: then it is turned away.
-  [[nodiscard]] Descriptor accept() noexcept;
+  /// The next client, which will send its request. One for which no descriptor is left is turned
+  /// away.
+  [[nodiscard]] Accepted accept() noexcept;
 
  private:
   SharedMemoryListener(Descriptor socket, std::string file) noexcept;
@@ -126,12 +130,13 @@ class SharedMemoryListener {
 /// A client that has its rings.
 struct SharedMemoryClient {
   Priority priority{};  ///< Which it asked for: it chooses the lane.
-  std::unique_ptr<Connection> connection;
+  std::unique_ptr<Connection> connection{};
+  int shortage = 0;  ///< The error number for which there was no descriptor or memory; 0: none.
 };
 
-/// Reads the request of a client that was accepted, and answers it. Nothing if it was refused (it
-/// is told why), asked only whether it would be, or sent something else.   Set-up only.
-[[nodiscard]] std::optional<SharedMemoryClient> welcome_shared_memory_client(Descriptor socket);
+/// Reads the request of a client that was accepted, and answers it. No connection if it was refused
+/// (it is told why), asked only whether it would be, or sent something else.   Set-up only.
+[[nodiscard]] SharedMemoryClient welcome_shared_memory_client(Descriptor socket);
 
 /// Whether a server is there that this process may share memory with, and trusts: one of the same
 /// user, or of the superuser.   Set-up only; waits for its answer until `deadline`.

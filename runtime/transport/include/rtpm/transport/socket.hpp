@@ -2,6 +2,7 @@
 
 #include <netinet/in.h>
 
+#include <chrono>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
+#include "rtpm/wire/cookie.hpp"
 
 namespace rtpm::transport {
 
@@ -31,13 +33,44 @@ class Descriptor {
   int number_ = -1;
 };
 
-/// The IPv4 address of a numeric address or host name.   Set-up only: may ask a name server.
+/// What came of accepting.
+struct Accepted {
+  Descriptor socket{};  ///< Not open: nobody is there, or `shortage`.
+  int shortage = 0;     ///< EMFILE or ENFILE: no descriptor was left for the one that is there.
+  /// Of a shortage: not even one to turn it away with. It waits on, and so wakes its acceptor.
+  bool still_waits = false;
+};
+
+/// How long a name server may take where no deadline is given.
+inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
+
+/// The IPv4 address of a numeric address, or of a host name, which is asked for on a thread of its
+/// own: that may outlive `deadline`, but few do at a time.   Set-up only.
+/// Errors: the name has no IPv4 address; it was not answered by `deadline`.
+[[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
+                                                               std::uint16_t port,
+                                                               MonotonicTime deadline);
+/// By kResolvePatience from now on.
 [[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
                                                                std::uint16_t port);
 
 /// The numeric form of a host's IPv4 address, "127.0.0.1", so that nobody has to ask for it again.
-/// Set-up only: may ask a name server.
-[[nodiscard]] expected<std::string, TransportError> numeric_address_of(const std::string& host);
+/// Set-up only.   Errors: as address_of().
+[[nodiscard]] expected<std::string, TransportError> numeric_address_of(const std::string& host,
+                                                                       MonotonicTime deadline);
+
+/// Why the system gave no descriptor, or no memory, for `what`, and what to do, by its error
+/// number. Set-up only.
+[[nodiscard]] TransportError no_descriptor(const std::string& what, int error);
+/// "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
+[[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
+/// Whether it says that the system, or the process, has no descriptor or memory left.
+[[nodiscard]] bool is_shortage(int error) noexcept;
+
+/// Who is at the other end of a connected socket, without a port: its host; or, of a UNIX socket,
+/// its process, as the kernel says it. All 0 if that can't be known.
+/// @realtime alloc-free, at most two system calls
+[[nodiscard]] wire::PeerAddress host_of(int socket) noexcept;
 
 /// What a person can do about a port that can't be served, by the error of bind(2) or listen(2).
 /// Set-up only.

@@ -20,6 +20,7 @@ class FrameStream final : public Connection {
   FrameStream(Descriptor socket, std::uint32_t message_size_max);
 
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
+  bool has_spare_room(std::size_t size) noexcept override;
   /// Bytes that can't be a frame of the stated size are given as they are.
   expected<ConstBytes, IoError> receive() noexcept override;
   /// The same, but where nothing is there it waits, for about kBlockTime.
@@ -41,7 +42,8 @@ class FrameStream final : public Connection {
   };
   Descriptor socket_;
   std::vector<CacheLine> lines_;
-  std::size_t given_size_ = 0;  ///< Bytes at the begin that the caller has and will be done with.
+  std::size_t waiting_max_ = 0;  ///< Bytes that may wait in the system, for what may itself wait.
+  std::size_t given_size_ = 0;   ///< Bytes at the begin that the caller has and will be done with.
   std::size_t filled_size_ = 0;
 };
 

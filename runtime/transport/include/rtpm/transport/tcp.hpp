@@ -17,9 +17,8 @@ class TcpListener {
                                                                   std::uint16_t port);
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// The next connection, ready for FrameStream; not open if there is none, or no descriptor left:
-  /// then the connection is ended.
-  [[nodiscard]] Descriptor accept() noexcept;
+  /// The next connection, ready for FrameStream. One for which no descriptor is left is ended.
+  [[nodiscard]] Accepted accept() noexcept;
 
  private:
   TcpListener(Descriptor socket, std::uint16_t port) noexcept;

@@ -14,6 +14,9 @@
 
 namespace rtpm::transport {
 
+/// The IPv4 address that a datagram came from, 127.0.0.1 being 0x7f000001.   RT: alloc-free.
+[[nodiscard]] std::uint32_t ipv4_of(const wire::PeerAddress& peer) noexcept;
+
 /// What a lane's UDP socket is opened for.
 struct UdpPortConfig {
   std::string host = "127.0.0.1";

@@ -125,7 +125,7 @@ struct Payload {
 
 /// How far a oneway request must have come until the caller goes on.
 enum class OnewayLevel : std::uint8_t {
-  kSent,      ///< "sent": handed to the caller's own system.
+  kSent,      ///< "sent": handed to the caller's own system; it may not arrive.
   kReceived,  ///< "received": the server has it.
   kDone,      ///< "done": the servant's method has returned.
 };

@@ -37,6 +37,8 @@ class Process {
   /// Waits until it ends; nothing if it does not within `patience`.
   [[nodiscard]] std::optional<End> wait(Duration patience);
   void send_signal(int signal) const;
+  /// Stops it by SIGSTOP, and waits until the system has done so.
+  void stop() const;
 
   /// What it printed so far, as far as it was read.
   [[nodiscard]] const std::string& output() const noexcept { return output_.text; }

@@ -72,8 +72,6 @@ inline constexpr Transport kFaultyUdp{100};
 /// A started server of `config` with the servant under "echo".
 struct EchoServer {
   explicit EchoServer(ServerConfig config = quiet_config(), ObjectOptions options = {}) {
-    // There the last ACK of a large reply may be lost, which then stays until its call's deadline.
-    if (is_network_faulty()) config.large_message_count_max = 16;
     auto created = Server::create(std::move(config));
     EXPECT_TRUE(created) << created.error().text;
     if (!created) return;

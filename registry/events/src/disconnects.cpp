@@ -1,49 +1,49 @@
-#include "departures.hpp"
+#include "disconnects.hpp"
 
 #include <algorithm>
 #include <utility>
 
 namespace rtpm::events {
 
-std::string_view to_string(DepartureReason reason) noexcept {
+std::string_view to_string(DisconnectReason reason) noexcept {
   switch (reason) {
-    case DepartureReason::kUnsubscribed:
+    case DisconnectReason::kUnsubscribed:
       return "it unsubscribed";
-    case DepartureReason::kLeft:
+    case DisconnectReason::kLeft:
       return "it is gone";
-    case DepartureReason::kSilent:
+    case DisconnectReason::kSilent:
       return "it missed too many signs of life";
-    case DepartureReason::kQueueFull:
+    case DisconnectReason::kQueueFull:
       break;
   }
   return "its queue was full";
 }
 
-void Departures::note(std::string& name, DepartureReason reason, MonotonicTime now) noexcept {
+void Disconnects::note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept {
   const std::lock_guard lock(mutex_);
-  Departure& place = last_[count_ % last_.size()];
+  Disconnect& place = last_[count_ % last_.size()];
   place.number = ++count_;
   std::swap(place.name, name);
   place.reason = reason;
   place.time = now;
   switch (reason) {
-    case DepartureReason::kUnsubscribed:
+    case DisconnectReason::kUnsubscribed:
       ++counters_.unsubscribed_count;
       return;
-    case DepartureReason::kLeft:
+    case DisconnectReason::kLeft:
       ++counters_.left_count;
       return;
-    case DepartureReason::kSilent:
+    case DisconnectReason::kSilent:
       ++counters_.silent_count;
       return;
-    case DepartureReason::kQueueFull:
+    case DisconnectReason::kQueueFull:
       ++counters_.queue_full_count;
       return;
   }
 }
 
-std::vector<Departure> Departures::after(std::uint64_t number) const {
-  std::vector<Departure> some;
+std::vector<Disconnect> Disconnects::after(std::uint64_t number) const {
+  std::vector<Disconnect> some;
   const std::lock_guard lock(mutex_);
   const std::uint64_t kept = std::min<std::uint64_t>(count_, last_.size());
   for (std::uint64_t i = std::max(number, count_ - kept); i < count_; ++i)
@@ -51,7 +51,7 @@ std::vector<Departure> Departures::after(std::uint64_t number) const {
   return some;
 }
 
-DepartureCounters Departures::counters() const noexcept {
+DisconnectCounters Disconnects::counters() const noexcept {
   const std::lock_guard lock(mutex_);
   return counters_;
 }

@@ -12,18 +12,18 @@
 namespace rtpm::events {
 
 /// The last subscriptions that ended, and how many did for each reason.   Threads: any.
-class Departures {
+class Disconnects {
  public:
   /// Takes the name.   RT: alloc-free; frees the name that it forgets.
-  void note(std::string& name, DepartureReason reason, MonotonicTime now) noexcept;
-  [[nodiscard]] std::vector<Departure> after(std::uint64_t number) const;
-  [[nodiscard]] DepartureCounters counters() const noexcept;
+  void note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept;
+  [[nodiscard]] std::vector<Disconnect> after(std::uint64_t number) const;
+  [[nodiscard]] DisconnectCounters counters() const noexcept;
 
  private:
   mutable rt::PiMutex mutex_;
-  std::array<Departure, kDepartureCountMax> last_{};
+  std::array<Disconnect, kDisconnectCountMax> last_{};
   std::uint64_t count_ = 0;
-  DepartureCounters counters_{};
+  DisconnectCounters counters_{};
 };
 
 }  // namespace rtpm::events

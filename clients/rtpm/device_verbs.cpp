@@ -1,0 +1,94 @@
+#include "device_verbs.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <string>
+#include <string_view>
+
+#include "remote.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/log.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+constexpr Duration kRenewal = std::chrono::milliseconds{200};
+
+int fail(const std::string& device, std::string_view text) {
+  rt::print_error("rtpm", device + ": " + std::string(text));
+  return 1;
+}
+
+struct Wish {
+  std::string_view name{};
+  expected<void, rpc::CallError> (gvd::DeviceClient::*run)() = nullptr;
+};
+constexpr std::array kWishes{Wish{"recover", &gvd::DeviceClient::recover},
+                             Wish{"activate", &gvd::DeviceClient::activate},
+                             Wish{"deactivate", &gvd::DeviceClient::deactivate}};
+
+std::string why_not(const gvd::DeviceClient& device, rpc::CallError error) {
+  if (error == rpc::CallError::kNotLeaseHolder) {
+    return "calls of a priority below " + std::to_string(device.operator_priority().value()) +
+           " do not take the right to command over; give a higher --priority, or none";
+  }
+  return "was not taken over: " + std::string(to_string(error));
+}
+
+/// Keeps the lease until `request` says or the device ends it.
+int hold(gvd::DeviceClient& device, const std::string& name, const Request& request,
+         const program::StopSignal& stop) {
+  const MonotonicTime until = request.stream_time ? rt::now() + *request.stream_time : kNever;
+  while (rt::now() < until && !stop.wait_for(kRenewal)) {
+    const auto renewed = device.renew();
+    if (renewed) continue;
+    const auto state = device.lease_state();
+    if (renewed.error() != rpc::CallError::kNotLeaseHolder || !state) {
+      return fail(name, to_string(renewed.error()));
+    }
+    std::printf("%s is free: %.*s\n", name.c_str(), static_cast<int>(to_string(*state).size()),
+                to_string(*state).data());
+    return *state == gvd::LeaseState::kIdle ? 0 : 1;
+  }
+  if (const auto released = device.release(); !released) {
+    return fail(name, to_string(released.error()));
+  }
+  std::printf("%s is free: the right to command was given back\n", name.c_str());
+  return 0;
+}
+
+}  // namespace
+
+int take_over(const Request& request) {
+  const std::string& name = request.arguments[0];
+  const std::string_view wished = request.arguments.size() > 1 ? request.arguments[1] : "";
+  const auto* const wish = std::ranges::find(kWishes, wished, &Wish::name);
+  if (!wished.empty() && wish == kWishes.end()) {
+    static_cast<void>(fail(name, "a device makes recover, activate or deactivate"));
+    return 2;
+  }
+  // Ctrl-C gives the lease back from here on.
+  const program::StopSignal stop;
+  gvd::DeviceClientOptions options;
+  options.bind.deadline = request.options.deadline.value_or(options.bind.deadline);
+  auto device = gvd::DeviceClient::open(request.node, name, options);
+  if (!device) return fail(name, device.error().text);
+  const bool has_priority = request.options.priority && *request.options.priority > Priority{0};
+  const Priority priority = has_priority ? *request.options.priority : device->operator_priority();
+  if (const auto taken = device->take_over(priority); !taken) {
+    return fail(name, why_not(*device, taken.error()));
+  }
+  std::printf("%s was taken over: no client commands it, its force goes to zero\n", name.c_str());
+  std::fflush(stdout);
+  if (wish != kWishes.end()) {
+    if (const auto done = ((*device).*(wish->run))(); !done) {
+      return fail(name, std::string(wished) + ": " + std::string(to_string(done.error())));
+    }
+  }
+  return hold(*device, name, request, stop);
+}
+
+}  // namespace rtpm::tool

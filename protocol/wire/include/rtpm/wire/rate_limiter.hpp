@@ -1,0 +1,36 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+
+#include "rtpm/base/hash.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/wire/cookie.hpp"
+
+namespace rtpm::wire {
+
+/// Limits how often something is done for each host: at most `burst` times at once, and once each
+/// `interval` in the long run. It is a fixed table of token buckets; hosts whose keyed hashes fall
+/// together share one, so that no number of hosts takes more memory.
+/// @threads  one
+/// @realtime alloc-free
+/// @source   ATM Forum's generic cell rate algorithm, virtual scheduling
+class RateLimiter {
+ public:
+  RateLimiter(SipKey key, std::uint32_t burst, Duration interval) noexcept
+      : key_(key), interval_(interval), tolerance_(interval * (burst - 1)) {}
+
+  /// Takes a token of the host's bucket; false if there is none.
+  [[nodiscard]] bool admit(const PeerAddress& host, MonotonicTime now) noexcept;
+
+ private:
+  static constexpr std::size_t kBucketCount = 64;
+
+  SipKey key_;
+  Duration interval_;
+  Duration tolerance_;
+  std::array<MonotonicTime, kBucketCount> full_at_{};  ///< When a bucket will be full again.
+};
+
+}  // namespace rtpm::wire

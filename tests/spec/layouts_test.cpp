@@ -1,0 +1,252 @@
+// spec/layouts.json against RTPM's code: what it writes stands at the offsets that the pages state,
+// and what stands there it reads.
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <fstream>
+#include <map>
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "rtpm/events/event.hpp"
+#include "rtpm/events/link.hpp"
+#include "rtpm/events/multicast.hpp"
+#include "rtpm/wire/control.hpp"
+#include "rtpm/wire/fragments.hpp"
+#include "rtpm/wire/handshake.hpp"
+#include "rtpm/wire/header.hpp"
+#include "rtpm/wire/stream.hpp"
+
+namespace rtpm::spec {
+namespace {
+
+using Json = nlohmann::json;
+using Bytes = std::vector<std::byte>;
+using Values = std::map<std::string, std::uint64_t>;
+
+Json layout_named(const std::string& name) {
+  std::ifstream file(RTPM_SPEC_DIR "/layouts.json");
+  const Json document = Json::parse(file);
+  for (const Json& layout : document.at("layouts")) {
+    if (layout.at("name") == name) return layout;
+  }
+  ADD_FAILURE() << "spec/layouts.json has no " << name;
+  return {};
+}
+
+/// The number that stands at a field's place, as far as 8 bytes go.
+std::uint64_t number_at(const Bytes& bytes, const Json& field) {
+  const std::size_t offset = field.at("offset");
+  const std::size_t size = std::min(field.at("size").get<std::size_t>(), std::size_t{8});
+  std::uint64_t number = 0;
+  for (std::size_t i = size; i > 0; --i)
+    number = number << 8 | std::to_integer<std::uint64_t>(bytes.at(offset + i - 1));
+  return number;
+}
+
+/// Each field of the layout has its value, and `values` has no other; reserved ones have 0.
+void expect_layout(const std::string& name, const Bytes& bytes, Values values) {
+  SCOPED_TRACE(name);
+  const Json layout = layout_named(name);
+  if (!layout.at("size").is_null()) {
+    EXPECT_EQ(layout.at("size"), bytes.size());
+  }
+  for (const Json& field : layout.at("fields")) {
+    const std::string field_name = field.at("field");
+    if (field.at("size").is_null()) continue;
+    const bool is_reserved = field_name == "reserved";
+    ASSERT_TRUE(is_reserved || values.contains(field_name)) << "no value for " << field_name;
+    EXPECT_EQ(number_at(bytes, field), is_reserved ? 0 : values.at(field_name)) << field_name;
+  }
+  for (const Json& field : layout.at("fields"))
+    values.erase(field.at("field"));
+  EXPECT_TRUE(values.empty()) << "the layout has no field " << values.begin()->first;
+}
+
+/// Bytes in which each field stands where the layout says.
+Bytes laid_out(const std::string& name, const Values& values, std::size_t size) {
+  Bytes bytes(size);
+  const Json layout = layout_named(name);
+  for (const Json& field : layout.at("fields")) {
+    const auto found = values.find(field.at("field"));
+    if (found == values.end()) continue;
+    for (std::size_t i = 0; i < std::min(field.at("size").get<std::size_t>(), std::size_t{8}); ++i)
+      bytes[field.at("offset").get<std::size_t>() + i] =
+          static_cast<std::byte>(found->second >> (8 * i));
+  }
+  return bytes;
+}
+
+TEST(Layouts, Header) {
+  wire::Header header;
+  header.kind = wire::FrameKind::kCall;
+  header.priority = 0x0123;
+  header.flags = wire::kFlagRepeated | wire::kFlagAckWanted;
+  header.session = 0x1122334455667788;
+  header.call_id = 0x21222324;
+  header.service = 0x31323334;
+  header.method = 0x4142;
+  header.status = wire::Status::kStopping;
+  header.payload_size = 0x00616263;
+  header.fragment_index = 0x7172;
+  header.fragment_count = 0x7576;
+  header.message_size = 0x81828384;
+  header.budget_us = 0x91929394;
+  header.item = 0xa1a2a3a4;
+  header.sender_time_ns = 0xb1b2b3b4b5b6b7b8;
+  header.trace_id = 0xc1c2c3c4c5c6c7c8;
+  Bytes bytes(wire::kHeaderSize);
+  encode(header, bytes.data());
+  expect_layout("header", bytes,
+                {{"magic", 0x5048},
+                 {"version", 1},
+                 {"kind", 5},
+                 {"priority", 0x0123},
+                 {"flags", 3},
+                 {"session", header.session},
+                 {"call_id", header.call_id},
+                 {"service", header.service},
+                 {"method", header.method},
+                 {"status", 17},
+                 {"payload_size", header.payload_size},
+                 {"fragment_index", header.fragment_index},
+                 {"fragment_count", header.fragment_count},
+                 {"message_size", header.message_size},
+                 {"budget_us", header.budget_us},
+                 {"item", header.item},
+                 {"sender_time_ns", header.sender_time_ns},
+                 {"trace_id", header.trace_id}});
+}
+
+TEST(Layouts, Handshake) {
+  wire::Hello hello{
+      0x0102,     0x0304, 0x05060708, 0x1112131415161718, 0x2122232425262728, 0x3132333435363738,
+      0x41424344, {}};
+  hello.cookie.fill(std::byte{0x5a});
+  Bytes bytes(wire::Hello::kSize);
+  encode(hello, bytes);
+  expect_layout("HELLO", bytes,
+                {{"version_min", hello.version_min},
+                 {"version_max", hello.version_max},
+                 {"features", hello.features},
+                 {"client_epoch", hello.client_epoch},
+                 {"channel", hello.channel},
+                 {"clock_domain", hello.clock_domain},
+                 {"message_size_max", hello.message_size_max},
+                 {"cookie", 0x5a5a5a5a5a5a5a5a}});
+  const wire::Welcome welcome{0x0102,
+                              {0x0304, 0x0506},
+                              0x0708,
+                              0x11121314,
+                              0x2122,
+                              0x3132333435363738,
+                              0x4142434445464748,
+                              0x51525354};
+  bytes.assign(wire::Welcome::kSize, std::byte{0});
+  encode(welcome, bytes);
+  expect_layout("WELCOME", bytes,
+                {{"version", welcome.version},
+                 {"band_low", 0x0304},
+                 {"band_high", 0x0506},
+                 {"ceiling", 0x0708},
+                 {"features", welcome.features},
+                 {"window", welcome.window},
+                 {"server_epoch", welcome.server_epoch},
+                 {"clock_domain", welcome.clock_domain},
+                 {"message_size_max", welcome.message_size_max}});
+}
+
+TEST(Layouts, AckCreditAndBindReply) {
+  Bytes bytes(wire::FragmentAck::kSize);
+  encode(wire::FragmentAck{0x0102, {0x1112131415161718, 0, 0, 0}}, bytes);
+  expect_layout("ACK", bytes, Values{{"first_missing", 0x0102}, {"later", 0x1112131415161718}});
+  bytes.assign(wire::StreamCredit::kSize, std::byte{0});
+  encode(wire::StreamCredit{0x01020304, 0x05060708, 0x1112131415161718}, bytes);
+  expect_layout("CREDIT", bytes,
+                Values{{"first_missing", 0x01020304},
+                       {"byte_limit", 0x05060708},
+                       {"later", 0x1112131415161718}});
+  wire::BindReply reply;
+  reply.service = 0x01020304;
+  reply.is_server_declared = true;
+  reply.priority = 0x1112;
+  reply.fingerprint = 0x2122232425262728;
+  reply.method_count = 0x3132;
+  bytes.assign(wire::BindReply::kSize, std::byte{0});
+  encode(reply, bytes);
+  expect_layout("bind reply", bytes,
+                {{"service", reply.service},
+                 {"priority", 0x1112},
+                 {"flags", 3},
+                 {"fingerprint", reply.fingerprint},
+                 {"method_count", reply.method_count},
+                 {"methods", 0}});
+}
+
+TEST(Layouts, Event) {
+  events::EventHeader header;
+  header.type = 0x01020304;
+  header.source = 0x11121314;
+  header.sequence = 0x2122232425262728;
+  header.origin = time_from_ns(0x3132333435363738);
+  header.hub_received = time_from_ns(0x4142434445464748);
+  header.hub_sent = time_from_ns(0x5152535455565758);
+  header.schema_id = 0x6162636465666768;
+  header.origin_uncertainty_ns = 0x71727374;
+  header.priority = 0x0123;
+  header.hops_left = 7;
+  header.is_replayed = header.is_continued = true;
+  header.supplier_tag = 0x81828384;
+  Bytes memory(128);
+  events::EventWriter writer(memory);
+  const Bytes payload(3, std::byte{0xff});
+  ASSERT_TRUE(writer.put(header, payload));
+  expect_layout("event", memory,
+                {{"type", header.type},
+                 {"source", header.source},
+                 {"sequence", header.sequence},
+                 {"origin_ns", 0x3132333435363738},
+                 {"hub_received_ns", 0x4142434445464748},
+                 {"hub_sent_ns", 0x5152535455565758},
+                 {"schema_id", header.schema_id},
+                 {"payload_size", 3},
+                 {"origin_uncertainty_ns", header.origin_uncertainty_ns},
+                 {"priority", 0x0123},
+                 {"hops_left", 7},
+                 {"flags", 3},
+                 {"supplier_tag", header.supplier_tag},
+                 {"payload", 0}});
+}
+
+TEST(Layouts, NewsOfALink) {
+  const auto news = events::read_link_news(
+      laid_out("news of a link",
+               {{"state", 2}, {"flags", 1}, {"gap_ns", 0x1112131415161718}, {"lost", 0x21222324}},
+               events::kLinkNewsSize));
+  ASSERT_TRUE(news);
+  EXPECT_EQ(static_cast<int>(news->state), 2);
+  EXPECT_TRUE(news->has_peer_restarted);
+  EXPECT_EQ(news->gap.count(), 0x1112131415161718);
+  EXPECT_EQ(news->lost_count, 0x21222324U);
+}
+
+TEST(Layouts, MulticastDatagram) {
+  const Bytes bytes = laid_out("multicast datagram",
+                               {{"magic", 0x56455452},
+                                {"version", 1},
+                                {"id", 0x1112131415161718},
+                                {"sequence", 0x2122232425262728},
+                                {"record_size", 0x100},
+                                {"offset", 0x80}},
+                               events::kMulticastHeaderSize + 8);
+  const auto datagram = events::read_multicast(bytes);
+  ASSERT_TRUE(datagram);
+  EXPECT_EQ(datagram->header,
+            (events::MulticastHeader{0x1112131415161718, 0x2122232425262728, 0x100, 0x80, 0}));
+  EXPECT_EQ(datagram->bytes.size(), 8U);
+}
+
+}  // namespace
+}  // namespace rtpm::spec

@@ -1,0 +1,380 @@
+#include <arpa/inet.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <sys/socket.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <cstddef>
+#include <cstring>
+#include <ctime>
+#include <memory>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/test/child.hpp"
+#include "rtpm/test/echo_server.hpp"
+#include "rtpm/wire/limits.hpp"
+
+// What one host, or one process, can take of a server, over real sockets.
+namespace rtpm::rpc {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+sockaddr_in loopback(const char* host, std::uint16_t port) {
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_port = htons(port);
+  inet_pton(AF_INET, host, &address.sin_addr);
+  return address;
+}
+
+/// A TCP connection from one of this host's addresses.
+transport::Descriptor connect_from(const char* host, std::uint16_t port) {
+  transport::Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
+  const sockaddr_in own = loopback(host, 0);
+  const sockaddr_in server = loopback("127.0.0.1", port);
+  EXPECT_EQ(bind(socket.number(), reinterpret_cast<const sockaddr*>(&own), sizeof own), 0);
+  EXPECT_EQ(connect(socket.number(), reinterpret_cast<const sockaddr*>(&server), sizeof server), 0);
+  const timeval patience{20, 0};
+  setsockopt(socket.number(), SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+  return socket;
+}
+
+transport::Descriptor connect_to_memory(std::uint16_t port) {
+  transport::Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0));
+  const std::string name = "rtpm/127.0.0.1:" + std::to_string(port);
+  sockaddr_un address{};
+  address.sun_family = AF_UNIX;
+  std::memcpy(address.sun_path + 1, name.data(), name.size());
+  const auto size = static_cast<socklen_t>(offsetof(sockaddr_un, sun_path) + 1 + name.size());
+  EXPECT_EQ(connect(socket.number(), reinterpret_cast<const sockaddr*>(&address), size), 0);
+  return socket;
+}
+
+/// What the server answers to a HELLO on the connection.
+wire::Header answer_to_hello(int socket) {
+  std::array<std::byte, wire::kHeaderSize + wire::Hello::kSize> frame{};
+  wire::Header header;
+  header.kind = wire::FrameKind::kHello;
+  header.call_id = 7;
+  header.payload_size = header.message_size = wire::Hello::kSize;
+  encode(header, frame.data());
+  wire::Hello hello;
+  hello.client_epoch = 5;
+  hello.message_size_max = 4096;
+  encode(hello, MutableBytes(frame).subspan(wire::kHeaderSize));
+  static_cast<void>(::send(socket, frame.data(), frame.size(), MSG_NOSIGNAL));
+  std::array<std::byte, wire::kHeaderSize> answer{};
+  if (recv(socket, answer.data(), answer.size(), MSG_WAITALL) != wire::kHeaderSize) return {};
+  return wire::decode(answer).value_or(wire::Header{});
+}
+
+ServerConfig small_config(std::uint32_t session_count_max) {
+  ServerConfig config = quiet_config();
+  config.session_count_max = session_count_max;
+  return config;
+}
+
+// hp-4-8: many that say nothing neither keep others out, nor push out those of other hosts.
+TEST(Newcomers, ThatSayNothingKeepNobodyOut) {
+  EchoServer server;
+  const std::uint16_t port = server.server->port();
+  const transport::Descriptor patient = connect_from("127.0.0.2", port);
+  std::vector<transport::Descriptor> silent;
+  for (int i = 0; i < 300; ++i)
+    silent.push_back(connect_from("127.0.0.1", port));
+  for (int i = 0; i < 10; ++i) {
+    const transport::Descriptor next = connect_from("127.0.0.1", port);
+    EXPECT_EQ(answer_to_hello(next.number()).kind, wire::FrameKind::kWelcome) << i;
+  }
+  EXPECT_EQ(answer_to_hello(patient.number()).kind, wire::FrameKind::kWelcome);
+}
+
+// hp-4-8: the same in shared memory, which what comes over TCP does not touch.
+TEST(Newcomers, ThatSayNothingKeepNobodyOutOfSharedMemory) {
+  EchoServer server;
+  const std::uint16_t port = server.server->port();
+  std::vector<transport::Descriptor> silent;
+  for (int i = 0; i < 200; ++i) {
+    silent.push_back(connect_to_memory(port));
+    silent.push_back(connect_from("127.0.0.1", port));
+  }
+  Node node(quiet_node(Transport::kSharedMemory));
+  Binding binding = bind_echo(node, server);
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("here")));
+}
+
+// hp-4-7: a host has three quarters of the connections, and hears that it has them.
+TEST(Connections, OfOneHostLeaveSomeToOthers) {
+  EchoServer server(small_config(8));
+  const std::uint16_t port = server.server->port();
+  std::vector<transport::Descriptor> taken;
+  for (int i = 0; i < 6; ++i) {
+    taken.push_back(connect_from("127.0.0.1", port));
+    EXPECT_EQ(answer_to_hello(taken.back().number()).kind, wire::FrameKind::kWelcome) << i;
+  }
+  const transport::Descriptor next = connect_from("127.0.0.1", port);
+  const wire::Header refusal = answer_to_hello(next.number());
+  EXPECT_EQ(refusal.kind, wire::FrameKind::kRefuse);
+  EXPECT_EQ(refusal.status, wire::Status::kOverload);
+  EXPECT_EQ(refusal.call_id, 7u);
+  for (int i = 0; i < 2; ++i) {
+    taken.push_back(connect_from("127.0.0.2", port));
+    EXPECT_EQ(answer_to_hello(taken.back().number()).kind, wire::FrameKind::kWelcome) << i;
+  }
+  EXPECT_EQ(answer_to_hello(connect_from("127.0.0.2", port).number()).status,
+            wire::Status::kOverload);
+  EXPECT_TRUE(await([&] { return server.server->counters().connection_refused_count == 2; }));
+  // One that ends makes place.
+  taken.erase(taken.begin());
+  EXPECT_TRUE(await([&] {
+    const transport::Descriptor again = connect_from("127.0.0.1", port);
+    return answer_to_hello(again.number()).kind == wire::FrameKind::kWelcome;
+  }));
+}
+
+// hp-4-7: a process likewise; it keeps no other local one out.
+TEST(Connections, OfOneProcessLeaveSomeToOthers) {
+  EchoServer server(small_config(4));
+  const std::uint16_t port = server.server->port();
+  std::vector<std::unique_ptr<RawPeer>> taken;
+  for (int i = 0; i < 3; ++i) {
+    taken.push_back(std::make_unique<RawPeer>(Transport::kSharedMemory, port));
+    EXPECT_TRUE(taken.back()->open()) << i;
+  }
+  RawPeer next(Transport::kSharedMemory, port);
+  EXPECT_FALSE(next.open());
+  const auto other = rtpm::test::run_in_child([&] {
+    RawPeer peer(Transport::kSharedMemory, port);
+    return std::string(peer.open() ? "served" : "not served");
+  });
+  EXPECT_EQ(other.said, "served");
+}
+
+// A connection whose first frame opens no session is as good as a silent one.
+TEST(Connections, WithoutASessionGiveWaySoon) {
+  EchoServer server(small_config(1));
+  const std::uint16_t port = server.server->port();
+  const transport::Descriptor stray = connect_from("127.0.0.1", port);
+  std::array<std::byte, wire::kHeaderSize> frame{};
+  wire::Header header;
+  header.session = 5;
+  encode(header, frame.data());
+  ASSERT_EQ(::send(stray.number(), frame.data(), frame.size(), 0), wire::kHeaderSize);
+  ASSERT_EQ(recv(stray.number(), frame.data(), frame.size(), MSG_WAITALL), wire::kHeaderSize);
+  EXPECT_EQ(wire::decode(frame)->status, wire::Status::kUnknownSession);
+  transport::Descriptor next;
+  EXPECT_TRUE(await([&] {
+    next = connect_from("127.0.0.1", port);
+    return answer_to_hello(next.number()).kind == wire::FrameKind::kWelcome;
+  }));
+  EXPECT_EQ(recv(stray.number(), frame.data(), frame.size(), 0), 0) << "it was ended";
+  // One with a session stays.
+  EXPECT_EQ(answer_to_hello(connect_from("127.0.0.1", port).number()).status,
+            wire::Status::kOverload);
+}
+
+// hp-4.4-5
+TEST(Strangers, AreNotAnsweredWithoutEnd) {
+  EchoServer server;
+  RawPeer stranger(Transport::kUdp, server.server->port());
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  const MonotonicTime begin = rt::now();
+  constexpr std::uint32_t kFrameCount = 20'000;
+  for (std::uint32_t i = 0; i < kFrameCount; ++i)
+    stranger.send(stranger.call_frame(i, echo::kEcho.id));
+  EXPECT_TRUE(binding.call(echo::kEcho, bytes_of("here")));
+  const auto counters = server.server->counters().frames;
+  const auto more = static_cast<std::uint64_t>((rt::now() - begin) / wire::kStrangerAnswerInterval);
+  EXPECT_GT(counters.refused_count, 0u);
+  EXPECT_LE(counters.refused_count, wire::kStrangerAnswerBurst + more + 1);
+  EXPECT_EQ(counters.dropped_for(wire::DropReason::kRateLimited) + counters.refused_count,
+            counters.dropped_for(wire::DropReason::kRateLimited) +
+                counters.dropped_for(wire::DropReason::kUnknownSession));
+}
+
+/// A server with two rooms for large messages, which others have left taken.
+class LargeMessages : public testing::Test {
+ protected:
+  static constexpr std::uint32_t kSize = 5000;
+
+  static ServerConfig config(std::uint32_t deferred_count_max = 32) {
+    ServerConfig config = quiet_config();
+    config.large_message_count_max = 2;
+    config.deferred_call_count_max = deferred_count_max;
+    return config;
+  }
+  /// Has two replies made that nobody fetches.
+  static void take_rooms(EchoServer& server, RawPeer& peer) {
+    ASSERT_TRUE(peer.open());
+    for (std::uint32_t call_id = 1; call_id <= 2; ++call_id) {
+      std::string size(sizeof kSize, '\0');
+      std::memcpy(size.data(), &kSize, sizeof kSize);
+      peer.send(peer.call_frame(call_id, echo::kGrow.id, size));
+    }
+    ASSERT_TRUE(await([&] { return server.servant.run_count() == 2; }));
+  }
+  static auto grow(Binding& binding, Duration deadline = rtpm::test::kPatience) {
+    return binding.call(echo::kGrow, std::as_bytes(std::span(&kSize, 1)), {.deadline = deadline});
+  }
+};
+
+// hp-5.6-5, hp-5.6-10: a reply that was made is not lost because there is no room for it; it waits
+// until one that nobody fetches gives way.
+TEST_F(LargeMessages, WaitForARoomOnceTheyWereMade) {
+  EchoServer server(config());
+  RawPeer silent(Transport::kUdp, server.server->port());
+  take_rooms(server, silent);
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  std::thread caller([&] {
+    const auto reply = grow(binding);
+    ASSERT_TRUE(reply) << to_string(reply.error());
+    EXPECT_EQ(reply->bytes().size(), kSize);
+  });
+  ASSERT_TRUE(await([&] { return server.servant.run_count() == 3; }));
+  // Meanwhile small calls are served like any others.
+  const auto small = binding.call(echo::kEcho, bytes_of("small"));
+  ASSERT_TRUE(small);
+  EXPECT_EQ(text_of(*small), "small");
+  caller.join();
+  EXPECT_EQ(server.servant.run_count(), 4) << "each ran once";
+  EXPECT_EQ(server.server->counters().frames.large_evicted_count, 1u);
+}
+
+// A caller that does not wait that long is not answered, and leaves nothing behind.
+TEST_F(LargeMessages, WaitNoLongerThanTheirCallers) {
+  EchoServer server(config(1));
+  RawPeer silent(Transport::kUdp, server.server->port());
+  take_rooms(server, silent);
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  for (int i = 0; i < 3; ++i) {
+    const auto reply = grow(binding, 100ms);
+    ASSERT_FALSE(reply);
+    EXPECT_TRUE(reply.error() == CallError::kTimeout || reply.error() == CallError::kOverload)
+        << to_string(reply.error());
+  }
+  EXPECT_TRUE(await([&] { return server.server->counters().late_count >= 1; }));
+  EXPECT_TRUE(grow(binding)) << "the place where replies wait is free again";
+}
+
+// A caller that cancels does not leave the lane with a time at which there is nothing to do.
+TEST_F(LargeMessages, ThatAreCancelledLetTheLaneSleep) {
+  EchoServer server(config());
+  RawPeer silent(Transport::kUdp, server.server->port());
+  take_rooms(server, silent);
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  {
+    const auto pending = binding.begin(echo::kGrow, std::as_bytes(std::span(&kSize, 1)));
+    ASSERT_TRUE(pending);
+    ASSERT_TRUE(await([&] { return server.servant.run_count() == 3; }));
+  }
+  // Past the time when the rooms could have been had.
+  const MonotonicTime end = rt::now() + wire::kLargeMessageSilenceMax + 100ms;
+  ASSERT_TRUE(await([&] { return rt::now() >= end; }));
+  const std::clock_t before = std::clock();
+  const MonotonicTime later = rt::now() + 200ms;
+  ASSERT_TRUE(await([&] { return rt::now() >= later; }));
+  EXPECT_LT(std::clock() - before, CLOCKS_PER_SEC / 20) << "no thread was busy meanwhile";
+}
+
+// Where a reply could not wait either, the call is refused before it runs.
+TEST_F(LargeMessages, AreRefusedBeforeTheyRun) {
+  EchoServer server(config(0));
+  RawPeer silent(Transport::kUdp, server.server->port());
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  take_rooms(server, silent);
+  const auto reply = grow(binding);
+  ASSERT_FALSE(reply);
+  EXPECT_EQ(reply.error(), CallError::kOverload);
+  EXPECT_EQ(server.servant.run_count(), 2);
+  EXPECT_TRUE(await([&] { return server.server->counters().overload_count == 1; }));
+  EXPECT_TRUE(await([&] { return grow(binding).has_value(); }));
+}
+
+TEST(ServerSetUp, WantsABoundForLargeMessages) {
+  ServerConfig config = quiet_config();
+  config.large_message_count_max = 1025;
+  const auto server = Server::create(config);
+  ASSERT_FALSE(server);
+  expect_text(server.error().text, {"large_message_count_max is 1025", "Remedy", "0 to 1024"});
+}
+
+constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
+constexpr std::array kLateMethods{kLater};
+constexpr InterfaceDescriptor kLateInterface{"test.Late", 4712, "by hand", kLateMethods};
+
+/// Answers when its caller has gone.
+class LateServant final : public Servant {
+ public:
+  const InterfaceDescriptor& interface() const noexcept override { return kLateInterface; }
+  DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
+                          const CallContext& context) override {
+    reply_ = context.deferral->defer();
+    has_reply_.store(true);
+    return {};
+  }
+  void answer() {
+    ASSERT_TRUE(await([&] { return has_reply_.exchange(false); }));
+    ASSERT_TRUE(await([&] { return rt::now() >= reply_.deadline(); }));
+    DeferredReply(std::move(reply_)).complete(wire::Status::kOk, 0);
+  }
+
+ private:
+  std::atomic<bool> has_reply_{false};
+  DeferredReply reply_;
+};
+
+// Whether a lane keeps requests or not, and whatever a call's time was spent on.
+TEST(LateCalls, AreCountedInEveryLane) {
+  for (const std::uint32_t buffered_request_max : {0U, 8U}) {
+    LaneConfig lane = quiet_lane();
+    lane.buffered_request_max = buffered_request_max;
+    auto server = std::move(*Server::create(quiet_config({lane})));
+    LateServant late;
+    echo::Servant servant;
+    ASSERT_TRUE(server->add("echo", servant, {}));
+    ASSERT_TRUE(server->add("late", late, {}));
+    ASSERT_TRUE(server->start());
+    Node node(quiet_node());
+    auto deferred = Binding::bind(node, server->url("late"), kLateInterface, {});
+    auto binding = Binding::bind(node, server->url("echo"), echo::kInterface, {});
+    ASSERT_TRUE(deferred && binding);
+    EXPECT_FALSE(deferred->call(kLater, {}, {.deadline = 100ms}));
+    late.answer();
+    EXPECT_TRUE(await([&] { return server->counters().late_count == 1; })) << "deferred";
+    {
+      // Two channels with sessions, so that a call's time passes in the lane.
+      const auto first = binding->call(echo::kEcho, {});
+      const auto second = binding->call(echo::kEcho, {});
+      ASSERT_TRUE(first && second);
+    }
+    EXPECT_FALSE(binding->call(echo::kHold, {}, {.deadline = 100ms}));
+    servant.gate().let_one_go();
+    EXPECT_TRUE(await([&] { return server->counters().late_count == 2; })) << "it ran too long";
+    std::thread holder([&] { EXPECT_TRUE(binding->call(echo::kHold, {})); });
+    ASSERT_TRUE(await([&] { return servant.gate().inside_count() == 1; }));
+    // Time enough to be sent on a busy machine, too.
+    EXPECT_FALSE(binding->call(echo::kEchoOnce, {}, {.deadline = 100ms}));
+    servant.gate().let_one_go();
+    holder.join();
+    EXPECT_TRUE(await([&] { return server->counters().late_count == 3; })) << "it waited too long";
+    EXPECT_EQ(servant.run_count(), 4);
+    server->stop();
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
