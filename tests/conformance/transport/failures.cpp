@@ -312,7 +312,9 @@ TEST_P(WireSuite, CountsGarbageByItsReasonAndGoesOn) {
   for (const std::uint64_t one : server.server->counters().frames.dropped)
     dropped_count += one;
   EXPECT_EQ(dropped_count, count) << "each under one reason";
-  EXPECT_EQ(server.server->counters().connection_lost_count, is_udp() ? 0 : count);
+  EXPECT_TRUE(await([&] {
+    return server.server->counters().connection_lost_count == (is_udp() ? 0 : count);
+  }));
 }
 
 TEST_P(WireSuite, RefusesCallsWithoutASession) {

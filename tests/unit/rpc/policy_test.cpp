@@ -282,7 +282,7 @@ TEST(Bind, OpensNoBandAboveTheServersCeiling) {
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
   EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 15'000}));
-  EXPECT_EQ(server.server->counters().frames.session_opened_count, 2);
+  EXPECT_TRUE(await([&] { return server.server->counters().frames.session_opened_count == 2; }));
 }
 
 TEST(Bind, KeepsAPrivateBindingsChannelsToItself) {
