@@ -403,6 +403,11 @@ expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
 // Waits until something comes of the handshake or call that was begun, at most until `until`, and
 // leaves it in event_: kNothing after that, kBroken if the link is.
 void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept {
+  // A stream's acknowledgement may have found the connection broken.
+  if (!link_) {
+    event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+    return;
+  }
   may_spin =
       may_spin &&
       (config_.wait.strategy == rt::WaitStrategy::kSpin ||

@@ -365,15 +365,19 @@ class StreamingProcess {
     EXPECT_EQ(size, static_cast<ssize_t>(sizeof port_));
     close(ends[0]);
   }
-  ~StreamingProcess() {
+  ~StreamingProcess() { kill_and_wait(); }
+  StreamingProcess(const StreamingProcess&) = delete;
+  StreamingProcess& operator=(const StreamingProcess&) = delete;
+  void signal(int number) const { ::kill(child_, number); }
+  /// Returns when the process has ended and its sockets are closed.
+  void kill_and_wait() {
+    if (child_ < 0) return;
     signal(SIGKILL);
     int status = 0;
     while (waitpid(child_, &status, 0) < 0 && errno == EINTR) {
     }
+    child_ = -1;
   }
-  StreamingProcess(const StreamingProcess&) = delete;
-  StreamingProcess& operator=(const StreamingProcess&) = delete;
-  void signal(int number) const { ::kill(child_, number); }
   [[nodiscard]] std::string url() const {
     return "rtpm://127.0.0.1:" + std::to_string(port_) + "/late";
   }
@@ -427,6 +431,20 @@ TEST_P(StreamsOfAnotherProcess, EndWithIt) {
     StreamingProcess process(size);
     open(process);
     process.signal(SIGKILL);
+    const CallError error = read_to_the_end(reader_, rt::now() + rtpm::test::kPatience);
+    EXPECT_TRUE(error == CallError::kDisconnected || error == CallError::kTimeout)
+        << to_string(error);
+    EXPECT_FALSE(reader_.is_open());
+    reader_ = {};
+  }
+}
+
+// The reader acknowledges items that came before the end to a server that is gone.
+TEST_P(StreamsOfAnotherProcess, EndBehindTheItemsThatCameBefore) {
+  for (int i = 0; i < 20; ++i) {
+    StreamingProcess process(100);
+    open(process);
+    process.kill_and_wait();
     const CallError error = read_to_the_end(reader_, rt::now() + rtpm::test::kPatience);
     EXPECT_TRUE(error == CallError::kDisconnected || error == CallError::kTimeout)
         << to_string(error);
