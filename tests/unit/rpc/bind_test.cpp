@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "node_impl.hpp"
+#include "client/node_impl.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/tcp.hpp"

@@ -1,4 +1,4 @@
-#include "lane.hpp"
+#include "lane/lane.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/socket.h>

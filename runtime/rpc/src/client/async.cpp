@@ -1,0 +1,232 @@
+#include "rtpm/rpc/async.hpp"
+
+#include "client/binding_impl.hpp"
+#include "client/pending_reply.hpp"
+#include "client/pipeline.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+// The ways to call that a binding offers: and wait, send, begin, stream.
+namespace rtpm::rpc {
+
+expected<ReplyLease, CallError> Binding::call(const MethodDescriptor& method, ConstBytes request,
+                                              const CallOptions& options) noexcept {
+  return impl_->call(impl_->plan(method, options), request);
+}
+
+expected<wire::PeerClock, CallError> Binding::ping(const CallOptions& options) noexcept {
+  static constexpr MethodDescriptor kPing{wire::kMethodPing, "ping", 0, /*is_idempotent=*/true, {}};
+  Impl::Plan plan = impl_->plan(kPing, options);
+  plan.target = Impl::Target::kSession;
+  const auto reply = impl_->call(plan, {});
+  if (!reply) return unexpected{reply.error()};
+  // A ping that had to be repeated tells no time, and may be the first call of its channel.
+  constexpr wire::PeerClock kNotKnown{.uncertainty = Duration::max()};
+  return reply->channel_->peer_clock(rt::now()).value_or(kNotKnown);
+}
+
+expected<void, CallError> Binding::send(const MethodDescriptor& method, ConstBytes request,
+                                        wire::Delivery delivery,
+                                        const CallOptions& options) noexcept {
+  Impl::Plan plan = impl_->plan(method, options);
+  plan.delivery = delivery;
+  const auto reply = impl_->call(plan, request);
+  if (!reply) return unexpected{reply.error()};
+  return {};
+}
+
+expected<void, CallError> Binding::check_oneways() noexcept {
+  {
+    const Impl::Pin pin(*impl_);
+    impl_->remembered().destination->endpoint.check_oneways(rt::now());
+  }
+  if (impl_->has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+  return {};
+}
+
+std::uint64_t Binding::lost_oneway_count() const noexcept {
+  const Impl::Pin pin(*impl_);
+  return impl_->remembered().destination->lost_oneway_count();
+}
+
+// --- a call that is waited for later
+// --------------------------------------------------------------
+
+/// One on a channel of its own.
+struct PendingReply::OwnState final : PendingReply::State {
+  OwnState(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
+           const Binding::Impl::Ready& ready_in) noexcept
+      : binding(binding_in), plan(plan_in), ready(ready_in), channel(ready_in.channel) {}
+
+  [[nodiscard]] bool wait(MonotonicTime until) noexcept override {
+    if (outcome.kind == CallOutcome::Kind::kGoing) outcome = channel->finish(until, rt::now());
+    return outcome.kind != CallOutcome::Kind::kGoing;
+  }
+  [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override {
+    if (outcome.kind == CallOutcome::Kind::kReply) {
+      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      return ReplyLease(outcome.payload, channel.keep());
+    }
+    // Meanwhile this one's channel keeps the request.
+    return binding.call_again(outcome, ready, plan, channel->call_begun(), request);
+  }
+  void cancel() noexcept override {
+    if (outcome.kind != CallOutcome::Kind::kGoing) return;
+    channel->cancel();
+    outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+  }
+  void drop() noexcept override {
+    // It was made when the call was begun, which is set-up's right as much as the lane's not.
+    const rt::AllowAllocationScope is_allowed;
+    delete this;
+  }
+
+  Binding::Impl& binding;
+  Binding::Impl::Plan plan;
+  Binding::Impl::Ready ready;
+  TakenChannel channel;
+  ConstBytes request{};
+  CallOutcome outcome{};  ///< Not kGoing before the call was begun: there is nothing to cancel.
+};
+
+void PendingReply::Drop::operator()(State* state) const noexcept {
+  state->drop();
+}
+
+PendingReply::PendingReply() noexcept = default;
+PendingReply::PendingReply(PendingReply&& other) noexcept = default;
+PendingReply::PendingReply(State& state) noexcept : state_(&state) {}
+
+PendingReply& PendingReply::operator=(PendingReply&& other) noexcept {
+  std::swap(state_, other.state_);
+  return *this;
+}
+
+PendingReply::~PendingReply() {
+  cancel();
+}
+
+expected<PendingReply, CallError> Binding::begin(const MethodDescriptor& method, ConstBytes request,
+                                                 const CallOptions& options) {
+  const Impl::Plan plan = impl_->plan(method, options);
+  if (options.pipeline != nullptr) {
+    const auto place = options.pipeline->impl_->begin(*impl_, plan, request);
+    if (!place) return unexpected{place.error()};
+    return PendingReply(**place);
+  }
+  Impl::Ready ready;
+  if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
+    return unexpected{made.error()};
+  }
+  PendingReply pending(*new PendingReply::OwnState(*impl_, plan, ready));
+  auto& state = static_cast<PendingReply::OwnState&>(*pending.state_);
+  const auto kept = state.channel->keep(request);
+  if (!kept) return unexpected{CallError::kTooLarge};
+  state.request = *kept;
+  if (auto begun = state.channel->begin(ready.parameters, state.request, rt::now()); !begun) {
+    return unexpected{begun.error()};
+  }
+  state.outcome = {.kind = CallOutcome::Kind::kGoing};
+  return pending;
+}
+
+bool PendingReply::wait(MonotonicTime until) noexcept {
+  RTPM_ASSERT(state_ != nullptr, "a call was begun");
+  return state_->wait(until);
+}
+
+bool PendingReply::is_done() noexcept {
+  return wait(MonotonicTime{});
+}
+
+expected<ReplyLease, CallError> PendingReply::take() noexcept {
+  static_cast<void>(wait(kNever));
+  const auto state = std::move(state_);
+  return state->take();
+}
+
+void PendingReply::cancel() noexcept {
+  if (state_) state_->cancel();
+}
+
+// --- streams -------------------------------------------------------------------------------------
+
+struct ItemReader::State {
+  explicit State(CallChannel* taken) noexcept : channel(taken) {}
+
+  TakenChannel channel;
+  CallOutcome outcome{.kind = CallOutcome::Kind::kGoing};
+};
+
+ItemReader::ItemReader() noexcept = default;
+ItemReader::ItemReader(ItemReader&& other) noexcept = default;
+ItemReader::ItemReader(std::unique_ptr<State> state) noexcept : state_(std::move(state)) {}
+
+ItemReader& ItemReader::operator=(ItemReader&& other) noexcept {
+  std::swap(state_, other.state_);
+  return *this;
+}
+
+ItemReader::~ItemReader() {
+  cancel();
+  const rt::AllowAllocationScope is_allowed;
+  state_.reset();
+}
+
+expected<ItemReader, CallError> Binding::open_stream(const MethodDescriptor& method,
+                                                     ConstBytes request,
+                                                     const StreamOptions& options) {
+  RTPM_ASSERT(options.window >= 1 && options.window <= wire::kStreamWindow,
+              "a stream takes 1 to 32 items at a time");
+  RTPM_ASSERT(options.miss_count_max >= kMissCountMin && options.miss_count_max <= kMissCountMax,
+              "2 to 6 signs of life may be missed");
+  Impl::Plan plan = impl_->plan(method, options.call);
+  // A stream has no end of its own in time, unless its caller says so.
+  if (!options.call.deadline) plan.deadline = kNever;
+  plan.stream_window = options.window;
+  plan.stream_silence = std::min<Duration>(options.miss_count_max * wire::kStreamAskIntervalMax,
+                                           wire::kStreamSilence);
+  plan.stream_pause_max = options.pause_max;
+  Impl::Ready ready;
+  if (auto made = impl_->make_ready(plan, plan.begun, ready); !made) {
+    return unexpected{made.error()};
+  }
+  auto state = std::make_unique<ItemReader::State>(ready.channel);
+  const auto kept = state->channel->keep(request);
+  if (!kept) return unexpected{CallError::kTooLarge};
+  if (auto begun = state->channel->begin(ready.parameters, *kept, rt::now()); !begun) {
+    return unexpected{begun.error()};
+  }
+  return ItemReader(std::move(state));
+}
+
+bool ItemReader::is_open() const noexcept {
+  if (!state_) return false;
+  const auto kind = state_->outcome.kind;
+  return kind == CallOutcome::Kind::kGoing || kind == CallOutcome::Kind::kItems;
+}
+
+expected<std::optional<ConstBytes>, CallError> ItemReader::next(MonotonicTime until) noexcept {
+  RTPM_ASSERT(state_ != nullptr, "a stream was opened");
+  while (true) {
+    // What is here comes before the end that may have come with it.
+    if (const auto item = state_->channel->next_item()) return item;
+    if (!is_open()) break;
+    state_->outcome = state_->channel->finish(until, rt::now());
+    if (state_->outcome.kind == CallOutcome::Kind::kGoing) return unexpected{CallError::kTimeout};
+  }
+  const CallOutcome& outcome = state_->outcome;
+  if (outcome.kind != CallOutcome::Kind::kReply) return unexpected{outcome.error};
+  if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+  return std::optional<ConstBytes>{};
+}
+
+void ItemReader::cancel() noexcept {
+  if (!state_) return;
+  // An ended stream, too, holds its place on the channel until its items are taken.
+  state_->channel->cancel();
+  if (!is_open()) return;
+  state_->outcome = {.kind = CallOutcome::Kind::kFailed, .error = CallError::kCancelled};
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,234 @@
+#include "rtpm/rpc/binding.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "client/binding_impl.hpp"
+#include "client/node_impl.hpp"
+#include "client/rebinder.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/priority.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
+#include "rtpm/wire/url.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// Texts of a server, and of a registry, are foreign.
+constexpr std::size_t kDifferenceSizeMax = 1024;
+
+// "; most like it there: lab/arm0, lab/arm1", or nothing. What is no path is not printed.
+std::string similar_paths_of(const BindOutcome& outcome) {
+  std::string list;
+  ByteReader reader(ConstBytes(outcome.similar_paths).first(outcome.similar_paths_size));
+  for (std::size_t i = 0; i < wire::kSimilarPathCountMax && reader.left() > 0; ++i) {
+    const std::string_view path = reader.take_text();
+    if (!reader.ok() || !wire::is_valid_path(path)) break;
+    list.append(list.empty() ? "; most like it there: " : ", ").append(path);
+  }
+  return list;
+}
+
+// `link_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
+std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
+                    const std::string& path, const std::string& url,
+                    const std::string& link_error = {}) {
+  const std::string server = url.substr(0, url.size() - path.size() - 1);
+  const std::string interface_name(interface.name);
+  if (outcome.kind == CallOutcome::Kind::kReply) {
+    if (!outcome.difference.empty()) {
+      return "'" + path + "' at " + server + " has another " + interface_name +
+             " than this program: " + printable(outcome.difference, kDifferenceSizeMax) +
+             ". Remedy: generate both from the same schema, or from versions that "
+             "`rtpmc check --conform` calls compatible.";
+    }
+    if (outcome.status == wire::Status::kWrongInterface) {
+      return "'" + path + "' at " + server + " is a " + printable(outcome.other_interface.data()) +
+             ", not a " + interface_name + ". Remedy: check the name.";
+    }
+    if (outcome.status == wire::Status::kNoSuchObject) {
+      return "no object '" + path + "' is served at " + server + similar_paths_of(outcome) +
+             ". Remedy: check the path, and that the server added it.";
+    }
+  }
+  return "'" + path + "' can't be bound at " + server + ": " +
+         (link_error.empty() ? std::string(to_string(outcome.error)) + "." : link_error);
+}
+
+expected<std::string, SetupError> url_of(Node& node, std::string_view target,
+                                         MonotonicTime deadline) {
+  if (wire::is_url(target)) return std::string(target);
+  if (node.impl().resolver() == nullptr) {
+    return setup_error("name '" + std::string(target) +
+                       "' can't be resolved: this program uses no registry. Remedy: give a URL "
+                       "such as rtpm://127.0.0.1:4711/lab/arm0, or a resolver (Node::use).");
+  }
+  return node.impl().resolver()->resolve(target, deadline);
+}
+
+// A server on this host answers such a question within microseconds, unless it is stopped.
+constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
+
+// Over what the server is reached, and where it has its socket for shared memory.
+ServerAddress address_of(const Node& node, const BindOptions& options, const std::string& host,
+                         std::uint16_t port, MonotonicTime deadline) {
+  const Transport wish =
+      options.transport != Transport::kAuto ? options.transport : node.config().transport;
+  if (wish == Transport::kUdp || wish == Transport::kTcp) return {host, port, wish, {}};
+  deadline = std::min(deadline, rt::now() + kMemoryPatience);
+  for (const std::string& folder : {node.config().shared_memory_folder, std::string()}) {
+    if (transport::is_shared_memory_served({host, port, folder}, deadline)) {
+      return {host, port, Transport::kSharedMemory, folder};
+    }
+  }
+  return {host, port, wish == Transport::kAuto ? Transport::kUdp : wish, {}};
+}
+
+}  // namespace
+
+expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
+                                                        const InterfaceDescriptor& wanted,
+                                                        MonotonicTime deadline) {
+  const auto failed = [&](const BindOutcome& outcome, const std::string& link_error = {}) {
+    return setup_error(explain(outcome, wanted, at.path, at.url, link_error), outcome.error);
+  };
+  const Priority priority = !bind_options.warm_up.empty()
+                                ? bind_options.warm_up.front()
+                                : rt::current_priority().value_or(Priority{0});
+  auto taken = at.endpoint.take(priority);
+  if (!taken) return failed({.error = taken.error()});
+  TakenChannel channel(*taken);
+  BindOutcome outcome;
+  // A session that was lost since its last use is opened anew once.
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    if (auto ready = channel->make_ready(priority, deadline); !ready) {
+      return failed({.error = ready.error()}, channel->link_error());
+    }
+    outcome = ask(at, *channel, priority, deadline);
+    if (outcome.kind == CallOutcome::Kind::kReply) break;
+  }
+  if (outcome.kind == CallOutcome::Kind::kReply && outcome.status == wire::Status::kOk) {
+    return outcome.bound;
+  }
+  return failed(outcome);
+}
+
+expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::string& at_url,
+                                                                MonotonicTime deadline) {
+  const auto parts = wire::parse_url(at_url);
+  if (!parts) {
+    return setup_error("'" + printable(at_url) +
+                       "' is no RTPM URL. Remedy: write rtpm://host:port/path, such as "
+                       "rtpm://127.0.0.1:4711/lab/arm0.");
+  }
+  // A host's name is looked up here, where waiting for a name server does no harm to a call.
+  const auto host = transport::numeric_address_of(parts->host, deadline);
+  if (!host) return setup_error("'" + printable(at_url) + "' can't be bound: " + host.error().text);
+  const ServerAddress address = address_of(node, bind_options, *host, parts->port, deadline);
+  Opened opened{std::make_unique<Destination>(
+      node, node.impl().endpoint(address, bind_options.is_private), parts->path, at_url)};
+  Destination& at = *opened.destination;
+  const auto answer = open_session(at, interface, deadline);
+  if (!answer) return unexpected{answer.error()};
+  opened.bound = *answer;
+  if (bind_options.transport == Transport::kAuto && node.config().transport == Transport::kAuto &&
+      node.config().collocates) {
+    at.door = LocalDoor::find(answer->server_epoch);
+  }
+  std::vector<Priority> priorities = bind_options.warm_up;
+  // Calls without a priority of their own go at the object's.
+  if (answer->is_server_declared) priorities = {answer->priority};
+  if (at.door) at.door->open_places(priorities);
+  std::string link_error;
+  const auto warm = priorities.empty() ? warm_up_all(at.endpoint, deadline, link_error)
+                                       : warm_up(at.endpoint, priorities, deadline, link_error);
+  if (warm) return opened;
+  return setup_error(explain({.error = warm.error()}, interface, at.path, at.url, link_error),
+                     warm.error());
+}
+
+void Binding::Impl::settle(Opened opened) {
+  has_door.store(opened.destination->door != nullptr, std::memory_order_relaxed);
+  former.reserve(former.size() + 1);  // Not while a more urgent thread may wait for the lock.
+  const std::lock_guard lock(writing);
+  if (settled) {
+    opened.destination->lost_before = settled->lost_oneway_count();
+    opened.destination->lost_elsewhere = opened.destination->endpoint.lost_oneway_count();
+    former.push_back(std::move(settled));
+  } else {
+    lost_oneways_told = opened.destination->lost_oneway_count();
+  }
+  settled = std::move(opened.destination);
+  current = settled.get();
+  bound.write(opened.bound);
+}
+
+expected<Binding, SetupError> Binding::bind(Node& node, std::string_view target,
+                                            const InterfaceDescriptor& interface,
+                                            const BindOptions& options) {
+  const MonotonicTime deadline = deadline_after(options.deadline, rt::now());
+  const auto url = url_of(node, target, deadline);
+  if (!url) return unexpected{url.error()};
+  auto impl = std::make_unique<Impl>(node, interface, options);
+  auto opened = impl->open(*url, deadline);
+  if (!opened) return unexpected{std::move(opened.error())};
+  impl->settle(std::move(*opened));
+  if (!wire::is_url(target)) {
+    impl->name = target;
+    if (auto added = node.impl().rebinder().add(*impl); !added) {
+      impl->name.clear();
+      return unexpected{std::move(added.error())};
+    }
+  }
+  return Binding(std::move(impl));
+}
+
+Destination::~Destination() {
+  node.impl().give_back(endpoint);
+}
+
+Binding::Impl::~Impl() {
+  if (follows()) node.impl().rebinder().remove(*this);
+}
+
+Binding::Binding(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Binding::Binding(Binding&&) noexcept = default;
+Binding& Binding::operator=(Binding&&) noexcept = default;
+Binding::~Binding() = default;
+
+expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities) {
+  const Impl::Pin pin(*impl_);
+  const Destination& at = *impl_->remembered().destination;
+  if (at.door && !priorities.empty()) at.door->open_places(priorities);
+  std::string link_error;
+  const auto warm = Impl::warm_up(at.endpoint, priorities,
+                                  deadline_after(impl_->default_deadline, rt::now()), link_error);
+  if (warm) return {};
+  return setup_error(
+      explain({.error = warm.error()}, impl_->interface, at.path, at.url, link_error),
+      warm.error());
+}
+
+std::string Binding::url() const {
+  const Impl::Pin pin(*impl_);
+  return impl_->remembered().destination->url;
+}
+
+std::uint64_t Binding::server_epoch() const noexcept {
+  return impl_->remembered().server_epoch;
+}
+
+Transport Binding::transport() const noexcept {
+  const Impl::Pin pin(*impl_);
+  const Destination& at = *impl_->remembered().destination;
+  return at.door ? Transport::kLocal : at.endpoint.address().transport;
+}
+
+FollowStatus Binding::follow_status() const {
+  const std::lock_guard lock(impl_->telling);
+  return impl_->followed;
+}
+
+}  // namespace rtpm::rpc

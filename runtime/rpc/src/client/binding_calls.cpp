@@ -1,0 +1,259 @@
+#include <algorithm>
+#include <array>
+#include <mutex>
+
+#include "client/binding_impl.hpp"
+#include "client/pipeline.hpp"
+#include "current_call.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/priority.hpp"
+
+// How a binding calls: a channel, a session, the bind of another life of the server, and what a
+// lost session means.
+namespace rtpm::rpc {
+MonotonicTime deadline_after(Duration patience, MonotonicTime now) noexcept {
+  return patience > kNever - now ? kNever : now + patience;
+}
+
+CallError error_of(wire::Status status) noexcept {
+  switch (status) {
+    case wire::Status::kOverload:
+      return CallError::kOverload;
+    case wire::Status::kExpired:
+      return CallError::kExpired;
+    case wire::Status::kNoSuchMethod:
+      return CallError::kNoSuchMethod;
+    case wire::Status::kNoSuchObject:
+    case wire::Status::kGone:
+      return CallError::kNoSuchObject;
+    case wire::Status::kBadRequest:
+      return CallError::kBadRequest;
+    case wire::Status::kNotLeaseHolder:
+      return CallError::kNotLeaseHolder;
+    case wire::Status::kServantFailed:
+      return CallError::kServantFailed;
+    case wire::Status::kTooLarge:
+      return CallError::kTooLarge;
+    case wire::Status::kWrongBand:
+      return CallError::kWrongBand;
+    case wire::Status::kPriorityNotAllowed:
+      return CallError::kPriorityNotAllowed;
+    case wire::Status::kCancelled:
+      return CallError::kCancelled;
+    case wire::Status::kStopping:
+      return CallError::kStopped;
+    case wire::Status::kWrongInterface:
+      return CallError::kWrongInterface;
+    case wire::Status::kLost:
+      return CallError::kStreamLost;
+    default:
+      break;
+  }
+  // hp-5.1-7: a status of a later version may mean anything, so it promises nothing.
+  return static_cast<std::uint16_t>(status) < wire::kStatusCount ? CallError::kRefused
+                                                                 : CallError::kBadReply;
+}
+
+ReplyLease::~ReplyLease() {
+  if (channel_ != nullptr) channel_->release();
+  if (local_ != nullptr) local_->release();
+  if (place_ != nullptr) place_->release();
+}
+
+Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
+                                        const CallOptions& options) const noexcept {
+  const Duration usual =
+      method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
+  const MonotonicTime now = rt::now();
+  MonotonicTime deadline = deadline_after(options.deadline.value_or(usual), now);
+  // Beyond that nobody waits for what this call is for.
+  const CallContext* const outer = CurrentCall::get();
+  if (outer != nullptr && !options.deadline) deadline = std::min(deadline, outer->deadline);
+  return {
+      .method = method.id,
+      .is_idempotent = method.is_idempotent,
+      .wanted = options.priority ? options.priority : rt::current_priority(),
+      .trace_id = options.trace_id == 0 && outer != nullptr ? outer->trace_id : options.trace_id,
+      .begun = now,
+      .deadline = deadline};
+}
+
+expected<void, CallError> Binding::Impl::make_ready(const Plan& plan, MonotonicTime now,
+                                                    Ready& ready) noexcept {
+  ready.now = now;
+  for (int round = 0; round < kRoundCountMax; ++round) {
+    const Pin pin(*this);
+    const Bound last = remembered();
+    const Priority priority = priority_of(plan, last);
+    auto taken = last.destination->endpoint.take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto made = make_ready_on(*channel, last, priority, plan, ready); !made) return made;
+    if (ready.channel == nullptr) continue;
+    static_cast<void>(channel.keep());
+    return {};
+  }
+  return unexpected{CallError::kPeerRestarted};
+}
+
+expected<void, CallError> Binding::Impl::make_ready_on(CallChannel& channel, const Bound& last,
+                                                       Priority priority, const Plan& plan,
+                                                       Ready& ready) noexcept {
+  if (!channel.is_ready(priority)) {
+    if (auto made = channel.make_ready(priority, plan.deadline); !made) {
+      return unexpected{note_failure(made.error())};
+    }
+    ready.now = rt::now();
+  }
+  std::uint32_t service = last.service;
+  if (channel.server_epoch() != last.server_epoch) {
+    // Another life of the server: the object's number may be another's now (hp-6.1-4).
+    const BindOutcome again = ask(*last.destination, channel, priority, plan.deadline);
+    ready.now = rt::now();
+    if (again.kind == CallOutcome::Kind::kLost) return {};
+    if (again.kind == CallOutcome::Kind::kFailed || again.status != wire::Status::kOk) {
+      return unexpected{note_failure(again.error)};
+    }
+    // The name may lead elsewhere, to where its server went.
+    ask_for_name();
+    remember(again.bound);
+    service = again.bound.service;
+  }
+  ready.channel = &channel;
+  ready.server_epoch = channel.server_epoch();
+  ready.parameters.service = plan.target == Target::kSession ? wire::kSessionService : service;
+  ready.parameters.method = plan.method;
+  ready.parameters.priority = priority;
+  ready.parameters.trace_id = plan.trace_id;
+  ready.parameters.deadline = plan.deadline;
+  ready.parameters.delivery = plan.delivery;
+  ready.parameters.stream_window = plan.stream_window;
+  ready.parameters.stream_silence = plan.stream_silence;
+  ready.parameters.stream_lease = plan.stream_pause_max.value_or(channel.stream_pause_max());
+  return {};
+}
+
+expected<void, CallError> Binding::Impl::judge(const CallOutcome& outcome, const Ready& ready,
+                                               const Plan& plan, MonotonicTime begun) noexcept {
+  // Whatever this is, the call was sent: its error stays what it is.
+  static_cast<void>(note_failure(outcome.error));
+  if (outcome.kind == CallOutcome::Kind::kFailed) {
+    if (outcome.error == CallError::kDisconnected && plan.is_idempotent) return {};
+    return unexpected{outcome.error};
+  }
+  if (plan.is_idempotent) return {};
+  // hp-5.5-2: the session is gone. The same server forgets only sessions that were silent for
+  // long, so it has not seen this call; a restarted one may have run it in its former life.
+  if (auto again = ready.channel->make_ready(ready.parameters.priority, plan.deadline); !again) {
+    return unexpected{again.error() == CallError::kTimeout ? CallError::kTimeout : outcome.error};
+  }
+  // hp-4.5-2: it may have run before the server closed the session.
+  const std::uint64_t epoch = ready.channel->server_epoch();
+  if (outcome.error == CallError::kStopped && epoch == ready.server_epoch) {
+    return unexpected{outcome.error};
+  }
+  if (!wire::has_not_run(ready.server_epoch, epoch, begun, rt::now())) {
+    return unexpected{CallError::kPeerRestarted};
+  }
+  return {};
+}
+
+Priority Binding::Impl::priority_of(const Plan& plan, const Bound& to) const noexcept {
+  const Priority priority = to.is_server_declared || !plan.wanted ? to.priority : *plan.wanted;
+  const PriorityTransform transform = node.config().outbound_priority;
+  return transform == nullptr ? priority : transform(priority, to.destination->path);
+}
+
+expected<ReplyLease, CallError> Binding::Impl::call(const Plan& plan, ConstBytes request) noexcept {
+  if (has_door.load(std::memory_order_relaxed)) {
+    const Pin pin(*this);
+    const Bound to = remembered();
+    if (to.destination->door) {
+      if (auto outcome = call_locally(to, plan, request)) return std::move(*outcome);
+    }
+  }
+  return call_over_transport(plan, request);
+}
+
+expected<ReplyLease, CallError> Binding::Impl::call_over_transport(const Plan& plan,
+                                                                   ConstBytes request) noexcept {
+  const bool is_sent = plan.delivery == wire::Delivery::kSent;
+  if (is_sent && has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+  MonotonicTime now = plan.begun;
+  for (int round = 0; round < kRoundCountMax; ++round, now = rt::now()) {
+    Ready ready;
+    if (auto made = make_ready(plan, now, ready); !made) return unexpected{made.error()};
+    TakenChannel channel(ready.channel);
+    // Before it is sent: who finds its loss is to know that it was there.
+    if (is_sent) sends_oneways.store(true, std::memory_order_relaxed);
+    const CallOutcome outcome = channel->call(ready.parameters, request, ready.now);
+    if (outcome.kind == CallOutcome::Kind::kReply) {
+      if (outcome.status != wire::Status::kOk) return unexpected{error_of(outcome.status)};
+      return expected<ReplyLease, CallError>(std::in_place, outcome.payload, channel.keep());
+    }
+    if (outcome.kind == CallOutcome::Kind::kUnsent) {
+      if (has_lost_oneways()) return unexpected{CallError::kMaybeLost};
+      continue;
+    }
+    if (auto again = judge(outcome, ready, plan, channel->call_begun()); !again) {
+      return unexpected{again.error()};
+    }
+  }
+  return unexpected{is_sent ? CallError::kUnreachable : CallError::kPeerRestarted};
+}
+
+// Whether oneways were lost, maybe ours, since this was last asked.
+bool Binding::Impl::has_lost_oneways() noexcept {
+  const Pin pin(*this);
+  const std::uint64_t count = remembered().destination->lost_oneway_count();
+  std::uint64_t told = lost_oneways_told.load(std::memory_order_relaxed);
+  // One of those that see it tells of it.
+  while (told < count) {
+    if (lost_oneways_told.compare_exchange_weak(told, count, std::memory_order_relaxed)) {
+      return sends_oneways.load(std::memory_order_relaxed);
+    }
+  }
+  return false;
+}
+
+expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& outcome,
+                                                          const Ready& ready, const Plan& plan,
+                                                          MonotonicTime begun,
+                                                          ConstBytes request) noexcept {
+  if (auto again = judge(outcome, ready, plan, begun); !again) return unexpected{again.error()};
+  return call(plan, request);
+}
+
+expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
+                                                 std::span<const Priority> priorities,
+                                                 MonotonicTime deadline, std::string& link_error) {
+  for (const Priority priority : priorities) {
+    auto taken = endpoint.take(priority);
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(priority, deadline); !ready) {
+      link_error = channel->link_error();
+      return ready;
+    }
+  }
+  return {};
+}
+
+expected<void, CallError> Binding::Impl::warm_up_all(Endpoint& endpoint, MonotonicTime deadline,
+                                                     std::string& link_error) {
+  for (int next = Priority::kLowest; next <= Priority::kHighest;) {
+    auto taken = endpoint.take(Priority{next});
+    if (!taken) return unexpected{taken.error()};
+    TakenChannel channel(*taken);
+    if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) {
+      link_error = channel->link_error();
+      return ready;
+    }
+    const wire::Welcome& welcome = channel->welcome();
+    if (welcome.band.high >= welcome.ceiling) break;
+    next = welcome.band.high.value() + 1;
+  }
+  return {};
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,118 @@
+#include <algorithm>
+#include <array>
+#include <string>
+#include <string_view>
+
+#include "client/binding_impl.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/interface_text.hpp"
+
+// How a binding asks a server for its object, and what it makes of an interface that differs.
+namespace rtpm::rpc {
+namespace {
+
+// The first method of ours that the server has not, or has otherwise; null if all agree. What a
+// list that is not complete leaves out is not held against the server: a call will tell.
+const MethodDescriptor* first_difference(const InterfaceDescriptor& ours,
+                                         const wire::BindReply& reply,
+                                         ConstBytes payload) noexcept {
+  for (const MethodDescriptor& method : ours.methods) {
+    bool is_same = !reply.is_method_list_complete;
+    for (std::uint16_t i = 0; i < reply.method_count; ++i) {
+      const wire::MethodEntry entry = wire::method_entry(payload, i);
+      if (entry.id != method.id) continue;
+      is_same = entry.fingerprint == method.fingerprint;
+      break;
+    }
+    if (!is_same) return &method;
+  }
+  return nullptr;
+}
+
+CallOutcome call_session(CallChannel& channel, std::uint16_t method, Priority priority,
+                         ConstBytes request, MonotonicTime deadline) noexcept {
+  return channel.call({wire::kSessionService, method, priority, 0, deadline}, request, rt::now());
+}
+
+std::string words_of(const MethodDescriptor& method) {
+  return "method '" + std::string(method.name) + "' (id " + std::to_string(method.id) +
+         ") is missing or differs there";
+}
+
+// What keeps us from a server that differs in `method`: nothing if its text and ours agree.
+// Another server than the one of the bind is no obstacle: it will be asked when it is called.
+std::string obstacle(const InterfaceDescriptor& ours, const MethodDescriptor& method,
+                     const CallOutcome& described) {
+  const bool is_there =
+      described.kind == CallOutcome::Kind::kReply && described.status == wire::Status::kOk;
+  if (!is_there || ours.text.empty()) return words_of(method);
+  const auto* const text = reinterpret_cast<const char*>(described.payload.data());
+  return wire::find_obstacle(ours.text, {text, described.payload.size()}).value_or("");
+}
+
+}  // namespace
+
+BindOutcome Binding::Impl::ask(const Destination& at, CallChannel& channel, Priority priority,
+                               MonotonicTime deadline) noexcept {
+  std::array<std::byte, 512> request{};
+  const std::size_t size =
+      encode(wire::BindRequest{at.path, interface.name, interface.fingerprint}, request);
+  RTPM_ASSERT(size > 0, "path and interface name fit a bind");
+  const CallOutcome outcome =
+      call_session(channel, wire::kMethodBind, priority, ConstBytes(request).first(size), deadline);
+  BindOutcome result{outcome.kind, outcome.error, {}, outcome.status, {}, {}};
+  if (outcome.kind != CallOutcome::Kind::kReply) return result;
+  if (outcome.status != wire::Status::kOk) {
+    result.error = error_of(outcome.status);
+    if (outcome.status == wire::Status::kNoSuchObject) {
+      const auto paths =
+          outcome.payload.first(std::min(outcome.payload.size(), result.similar_paths.size()));
+      std::ranges::copy(paths, result.similar_paths.begin());
+      result.similar_paths_size = paths.size();
+      return result;
+    }
+    const std::string_view other = ByteReader(outcome.payload).take_text();
+    std::ranges::copy(other.substr(0, result.other_interface.size() - 1),
+                      result.other_interface.begin());
+    return result;
+  }
+  const auto reply = wire::decode_bind_reply(outcome.payload);
+  if (!reply) {
+    result.kind = CallOutcome::Kind::kFailed;
+    result.error = CallError::kBadReply;
+    return result;
+  }
+  result.bound = {&at,
+                  channel.server_epoch(),
+                  reply->service,
+                  reply->priority,
+                  reply->is_server_declared,
+                  reply->fingerprint};
+  // What was found to be good once is good in another life of the server, too.
+  const auto known = bound.read();
+  // hp-6.1-6: 0 tells nothing.
+  if (reply->fingerprint != 0 && (reply->fingerprint == interface.fingerprint ||
+                                  (known && known->fingerprint == reply->fingerprint))) {
+    return result;
+  }
+  // hp-6.1-2: a server may have more methods than we know; those that we know must mean the same.
+  const MethodDescriptor* const method = first_difference(interface, *reply, outcome.payload);
+  if (method == nullptr) return result;
+  std::array<std::byte, wire::kDescribeRequestSize> object{};
+  wire::encode_describe_request(reply->service, object);
+  const CallOutcome described =
+      call_session(channel, wire::kMethodDescribe, priority, object, deadline);
+  if (described.kind != CallOutcome::Kind::kReply) {
+    result.kind = described.kind;
+    result.error = described.error;
+    return result;
+  }
+  result.difference = obstacle(interface, *method, described);
+  if (!result.difference.empty()) {
+    result.status = wire::Status::kWrongInterface;
+    result.error = CallError::kNoSuchMethod;
+  }
+  return result;
+}
+
+}  // namespace rtpm::rpc

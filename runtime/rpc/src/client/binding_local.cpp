@@ -1,0 +1,70 @@
+#include <algorithm>
+
+#include "client/binding_impl.hpp"
+#include "client/node_impl.hpp"
+#include "current_call.hpp"
+#include "lane/lane.hpp"
+
+// How a binding calls an object of its own program.
+namespace rtpm::rpc {
+namespace {
+
+expected<LocalChannel*, CallError> place_of(LocalGate& gate) noexcept {
+  LocalChannel* const place = gate.take_place();
+  if (place == nullptr) return unexpected{CallError::kOverload};
+  return place;
+}
+
+}  // namespace
+
+std::optional<expected<ReplyLease, CallError>> Binding::Impl::call_locally(
+    const Bound& to, const Plan& plan, ConstBytes request) noexcept {
+  // Receipts and pings are about the way, which is another here.
+  if (plan.target != Target::kObject || plan.delivery == wire::Delivery::kReceipt) return {};
+  const LocalDoor& door = *to.destination->door;
+  const Priority priority = priority_of(plan, to);
+  LocalGate* const gate = door.gate_of(priority);
+  if (gate == nullptr) return unexpected{CallError::kPriorityNotAllowed};
+  // The server has stopped; another may be at its address.
+  if (gate->is_closed()) return {};
+  const bool is_oneway = plan.delivery == wire::Delivery::kSent;
+  const auto taken = is_oneway && gate->has_places_for(request.size())
+                         ? place_of(*gate)
+                         : node.impl().local_channels.take();
+  if (!taken) return unexpected{taken.error()};
+  LocalChannel& channel = **taken;
+  LocalCallParameters parameters;
+  parameters.service = to.service;
+  parameters.method = plan.method;
+  parameters.priority = priority;
+  parameters.session = local_session;
+  parameters.trace_id = plan.trace_id;
+  parameters.deadline = plan.deadline;
+  parameters.message_size_max = std::min(door.message_size_max(), node.config().message_size_max);
+  if (!channel.write(parameters, request)) {
+    channel.give_up();
+    return unexpected{CallError::kTooLarge};
+  }
+  if (is_oneway) {
+    gate->submit(channel, /*is_awaited=*/false);
+    return ReplyLease(ConstBytes{}, nullptr);
+  }
+  wire::Status status{};
+  ConstBytes result;
+  if (CurrentCall::lane() == &gate->lane()) {
+    // This thread is the one that would run it.
+    const DispatchResult nested = gate->lane().run_nested(channel);
+    status = nested.status;
+    result = ConstBytes(channel.reply()).first(nested.reply_size);
+  } else {
+    gate->submit(channel, /*is_awaited=*/true);
+    if (!channel.wait(node.config().wait)) return unexpected{CallError::kTimeout};
+    status = channel.status();
+    result = channel.result();
+  }
+  if (status == wire::Status::kOk) return ReplyLease(result, channel);
+  channel.release();
+  return unexpected{error_of(status)};
+}
+
+}  // namespace rtpm::rpc

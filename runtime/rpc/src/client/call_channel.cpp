@@ -1,0 +1,482 @@
+#include "client/call_channel.hpp"
+
+#include <algorithm>
+#include <bit>
+#include <utility>
+
+#include "client/kept_copy.hpp"
+#include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// So often who only looks, and never waits, sees what a link sees when it waits.
+constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
+
+// Else each wait for a server of this host would poll, with a timer.
+static_assert(wire::kRetransmitIntervalOnHost >
+              transport::kBlockTimeShort + transport::kBlockTimeError);
+static_assert(wire::kStreamAskIntervalConnected >
+              transport::kBlockTime + transport::kBlockTimeError);
+
+wire::Medium medium_of(Transport transport) noexcept {
+  return transport == Transport::kUdp ? wire::Medium::kDatagram : wire::Medium::kStream;
+}
+
+CallError error_of_refusal(wire::Status status) noexcept {
+  switch (status) {
+    case wire::Status::kOverload:
+      return CallError::kOverload;
+    case wire::Status::kVersionUnsupported:
+      return CallError::kVersionUnsupported;
+    default:
+      return CallError::kRefused;
+  }
+}
+
+// A channel is asked for a priority that it serves.
+CallError error_of_begin(wire::Status status) noexcept {
+  return status == wire::Status::kTooLarge ? CallError::kTooLarge : CallError::kRefused;
+}
+
+// The largest payload of a frame.
+std::size_t payload_size_of(Transport transport) noexcept {
+  return transport == Transport::kSharedMemory ? wire::kSharedPayloadSizeMax
+                                               : wire::frame_payload_max(medium_of(transport));
+}
+
+// The largest frame that the channel will send; at least a HELLO.
+std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config) noexcept {
+  return wire::kHeaderSize +
+         std::min<std::size_t>(config.message_size_max, payload_size_of(address.transport));
+}
+
+auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
+  switch (address.transport) {
+    case Transport::kTcp:
+      return transport::open_tcp_link(address.host, address.port, priority,
+                                      wire::kStreamPayloadSizeMax, deadline);
+    case Transport::kSharedMemory:
+      return transport::open_shared_memory_link({address.host, address.port, address.memory_folder},
+                                                priority, deadline);
+    case Transport::kUdp:
+    case Transport::kAuto:
+    case Transport::kLocal:
+      break;
+  }
+  return transport::open_udp_link(address.host, address.port, priority);
+}
+
+}  // namespace
+
+CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
+                         std::uint64_t client_epoch, std::uint64_t number,
+                         std::uint64_t clock_domain, std::uint16_t call_count_max,
+                         std::atomic<std::uint64_t>& lost_oneways)
+    : address_(address),
+      config_(config),
+      call_count_max_(call_count_max),
+      takes_trains_(call_count_max > 1),
+      buffer_(frame_size_of(address, config)),
+      rooms_(call_count_max),
+      lost_oneways_(lost_oneways),
+      wire_({medium_of(address.transport), client_epoch, number, clock_domain,
+             config.message_size_max, call_count_max, static_cast<std::uint32_t>(rt::random_u64())},
+            buffer_) {}
+
+CallChannel::~CallChannel() {
+  // The server would find out by itself, later; what fails here is of no more interest.
+  if (link_ && wire_.is_ready()) static_cast<void>(link_->send(wire_.close(rt::now())));
+}
+
+bool CallChannel::serves(Priority priority) const noexcept {
+  const std::uint32_t band = band_.load(std::memory_order_relaxed);
+  return (band >> 16) <= priority.value() && priority.value() <= (band & 0xffff);
+}
+
+void CallChannel::drop_link() noexcept {
+  count_lost_oneways();
+  wire_.reset();
+  held_.clear();
+  // Freeing is set-up work like opening: it follows a broken connection, not a call.
+  const rt::AllowAllocationScope is_allowed;
+  link_.reset();
+}
+
+expected<void, CallError> CallChannel::open_link(Priority priority,
+                                                 MonotonicTime deadline) noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  auto link = open_any_link(address_, priority, deadline);
+  if (!link) {
+    link_error_ = std::move(link.error().text);
+    return unexpected{link.error().is_exhausted ? CallError::kNoResources
+                                                : CallError::kUnreachable};
+  }
+  link_ = std::move(*link);
+  wire_.set_on_host(link_->is_on_host());
+  if (takes_trains_) link_->take_trains();
+  return {};
+}
+
+expected<void, CallError> CallChannel::make_ready(Priority priority,
+                                                  MonotonicTime deadline) noexcept {
+  if (is_ready(priority)) return {};
+  link_error_.clear();
+  if (!link_) {
+    if (auto opened = open_link(priority, deadline); !opened) return opened;
+  }
+  const MonotonicTime begin = rt::now();
+  if (!send_all(wire_.open(priority, deadline, begin), begin)) {
+    drop_link();
+    return unexpected{CallError::kUnreachable};
+  }
+  // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
+  wait_for_event(begin, /*may_spin=*/false, kNever);
+  switch (event_.kind) {
+    case wire::ChannelEvent::Kind::kReady: {
+      const Band band = wire_.welcome().band;
+      band_.store(std::uint32_t{band.low.value()} << 16 | band.high.value(),
+                  std::memory_order_relaxed);
+      return {};
+    }
+    case wire::ChannelEvent::Kind::kRefused:
+      return unexpected{error_of_refusal(event_.status)};
+    case wire::ChannelEvent::Kind::kTimeout:
+      return unexpected{CallError::kTimeout};
+    default:
+      break;
+  }
+  drop_link();
+  return unexpected{CallError::kUnreachable};
+}
+
+CallOutcome CallChannel::call(const wire::CallParameters& parameters, ConstBytes request,
+                              MonotonicTime now) noexcept {
+  if (auto begun = begin(parameters, request, now); !begun) {
+    const bool is_unsent = parameters.delivery == wire::Delivery::kSent && !wire_.is_ready();
+    return {.kind = is_unsent ? CallOutcome::Kind::kUnsent : CallOutcome::Kind::kFailed,
+            .error = begun.error()};
+  }
+  // What was merely sent is over.
+  if (!wire_.is_open(0)) return {.kind = CallOutcome::Kind::kReply};
+  return finish(kNever, now);
+}
+
+expected<void, CallError> CallChannel::begin(const wire::CallParameters& parameters,
+                                             ConstBytes request, MonotonicTime now) noexcept {
+  if (parameters.delivery == wire::Delivery::kSent) return begin_sent(parameters, request, now);
+  if (parameters.stream_window == 0) return begin_call(parameters, request, now);
+  wire::CallParameters stream = parameters;
+  if (!make_item_room(stream)) return unexpected{CallError::kTooLarge};
+  return begin_call(stream, request, now);
+}
+
+// An error says that it was not sent.
+expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameters,
+                                                  ConstBytes request, MonotonicTime now) noexcept {
+  if (is_look_due(now)) look_for_end(now);
+  if (!wire_.is_ready()) return unexpected{CallError::kDisconnected};
+  // Only one frame can be sent and forgotten; more are confirmed, which promises more, not less.
+  if (request.size() > buffer_.size() - wire::kHeaderSize) {
+    parameters.delivery = wire::Delivery::kReceipt;
+    return begin_call(parameters, request, now);
+  }
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{CallError::kTooLarge};
+  const auto sent = link_->send(*frame);
+  if (sent) {
+    unconfirmed_count_.fetch_add(1, std::memory_order_relaxed);
+    return {};
+  }
+  // Nobody repeats it, so a full buffer is told, too.
+  if (link_->medium() == wire::Medium::kDatagram && sent.error() != transport::IoError::kRefused) {
+    const bool is_full = sent.error() != transport::IoError::kFailed;
+    return unexpected{is_full ? CallError::kOverload : CallError::kUnreachable};
+  }
+  // A datagram socket tells in this way that nobody took an earlier frame: the server has ended.
+  drop_link();
+  return unexpected{CallError::kDisconnected};
+}
+
+expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& parameters,
+                                                  ConstBytes request, MonotonicTime now) noexcept {
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{error_of_begin(frame.error())};
+  if (!send_all(*frame, now)) {
+    drop_link();
+    return unexpected{CallError::kDisconnected};
+  }
+  return {};
+}
+
+expected<wire::CallIndex, CallError> CallChannel::begin_held(const wire::CallParameters& parameters,
+                                                             ConstBytes request,
+                                                             MonotonicTime now) noexcept {
+  const auto frame = wire_.call(parameters, request, now);
+  if (!frame) return unexpected{error_of_begin(frame.error())};
+  const wire::CallIndex call = wire_.last_call();
+  if (!(call_count_max_ > 1 ? hold_all(*frame, now) : send_all(*frame, now))) {
+    drop_link();
+    return unexpected{CallError::kDisconnected};
+  }
+  return call;
+}
+
+void CallChannel::flush() noexcept {
+  if (!send_held()) drop_link();
+}
+
+CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
+  wait_for_event(now, /*may_spin=*/true, until);
+  switch (event_.kind) {
+    case wire::ChannelEvent::Kind::kReply:
+      // The server lived when it answered; over a connection it had all that was sent before.
+      unconfirmed_count_.store(0, std::memory_order_relaxed);
+      return {CallOutcome::Kind::kReply, {}, event_.status, event_.payload, event_.call};
+    case wire::ChannelEvent::Kind::kItems:
+      return {.kind = CallOutcome::Kind::kItems};
+    case wire::ChannelEvent::Kind::kNothing:
+      return {.kind = CallOutcome::Kind::kGoing};
+    case wire::ChannelEvent::Kind::kLost:
+      count_lost_oneways();
+      return {.kind = CallOutcome::Kind::kLost, .error = CallError::kDisconnected};
+    case wire::ChannelEvent::Kind::kClosed:
+      // A connection ends with its server; a socket may find the next one.
+      count_lost_oneways();
+      if (link_->medium() == wire::Medium::kStream) drop_link();
+      return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
+    case wire::ChannelEvent::Kind::kTimeout:
+      return {.error = CallError::kTimeout, .call = event_.call};
+    default:
+      break;
+  }
+  drop_link();
+  return {.error = CallError::kDisconnected};
+}
+
+// A caller that only sends hears of the session's end by looking now and then: sooner where the
+// server leaves in memory what it was sent.
+bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
+  constexpr Duration kLookInterval = std::chrono::milliseconds{1};
+  constexpr Duration kLookIntervalUnread = std::chrono::microseconds{50};
+  const Duration since = now - last_look_;
+  return since >= kLookInterval ||
+         (since >= kLookIntervalUnread && link_->unread_count().value_or(0) > 0);
+}
+
+void CallChannel::look_for_end(MonotonicTime now) noexcept {
+  last_look_ = now;
+  link_->check_peer();
+  while (wire_.is_ready()) {
+    const auto frame = link_->receive();
+    if (frame) {
+      static_cast<void>(wire_.on_frame(*frame, now));
+      continue;
+    }
+    // A refusal says that nobody had the port when an earlier frame came: that server has ended.
+    if (frame.error() != transport::IoError::kNothing) drop_link();
+    break;
+  }
+  if (!wire_.is_ready()) count_lost_oneways();
+}
+
+void CallChannel::check_oneways(MonotonicTime now) noexcept {
+  if (link_ && wire_.is_ready() && has_unconfirmed()) look_for_end(now);
+}
+
+// The session has ended.
+void CallChannel::count_lost_oneways() noexcept {
+  std::uint64_t count = unconfirmed_count_.exchange(0, std::memory_order_relaxed);
+  if (count == 0) return;
+  const auto unread = link_ ? link_->unread_count() : std::nullopt;
+  // The frame that was read last may not have been looked at.
+  if (unread) count = std::min(count, std::uint64_t{*unread} + 1);
+  // SYNC POINT lost-oneways
+  lost_oneways_.fetch_add(count, std::memory_order_release);
+}
+
+std::optional<ConstBytes> CallChannel::next_item() noexcept {
+  const auto item = wire_.next_item(0);
+  if (const MonotonicTime now = rt::now(); !send_all(wire_.next_frame(now), now)) drop_link();
+  return item;
+}
+
+void CallChannel::cancel(wire::CallIndex call) noexcept {
+  const ConstBytes frame = wire_.cancel(call, rt::now());
+  // It only saves the server work: nothing is lost with it.
+  if (link_ && !frame.empty()) static_cast<void>(link_->send(frame));
+}
+
+std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
+  return keep_copy(kept_, request);
+}
+
+bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
+  const wire::Medium medium = medium_of(address_.transport);
+  const std::size_t frame_size = payload_size_of(address_.transport);
+  const std::uint32_t byte_window = wire::stream_byte_window(medium, frame_size);
+  const std::size_t frames_size =
+      frame_size * wire::stream_frame_count(medium, parameters.stream_window, byte_window);
+  const std::size_t size = frames_size + config_.message_size_max;
+  if (items_.bytes().size() < size) {
+    const rt::AllowAllocationScope is_allowed;
+    items_ = rt::LazyMemory(size);
+  }
+  if (items_.bytes().size() < size) return false;
+  parameters.stream_room = {.frames = items_.bytes().first(frames_size),
+                            .frame_size = static_cast<std::uint32_t>(frame_size),
+                            .item = items_.bytes().subspan(frames_size, config_.message_size_max),
+                            .byte_window = byte_window};
+  return true;
+}
+
+// Sends a frame and whatever more there is to send behind it.
+bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
+  // A datagram as large as can be is one of several.
+  if (frame.size() == wire::kDatagramFrameSizeMax && address_.transport == Transport::kUdp) {
+    return hold_all(frame, now) && send_held();
+  }
+  for (; !frame.empty(); frame = wire_.next_frame(now)) {
+    if (!send(frame)) return false;
+  }
+  return true;
+}
+
+// Keeps a frame, and whatever more there is to send behind it, for send_held(); or sends it, where
+// there is no room for more.
+bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
+  if (!held_.has_room()) {
+    const rt::AllowAllocationScope is_allowed;
+    held_ = transport::FrameTrain::with_room();
+  }
+  for (; !frame.empty(); frame = wire_.next_frame(now)) {
+    if (held_.add(frame)) continue;
+    if (!send_held()) return false;
+    if (!held_.add(frame) && !send(frame)) return false;
+  }
+  return true;
+}
+
+bool CallChannel::send_held() noexcept {
+  if (held_.is_empty()) return true;
+  const auto sent = send_by([&] { return link_->send_train(held_); });
+  held_.clear();
+  return sent.has_value();
+}
+
+// Finds room for a reply larger than a frame. The first of each size is set-up work.
+bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
+  take_trains();
+  // In powers of two, so that replies that grow do not each ask anew.
+  rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
+  wire_.give_room(rooms_[call].bytes(), call);
+  return !rooms_[call].bytes().empty();
+}
+
+// What is larger than a frame comes in many at a time.
+void CallChannel::take_trains() noexcept {
+  if (std::exchange(takes_trains_, true)) return;
+  const rt::AllowAllocationScope is_allowed;
+  link_->take_trains();
+}
+
+expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
+  return send_by([&] { return link_->send(frame); });
+}
+
+template <class Send>
+expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
+  auto sent = send();
+  // A datagram socket tells with the next send that nobody took an earlier frame; the frame at hand
+  // was not tried. If the server is still not there, the next receive will tell.
+  if (!sent && sent.error() == transport::IoError::kRefused) sent = send();
+  // No room for a datagram is as good as its loss: it is repeated in time.
+  if (!sent && link_->medium() == wire::Medium::kDatagram) return {};
+  return sent;
+}
+
+// Waits until something comes of the handshake or call that was begun, at most until `until`, and
+// leaves it in event_: kNothing after that, kBroken if the link is.
+void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept {
+  // A stream's acknowledgement may have found the connection broken.
+  if (!link_) {
+    event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+    return;
+  }
+  may_spin =
+      may_spin &&
+      (config_.wait.strategy == rt::WaitStrategy::kSpin ||
+       (config_.wait.strategy != rt::WaitStrategy::kBlock && config_.wait.spin > Duration{0}));
+  const MonotonicTime spin_end =
+      config_.wait.strategy == rt::WaitStrategy::kSpin ? kNever : now + config_.wait.spin;
+  int refusal_count = 0;
+  // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
+  rt::RealtimeBudget& budget = rt::this_thread_budget();
+  bool is_spinning = may_spin && !budget.must_rest(now);
+  const auto wake_time = [&] {
+    const MonotonicTime wake = std::min(until, wire_.next_time());
+    return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kNap) : wake;
+  };
+  // What a link sees only when it waits, such as its server's end, a mere look sees now and then.
+  if (now >= until && now - last_check_ >= kCheckInterval) {
+    last_check_ = now;
+    link_->wait(until);
+  }
+  while (true) {
+    const bool may_block = !is_spinning && now < until;
+    const bool must_sleep = may_block && budget.must_sleep(now);
+    if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kNap);
+    auto frame = may_block && !must_sleep ? link_->await(wake_time()) : link_->receive();
+    if (!frame && frame.error() == transport::IoError::kRefused) {
+      // The system tells a refusal before what came earlier, such as the CLOSE of a server that
+      // stopped.
+      if (auto earlier = link_->receive()) frame = earlier;
+    }
+    now = rt::now();
+    if (frame) {
+      take(*frame, now);
+    } else if (frame.error() == transport::IoError::kNothing) {
+      set_event([&] { return wire_.on_time(now); });
+      is_spinning = may_spin && now < spin_end && !budget.must_rest(now);
+    } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
+               wire_.is_ready()) {
+      // It may be the answer to an earlier frame, before the server was there again: ask once more.
+      set_event([&] { return wire_.repeat_first(now); });
+    } else {
+      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+    }
+    if (event_.kind == wire::ChannelEvent::Kind::kBroken) return;
+    // The last ACK of a reply that is here may fail: the server forgets the reply by itself, later.
+    const bool is_sent = send_all(event_.frame, now);
+    if (event_.kind == wire::ChannelEvent::Kind::kSend) {
+      if (!is_sent) {
+        event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+        return;
+      }
+    } else if (event_.kind != wire::ChannelEvent::Kind::kNothing || now >= until) {
+      return;
+    }
+  }
+}
+
+void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
+  set_event([&] { return wire_.on_frame(frame, now); });
+  if (event_.kind == wire::ChannelEvent::Kind::kNeedRoom) {
+    if (!make_room(event_.room_size, event_.call)) {
+      event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
+      return;
+    }
+    set_event([&] { return wire_.on_frame(frame, now); });
+  }
+  // Frames that are none of ours may come without end; the deadline counts all the same.
+  if (event_.kind == wire::ChannelEvent::Kind::kNothing) {
+    set_event([&] { return wire_.on_time(now); });
+  }
+}
+
+}  // namespace rtpm::rpc

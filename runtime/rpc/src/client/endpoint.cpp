@@ -1,0 +1,110 @@
+#include "client/endpoint.hpp"
+
+#include <algorithm>
+#include <mutex>
+
+#include "rtpm/rt/memory.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// Numbers the channels of the whole program, so that each is told apart by servers.
+std::atomic<std::uint64_t> channel_serial{0};
+
+// The channel that this thread took last: most likely free and warm in its cache.
+struct Hint {
+  const Endpoint* endpoint = nullptr;
+  std::size_t index = 0;
+};
+thread_local Hint last_taken;
+
+}  // namespace
+
+Endpoint::Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
+                   std::uint64_t clock_domain)
+    : address_(std::move(address)),
+      config_(config),
+      client_epoch_(client_epoch),
+      clock_domain_(clock_domain),
+      channels_(std::size_t{config.channel_count_max} * kBandCountMax) {}
+
+expected<CallChannel*, CallError> Endpoint::take(Priority priority,
+                                                 std::uint16_t call_count_max) noexcept {
+  if (CallChannel* channel = take_existing(priority, call_count_max)) return channel;
+  return add(priority, call_count_max);
+}
+
+CallChannel* Endpoint::take_existing(Priority priority, std::uint16_t call_count_max) noexcept {
+  const auto fits = [&](const CallChannel& channel) {
+    return channel.call_count_max() == call_count_max;
+  };
+  // SYNC POINT endpoint-channels: a counted channel is whole.
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  if (last_taken.endpoint == this && last_taken.index < count) {
+    CallChannel& channel = *channels_[last_taken.index];
+    if (fits(channel) && channel.serves(priority) && channel.try_take()) return &channel;
+  }
+  for (std::size_t i = 0; i < count; ++i) {
+    CallChannel& channel = *channels_[i];
+    if (!fits(channel) || !channel.serves(priority) || !channel.try_take()) continue;
+    last_taken = {this, i};
+    return &channel;
+  }
+  // One whose handshake never came through belongs to no band yet.
+  for (std::size_t i = 0; i < count; ++i) {
+    CallChannel& channel = *channels_[i];
+    if (fits(channel) && channel.is_new() && channel.try_take()) return &channel;
+  }
+  return nullptr;
+}
+
+void Endpoint::check_oneways(MonotonicTime now) noexcept {
+  // SYNC POINT endpoint-channels
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  for (std::size_t i = 0; i < count; ++i) {
+    CallChannel& channel = *channels_[i];
+    // The others are left to callers, who would open one more for each that is taken.
+    if (!channel.has_unconfirmed() || !channel.try_take()) continue;
+    channel.check_oneways(now);
+    channel.release();
+  }
+}
+
+bool Endpoint::try_end() noexcept {
+  const std::size_t count = channel_count_.load(std::memory_order_acquire);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (channels_[i]->try_take()) continue;
+    while (i > 0)
+      channels_[--i]->release();
+    return false;
+  }
+  return true;
+}
+
+// How many channels the band of `priority` has, as far as its channels are known to be of it.
+std::size_t Endpoint::count_for(Priority priority, std::size_t count) const noexcept {
+  return static_cast<std::size_t>(
+      std::count_if(channels_.begin(), channels_.begin() + static_cast<std::ptrdiff_t>(count),
+                    [&](const auto& c) { return c->serves(priority) || c->is_new(); }));
+}
+
+expected<CallChannel*, CallError> Endpoint::add(Priority priority,
+                                                std::uint16_t call_count_max) noexcept {
+  const rt::AllowAllocationScope is_allowed;
+  const std::lock_guard lock(adding_);
+  const std::size_t count = channel_count_.load(std::memory_order_relaxed);
+  if (count == channels_.size() || count_for(priority, count) >= config_.channel_count_max) {
+    return unexpected{CallError::kNoChannel};
+  }
+  channels_[count] =
+      std::make_unique<CallChannel>(address_, config_, client_epoch_, ++channel_serial,
+                                    clock_domain_, call_count_max, lost_oneways_);
+  CallChannel* channel = channels_[count].get();
+  const bool is_taken = channel->try_take();
+  RTPM_ASSERT(is_taken, "nobody else knows a new channel");
+  // SYNC POINT endpoint-channels
+  channel_count_.store(count + 1, std::memory_order_release);
+  return channel;
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "client/call_channel.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+
+namespace rtpm::rpc {
+
+/// One server as a node sees it: its address and the call channels to it, shared by all bindings.
+/// Threads: any, several at once.
+class Endpoint {
+ public:
+  /// As many bands as a server of ours has lanes at most.
+  static constexpr std::size_t kBandCountMax = 64;
+
+  Endpoint(ServerAddress address, const NodeConfig& config, std::uint64_t client_epoch,
+           std::uint64_t clock_domain);
+
+  /// A free channel for `call_count_max` calls at a time that serves `priority` or can be made to;
+  /// it is the caller's until it releases it. Opens one more if all are in use.
+  /// RT: alloc-free if one is free.   Errors: kNoChannel.
+  [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
+                                                       std::uint16_t call_count_max = 1) noexcept;
+
+  /// Looks at the channels that are free whether a session has ended under oneways.
+  /// RT: alloc-free.
+  void check_oneways(MonotonicTime now) noexcept;
+  /// Oneways over the channels that were sent and may not have arrived, as their sessions ended.
+  /// RT: alloc-free, no syscall.
+  [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
+    // SYNC POINT lost-oneways: the channel of what is counted here has ended.
+    return lost_oneways_.load(std::memory_order_acquire);
+  }
+  // How many bindings use it; changed by the node only.   Threads: any.
+  [[nodiscard]] std::size_t user_count() const noexcept {
+    return user_count_.load(std::memory_order_relaxed);
+  }
+  void add_user() noexcept { user_count_.fetch_add(1, std::memory_order_relaxed); }
+  void remove_user() noexcept { user_count_.fetch_sub(1, std::memory_order_relaxed); }
+  /// Takes every channel, so that the endpoint can be destroyed; false if a call, a reply or a
+  /// pipeline holds one still. Nobody takes channels meanwhile.
+  [[nodiscard]] bool try_end() noexcept;
+
+  [[nodiscard]] const ServerAddress& address() const noexcept { return address_; }
+
+ private:
+  [[nodiscard]] CallChannel* take_existing(Priority priority,
+                                           std::uint16_t call_count_max) noexcept;
+  [[nodiscard]] std::size_t count_for(Priority priority, std::size_t count) const noexcept;
+  [[nodiscard]] expected<CallChannel*, CallError> add(Priority priority,
+                                                      std::uint16_t call_count_max) noexcept;
+
+  ServerAddress address_;
+  const NodeConfig& config_;
+  std::uint64_t client_epoch_;
+  std::uint64_t clock_domain_;
+  std::atomic<std::uint64_t> lost_oneways_{0};
+  std::vector<std::unique_ptr<CallChannel>> channels_;  ///< Sized once; filled from the front.
+  std::atomic<std::size_t> channel_count_{0};
+  std::atomic<std::size_t> user_count_{0};
+  rt::PiMutex adding_;
+};
+
+}  // namespace rtpm::rpc

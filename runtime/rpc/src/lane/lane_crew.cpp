@@ -1,0 +1,321 @@
+#include <algorithm>
+#include <cstring>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "lane/lane.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/rt/priority.hpp"
+#include "server/lane_table_owner.hpp"
+#include "thread_pool/crew.hpp"
+
+// What a lane does that has several threads; see Crew.
+namespace rtpm::rpc {
+namespace {
+
+// How long a lane that ends waits for methods that still run, before it tells their callers that
+// it stops.
+constexpr Duration kStopPatience = std::chrono::seconds{1};
+
+// Lets a method that runs on a call's own place go on with it after its return.
+class QueuedDeferral final : public Deferral {
+ public:
+  QueuedDeferral(const std::shared_ptr<PendingPool>& pool, PendingCall& call) noexcept
+      : pool_(pool), call_(call) {}
+
+  DeferredReply defer() noexcept override {
+    if (!take()) return {};
+    return reply_for(pool_, &call_);
+  }
+  ItemWriter stream() noexcept override {
+    if (call_.item_size_max == 0 || !take()) return {};
+    return writer_for(pool_, &call_);
+  }
+  [[nodiscard]] bool is_taken() const noexcept { return is_taken_; }
+
+ private:
+  [[nodiscard]] bool take() noexcept {
+    RTPM_ASSERT(!is_taken_, "a call is deferred once");
+    is_taken_ = pool_->keep_deferred(call_);
+    if (is_taken_) call_.reply = call_.reply_room;
+    return is_taken_;
+  }
+
+  const std::shared_ptr<PendingPool>& pool_;
+  PendingCall& call_;
+  bool is_taken_ = false;
+};
+
+}  // namespace
+
+expected<void, rt::RealtimeError> Lane::start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
+  realtime_ = realtime;
+  keeper_ = keeper;
+  if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
+    if (auto possible = rt::check_spinning(thread_config(0)); !possible) return possible;
+  }
+  const std::uint32_t count = crew_ ? Crew::static_count(config_) : 1;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    auto thread = crew_ ? start_worker(crew_->workers()[i], i)
+                        : rt::Thread::start(thread_config(0), [this] { run(); });
+    if (!thread) return unexpected{thread.error()};
+    (crew_ ? crew_->workers()[i].thread : thread_) = std::move(*thread);
+  }
+  return {};
+}
+
+rt::ThreadConfig Lane::thread_config(std::uint32_t index) const {
+  rt::ThreadConfig thread_config;
+  thread_config.name = config_.name;
+  if (index > 0) thread_config.name += "/" + std::to_string(index);
+  thread_config.priority = config_.priority;
+  thread_config.cpus = config_.cpus;
+  thread_config.realtime = realtime_;
+  thread_config.schedule = config_.schedule;
+  return thread_config;
+}
+
+expected<rt::Thread, rt::RealtimeError> Lane::start_worker(Worker& worker, std::uint32_t index) {
+  worker.is_started = true;
+  worker.has_ended.store(false, std::memory_order_relaxed);
+  auto thread = rt::Thread::start(thread_config(index), [this, &worker, index] {
+    BusyMark::show_at(&slot_.busy_since_ns[index]);
+    work(worker);
+  });
+  worker.is_started = thread.has_value();
+  return thread;
+}
+
+void Lane::mind_threads() noexcept {
+  if (!crew_) return;
+  std::uint32_t index = 0;
+  for (Worker& worker : crew_->workers()) {
+    const std::uint32_t number = index++;
+    if (worker.is_started && worker.has_ended.load(std::memory_order_acquire)) {
+      worker.thread.join();
+      worker.is_started = false;
+    }
+    if (worker.is_started || !worker.is_dynamic || !crew_->is_thread_wanted()) continue;
+    if (auto thread = start_worker(worker, number)) {
+      worker.thread = std::move(*thread);
+      return;  // More when it has begun.
+    }
+    crew_->refuse_thread();
+  }
+}
+
+void Lane::join() noexcept {
+  thread_.join();
+  if (!crew_) return;
+  for (Worker& worker : crew_->workers())
+    worker.thread.join();
+}
+
+// What each thread of a crew does, from its begin to its end.
+void Lane::work(Worker& me) noexcept {
+  const rt::NoAllocationScope no_allocation;
+  crew_->lock_from_aside();
+  crew_->sign_on(me);
+  while (!crew_->is_over()) {
+    if (PendingCall* const call = crew_->take_to_run()) {
+      run_queued(*call);
+    } else if (crew_->take_lead()) {
+      rt::adopt_priority(config_.priority);
+      lead();
+      crew_->leave_lead();
+    } else if (!crew_->rest(me, config_.dynamic_idle)) {
+      break;
+    } else if (Lane* const borrower = std::exchange(me.borrower, nullptr)) {
+      crew_->mutex().unlock();
+      borrower->run_borrowed(*me.lent_call, *crew_);
+      rt::adopt_priority(config_.priority);
+      crew_->lock_from_aside();
+      crew_->end_expecting();
+    }
+  }
+  crew_->sign_off(me);
+  crew_->mutex().unlock();
+  // So that it is joined.
+  if (me.is_dynamic) acceptor_bell_->ring();
+}
+
+// Receives until there is a call to run, or the lane is over. With the lock, but while it waits.
+void Lane::lead() noexcept {
+  MonotonicTime spin_end = kNever;
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    step(spin_end);
+    if (crew_->has_stuck_call()) find_help();
+    if (crew_->has_call_to_run()) return;
+    crew_->let_others_in();
+  }
+  end_crew();
+}
+
+// All threads run calls: others may be had from elsewhere.
+void Lane::find_help() noexcept {
+  if (crew_->ask_for_thread(rt::now())) acceptor_bell_->ring();
+  while (crew_->has_stuck_call() && borrow() == Loan::kGiven) {
+  }
+}
+
+// Has a thread of a lower lane run the most urgent call that waits.
+Loan Lane::borrow() noexcept {
+  if (lower_ == nullptr) return Loan::kNone;
+  const Loan loan = lower_->lend(*this, crew_->first());
+  if (loan == Loan::kGiven) {
+    static_cast<void>(crew_->take_any());
+    crew_->begin_borrowed_run();
+    ++counters_.borrowed_count;
+  }
+  return loan;
+}
+
+// The nearest lane below that has a thread to spare gives it.
+Loan Lane::lend(Lane& borrower, PendingCall& call) noexcept {
+  Loan best = Loan::kNone;
+  for (Lane* lane = this; lane != nullptr && best != Loan::kGiven; lane = lane->lower_) {
+    lane->crew_->lock_from_aside();
+    const Loan loan = lane->crew_->lend(borrower, call, borrower.poller_);
+    lane->crew_->mutex().unlock();
+    if (loan != Loan::kNone) best = loan;
+  }
+  return best;
+}
+
+// A thread of a lower lane runs a call of this one, and those that are as urgent behind it.
+void Lane::run_borrowed(PendingCall& first, Crew& lender) noexcept {
+  crew_->lock_from_aside();
+  PendingCall* call = &first;
+  while (call != nullptr) {
+    run_queued(*call, &lender);
+    if (crew_->is_over() || !crew_->has_stuck_call()) break;
+    lender.end_expecting();
+    call = crew_->take_any();
+    crew_->begin_borrowed_run();
+  }
+  crew_->mutex().unlock();
+}
+
+// Runs a call without the lock, and ends it with the lock. `lender`: whose thread does so.
+void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
+  crew_->mutex().unlock();
+  QueuedDeferral deferral(pending_, call);
+  std::optional<DispatchResult> result;
+  bool has_thrown = false;
+  const bool is_in_time = rt::now() < call.request.deadline;
+  if (!call.is_awaited.load(std::memory_order_acquire)) {
+    result = DispatchResult{wire::Status::kCancelled, 0};
+  } else if (!is_in_time) {
+    result = DispatchResult{wire::Status::kExpired, 0};
+  } else {
+    result = run_servant(*call.object, call.request, call.reply, deferral, has_thrown);
+  }
+  crew_->lock_from_aside();
+  crew_->end_run();
+  counters_.servant_failure_count += has_thrown ? 1 : 0;
+  counters_.bad_request_count += result->status == wire::Status::kBadRequest ? 1U : 0U;
+  call.is_running = false;
+  if (deferral.is_taken()) {
+    ++counters_.deferred_count;
+  } else {
+    RTPM_ASSERT(result->reply_size <= call.reply.size(), "a reply stays within its buffer");
+    call.status = result->status;
+    call.size = result->reply_size;
+    call.is_ended.store(true, std::memory_order_release);
+  }
+  const MonotonicTime now = rt::now();
+  const std::int64_t cycle_ns = (now - call.request.received).count();
+  sample_.longest_cycle_ns = std::max(sample_.longest_cycle_ns, cycle_ns);
+  is_unpublished_ = true;
+  // Who is answered may call at once, where this thread is at home.
+  if (lender != nullptr) lender->expect_back();
+  serve_pending_call(call);
+  publish();
+  nap_if_overdue(now);
+}
+
+// Keeps a call until a thread has time for it, or refuses it.
+ConstBytes Lane::queue_request(wire::ServerSessions& sessions, const wire::Request& request,
+                               const Object& object) noexcept {
+  PendingCall* const call = take_pending();
+  if (call == nullptr || !take_in(*call, sessions, request, object)) {
+    const wire::Status refusal = refuse();
+    if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
+    const ConstBytes frame = sessions.accept(request, refusal, request.received);
+    static_cast<void>(sessions.complete(request, refusal, 0, request.received));
+    return frame;
+  }
+  note_queued(request);
+  if (!request.wants_receipt()) return {};
+  return sessions.accept(request, wire::Status::kOk, request.received);
+}
+
+// A call to keep; null if there are too many, or the lane stops.
+PendingCall* Lane::take_pending() noexcept {
+  return is_stopping_.load(std::memory_order_relaxed) ? nullptr : pending_->take();
+}
+
+// Counts a call that is not kept, and says why.
+wire::Status Lane::refuse() noexcept {
+  ++counters_.overload_count;
+  return is_stopping_.load(std::memory_order_relaxed) ? wire::Status::kStopping
+                                                      : wire::Status::kOverload;
+}
+
+void Lane::note_queued(const wire::Request& request) noexcept {
+  ++counters_.call_count;
+  counters_.queued_count_max =
+      std::max<std::uint64_t>(counters_.queued_count_max, crew_->queued_count());
+  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
+}
+
+// Copies a request that came over a wire; false if there is no place for it.
+bool Lane::take_in(PendingCall& call, wire::ServerSessions& sessions, const wire::Request& request,
+                   const Object& object) noexcept {
+  const std::size_t size = request.payload.size();
+  call.take_in(request, sessions);
+  call.request.payload = ConstBytes(call.request_room).first(size);
+  if (size > 0) std::memcpy(call.request_room.data(), request.payload.data(), size);
+  if (!find_place(call, object)) return false;
+  sessions.set_tag(request, pending_->tag_of(call));
+  return true;
+}
+
+// Puts a call among those that wait, unless there is neither place nor help; then gives it back.
+bool Lane::find_place(PendingCall& call, const Object& object) noexcept {
+  const std::size_t size = call.request.payload.size();
+  const bool has_place = crew_->has_place_for(size);
+  call.object = &object;
+  call.is_running = true;
+  crew_->enqueue(call, priority_of(object, call.request.header), size);
+  if (has_place || borrow() != Loan::kNone) return true;
+  crew_->withdraw(call);
+  pending_->give_back(call);
+  return false;
+}
+
+// The end of the lane: what waits is told so, what runs has some time.
+void Lane::end_crew() noexcept {
+  gate_->close();
+  while (PendingCall* const call = crew_->take_any()) {
+    call->is_running = false;
+    call->status = wire::Status::kStopping;
+    call->size = 0;
+    call->is_ended.store(true, std::memory_order_release);
+    serve_pending_call(*call);
+  }
+  const MonotonicTime end = rt::now() + kStopPatience;
+  while (crew_->running_count() > 0 && rt::now() < end) {
+    static_cast<void>(turn());
+    static_cast<void>(look_around(std::min(end, rt::now() + std::chrono::milliseconds{1})));
+    crew_->let_others_in();
+  }
+  say_goodbye();
+  crew_->end();
+}
+
+}  // namespace rtpm::rpc

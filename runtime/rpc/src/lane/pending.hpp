@@ -1,0 +1,153 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+#include "lane/ready_list.hpp"
+#include "local/local.hpp"
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/rpc/deferred.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+struct Object;
+
+/// A call that its method has not ended. One thread at a time writes (the method's), the lane
+/// reads.
+struct PendingCall {
+  static constexpr std::uint32_t kItemCountMax = wire::kStreamWindow;
+
+  // The lane's own.
+  wire::Request request{};
+  bool is_taken = false;
+  wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
+  LocalChannel* local = nullptr;
+  std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
+  std::uint32_t item_frame_size_max = 0;  ///< Of an item that goes in one frame.
+  bool is_blocked = false;                ///< Its connection has no room for items now.
+  bool is_in_backlog = false;             ///< See Lane::send_backlog().
+  // Of a lane with a crew.
+  const Object* object = nullptr;
+  MutableBytes request_room{};
+  bool is_running = false;      ///< Or waits for it: not to be ended yet.
+  bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
+  bool is_deferred = false;     ///< It counts as such; of the method's thread while that runs.
+
+  /// A call that came over a wire; the request's payload stays where it is.
+  void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {
+    request = its_request;
+    sessions = &its_sessions;
+    local = nullptr;
+    reply = reply_room;
+    const auto room = static_cast<std::uint32_t>(item_room.size());
+    item_size_max = std::min(room, its_sessions.item_size_max(request));
+    item_frame_size_max = std::min(room, its_sessions.item_frame_size_max(request));
+  }
+  /// An item that was written.
+  [[nodiscard]] ConstBytes item(std::uint32_t number) const noexcept {
+    const ItemPlace& place = item_places[number % kItemCountMax];
+    return ConstBytes(item_room).subspan(place.offset, place.size);
+  }
+  /// A call of the same program, which is answered where it wants its reply, unless that has to be
+  /// `is_elsewhere`: where it comes later, its caller may be gone by then.
+  void take_in(const wire::Request& its_request, LocalChannel& channel,
+               bool is_elsewhere) noexcept {
+    request = its_request;
+    sessions = nullptr;
+    local = &channel;
+    reply = is_elsewhere ? reply_room : channel.reply();
+    item_size_max = item_frame_size_max = 0;
+  }
+
+  // Shared.
+  std::atomic<PendingCall*> next_ready{nullptr};
+  std::atomic<bool> is_queued{false};
+  /// Why nobody waits for it; written before is_awaited.
+  std::atomic<CallEnding> ending{CallEnding::kNone};
+  std::atomic<bool> is_awaited{false};
+  std::atomic<bool> is_ended{false};
+  wire::Status status = wire::Status::kOk;  ///< With is_ended.
+  std::uint32_t size = 0;
+  MutableBytes reply{};
+  MutableBytes reply_room{};
+  /// Where a stream's items are written one behind the other, from the beginning again at
+  /// `item_byte_max`; one that is larger has it alone. The same memory as reply_room: the reply of
+  /// a stream has no content.
+  MutableBytes item_room{};
+  std::uint32_t item_byte_max = 0;
+  struct ItemPlace {
+    std::uint32_t offset = 0;
+    std::uint32_t size = 0;
+  };
+  std::array<ItemPlace, kItemCountMax> item_places{};
+  std::uint32_t item_end = 0;      ///< Behind the last that was written; the writer's own.
+  bool has_refused_large = false;  ///< An item was too large; the writer's own.
+  std::atomic<std::uint32_t> written_count{0};
+  std::atomic<std::uint32_t> sent_count{0};
+};
+
+/// The unfinished calls of one lane, a bounded number, and the list of those that have something
+/// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end. Threads:
+/// notify() and keep_deferred() any; the rest the lane's.   RT: alloc-free but for construction.
+class PendingPool {
+ public:
+  /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
+  /// `stream_byte_max`: how many bytes of items each stream may hold. `keeps_requests`: each place
+  /// has room for the request, too.
+  PendingPool(std::uint32_t count, std::uint32_t deferred_count_max, std::uint32_t message_size_max,
+              std::uint32_t stream_byte_max, bool keeps_requests, std::shared_ptr<Doorbell> bell);
+
+  /// Whether the system gave its memory; else there are no places, or some without items.
+  [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
+
+  /// A free place, or null.
+  [[nodiscard]] PendingCall* take() noexcept;
+  void give_back(PendingCall& call) noexcept;
+  /// Lets a call that has a place outlast its method; false if too many do.   Threads: any.
+  [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;
+  [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
+    return static_cast<std::uint32_t>(&call - calls_.data()) + 1;
+  }
+  [[nodiscard]] PendingCall& tagged(std::uint32_t tag) noexcept { return calls_[tag - 1]; }
+  [[nodiscard]] std::uint32_t open_count() const noexcept { return open_count_; }
+  /// Every call that is not free.
+  template <class Visitor>
+  void for_each_open(Visitor visit) noexcept {
+    for (PendingCall& call : calls_) {
+      if (call.is_taken) visit(call);
+    }
+  }
+
+  /// The call has items, or ended: the lane shall look.
+  void notify(PendingCall& call) noexcept;
+  [[nodiscard]] bool has_ready() const noexcept { return !ready_.is_empty(); }
+  [[nodiscard]] bool may_sleep() const noexcept { return ready_.is_empty_before_sleep(); }
+  /// Visits all calls that were notified, and gives back whether there were any.
+  template <class Visitor>
+  bool take_ready(Visitor visit) noexcept {
+    return ready_.take([&](PendingCall& call) {
+      call.is_queued.exchange(false, std::memory_order_acq_rel);
+      visit(call);
+    });
+  }
+
+ private:
+  bool has_memory_ = false;
+  rt::LazyMemory replies_;
+  rt::LazyMemory requests_;
+  std::vector<PendingCall> calls_;
+  std::vector<PendingCall*> free_;  ///< The last was used last. Sized once.
+  std::uint32_t open_count_ = 0;
+  std::uint32_t deferred_count_max_;
+  std::atomic<std::uint32_t> deferred_count_{0};
+  ReadyList<PendingCall> ready_;
+  std::shared_ptr<Doorbell> bell_;
+};
+
+}  // namespace rtpm::rpc

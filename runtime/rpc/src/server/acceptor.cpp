@@ -1,0 +1,219 @@
+#include "server/acceptor.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cstdio>
+#include <cstring>
+#include <span>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/stream.hpp"
+#include "rtpm/wire/header.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// A client sends its HELLO as soon as it is connected; who has not by then holds a place in vain.
+constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
+// More wait for the next turn, behind those that have sent their first frame by then.
+constexpr int kAcceptsPerTurn = 16;
+
+// How long nobody is let in where no descriptor is left, not even one to turn somebody away with.
+constexpr Duration kShortagePause = std::chrono::milliseconds{100};
+
+}  // namespace
+
+Acceptor::Acceptor(transport::TcpListener listener,
+                   std::optional<transport::SharedMemoryListener> memory_listener,
+                   transport::Poller poller, std::uint32_t message_size_max) noexcept
+    : listener_(std::move(listener)),
+      memory_listener_(std::move(memory_listener)),
+      poller_(std::move(poller)),
+      message_size_max_(message_size_max),
+      newcomers_(2 * kNewcomerCountMax) {
+  const bool is_listening = listen();
+  RTPM_ASSERT(is_listening, "a new poller takes a socket");
+}
+
+// False if the system refuses.
+bool Acceptor::listen() noexcept {
+  listening_from_ = MonotonicTime::min();
+  return poller_.add(listener_->descriptor(), kListener) &&
+         (!memory_listener_ || poller_.add(memory_listener_->descriptor(), kMemoryListener));
+}
+
+// Who waits would wake the thread again and again.
+void Acceptor::pause_listening(MonotonicTime now) noexcept {
+  poller_.remove(listener_->descriptor());
+  if (memory_listener_) poller_.remove(memory_listener_->descriptor());
+  listening_from_ = now + kShortagePause;
+}
+
+// Says that somebody could not be let in, and why.
+void Acceptor::note_shortage(int error, const char* what) noexcept {
+  // There may be no memory for a string.
+  std::array<char, 256> text{};
+  std::snprintf(text.data(), text.size(), "%s turned away (%s). Remedy: %s", what,
+                std::strerror(error), transport::remedy_for_shortage(error));
+  shortage_warning_.say(text.data(), rt::now());
+}
+
+expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                                  std::vector<int> cpus) {
+  lanes_ = &lanes;
+  auto thread =
+      rt::Thread::start({.name = "rtpm-accept", .cpus = std::move(cpus)}, [this] { run(); });
+  if (!thread) return unexpected{thread.error()};
+  thread_ = std::move(*thread);
+  return {};
+}
+
+void Acceptor::stop() noexcept {
+  is_stopping_.store(true, std::memory_order_release);
+  poller_.ring();
+  thread_.join();
+  listener_.reset();
+  memory_listener_.reset();
+  newcomers_.clear();
+}
+
+void Acceptor::run() noexcept {
+  std::array<std::uint64_t, 64> ready{};
+  while (!is_stopping_.load(std::memory_order_acquire)) {
+    const bool is_paused = listening_from_ != MonotonicTime::min();
+    MonotonicTime until = is_paused ? listening_from_ : kNever;
+    for (const Newcomer& newcomer : newcomers_) {
+      if (newcomer.socket.is_open()) until = std::min(until, newcomer.deadline);
+    }
+    const std::size_t count = poller_.wait(until, ready);
+    const auto events = std::span(ready).first(count);
+    // First those that have spoken: what is taken in afterwards may get a place of theirs.
+    for (const std::uint64_t event : events) {
+      if (event < newcomers_.size()) place(newcomers_[event]);
+    }
+    for (const std::uint64_t event : events) {
+      if (event == kListener) accept_some();
+      if (event == kMemoryListener) accept_some_to_memory();
+    }
+    const MonotonicTime now = rt::now();
+    if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);
+    drop_late(now);
+    mind_lanes();
+  }
+}
+
+void Acceptor::accept_some() noexcept {
+  for (int i = 0; i < kAcceptsPerTurn; ++i) {
+    transport::Accepted accepted = listener_->accept();
+    if (accepted.shortage != 0) note_shortage(accepted.shortage, "a connection over TCP is");
+    if (accepted.still_waits) pause_listening(rt::now());
+    if (!accepted.socket.is_open()) return;
+    // The poll shall wake us when the header, which has the priority, is there as a whole.
+    transport::report_from(accepted.socket.number(), wire::kHeaderSize);
+    take_in(std::move(accepted.socket), /*is_memory=*/false);
+  }
+}
+
+void Acceptor::accept_some_to_memory() noexcept {
+  for (int i = 0; i < kAcceptsPerTurn; ++i) {
+    transport::Accepted accepted = memory_listener_->accept();
+    if (accepted.shortage != 0) note_shortage(accepted.shortage, "a caller on this host is");
+    if (accepted.still_waits) pause_listening(rt::now());
+    if (!accepted.socket.is_open()) return;
+    take_in(std::move(accepted.socket), /*is_memory=*/true);
+  }
+}
+
+// Waits for what the newcomer has to say.
+void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
+  Newcomer& newcomer = free_place(is_memory);
+  const auto index = static_cast<std::uint64_t>(&newcomer - newcomers_.data());
+  if (!poller_.add(socket.number(), index)) return;
+  const wire::PeerAddress host = transport::host_of(socket.number());
+  newcomer = {std::move(socket), is_memory, rt::now() + kFirstFramePatience, host};
+}
+
+// hp-4-8: a place for one more. Where all are taken, the oldest newcomer of the host that has most
+// goes: so a host that opens connections and says nothing keeps out only its own.
+Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
+  const auto places =
+      std::span(newcomers_).subspan(is_memory ? kNewcomerCountMax : 0, kNewcomerCountMax);
+  Newcomer* best = nullptr;
+  std::ptrdiff_t most = 0;
+  for (Newcomer& each : places) {
+    if (!each.socket.is_open()) return each;
+    const std::ptrdiff_t count =
+        std::ranges::count(places, each.host, [](const Newcomer& n) { return n.host; });
+    if (count < most || (count == most && each.deadline >= best->deadline)) continue;
+    best = &each;
+    most = count;
+  }
+  // Its first frame may have come by now.
+  std::array<std::byte, wire::kHeaderSize> first{};
+  const bool has_spoken =
+      is_memory || transport::peek(best->socket.number(), first) == first.size();
+  if (has_spoken) {
+    place(*best);
+  } else {
+    end(*best);
+  }
+  return *best;
+}
+
+void Acceptor::end(Newcomer& newcomer) noexcept {
+  poller_.remove(newcomer.socket.number());
+  newcomer.socket = {};
+}
+
+// Hands the connection to its lane (hp-11-2) with no frame taken from it, or ends it.
+void Acceptor::place(Newcomer& newcomer) noexcept {
+  if (!newcomer.socket.is_open()) return;
+  transport::Descriptor socket = std::move(newcomer.socket);
+  newcomer.socket = {};
+  poller_.remove(socket.number());
+  if (newcomer.is_memory) {
+    auto client = transport::welcome_shared_memory_client(std::move(socket));
+    if (client.shortage != 0) {
+      note_shortage(client.shortage, "a caller that wants shared memory is");
+    }
+    if (client.connection) hand_over(client.priority, std::move(client.connection));
+    return;
+  }
+  std::array<std::byte, wire::kHeaderSize> first{};
+  const std::size_t size = transport::peek(socket.number(), first);
+  if (size == 0) return;
+  // Garbage goes to the lowest lane, which counts it.
+  const auto header = wire::decode(ConstBytes(first).first(size));
+  const Priority priority = header ? header->priority : Priority{0};
+  transport::report_from(socket.number(), 1);
+  transport::set_traffic_class(socket.number(), priority);
+  hand_over(priority,
+            std::make_unique<transport::FrameStream>(std::move(socket), message_size_max_));
+}
+
+void Acceptor::hand_over(Priority priority,
+                         std::unique_ptr<transport::Connection> connection) noexcept {
+  for (const auto& lane : *lanes_) {
+    if (!lane->band().contains(priority)) continue;
+    // A full lane leaves the connection here, where it ends.
+    static_cast<void>(lane->adopt(connection));
+    return;
+  }
+}
+
+void Acceptor::drop_late(MonotonicTime now) noexcept {
+  for (Newcomer& newcomer : newcomers_) {
+    if (!newcomer.socket.is_open() || newcomer.deadline > now) continue;
+    end(newcomer);
+  }
+}
+
+void Acceptor::mind_lanes() noexcept {
+  for (const auto& lane : *lanes_) {
+    while (lane->take_back() != nullptr) {
+    }
+    lane->mind_threads();
+  }
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,23 @@
+#pragma once
+
+#include <span>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/wire/header.hpp"
+#include "server/object_table.hpp"
+
+namespace rtpm::rpc {
+
+/// Whether an object may be served so by these lanes; the table is at ObjectOptions.   Set-up only.
+/// Errors: the contradiction, in words.
+[[nodiscard]] expected<void, SetupError> check_policy(std::string_view path,
+                                                      const ObjectOptions& options,
+                                                      std::span<const LaneConfig> lanes,
+                                                      bool borrows);
+
+/// Whether a call of this priority may run on the object.   RT: alloc-free.
+[[nodiscard]] bool admits(const ObjectOptions& options, Priority priority) noexcept;
+
+}  // namespace rtpm::rpc

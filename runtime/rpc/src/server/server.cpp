@@ -1,0 +1,383 @@
+#include "rtpm/rpc/server.hpp"
+
+#include <algorithm>
+#include <map>
+
+#include "lane/lane.hpp"
+#include "rtpm/rt/budget.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/cpu_keeper.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/shared_memory.hpp"
+#include "rtpm/transport/socket.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/limits.hpp"
+#include "server/acceptor.hpp"
+#include "server/lane_table_owner.hpp"
+#include "server/object_table.hpp"
+#include "server/policy.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+constexpr std::size_t kLaneCountMax = 64;
+
+constexpr std::uint32_t kThreadCountMax = 64;
+constexpr std::uint32_t kBufferedRequestMax = 4096;
+constexpr std::uint32_t kLocalOnewayMax = 4096;
+constexpr std::uint32_t kLargeMessageMax = 1024;
+constexpr std::uint32_t kStreamByteMin = 4096;
+
+SetupError out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
+                        std::uint32_t high) {
+  return {what + " is " + std::to_string(value) + ". Remedy: choose " + std::to_string(low) +
+          " to " + std::to_string(high) + "."};
+}
+
+expected<void, SetupError> check_threads(const LaneConfig& lane, const std::string& low) {
+  const std::string name = "of the lane from priority " + low;
+  if (lane.static_threads < 1 || lane.static_threads > kThreadCountMax) {
+    return unexpected{
+        out_of_range("static_threads " + name, lane.static_threads, 1, kThreadCountMax)};
+  }
+  if (lane.dynamic_threads > kThreadCountMax) {
+    return unexpected{
+        out_of_range("dynamic_threads " + name, lane.dynamic_threads, 0, kThreadCountMax)};
+  }
+  if (lane.dynamic_idle < Duration{0}) {
+    return setup_error("dynamic_idle " + name + " is negative. Remedy: choose 0 or more.");
+  }
+  if (lane.buffered_request_max > kBufferedRequestMax) {
+    return unexpected{out_of_range("buffered_request_max " + name, lane.buffered_request_max, 0,
+                                   kBufferedRequestMax)};
+  }
+  return {};
+}
+
+// Sorts the lanes by band and completes what they leave open.
+expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
+  if (lanes.empty()) lanes.push_back({});
+  if (lanes.size() > kLaneCountMax) {
+    return setup_error("a server has at most " + std::to_string(kLaneCountMax) +
+                       " lanes. Remedy: give lanes wider bands.");
+  }
+  std::ranges::sort(lanes, {}, &LaneConfig::low);
+  if (lanes.front().low != Priority{0}) {
+    return setup_error("no lane serves the priorities below " +
+                       std::to_string(lanes.front().low.value()) +
+                       ". Remedy: let one lane begin at 0.");
+  }
+  for (std::size_t i = 0; i < lanes.size(); ++i) {
+    const std::string low = std::to_string(lanes[i].low.value());
+    if (i + 1 < lanes.size() && lanes[i].low == lanes[i + 1].low) {
+      return setup_error("two lanes begin at priority " + low +
+                         ". Remedy: let each lane begin at a priority of its own.");
+    }
+    if (auto checked = check_threads(lanes[i], low); !checked) return unexpected{checked.error()};
+    if (lanes[i].name.empty()) lanes[i].name = "lane-" + low;
+    lanes[i].priority = std::max(lanes[i].priority, lanes[i].low);
+  }
+  return lanes;
+}
+
+expected<void, SetupError> check_limits(const ServerConfig& config) {
+  if (config.message_size_max < wire::kMessageSizeFloor ||
+      config.message_size_max > wire::kMessageSizeCeiling) {
+    return setup_error("message_size_max is " + std::to_string(config.message_size_max) +
+                       ". Remedy: choose " + std::to_string(wire::kMessageSizeFloor) + " to " +
+                       std::to_string(wire::kMessageSizeCeiling) + " bytes.");
+  }
+  if (config.session_count_max < 1 || config.session_count_max > 0xffff) {
+    return setup_error("session_count_max is " + std::to_string(config.session_count_max) +
+                       ". Remedy: choose 1 to 65535.");
+  }
+  if (config.large_message_count_max > kLargeMessageMax) {
+    return unexpected{out_of_range("large_message_count_max", config.large_message_count_max, 0,
+                                   kLargeMessageMax)};
+  }
+  if (config.local_oneway_count_max > kLocalOnewayMax) {
+    return unexpected{
+        out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0, kLocalOnewayMax)};
+  }
+  if (config.stream_byte_max < kStreamByteMin ||
+      config.stream_byte_max > wire::kMessageSizeCeiling) {
+    return unexpected{out_of_range("stream_byte_max", config.stream_byte_max, kStreamByteMin,
+                                   wire::kMessageSizeCeiling)};
+  }
+  return {};
+}
+
+// The CPUs that no lane takes for itself: a thread that got stuck behind one that spins at
+// SCHED_FIFO would wait until the system moves it, which can take seconds. Empty: any.
+std::vector<int> cpus_left_by(const std::vector<LaneConfig>& lanes) {
+  std::vector<int> cpus = rt::usable_cpus();
+  for (const LaneConfig& lane : lanes) {
+    if (lane.wait.strategy != rt::WaitStrategy::kSpin) continue;
+    std::erase_if(cpus, [&](int cpu) { return std::ranges::count(lane.cpus, cpu) > 0; });
+  }
+  return cpus;
+}
+
+class ServerImpl final : public Server {
+ public:
+  explicit ServerImpl(ServerConfig config) : config_(std::move(config)) {}
+  ~ServerImpl() override { stop(); }
+
+  expected<void, SetupError> open();
+  expected<void, SetupError> add(std::string_view path, Servant& servant,
+                                 ObjectOptions options) override;
+  expected<void, SetupError> start() override;
+  void stop() noexcept override;
+  std::uint16_t port() const noexcept override { return port_; }
+  std::string url(std::string_view path) const override {
+    return "rtpm://" + config_.host + ":" + std::to_string(port_) + "/" + std::string(path);
+  }
+  ServerCounters counters() const noexcept override;
+
+ private:
+  expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
+  expected<std::optional<transport::SharedMemoryListener>, SetupError> open_memory_listener();
+  expected<void, SetupError> make_lanes(std::vector<transport::UdpPort> ports);
+  [[nodiscard]] rt::CpuKeeper* keeper_of(const LaneConfig& lane);
+  void open_door();
+
+  ServerConfig config_;
+  std::uint16_t port_ = 0;
+  ObjectTable objects_;
+  std::unique_ptr<Acceptor> acceptor_;
+  rt::PublicMemory lane_table_;
+  std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
+  std::vector<std::unique_ptr<Lane>> lanes_;
+  std::uint64_t epoch_ = rt::random_u64();
+  std::shared_ptr<LocalDoor> door_;
+  bool is_started_ = false;
+  bool is_stopped_ = false;
+};
+
+SetupError in_words(const ServerConfig& config, const std::string& text) {
+  return {"server '" + config.name + "': " + text};
+}
+
+expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std::uint16_t port) {
+  std::vector<transport::UdpPort> ports;
+  for (const LaneConfig& lane : config_.lanes) {
+    auto opened = transport::UdpPort::open(
+        {config_.host, port, lane.priority, lane.low, /*joins=*/!ports.empty()});
+    if (!opened) return unexpected{in_words(config_, opened.error().text)};
+    ports.push_back(std::move(*opened));
+  }
+  return ports;
+}
+
+expected<void, SetupError> ServerImpl::open() {
+  if (auto checked = check_limits(config_); !checked) {
+    return unexpected{in_words(config_, checked.error().text)};
+  }
+  // From here on the number stands for the name, also where callers are told of it.
+  auto host = transport::numeric_address_of(config_.host, rt::now() + transport::kResolvePatience);
+  if (!host) return unexpected{in_words(config_, host.error().text)};
+  config_.host = std::move(*host);
+  if (config_.host == "0.0.0.0") {
+    // Callers are told this address, and nobody can call 0.0.0.0.
+    return unexpected{in_words(config_,
+                               "host 0.0.0.0 is no address that callers could use. "
+                               "Remedy: give this host's own address on the network to "
+                               "be served (see: ip addr).")};
+  }
+  auto lanes = checked_lanes(config_.lanes);
+  if (!lanes) return unexpected{in_words(config_, lanes.error().text)};
+  config_.lanes = std::move(*lanes);
+  // TCP and UDP share the number. Where the system chooses it for TCP, UDP may have it taken.
+  constexpr int kAttemptCount = 16;
+  for (int attempt = 1;; ++attempt) {
+    auto listener = transport::TcpListener::open(config_.host, config_.port);
+    if (!listener) return unexpected{in_words(config_, listener.error().text)};
+    auto ports = open_ports(listener->port());
+    if (!ports && config_.port == 0 && attempt < kAttemptCount) continue;
+    if (!ports) return unexpected{ports.error()};
+    auto poller = transport::Poller::open();
+    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    port_ = listener->port();
+    auto memory_listener = open_memory_listener();
+    if (!memory_listener) return unexpected{memory_listener.error()};
+    acceptor_ = std::make_unique<Acceptor>(
+        std::move(*listener), std::move(*memory_listener), std::move(*poller),
+        std::min(config_.message_size_max,
+                 static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
+    return make_lanes(std::move(*ports));
+  }
+}
+
+expected<std::optional<transport::SharedMemoryListener>, SetupError>
+ServerImpl::open_memory_listener() {
+  std::optional<transport::SharedMemoryListener> none;
+  if (!config_.shared_memory) return none;
+  auto listener =
+      transport::SharedMemoryListener::open({config_.host, port_, config_.shared_memory_folder});
+  if (!listener) return unexpected{in_words(config_, listener.error().text)};
+  return std::optional(std::move(*listener));
+}
+
+expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort> ports) {
+  std::vector<Priority> lows;
+  for (const LaneConfig& lane : config_.lanes)
+    lows.push_back(lane.low);
+  if (lows.size() > 1) {
+    if (auto steered = transport::steer(ports.front(), lows); !steered) {
+      return unexpected{in_words(config_, steered.error().text)};
+    }
+  }
+  LaneSetup setup;
+  setup.objects = &objects_;
+  setup.acceptor_bell = &acceptor_->bell();
+  setup.sessions.epoch = epoch_;
+  setup.sessions.key = {rt::random_u64(), rt::random_u64()};
+  setup.sessions.lane_count = static_cast<std::uint32_t>(config_.lanes.size());
+  setup.sessions.clock_domain = rt::clock_domain();
+  setup.sessions.ceiling = config_.ceiling;
+  setup.sessions.session_count_max = config_.session_count_max;
+  setup.sessions.message_size_max = config_.message_size_max;
+  auto table = make_lane_table(config_, port_);
+  if (!table) return unexpected{in_words(config_, table.error())};
+  lane_table_ = std::move(*table);
+  setup.large_message_count_max = config_.large_message_count_max;
+  setup.deferred_call_count_max = config_.deferred_call_count_max;
+  setup.stream_count_max = config_.stream_count_max;
+  setup.stream_byte_max = config_.stream_byte_max;
+  setup.local_oneway_count_max = config_.local_oneway_count_max;
+  setup.inbound_priority = config_.inbound_priority;
+  setup.borrows = config_.borrows;
+  for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
+    auto poller = transport::Poller::open();
+    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    const bool is_last = i + 1 == config_.lanes.size();
+    setup.config = config_.lanes[i];
+    setup.band = {lows[i],
+                  is_last ? Priority{Priority::kHighest} : Priority{lows[i + 1].value() - 1}};
+    setup.sessions.band = setup.band;
+    setup.sessions.lane = static_cast<std::uint32_t>(i);
+    setup.slot = &slot_of(lane_table_, i);
+    lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
+    if (!lanes_.back()->has_memory()) {
+      return setup_error(
+          "server '" + config_.name + "': the system gives no memory for lane '" +
+          setup.config.name +
+          "'. Remedy: raise the limit of the process (ulimit -v; LimitAS= of a systemd unit) or of "
+          "the host "
+          "(vm.overcommit_memory), or "
+          "lower message_size_max, large_message_count_max, deferred_call_count_max or "
+          "stream_count_max.");
+    }
+    if (!config_.borrows) continue;
+    setup.lower = lanes_.back().get();
+    setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
+  }
+  // SYNC POINT lane-table: only now it can be read, when all of its lanes are in it.
+  open_to_readers(lane_table_);
+  return {};
+}
+
+expected<void, SetupError> ServerImpl::add(std::string_view path, Servant& servant,
+                                           ObjectOptions options) {
+  RTPM_ASSERT(!is_started_, "objects are added before the server starts");
+  if (auto legal = check_policy(path, options, config_.lanes, config_.borrows); !legal) {
+    return unexpected{in_words(config_, legal.error().text)};
+  }
+  auto added = objects_.add(path, servant, std::move(options), config_.ceiling);
+  if (!added) return unexpected{in_words(config_, added.error().text)};
+  return {};
+}
+
+expected<void, SetupError> ServerImpl::start() {
+  RTPM_ASSERT(!is_started_ && !is_stopped_, "a server starts once, and not after its stop");
+  is_started_ = true;
+  if (auto locked = rt::lock_memory(config_.realtime); !locked) {
+    return unexpected{in_words(config_, locked.error().text)};
+  }
+  for (const auto& lane : lanes_) {
+    if (auto started = lane->start(config_.realtime, keeper_of(lane->config())); !started) {
+      stop();
+      return unexpected{in_words(config_, started.error().text)};
+    }
+  }
+  if (auto accepting = acceptor_->start(lanes_, cpus_left_by(config_.lanes)); !accepting) {
+    stop();
+    return unexpected{in_words(config_, accepting.error().text)};
+  }
+  open_door();
+  return {};
+}
+
+// Where a lane's threads may have to rest lest the kernel throttle them, and on one CPU: its
+// keeper.
+rt::CpuKeeper* ServerImpl::keeper_of(const LaneConfig& lane) {
+  const bool may_rest = config_.realtime != rt::RealtimeMode::kOff &&
+                        lane.schedule == rt::Schedule::kFifo && rt::realtime_limit().is_limited();
+  if (!may_rest || lane.cpus.size() != 1) return nullptr;
+  const int cpu = lane.cpus.front();
+  auto& keeper = keepers_[cpu];
+  if (!keeper) {
+    // Without one the lanes serve all the same.
+    if (auto made = rt::CpuKeeper::start("rtpm-awake-" + std::to_string(cpu), cpu)) {
+      keeper = std::move(*made);
+    }
+  }
+  return keeper.get();
+}
+
+// Lets callers of the same program in without a transport.
+void ServerImpl::open_door() {
+  std::vector<LocalDoor::Entry> entries;
+  for (const auto& lane : lanes_)
+    entries.push_back({lane->band(), lane->gate()});
+  door_ = std::make_shared<LocalDoor>(epoch_, config_.ceiling, config_.message_size_max,
+                                      std::move(entries));
+  LocalDoor::open(door_);
+}
+
+void ServerImpl::stop() noexcept {
+  is_stopped_ = true;
+  if (door_) LocalDoor::close(*door_);
+  if (acceptor_) acceptor_->stop();
+  for (const auto& lane : lanes_)
+    lane->stop();
+  for (const auto& lane : lanes_)
+    lane->join();
+  keepers_.clear();
+  for (const auto& lane : lanes_)
+    lane->close();
+}
+
+ServerCounters ServerImpl::counters() const noexcept {
+  ServerCounters sum;
+  for (const auto& lane : lanes_) {
+    const ServerCounters one = lane->counters();
+    sum.call_count += one.call_count;
+    sum.servant_failure_count += one.servant_failure_count;
+    sum.bad_request_count += one.bad_request_count;
+    sum.connection_count += one.connection_count;
+    sum.connection_lost_count += one.connection_lost_count;
+    sum.connection_refused_count += one.connection_refused_count;
+    sum.deferred_count += one.deferred_count;
+    sum.overload_count += one.overload_count;
+    sum.late_count += one.late_count;
+    sum.borrowed_count += one.borrowed_count;
+    sum.queued_count_max = std::max(sum.queued_count_max, one.queued_count_max);
+    sum.broken_memory_count += one.broken_memory_count;
+    sum.send_failure_count += one.send_failure_count;
+    sum.frames.add(one.frames);
+  }
+  return sum;
+}
+
+}  // namespace
+
+expected<std::unique_ptr<Server>, SetupError> Server::create(ServerConfig config) {
+  auto server = std::make_unique<ServerImpl>(std::move(config));
+  if (auto opened = server->open(); !opened) return unexpected{opened.error()};
+  return std::unique_ptr<Server>(std::move(server));
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,172 @@
+#include "thread_pool/crew.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// A system that has no thread left will not have one at once.
+constexpr Duration kRefusedPause = std::chrono::milliseconds{100};
+
+}  // namespace
+
+Crew::Crew(const LaneConfig& config, std::uint32_t call_count_max)
+    : workers_(static_count(config) + config.dynamic_threads),
+      buffered_request_max_(config.buffered_request_max),
+      buffered_byte_max_(config.buffered_byte_max),
+      dynamic_count_max_(config.dynamic_threads) {
+  resting_.reserve(workers_.size());
+  called_.reserve(workers_.size());
+  queue_.reserve(call_count_max);
+  for (std::size_t i = static_count(config); i < workers_.size(); ++i)
+    workers_[i].is_dynamic = true;
+}
+
+void Crew::lock_from_aside() noexcept {
+  knocking_.fetch_add(1, std::memory_order_relaxed);
+  mutex_.lock();
+  knocking_.fetch_sub(1, std::memory_order_relaxed);
+}
+
+void Crew::let_others_in() noexcept {
+  if (knocking_.load(std::memory_order_relaxed) == 0) return;
+  // The kernel gives the lock to the most urgent that waits; this thread comes behind it.
+  mutex_.unlock();
+  mutex_.lock();
+}
+
+bool Crew::has_place_for(std::size_t size) const noexcept {
+  const std::size_t startable = resting_.size() + called_.size() +
+                                coming_back_.load(std::memory_order_relaxed) + dynamic_count_max_ -
+                                dynamic_count_;
+  if (queue_.size() < startable) return true;
+  return queue_.size() < startable + buffered_request_max_ &&
+         queued_bytes_ + size <= buffered_byte_max_;
+}
+
+void Crew::enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept {
+  RTPM_ASSERT(queue_.size() < queue_.capacity(), "as many wait as there are places for calls");
+  queue_.push_back({&call, priority, ++serial_, size});
+  std::push_heap(queue_.begin(), queue_.end());
+  queued_bytes_ += size;
+}
+
+PendingCall* Crew::take_any() noexcept {
+  if (queue_.empty()) return nullptr;
+  std::pop_heap(queue_.begin(), queue_.end());
+  const Waiting first = queue_.back();
+  queue_.pop_back();
+  queued_bytes_ -= first.size;
+  return first.call;
+}
+
+void Crew::withdraw(const PendingCall& call) noexcept {
+  const auto place = std::ranges::find(queue_, &call, &Waiting::call);
+  RTPM_ASSERT(place != queue_.end(), "only what waits is withdrawn");
+  queued_bytes_ -= place->size;
+  queue_.erase(place);
+  std::make_heap(queue_.begin(), queue_.end());
+}
+
+PendingCall* Crew::take_to_run() noexcept {
+  if (!has_lead_ && !has_relief()) return nullptr;
+  PendingCall* const call = take_any();
+  if (call != nullptr) ++running_count_;
+  return call;
+}
+
+bool Crew::take_lead() noexcept {
+  return !std::exchange(has_lead_, true);
+}
+
+void Crew::leave_lead() noexcept {
+  has_lead_ = false;
+  if (!called_.empty() || resting_.empty()) return;
+  Worker* const next = resting_.back();
+  resting_.pop_back();
+  called_.push_back(next);
+  next->wake.post();
+}
+
+bool Crew::rest(Worker& worker, Duration patience) noexcept {
+  // What is there for good shall rest the least, so that what is not may end.
+  if (worker.is_dynamic) {
+    resting_.insert(resting_.begin(), &worker);
+  } else {
+    resting_.push_back(&worker);
+  }
+  if (wish_ != nullptr) std::exchange(wish_, nullptr)->ring();
+  mutex_.unlock();
+  const MonotonicTime until = worker.is_dynamic ? rt::now() + patience : kNever;
+  bool is_called = worker.wake.wait_until(until);
+  lock_from_aside();
+  if (!is_called) {
+    const auto place = std::ranges::find(resting_, &worker);
+    if (place != resting_.end()) {
+      resting_.erase(place);
+      return false;
+    }
+    // Called at the last moment: the word is there, or about to be.
+    is_called = worker.wake.wait_until(kNever);
+  }
+  std::erase(called_, &worker);
+  return true;
+}
+
+Loan Crew::lend(Lane& borrower, PendingCall& call, transport::Poller& bell) noexcept {
+  if (is_over_) return Loan::kNone;
+  Worker* worker = nullptr;
+  if (!resting_.empty()) {
+    worker = resting_.back();
+    resting_.pop_back();
+    worker->wake.post();
+  } else if (has_lead_ && !called_.empty()) {
+    // It was called to take the lead, which another has taken since; it is on its way anyhow.
+    worker = called_.back();
+    called_.pop_back();
+  }
+  if (worker == nullptr) {
+    if (coming_back_.load(std::memory_order_relaxed) == 0 && called_.empty()) return Loan::kNone;
+    wish_ = &bell;
+    return Loan::kSoon;
+  }
+  worker->borrower = &borrower;
+  worker->lent_call = &call;
+  return Loan::kGiven;
+}
+
+void Crew::end() noexcept {
+  is_over_ = true;
+  if (wish_ != nullptr) std::exchange(wish_, nullptr)->ring();
+  for (Worker* const worker : resting_)
+    worker->wake.post();
+  resting_.clear();
+}
+
+bool Crew::ask_for_thread(MonotonicTime now) noexcept {
+  if (dynamic_count_ == dynamic_count_max_ || is_over_) return false;
+  if (asking_.load(std::memory_order_acquire) == Asking::kRefused) {
+    next_asking_ = now + kRefusedPause;
+    asking_.store(Asking::kNone, std::memory_order_relaxed);
+  }
+  if (is_thread_wanted() || now < next_asking_) return false;
+  asking_.store(Asking::kWanted, std::memory_order_release);
+  return true;
+}
+
+void Crew::sign_on(const Worker& worker) noexcept {
+  if (!worker.is_dynamic) return;
+  ++dynamic_count_;
+  asking_.store(Asking::kNone, std::memory_order_release);
+}
+
+void Crew::sign_off(Worker& worker) noexcept {
+  if (worker.is_dynamic) --dynamic_count_;
+  worker.has_ended.store(true, std::memory_order_release);
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,162 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <vector>
+
+#include "lane/pending.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/semaphore.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::rpc {
+
+class Lane;
+
+/// One thread of a crew. Its owner is the crew; all but `wake` and `has_ended` belongs to whoever
+/// holds the crew's lock.
+struct Worker {
+  rt::Semaphore wake;
+  bool is_dynamic = false;
+  Lane* borrower = nullptr;  ///< The lane for which it runs `lent_call`; null: its own.
+  PendingCall* lent_call = nullptr;
+  rt::Thread thread;        ///< Of whoever starts threads.
+  bool is_started = false;  ///< Likewise.
+  std::atomic<bool> has_ended{false};
+};
+
+/// What a lane says that is asked for a thread.
+enum class Loan : std::uint8_t {
+  kGiven,  ///< It runs the call.
+  kSoon,   ///< One is about to rest; the bell will ring then.
+  kNone,
+};
+
+/// The threads of a lane that has several, and the calls that wait for one of them.
+///
+/// One thread leads: it alone receives. When there is a call to run it hands the lead to one that
+/// rests, runs the call itself, and answers it. So a call changes no thread between its arrival and
+/// its reply, and while every other thread runs a call, one still receives, to keep what comes in
+/// the order of its priority, or to refuse it.
+///
+/// Threads: everything but what says otherwise under mutex().   RT: alloc-free but for
+/// construction.
+class Crew {
+ public:
+  /// `call_count_max`: how many calls may wait, at the utmost.
+  Crew(const LaneConfig& config, std::uint32_t call_count_max);
+
+  /// Whether the lane needs one at all, or is well served by a thread that does all.
+  [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
+    return borrows || config.static_threads > 1 || config.dynamic_threads > 0 ||
+           config.buffered_request_max > 0;
+  }
+  /// The threads it begins with.
+  [[nodiscard]] static std::uint32_t static_count(const LaneConfig& config) noexcept {
+    return config.static_threads + 1;  // One receives.
+  }
+
+  [[nodiscard]] rt::PiMutex& mutex() noexcept { return mutex_; }
+  /// Takes the lock, as everybody does who does not lead: who does holds it all the time, but for
+  /// let_others_in() and while it sleeps.
+  void lock_from_aside() noexcept;
+  /// Lets those in that wait so.
+  void let_others_in() noexcept;
+
+  /// Whether a call of this size may still wait or start.
+  [[nodiscard]] bool has_place_for(std::size_t size) const noexcept;
+  void enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept;
+  /// The most urgent call, if a thread may run it and still leave one to receive; or null.
+  [[nodiscard]] PendingCall* take_to_run() noexcept;
+  /// The most urgent call, whoever runs it; or null.
+  [[nodiscard]] PendingCall* take_any() noexcept;
+  /// The same, which goes on waiting; there is one.
+  [[nodiscard]] PendingCall& first() noexcept { return *queue_.front().call; }
+  /// The call does not wait after all.
+  void withdraw(const PendingCall& call) noexcept;
+  /// For who leads: whether to leave that to another and run a call, or whether none can take over.
+  [[nodiscard]] bool has_call_to_run() const noexcept { return !queue_.empty() && has_relief(); }
+  [[nodiscard]] bool has_stuck_call() const noexcept { return !queue_.empty() && !has_relief(); }
+  [[nodiscard]] std::uint32_t queued_count() const noexcept {
+    return static_cast<std::uint32_t>(queue_.size());
+  }
+  void end_run() noexcept { --running_count_; }
+  [[nodiscard]] std::uint32_t running_count() const noexcept { return running_count_; }
+  /// A thread of another lane runs a call of this one; until end_run().
+  void begin_borrowed_run() noexcept { ++running_count_; }
+
+  /// True if the calling thread leads from now on, as none did.
+  [[nodiscard]] bool take_lead() noexcept;
+  /// Nobody leads now; one that rests is called to.
+  void leave_lead() noexcept;
+
+  /// Rests, without the lock, until called, or for `patience`; false if nobody called.
+  [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
+  /// Has a thread that rests run a call of another lane, and then come back.
+  [[nodiscard]] Loan lend(Lane& borrower, PendingCall& call, transport::Poller& bell) noexcept;
+  /// A thread that was lent is about to come back, so that calls may wait for it; or is back, or
+  /// stays away after all.   Threads: any.
+  void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
+  void end_expecting() noexcept { coming_back_.fetch_sub(1, std::memory_order_relaxed); }
+
+  /// No thread shall go on; those that rest are called.
+  void end() noexcept;
+  [[nodiscard]] bool is_over() const noexcept { return is_over_; }
+
+  /// Asks for one more thread, if there may be; true if that is news to whoever starts threads.
+  [[nodiscard]] bool ask_for_thread(MonotonicTime now) noexcept;
+  /// For whoever starts threads.   Threads: any.
+  [[nodiscard]] bool is_thread_wanted() const noexcept {
+    return asking_.load(std::memory_order_acquire) == Asking::kWanted;
+  }
+  /// The system has none left.   Threads: any.
+  void refuse_thread() noexcept { asking_.store(Asking::kRefused, std::memory_order_release); }
+  /// The calling thread begins, or ends.
+  void sign_on(const Worker& worker) noexcept;
+  void sign_off(Worker& worker) noexcept;
+  [[nodiscard]] std::uint32_t dynamic_count() const noexcept { return dynamic_count_; }
+  [[nodiscard]] std::deque<Worker>& workers() noexcept { return workers_; }
+
+ private:
+  enum class Asking : std::uint8_t { kNone, kWanted, kRefused };
+  struct Waiting {
+    PendingCall* call;
+    Priority priority;
+    std::uint64_t serial;
+    std::size_t size;
+    // Of a heap that has the greatest in front.
+    friend bool operator<(const Waiting& a, const Waiting& b) noexcept {
+      if (a.priority != b.priority) return a.priority < b.priority;
+      return a.serial > b.serial;
+    }
+  };
+
+  // Whether a thread is free to lead, or on its way.
+  [[nodiscard]] bool has_relief() const noexcept { return !called_.empty() || !resting_.empty(); }
+
+  rt::PiMutex mutex_;
+  std::atomic<std::uint32_t> knocking_{0};  ///< Threads that want the lock from aside.
+  std::deque<Worker> workers_;              ///< Their places; sized once, never moved.
+  std::vector<Worker*> resting_;            ///< The last is the one that rests for the least time.
+  std::vector<Worker*> called_;             ///< And not yet back with the lock.
+  transport::Poller* wish_ = nullptr;       ///< Of a lane that was told kSoon.
+  std::vector<Waiting> queue_;              ///< A heap. Sized once.
+  std::uint64_t serial_ = 0;
+  std::size_t queued_bytes_ = 0;
+  std::uint32_t buffered_request_max_;
+  std::size_t buffered_byte_max_;
+  std::uint32_t running_count_ = 0;
+  std::atomic<std::uint32_t> coming_back_{0};
+  std::uint32_t dynamic_count_ = 0;
+  std::uint32_t dynamic_count_max_;
+  bool has_lead_ = false;
+  bool is_over_ = false;
+  std::atomic<Asking> asking_{Asking::kNone};
+  MonotonicTime next_asking_{};
+};
+
+}  // namespace rtpm::rpc
