@@ -70,7 +70,7 @@ class Receiver {
   Receiver(int handle, const rt::WaitConfig& wait, Duration give_up) noexcept
       : handle_(handle), strategy_(wait.strategy) {
     if (strategy_ == rt::WaitStrategy::kAdaptive) spin_ = wait.spin;
-    // Nothing raw foresees its callers; what would be as quick as that spins.
+    // Nothing raw predicts its callers; what would be as quick as that spins.
     if (strategy_ == rt::WaitStrategy::kPeriodic) strategy_ = rt::WaitStrategy::kSpin;
     if (strategy_ == rt::WaitStrategy::kSpin) spin_ = give_up;
   }

@@ -224,7 +224,7 @@ void HubImpl::run() noexcept {
       if (has_backlog_) until = std::min(until, now + kBacklogInterval);
       sleeping_until_ = until;
     }
-    bury_dead();
+    reap_dead();
     const std::size_t count = poller_.wait(until, tags);
     if (ring_ && std::find(tags.begin(), tags.begin() + count, kDoor) != tags.begin() + count) {
       ring_->let_in();
@@ -248,7 +248,7 @@ void HubImpl::look_at_all(bool is_sweep, MonotonicTime now) noexcept {
 }
 
 // Frees the places of those who left, each for itself, so that nobody waits for the freeing.
-void HubImpl::bury_dead() noexcept {
+void HubImpl::reap_dead() noexcept {
   {
     const std::lock_guard lock(mutex_);
     if (!std::exchange(has_dead_, false)) return;

@@ -123,7 +123,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void look_at_all(bool is_sweep, MonotonicTime now) noexcept;
 
   void run() noexcept;
-  void bury_dead() noexcept;
+  void reap_dead() noexcept;
 
   std::uint64_t host_epoch() const noexcept override { return epoch_; }
   std::vector<Match> wishes_but_of(std::uint64_t peer) const override;

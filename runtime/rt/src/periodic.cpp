@@ -22,7 +22,7 @@ Duration distance(Duration a, Duration b) noexcept {
 
 }  // namespace
 
-void PeriodLearner::on_arrival(MonotonicTime when) noexcept {
+void PeriodEstimator::on_arrival(MonotonicTime when) noexcept {
   const bool is_first = begun_ == MonotonicTime{};
   // A turn's further calls follow its first closely.
   const Duration turn = std::max(kTurnMin, period_ / 4);
@@ -45,7 +45,7 @@ void PeriodLearner::on_arrival(MonotonicTime when) noexcept {
   learn(interval);
 }
 
-void PeriodLearner::learn(Duration interval) noexcept {
+void PeriodEstimator::learn(Duration interval) noexcept {
   if (period_ == Duration{0}) {
     period_ = interval;
     return;
@@ -68,21 +68,21 @@ void PeriodLearner::learn(Duration interval) noexcept {
   steady_count_ = std::min(steady_count_ + 1, 2 * kSteadyCount);
 }
 
-void PeriodLearner::on_missed() noexcept {
+void PeriodEstimator::on_missed() noexcept {
   if (++missed_count_ > kMissedMax) forget();
 }
 
-void PeriodLearner::forget() noexcept {
+void PeriodEstimator::forget() noexcept {
   period_ = deviation_ = Duration{0};
   steady_count_ = missed_count_ = 0;
 }
 
-std::optional<MonotonicTime> PeriodLearner::next() const noexcept {
+std::optional<MonotonicTime> PeriodEstimator::next() const noexcept {
   if (steady_count_ < kSteadyCount) return std::nullopt;
   return begun_ + (missed_count_ + 1) * period_;
 }
 
-void Foresight::on_arrival(std::uint64_t caller, MonotonicTime when) noexcept {
+void ArrivalPredictor::on_arrival(std::uint64_t caller, MonotonicTime when) noexcept {
   Caller* place = nullptr;
   for (std::size_t i = 0; i < caller_count_; ++i) {
     Caller& each = callers_[i];
@@ -97,10 +97,10 @@ void Foresight::on_arrival(std::uint64_t caller, MonotonicTime when) noexcept {
     *place = Caller{caller, when, {}};
   }
   place->heard = when;
-  place->learner.on_arrival(when);
+  place->estimator.on_arrival(when);
 }
 
-void Foresight::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
+void ArrivalPredictor::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
   const Duration late = std::max(woken - wanted, Duration{0});
   // What took longer than any waking was a hold-up, which no lead could make up for.
   if (late > kLeadMax) return;
@@ -108,36 +108,37 @@ void Foresight::on_woken(MonotonicTime wanted, MonotonicTime woken) noexcept {
   lateness_ += (late - lateness_) / 8;
 }
 
-Duration Foresight::patience() const noexcept {
+Duration ArrivalPredictor::patience() const noexcept {
   Duration longest{0};
   for (std::size_t i = 0; i < caller_count_; ++i)
-    longest = std::max(longest, callers_[i].learner.patience());
+    longest = std::max(longest, callers_[i].estimator.patience());
   return longest;
 }
 
-Duration Foresight::lead() const noexcept {
+Duration ArrivalPredictor::lead() const noexcept {
   return std::clamp<Duration>(lateness_ + 3 * lateness_deviation_, kLeadMin, kLeadMax);
 }
 
 // From when to when to spin for the caller's next turn.
-std::optional<Expectation> Foresight::window_of(const PeriodLearner& learner) const noexcept {
-  const auto next = learner.next();
+std::optional<Expectation> ArrivalPredictor::window_of(
+    const PeriodEstimator& estimator) const noexcept {
+  const auto next = estimator.next();
   if (!next) return std::nullopt;
   // A caller without a rhythm to speak of would only cost.
-  if (learner.jitter() > learner.period() / kJitterShare) return std::nullopt;
+  if (estimator.jitter() > estimator.period() / kJitterShare) return std::nullopt;
   const Duration early =
-      std::min(lead() + learner.jitter(), lateness_ + learner.period() / kSpinShare);
-  return Expectation{*next - early, *next + learner.jitter() + kLeadMin};
+      std::min(lead() + estimator.jitter(), lateness_ + estimator.period() / kSpinShare);
+  return Expectation{*next - early, *next + estimator.jitter() + kLeadMin};
 }
 
-std::optional<Expectation> Foresight::next(MonotonicTime now) noexcept {
+std::optional<Expectation> ArrivalPredictor::next(MonotonicTime now) noexcept {
   std::optional<Expectation> first;
   for (std::size_t i = 0; i < caller_count_; ++i) {
-    PeriodLearner& learner = callers_[i].learner;
-    auto window = window_of(learner);
+    PeriodEstimator& estimator = callers_[i].estimator;
+    auto window = window_of(estimator);
     while (window && window->to < now) {
-      learner.on_missed();
-      window = window_of(learner);
+      estimator.on_missed();
+      window = window_of(estimator);
     }
     if (window && (!first || window->from < first->from)) first = window;
   }

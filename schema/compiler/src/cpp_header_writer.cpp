@@ -280,8 +280,8 @@ std::string reply_handle(const Model& model, const Method& method, const std::st
   return "::rtpm::rpc::" + stem + "Table<" + type + '>';
 }
 
-std::string late_type(const Model& model, const Method& method) {
-  if (!method.is_stream) return reply_handle(model, method, "Late");
+std::string deferred_type(const Model& model, const Method& method) {
+  if (!method.is_stream) return reply_handle(model, method, "Deferred");
   const bool is_table = method.reply.kind == PayloadKind::kTable;
   return std::string("::rtpm::rpc::") + (is_table ? "TableWriter<" : "StructWriter<") +
          payload_type(model, method.reply) + '>';
@@ -293,9 +293,9 @@ std::vector<Parameter> servant_parameters(const Model& model, const Method& meth
     parameters.push_back({"const " + payload_type(model, method.request) + '&', "request"});
   }
   if (method.is_stream) {
-    parameters.push_back({late_type(model, method), "items"});
+    parameters.push_back({deferred_type(model, method), "items"});
   } else if (method.is_deferred) {
-    parameters.push_back({late_type(model, method), "reply"});
+    parameters.push_back({deferred_type(model, method), "reply"});
   } else if (method.reply.kind == PayloadKind::kTable) {
     parameters.push_back(
         {"::rtpm::rpc::ReplyBuilder<" + payload_type(model, method.reply) + ">&", "reply"});

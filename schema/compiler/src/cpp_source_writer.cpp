@@ -232,8 +232,8 @@ std::string reply_memory(const Method& method) {
   return "::rtpm::rpc::at_most(reply, " + std::to_string(*method.max_size) + ')';
 }
 
-/// What the handle of a late table is told of sizes, as the last argument.
-std::string late_size(const Method& method) {
+/// What the handle of a deferred table is told of sizes, as the last argument.
+std::string deferred_size(const Method& method) {
   if (!method.max_size || method.reply.kind != PayloadKind::kTable) return {};
   return ", " + std::to_string(*method.max_size) + 'u';
 }
@@ -246,10 +246,10 @@ std::string dispatch_case(const Model& model, const Ranges& ranges, const Servic
   const std::string text = "    case " + short_name(service.name) + "MethodId::" + name + ": {\n" +
                            request_check(model, method) + argument(model, ranges, method);
   if (method.is_stream || method.is_deferred) {
-    return text + "      return ::rtpm::rpc::run_late<" + late_type(model, method) +
+    return text + "      return ::rtpm::rpc::run_deferred<" + deferred_type(model, method) +
            ">(\n          ::rtpm::rpc::" + (method.is_stream ? "open_stream" : "defer") +
-           "(context), [&](auto late) { " + call + "::std::move(late), context); }" +
-           late_size(method) + ");\n    }\n";
+           "(context), [&](auto deferred) { " + call + "::std::move(deferred), context); }" +
+           deferred_size(method) + ");\n    }\n";
   }
   switch (method.reply.kind) {
     case PayloadKind::kEmpty:

@@ -44,8 +44,8 @@ struct Parameter {
 [[nodiscard]] std::string stream_type(const Model& model, const Method& method);
 
 /// What a method that answers later, or with a stream, is given to do so:
-/// "::rtpm::rpc::LateStruct<::lab::Pose>".
-[[nodiscard]] std::string late_type(const Model& model, const Method& method);
+/// "::rtpm::rpc::DeferredStruct<::lab::Pose>".
+[[nodiscard]] std::string deferred_type(const Model& model, const Method& method);
 /// The C++ type that a payload is handled as.
 [[nodiscard]] std::string payload_type(const Model& model, const Payload& payload);
 

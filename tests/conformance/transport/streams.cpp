@@ -7,7 +7,7 @@
 #include <numeric>
 #include <thread>
 
-#include "late_suite.hpp"
+#include "deferred_suite.hpp"
 #include "rtpm/transport/link.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/wire/client_channel.hpp"
@@ -31,9 +31,9 @@ bool is_item(ConstBytes bytes, std::uint32_t number, std::size_t size) {
   return std::ranges::equal(bytes, item_of(number, size));
 }
 
-class Streams : public LateAnswers {
+class Streams : public DeferredReplies {
  protected:
-  explicit Streams(ServerConfig config = quiet_config()) : LateAnswers(std::move(config)) {}
+  explicit Streams(ServerConfig config = quiet_config()) : DeferredReplies(std::move(config)) {}
 
   /// Writes items until `count` are written, as the reader takes them.
   static void write_all(ItemWriter& writer, std::uint32_t count, std::size_t size) {
@@ -130,7 +130,7 @@ TEST_P(Streams, TakeItemsAsLargeAsTheirReadersLimit) {
   NodeConfig config = node_config();
   config.message_size_max = 70'000;
   Node node(config);
-  auto binding = Binding::bind(node, server_->url("late"), kLateInterface,
+  auto binding = Binding::bind(node, server_->url("late"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
   ASSERT_TRUE(binding) << binding.error().text;
   auto reader = binding->open_stream(kCount, {});
@@ -244,14 +244,14 @@ INSTANTIATE_TEST_SUITE_P(Tcp, Streams, testing::Values(Transport::kTcp));
 INSTANTIATE_TEST_SUITE_P(SharedMemory, Streams, testing::Values(Transport::kSharedMemory));
 
 /// A client that has eight streams on one connection, and takes what comes when the test says so.
-class StreamsOfOneConnection : public LateAnswers {
+class StreamsOfOneConnection : public DeferredReplies {
  protected:
   using Kind = wire::ChannelEvent::Kind;
   static constexpr std::uint16_t kStreamCount = wire::kCallWindow;
   static constexpr std::size_t kItemSize = 40'000;
 
   void SetUp() override {
-    LateAnswers::SetUp();
+    DeferredReplies::SetUp();
     const std::uint16_t port = server_->port();
     auto link =
         transport() == Transport::kTcp
@@ -384,7 +384,7 @@ class StreamingProcess {
 
  private:
   static void serve(int told, std::size_t item_size) {
-    LateServant servant;
+    DeferringServant servant;
     auto server = Server::create(quiet_config());
     if (!server || !(*server)->add("late", servant) || !(*server)->start()) _exit(1);
     const std::uint16_t port = (*server)->port();
@@ -411,8 +411,8 @@ class StreamsOfAnotherProcess : public TransportSuite {
     }
   }
   void open(const StreamingProcess& process, std::uint32_t miss_count_max = kMissCountMin) {
-    auto bound =
-        Binding::bind(node_, process.url(), kLateInterface, {.deadline = rtpm::test::kPatience});
+    auto bound = Binding::bind(node_, process.url(), kDeferredInterface,
+                               {.deadline = rtpm::test::kPatience});
     ASSERT_TRUE(bound) << bound.error().text;
     binding_.emplace(std::move(*bound));
     auto reader = binding_->open_stream(kCount, {}, {.miss_count_max = miss_count_max});

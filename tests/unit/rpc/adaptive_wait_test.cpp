@@ -10,7 +10,7 @@ namespace {
 using namespace std::chrono_literals;
 using namespace test;
 
-// What rt::SpinSense promises, of a lane.
+// What rt::SpinEstimator promises, of a lane.
 TEST(AdaptiveLane, SpinsInVainForNoCallerThatAlwaysComesLater) {
   LaneConfig lane;
   lane.wait = {.strategy = rt::WaitStrategy::kAdaptive, .spin = 5ms};

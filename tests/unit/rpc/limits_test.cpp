@@ -314,13 +314,13 @@ TEST(ServerSetUp, WantsABoundForLargeMessages) {
 }
 
 constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
-constexpr std::array kLateMethods{kLater};
-constexpr InterfaceDescriptor kLateInterface{"test.Late", 4712, "by hand", kLateMethods};
+constexpr std::array kDeferredMethods{kLater};
+constexpr InterfaceDescriptor kDeferredInterface{"test.Late", 4712, "by hand", kDeferredMethods};
 
 /// Answers when its caller has gone.
-class LateServant final : public Servant {
+class DeferringServant final : public Servant {
  public:
-  const InterfaceDescriptor& interface() const noexcept override { return kLateInterface; }
+  const InterfaceDescriptor& interface() const noexcept override { return kDeferredInterface; }
   DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
                           const CallContext& context) override {
     reply_ = context.deferral->defer();
@@ -344,13 +344,13 @@ TEST(LateCalls, AreCountedInEveryLane) {
     LaneConfig lane = quiet_lane();
     lane.buffered_request_max = buffered_request_max;
     auto server = std::move(*Server::create(quiet_config({lane})));
-    LateServant late;
+    DeferringServant late;
     echo::Servant servant;
     ASSERT_TRUE(server->add("echo", servant, {}));
     ASSERT_TRUE(server->add("late", late, {}));
     ASSERT_TRUE(server->start());
     Node node(quiet_node());
-    auto deferred = Binding::bind(node, server->url("late"), kLateInterface, {});
+    auto deferred = Binding::bind(node, server->url("late"), kDeferredInterface, {});
     auto binding = Binding::bind(node, server->url("echo"), echo::kInterface, {});
     ASSERT_TRUE(deferred && binding);
     EXPECT_FALSE(deferred->call(kLater, {}, {.deadline = 100ms}));

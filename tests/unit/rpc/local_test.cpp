@@ -118,7 +118,7 @@ TEST(LocalCalls, OfAMethodToItsOwnLaneRunInsideOfIt) {
 }
 
 /// Answers when the test does.
-class LateServant final : public Servant {
+class DeferringServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
   DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
@@ -147,7 +147,7 @@ class LateServant final : public Servant {
   std::deque<DeferredReply> replies_;
 };
 
-class LocalLateAnswers : public testing::TestWithParam<std::uint32_t> {
+class LocalDeferredReplies : public testing::TestWithParam<std::uint32_t> {
  protected:
   void SetUp() override {
     LaneConfig lane = quiet_lane();
@@ -159,13 +159,13 @@ class LocalLateAnswers : public testing::TestWithParam<std::uint32_t> {
     ASSERT_TRUE(bound);
     binding_.emplace(std::move(*bound));
   }
-  LateServant servant_;
+  DeferringServant servant_;
   std::unique_ptr<Server> server_;
   Node node_{quiet_node(Transport::kAuto)};
   std::optional<Binding> binding_;
 };
 
-TEST_P(LocalLateAnswers, ComeFromAnyThread) {
+TEST_P(LocalDeferredReplies, ComeFromAnyThread) {
   std::thread caller([&] {
     const auto reply = binding_->call(echo::kEchoOnce, bytes_of("question"));
     ASSERT_TRUE(reply) << to_string(reply.error());
@@ -178,7 +178,7 @@ TEST_P(LocalLateAnswers, ComeFromAnyThread) {
   server_->stop();
 }
 
-TEST_P(LocalLateAnswers, EndWithTheServer) {
+TEST_P(LocalDeferredReplies, EndWithTheServer) {
   std::thread caller([&] {
     const auto reply = binding_->call(echo::kEchoOnce, {});
     ASSERT_FALSE(reply);
@@ -191,7 +191,7 @@ TEST_P(LocalLateAnswers, EndWithTheServer) {
   reply.complete(wire::Status::kOk);
 }
 
-TEST_P(LocalLateAnswers, AreOverWhenTheCallersTimeIs) {
+TEST_P(LocalDeferredReplies, AreOverWhenTheCallersTimeIs) {
   const auto reply = binding_->call(echo::kEchoOnce, {}, {.deadline = 100ms});
   ASSERT_FALSE(reply);
   EXPECT_EQ(reply.error(), CallError::kTimeout);
@@ -203,7 +203,7 @@ TEST_P(LocalLateAnswers, AreOverWhenTheCallersTimeIs) {
   server_->stop();
 }
 
-INSTANTIATE_TEST_SUITE_P(OneThreadAndSeveral, LocalLateAnswers, testing::Values(0, 4));
+INSTANTIATE_TEST_SUITE_P(OneThreadAndSeveral, LocalDeferredReplies, testing::Values(0, 4));
 
 TEST(LocalCalls, AreSentWithoutWaiting) {
   EchoServer server;

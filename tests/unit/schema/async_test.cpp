@@ -62,22 +62,22 @@ class GeneratedAsync : public testing::Test {
   }
 
   std::mutex mutex_;
-  std::vector<rtpm::rpc::LateStruct<late::Sample>> waiting_;
+  std::vector<rtpm::rpc::DeferredStruct<late::Sample>> waiting_;
   late::FeedFunctionServant feed_{{
       .mark = [](const late::Note&, const CallContext&) -> rtpm::rpc::Result<void> { return {}; },
       .wait =
-          [this](rtpm::rpc::LateStruct<late::Sample> reply, const CallContext&) {
+          [this](rtpm::rpc::DeferredStruct<late::Sample> reply, const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             const std::lock_guard lock(mutex_);
             waiting_.push_back(std::move(reply));
           },
       .rest =
-          [](const late::Sample& request, rtpm::rpc::LateNothing reply, const CallContext&) {
+          [](const late::Sample& request, rtpm::rpc::DeferredNothing reply, const CallContext&) {
             if (request.number() == 0) return reply.fail(rtpm::rpc::Refusal::kGone);
             reply.complete();
           },
       .describe =
-          [](const late::Note& request, rtpm::rpc::LateTable<late::Note> reply,
+          [](const late::Note& request, rtpm::rpc::DeferredTable<late::Note> reply,
              const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             auto builder = reply.builder();
@@ -212,7 +212,7 @@ TEST_F(GeneratedAsync, RequestsThatAreNoneAreCounted) {
 }
 
 // rtpm_max_size holds for what comes later, too.
-TEST_F(GeneratedAsync, LateRepliesAndItemsHaveTheirLargestSize) {
+TEST_F(GeneratedAsync, DeferredRepliesAndItemsHaveTheirLargestSize) {
   EXPECT_TRUE(client_->describe(note("200")));
   EXPECT_EQ(client_->describe(note("256")).error(), CallError::kTooLarge);
   auto fits = client_->log(note("64"));

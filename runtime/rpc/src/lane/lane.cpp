@@ -55,9 +55,9 @@ std::size_t bulk_size(const LaneSetup& setup) noexcept {
 // How many calls may be unfinished: waiting, running, or deferred.
 std::uint32_t call_count_max(const LaneSetup& setup) noexcept {
   const LaneConfig& config = setup.config;
-  if (!Crew::is_wanted(config, setup.borrows)) return setup.deferred_call_count_max;
-  return setup.deferred_call_count_max + config.buffered_request_max + Crew::static_count(config) +
-         config.dynamic_threads + setup.lendable_thread_count;
+  if (!ThreadPool::is_wanted(config, setup.borrows)) return setup.deferred_call_count_max;
+  return setup.deferred_call_count_max + config.buffered_request_max +
+         ThreadPool::static_count(config) + config.dynamic_threads + setup.lendable_thread_count;
 }
 
 std::size_t stream_size(const LaneSetup& setup, wire::Medium medium) noexcept {
@@ -114,9 +114,9 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       memory_sessions_(
           memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
       bell_(std::make_shared<Doorbell>(poller_)),
-      pending_(std::make_shared<PendingPool>(call_count_max(setup), setup.deferred_call_count_max,
-                                             setup.sessions.message_size_max, setup.stream_byte_max,
-                                             Crew::is_wanted(setup.config, setup.borrows), bell_)),
+      pending_(std::make_shared<PendingPool>(
+          call_count_max(setup), setup.deferred_call_count_max, setup.sessions.message_size_max,
+          setup.stream_byte_max, ThreadPool::is_wanted(setup.config, setup.borrows), bell_)),
       gate_(std::make_shared<LocalGate>(bell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
       connections_(2 * std::size_t{setup.sessions.session_count_max}),
@@ -139,8 +139,8 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   stream_sources_.reserve(connections_.size());
   // One more: a call that used up the turn stands at the end before its old entry goes.
   backlog_.reserve(std::size_t{call_count_max(setup)} + 1);
-  if (Crew::is_wanted(config_, setup.borrows)) {
-    crew_.emplace(config_, call_count_max(setup));
+  if (ThreadPool::is_wanted(config_, setup.borrows)) {
+    pool_.emplace(config_, call_count_max(setup));
   } else if (config_.wait.strategy != rt::WaitStrategy::kSpin) {
     poller_.allow_receives();
   }
@@ -193,7 +193,7 @@ void Lane::step(MonotonicTime& spin_end) noexcept {
 }
 
 void Lane::after_work() noexcept {
-  spin_sense_.on_work(received_);
+  spin_estimator_.on_work(received_);
   nap_if_overdue(received_);
 }
 
@@ -235,17 +235,17 @@ void Lane::keep_cpu_awake(MonotonicTime until) noexcept {
 
 // Sleeps without looking at anything. Others may use the lane meanwhile.
 void Lane::nap(MonotonicTime until) noexcept {
-  if (crew_) crew_->mutex().unlock();
+  if (pool_) pool_->mutex().unlock();
   keep_cpu_awake(until);
   rt::sleep_until(until);
-  if (crew_) crew_->lock_from_aside();
+  if (pool_) pool_->lock_from_aside();
 }
 
 // Spinning on after a call is a waste where the next one never comes that soon. Where callers come
 // at a steady pace, it is one unless they call several times in a row.
 Duration Lane::spin_time(MonotonicTime now) noexcept {
-  const bool does_pay = spin_sense_.on_idle(now, config_.wait.spin);
-  if (has_rhythm_) return std::min(config_.wait.spin, foresight_.patience());
+  const bool does_pay = spin_estimator_.on_idle(now, config_.wait.spin);
+  if (has_rhythm_) return std::min(config_.wait.spin, predictor_.patience());
   return does_pay ? config_.wait.spin : Duration{0};
 }
 
@@ -259,14 +259,14 @@ MonotonicTime Lane::next_time() const noexcept {
 // may still come. False where none is expected.
 bool Lane::sleep_to_next_turn() noexcept {
   const MonotonicTime now = rt::now();
-  const auto window = foresight_.next(now);
+  const auto window = predictor_.next(now);
   has_rhythm_ = window.has_value();
   if (!has_rhythm_) return false;
   if (now >= window->from) return true;
   // A call that comes early ends the sleep like any other.
   if (look_around(std::min(window->from, next_time()))) return true;
   const MonotonicTime woken = rt::now();
-  if (woken >= window->from) foresight_.on_woken(window->from, woken);
+  if (woken >= window->from) predictor_.on_woken(window->from, woken);
   return true;
 }
 
@@ -402,7 +402,7 @@ bool Lane::look_around(MonotonicTime until) noexcept {
 
 // Others may use the lane while it sleeps.
 std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
-  const bool is_shared = crew_ && until != transport::Poller::kAlready;
+  const bool is_shared = pool_ && until != transport::Poller::kAlready;
   if (is_crowded_ && memory_sources_.empty() && stream_sources_.size() <= kFewStreams / 2) {
     end_crowd();
   }
@@ -422,10 +422,10 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
     few[few_count++] = {connections_[source].stream->descriptor(), source};
   }
   const bool is_crowded = is_crowded_;
-  if (is_shared) crew_->mutex().unlock();
+  if (is_shared) pool_->mutex().unlock();
   const std::size_t count = is_crowded ? poller_.wait(until, ready_)
                                        : poller_.wait_for({few.data(), few_count}, until, ready_);
-  if (is_shared) crew_->mutex().lock();
+  if (is_shared) pool_->mutex().lock();
   return count;
 }
 
@@ -753,7 +753,7 @@ void Lane::publish() noexcept {
   counters_.frames.add(memory_sessions_.counters());
   sample_.counters = counters_;
   sample_.counters.late_count += counters_.frames.expired_count - silent_stream_count_;
-  sample_.queued_count = crew_ ? crew_->queued_count() : 0;
+  sample_.queued_count = pool_ ? pool_->queued_count() : 0;
   sample_.open_call_count = pending_->open_count();
   sample_.open_connection_count = connection_count();
   slot_.sample.write(sample_);

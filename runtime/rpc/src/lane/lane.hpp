@@ -16,14 +16,14 @@
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/rt/periodic.hpp"
-#include "rtpm/rt/spin_sense.hpp"
+#include "rtpm/rt/spin_estimator.hpp"
 #include "rtpm/transport/connection.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/train.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "server/object_table.hpp"
-#include "thread_pool/crew.hpp"
+#include "thread_pool/thread_pool.hpp"
 
 namespace rtpm::rpc {
 
@@ -50,10 +50,10 @@ struct LaneSetup {
 
 /// The runtime of one lane: its sockets, its sessions and the loop that its thread runs, or its
 /// threads in turn. The thread that receives a request runs the servant and sends the reply.
-/// Threads: run() on the lane's thread; adopt(), take_back() and mind_threads() from the acceptor;
-/// lend() from other lanes; stop() and counters() from any; close() when no other thread uses it
-/// but for counters(); everything that is private on the one thread, or by one at a time with the
-/// crew's lock.
+/// Threads: run() on the lane's thread; adopt(), take_back() and maintain_threads() from the
+/// acceptor; lend() from other lanes; stop() and counters() from any; close() when no other thread
+/// uses it but for counters(); everything that is private on the one thread, or by one at a time
+/// with the pool's lock.
 class Lane {
  public:
   Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
@@ -71,10 +71,10 @@ class Lane {
   /// After stop(): waits until its threads have ended.
   void join() noexcept;
   /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
-  void mind_threads() noexcept;
+  void maintain_threads() noexcept;
   /// Has a thread of this lane, or of one below, that rests run a call of another.
   /// RT: alloc-free.
-  [[nodiscard]] Loan lend(Lane& borrower, PendingCall& call) noexcept;
+  [[nodiscard]] BorrowedThread lend(Lane& borrower, PendingCall& call) noexcept;
   /// After its threads have ended: closes the sockets, so that callers see at once that nobody
   /// serves them.
   void close() noexcept;
@@ -192,7 +192,7 @@ class Lane {
   void work(Worker& me) noexcept;
   void lead() noexcept;
   void find_help() noexcept;
-  [[nodiscard]] Loan borrow() noexcept;
+  [[nodiscard]] BorrowedThread borrow() noexcept;
   [[nodiscard]] bool take_in(PendingCall& call, wire::ServerSessions& sessions,
                              const wire::Request& request, const Object& object) noexcept;
   [[nodiscard]] bool find_place(PendingCall& call, const Object& object) noexcept;
@@ -204,12 +204,12 @@ class Lane {
   [[nodiscard]] bool serve_local() noexcept;
   void serve_local_call(LocalChannel& channel) noexcept;
   void serve_pending_local(PendingCall& call) noexcept;
-  void run_borrowed(PendingCall& first, Crew& lender) noexcept;
-  void run_queued(PendingCall& call, Crew* lender = nullptr) noexcept;
+  void run_borrowed(PendingCall& first, ThreadPool& lender) noexcept;
+  void run_queued(PendingCall& call, ThreadPool* lender = nullptr) noexcept;
   [[nodiscard]] ConstBytes queue_request(wire::ServerSessions& sessions,
                                          const wire::Request& request,
                                          const Object& object) noexcept;
-  void end_crew() noexcept;
+  void end_pool() noexcept;
   void adopt_waiting() noexcept;
   [[nodiscard]] bool make_place_for(const wire::PeerAddress& host, bool is_memory,
                                     MonotonicTime now) noexcept;
@@ -228,8 +228,8 @@ class Lane {
   transport::Poller* acceptor_bell_;
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
   rt::CpuKeeper* keeper_ = nullptr;
-  rt::Thread thread_;  ///< The one, where there is no crew.
-  std::optional<Crew> crew_;
+  rt::Thread thread_;  ///< The one, where there is no thread pool.
+  std::optional<ThreadPool> pool_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   transport::Poller poller_;
   bool has_memory_ = false;
@@ -275,8 +275,8 @@ class Lane {
   std::uint16_t quick_method_ = 0;                       ///< and its method.
   bool is_periodic_ = false;
   bool has_rhythm_ = false;  ///< At the last look ahead.
-  rt::Foresight foresight_;
-  rt::SpinSense spin_sense_;
+  rt::ArrivalPredictor predictor_;
+  rt::SpinEstimator spin_estimator_;
   bool is_unpublished_ = false;
   std::uint32_t waiting_reply_count_ = 0;     ///< Large ones for which there is no room yet.
   MonotonicTime waiting_reply_due_ = kNever;  ///< No room gets free before, unless by a frame.

@@ -66,7 +66,7 @@ class LaneDeferral final : public Deferral {
 
 ConstBytes Lane::run_request(wire::ServerSessions& sessions,
                              const wire::Request& request) noexcept {
-  if (crew_) {
+  if (pool_) {
     if (const auto object = target_of(request)) return queue_request(sessions, request, **object);
   }
   if (request.wants_receipt()) return run_accepted(sessions, request);
@@ -169,7 +169,7 @@ DispatchResult Lane::dispatch(const wire::Request& request, MutableBytes reply,
 DispatchResult Lane::run_now(const Object& object, const wire::Request& request, MutableBytes reply,
                              Deferral& deferral) noexcept {
   ++counters_.call_count;
-  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
+  if (is_periodic_) predictor_.on_arrival(request.header.session, request.received);
   bool has_thrown = false;
   const DispatchResult result = run_servant(object, request, reply, deferral, has_thrown);
   if (has_thrown) ++counters_.servant_failure_count;

@@ -68,8 +68,9 @@ bool Lane::serve_local() noexcept {
   counters_.overload_count += refused_count;
   is_unpublished_ = true;
   if (call != nullptr) serve_local_call(*call);
-  // One by turn, as of any source. A crew only puts them in order, which wants to know them all.
-  while (crew_ && (call = gate_->take_next()) != nullptr)
+  // One by turn, as of any source. A thread pool only puts them in order, which wants to know them
+  // all.
+  while (pool_ && (call = gate_->take_next()) != nullptr)
     serve_local_call(*call);
   publish();
   return true;
@@ -82,7 +83,7 @@ void Lane::serve_local_call(LocalChannel& channel) noexcept {
   const auto target = target_of(request);
   if (!target) return channel.finish(target.error(), 0);
   const Object& object = **target;
-  if (crew_) {
+  if (pool_) {
     if (PendingCall* const call = take_pending()) {
       // Several threads at a time may run calls from places, which share the room for replies.
       call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
@@ -131,10 +132,10 @@ DispatchResult Lane::run_nested(const LocalChannel& channel) noexcept {
   const DispatchResult result =
       run_servant(**target, request, channel.reply(), no_deferral, has_thrown);
   if (outer) rt::adopt_priority(*outer);
-  if (crew_) crew_->lock_from_aside();
+  if (pool_) pool_->lock_from_aside();
   ++counters_.call_count;
   counters_.servant_failure_count += has_thrown ? 1 : 0;
-  if (crew_) crew_->mutex().unlock();
+  if (pool_) pool_->mutex().unlock();
   return result;
 }
 

@@ -32,7 +32,7 @@ struct PendingCall {
   std::uint32_t item_frame_size_max = 0;  ///< Of an item that goes in one frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
   bool is_in_backlog = false;             ///< See Lane::send_backlog().
-  // Of a lane with a crew.
+  // Of a lane with a thread pool.
   const Object* object = nullptr;
   MutableBytes request_room{};
   bool is_running = false;      ///< Or waits for it: not to be ended yet.

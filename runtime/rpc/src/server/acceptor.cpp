@@ -98,7 +98,7 @@ void Acceptor::run() noexcept {
     const MonotonicTime now = rt::now();
     if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);
     drop_late(now);
-    mind_lanes();
+    maintain_lanes();
   }
 }
 
@@ -208,11 +208,11 @@ void Acceptor::drop_late(MonotonicTime now) noexcept {
   }
 }
 
-void Acceptor::mind_lanes() noexcept {
+void Acceptor::maintain_lanes() noexcept {
   for (const auto& lane : *lanes_) {
     while (lane->take_back() != nullptr) {
     }
-    lane->mind_threads();
+    lane->maintain_threads();
   }
 }
 

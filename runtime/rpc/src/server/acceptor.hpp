@@ -55,7 +55,7 @@ class Acceptor {
   void place(Newcomer& newcomer) noexcept;
   void hand_over(Priority priority, std::unique_ptr<transport::Connection> connection) noexcept;
   void drop_late(MonotonicTime now) noexcept;
-  void mind_lanes() noexcept;
+  void maintain_lanes() noexcept;
 
   std::optional<transport::TcpListener> listener_;                  ///< None once stopped.
   std::optional<transport::SharedMemoryListener> memory_listener_;  ///< Likewise; or not wanted.

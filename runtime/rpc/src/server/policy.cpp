@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "thread_pool/crew.hpp"
+#include "thread_pool/thread_pool.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -50,7 +50,7 @@ expected<void, SetupError> check_policy(std::string_view path, const ObjectOptio
     return setup_error(object + " declares priority " + std::to_string(options.priority.value()) +
                        ", which is in none of its bands. Remedy: declare one that is.");
   }
-  if (lanes.size() == 1 && !Crew::is_wanted(lanes.front(), borrows)) {
+  if (lanes.size() == 1 && !ThreadPool::is_wanted(lanes.front(), borrows)) {
     return setup_error(object +
                        " has bands, and the server's only lane serves calls in the order in which "
                        "they come. Remedy: let the lane keep requests "

@@ -6,8 +6,8 @@
 
 #include "rtpm/base/time.hpp"
 
-/// Foresight for who serves periodic callers: when the next one will come, and how much earlier to
-/// wake for it. Pure arithmetic on times that come in; whoever waits does the waiting.
+/// ArrivalPredictor for who serves periodic callers: when the next one will come, and how much
+/// earlier to wake for it. Pure arithmetic on times that come in; whoever waits does the waiting.
 namespace rtpm::rt {
 
 /// When something is expected: worth spinning for from `from` to `to`.
@@ -19,7 +19,7 @@ struct Expectation {
 /// Learns the period, the phase and the jitter of one caller. A caller that calls several times in
 /// a row at each turn counts as one: what matters is when it begins.
 /// RT: alloc-free, a few ns.
-class PeriodLearner {
+class PeriodEstimator {
  public:
   /// Periods that are worth it: shorter ones are spun through, longer ones wake cold anyway.
   static constexpr Duration kPeriodMin = std::chrono::microseconds{200};
@@ -58,7 +58,7 @@ class PeriodLearner {
 /// Foresees the calls of a few callers at once, and learns how early its owner must wake.
 /// Ownership: its own memory, bounded; a new caller takes the place of the one heard longest ago.
 /// Threads: one.   RT: alloc-free, some ten ns.
-class Foresight {
+class ArrivalPredictor {
  public:
   static constexpr std::size_t kCallerCountMax = 16;
 
@@ -79,9 +79,10 @@ class Foresight {
   struct Caller {
     std::uint64_t number = 0;  ///< 0: none.
     MonotonicTime heard{};
-    PeriodLearner learner;
+    PeriodEstimator estimator;
   };
-  [[nodiscard]] std::optional<Expectation> window_of(const PeriodLearner& learner) const noexcept;
+  [[nodiscard]] std::optional<Expectation> window_of(
+      const PeriodEstimator& estimator) const noexcept;
 
   std::array<Caller, kCallerCountMax> callers_{};
   std::size_t caller_count_ = 0;

@@ -66,7 +66,7 @@ CallError error_of_call(Binding& binding, const CallOptions& options = {}) {
   return reply ? CallError{} : reply.error();
 }
 
-TEST(Crew, RunsAsManyCallsAtATimeAsItHasThreads) {
+TEST(ThreadPool, RunsAsManyCallsAtATimeAsItHasThreads) {
   EchoServer server(quiet_config({lane_of(3)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -81,7 +81,7 @@ TEST(Crew, RunsAsManyCallsAtATimeAsItHasThreads) {
   EXPECT_TRUE(binding.call(echo::kEcho, {})) << "it recovers";
 }
 
-TEST(Crew, KeepsAsManyCallsWaitingAsItMay) {
+TEST(ThreadPool, KeepsAsManyCallsWaitingAsItMay) {
   EchoServer server(quiet_config({lane_of(1, 2)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -95,7 +95,7 @@ TEST(Crew, KeepsAsManyCallsWaitingAsItMay) {
   EXPECT_EQ(holders.done_count(), 3);
 }
 
-TEST(Crew, KeepsNoMoreBytesWaitingThanItMay) {
+TEST(ThreadPool, KeepsNoMoreBytesWaitingThanItMay) {
   LaneConfig lane = lane_of(1, 10);
   lane.buffered_byte_max = 1000;
   EchoServer server(quiet_config({lane}));
@@ -112,7 +112,7 @@ TEST(Crew, KeepsNoMoreBytesWaitingThanItMay) {
 }
 
 // One lane for all priorities must not serve them in the order in which they came.
-TEST(Crew, RunsTheMostUrgentFirst) {
+TEST(ThreadPool, RunsTheMostUrgentFirst) {
   NotingServant servant;
   auto server = std::move(*Server::create(quiet_config({lane_of(1, 16)})));
   ASSERT_TRUE(server->add("echo", servant));
@@ -138,7 +138,7 @@ TEST(Crew, RunsTheMostUrgentFirst) {
   server->stop();
 }
 
-TEST(Crew, DropsWhatWaitedTooLong) {
+TEST(ThreadPool, DropsWhatWaitedTooLong) {
   EchoServer server(quiet_config({lane_of(1, 4)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server);
@@ -151,7 +151,7 @@ TEST(Crew, DropsWhatWaitedTooLong) {
   EXPECT_EQ(server.servant.run_count(), 1) << "only the one that held the lane";
 }
 
-TEST(Crew, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
+TEST(ThreadPool, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
   LaneConfig lane = lane_of(1);
   lane.name = "grows";
   lane.dynamic_threads = 2;
@@ -171,7 +171,7 @@ TEST(Crew, StartsDynamicThreadsWhenAllAreBusyAndEndsThem) {
   EXPECT_TRUE(binding.call(echo::kEcho, {}));
 }
 
-TEST(Crew, BorrowsAThreadOfALowerLane) {
+TEST(ThreadPool, BorrowsAThreadOfALowerLane) {
   ServerConfig config = quiet_config({lane_of(1, 0, 0), lane_of(1, 0, 20'000)});
   config.borrows = true;
   EchoServer server(std::move(config));
@@ -196,7 +196,7 @@ TEST(Crew, BorrowsAThreadOfALowerLane) {
   EXPECT_TRUE(await([&] { return binding.call(echo::kEcho, {}, {.priority = 100}).has_value(); }));
 }
 
-TEST(Crew, LendsNothingUpwardsToALowerLane) {
+TEST(ThreadPool, LendsNothingUpwardsToALowerLane) {
   ServerConfig config = quiet_config({lane_of(1, 0, 0), lane_of(1, 0, 20'000)});
   config.borrows = true;
   EchoServer server(std::move(config));
@@ -209,7 +209,7 @@ TEST(Crew, LendsNothingUpwardsToALowerLane) {
 }
 
 // A servant that blocks for ever hurts only its lane.
-TEST(Crew, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
+TEST(ThreadPool, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
   EchoServer server(quiet_config({lane_of(2, 1, 0), lane_of(1, 1, 20'000)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, server, {.warm_up = {100, 30'000}});
@@ -219,7 +219,7 @@ TEST(Crew, ServesOtherLanesWhileAllThreadsOfOneAreStuck) {
     EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
 }
 
-TEST(Crew, TellsThoseWhoWaitThatItStops) {
+TEST(ThreadPool, TellsThoseWhoWaitThatItStops) {
   auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, *server);
@@ -238,7 +238,7 @@ TEST(Crew, TellsThoseWhoWaitThatItStops) {
   stopping.join();
 }
 
-TEST(Crew, AnswersACallThatOverrunsTheStopWithItsStop) {
+TEST(ThreadPool, AnswersACallThatOverrunsTheStopWithItsStop) {
   auto server = std::make_unique<EchoServer>(quiet_config({lane_of(1, 4)}));
   Node node(quiet_node());
   Binding binding = bind_echo(node, *server);
@@ -255,7 +255,7 @@ TEST(Crew, AnswersACallThatOverrunsTheStopWithItsStop) {
   stopping.join();
 }
 
-TEST(Crew, ServesManyCallersAtOnceOverEveryTransport) {
+TEST(ThreadPool, ServesManyCallersAtOnceOverEveryTransport) {
   for (const Transport transport : {Transport::kUdp, Transport::kTcp, Transport::kSharedMemory}) {
     ServerConfig config = quiet_config({lane_of(2, 64, 0), lane_of(2, 64, 20'000)});
     config.borrows = true;
@@ -282,7 +282,7 @@ TEST(Crew, ServesManyCallersAtOnceOverEveryTransport) {
   }
 }
 
-TEST(CrewSetUp, RefusesNumbersOutOfRange) {
+TEST(ThreadPoolSetUp, RefusesNumbersOutOfRange) {
   const auto error_of = [](auto change) {
     LaneConfig lane = quiet_lane();
     change(lane);

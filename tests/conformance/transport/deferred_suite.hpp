@@ -18,19 +18,20 @@
 #include "rtpm/rt/memory.hpp"
 #include "suite.hpp"
 
-/// What the tests of late answers and of streams have in common.
+/// What the tests of deferred replies and of streams have in common.
 namespace rtpm::rpc::test {
 
 inline constexpr MethodDescriptor kLater{1, "later", 201, false, {}};
 inline constexpr MethodDescriptor kCount{2, "count", 202, false, {}};
 inline constexpr MethodDescriptor kNote{3, "note", 203, false, {}};
-inline constexpr std::array kLateMethods{kLater, kCount, kNote};
-inline constexpr InterfaceDescriptor kLateInterface{"test.Late", 4712, "by hand", kLateMethods};
+inline constexpr std::array kDeferredMethods{kLater, kCount, kNote};
+inline constexpr InterfaceDescriptor kDeferredInterface{"test.Late", 4712, "by hand",
+                                                        kDeferredMethods};
 
 /// Answers when the test does.
-class LateServant final : public Servant {
+class DeferringServant final : public Servant {
  public:
-  const InterfaceDescriptor& interface() const noexcept override { return kLateInterface; }
+  const InterfaceDescriptor& interface() const noexcept override { return kDeferredInterface; }
 
   DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes,
                           const CallContext& context) override {
@@ -80,15 +81,15 @@ class LateServant final : public Servant {
   std::vector<std::string> notes_;
 };
 
-class LateAnswers : public TransportSuite {
+class DeferredReplies : public TransportSuite {
  protected:
-  explicit LateAnswers(ServerConfig config = quiet_config()) {
+  explicit DeferredReplies(ServerConfig config = quiet_config()) {
     auto created = Server::create(std::move(config));
     EXPECT_TRUE(created) << created.error().text;
     server_ = std::move(*created);
     EXPECT_TRUE(server_->add("late", servant_));
     EXPECT_TRUE(server_->start());
-    auto bound = Binding::bind(node_, server_->url("late"), kLateInterface,
+    auto bound = Binding::bind(node_, server_->url("late"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
     EXPECT_TRUE(bound) << bound.error().text;
     binding_.emplace(std::move(*bound));
@@ -118,7 +119,7 @@ class LateAnswers : public TransportSuite {
     return {reinterpret_cast<const char*>((*item)->data()), (*item)->size()};
   }
 
-  LateServant servant_;
+  DeferringServant servant_;
   std::unique_ptr<Server> server_;
   Node node_{node_config()};
   std::optional<Binding> binding_;

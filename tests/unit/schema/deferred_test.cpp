@@ -39,17 +39,17 @@ class TestFeed final : public late::FeedServant {
     is_settled = true;
     return {};
   }
-  void wait(rtpm::rpc::LateStruct<late::Sample> reply, const CallContext&) override {
+  void wait(rtpm::rpc::DeferredStruct<late::Sample> reply, const CallContext&) override {
     reply.complete(late::Sample{4, 0.5});
   }
-  void rest(const late::Sample& request, rtpm::rpc::LateNothing reply,
+  void rest(const late::Sample& request, rtpm::rpc::DeferredNothing reply,
             const CallContext&) override {
     if (request.number() == 0) {
       return reply.complete(rtpm::unexpected{rtpm::rpc::Refusal::kBadRequest});
     }
     reply.complete();
   }
-  void describe(const late::Note& request, rtpm::rpc::LateTable<late::Note> reply,
+  void describe(const late::Note& request, rtpm::rpc::DeferredTable<late::Note> reply,
                 const CallContext&) override {
     auto builder = reply.builder();
     const auto text = builder.builder().CreateString("about " + request.text()->str());
@@ -89,9 +89,9 @@ class TestFeed final : public late::FeedServant {
   std::thread worker;
 };
 
-class GeneratedLate : public testing::Test {
+class GeneratedDeferred : public testing::Test {
  protected:
-  GeneratedLate() {
+  GeneratedDeferred() {
     rtpm::rpc::ServerConfig config;
     config.realtime = rtpm::rt::RealtimeMode::kOff;
     server_ = *rtpm::rpc::Server::create(config);
@@ -101,7 +101,7 @@ class GeneratedLate : public testing::Test {
     EXPECT_TRUE(client) << client.error().text;
     client_.emplace(std::move(*client));
   }
-  ~GeneratedLate() override {
+  ~GeneratedDeferred() override {
     server_->stop();
     if (feed_.worker.joinable()) feed_.worker.join();
   }
@@ -121,7 +121,7 @@ class GeneratedLate : public testing::Test {
   std::optional<late::FeedClient> client_;
 };
 
-TEST_F(GeneratedLate, OnewaysGoAsFarAsTheirSchemaSays) {
+TEST_F(GeneratedDeferred, OnewaysGoAsFarAsTheirSchemaSays) {
   ASSERT_TRUE(client_->nudge(late::Sample{17, 0}));
   EXPECT_TRUE(rtpm::test::await([&] { return feed_.nudged == 17; }));
   ASSERT_TRUE(client_->mark(note("here")));
@@ -133,7 +133,7 @@ TEST_F(GeneratedLate, OnewaysGoAsFarAsTheirSchemaSays) {
   EXPECT_TRUE(feed_.is_settled) << "its caller goes on when it ran";
 }
 
-TEST_F(GeneratedLate, RepliesComeLater) {
+TEST_F(GeneratedDeferred, RepliesComeLater) {
   const auto sample = client_->wait();
   ASSERT_TRUE(sample) << to_string(sample.error());
   EXPECT_EQ(sample->number(), 4u);
@@ -144,7 +144,7 @@ TEST_F(GeneratedLate, RepliesComeLater) {
   EXPECT_EQ((*text)->text()->str(), "about it");
 }
 
-TEST_F(GeneratedLate, StreamsOfStructsComeInOrder) {
+TEST_F(GeneratedDeferred, StreamsOfStructsComeInOrder) {
   auto samples = client_->watch();
   ASSERT_TRUE(samples) << to_string(samples.error());
   for (std::uint64_t i = 0; i < 100; ++i) {
@@ -158,7 +158,7 @@ TEST_F(GeneratedLate, StreamsOfStructsComeInOrder) {
   EXPECT_FALSE(end->has_value());
 }
 
-TEST_F(GeneratedLate, StreamsOfTablesMayEndWithARefusal) {
+TEST_F(GeneratedDeferred, StreamsOfTablesMayEndWithARefusal) {
   auto notes = client_->log(note("line"));
   ASSERT_TRUE(notes) << to_string(notes.error());
   for (const char* wanted : {"line one", "line two"}) {
@@ -170,7 +170,7 @@ TEST_F(GeneratedLate, StreamsOfTablesMayEndWithARefusal) {
   EXPECT_EQ(notes->next(rtpm::rt::now() + 20s).error(), CallError::kNoSuchObject);
 }
 
-TEST_F(GeneratedLate, StreamsAreNotForOrdinaryCalls) {
+TEST_F(GeneratedDeferred, StreamsAreNotForOrdinaryCalls) {
   const rtpm::rpc::MethodDescriptor watch{7, "watch", 0, false, {}};
   EXPECT_EQ(client_->binding().call(watch, {}).error(), CallError::kOverload);
 }

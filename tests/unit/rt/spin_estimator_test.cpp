@@ -1,4 +1,4 @@
-#include "rtpm/rt/spin_sense.hpp"
+#include "rtpm/rt/spin_estimator.hpp"
 
 #include <gtest/gtest.h>
 
@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 constexpr Duration kSpin = 100us;
 
 /// A thread whose pauses are told, one by one.
-class SpinSenseTest : public testing::Test {
+class SpinEstimatorTest : public testing::Test {
  protected:
   /// Whether it spins at the begin of a pause that lasts so long.
   bool spins(Duration pause) {
@@ -29,27 +29,27 @@ class SpinSenseTest : public testing::Test {
   }
 
  private:
-  SpinSense sense_;
+  SpinEstimator sense_;
   MonotonicTime now_{1'000s};
 };
 
-TEST_F(SpinSenseTest, SpinsUntilItKnowsBetter) {
+TEST_F(SpinEstimatorTest, SpinsUntilItKnowsBetter) {
   EXPECT_TRUE(spins(20us));
   EXPECT_EQ(count(1000, 20us), 1000);
 }
 
-TEST_F(SpinSenseTest, GivesUpWhereTheNextCallNeverComesInTime) {
+TEST_F(SpinEstimatorTest, GivesUpWhereTheNextCallNeverComesInTime) {
   EXPECT_LE(count(1000, 1ms), 20);
   EXPECT_EQ(count(1000, 1ms), 0);
 }
 
-TEST_F(SpinSenseTest, SpinsAgainAfterTheFirstCallThatCameInTime) {
+TEST_F(SpinEstimatorTest, SpinsAgainAfterTheFirstCallThatCameInTime) {
   count(1000, 1ms);
   EXPECT_FALSE(spins(20us)) << "it blocked, and would have been better off";
   EXPECT_TRUE(spins(20us));
 }
 
-TEST_F(SpinSenseTest, SpinsForACallerThatCallsTwiceInARow) {
+TEST_F(SpinEstimatorTest, SpinsForACallerThatCallsTwiceInARow) {
   count(1000, 1ms);
   spins(20us);
   int spun = 0;
@@ -60,8 +60,8 @@ TEST_F(SpinSenseTest, SpinsForACallerThatCallsTwiceInARow) {
   EXPECT_GT(spun, 90) << "which of the two pauses comes next it does not know";
 }
 
-TEST_F(SpinSenseTest, TakesWorkOfBeforeForNothingNew) {
-  SpinSense sense;
+TEST_F(SpinEstimatorTest, TakesWorkOfBeforeForNothingNew) {
+  SpinEstimator sense;
   MonotonicTime now{1s};
   // A bell that rings and then a look that finds nothing: the last work is still the old one.
   for (int i = 0; i < 100; ++i) {

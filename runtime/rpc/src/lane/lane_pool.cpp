@@ -11,9 +11,9 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "server/lane_table_owner.hpp"
-#include "thread_pool/crew.hpp"
+#include "thread_pool/thread_pool.hpp"
 
-// What a lane does that has several threads; see Crew.
+// What a lane does that has several threads; see ThreadPool.
 namespace rtpm::rpc {
 namespace {
 
@@ -58,12 +58,12 @@ expected<void, rt::RealtimeError> Lane::start(rt::RealtimeMode realtime, rt::Cpu
   if (config_.wait.strategy == rt::WaitStrategy::kSpin) {
     if (auto possible = rt::check_spinning(thread_config(0)); !possible) return possible;
   }
-  const std::uint32_t count = crew_ ? Crew::static_count(config_) : 1;
+  const std::uint32_t count = pool_ ? ThreadPool::static_count(config_) : 1;
   for (std::uint32_t i = 0; i < count; ++i) {
-    auto thread = crew_ ? start_worker(crew_->workers()[i], i)
+    auto thread = pool_ ? start_worker(pool_->workers()[i], i)
                         : rt::Thread::start(thread_config(0), [this] { run(); });
     if (!thread) return unexpected{thread.error()};
-    (crew_ ? crew_->workers()[i].thread : thread_) = std::move(*thread);
+    (pool_ ? pool_->workers()[i].thread : thread_) = std::move(*thread);
   }
   return {};
 }
@@ -90,55 +90,55 @@ expected<rt::Thread, rt::RealtimeError> Lane::start_worker(Worker& worker, std::
   return thread;
 }
 
-void Lane::mind_threads() noexcept {
-  if (!crew_) return;
+void Lane::maintain_threads() noexcept {
+  if (!pool_) return;
   std::uint32_t index = 0;
-  for (Worker& worker : crew_->workers()) {
+  for (Worker& worker : pool_->workers()) {
     const std::uint32_t number = index++;
     if (worker.is_started && worker.has_ended.load(std::memory_order_acquire)) {
       worker.thread.join();
       worker.is_started = false;
     }
-    if (worker.is_started || !worker.is_dynamic || !crew_->is_thread_wanted()) continue;
+    if (worker.is_started || !worker.is_dynamic || !pool_->is_thread_wanted()) continue;
     if (auto thread = start_worker(worker, number)) {
       worker.thread = std::move(*thread);
       return;  // More when it has begun.
     }
-    crew_->refuse_thread();
+    pool_->refuse_thread();
   }
 }
 
 void Lane::join() noexcept {
   thread_.join();
-  if (!crew_) return;
-  for (Worker& worker : crew_->workers())
+  if (!pool_) return;
+  for (Worker& worker : pool_->workers())
     worker.thread.join();
 }
 
-// What each thread of a crew does, from its begin to its end.
+// What each thread of a thread pool does, from its begin to its end.
 void Lane::work(Worker& me) noexcept {
   const rt::NoAllocationScope no_allocation;
-  crew_->lock_from_aside();
-  crew_->sign_on(me);
-  while (!crew_->is_over()) {
-    if (PendingCall* const call = crew_->take_to_run()) {
+  pool_->lock_from_aside();
+  pool_->sign_on(me);
+  while (!pool_->is_over()) {
+    if (PendingCall* const call = pool_->take_to_run()) {
       run_queued(*call);
-    } else if (crew_->take_lead()) {
+    } else if (pool_->take_lead()) {
       rt::adopt_priority(config_.priority);
       lead();
-      crew_->leave_lead();
-    } else if (!crew_->rest(me, config_.dynamic_idle)) {
+      pool_->leave_lead();
+    } else if (!pool_->rest(me, config_.dynamic_idle)) {
       break;
     } else if (Lane* const borrower = std::exchange(me.borrower, nullptr)) {
-      crew_->mutex().unlock();
-      borrower->run_borrowed(*me.lent_call, *crew_);
+      pool_->mutex().unlock();
+      borrower->run_borrowed(*me.lent_call, *pool_);
       rt::adopt_priority(config_.priority);
-      crew_->lock_from_aside();
-      crew_->end_expecting();
+      pool_->lock_from_aside();
+      pool_->end_expecting();
     }
   }
-  crew_->sign_off(me);
-  crew_->mutex().unlock();
+  pool_->sign_off(me);
+  pool_->mutex().unlock();
   // So that it is joined.
   if (me.is_dynamic) acceptor_bell_->ring();
 }
@@ -148,61 +148,61 @@ void Lane::lead() noexcept {
   MonotonicTime spin_end = kNever;
   while (!is_stopping_.load(std::memory_order_acquire)) {
     step(spin_end);
-    if (crew_->has_stuck_call()) find_help();
-    if (crew_->has_call_to_run()) return;
-    crew_->let_others_in();
+    if (pool_->has_stuck_call()) find_help();
+    if (pool_->has_call_to_run()) return;
+    pool_->let_others_in();
   }
-  end_crew();
+  end_pool();
 }
 
 // All threads run calls: others may be had from elsewhere.
 void Lane::find_help() noexcept {
-  if (crew_->ask_for_thread(rt::now())) acceptor_bell_->ring();
-  while (crew_->has_stuck_call() && borrow() == Loan::kGiven) {
+  if (pool_->ask_for_thread(rt::now())) acceptor_bell_->ring();
+  while (pool_->has_stuck_call() && borrow() == BorrowedThread::kGiven) {
   }
 }
 
 // Has a thread of a lower lane run the most urgent call that waits.
-Loan Lane::borrow() noexcept {
-  if (lower_ == nullptr) return Loan::kNone;
-  const Loan loan = lower_->lend(*this, crew_->first());
-  if (loan == Loan::kGiven) {
-    static_cast<void>(crew_->take_any());
-    crew_->begin_borrowed_run();
+BorrowedThread Lane::borrow() noexcept {
+  if (lower_ == nullptr) return BorrowedThread::kNone;
+  const BorrowedThread borrowed = lower_->lend(*this, pool_->first());
+  if (borrowed == BorrowedThread::kGiven) {
+    static_cast<void>(pool_->take_any());
+    pool_->begin_borrowed_run();
     ++counters_.borrowed_count;
   }
-  return loan;
+  return borrowed;
 }
 
 // The nearest lane below that has a thread to spare gives it.
-Loan Lane::lend(Lane& borrower, PendingCall& call) noexcept {
-  Loan best = Loan::kNone;
-  for (Lane* lane = this; lane != nullptr && best != Loan::kGiven; lane = lane->lower_) {
-    lane->crew_->lock_from_aside();
-    const Loan loan = lane->crew_->lend(borrower, call, borrower.poller_);
-    lane->crew_->mutex().unlock();
-    if (loan != Loan::kNone) best = loan;
+BorrowedThread Lane::lend(Lane& borrower, PendingCall& call) noexcept {
+  BorrowedThread best = BorrowedThread::kNone;
+  for (Lane* lane = this; lane != nullptr && best != BorrowedThread::kGiven; lane = lane->lower_) {
+    lane->pool_->lock_from_aside();
+    const BorrowedThread borrowed = lane->pool_->lend(borrower, call, borrower.poller_);
+    lane->pool_->mutex().unlock();
+    if (borrowed != BorrowedThread::kNone) best = borrowed;
   }
   return best;
 }
 
 // A thread of a lower lane runs a call of this one, and those that are as urgent behind it.
-void Lane::run_borrowed(PendingCall& first, Crew& lender) noexcept {
-  crew_->lock_from_aside();
+void Lane::run_borrowed(PendingCall& first, ThreadPool& lender) noexcept {
+  pool_->lock_from_aside();
   PendingCall* call = &first;
   while (call != nullptr) {
     run_queued(*call, &lender);
-    if (crew_->is_over() || !crew_->has_stuck_call()) break;
+    if (pool_->is_over() || !pool_->has_stuck_call()) break;
     lender.end_expecting();
-    call = crew_->take_any();
-    crew_->begin_borrowed_run();
+    call = pool_->take_any();
+    pool_->begin_borrowed_run();
   }
-  crew_->mutex().unlock();
+  pool_->mutex().unlock();
 }
 
 // Runs a call without the lock, and ends it with the lock. `lender`: whose thread does so.
-void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
-  crew_->mutex().unlock();
+void Lane::run_queued(PendingCall& call, ThreadPool* lender) noexcept {
+  pool_->mutex().unlock();
   QueuedDeferral deferral(pending_, call);
   std::optional<DispatchResult> result;
   bool has_thrown = false;
@@ -214,8 +214,8 @@ void Lane::run_queued(PendingCall& call, Crew* lender) noexcept {
   } else {
     result = run_servant(*call.object, call.request, call.reply, deferral, has_thrown);
   }
-  crew_->lock_from_aside();
-  crew_->end_run();
+  pool_->lock_from_aside();
+  pool_->end_run();
   counters_.servant_failure_count += has_thrown ? 1 : 0;
   counters_.bad_request_count += result->status == wire::Status::kBadRequest ? 1U : 0U;
   call.is_running = false;
@@ -269,8 +269,8 @@ wire::Status Lane::refuse() noexcept {
 void Lane::note_queued(const wire::Request& request) noexcept {
   ++counters_.call_count;
   counters_.queued_count_max =
-      std::max<std::uint64_t>(counters_.queued_count_max, crew_->queued_count());
-  if (is_periodic_) foresight_.on_arrival(request.header.session, request.received);
+      std::max<std::uint64_t>(counters_.queued_count_max, pool_->queued_count());
+  if (is_periodic_) predictor_.on_arrival(request.header.session, request.received);
 }
 
 // Copies a request that came over a wire; false if there is no place for it.
@@ -288,20 +288,20 @@ bool Lane::take_in(PendingCall& call, wire::ServerSessions& sessions, const wire
 // Puts a call among those that wait, unless there is neither place nor help; then gives it back.
 bool Lane::find_place(PendingCall& call, const Object& object) noexcept {
   const std::size_t size = call.request.payload.size();
-  const bool has_place = crew_->has_place_for(size);
+  const bool has_place = pool_->has_place_for(size);
   call.object = &object;
   call.is_running = true;
-  crew_->enqueue(call, priority_of(object, call.request.header), size);
-  if (has_place || borrow() != Loan::kNone) return true;
-  crew_->withdraw(call);
+  pool_->enqueue(call, priority_of(object, call.request.header), size);
+  if (has_place || borrow() != BorrowedThread::kNone) return true;
+  pool_->withdraw(call);
   pending_->give_back(call);
   return false;
 }
 
 // The end of the lane: what waits is told so, what runs has some time.
-void Lane::end_crew() noexcept {
+void Lane::end_pool() noexcept {
   gate_->close();
-  while (PendingCall* const call = crew_->take_any()) {
+  while (PendingCall* const call = pool_->take_any()) {
     call->is_running = false;
     call->status = wire::Status::kStopping;
     call->size = 0;
@@ -309,13 +309,13 @@ void Lane::end_crew() noexcept {
     serve_pending_call(*call);
   }
   const MonotonicTime end = rt::now() + kStopPatience;
-  while (crew_->running_count() > 0 && rt::now() < end) {
+  while (pool_->running_count() > 0 && rt::now() < end) {
     static_cast<void>(turn());
     static_cast<void>(look_around(std::min(end, rt::now() + std::chrono::milliseconds{1})));
-    crew_->let_others_in();
+    pool_->let_others_in();
   }
   say_goodbye();
-  crew_->end();
+  pool_->end();
 }
 
 }  // namespace rtpm::rpc

@@ -1,7 +1,7 @@
 #include <atomic>
 #include <thread>
 
-#include "late_suite.hpp"
+#include "deferred_suite.hpp"
 
 // Calls that are answered later, with many items, before they run, or not at all.
 namespace rtpm::rpc::test {
@@ -9,7 +9,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST_P(LateAnswers, ComeFromAnotherThread) {
+TEST_P(DeferredReplies, ComeFromAnotherThread) {
   std::thread worker([&] { answer(servant_.reply(), "done"); });
   const auto reply = binding_->call(kLater, bytes_of("x"));
   worker.join();
@@ -18,7 +18,7 @@ TEST_P(LateAnswers, ComeFromAnotherThread) {
   EXPECT_EQ(server_->counters().deferred_count, 1u);
 }
 
-TEST_P(LateAnswers, LetTheLaneServeOthersMeanwhile) {
+TEST_P(DeferredReplies, LetTheLaneServeOthersMeanwhile) {
   auto first = binding_->begin(kLater, bytes_of("1"));
   ASSERT_TRUE(first);
   DeferredReply held = servant_.reply();
@@ -30,7 +30,7 @@ TEST_P(LateAnswers, LetTheLaneServeOthersMeanwhile) {
   EXPECT_EQ(text_of(*reply), "at last");
 }
 
-TEST_P(LateAnswers, GoToTheirOwnCallersInAnyOrder) {
+TEST_P(DeferredReplies, GoToTheirOwnCallersInAnyOrder) {
   auto first = binding_->begin(kLater, bytes_of("1"));
   ASSERT_TRUE(first);
   DeferredReply first_reply = servant_.reply();
@@ -42,7 +42,7 @@ TEST_P(LateAnswers, GoToTheirOwnCallersInAnyOrder) {
   EXPECT_EQ(text_of(*first->take()), "first");
 }
 
-TEST_P(LateAnswers, MayBeLarge) {
+TEST_P(DeferredReplies, MayBeLarge) {
   const std::string large(1 << 20, 'q');
   std::thread worker([&] { answer(servant_.reply(), large); });
   const auto reply = binding_->call(kLater, {});
@@ -51,13 +51,13 @@ TEST_P(LateAnswers, MayBeLarge) {
   EXPECT_EQ(text_of(*reply), large);
 }
 
-TEST_P(LateAnswers, AreFailuresIfNobodyGivesThem) {
+TEST_P(DeferredReplies, AreFailuresIfNobodyGivesThem) {
   std::thread worker([&] { static_cast<void>(servant_.reply()); });
   expect_error(binding_->call(kLater, {}), CallError::kServantFailed);
   worker.join();
 }
 
-TEST_P(LateAnswers, AreRefusedWhereTooManyAreHeld) {
+TEST_P(DeferredReplies, AreRefusedWhereTooManyAreHeld) {
   std::vector<PendingReply> pending;
   std::vector<DeferredReply> held;
   const std::uint32_t count = ServerConfig{}.deferred_call_count_max;
@@ -73,7 +73,7 @@ TEST_P(LateAnswers, AreRefusedWhereTooManyAreHeld) {
   EXPECT_TRUE(binding_->begin(kLater, {}));
 }
 
-TEST_P(LateAnswers, TellTheServantThatItsCallerCancelled) {
+TEST_P(DeferredReplies, TellTheServantThatItsCallerCancelled) {
   auto call = binding_->begin(kLater, {});
   ASSERT_TRUE(call);
   DeferredReply held = servant_.reply();
@@ -85,7 +85,7 @@ TEST_P(LateAnswers, TellTheServantThatItsCallerCancelled) {
   EXPECT_TRUE(binding_->call(kNote, {})) << "nothing is disturbed by it";
 }
 
-TEST_P(LateAnswers, EndWithTheServer) {
+TEST_P(DeferredReplies, EndWithTheServer) {
   auto call = binding_->begin(kLater, {});
   ASSERT_TRUE(call);
   DeferredReply held = servant_.reply();
@@ -97,14 +97,14 @@ TEST_P(LateAnswers, EndWithTheServer) {
   answer(std::move(held), "too late");
 }
 
-TEST_P(LateAnswers, TimeOutLikeAnyOther) {
+TEST_P(DeferredReplies, TimeOutLikeAnyOther) {
   expect_error(binding_->call(kLater, {}, {.deadline = 100ms}), CallError::kTimeout);
   answer(servant_.reply(), "late");
   EXPECT_TRUE(binding_->call(kNote, {}));
 }
 
 // What the schema says of priorities holds where whoever adds the object says nothing.
-TEST_P(LateAnswers, RunAtThePriorityOfTheirInterface) {
+TEST_P(DeferredReplies, RunAtThePriorityOfTheirInterface) {
   class Declared final : public Servant {
    public:
     const InterfaceDescriptor& interface() const noexcept override { return interface_; }
@@ -118,7 +118,7 @@ TEST_P(LateAnswers, RunAtThePriorityOfTheirInterface) {
    private:
     InterfaceDescriptor interface_{.name = "test.Late",
                                    .fingerprint = 4712,
-                                   .methods = kLateMethods,
+                                   .methods = kDeferredMethods,
                                    .priority_model = PriorityModel::kServerDeclared,
                                    .priority = 777};
   };
@@ -126,7 +126,7 @@ TEST_P(LateAnswers, RunAtThePriorityOfTheirInterface) {
   auto server = *Server::create(quiet_config());
   ASSERT_TRUE(server->add("declared", servant));
   ASSERT_TRUE(server->start());
-  auto binding = Binding::bind(node_, server->url("declared"), kLateInterface,
+  auto binding = Binding::bind(node_, server->url("declared"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
   ASSERT_TRUE(binding) << binding.error().text;
   EXPECT_TRUE(binding->call(kNote, {}, {.priority = 5}));
@@ -135,7 +135,7 @@ TEST_P(LateAnswers, RunAtThePriorityOfTheirInterface) {
 
 // --- oneways -------------------------------------------------------------------------------------
 
-TEST_P(LateAnswers, OnewaysRunInOrderWithoutBeingWaitedFor) {
+TEST_P(DeferredReplies, OnewaysRunInOrderWithoutBeingWaitedFor) {
   for (const char* text : {"a", "b", "c"}) {
     ASSERT_TRUE(binding_->send(kNote, bytes_of(text), wire::Delivery::kSent));
   }
@@ -143,19 +143,19 @@ TEST_P(LateAnswers, OnewaysRunInOrderWithoutBeingWaitedFor) {
   EXPECT_EQ(servant_.notes(), (std::vector<std::string>{"a", "b", "c"}));
 }
 
-TEST_P(LateAnswers, OnewaysAreConfirmedBeforeTheyEnd) {
+TEST_P(DeferredReplies, OnewaysAreConfirmedBeforeTheyEnd) {
   // The method ends only later, and its caller does not wait for it.
   ASSERT_TRUE(binding_->send(kLater, {}, wire::Delivery::kReceipt));
   answer(servant_.reply(), "nobody gets this");
   EXPECT_TRUE(binding_->call(kNote, {}));
 }
 
-TEST_P(LateAnswers, OnewaysThatRunHaveRun) {
+TEST_P(DeferredReplies, OnewaysThatRunHaveRun) {
   ASSERT_TRUE(binding_->send(kNote, bytes_of("ran"), wire::Delivery::kReply));
   EXPECT_EQ(servant_.notes(), std::vector<std::string>{"ran"});
 }
 
-TEST_P(LateAnswers, LargeOnewaysAreConfirmedAtLeast) {
+TEST_P(DeferredReplies, LargeOnewaysAreConfirmedAtLeast) {
   const std::string large(200'000, 'l');
   ASSERT_TRUE(binding_->send(kNote, bytes_of(large), wire::Delivery::kSent));
   EXPECT_TRUE(await([&] { return servant_.notes().size() == 1; }));
@@ -164,7 +164,7 @@ TEST_P(LateAnswers, LargeOnewaysAreConfirmedAtLeast) {
 
 // --- streams -------------------------------------------------------------------------------------
 
-TEST_P(LateAnswers, StreamsBringEveryItemInOrder) {
+TEST_P(DeferredReplies, StreamsBringEveryItemInOrder) {
   constexpr int kItemCount = 2000;
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader) << to_string(reader.error());
@@ -185,7 +185,7 @@ TEST_P(LateAnswers, StreamsBringEveryItemInOrder) {
   producer.join();
 }
 
-TEST_P(LateAnswers, StreamsGoNoFasterThanTheyAreTaken) {
+TEST_P(DeferredReplies, StreamsGoNoFasterThanTheyAreTaken) {
   constexpr std::uint32_t kWindow = 4;
   auto reader = binding_->open_stream(kCount, {}, {.window = kWindow});
   ASSERT_TRUE(reader);
@@ -206,7 +206,7 @@ TEST_P(LateAnswers, StreamsGoNoFasterThanTheyAreTaken) {
   writer.finish();
 }
 
-TEST_P(LateAnswers, StreamsEndForTheWriterWhenTheirReaderGoes) {
+TEST_P(DeferredReplies, StreamsEndForTheWriterWhenTheirReaderGoes) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -218,7 +218,7 @@ TEST_P(LateAnswers, StreamsEndForTheWriterWhenTheirReaderGoes) {
   EXPECT_TRUE(binding_->call(kNote, {})) << "the channel serves other calls again";
 }
 
-TEST_P(LateAnswers, StreamsEndWithTheServantsWord) {
+TEST_P(DeferredReplies, StreamsEndWithTheServantsWord) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -228,7 +228,7 @@ TEST_P(LateAnswers, StreamsEndWithTheServantsWord) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kNoSuchObject));
 }
 
-TEST_P(LateAnswers, StreamsMayBeLeftWithItemsUntaken) {
+TEST_P(DeferredReplies, StreamsMayBeLeftWithItemsUntaken) {
   for (int i = 0; i < 3; ++i) {
     auto reader = binding_->open_stream(kCount, {});
     ASSERT_TRUE(reader);
@@ -243,7 +243,7 @@ TEST_P(LateAnswers, StreamsMayBeLeftWithItemsUntaken) {
   EXPECT_TRUE(binding_->call(kNote, {})) << "their channel serves other calls again";
 }
 
-TEST_P(LateAnswers, StreamsEndWithTheServer) {
+TEST_P(DeferredReplies, StreamsEndWithTheServer) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -252,7 +252,7 @@ TEST_P(LateAnswers, StreamsEndWithTheServer) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kStopped));
 }
 
-TEST_P(LateAnswers, StreamsLetTheirReaderDoOtherThings) {
+TEST_P(DeferredReplies, StreamsLetTheirReaderDoOtherThings) {
   auto reader = binding_->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -262,7 +262,7 @@ TEST_P(LateAnswers, StreamsLetTheirReaderDoOtherThings) {
   EXPECT_EQ(text_of_next(*reader), "now");
 }
 
-TEST_P(LateAnswers, StreamsAreRefusedWhereTooManyRun) {
+TEST_P(DeferredReplies, StreamsAreRefusedWhereTooManyRun) {
   std::vector<ItemReader> readers;
   std::vector<ItemWriter> writers;
   for (std::uint32_t i = 0; i < ServerConfig{}.stream_count_max; ++i) {
@@ -276,13 +276,13 @@ TEST_P(LateAnswers, StreamsAreRefusedWhereTooManyRun) {
   EXPECT_EQ(text_of_next(*reader), to_string(CallError::kOverload));
 }
 
-TEST_P(LateAnswers, AreRefusedAStreamWhereNoneIsWanted) {
+TEST_P(DeferredReplies, AreRefusedAStreamWhereNoneIsWanted) {
   expect_error(binding_->call(kCount, {}), CallError::kOverload);
 }
 
-INSTANTIATE_TEST_SUITE_P(Udp, LateAnswers, testing::Values(Transport::kUdp));
-INSTANTIATE_TEST_SUITE_P(Tcp, LateAnswers, testing::Values(Transport::kTcp));
-INSTANTIATE_TEST_SUITE_P(SharedMemory, LateAnswers, testing::Values(Transport::kSharedMemory));
+INSTANTIATE_TEST_SUITE_P(Udp, DeferredReplies, testing::Values(Transport::kUdp));
+INSTANTIATE_TEST_SUITE_P(Tcp, DeferredReplies, testing::Values(Transport::kTcp));
+INSTANTIATE_TEST_SUITE_P(SharedMemory, DeferredReplies, testing::Values(Transport::kSharedMemory));
 
 }  // namespace
 }  // namespace rtpm::rpc::test

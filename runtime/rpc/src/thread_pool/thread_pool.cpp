@@ -1,4 +1,4 @@
-#include "thread_pool/crew.hpp"
+#include "thread_pool/thread_pool.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -14,7 +14,7 @@ constexpr Duration kRefusedPause = std::chrono::milliseconds{100};
 
 }  // namespace
 
-Crew::Crew(const LaneConfig& config, std::uint32_t call_count_max)
+ThreadPool::ThreadPool(const LaneConfig& config, std::uint32_t call_count_max)
     : workers_(static_count(config) + config.dynamic_threads),
       buffered_request_max_(config.buffered_request_max),
       buffered_byte_max_(config.buffered_byte_max),
@@ -26,20 +26,20 @@ Crew::Crew(const LaneConfig& config, std::uint32_t call_count_max)
     workers_[i].is_dynamic = true;
 }
 
-void Crew::lock_from_aside() noexcept {
+void ThreadPool::lock_from_aside() noexcept {
   knocking_.fetch_add(1, std::memory_order_relaxed);
   mutex_.lock();
   knocking_.fetch_sub(1, std::memory_order_relaxed);
 }
 
-void Crew::let_others_in() noexcept {
+void ThreadPool::let_others_in() noexcept {
   if (knocking_.load(std::memory_order_relaxed) == 0) return;
   // The kernel gives the lock to the most urgent that waits; this thread comes behind it.
   mutex_.unlock();
   mutex_.lock();
 }
 
-bool Crew::has_place_for(std::size_t size) const noexcept {
+bool ThreadPool::has_place_for(std::size_t size) const noexcept {
   const std::size_t startable = resting_.size() + called_.size() +
                                 coming_back_.load(std::memory_order_relaxed) + dynamic_count_max_ -
                                 dynamic_count_;
@@ -48,14 +48,14 @@ bool Crew::has_place_for(std::size_t size) const noexcept {
          queued_bytes_ + size <= buffered_byte_max_;
 }
 
-void Crew::enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept {
+void ThreadPool::enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept {
   RTPM_ASSERT(queue_.size() < queue_.capacity(), "as many wait as there are places for calls");
   queue_.push_back({&call, priority, ++serial_, size});
   std::push_heap(queue_.begin(), queue_.end());
   queued_bytes_ += size;
 }
 
-PendingCall* Crew::take_any() noexcept {
+PendingCall* ThreadPool::take_any() noexcept {
   if (queue_.empty()) return nullptr;
   std::pop_heap(queue_.begin(), queue_.end());
   const Waiting first = queue_.back();
@@ -64,7 +64,7 @@ PendingCall* Crew::take_any() noexcept {
   return first.call;
 }
 
-void Crew::withdraw(const PendingCall& call) noexcept {
+void ThreadPool::withdraw(const PendingCall& call) noexcept {
   const auto place = std::ranges::find(queue_, &call, &Waiting::call);
   RTPM_ASSERT(place != queue_.end(), "only what waits is withdrawn");
   queued_bytes_ -= place->size;
@@ -72,18 +72,18 @@ void Crew::withdraw(const PendingCall& call) noexcept {
   std::make_heap(queue_.begin(), queue_.end());
 }
 
-PendingCall* Crew::take_to_run() noexcept {
+PendingCall* ThreadPool::take_to_run() noexcept {
   if (!has_lead_ && !has_relief()) return nullptr;
   PendingCall* const call = take_any();
   if (call != nullptr) ++running_count_;
   return call;
 }
 
-bool Crew::take_lead() noexcept {
+bool ThreadPool::take_lead() noexcept {
   return !std::exchange(has_lead_, true);
 }
 
-void Crew::leave_lead() noexcept {
+void ThreadPool::leave_lead() noexcept {
   has_lead_ = false;
   if (!called_.empty() || resting_.empty()) return;
   Worker* const next = resting_.back();
@@ -92,7 +92,7 @@ void Crew::leave_lead() noexcept {
   next->wake.post();
 }
 
-bool Crew::rest(Worker& worker, Duration patience) noexcept {
+bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
   // What is there for good shall rest the least, so that what is not may end.
   if (worker.is_dynamic) {
     resting_.insert(resting_.begin(), &worker);
@@ -117,8 +117,9 @@ bool Crew::rest(Worker& worker, Duration patience) noexcept {
   return true;
 }
 
-Loan Crew::lend(Lane& borrower, PendingCall& call, transport::Poller& bell) noexcept {
-  if (is_over_) return Loan::kNone;
+BorrowedThread ThreadPool::lend(Lane& borrower, PendingCall& call,
+                                transport::Poller& bell) noexcept {
+  if (is_over_) return BorrowedThread::kNone;
   Worker* worker = nullptr;
   if (!resting_.empty()) {
     worker = resting_.back();
@@ -130,16 +131,17 @@ Loan Crew::lend(Lane& borrower, PendingCall& call, transport::Poller& bell) noex
     called_.pop_back();
   }
   if (worker == nullptr) {
-    if (coming_back_.load(std::memory_order_relaxed) == 0 && called_.empty()) return Loan::kNone;
+    if (coming_back_.load(std::memory_order_relaxed) == 0 && called_.empty())
+      return BorrowedThread::kNone;
     wish_ = &bell;
-    return Loan::kSoon;
+    return BorrowedThread::kSoon;
   }
   worker->borrower = &borrower;
   worker->lent_call = &call;
-  return Loan::kGiven;
+  return BorrowedThread::kGiven;
 }
 
-void Crew::end() noexcept {
+void ThreadPool::end() noexcept {
   is_over_ = true;
   if (wish_ != nullptr) std::exchange(wish_, nullptr)->ring();
   for (Worker* const worker : resting_)
@@ -147,7 +149,7 @@ void Crew::end() noexcept {
   resting_.clear();
 }
 
-bool Crew::ask_for_thread(MonotonicTime now) noexcept {
+bool ThreadPool::ask_for_thread(MonotonicTime now) noexcept {
   if (dynamic_count_ == dynamic_count_max_ || is_over_) return false;
   if (asking_.load(std::memory_order_acquire) == Asking::kRefused) {
     next_asking_ = now + kRefusedPause;
@@ -158,13 +160,13 @@ bool Crew::ask_for_thread(MonotonicTime now) noexcept {
   return true;
 }
 
-void Crew::sign_on(const Worker& worker) noexcept {
+void ThreadPool::sign_on(const Worker& worker) noexcept {
   if (!worker.is_dynamic) return;
   ++dynamic_count_;
   asking_.store(Asking::kNone, std::memory_order_release);
 }
 
-void Crew::sign_off(Worker& worker) noexcept {
+void ThreadPool::sign_off(Worker& worker) noexcept {
   if (worker.is_dynamic) --dynamic_count_;
   worker.has_ended.store(true, std::memory_order_release);
 }

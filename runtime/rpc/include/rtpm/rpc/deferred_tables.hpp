@@ -156,7 +156,7 @@ template <class Stream, class... More>
 /// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
 /// kinds. Ownership: move-only; what nobody ended ends as failed. Threads: one at a time, any.
 template <class Call>
-class LateAnswer {
+class DeferredAnswer {
  public:
   /// Ends the call without an answer.   RT: alloc-free, at most one syscall.
   void fail(Refusal refusal) noexcept { end(to_status(refusal)); }
@@ -170,8 +170,8 @@ class LateAnswer {
   [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(call_); }
 
  protected:
-  LateAnswer() noexcept = default;
-  explicit LateAnswer(Call call) noexcept : call_(std::move(call)) {}
+  DeferredAnswer() noexcept = default;
+  explicit DeferredAnswer(Call call) noexcept : call_(std::move(call)) {}
   void end(wire::Status status) noexcept {
     if constexpr (requires { call_.finish(status); }) {
       call_.finish(status);
@@ -183,7 +183,7 @@ class LateAnswer {
 };
 
 /// Writes the items of a stream, whatever they are.
-class StreamWriter : public LateAnswer<ItemWriter> {
+class StreamWriter : public DeferredAnswer<ItemWriter> {
  public:
   /// Ends the stream behind the items written so far.   RT: alloc-free, at most one syscall.
   void finish() noexcept { call_.finish(); }
@@ -197,7 +197,7 @@ class StreamWriter : public LateAnswer<ItemWriter> {
   [[nodiscard]] std::uint32_t waiting_count() const noexcept { return call_.waiting_count(); }
 
  protected:
-  using LateAnswer::LateAnswer;
+  using DeferredAnswer::DeferredAnswer;
 };
 
 /// Writes the items of a stream, each a T.
@@ -233,10 +233,10 @@ class TableWriter : public StreamWriter {
 };
 
 /// A reply without content that comes later.
-class LateNothing : public LateAnswer<DeferredReply> {
+class DeferredNothing : public DeferredAnswer<DeferredReply> {
  public:
-  LateNothing() noexcept = default;
-  explicit LateNothing(DeferredReply reply) noexcept : LateAnswer(std::move(reply)) {}
+  DeferredNothing() noexcept = default;
+  explicit DeferredNothing(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
   /// Ends the call, once.   RT: alloc-free, at most one syscall.
   void complete(const Result<void>& result = {}) noexcept {
     end(reply_with_nothing(result).status);
@@ -245,10 +245,10 @@ class LateNothing : public LateAnswer<DeferredReply> {
 
 /// A reply, a T, that comes later.
 template <class T>
-class LateStruct : public LateAnswer<DeferredReply> {
+class DeferredStruct : public DeferredAnswer<DeferredReply> {
  public:
-  LateStruct() noexcept = default;
-  explicit LateStruct(DeferredReply reply) noexcept : LateAnswer(std::move(reply)) {}
+  DeferredStruct() noexcept = default;
+  explicit DeferredStruct(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
   /// Ends the call, once.   RT: alloc-free, at most one syscall.
   void complete(const Result<T>& result) noexcept {
     const DispatchResult done = reply_with_struct(result, call_.buffer());
@@ -258,11 +258,11 @@ class LateStruct : public LateAnswer<DeferredReply> {
 
 /// A reply, a table T, that comes later.
 template <class T>
-class LateTable : public LateAnswer<DeferredReply> {
+class DeferredTable : public DeferredAnswer<DeferredReply> {
  public:
-  LateTable() noexcept = default;
-  explicit LateTable(DeferredReply reply, std::uint32_t size_max = kAnySize) noexcept
-      : LateAnswer(std::move(reply)), size_max_(size_max) {}
+  DeferredTable() noexcept = default;
+  explicit DeferredTable(DeferredReply reply, std::uint32_t size_max = kAnySize) noexcept
+      : DeferredAnswer(std::move(reply)), size_max_(size_max) {}
   /// To build the answer in, in the memory that it is sent from; then complete() with it. What is
   /// larger than the session or the schema's `rtpm_max_size` allows ends as kTooLarge.
   [[nodiscard]] ReplyBuilder<T> builder() noexcept {
@@ -278,12 +278,12 @@ class LateTable : public LateAnswer<DeferredReply> {
   std::uint32_t size_max_ = kAnySize;
 };
 
-/// Has `method` run with a handle of type Late for its answer, made of `handle` and `more`;
+/// Has `method` run with a handle of type Deferred for its answer, made of `handle` and `more`;
 /// overload if there is none left.
-template <class Late, class Handle, class Method, class... More>
-[[nodiscard]] DispatchResult run_late(Handle handle, Method method, More... more) {
+template <class Deferred, class Handle, class Method, class... More>
+[[nodiscard]] DispatchResult run_deferred(Handle handle, Method method, More... more) {
   if (!handle) return {wire::Status::kOverload, 0};
-  method(Late{std::move(handle), more...});
+  method(Deferred{std::move(handle), more...});
   return {};
 }
 

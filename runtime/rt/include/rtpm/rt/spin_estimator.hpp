@@ -10,7 +10,7 @@ namespace rtpm::rt {
 /// pays where the next work often comes within the time that it would spin for. That is known after
 /// a block as well, so it takes no trials. Pure arithmetic on times that come in.
 /// Threads: one.   RT: alloc-free, a few ns.
-class SpinSense {
+class SpinEstimator {
  public:
   /// Work ended, and there is none: whether to spin for up to `spin` from `now`.
   [[nodiscard]] bool on_idle(MonotonicTime now, Duration spin) noexcept {

@@ -17,8 +17,8 @@ namespace rtpm::rpc {
 
 class Lane;
 
-/// One thread of a crew. Its owner is the crew; all but `wake` and `has_ended` belongs to whoever
-/// holds the crew's lock.
+/// One thread of a thread pool. Its owner is the pool; all but `wake` and `has_ended` belongs to
+/// whoever holds the pool's lock.
 struct Worker {
   rt::Semaphore wake;
   bool is_dynamic = false;
@@ -30,7 +30,7 @@ struct Worker {
 };
 
 /// What a lane says that is asked for a thread.
-enum class Loan : std::uint8_t {
+enum class BorrowedThread : std::uint8_t {
   kGiven,  ///< It runs the call.
   kSoon,   ///< One is about to rest; the bell will ring then.
   kNone,
@@ -45,10 +45,10 @@ enum class Loan : std::uint8_t {
 ///
 /// Threads: everything but what says otherwise under mutex().   RT: alloc-free but for
 /// construction.
-class Crew {
+class ThreadPool {
  public:
   /// `call_count_max`: how many calls may wait, at the utmost.
-  Crew(const LaneConfig& config, std::uint32_t call_count_max);
+  ThreadPool(const LaneConfig& config, std::uint32_t call_count_max);
 
   /// Whether the lane needs one at all, or is well served by a thread that does all.
   [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
@@ -97,7 +97,8 @@ class Crew {
   /// Rests, without the lock, until called, or for `patience`; false if nobody called.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
   /// Has a thread that rests run a call of another lane, and then come back.
-  [[nodiscard]] Loan lend(Lane& borrower, PendingCall& call, transport::Poller& bell) noexcept;
+  [[nodiscard]] BorrowedThread lend(Lane& borrower, PendingCall& call,
+                                    transport::Poller& bell) noexcept;
   /// A thread that was lent is about to come back, so that calls may wait for it; or is back, or
   /// stays away after all.   Threads: any.
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
