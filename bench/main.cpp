@@ -8,7 +8,7 @@
 #include "cases/peers_case.hpp"
 #include "figures/disturbance.hpp"
 #include "figures/report.hpp"
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "runs/peer_table.hpp"
 #include "settings.hpp"
@@ -30,10 +30,10 @@ struct Arguments {
   bool is_json = false;
 };
 
-void add_options(program::Options& options, Arguments& arguments, Settings& settings) {
+void add_options(options::Options& options, Arguments& arguments, Settings& settings) {
   options.add_positional("VERB", arguments.verb,
                          "list, run followed by cases, or serve followed by rtpm or floor",
-                         program::Presence::kRequired);
+                         options::Presence::kRequired);
   options.add_positional("CASE", arguments.cases, "what to run; `list` says which there are");
   options.add("json", arguments.is_json, "print one JSON object per result");
   options.add("transport", arguments.transports, "udp, tcp, shm or several");
@@ -253,7 +253,7 @@ int run(const Arguments& arguments, Settings settings) {
 
 int main(int argc, char** argv) {
   namespace bench = rtpm::bench;
-  rtpm::program::Options options(
+  rtpm::options::Options options(
       "rtpm-bench", "Measures RTPM beside the raw sockets below it, in one interleaved run.");
   bench::Arguments arguments;
   bench::Settings settings;

@@ -7,8 +7,8 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/consumer.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/program/options.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/options.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -42,13 +42,13 @@ int fail(const std::string& text) {
 int main(int argc, char** argv) {
   std::string device = "lab/arm0";
   std::string registry{rtpm::names::kDefaultRegistryUrl};
-  rtpm::program::Options options("rtpm-figure5",
+  rtpm::options::Options options("rtpm-figure5",
                                  "the paper's Figure 5: one device, two ways to use it");
   options.add("device", device, "The device's name, or its URL");
   options.add_registry(registry);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
-  const rtpm::program::StopSignal stop;
+  const rtpm::options::StopSignal stop;
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, registry);
   node.use(resolver);

@@ -8,7 +8,7 @@
 
 #include "remote.hpp"
 #include "rtpm/gvd/client.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -40,7 +40,7 @@ std::string why_not(const gvd::DeviceClient& device, rpc::CallError error) {
 
 /// Keeps the lease until `request` says or the device ends it.
 int hold(gvd::DeviceClient& device, const std::string& name, const Request& request,
-         const program::StopSignal& stop) {
+         const options::StopSignal& stop) {
   const MonotonicTime until = request.stream_time ? rt::now() + *request.stream_time : kNever;
   while (rt::now() < until && !stop.wait_for(kRenewal)) {
     const auto renewed = device.renew();
@@ -71,7 +71,7 @@ int take_over(const Request& request) {
     return 2;
   }
   // Ctrl-C gives the lease back from here on.
-  const program::StopSignal stop;
+  const options::StopSignal stop;
   gvd::DeviceClientOptions options;
   options.bind.deadline = request.options.deadline.value_or(options.bind.deadline);
   auto device = gvd::DeviceClient::open(request.node, name, options);

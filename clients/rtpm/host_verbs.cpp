@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "rtpm/base/printable.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -169,7 +169,7 @@ int lanes(const Request& request) {
     std::fputs(picture_of_lanes(history).c_str(), stdout);
     return 0;
   }
-  program::StopSignal stop;
+  options::StopSignal stop;
   do {
     const std::string picture = picture_of_lanes(history);
     // From the top of an empty screen.

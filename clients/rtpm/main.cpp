@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "verbs.hpp"
 
@@ -15,8 +15,8 @@ int main(int argc, char** argv) {
   std::optional<rtpm::Duration> deadline;
   rtpm::Duration stream_time{0};
   rtpm::Priority priority = 0;
-  rtpm::program::Options options("rtpm", "looks at servers and calls their objects");
-  options.add_positional("VERB", verb, "What to do", rtpm::program::Presence::kRequired);
+  rtpm::options::Options options("rtpm", "looks at servers and calls their objects");
+  options.add_positional("VERB", verb, "What to do", rtpm::options::Presence::kRequired);
   options.add_positional("ARGUMENTS", arguments,
                          "What the verb takes; a TARGET is a name or a URL");
   rtpm::tool::add_verbs(options);

@@ -14,7 +14,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
@@ -78,7 +78,7 @@ int call(const Request& request) {
   const std::string json = request.arguments.size() > 2 ? request.arguments[2] : std::string{};
   // Ctrl-C ends a stream in order, so that its server need not find out.
   const bool is_stream = is_stream_of(**object, request.arguments[1]);
-  const auto stop = is_stream ? std::make_unique<program::StopSignal>() : nullptr;
+  const auto stop = is_stream ? std::make_unique<options::StopSignal>() : nullptr;
   const auto print = [&](std::string_view text) {
     if (!text.empty()) {
       std::puts(printable(text, kShownWhole).c_str());
@@ -135,7 +135,7 @@ const Verb& verb_named(const std::string& name) {
 
 }  // namespace
 
-void add_verbs(program::Options& options) {
+void add_verbs(options::Options& options) {
   for (const Verb& verb : kVerbs)
     options.add_verb(verb.name, verb.arguments, verb.help, verb.details);
 }

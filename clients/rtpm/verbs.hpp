@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -20,7 +20,7 @@ struct Request {
 };
 
 /// Adds all verbs to the program's options.
-void add_verbs(program::Options& options);
+void add_verbs(options::Options& options);
 
 /// Whether `verb`, which is one of those, takes so many arguments.
 [[nodiscard]] bool takes(const std::string& verb, std::size_t argument_count);

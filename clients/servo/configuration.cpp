@@ -5,7 +5,7 @@
 #include <cstdio>
 
 #include "rtpm/names/defaults.hpp"
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 
 namespace rtpm::servo {
 namespace {
@@ -24,7 +24,7 @@ std::string shown(double number) {
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
   configuration.registry = names::kDefaultRegistryUrl;
-  program::Options options(
+  options::Options options(
       "rtpm-servo",
       "renders a virtual wall on a haptic device and measures every cycle of its loop");
   options.add("device", configuration.device, "The device's name, or its URL");

@@ -35,7 +35,7 @@ struct Configuration {
   }
 };
 
-/// Reads file, environment and flags into `configuration`; as program::Options::parse().
+/// Reads file, environment and flags into `configuration`; as options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 

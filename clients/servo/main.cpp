@@ -13,7 +13,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -33,7 +33,7 @@ int fail(int exit_code, std::string_view text) {
 
 /// Shows the loop until it ends, or ends it when that is wished: the only place that prints while
 /// it runs, on a time-shared thread.
-void watch(Loop& loop, const program::StopSignal& stop, const std::string& live) {
+void watch(Loop& loop, const options::StopSignal& stop, const std::string& live) {
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
       is_rewriting ? Duration{std::chrono::milliseconds{100}} : Duration{std::chrono::seconds{1}};
@@ -111,7 +111,7 @@ std::string loss_text(gvd::DeviceClient& device, rpc::CallError loss) {
 }
 
 int serve(const Configuration& configuration) {
-  const program::StopSignal stop;
+  const options::StopSignal stop;
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
     return fail(kSetUpFailed, locked.error().text);
   }

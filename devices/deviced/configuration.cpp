@@ -8,7 +8,7 @@
 namespace rtpm::deviced {
 namespace {
 
-void add_device(program::Options& options, Configuration& configuration) {
+void add_device(options::Options& options, Configuration& configuration) {
   options.add("name", configuration.name, "Under which clients find the device");
   options.add_choice("device", configuration.device, {"sim"}, "Which driver: sim, a simulated arm");
   options.add("hand", configuration.hand,
@@ -33,12 +33,12 @@ std::vector<rpc::LaneConfig> default_lanes() {
            .wait = {.strategy = rt::WaitStrategy::kPeriodic}}};
 }
 
-void add_service(program::Options& options, Configuration& configuration) {
+void add_service(options::Options& options, Configuration& configuration) {
   options.add_registry(configuration.registry);
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the name from another server that holds it, at the start");
   configuration.settings.server.lanes = default_lanes();
-  program::add_server(options, configuration.settings);
+  options::add_server(options, configuration.settings);
 }
 
 /// Where the most urgent lane begins.
@@ -49,14 +49,14 @@ Priority highest_low(const Configuration& configuration) {
   return highest;
 }
 
-void add_safety(program::Options& options, Configuration& configuration) {
-  constexpr program::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
+void add_safety(options::Options& options, Configuration& configuration) {
+  constexpr options::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
   options.add("force-max", configuration.force_max_newton,
               "Greatest force in newton; 0: all that the device gives", {0, 1000});
   options.add("hold-max", configuration.hold_max, "Longest life of one command", kUpTo10s);
   options.add("ramp", configuration.ramp, "From full force to none when commands stop", kUpTo10s);
   options.add("soft-start", configuration.soft_start, "From none to full force", kUpTo10s);
-  constexpr program::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
+  constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
   options.add("lease", configuration.lease.silence_max,
               "How long a silent client keeps the right to command", kLease);
   options.add("lease-idle", configuration.lease.idle_max,
@@ -70,7 +70,7 @@ void add_safety(program::Options& options, Configuration& configuration) {
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
   configuration.registry = names::kDefaultRegistryUrl;
-  program::Options options("rtpm-deviced",
+  options::Options options("rtpm-deviced",
                            "hosts a device: runs its driver and serves it under a name");
   add_device(options, configuration);
   add_service(options, configuration);

@@ -7,8 +7,8 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/gvd/cycle.hpp"
-#include "rtpm/program/options.hpp"
-#include "rtpm/program/server_options.hpp"
+#include "rtpm/options/options.hpp"
+#include "rtpm/options/server_options.hpp"
 
 namespace rtpm::deviced {
 
@@ -20,7 +20,7 @@ struct Configuration {
   bool is_free = false;  ///< Nobody holds the arm.
   std::uint64_t seed = 1;
   double rate_hz = 1000;
-  program::ServerSettings settings{};  ///< Its server's.
+  options::ServerSettings settings{};  ///< Its server's.
   std::string registry{};
   bool allows_takeover = false;  ///< Of its name, from a server that lives.
   Priority device_priority = 30000;
@@ -35,7 +35,7 @@ struct Configuration {
 /// The registry's URL that stands for "serve without a registry".
 inline constexpr const char* kNoRegistry = "none";
 
-/// Reads file, environment and flags into `configuration`; as program::Options::parse().
+/// Reads file, environment and flags into `configuration`; as options::Options::parse().
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 

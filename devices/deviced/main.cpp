@@ -12,7 +12,7 @@
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/log.hpp"
@@ -75,7 +75,7 @@ gvd::DeviceServerConfig device_config(const Configuration& configuration,
 }
 
 int serve(const Configuration& configuration) {
-  const program::StopSignal stop;
+  const options::StopSignal stop;
   auto driver = make_driver(configuration);
   if (!driver) return fail(driver.error().text);
   Reporter reporter;
@@ -83,7 +83,7 @@ int serve(const Configuration& configuration) {
   auto device = gvd::DeviceServer::create(std::move(*driver),
                                           device_config(configuration, descriptor, reporter));
   if (!device) return fail(device.error().text);
-  const auto prepared = program::prepare(configuration.settings);
+  const auto prepared = options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text);
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = configuration.name;
@@ -112,7 +112,7 @@ int serve(const Configuration& configuration) {
     if (!bound) return fail(bound.error().text);
     registration = std::move(*bound);
   }
-  program::show_setup(configuration.settings);
+  options::show_setup(configuration.settings);
   std::printf("serving %s at %s\n", configuration.name.c_str(), url.c_str());
   std::fflush(stdout);
 

@@ -7,16 +7,16 @@
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
-#include "rtpm/program/options.hpp"
-#include "rtpm/program/server_options.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/options.hpp"
+#include "rtpm/options/server_options.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace {
 
 struct Configuration {
-  rtpm::program::ServerSettings settings{};
+  rtpm::options::ServerSettings settings{};
   rtpm::names::Limits limits{};
 };
 
@@ -26,11 +26,11 @@ int fail(const std::string& text) {
 }
 
 int serve(const Configuration& configuration) {
-  const rtpm::program::StopSignal stop;
+  const rtpm::options::StopSignal stop;
   const auto registry = rtpm::names::make_servant(
       configuration.limits,
       [](std::string_view sentence) { rtpm::rt::print_error("rtpm-registryd", sentence); });
-  const auto prepared = rtpm::program::prepare(configuration.settings);
+  const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text);
@@ -44,7 +44,7 @@ int serve(const Configuration& configuration) {
     return fail(added.error().text);
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text);
-  rtpm::program::show_setup(configuration.settings);
+  rtpm::options::show_setup(configuration.settings);
   std::printf("registry at %s\n", (*server)->url(rtpm::names::kRegistryPath).c_str());
   std::fflush(stdout);
   stop.wait();
@@ -57,20 +57,20 @@ int serve(const Configuration& configuration) {
 int main(int argc, char** argv) {
   Configuration configuration;
   rtpm::names::Limits& limits = configuration.limits;
-  constexpr rtpm::program::Range<std::uint64_t> kCounts{1, 1'000'000};
+  constexpr rtpm::options::Range<std::uint64_t> kCounts{1, 1'000'000};
   std::uint64_t name_count_max = limits.name_count_max;
   std::uint64_t name_count_per_server_max = limits.name_count_per_owner_max;
   std::uint64_t name_count_per_host_max = limits.name_count_per_host_max;
   std::uint64_t server_count_per_host_max = limits.owner_count_per_host_max;
   std::uint64_t name_count_own_host_max = limits.name_count_own_host_max;
   std::uint64_t server_count_own_host_max = limits.owner_count_own_host_max;
-  rtpm::program::Options options("rtpm-registryd", "the registry, where servers bind their names");
+  rtpm::options::Options options("rtpm-registryd", "the registry, where servers bind their names");
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server.name = "registry";
   server.port = rtpm::names::kDefaultRegistryPort;
   // One lane that blocks: nobody asks for names in a real-time loop, so a core is worth more.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
-  rtpm::program::add_server(options, configuration.settings);
+  rtpm::options::add_server(options, configuration.settings);
   options.add("names-max", name_count_max, "How many names it holds", kCounts);
   options.add("names-per-server-max", name_count_per_server_max,
               "How many of them one server may bind", kCounts);

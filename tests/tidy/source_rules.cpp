@@ -55,7 +55,7 @@ const std::vector<Rule>& rules() {
       {"stderr",
        std::regex(R"(\bstderr\b|std::(cerr|clog)\b)"),
        Reads::kCode,
-       {"runtime/program/", "registry/", "gvd/", "clients/", "devices/"},
+       {"runtime/options/", "registry/", "gvd/", "clients/", "devices/"},
        "print by rt::print_error() or rt::Log, which escape the text of others"},
       {"throw", std::regex(R"(\bthrow\b)"), Reads::kCode, {}, "errors are values: expected<T, E>"},
       {"function", std::regex(R"(\bstd::function\b)"), Reads::kCode, realtime_folders(),
@@ -164,7 +164,7 @@ const std::vector<Exemption>& exemptions() {
       {"print", "runtime/rt/src/memory.cpp", "the one warning that memory is not locked"},
       {"print", "runtime/rt/src/report.cpp", "warnings of threads that are no lanes'"},
       {"print", "runtime/rt/src/thread.cpp", "the one warning that a thread is time-shared"},
-      {"stderr", "runtime/program/src/server_options.cpp", "the report of this program's set-up"},
+      {"stderr", "runtime/options/src/server_options.cpp", "the report of this program's set-up"},
       {"function", "runtime/rt/include/rtpm/rt/thread.hpp", "a thread's body, taken at set-up"},
       {"function", "runtime/rt/src/thread.cpp", "a thread's body, taken at set-up"},
   };

@@ -13,9 +13,9 @@
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/program/options.hpp"
-#include "rtpm/program/server_options.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/options.hpp"
+#include "rtpm/options/server_options.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/log.hpp"
@@ -23,7 +23,7 @@
 namespace {
 
 struct Configuration {
-  rtpm::program::ServerSettings settings{};
+  rtpm::options::ServerSettings settings{};
   std::string registry{rtpm::names::kDefaultRegistryUrl};
   std::string name{rtpm::events::kHubPath};
   bool allows_takeover = false;  ///< Of the name, from a server that lives.
@@ -69,8 +69,8 @@ rtpm::expected<void, rtpm::rpc::SetupError> link(rtpm::events::Hub& hub, rtpm::r
 }
 
 int serve(const Configuration& configuration) {
-  const rtpm::program::StopSignal stop;
-  const auto prepared = rtpm::program::prepare(configuration.settings);
+  const rtpm::options::StopSignal stop;
+  const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text);
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
@@ -88,7 +88,7 @@ int serve(const Configuration& configuration) {
     return fail(added.error().text);
   }
   if (auto started = (*server)->start(); !started) return fail(started.error().text);
-  rtpm::program::show_setup(configuration.settings);
+  rtpm::options::show_setup(configuration.settings);
   const std::string url = (*server)->url(rtpm::events::kHubPath);
   std::unique_ptr<rtpm::names::Registration> name;
   if (!configuration.name.empty()) {
@@ -113,7 +113,7 @@ int serve(const Configuration& configuration) {
   return 0;
 }
 
-void add_multicast(rtpm::program::Options& options, Configuration& configuration) {
+void add_multicast(rtpm::options::Options& options, Configuration& configuration) {
   rtpm::events::MulticastConfig& multicast = configuration.multicast;
   multicast.group.group.clear();
   options.add(
@@ -132,13 +132,13 @@ void add_multicast(rtpm::program::Options& options, Configuration& configuration
 
 int main(int argc, char** argv) {
   Configuration configuration;
-  rtpm::program::Options options("rtpm-eventd", "a hub of events");
+  rtpm::options::Options options("rtpm-eventd", "a hub of events");
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server = rtpm::events::server_config_for({});
   server.port = rtpm::events::kDefaultHubPort;
   // Two bands: what is urgent is not sent behind what is not.
   server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
-  rtpm::program::add_server(options, configuration.settings);
+  rtpm::options::add_server(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,

@@ -10,8 +10,8 @@
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/resolver.hpp"
-#include "rtpm/program/options.hpp"
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/options.hpp"
+#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -36,7 +36,7 @@ int fail(const std::string& text) {
   return 1;
 }
 
-void add_options(rtpm::program::Options& options, Configuration& its) {
+void add_options(rtpm::options::Options& options, Configuration& its) {
   options.add_registry(its.registry);
   options.add("hub", its.bridge.hub, "The hub, by name or URL");
   options.add("host", its.broker.host, "Where the broker is: a name or an address");
@@ -97,7 +97,7 @@ void tell_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Log&
 }
 
 int run(const Configuration& configuration) {
-  const rtpm::program::StopSignal stop;
+  const rtpm::options::StopSignal stop;
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
@@ -127,7 +127,7 @@ int run(const Configuration& configuration) {
 int main(int argc, char** argv) {
   Configuration configuration;
   configuration.bridge.hub = rtpm::events::kHubPath;
-  rtpm::program::Options options("rtpm-event-bridge",
+  rtpm::options::Options options("rtpm-event-bridge",
                                  "events of a hub as messages of an MQTT 5 broker, and back");
   add_options(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;

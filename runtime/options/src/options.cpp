@@ -1,4 +1,4 @@
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 
 #include <unistd.h>
 
@@ -15,7 +15,7 @@
 #include "rtpm/rt/log.hpp"
 #include "setting.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 constexpr std::string_view kConfigKey = "config";
@@ -477,4 +477,4 @@ int Options::usage_error(std::string_view what) const {
   return 2;
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -1,4 +1,4 @@
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 
 #include <gtest/gtest.h>
 
@@ -9,7 +9,7 @@
 #include <functional>
 #include <map>
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 using namespace std::chrono_literals;
@@ -456,4 +456,4 @@ TEST_F(OptionsDeathTest, TakesAKeyOnceAndAWellFormedOneOnly) {
 }
 
 }  // namespace
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -6,11 +6,11 @@
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/cpu_latency.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// All that can be said of a program's server, its lanes, and the process around them.
 struct ServerSettings {
@@ -42,4 +42,4 @@ void add_server(Options& options, ServerSettings& settings);
 /// server's start.   Set-up only.
 void show_setup(const ServerSettings& settings);
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

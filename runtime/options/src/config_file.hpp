@@ -6,7 +6,7 @@
 
 #include "rtpm/base/expected.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// One `key = value` of a configuration file, the value without its quotes.
 struct ConfigLine {
@@ -31,4 +31,4 @@ inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 /// `value` as it stands in a file, in quotes if it needs them.   Set-up only.
 [[nodiscard]] std::string config_value_text(std::string_view value);
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

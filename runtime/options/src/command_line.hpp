@@ -9,7 +9,7 @@
 #include "rtpm/base/expected.hpp"
 #include "setting.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// What is wrong with what the user gave: a clause that names it.
 struct UsageError {
@@ -47,4 +47,4 @@ struct CommandLine {
 [[nodiscard]] std::string suggestion(std::string_view word,
                                      const std::vector<std::string>& candidates);
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

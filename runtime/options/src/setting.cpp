@@ -7,9 +7,9 @@
 #include <system_error>
 
 #include "rtpm/base/assert.hpp"
-#include "rtpm/program/duration.hpp"
+#include "rtpm/options/duration.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 constexpr Range<int> kCpus{0, 1023};
@@ -294,4 +294,4 @@ std::string nearest(std::string_view word, const std::vector<std::string>& candi
   return found;
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

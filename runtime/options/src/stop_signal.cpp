@@ -1,4 +1,4 @@
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 
 #include <poll.h>
 #include <pthread.h>
@@ -16,7 +16,7 @@
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/native_time.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 /// Whether the descriptor became readable within `timeout`; none: wait for ever. What is readable
@@ -69,4 +69,4 @@ bool StopSignal::wait_for(Duration duration) const noexcept {
   }
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -2,7 +2,7 @@
 
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// The wish to end the program: SIGINT (Ctrl-C) or SIGTERM.
 ///
@@ -33,4 +33,4 @@ class StopSignal {
   int signals_ = -1;
 };
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 /// A negative number or "-", which programs take for a stream, is no flag.
@@ -125,4 +125,4 @@ std::string suggestion(std::string_view word, const std::vector<std::string>& ca
   return candidate.empty() ? "" : " (did you mean '" + candidate + "'?)";
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

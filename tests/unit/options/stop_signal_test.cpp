@@ -1,4 +1,4 @@
-#include "rtpm/program/stop_signal.hpp"
+#include "rtpm/options/stop_signal.hpp"
 
 #include <gtest/gtest.h>
 #include <sys/types.h>
@@ -8,7 +8,7 @@
 #include <csignal>
 #include <thread>
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 using namespace std::chrono_literals;
@@ -66,4 +66,4 @@ TEST(StopSignal, LetsASecondSignalNotCutTheEndShort) {
 }
 
 }  // namespace
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -6,7 +6,7 @@
 
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// The time that `text` says: a decimal number of at least 0 and a unit, "800us", "1.5ms", "2 s";
 /// units are ns, us, ms, s, min and h; "0" needs none. Rounded to the nanosecond. Nothing if it is
@@ -17,4 +17,4 @@ namespace rtpm::program {
 /// parse_duration() reads it back unchanged.   Set-up only.
 [[nodiscard]] std::string duration_text(Duration duration);
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -1,4 +1,4 @@
-#include "rtpm/program/server_options.hpp"
+#include "rtpm/options/server_options.hpp"
 
 #include <algorithm>
 #include <cstdio>
@@ -8,7 +8,7 @@
 #include "rtpm/rt/report.hpp"
 #include "rtpm/wire/limits.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 constexpr std::string_view kLanePrefix = "lane-";
@@ -118,4 +118,4 @@ void show_setup(const ServerSettings& settings) {
   if (settings.shows_setup) std::fputs(rt::to_text(rt::setup_report()).c_str(), stderr);
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -1,4 +1,4 @@
-#include "rtpm/program/duration.hpp"
+#include "rtpm/options/duration.hpp"
 
 #include <array>
 #include <charconv>
@@ -8,7 +8,7 @@
 
 #include "rtpm/base/assert.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 struct Unit {
@@ -73,4 +73,4 @@ std::string duration_text(Duration duration) {
   return {};  // Not reached: every time is a whole number of nanoseconds.
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

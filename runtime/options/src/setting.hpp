@@ -6,9 +6,9 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/program/options.hpp"
+#include "rtpm/options/options.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// One variable of a program with all that reading, writing and explaining it takes.
 struct Setting {
@@ -49,4 +49,4 @@ struct Setting {
 [[nodiscard]] std::string nearest(std::string_view word,
                                   const std::vector<std::string>& candidates);
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -13,7 +13,7 @@
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 
 /// The values that a number or a time may have, both ends included.
 template <class T>
@@ -128,4 +128,4 @@ class Options {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

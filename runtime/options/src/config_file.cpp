@@ -8,7 +8,7 @@
 #include <memory>
 #include <optional>
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 constexpr std::string_view kBlanks = " \t\r";
@@ -144,4 +144,4 @@ std::string config_value_text(std::string_view value) {
   return quoted + '"';
 }
 
-}  // namespace rtpm::program
+}  // namespace rtpm::options

@@ -1,4 +1,4 @@
-#include "rtpm/program/server_options.hpp"
+#include "rtpm/options/server_options.hpp"
 
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -14,7 +14,7 @@
 
 #include "rtpm/rt/report.hpp"
 
-namespace rtpm::program {
+namespace rtpm::options {
 namespace {
 
 using namespace std::chrono_literals;
@@ -283,4 +283,4 @@ TEST_F(ServerOptions, AskForTheCpuLatencyOnlyIfItIsWanted) {
 }
 
 }  // namespace
-}  // namespace rtpm::program
+}  // namespace rtpm::options
