@@ -81,7 +81,7 @@ TEST(RuleCoverage, FindsARuleWithoutCodeOrTest) {
   const auto faults = find_uncovered(planted({
       {"protocol/wire/src/a.cpp", "// hp-1-2, hp-2.1-1\nconst char* a = \"hp-1-1\";\n"},
       {"tests/unit/wire/a_test.cpp", "// hp-1-1\n"},
-      {"gvd/gvd/src/a.cpp", "// hp-1-1\n"},
+      {"gvd/service/src/a.cpp", "// hp-1-1\n"},
       {"tests/spec/coverage_test.cpp", "// hp-1-2\n"},
   }));
   EXPECT_EQ(faults.size(), 2u);
