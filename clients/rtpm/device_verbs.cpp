@@ -22,13 +22,13 @@ int fail(const std::string& device, std::string_view text) {
   return 1;
 }
 
-struct Wish {
+struct Transition {
   std::string_view name{};
   expected<void, rpc::CallError> (gvd::DeviceClient::*run)() = nullptr;
 };
-constexpr std::array kWishes{Wish{"recover", &gvd::DeviceClient::recover},
-                             Wish{"activate", &gvd::DeviceClient::activate},
-                             Wish{"deactivate", &gvd::DeviceClient::deactivate}};
+constexpr std::array kTransitions{Transition{"recover", &gvd::DeviceClient::recover},
+                                  Transition{"activate", &gvd::DeviceClient::activate},
+                                  Transition{"deactivate", &gvd::DeviceClient::deactivate}};
 
 std::string why_not(const gvd::DeviceClient& device, rpc::CallError error) {
   if (error == rpc::CallError::kNotLeaseHolder) {
@@ -64,9 +64,9 @@ int hold(gvd::DeviceClient& device, const std::string& name, const Request& requ
 
 int take_over(const Request& request) {
   const std::string& name = request.arguments[0];
-  const std::string_view wished = request.arguments.size() > 1 ? request.arguments[1] : "";
-  const auto* const wish = std::ranges::find(kWishes, wished, &Wish::name);
-  if (!wished.empty() && wish == kWishes.end()) {
+  const std::string_view requested = request.arguments.size() > 1 ? request.arguments[1] : "";
+  const auto* const transition = std::ranges::find(kTransitions, requested, &Transition::name);
+  if (!requested.empty() && transition == kTransitions.end()) {
     static_cast<void>(fail(name, "a device makes recover, activate or deactivate"));
     return 2;
   }
@@ -83,9 +83,9 @@ int take_over(const Request& request) {
   }
   std::printf("%s was taken over: no client commands it, its force goes to zero\n", name.c_str());
   std::fflush(stdout);
-  if (wish != kWishes.end()) {
-    if (const auto done = ((*device).*(wish->run))(); !done) {
-      return fail(name, std::string(wished) + ": " + std::string(to_string(done.error())));
+  if (transition != kTransitions.end()) {
+    if (const auto done = ((*device).*(transition->run))(); !done) {
+      return fail(name, std::string(requested) + ": " + std::string(to_string(done.error())));
     }
   }
   return hold(*device, name, request, stop);

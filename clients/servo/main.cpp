@@ -31,7 +31,7 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// Shows the loop until it ends, or ends it when that is wished: the only place that prints while
+/// Shows the loop until it ends, or ends it when on request: the only place that prints while
 /// it runs, on a time-shared thread.
 void watch(Loop& loop, const options::StopSignal& stop, const std::string& live) {
   const bool is_rewriting = live == "rewrite";

@@ -15,7 +15,7 @@ Eigen::Vector3d to_eigen(const driver::Vector3& vector) noexcept {
 }  // namespace
 
 Arm::Arm(const ArmConfig& config, Hand hand) : config_(config), hand_(std::move(hand)) {
-  motion_.position_m = hand_->wish_at(0).position_m;
+  motion_.position_m = hand_->target_at(0).position_m;
 }
 
 void Arm::step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept {
@@ -42,13 +42,13 @@ void Arm::step_slice(double slice_s) noexcept {
   Eigen::Vector3d impulse = config_.mass_kg * motion_.velocity_m_per_s + slice_s * applied_newton_;
   Eigen::Vector3d velocity = impulse / resistance;
   if (hand_) {
-    const Motion wish = hand_->wish_at(time_s_);
+    const Motion target = hand_->target_at(time_s_);
     const HandConfig& hand = hand_->config();
     const double grip =
         slice_s * hand.damping_newton_s_per_m + slice_s * slice_s * hand.stiffness_newton_per_m;
     const Eigen::Vector3d pull =
-        hand.stiffness_newton_per_m * (wish.position_m - motion_.position_m) +
-        hand.damping_newton_s_per_m * wish.velocity_m_per_s;
+        hand.stiffness_newton_per_m * (target.position_m - motion_.position_m) +
+        hand.damping_newton_s_per_m * target.velocity_m_per_s;
     const Eigen::Vector3d held = (impulse + slice_s * pull) / (resistance + grip);
     hand_newton_ = pull - grip / slice_s * held;
     const double hand_length_newton = hand_newton_.norm();

@@ -53,7 +53,7 @@ Motion PressingPath::at(double time_s) const noexcept {
   return motion;
 }
 
-Motion Hand::wish_at(double time_s) const noexcept {
+Motion Hand::target_at(double time_s) const noexcept {
   if (const auto* path = std::get_if<PressingPath>(&path_)) return path->at(time_s);
   return std::get<1>(path_)->at(time_s);
 }

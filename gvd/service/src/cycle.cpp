@@ -31,17 +31,17 @@ constexpr std::uint16_t number_of(Transition transition) noexcept {
 }
 
 /// `what` is not 0.
-constexpr std::uint32_t wish_of(std::uint64_t lease, std::uint16_t what) noexcept {
+constexpr std::uint32_t request_of(std::uint64_t lease, std::uint16_t what) noexcept {
   return std::uint32_t{Lease::serial_of(lease)} << 16 | what;
 }
 
-/// The wish that was left, if it is the holder's: that of a former holder, left just before it lost
-/// the lease, counts for nothing. 0: there is none.
-std::uint16_t take_wish(std::atomic<std::uint32_t>& wish, std::uint64_t holder) noexcept {
-  if (wish.load(std::memory_order_relaxed) == 0) return 0;
-  const std::uint32_t taken = wish.exchange(0, std::memory_order_acq_rel);
+/// The request that was left, if it is the holder's: that of a former holder, left just before it
+/// lost the lease, counts for nothing. 0: there is none.
+std::uint16_t take_request(std::atomic<std::uint32_t>& request, std::uint64_t holder) noexcept {
+  if (request.load(std::memory_order_relaxed) == 0) return 0;
+  const std::uint32_t taken = request.exchange(0, std::memory_order_acq_rel);
   const auto what = static_cast<std::uint16_t>(taken);
-  return holder != Lease::kNobody && taken == wish_of(holder, what) ? what : 0;
+  return holder != Lease::kNobody && taken == request_of(holder, what) ? what : 0;
 }
 
 }  // namespace
@@ -84,7 +84,7 @@ expected<void, driver::DriverError> DeviceCycle::open() {
 
 std::optional<WrenchCommand> DeviceCycle::command_of(std::uint64_t holder) noexcept {
   if (const auto newest = mailbox_.take()) held_ = *newest;
-  if (take_wish(recovery_wish_, holder) != 0) {
+  if (take_request(recovery_request_, holder) != 0) {
     filter_.recover();
     // What was commanded before belongs to the fault.
     held_ = {};
@@ -99,7 +99,7 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   const std::uint64_t holder = lease_.step(now);
   if (std::exchange(last_holder_, holder) != holder) filter_.change_client();
   const std::optional<WrenchCommand> newest = command_of(holder);
-  if (const auto what = take_wish(transition_wish_, holder); what != 0) {
+  if (const auto what = take_request(transition_request_, holder); what != 0) {
     wanted_ = static_cast<Transition>(what - 1);
   }
   sample_.faults = {};
@@ -292,22 +292,22 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
 }
 
 rpc::Result<void> DeviceCycle::request(std::uint64_t lease, Transition transition) noexcept {
-  return leave(transition_wish_, lease, number_of(transition));
+  return leave(transition_request_, lease, number_of(transition));
 }
 
 rpc::Result<void> DeviceCycle::request_recovery(std::uint64_t lease) noexcept {
-  return leave(recovery_wish_, lease, kRecovery);
+  return leave(recovery_request_, lease, kRecovery);
 }
 
-rpc::Result<void> DeviceCycle::leave(std::atomic<std::uint32_t>& wish, std::uint64_t lease,
+rpc::Result<void> DeviceCycle::leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
                                      std::uint16_t what) noexcept {
-  std::uint32_t before = wish.load(std::memory_order_acquire);
-  // The lease is asked for again after every wish that came in between: a thread of a former holder
-  // that stood still meanwhile replaces none of the new one's.
+  std::uint32_t before = request.load(std::memory_order_acquire);
+  // The lease is asked for again after every request that came in between: a thread of a former
+  // holder that stood still meanwhile replaces none of the new one's.
   do {
     if (!lease_.use(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  } while (!wish.compare_exchange_weak(before, wish_of(lease, what), std::memory_order_acq_rel,
-                                       std::memory_order_acquire));
+  } while (!request.compare_exchange_weak(before, request_of(lease, what),
+                                          std::memory_order_acq_rel, std::memory_order_acquire));
   return {};
 }
 

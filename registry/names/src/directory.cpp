@@ -65,15 +65,15 @@ class Directory::Impl {
   /// When an operation that begins now ends.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
-  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Wish& wish, bool replaces) {
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Claim& claim, bool replaces) {
     Request request;
-    const OwnerId owner = id_of(wish.owner);
-    const auto name = request.text(wish.name);
-    const auto url = request.text(wish.url);
-    const auto interface = request.text(wish.interface);
+    const OwnerId owner = id_of(claim.owner);
+    const auto name = request.text(claim.name);
+    const auto url = request.text(claim.url);
+    const auto interface = request.text(claim.interface);
     const ConstBytes bytes = request.finished(
-        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(wish.lease),
-                          wish.holder_revision, wish.allows_takeover));
+        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(claim.lease),
+                          claim.holder_revision, claim.allows_takeover));
     const auto reply = ask(usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
       return replaces ? client.rebind_encoded(bytes, options) : client.bind_encoded(bytes, options);
     });
@@ -82,7 +82,7 @@ class Directory::Impl {
     if (outcome_of(*answer.answer()) == Outcome::kDone) {
       return Granted{.lease = duration_of(answer.lease_ns()), .revision = answer.revision()};
     }
-    DirectoryError error = refused(*answer.answer(), wish.name);
+    DirectoryError error = refused(*answer.answer(), claim.name);
     error.holder_url = text_of(answer.holder_url());
     error.holder_lease_left = duration_of(answer.holder_lease_left_ns());
     error.holder_revision = answer.holder_revision();
@@ -171,11 +171,11 @@ const std::string& Directory::registry_url() const noexcept {
   return impl_->registry_url();
 }
 
-expected<Granted, DirectoryError> Directory::bind(const Store::Wish& wish) {
-  return impl_->bind(wish, /*replaces=*/false);
+expected<Granted, DirectoryError> Directory::bind(const Store::Claim& claim) {
+  return impl_->bind(claim, /*replaces=*/false);
 }
-expected<Granted, DirectoryError> Directory::rebind(const Store::Wish& wish) {
-  return impl_->bind(wish, /*replaces=*/true);
+expected<Granted, DirectoryError> Directory::rebind(const Store::Claim& claim) {
+  return impl_->bind(claim, /*replaces=*/true);
 }
 
 expected<void, DirectoryError> Directory::renew(std::string_view name, Owner owner,

@@ -90,9 +90,9 @@ class Registration::Impl {
  private:
   [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory,
                                                     Takeover takeover = Takeover::kRefused) {
-    Store::Wish wish{name_, url_, interface_, owner_, lease_};
-    wish.allows_takeover = takeover == Takeover::kAllowed;
-    const auto granted = wish.allows_takeover ? directory.rebind(wish) : directory.bind(wish);
+    Store::Claim claim{name_, url_, interface_, owner_, lease_};
+    claim.allows_takeover = takeover == Takeover::kAllowed;
+    const auto granted = claim.allows_takeover ? directory.rebind(claim) : directory.bind(claim);
     if (!granted) return unexpected{granted.error()};
     first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, lease_) : lease_;
     // Later than the registry did it: so our reckoning never runs ahead of its own.

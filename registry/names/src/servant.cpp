@@ -24,7 +24,7 @@ std::string_view view_of(const flatbuffers::String* text) {
   return text == nullptr ? std::string_view{} : text->string_view();
 }
 
-Store::Wish wish_of(const BindRequest& request, rpc::CallerHost caller) {
+Store::Claim claim_of(const BindRequest& request, rpc::CallerHost caller) {
   return {.name = view_of(request.name()),
           .url = view_of(request.url()),
           .interface = view_of(request.interface()),
@@ -109,11 +109,11 @@ class RegistryServant final : public NamesServant {
 
   rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext& context) override {
-    return bind(wish_of(request, context.caller), reply, &Store::bind);
+    return bind(claim_of(request, context.caller), reply, &Store::bind);
   }
   rpc::Result<void> rebind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                            const rpc::CallContext& context) override {
-    return bind(wish_of(request, context.caller), reply, &Store::rebind);
+    return bind(claim_of(request, context.caller), reply, &Store::rebind);
   }
 
   rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext&) override {
@@ -198,25 +198,25 @@ class RegistryServant final : public NamesServant {
   }
 
  private:
-  using Bind = expected<Granted, Refusal> (Store::*)(const Store::Wish&, MonotonicTime);
+  using Bind = expected<Granted, Refusal> (Store::*)(const Store::Claim&, MonotonicTime);
   /// As many as fit a datagram, with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
 
-  rpc::Result<void> bind(const Store::Wish& wish, rpc::ReplyBuilder<BindReply>& reply,
+  rpc::Result<void> bind(const Store::Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
                          Bind bind_in_store) {
     const rt::AllowAllocationScope not_real_time;
     std::optional<std::string> sentence;
     {
       const std::lock_guard lock(mutex_);
       const MonotonicTime now = rt::now();
-      const auto before = store_.resolve(wish.name, now);
+      const auto before = store_.resolve(claim.name, now);
       const Record former = before ? **before : Record{};
-      const auto bound = (store_.*bind_in_store)(wish, now);
+      const auto bound = (store_.*bind_in_store)(claim, now);
       if (!bound) {
-        sentence = note_refusal(wish, bound.error(), now);
+        sentence = note_refusal(claim, bound.error(), now);
         write_refusal(bound.error(), reply, now);
       } else {
-        if (bound->is_takeover) sentence = note_takeover(wish, former, now);
+        if (bound->is_takeover) sentence = note_takeover(claim, former, now);
         const Answer answer = names::answer_of(Outcome::kDone);
         reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, ns_of(bound->lease),
                                      bound->revision));
@@ -238,24 +238,24 @@ class RegistryServant final : public NamesServant {
                                  holder == nullptr ? 0 : holder->revision));
   }
 
-  std::optional<std::string> note_refusal(const Store::Wish& wish, const Refusal& refusal,
+  std::optional<std::string> note_refusal(const Store::Claim& claim, const Refusal& refusal,
                                           MonotonicTime now) {
     ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
     if (!is_limit(refusal.outcome)) return std::nullopt;
     const auto more = limit_sentences_.admit(now);
     if (!more) return std::nullopt;
-    return "refused a bind from " + to_string(rpc::CallerHost{wish.host}) + ": " +
-           outcome_text(refusal.outcome, wish.name, refusal.component) + *more;
+    return "refused a bind from " + to_string(rpc::CallerHost{claim.host}) + ": " +
+           outcome_text(refusal.outcome, claim.name, refusal.component) + *more;
   }
 
-  std::optional<std::string> note_takeover(const Store::Wish& wish, const Record& former,
+  std::optional<std::string> note_takeover(const Store::Claim& claim, const Record& former,
                                            MonotonicTime now) {
     ++takeover_count_;
     const auto more = takeover_sentences_.admit(now);
     if (!more) return std::nullopt;
-    return "the name " + quoted(wish.name) + " was taken from " + quoted(former.url) +
-           ", bound from " + to_string(rpc::CallerHost{former.host}) + ", by " + quoted(wish.url) +
-           " from " + to_string(rpc::CallerHost{wish.host}) + *more;
+    return "the name " + quoted(claim.name) + " was taken from " + quoted(former.url) +
+           ", bound from " + to_string(rpc::CallerHost{former.host}) + ", by " + quoted(claim.url) +
+           " from " + to_string(rpc::CallerHost{claim.host}) + *more;
   }
 
   rt::PiMutex mutex_;

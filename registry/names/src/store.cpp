@@ -37,50 +37,50 @@ expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_
 Store::Store(Limits limits, std::uint64_t first_revision)
     : limits_(limits), next_revision_(first_revision) {}
 
-expected<Granted, Refusal> Store::bind(const Wish& wish, MonotonicTime now) {
-  return bind(wish, /*replaces=*/false, now);
+expected<Granted, Refusal> Store::bind(const Claim& claim, MonotonicTime now) {
+  return bind(claim, /*replaces=*/false, now);
 }
-expected<Granted, Refusal> Store::rebind(const Wish& wish, MonotonicTime now) {
-  return bind(wish, /*replaces=*/true, now);
+expected<Granted, Refusal> Store::rebind(const Claim& claim, MonotonicTime now) {
+  return bind(claim, /*replaces=*/true, now);
 }
 
-expected<Granted, Refusal> Store::bind(const Wish& from_anywhere, bool replaces,
+expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces,
                                        MonotonicTime now) {
   expire(now);
-  Wish wish = from_anywhere;
+  Claim claim = from_anywhere;
   // All of its own addresses are one host: there are 16 million of them.
-  if (is_own_host(wish.host)) wish.host = kOwnHost;
-  if (auto checked = check_wish(wish); !checked) return unexpected{checked.error()};
-  const auto place = records_.find(wish.name);
+  if (is_own_host(claim.host)) claim.host = kOwnHost;
+  if (auto checked = check_claim(claim); !checked) return unexpected{checked.error()};
+  const auto place = records_.find(claim.name);
   if (place == records_.end()) {
-    if (auto checked = check_place(wish.name); !checked) return unexpected{checked.error()};
-    if (auto checked = check_room(wish, nullptr); !checked) return unexpected{checked.error()};
-    return put(wish, nullptr, now);
+    if (auto checked = check_place(claim.name); !checked) return unexpected{checked.error()};
+    if (auto checked = check_room(claim, nullptr); !checked) return unexpected{checked.error()};
+    return put(claim, nullptr, now);
   }
   const Record held = place->second;
-  if (auto checked = check_holder(wish, place->second, replaces); !checked) {
+  if (auto checked = check_holder(claim, place->second, replaces); !checked) {
     return unexpected{checked.error()};
   }
-  if (auto checked = check_room(wish, &held); !checked) return unexpected{checked.error()};
+  if (auto checked = check_room(claim, &held); !checked) return unexpected{checked.error()};
   erase(place);
-  Granted granted = put(wish, held.owner == wish.owner ? &held : nullptr, now);
-  granted.is_takeover = held.owner.id != wish.owner.id;
+  Granted granted = put(claim, held.owner == claim.owner ? &held : nullptr, now);
+  granted.is_takeover = held.owner.id != claim.owner.id;
   return granted;
 }
 
-// Whether the wish may have a name that is held.
-expected<void, Refusal> Store::check_holder(const Wish& wish, const Record& held,
+// Whether the claim may have a name that is held.
+expected<void, Refusal> Store::check_holder(const Claim& claim, const Record& held,
                                             bool replaces) const {
   const std::size_t last = last_component(held.name);
-  if (held.owner == wish.owner) return {};
-  const bool is_same_owner = held.owner.id == wish.owner.id;
-  if (is_same_owner && wish.owner.epoch < held.owner.epoch) {
+  if (held.owner == claim.owner) return {};
+  const bool is_same_owner = held.owner.id == claim.owner.id;
+  if (is_same_owner && claim.owner.epoch < held.owner.epoch) {
     return refuse(Outcome::kStaleEpoch, last, &held);
   }
-  if (is_same_owner && wish.host == held.host) return {};
+  if (is_same_owner && claim.host == held.host) return {};
   if (!replaces) return refuse(Outcome::kAlreadyBound, last, &held);
-  if (wish.allows_takeover || wish.holder_revision == held.revision) return {};
-  return refuse(wish.holder_revision == 0 ? Outcome::kAlreadyBound : Outcome::kStaleRevision, last,
+  if (claim.allows_takeover || claim.holder_revision == held.revision) return {};
+  return refuse(claim.holder_revision == 0 ? Outcome::kAlreadyBound : Outcome::kStaleRevision, last,
                 &held);
 }
 
@@ -161,35 +161,35 @@ void Store::erase(Records::iterator place) {
 }
 
 // `kept`: what this start of this owner holds already.
-Granted Store::put(const Wish& wish, const Record* kept, MonotonicTime now) {
+Granted Store::put(const Claim& claim, const Record* kept, MonotonicTime now) {
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
   const std::uint64_t revision = kept != nullptr ? kept->revision : next_revision_++;
   const bool is_settled = now - bound >= limits_.first_lease_max;
-  const Duration lease = is_settled ? wish.lease : std::min(wish.lease, limits_.first_lease_max);
-  const std::string name(wish.name);
+  const Duration lease = is_settled ? claim.lease : std::min(claim.lease, limits_.first_lease_max);
+  const std::string name(claim.name);
   Record& record = records_[name];
   record = {name,
-            std::string(wish.url),
-            std::string(wish.interface),
-            wish.owner,
+            std::string(claim.url),
+            std::string(claim.interface),
+            claim.owner,
             now + lease,
             revision,
             bound,
-            wish.host};
+            claim.host};
   ends_.emplace(record.expires, record.name);
-  ++count_of_owner_[wish.owner.id];
-  Host& host = hosts_[wish.host];
+  ++count_of_owner_[claim.owner.id];
+  Host& host = hosts_[claim.host];
   ++host.name_count;
-  ++host.count_of_owner[wish.owner.id];
+  ++host.count_of_owner[claim.owner.id];
   return {.lease = lease, .revision = revision};
 }
 
-expected<void, Refusal> Store::check_wish(const Wish& wish) const {
-  if (const auto bad = first_bad_component(wish.name)) return refuse(Outcome::kBadName, *bad);
-  if (!is_url(wish.url)) return refuse(Outcome::kBadUrl);
-  if (!is_interface(wish.interface)) return refuse(Outcome::kBadInterface);
-  if (wish.owner.id == 0) return refuse(Outcome::kBadOwner);
-  if (wish.lease < limits_.lease_min || wish.lease > limits_.lease_max) {
+expected<void, Refusal> Store::check_claim(const Claim& claim) const {
+  if (const auto bad = first_bad_component(claim.name)) return refuse(Outcome::kBadName, *bad);
+  if (!is_url(claim.url)) return refuse(Outcome::kBadUrl);
+  if (!is_interface(claim.interface)) return refuse(Outcome::kBadInterface);
+  if (claim.owner.id == 0) return refuse(Outcome::kBadOwner);
+  if (claim.lease < limits_.lease_min || claim.lease > limits_.lease_max) {
     return refuse(Outcome::kBadLease);
   }
   return {};
@@ -205,29 +205,30 @@ expected<void, Refusal> Store::check_place(std::string_view name) const {
   return {};
 }
 
-// Whether there is room for the wish once `held`, the record that it replaces, is gone; null: none.
-expected<void, Refusal> Store::check_room(const Wish& wish, const Record* held) const {
+// Whether there is room for the claim once `held`, the record that it replaces, is gone; null:
+// none.
+expected<void, Refusal> Store::check_room(const Claim& claim, const Record* held) const {
   if (held == nullptr && records_.size() >= limits_.name_count_max) return refuse(Outcome::kFull);
-  const auto count = count_of_owner_.find(wish.owner.id);
-  const bool is_more = held == nullptr || held->owner.id != wish.owner.id;
+  const auto count = count_of_owner_.find(claim.owner.id);
+  const bool is_more = held == nullptr || held->owner.id != claim.owner.id;
   if (is_more && count != count_of_owner_.end() &&
       count->second >= limits_.name_count_per_owner_max) {
     return refuse(Outcome::kOwnerFull);
   }
-  return check_host(wish, held);
+  return check_host(claim, held);
 }
 
-expected<void, Refusal> Store::check_host(const Wish& wish, const Record* held) const {
-  const auto found = hosts_.find(wish.host);
+expected<void, Refusal> Store::check_host(const Claim& claim, const Record* held) const {
+  const auto found = hosts_.find(claim.host);
   if (found == hosts_.end()) return {};
   const Host& host = found->second;
-  const bool is_own = is_own_host(wish.host);
-  const bool is_more = held == nullptr || held->host != wish.host;
+  const bool is_own = is_own_host(claim.host);
+  const bool is_more = held == nullptr || held->host != claim.host;
   if (is_more && host.name_count >=
                      (is_own ? limits_.name_count_own_host_max : limits_.name_count_per_host_max)) {
     return refuse(Outcome::kHostFull);
   }
-  if (!host.count_of_owner.contains(wish.owner.id) &&
+  if (!host.count_of_owner.contains(claim.owner.id) &&
       host.count_of_owner.size() >=
           (is_own ? limits_.owner_count_own_host_max : limits_.owner_count_per_host_max)) {
     return refuse(Outcome::kHostOwnersFull);

@@ -35,8 +35,8 @@ class Parser {
 
  private:
   expected<void, UsageError> take_flag(std::string_view argument) {
-    if (bool* const wish = find_wish(argument)) {
-      *wish = true;
+    if (bool* const flag = find_flag(argument)) {
+      *flag = true;
       return {};
     }
     const std::size_t equals = argument.find('=');
@@ -67,7 +67,7 @@ class Parser {
     return {};
   }
 
-  bool* find_wish(std::string_view argument) {
+  bool* find_flag(std::string_view argument) {
     if (argument == "--help" || argument == "-h") return &result_.wants_help;
     if (argument == "--version") return &result_.wants_version;
     if (argument == "--dump-config") return &result_.wants_dump;

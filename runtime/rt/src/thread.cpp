@@ -153,8 +153,8 @@ expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) 
   if (!config.priority) return {};
   if (config.realtime == RealtimeMode::kOff || config.schedule == Schedule::kTimeShared) {
     note_thread_priority(*config.priority, false);
-    const bool is_wish = config.schedule == Schedule::kTimeShared;
-    note_scheduling(config, is_wish ? Grant::kGranted : Grant::kNotAsked, "time-shared", "");
+    const bool is_asked_for = config.schedule == Schedule::kTimeShared;
+    note_scheduling(config, is_asked_for ? Grant::kGranted : Grant::kNotAsked, "time-shared", "");
     return {};
   }
   const int level = level_of(*config.priority);

@@ -271,7 +271,7 @@ TEST_F(Cycle, TheOperatorsPriorityIsConfigured) {
   EXPECT_TRUE(cycle_->take_over(100));
 }
 
-TEST_F(Cycle, AFormerHoldersWishesCountForNothing) {
+TEST_F(Cycle, AFormerHoldersRequestsCountForNothing) {
   acquire();
   reach(5);
   ASSERT_FALSE(command(std::numeric_limits<double>::quiet_NaN()));

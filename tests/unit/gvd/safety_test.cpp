@@ -56,11 +56,11 @@ SafetyFilter stepped(const SafetyConfig& config) {
 }
 
 /// Runs the filter once per millisecond with a command that never ends; gives the last output.
-Wrench settle(SafetyFilter& filter, const Wrench& wish, int& ms, int count) {
+Wrench settle(SafetyFilter& filter, const Wrench& request, int& ms, int count) {
   Wrench output;
   for (int i = 0; i < count; ++i, ++ms) {
     const Duration now = milliseconds{ms};
-    output = filter.step(at(now), WrenchCommand{wish, at(now), at(now + milliseconds{10})});
+    output = filter.step(at(now), WrenchCommand{request, at(now), at(now + milliseconds{10})});
   }
   return output;
 }
@@ -68,8 +68,8 @@ Wrench settle(SafetyFilter& filter, const Wrench& wish, int& ms, int count) {
 TEST(Safety, LetsAModestCommandThroughUnchanged) {
   SafetyFilter filter{config()};
   int ms = 0;
-  const Wrench wish{{1, -2, 3}, {0.1, 0.2, -0.1}};
-  EXPECT_EQ(settle(filter, wish, ms, 400), wish);
+  const Wrench request{{1, -2, 3}, {0.1, 0.2, -0.1}};
+  EXPECT_EQ(settle(filter, request, ms, 400), request);
   EXPECT_TRUE(filter.faults().empty()) << driver::to_text(filter.faults());
 }
 
@@ -221,12 +221,12 @@ TEST(Safety, ANumberThatIsNoneTakesTheForceAwayAndStaysTillRecovery) {
       int ms = 0;
       const Wrench good{{1, 2, 3}, {0.1, 0, 0}};
       EXPECT_EQ(settle(filter, good, ms, 3), good);
-      Wrench wish = good;
-      double* const fields[] = {&wish.force_newton.x,        &wish.force_newton.y,
-                                &wish.force_newton.z,        &wish.torque_newton_metre.x,
-                                &wish.torque_newton_metre.y, &wish.torque_newton_metre.z};
+      Wrench request = good;
+      double* const fields[] = {&request.force_newton.x,        &request.force_newton.y,
+                                &request.force_newton.z,        &request.torque_newton_metre.x,
+                                &request.torque_newton_metre.y, &request.torque_newton_metre.z};
       *fields[component] = bad;
-      EXPECT_EQ(settle(filter, wish, ms, 1), Wrench{}) << "at once, without a ramp";
+      EXPECT_EQ(settle(filter, request, ms, 1), Wrench{}) << "at once, without a ramp";
       EXPECT_TRUE(filter.faults().has(Fault::kCommandNotFinite));
       EXPECT_EQ(settle(filter, good, ms, 500), Wrench{}) << "good commands do not heal it";
       EXPECT_EQ(filter.counters().not_finite_count, 1u);

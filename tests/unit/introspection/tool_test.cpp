@@ -101,9 +101,9 @@ TEST_F(Tool, TakesOverNothingButADevice) {
   const auto light = run({"take-over", light_});
   EXPECT_EQ(light.exit_code, 1);
   EXPECT_NE(light.errors.find(light_), light.errors.npos) << light.errors;
-  const auto wished = run({"take-over", light_, "dim"});
-  EXPECT_EQ(wished.exit_code, 2);
-  EXPECT_NE(wished.errors.find("recover, activate or deactivate"), wished.errors.npos);
+  const auto refused = run({"take-over", light_, "dim"});
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_NE(refused.errors.find("recover, activate or deactivate"), refused.errors.npos);
 }
 
 TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {

@@ -26,7 +26,7 @@ constexpr Owner kArm{.id = 1, .epoch = 10};
 constexpr Owner kStranger{.id = 2, .epoch = 1};
 
 // Leases outlast every test, however slow its machine.
-Store::Wish wish(std::string_view name, Owner owner = kArm) {
+Store::Claim claim(std::string_view name, Owner owner = kArm) {
   return {.name = name,
           .url = "rtpm://127.0.0.1:4711/object",
           .interface = "lab.Arm",
@@ -53,9 +53,9 @@ INSTANTIATE_TEST_SUITE_P(Transports, DirectoryOver,
                          });
 
 TEST_P(DirectoryOver, BindsResolvesListsAndUnbinds) {
-  const Store::Wish arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 1h};
+  const Store::Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 1h};
   ASSERT_TRUE(directory_.bind(arm));
-  ASSERT_TRUE(directory_.bind(wish("hall/eye")));
+  ASSERT_TRUE(directory_.bind(claim("hall/eye")));
   const auto entry = directory_.resolve("lab/arm0");
   ASSERT_TRUE(entry) << entry.error().text;
   EXPECT_EQ(entry->name, arm.name);
@@ -76,9 +76,9 @@ TEST_P(DirectoryOver, BindsResolvesListsAndUnbinds) {
 }
 
 TEST_P(DirectoryOver, TellsInWordsWhatTheRegistryRefused) {
-  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+  ASSERT_TRUE(directory_.bind(claim("lab/arm0")));
 
-  const auto taken = directory_.bind(wish("lab/arm0", kStranger));
+  const auto taken = directory_.bind(claim("lab/arm0", kStranger));
   ASSERT_FALSE(taken);
   EXPECT_EQ(taken.error().outcome, Outcome::kAlreadyBound);
   EXPECT_EQ(taken.error().holder_url, "rtpm://127.0.0.1:4711/object");
@@ -97,8 +97,9 @@ TEST_P(DirectoryOver, TellsInWordsWhatTheRegistryRefused) {
   EXPECT_EQ(directory_.list("lab/").error().outcome, Outcome::kBadName);
   EXPECT_EQ(directory_.bind({"a", "nonsense", "lab.Arm", kArm, 1h}).error().outcome,
             Outcome::kBadUrl);
-  EXPECT_EQ(directory_.rebind(wish("lab/arm0", kStranger)).error().outcome, Outcome::kAlreadyBound);
-  Store::Wish taking = wish("lab/arm0", kStranger);
+  EXPECT_EQ(directory_.rebind(claim("lab/arm0", kStranger)).error().outcome,
+            Outcome::kAlreadyBound);
+  Store::Claim taking = claim("lab/arm0", kStranger);
   taking.holder_revision = 1;
   EXPECT_EQ(directory_.rebind(taking).error().outcome, Outcome::kStaleRevision);
   taking.holder_revision = taken.error().holder_revision;
@@ -130,21 +131,21 @@ TEST_P(DirectoryOver, ListsHundredsOfTheLongestNames) {
 }
 
 TEST_P(DirectoryOver, FindsARegistryThatRestarted) {
-  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+  ASSERT_TRUE(directory_.bind(claim("lab/arm0")));
   registry_.stop();
   EXPECT_FALSE(directory_.resolve("lab/arm0"));
   registry_.start();
   const auto forgotten = directory_.resolve("lab/arm0");
   ASSERT_FALSE(forgotten);
   EXPECT_EQ(forgotten.error().outcome, Outcome::kNotFound) << forgotten.error().text;
-  EXPECT_TRUE(directory_.bind(wish("lab/arm0")));
+  EXPECT_TRUE(directory_.bind(claim("lab/arm0")));
 }
 
 TEST_P(DirectoryOver, SaysThatNoRegistryAnswers) {
   const std::string url = unserved_url();
   for (Directory directory(node_, url);
        const auto& error :
-       {directory.resolve("lab/arm0").error(), directory.bind(wish("lab/arm0")).error()}) {
+       {directory.resolve("lab/arm0").error(), directory.bind(claim("lab/arm0")).error()}) {
     EXPECT_EQ(error.outcome, std::nullopt);
     expect_part(error.text,
                 "no registry answers at " + url + ": start rtpm-registryd, or give --registry URL");
@@ -272,7 +273,7 @@ TEST_P(DirectoryOver, RefusesRequestsThatAreNone) {
   EXPECT_EQ((*reply)->answer()->component(), 1);
   request.name = std::string(1000, '/');
   EXPECT_EQ((*client->resolve(request))->answer()->outcome(), OutcomeCode::BadName);
-  ASSERT_TRUE(directory_.bind(wish("lab/arm0")));
+  ASSERT_TRUE(directory_.bind(claim("lab/arm0")));
 }
 
 TEST(Directory, GivesUpOnARegistryThatIsSilent) {
@@ -305,7 +306,7 @@ TEST(Directory, ServesSeveralLanesAndCallersAtOnce) {
       set_current_priority(Priority{caller * 10000});
       for (int i = 0; i < 25; ++i) {
         const std::string name = "caller" + std::to_string(caller) + "/" + std::to_string(i);
-        const auto bound = directory.bind(wish(name));
+        const auto bound = directory.bind(claim(name));
         EXPECT_TRUE(bound) << bound.error().text;
         EXPECT_TRUE(directory.resolve(name));
       }
@@ -320,11 +321,11 @@ TEST(Directory, RefusesMoreNamesThanTheLimits) {
   ServedRegistry registry({.name_count_max = 3, .name_count_per_owner_max = 2});
   rpc::Node node;
   Directory directory(node, registry.url());
-  ASSERT_TRUE(directory.bind(wish("a")));
-  ASSERT_TRUE(directory.bind(wish("b")));
-  EXPECT_EQ(directory.bind(wish("c")).error().outcome, Outcome::kOwnerFull);
-  ASSERT_TRUE(directory.bind(wish("c", kStranger)));
-  EXPECT_EQ(directory.bind(wish("d", {3, 1})).error().outcome, Outcome::kFull);
+  ASSERT_TRUE(directory.bind(claim("a")));
+  ASSERT_TRUE(directory.bind(claim("b")));
+  EXPECT_EQ(directory.bind(claim("c")).error().outcome, Outcome::kOwnerFull);
+  ASSERT_TRUE(directory.bind(claim("c", kStranger)));
+  EXPECT_EQ(directory.bind(claim("d", {3, 1})).error().outcome, Outcome::kFull);
 }
 
 /// Sentences of a registry.
@@ -353,8 +354,8 @@ TEST(Directory, LeavesRoomForOthersWhereOneHostInventsServers) {
   int count = 0;
   std::optional<Outcome> refused;
   for (; count < 100; ++count) {
-    const auto bound =
-        directory.bind(wish("n" + std::to_string(count), {100U + static_cast<unsigned>(count), 1}));
+    const auto bound = directory.bind(
+        claim("n" + std::to_string(count), {100U + static_cast<unsigned>(count), 1}));
     if (bound) {
       EXPECT_EQ(bound->lease, 10s) << "and for an hour nobody has a name that came just now";
       continue;
@@ -393,8 +394,8 @@ TEST(Directory, ReportsWhoTookANameFromWhom) {
   ServedRegistry registry(*servant);
   rpc::Node node;
   Directory directory(node, registry.url());
-  ASSERT_TRUE(directory.bind(wish("lab/arm0")));
-  Store::Wish taking = wish("lab/arm0", kStranger);
+  ASSERT_TRUE(directory.bind(claim("lab/arm0")));
+  Store::Claim taking = claim("lab/arm0", kStranger);
   taking.url = "rtpm://127.0.0.1:4712/object";
   taking.allows_takeover = true;
   ASSERT_TRUE(directory.rebind(taking));

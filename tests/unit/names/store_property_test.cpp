@@ -39,25 +39,25 @@ class Model {
     std::erase_if(records_, [&](const Record& record) { return record.expires <= now; });
   }
 
-  Answer bind(Record wished, Duration lease, bool replaces, MonotonicTime now) {
-    Record* const held = find(wished.name);
-    const bool is_kept = held != nullptr && held->owner == wished.owner;
-    wished.bound = is_kept ? held->bound : now;
-    wished.expires = now + lease_for(wished, lease, now);
+  Answer bind(Record claimed, Duration lease, bool replaces, MonotonicTime now) {
+    Record* const held = find(claimed.name);
+    const bool is_kept = held != nullptr && held->owner == claimed.owner;
+    claimed.bound = is_kept ? held->bound : now;
+    claimed.expires = now + lease_for(claimed, lease, now);
     if (held == nullptr) {
-      if (Answer place = place_for(wished.name); place.outcome != Outcome::kDone) return place;
+      if (Answer place = place_for(claimed.name); place.outcome != Outcome::kDone) return place;
       if (records_.size() >= kCountMax) return {Outcome::kFull};
-    } else if (held->owner.id == wished.owner.id && wished.owner.epoch < held->owner.epoch) {
-      return about(Outcome::kStaleEpoch, wished.name);
+    } else if (held->owner.id == claimed.owner.id && claimed.owner.epoch < held->owner.epoch) {
+      return about(Outcome::kStaleEpoch, claimed.name);
     } else if (!is_kept && !replaces &&
-               (held->owner.id != wished.owner.id || held->host != wished.host)) {
-      return about(Outcome::kAlreadyBound, wished.name);
+               (held->owner.id != claimed.owner.id || held->host != claimed.host)) {
+      return about(Outcome::kAlreadyBound, claimed.name);
     }
     const auto count_if = [&](auto predicate) {
       return static_cast<std::size_t>(std::count_if(records_.begin(), records_.end(), predicate));
     };
-    const auto is_its = [&](const Record& record) { return record.owner.id == wished.owner.id; };
-    const auto is_here = [&](const Record& record) { return record.host == wished.host; };
+    const auto is_its = [&](const Record& record) { return record.owner.id == claimed.owner.id; };
+    const auto is_here = [&](const Record& record) { return record.host == claimed.host; };
     if ((held == nullptr || !is_its(*held)) && count_if(is_its) >= kCountPerOwnerMax) {
       return {Outcome::kOwnerFull};
     }
@@ -68,13 +68,13 @@ class Model {
     for (const Record& record : records_) {
       if (is_here(record)) owners.insert(record.owner.id);
     }
-    if (!owners.contains(wished.owner.id) && owners.size() >= kOwnerCountPerHostMax) {
+    if (!owners.contains(claimed.owner.id) && owners.size() >= kOwnerCountPerHostMax) {
       return {Outcome::kHostOwnersFull};
     }
     if (held != nullptr) {
-      *held = wished;
+      *held = claimed;
     } else {
-      records_.push_back(wished);
+      records_.push_back(claimed);
     }
     return {};
   }
@@ -209,10 +209,10 @@ TEST_P(StoreProperty, BehavesAsTheModel) {
       case 2: {
         const bool replaces = below(4) == 0;
         const auto host = static_cast<std::uint32_t>(1 + below(2));
-        Store::Wish wish{name, url, "lab.Arm", owner, lease};
-        wish.host = host;
-        wish.allows_takeover = replaces;
-        const auto result = replaces ? store.rebind(wish, now) : store.bind(wish, now);
+        Store::Claim claim{name, url, "lab.Arm", owner, lease};
+        claim.host = host;
+        claim.allows_takeover = replaces;
+        const auto result = replaces ? store.rebind(claim, now) : store.bind(claim, now);
         ASSERT_EQ(
             answer_of(result),
             model.bind({.name = name, .url = url, .interface = {}, .owner = owner, .host = host},

@@ -19,13 +19,13 @@ constexpr MonotonicTime at(Duration time) {
   return MonotonicTime{time};
 }
 
-Store::Wish wish(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
+Store::Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
 /// The same, with leave to take the name from whoever holds it.
-Store::Wish takeover(std::string_view name, Owner owner) {
-  Store::Wish taking = wish(name, owner);
+Store::Claim takeover(std::string_view name, Owner owner) {
+  Store::Claim taking = claim(name, owner);
   taking.allows_takeover = true;
   return taking;
 }
@@ -49,7 +49,7 @@ class StoreTest : public testing::Test {
  protected:
   void bind_all(std::initializer_list<const char*> names, Owner owner = kArm) {
     for (const char* const name : names) {
-      EXPECT_EQ(ending_of(store_.bind(wish(name, owner), at(0s))), kDone) << name;
+      EXPECT_EQ(ending_of(store_.bind(claim(name, owner), at(0s))), kDone) << name;
     }
   }
   std::vector<std::string> names_of(std::string_view directory, std::string_view after = {},
@@ -67,7 +67,7 @@ class StoreTest : public testing::Test {
 };
 
 TEST_F(StoreTest, GivesBackWhatWasBound) {
-  const Store::Wish arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
+  const Store::Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
   ASSERT_EQ(ending_of(store_.bind(arm, at(1s))), kDone);
   const auto record = store_.resolve("lab/arm0", at(2s));
   ASSERT_TRUE(record);
@@ -79,23 +79,23 @@ TEST_F(StoreTest, GivesBackWhatWasBound) {
 }
 
 TEST_F(StoreTest, ForgetsANameWhenItsLeaseEnds) {
-  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 2s), at(0s)));
+  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 2s), at(0s)));
   EXPECT_TRUE(store_.resolve("lab/arm0", at(2s - 1ns)));
   EXPECT_EQ(ending_of(store_.resolve("lab/arm0", at(2s))), (Ending{Outcome::kNotFound, 0}));
   EXPECT_EQ(ending_of(store_.renew("lab/arm0", kArm, 2s, at(2s))), (Ending{Outcome::kNotFound, 0}));
   EXPECT_EQ(store_.size(), 0U);
-  EXPECT_EQ(ending_of(store_.bind(wish("lab/arm0", kStranger), at(2s))), kDone);
+  EXPECT_EQ(ending_of(store_.bind(claim("lab/arm0", kStranger), at(2s))), kDone);
 }
 
 TEST_F(StoreTest, KeepsANameThatIsRenewed) {
-  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 2s), at(0s)));
+  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 2s), at(0s)));
   ASSERT_TRUE(store_.renew("lab/arm0", kArm, 3s, at(1s)));
   EXPECT_TRUE(store_.resolve("lab/arm0", at(4s - 1ns)));
   EXPECT_FALSE(store_.resolve("lab/arm0", at(4s)));
 }
 
 TEST_F(StoreTest, MayShortenALeaseByRenewing) {
-  ASSERT_TRUE(store_.bind(wish("lab/arm0", kArm, 1h), at(0s)));
+  ASSERT_TRUE(store_.bind(claim("lab/arm0", kArm, 1h), at(0s)));
   ASSERT_TRUE(store_.renew("lab/arm0", kArm, 1s, at(0s)));
   EXPECT_FALSE(store_.resolve("lab/arm0", at(1s)));
 }
@@ -116,7 +116,7 @@ TEST_P(Ownership, DecidesWhoMayDoWhat) {
   const OwnershipCase& row = GetParam();
   const auto held = [] {
     auto store = std::make_unique<Store>();
-    EXPECT_TRUE(store->bind(wish("lab/arm0", kArm, 2s), at(0s)));
+    EXPECT_TRUE(store->bind(claim("lab/arm0", kArm, 2s), at(0s)));
     return store;
   };
   const auto ending = [](Outcome outcome) {
@@ -130,7 +130,7 @@ TEST_P(Ownership, DecidesWhoMayDoWhat) {
     }
     static_cast<void>(store);
   };
-  Store::Wish theirs = wish("lab/arm0", row.owner, 5s);
+  Store::Claim theirs = claim("lab/arm0", row.owner, 5s);
   theirs.allows_takeover = true;
   auto store = held();
   expect_holder(*store, row.bind, store->bind(theirs, at(1s)));
@@ -161,8 +161,8 @@ INSTANTIATE_TEST_SUITE_P(
                                   Outcome::kNotOwner, Outcome::kNotOwner}));
 
 TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
-  ASSERT_TRUE(store_.bind(wish("lab/arm0"), at(0s)));
-  Store::Wish moved = wish("lab/arm0", kArmRestarted);
+  ASSERT_TRUE(store_.bind(claim("lab/arm0"), at(0s)));
+  Store::Claim moved = claim("lab/arm0", kArmRestarted);
   moved.url = "rtpm://127.0.0.1:4712/object";
   ASSERT_TRUE(store_.bind(moved, at(1s)));
   EXPECT_EQ(store_.resolve("lab/arm0", at(1s)).value()->url, moved.url);
@@ -170,7 +170,7 @@ TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
 }
 
 TEST_F(StoreTest, TellsTheOwnerThatLostANameToARebind) {
-  ASSERT_TRUE(store_.bind(wish("lab/arm0"), at(0s)));
+  ASSERT_TRUE(store_.bind(claim("lab/arm0"), at(0s)));
   ASSERT_TRUE(store_.rebind(takeover("lab/arm0", kStranger), at(0s)));
   const auto renewed = store_.renew("lab/arm0", kArm, 2s, at(1s));
   ASSERT_EQ(ending_of(renewed), (Ending{Outcome::kNotOwner, 1}));
@@ -193,20 +193,20 @@ TEST_F(StoreTest, SaysWhichComponentIsMissing) {
 
 TEST_F(StoreTest, LetsANameBeBoundOrADirectoryButNotBoth) {
   bind_all({"lab/arm0"});
-  EXPECT_EQ(ending_of(store_.bind(wish("lab/arm0/tip"), at(0s))),
+  EXPECT_EQ(ending_of(store_.bind(claim("lab/arm0/tip"), at(0s))),
             (Ending{Outcome::kNotADirectory, 1}));
-  EXPECT_EQ(ending_of(store_.bind(wish("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
-  EXPECT_EQ(ending_of(store_.rebind(wish("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
+  EXPECT_EQ(ending_of(store_.bind(claim("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
+  EXPECT_EQ(ending_of(store_.rebind(claim("lab"), at(0s))), (Ending{Outcome::kIsADirectory, 0}));
   bind_all({"lab/arm01", "la"});
   // A directory ends with its last name.
   ASSERT_TRUE(store_.unbind("lab/arm0", kArm, at(0s)));
   ASSERT_TRUE(store_.unbind("lab/arm01", kArm, at(0s)));
-  EXPECT_TRUE(store_.bind(wish("lab"), at(0s)));
+  EXPECT_TRUE(store_.bind(claim("lab"), at(0s)));
 }
 
 TEST_F(StoreTest, RefusesWhatIsMalformed) {
   const auto bind = [&](auto change) {
-    Store::Wish bad = wish("lab/arm0");
+    Store::Claim bad = claim("lab/arm0");
     change(bad);
     return ending_of(store_.bind(bad, at(0s)));
   };
@@ -231,20 +231,20 @@ TEST_F(StoreTest, RefusesWhatIsMalformed) {
 
 TEST(StoreLimits, RefusesMoreNamesThanItMayHold) {
   Store store({.name_count_max = 3, .name_count_per_owner_max = 2});
-  ASSERT_TRUE(store.bind(wish("a"), at(0s)));
-  ASSERT_TRUE(store.bind(wish("b"), at(0s)));
-  EXPECT_EQ(ending_of(store.bind(wish("c"), at(0s))), (Ending{Outcome::kOwnerFull, 0}));
-  ASSERT_TRUE(store.bind(wish("c", kStranger), at(0s)));
-  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}), at(0s))), (Ending{Outcome::kFull, 0}));
+  ASSERT_TRUE(store.bind(claim("a"), at(0s)));
+  ASSERT_TRUE(store.bind(claim("b"), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(claim("c"), at(0s))), (Ending{Outcome::kOwnerFull, 0}));
+  ASSERT_TRUE(store.bind(claim("c", kStranger), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(claim("d", {3, 1}), at(0s))), (Ending{Outcome::kFull, 0}));
   // What is held can still be renewed, bound again and taken over.
-  EXPECT_EQ(ending_of(store.bind(wish("a"), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(claim("a"), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.rebind(takeover("a", kStranger), at(0s))), kDone);
   EXPECT_EQ(ending_of(store.rebind(takeover("b", kStranger), at(0s))),
             (Ending{Outcome::kOwnerFull, 0}));
   // The room of a name that is gone is free again, for the registry and for its owner.
   ASSERT_TRUE(store.unbind("c", kStranger, at(0s)));
-  EXPECT_EQ(ending_of(store.bind(wish("d", {3, 1}, 10s), at(0s))), kDone);
-  EXPECT_EQ(ending_of(store.bind(wish("e", kArm), at(2s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(claim("d", {3, 1}, 10s), at(0s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(claim("e", kArm), at(2s))), kDone);
   EXPECT_EQ(store.size(), 2U);
 }
 
@@ -252,19 +252,19 @@ constexpr std::uint32_t kOwnHost = 0x7f00'0001;
 constexpr std::uint32_t kNearHost = 0x0a00'0001;
 constexpr std::uint32_t kFarHost = 0x0a00'0002;
 
-Store::Wish wish_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
-  Store::Wish from = wish(name, owner);
+Store::Claim claim_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
+  Store::Claim from = claim(name, owner);
   from.host = host;
   return from;
 }
 
 TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   Store store({}, 100);
-  const auto first = store.bind(wish("lab/arm0"), at(0s));
+  const auto first = store.bind(claim("lab/arm0"), at(0s));
   ASSERT_TRUE(first);
   EXPECT_EQ(first->revision, 100u);
   EXPECT_FALSE(first->is_takeover);
-  Store::Wish taking = wish("lab/arm0", kStranger);
+  Store::Claim taking = claim("lab/arm0", kStranger);
   const auto without = store.rebind(taking, at(0s));
   EXPECT_EQ(ending_of(without), (Ending{Outcome::kAlreadyBound, 1}));
   EXPECT_EQ(without.error().holder->revision, first->revision);
@@ -279,51 +279,51 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   EXPECT_TRUE(taken->is_takeover);
   EXPECT_GT(taken->revision, first->revision);
   // The former holder, in turn, knows no revision that would do.
-  Store::Wish back = wish("lab/arm0");
+  Store::Claim back = claim("lab/arm0");
   back.holder_revision = first->revision;
   EXPECT_EQ(ending_of(store.rebind(back, at(0s))), (Ending{Outcome::kStaleRevision, 1}));
 }
 
 TEST(StoreRevision, StaysWithItsHolder) {
   Store store;
-  const auto first = store.bind(wish("lab/arm0"), at(0s));
+  const auto first = store.bind(claim("lab/arm0"), at(0s));
   ASSERT_TRUE(store.renew("lab/arm0", kArm, 2s, at(1s)));
-  EXPECT_EQ(store.bind(wish("lab/arm0"), at(1s))->revision, first->revision);
-  const auto later = store.bind(wish("lab/arm0", kArmRestarted), at(1s));
+  EXPECT_EQ(store.bind(claim("lab/arm0"), at(1s))->revision, first->revision);
+  const auto later = store.bind(claim("lab/arm0", kArmRestarted), at(1s));
   EXPECT_NE(later->revision, first->revision) << "another start is another holder";
   ASSERT_TRUE(store.unbind("lab/arm0", kArmRestarted, at(1s)));
-  EXPECT_NE(store.bind(wish("lab/arm0", kArmRestarted), at(1s))->revision, later->revision);
+  EXPECT_NE(store.bind(claim("lab/arm0", kArmRestarted), at(1s))->revision, later->revision);
 }
 
 // Anybody could claim to be a later start, so one from elsewhere has to wait.
 TEST(StoreRestart, GetsItsNameBackAtOnceFromItsHostAndElseWithTheLease) {
   Store store;
-  ASSERT_TRUE(store.bind(wish_from(kNearHost, "lab/arm0"), at(0s)));
-  EXPECT_EQ(ending_of(store.bind(wish_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))),
+  ASSERT_TRUE(store.bind(claim_from(kNearHost, "lab/arm0"), at(0s)));
+  EXPECT_EQ(ending_of(store.bind(claim_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))),
             (Ending{Outcome::kAlreadyBound, 1}));
-  EXPECT_EQ(ending_of(store.bind(wish_from(kNearHost, "lab/arm0", kArmRestarted), at(1s))), kDone);
-  EXPECT_EQ(ending_of(store.bind(wish_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))), kDone)
+  EXPECT_EQ(ending_of(store.bind(claim_from(kNearHost, "lab/arm0", kArmRestarted), at(1s))), kDone);
+  EXPECT_EQ(ending_of(store.bind(claim_from(kFarHost, "lab/arm0", kArmRestarted), at(1s))), kDone)
       << "the same start may come by another way";
   constexpr Owner kLater{.id = kArm.id, .epoch = 12};
-  EXPECT_EQ(ending_of(store.bind(wish_from(kNearHost, "lab/arm0", kLater), at(3s))), kDone)
+  EXPECT_EQ(ending_of(store.bind(claim_from(kNearHost, "lab/arm0", kLater), at(3s))), kDone)
       << "its lease has ended";
 }
 
 TEST(StoreFirstLease, IsShortUntilTheNameHasBeenHeldForSo) {
   Store store;  // 10 s
-  const auto granted = store.bind(wish("lab/arm0", kArm, 1h), at(0s));
+  const auto granted = store.bind(claim("lab/arm0", kArm, 1h), at(0s));
   ASSERT_TRUE(granted);
   EXPECT_EQ(granted->lease, 10s);
-  EXPECT_EQ(store.bind(wish("lab/short", kArm, 2s), at(0s))->lease, 2s);
-  ASSERT_TRUE(store.bind(wish("lab/dead", kStranger, 1h), at(0s)));
+  EXPECT_EQ(store.bind(claim("lab/short", kArm, 2s), at(0s))->lease, 2s);
+  ASSERT_TRUE(store.bind(claim("lab/dead", kStranger, 1h), at(0s)));
   ASSERT_TRUE(store.renew("lab/arm0", kArm, 1h, at(1s)));
   EXPECT_EQ(store.resolve("lab/arm0", at(1s)).value()->expires, at(11s))
       << "a renewal at once gets no more";
   EXPECT_FALSE(store.resolve("lab/dead", at(10s)));
   ASSERT_TRUE(store.renew("lab/arm0", kArm, 1h, at(10s)));
   EXPECT_EQ(store.resolve("lab/arm0", at(10s)).value()->expires, at(1h + 10s));
-  EXPECT_EQ(store.bind(wish("lab/arm0", kArm, 1h), at(11s))->lease, 1h) << "it holds it still";
-  EXPECT_EQ(store.bind(wish("lab/arm0", kArmRestarted, 1h), at(11s))->lease, 10s);
+  EXPECT_EQ(store.bind(claim("lab/arm0", kArm, 1h), at(11s))->lease, 1h) << "it holds it still";
+  EXPECT_EQ(store.bind(claim("lab/arm0", kArmRestarted, 1h), at(11s))->lease, 10s);
 }
 
 // One host invents owners, each with a name; then owners with many names.
@@ -335,7 +335,7 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
     while (true) {
       const Owner owner{.id = first_owner + count / names_of_each, .epoch = 1};
       const std::string name = "n" + std::to_string(host) + "/" + std::to_string(count);
-      const auto bound = store.bind(wish_from(host, name, owner), at(0s));
+      const auto bound = store.bind(claim_from(host, name, owner), at(0s));
       if (!bound) return std::pair{count, bound.error().outcome};
       ++count;
     }
@@ -346,7 +346,7 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
             std::pair(limits.name_count_per_host_max, Outcome::kHostFull));
   EXPECT_EQ(fill(kOwnHost, 3'000, 16),
             std::pair(limits.name_count_own_host_max, Outcome::kHostFull));
-  EXPECT_EQ(ending_of(store.bind(wish_from(kOwnHost + 1, "more"), at(0s))),
+  EXPECT_EQ(ending_of(store.bind(claim_from(kOwnHost + 1, "more"), at(0s))),
             (Ending{Outcome::kHostFull, 0}))
       << "its addresses are one host";
   const auto uses = store.hosts(2);
@@ -356,11 +356,11 @@ TEST(StoreHosts, HaveAShareOfTheNamesAndOwnersEach) {
   EXPECT_EQ(uses[1].host, kFarHost);
   EXPECT_EQ(uses[1].owner_count, 32u);
   // Others find room, and those that are full renew what they have.
-  EXPECT_TRUE(store.bind(wish_from(0x0a00'0003, "lab/arm0", kArm), at(1s)));
+  EXPECT_TRUE(store.bind(claim_from(0x0a00'0003, "lab/arm0", kArm), at(1s)));
   EXPECT_TRUE(store.renew("n167772161/0", {1'000, 1}, 2s, at(1s)));
-  EXPECT_TRUE(store.bind(wish_from(kNearHost, "n167772161/0", {1'000, 2}), at(1s)));
+  EXPECT_TRUE(store.bind(claim_from(kNearHost, "n167772161/0", {1'000, 2}), at(1s)));
   // What is gone counts no more.
-  EXPECT_TRUE(store.bind(wish_from(kFarHost, "again"), at(2s)));
+  EXPECT_TRUE(store.bind(claim_from(kFarHost, "again"), at(2s)));
   EXPECT_EQ(store.hosts(9).size(), 3u);
 }
 
@@ -392,7 +392,7 @@ TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
   for (int i = 0; i < 500; ++i) {
     std::array<char, 32> name{};
     std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);
-    ASSERT_TRUE(store.bind(wish(name.data()), at(0s)));
+    ASSERT_TRUE(store.bind(claim(name.data()), at(0s)));
     if (i % 7 != 0) staying.insert(name.data());
   }
   std::set<std::string> seen;
@@ -414,7 +414,7 @@ TEST(StoreList, GoesThroughHundredsOfNamesPageByPageWhileNamesComeAndGo) {
       std::snprintf(name.data(), name.size(), "lab/%03d/arm", i);
       static_cast<void>(store.unbind(name.data(), kArm, at(0s)));
     }
-    ASSERT_TRUE(store.bind(wish("lab/" + std::to_string(page_count) + "-new"), at(0s)));
+    ASSERT_TRUE(store.bind(claim("lab/" + std::to_string(page_count) + "-new"), at(0s)));
   }
   EXPECT_GE(page_count, static_cast<int>(staying.size()) / 13);
   for (const std::string& name : staying)

@@ -202,22 +202,22 @@ TEST_F(ServerOptions, TakeLanesFromFileEnvironmentAndFlagsByRank) {
 }
 
 TEST_F(ServerOptions, RoundTripThroughTheDump) {
-  const std::vector<std::string> wishes{"--lanes",
-                                        "rest,camera",
-                                        "--lane-camera-low",
-                                        "5000",
-                                        "--lane-camera-cpus",
-                                        "1",
-                                        "--cpu-latency",
-                                        "5us",
-                                        "--lane-rest-wait",
-                                        "spin",
-                                        "--streams-max",
-                                        "3",
-                                        "--borrows",
-                                        "--lane-rest-schedule",
-                                        "time-shared"};
-  std::vector<std::string> with_dump = wishes;
+  const std::vector<std::string> flags{"--lanes",
+                                       "rest,camera",
+                                       "--lane-camera-low",
+                                       "5000",
+                                       "--lane-camera-cpus",
+                                       "1",
+                                       "--cpu-latency",
+                                       "5us",
+                                       "--lane-rest-wait",
+                                       "spin",
+                                       "--streams-max",
+                                       "3",
+                                       "--borrows",
+                                       "--lane-rest-schedule",
+                                       "time-shared"};
+  std::vector<std::string> with_dump = flags;
   with_dump.emplace_back("--dump-config");
   EXPECT_EQ(parse(with_dump), 0);
   const std::string dump = out_;

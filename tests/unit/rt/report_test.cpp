@@ -50,13 +50,13 @@ TEST(SetupReport, SaysWhatWasRefusedWithTheRemedy) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
-    const auto thread = Thread::start({.name = "wish", .priority = 9}, [] {});
+    const auto thread = Thread::start({.name = "timed", .priority = 9}, [] {});
     const auto latency = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kPrefer);
     const auto locked = lock_memory(RealtimeMode::kPrefer);
     if (!thread || !latency || !locked) return std::string("what is preferred can't fail");
     return to_text(setup_report());
   });
-  for (const char* part : {"thread 'wish'", "refused", "time-shared", "rtprio 90", "CPU latency",
+  for (const char* part : {"thread 'timed'", "refused", "time-shared", "rtprio 90", "CPU latency",
                            "/dev/cpu_dma_latency", "memory lock", "RLIMIT_MEMLOCK"}) {
     EXPECT_NE(child.said.find(part), child.said.npos) << part << " is not in:\n" << child.said;
   }

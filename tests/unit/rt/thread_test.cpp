@@ -144,7 +144,7 @@ TEST(ThreadWithoutTheRight, IsTimeSharedAndWarnsOnceWhenRealTimeIsPreferred) {
     test::drop_realtime_rights();
     for (int i = 0; i < 3; ++i) {
       Seen seen;
-      auto thread = Thread::start({.name = "wishful", .priority = 20'000},
+      auto thread = Thread::start({.name = "urgent", .priority = 20'000},
                                   [&] { seen = look_at_this_thread(); });
       if (!thread) return "not started: " + thread.error().text;
       thread->join();
@@ -157,7 +157,7 @@ TEST(ThreadWithoutTheRight, IsTimeSharedAndWarnsOnceWhenRealTimeIsPreferred) {
   EXPECT_EQ(child.status, 0);
   EXPECT_EQ(count_of(child.errors, "warning"), 1) << child.errors;
   expect_text(child.errors,
-              {"'wishful'", "SCHED_FIFO 54", "Operation not permitted", "limit is 0", "Remedy",
+              {"'urgent'", "SCHED_FIFO 54", "Operation not permitted", "limit is 0", "Remedy",
                "limits.conf", "LimitRTPRIO", "CAP_SYS_NICE", "--realtime off"});
 }
 

@@ -68,13 +68,13 @@ class CameraStream : public testing::TestWithParam<Transport> {
 
   camera::CameraFunctionServant servant_{{
       .watch =
-          [this](const camera::Wish& wish, rtpm::rpc::TableWriter<camera::Frame> frames,
+          [this](const camera::Shot& shot, rtpm::rpc::TableWriter<camera::Frame> frames,
                  const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             if (film_.joinable()) film_.join();
             film_ = std::thread(
-                [frames = std::move(frames), count = wish.frame_count(),
-                 size = wish.picture_size()]() mutable { film(std::move(frames), count, size); });
+                [frames = std::move(frames), count = shot.frame_count(),
+                 size = shot.picture_size()]() mutable { film(std::move(frames), count, size); });
           },
   }};
   std::unique_ptr<rtpm::rpc::Server> server_;
@@ -88,18 +88,18 @@ TEST_P(CameraStream, BringsPicturesWholeAndInOrder) {
   rtpm::rpc::Node node(config);
   auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
   ASSERT_TRUE(client) << client.error().text;
-  camera::WishT wish;
-  wish.frame_count = 20;
-  wish.picture_size = 256 * 1024;
-  auto frames = client->watch(wish);
+  camera::ShotT shot;
+  shot.frame_count = 20;
+  shot.picture_size = 256 * 1024;
+  auto frames = client->watch(shot);
   ASSERT_TRUE(frames) << to_string(frames.error());
-  for (std::uint32_t number = 0; number < wish.frame_count; ++number) {
+  for (std::uint32_t number = 0; number < shot.frame_count; ++number) {
     const auto frame = frames->next(now() + kPatience);
     ASSERT_TRUE(frame) << number << ": " << to_string(frame.error());
     ASSERT_NE(*frame, nullptr);
     ASSERT_EQ((*frame)->number(), number);
     const auto* const picture = (*frame)->picture();
-    ASSERT_EQ(picture->size(), wish.picture_size);
+    ASSERT_EQ(picture->size(), shot.picture_size);
     std::size_t at = 0;
     EXPECT_TRUE(std::ranges::all_of(*picture, [&](std::uint8_t pixel) {
       return pixel == pixel_of(number, at++);
@@ -118,10 +118,10 @@ TEST_P(CameraStream, SaysWhenAPictureIsTooLarge) {
   rtpm::rpc::Node node(config);
   auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
   ASSERT_TRUE(client) << client.error().text;
-  camera::WishT wish;
-  wish.frame_count = 1;
-  wish.picture_size = 100'000;
-  auto frames = client->watch(wish);
+  camera::ShotT shot;
+  shot.frame_count = 1;
+  shot.picture_size = 100'000;
+  auto frames = client->watch(shot);
   ASSERT_TRUE(frames) << to_string(frames.error());
   const auto frame = frames->next(now() + kPatience);
   ASSERT_FALSE(frame);

@@ -110,8 +110,8 @@ TEST(Arm, SaturatesAndKeepsTheDirection) {
   EXPECT_FALSE(arm.is_saturated());
   EXPECT_EQ(arm.applied_newton(), Eigen::Vector3d(3, 4, 0));
   for (const double scale : {30.0, 1e6, 1e150, 1e308}) {
-    const Eigen::Vector3d wish = scale * Eigen::Vector3d(0.6, -0.64, 0.48);
-    arm.step(wish, milliseconds{1});
+    const Eigen::Vector3d force = scale * Eigen::Vector3d(0.6, -0.64, 0.48);
+    arm.step(force, milliseconds{1});
     EXPECT_TRUE(arm.is_saturated());
     EXPECT_NEAR(arm.applied_newton().norm(), 9, 1e-9);
     EXPECT_TRUE(

@@ -54,7 +54,7 @@ TEST(Hand, FollowsItsRecordingAndLeavesTheButtonAlone) {
   auto recording = Trajectory::parse(text, "hand.csv", {{-1, -1, -1}, {1, 1, 1}});
   ASSERT_TRUE(recording);
   const Hand hand{HandConfig{}, std::move(*recording)};
-  EXPECT_NEAR(hand.wish_at(0.5).position_m.x(), 0.015, 1e-12);
+  EXPECT_NEAR(hand.target_at(0.5).position_m.x(), 0.015, 1e-12);
   EXPECT_FALSE(hand.is_pressing_at(0.1));
   EXPECT_TRUE((Hand{HandConfig{}, PressingPath{1}}.is_pressing_at(0.1)));
 }

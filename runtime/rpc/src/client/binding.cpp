@@ -74,16 +74,16 @@ constexpr Duration kMemoryPatience = std::chrono::milliseconds{100};
 // Over what the server is reached, and where it has its socket for shared memory.
 ServerAddress address_of(const Node& node, const BindOptions& options, const std::string& host,
                          std::uint16_t port, MonotonicTime deadline) {
-  const Transport wish =
+  const Transport asked =
       options.transport != Transport::kAuto ? options.transport : node.config().transport;
-  if (wish == Transport::kUdp || wish == Transport::kTcp) return {host, port, wish, {}};
+  if (asked == Transport::kUdp || asked == Transport::kTcp) return {host, port, asked, {}};
   deadline = std::min(deadline, rt::now() + kMemoryPatience);
   for (const std::string& folder : {node.config().shared_memory_folder, std::string()}) {
     if (transport::is_shared_memory_served({host, port, folder}, deadline)) {
       return {host, port, Transport::kSharedMemory, folder};
     }
   }
-  return {host, port, wish == Transport::kAuto ? Transport::kUdp : wish, {}};
+  return {host, port, asked == Transport::kAuto ? Transport::kUdp : asked, {}};
 }
 
 }  // namespace

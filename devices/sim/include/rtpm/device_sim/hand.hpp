@@ -42,7 +42,7 @@ class Hand {
 
   [[nodiscard]] const HandConfig& config() const noexcept { return config_; }
   /// Where it wants to be `time_s` seconds after the begin.
-  [[nodiscard]] Motion wish_at(double time_s) const noexcept;
+  [[nodiscard]] Motion target_at(double time_s) const noexcept;
   /// Whether its finger is on the button: for a fifth of a second every two, never in a recording.
   [[nodiscard]] bool is_pressing_at(double time_s) const noexcept;
 

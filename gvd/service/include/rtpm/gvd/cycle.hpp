@@ -121,11 +121,11 @@ class DeviceCycle {
   /// Errors: as the service's method `command` says in device.fbs.
   [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
                                          MonotonicTime received) noexcept;
-  /// Leaves a wish for the next cycle, which counts if `lease` is still held then. The last of
+  /// Leaves a request for the next cycle, which counts if `lease` is still held then. The last of
   /// several in one cycle counts.   RT: alloc-free, no wait.
   /// Errors: kNotLeaseHolder.
   [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
-  /// Leaves the wish to end a latched fault, likewise.   RT: alloc-free, no wait.
+  /// Leaves the request to end a latched fault, likewise.   RT: alloc-free, no wait.
   /// Errors: kNotLeaseHolder.
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
   /// Takes the lease from its holder, if there is one, for a call of `priority`: the new lease's
@@ -152,7 +152,7 @@ class DeviceCycle {
   };
 
   [[nodiscard]] std::optional<WrenchCommand> command_of(std::uint64_t holder) noexcept;
-  [[nodiscard]] rpc::Result<void> leave(std::atomic<std::uint32_t>& wish, std::uint64_t lease,
+  [[nodiscard]] rpc::Result<void> leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
                                         std::uint16_t what) noexcept;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
   [[nodiscard]] expected<void, driver::DriverError> open();
@@ -172,9 +172,9 @@ class DeviceCycle {
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
-  /// What a holder wishes, with the serial of its lease, as wish_of() packs them; 0: nothing.
-  std::atomic<std::uint32_t> transition_wish_{0};
-  std::atomic<std::uint32_t> recovery_wish_{0};
+  /// What a holder requests, with the serial of its lease, as request_of() packs them; 0: nothing.
+  std::atomic<std::uint32_t> transition_request_{0};
+  std::atomic<std::uint32_t> recovery_request_{0};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
   std::atomic<std::uint64_t> command_count_{0};

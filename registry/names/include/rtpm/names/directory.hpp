@@ -53,9 +53,9 @@ class Directory {
   ~Directory();
 
   /// As Store::bind(); the registry itself sees from which host.
-  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Wish& wish);
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Claim& claim);
   /// As Store::rebind(), likewise.
-  [[nodiscard]] expected<Granted, DirectoryError> rebind(const Store::Wish& wish);
+  [[nodiscard]] expected<Granted, DirectoryError> rebind(const Store::Claim& claim);
   /// As Store::renew().
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease);

@@ -37,7 +37,7 @@ struct Record {
   /// Another number for each holder that the name ever had; the same for as long as one holds it.
   std::uint64_t revision = 0;
   MonotonicTime bound{};   ///< Since when this start of its owner holds it.
-  std::uint32_t host = 0;  ///< From which it was bound, see Store::Wish.
+  std::uint32_t host = 0;  ///< From which it was bound, see Store::Claim.
 };
 
 /// What a store takes in, and no more.
@@ -92,7 +92,7 @@ class Store {
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1);
 
   /// What a name is to be bound to.
-  struct Wish {
+  struct Claim {
     std::string_view name;
     std::string_view url;
     std::string_view interface;
@@ -102,25 +102,25 @@ class Store {
     std::uint64_t holder_revision = 0;
     /// whoever holds it.
     bool allows_takeover = false;
-    /// Where the wish came from (rpc::CallerHost::ipv4): the registry's word, not the owner's.
+    /// Where the claim came from (rpc::CallerHost::ipv4): the registry's word, not the owner's.
     std::uint32_t host = 0;
   };
 
-  /// Binds `wish.name`. If this start of this owner holds it, its record is replaced and its lease
+  /// Binds `claim.name`. If this start of this owner holds it, its record is replaced and its lease
   /// begins anew; so repeating a bind does no harm. A later start of the owner takes the name at
   /// once if it comes from the host that the name was bound from; from elsewhere it waits for the
   /// lease to end, as anybody could claim to be it.
   /// Errors: kAlreadyBound, kStaleEpoch with the holder; kNotADirectory, kIsADirectory; kFull,
   /// kOwnerFull, kHostFull, kHostOwnersFull; kBadName, kBadUrl, kBadInterface, kBadOwner,
   /// kBadLease.
-  [[nodiscard]] expected<Granted, Refusal> bind(const Wish& wish, MonotonicTime now);
+  [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
-  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the wish
+  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the claim
   /// names that holder's revision or allows any takeover. An older start of the same owner still
   /// gets kStaleEpoch.
-  /// Errors: as bind(), with kAlreadyBound where the wish gives no leave; kStaleRevision with the
-  /// holder: it is another one than the wish names.
-  [[nodiscard]] expected<Granted, Refusal> rebind(const Wish& wish, MonotonicTime now);
+  /// Errors: as bind(), with kAlreadyBound where the claim gives no leave; kStaleRevision with the
+  /// holder: it is another one than the claim names.
+  [[nodiscard]] expected<Granted, Refusal> rebind(const Claim& claim, MonotonicTime now);
 
   /// Lets the lease end `lease` from now, or first_lease_max, see Granted.
   /// Errors: kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
@@ -164,14 +164,15 @@ class Store {
 
   void expire(MonotonicTime now);
   void erase(Records::iterator place);
-  [[nodiscard]] Granted put(const Wish& wish, const Record* kept, MonotonicTime now);
-  [[nodiscard]] expected<Granted, Refusal> bind(const Wish& wish, bool replaces, MonotonicTime now);
-  [[nodiscard]] expected<void, Refusal> check_holder(const Wish& wish, const Record& held,
+  [[nodiscard]] Granted put(const Claim& claim, const Record* kept, MonotonicTime now);
+  [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, bool replaces,
+                                                MonotonicTime now);
+  [[nodiscard]] expected<void, Refusal> check_holder(const Claim& claim, const Record& held,
                                                      bool replaces) const;
-  [[nodiscard]] expected<void, Refusal> check_wish(const Wish& wish) const;
+  [[nodiscard]] expected<void, Refusal> check_claim(const Claim& claim) const;
   [[nodiscard]] expected<void, Refusal> check_place(std::string_view name) const;
-  [[nodiscard]] expected<void, Refusal> check_room(const Wish& wish, const Record* held) const;
-  [[nodiscard]] expected<void, Refusal> check_host(const Wish& wish, const Record* held) const;
+  [[nodiscard]] expected<void, Refusal> check_room(const Claim& claim, const Record* held) const;
+  [[nodiscard]] expected<void, Refusal> check_host(const Claim& claim, const Record* held) const;
   [[nodiscard]] expected<Records::iterator, Refusal> find(std::string_view name);
   [[nodiscard]] bool is_directory(std::string_view name) const;
   [[nodiscard]] Refusal missing(std::string_view name) const;

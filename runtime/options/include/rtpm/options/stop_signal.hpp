@@ -4,7 +4,7 @@
 
 namespace rtpm::options {
 
-/// The wish to end the program: SIGINT (Ctrl-C) or SIGTERM.
+/// The request to end the program: SIGINT (Ctrl-C) or SIGTERM.
 ///
 /// Its making blocks both signals in the calling thread and, by inheritance, in all threads that
 /// are started later. So no real-time thread is ever interrupted by them, and a program that is
