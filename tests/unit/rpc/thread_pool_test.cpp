@@ -5,6 +5,7 @@
 #include <cstring>
 #include <memory>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
@@ -206,6 +207,109 @@ TEST(ThreadPool, LendsNothingUpwardsToALowerLane) {
   holders.add_inside(1, {.priority = 100});
   EXPECT_EQ(error_of_call(binding, {.priority = 100}), CallError::kOverload);
   EXPECT_TRUE(binding.call(echo::kEcho, {}, {.priority = 30'000}));
+}
+
+/// Keeps the lowest lane's receiving thread at work, which holds the lane's lock meanwhile.
+class BusyLeader {
+ public:
+  static Priority transform(Priority priority, std::string_view) {
+    if (priority == kBusy) {
+      is_inside_ = true;
+      static_cast<void>(await([] { return !is_wanted_.load(); }));
+      is_inside_ = false;
+    }
+    return priority;
+  }
+  BusyLeader() { is_wanted_ = true; }
+  ~BusyLeader() { end(); }
+  static void end() { is_wanted_ = false; }
+  static bool is_inside() { return is_inside_; }
+  static constexpr Priority kBusy{77};
+
+ private:
+  static inline std::atomic<bool> is_wanted_{false};
+  static inline std::atomic<bool> is_inside_{false};
+};
+
+/// Lanes of one thread each that lend upwards, where one more call may wait.
+class Borrowing : public testing::Test {
+ protected:
+  void open(const std::vector<std::uint16_t>& lows) {
+    ServerConfig config = quiet_config({});
+    BindOptions options{.deadline = rtpm::test::kPatience};
+    for (const std::uint16_t low : lows) {
+      config.lanes.push_back(lane_of(1, 1, low));
+      options.warm_up.push_back(low);
+    }
+    config.borrows = true;
+    config.inbound_priority = BusyLeader::transform;
+    server_ = std::move(*Server::create(std::move(config)));
+    ASSERT_TRUE(server_->add("echo", servant_));
+    ASSERT_TRUE(server_->start());
+    auto bound = Binding::bind(node_, server_->url("echo"), echo::kInterface, options);
+    ASSERT_TRUE(bound) << bound.error().text;
+    binding_.emplace(std::move(*bound));
+  }
+  void TearDown() override {
+    servant_.gate.open();
+    BusyLeader::end();
+    for (std::thread& thread : threads_)
+      thread.join();
+    server_->stop();
+  }
+  void call(const MethodDescriptor& method, Priority priority) {
+    threads_.emplace_back([this, method, priority] {
+      EXPECT_TRUE(binding_->call(method, {}, {.priority = priority}));
+    });
+  }
+  /// Begins a call; returns when its lane has it.
+  void begin(const MethodDescriptor& method, Priority priority) {
+    const std::uint64_t before = server_->counters().call_count;
+    call(method, priority);
+    ASSERT_TRUE(await([&] { return server_->counters().call_count > before; }));
+  }
+  void hold(Priority priority) {
+    const int before = servant_.gate.inside_count();
+    begin(echo::kHold, priority);
+    ASSERT_TRUE(await([&] { return servant_.gate.inside_count() > before; }));
+  }
+
+  NotingServant servant_;
+  std::unique_ptr<Server> server_;
+  /// Repeats nothing: over UDP a lane that forgot a call would be reminded of it.
+  Node node_{quiet_node(Transport::kTcp)};
+  std::optional<Binding> binding_;
+  std::vector<std::thread> threads_;
+};
+
+// No lane that asked in vain is forgotten because another asked, too.
+TEST_F(Borrowing, LendsTheNextFreeThreadToTheMostUrgentLaneThatAsked) {
+  open({0, 10'000, 20'000});
+  for (const Priority priority : {Priority{100}, Priority{10'000}, Priority{20'000}})
+    hold(priority);
+  begin(echo::kEcho, Priority{20'001});
+  begin(echo::kEcho, Priority{10'001});
+  EXPECT_TRUE(servant_.order().empty());
+  servant_.gate.let_one_go();
+  ASSERT_TRUE(await([&] { return servant_.order().size() == 2; })) << "the lowest lane's thread";
+  EXPECT_EQ(servant_.order(), (std::vector<int>{20'001, 10'001}));
+  EXPECT_TRUE(await([&] { return server_->counters().borrowed_count == 2; }));
+}
+
+// A large reply in a low lane, say, must not hold up the lane above that looks for a thread.
+TEST_F(Borrowing, NeverWaitsForTheLowerLanesLeader) {
+  open({0, 20'000});
+  BusyLeader leader;
+  hold(Priority{20'000});
+  call(echo::kEcho, BusyLeader::kBusy);
+  ASSERT_TRUE(await([&] { return BusyLeader::is_inside(); }));
+  begin(echo::kEcho, Priority{20'001});
+  EXPECT_EQ(error_of_call(*binding_, {.priority = Priority{20'000}}), CallError::kOverload)
+      << "the lane goes on receiving";
+  EXPECT_TRUE(BusyLeader::is_inside());
+  EXPECT_TRUE(servant_.order().empty());
+  leader.end();
+  ASSERT_TRUE(await([&] { return servant_.order().size() == 2; })) << "the low lane's thread came";
 }
 
 // A servant that blocks for ever hurts only its lane.

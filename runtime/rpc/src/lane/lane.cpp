@@ -97,6 +97,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       band_(setup.band),
       objects_(*setup.objects),
       inbound_priority_(setup.inbound_priority),
+      number_(setup.sessions.lane),
       lower_(setup.lower),
       acceptor_bell_(setup.acceptor_bell),
       port_(std::move(port)),
@@ -133,6 +134,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
                 is_there(memory_streams_, stream_size(setup, wire::Medium::kStream)) &&
                 pending_->has_memory();
   show_config();
+  if (lower_ != nullptr) lower_->upper_ = this;
   // A connection that is served while it stands in the list may enter it a second time.
   leftovers_.reserve(2 * connections_.size());
   memory_sources_.reserve(connections_.size());
@@ -235,10 +237,10 @@ void Lane::keep_cpu_awake(MonotonicTime until) noexcept {
 
 // Sleeps without looking at anything. Others may use the lane meanwhile.
 void Lane::nap(MonotonicTime until) noexcept {
-  if (pool_) pool_->mutex().unlock();
+  if (pool_) pool_->unlock();
   keep_cpu_awake(until);
   rt::sleep_until(until);
-  if (pool_) pool_->lock_from_aside();
+  if (pool_) pool_->lock_as_follower();
 }
 
 // Spinning on after a call is a waste where the next one never comes that soon. Where callers come
@@ -422,10 +424,10 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
     few[few_count++] = {connections_[source].stream->descriptor(), source};
   }
   const bool is_crowded = is_crowded_;
-  if (is_shared) pool_->mutex().unlock();
+  if (is_shared) pool_->unlock();
   const std::size_t count = is_crowded ? poller_.wait(until, ready_)
                                        : poller_.wait_for({few.data(), few_count}, until, ready_);
-  if (is_shared) pool_->mutex().lock();
+  if (is_shared) pool_->lock();
   return count;
 }
 

@@ -72,9 +72,6 @@ class Lane {
   void join() noexcept;
   /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
   void maintain_threads() noexcept;
-  /// Has a thread of this lane, or of one below, that rests run a call of another.
-  /// RT: alloc-free.
-  [[nodiscard]] BorrowedThread lend(Lane& borrower, PendingCall& call) noexcept;
   /// After its threads have ended: closes the sockets, so that callers see at once that nobody
   /// serves them.
   void close() noexcept;
@@ -204,7 +201,9 @@ class Lane {
   [[nodiscard]] bool serve_local() noexcept;
   void serve_local_call(LocalChannel& channel) noexcept;
   void serve_pending_local(PendingCall& call) noexcept;
-  void run_borrowed(PendingCall& first, ThreadPool& lender) noexcept;
+  [[nodiscard]] Lane* next_borrower() noexcept;
+  void help(Lane& borrower, PendingCall* call) noexcept;
+  void run_borrowed(PendingCall* call, ThreadPool& lender) noexcept;
   void run_queued(PendingCall& call, ThreadPool* lender = nullptr) noexcept;
   [[nodiscard]] ConstBytes queue_request(wire::ServerSessions& sessions,
                                          const wire::Request& request,
@@ -224,7 +223,9 @@ class Lane {
   Band band_;
   const ObjectTable& objects_;
   PriorityTransform inbound_priority_;
+  std::uint32_t number_;  ///< Among the server's lanes, by ascending band.
   Lane* lower_;
+  Lane* upper_ = nullptr;
   transport::Poller* acceptor_bell_;
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
   rt::CpuKeeper* keeper_ = nullptr;

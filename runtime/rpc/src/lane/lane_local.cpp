@@ -132,10 +132,10 @@ DispatchResult Lane::run_nested(const LocalChannel& channel) noexcept {
   const DispatchResult result =
       run_servant(**target, request, channel.reply(), no_deferral, has_thrown);
   if (outer) rt::adopt_priority(*outer);
-  if (pool_) pool_->lock_from_aside();
+  if (pool_) pool_->lock_as_follower();
   ++counters_.call_count;
   counters_.servant_failure_count += has_thrown ? 1 : 0;
-  if (pool_) pool_->mutex().unlock();
+  if (pool_) pool_->unlock();
   return result;
 }
 

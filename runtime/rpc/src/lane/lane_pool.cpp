@@ -118,7 +118,7 @@ void Lane::join() noexcept {
 // What each thread of a thread pool does, from its begin to its end.
 void Lane::work(Worker& me) noexcept {
   const rt::NoAllocationScope no_allocation;
-  pool_->lock_from_aside();
+  pool_->lock_as_follower();
   pool_->sign_on(me);
   while (!pool_->is_over()) {
     if (PendingCall* const call = pool_->take_to_run()) {
@@ -127,18 +127,16 @@ void Lane::work(Worker& me) noexcept {
       rt::adopt_priority(config_.priority);
       lead();
       pool_->leave_lead();
+    } else if (Lane* const asked = next_borrower()) {
+      help(*asked, nullptr);
     } else if (!pool_->rest(me, config_.dynamic_idle)) {
       break;
     } else if (Lane* const borrower = std::exchange(me.borrower, nullptr)) {
-      pool_->mutex().unlock();
-      borrower->run_borrowed(*me.lent_call, *pool_);
-      rt::adopt_priority(config_.priority);
-      pool_->lock_from_aside();
-      pool_->end_expecting();
+      help(*borrower, me.lent_call);
     }
   }
   pool_->sign_off(me);
-  pool_->mutex().unlock();
+  pool_->unlock();
   // So that it is joined.
   if (me.is_dynamic) acceptor_bell_->ring();
 }
@@ -150,7 +148,7 @@ void Lane::lead() noexcept {
     step(spin_end);
     if (pool_->has_stuck_call()) find_help();
     if (pool_->has_call_to_run()) return;
-    pool_->let_others_in();
+    pool_->yield_lock();
   }
   end_pool();
 }
@@ -164,45 +162,61 @@ void Lane::find_help() noexcept {
 
 // Has a thread of a lower lane run the most urgent call that waits.
 BorrowedThread Lane::borrow() noexcept {
-  if (lower_ == nullptr) return BorrowedThread::kNone;
-  const BorrowedThread borrowed = lower_->lend(*this, pool_->first());
-  if (borrowed == BorrowedThread::kGiven) {
+  const BorrowRequest request{*this, number_, pool_->first(), pool_->queued_count()};
+  BorrowedThread best = BorrowedThread::kNone;
+  for (Lane* lane = lower_; lane != nullptr && best != BorrowedThread::kGiven;
+       lane = lane->lower_) {
+    const BorrowedThread borrowed = lane->pool_->lend(request);
+    if (borrowed != BorrowedThread::kNone) best = borrowed;
+  }
+  if (best == BorrowedThread::kGiven) {
     static_cast<void>(pool_->take_any());
     pool_->begin_borrowed_run();
-    ++counters_.borrowed_count;
-  }
-  return borrowed;
-}
-
-// The nearest lane below that has a thread to spare gives it.
-BorrowedThread Lane::lend(Lane& borrower, PendingCall& call) noexcept {
-  BorrowedThread best = BorrowedThread::kNone;
-  for (Lane* lane = this; lane != nullptr && best != BorrowedThread::kGiven; lane = lane->lower_) {
-    lane->pool_->lock_from_aside();
-    const BorrowedThread borrowed = lane->pool_->lend(borrower, call, borrower.poller_);
-    lane->pool_->mutex().unlock();
-    if (borrowed != BorrowedThread::kNone) best = borrowed;
   }
   return best;
 }
 
-// A thread of a lower lane runs a call of this one, and those that are as urgent behind it.
-void Lane::run_borrowed(PendingCall& first, ThreadPool& lender) noexcept {
-  pool_->lock_from_aside();
-  PendingCall* call = &first;
-  while (call != nullptr) {
+// The most urgent lane above that asked for a thread when there was none; or null.
+Lane* Lane::next_borrower() noexcept {
+  const auto number = pool_->take_borrower();
+  if (!number) return nullptr;
+  Lane* lane = upper_;
+  while (lane->number_ != *number)
+    lane = lane->upper_;
+  return lane;
+}
+
+// Has the calling thread run calls of a lane above: `call`, or what needs a thread there.
+void Lane::help(Lane& borrower, PendingCall* call) noexcept {
+  // Calls of this lane may wait for a thread that finds nothing to do.
+  if (call == nullptr) pool_->expect_back();
+  pool_->unlock();
+  borrower.run_borrowed(call, *pool_);
+  rt::adopt_priority(config_.priority);
+  pool_->lock_as_follower();
+  pool_->end_expecting();
+}
+
+// On a thread of a lower lane: runs `call`, unless it is null, and all that are stuck. The lender
+// expects its thread back from the end of each call on.
+void Lane::run_borrowed(PendingCall* call, ThreadPool& lender) noexcept {
+  pool_->lock_as_follower();
+  while (call != nullptr || (!pool_->is_over() && pool_->has_stuck_call())) {
+    if (call == nullptr) {
+      lender.end_expecting();
+      call = pool_->take_any();
+      pool_->begin_borrowed_run();
+    }
+    ++counters_.borrowed_count;
     run_queued(*call, &lender);
-    if (pool_->is_over() || !pool_->has_stuck_call()) break;
-    lender.end_expecting();
-    call = pool_->take_any();
-    pool_->begin_borrowed_run();
+    call = nullptr;
   }
-  pool_->mutex().unlock();
+  pool_->unlock();
 }
 
 // Runs a call without the lock, and ends it with the lock. `lender`: whose thread does so.
 void Lane::run_queued(PendingCall& call, ThreadPool* lender) noexcept {
-  pool_->mutex().unlock();
+  pool_->unlock();
   QueuedDeferral deferral(pending_, call);
   std::optional<DispatchResult> result;
   bool has_thrown = false;
@@ -214,7 +228,7 @@ void Lane::run_queued(PendingCall& call, ThreadPool* lender) noexcept {
   } else {
     result = run_servant(*call.object, call.request, call.reply, deferral, has_thrown);
   }
-  pool_->lock_from_aside();
+  pool_->lock_as_follower();
   pool_->end_run();
   counters_.servant_failure_count += has_thrown ? 1 : 0;
   counters_.bad_request_count += result->status == wire::Status::kBadRequest ? 1U : 0U;
@@ -312,7 +326,7 @@ void Lane::end_pool() noexcept {
   while (pool_->running_count() > 0 && rt::now() < end) {
     static_cast<void>(turn());
     static_cast<void>(look_around(std::min(end, rt::now() + std::chrono::milliseconds{1})));
-    pool_->let_others_in();
+    pool_->yield_lock();
   }
   say_goodbye();
   pool_->end();

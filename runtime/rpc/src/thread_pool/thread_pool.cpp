@@ -1,6 +1,7 @@
 #include "thread_pool/thread_pool.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "rtpm/base/assert.hpp"
@@ -26,17 +27,36 @@ ThreadPool::ThreadPool(const LaneConfig& config, std::uint32_t call_count_max)
     workers_[i].is_dynamic = true;
 }
 
-void ThreadPool::lock_from_aside() noexcept {
-  knocking_.fetch_add(1, std::memory_order_relaxed);
+void ThreadPool::lock_as_follower() noexcept {
+  follower_count_.fetch_add(1, std::memory_order_relaxed);
   mutex_.lock();
-  knocking_.fetch_sub(1, std::memory_order_relaxed);
+  follower_count_.fetch_sub(1, std::memory_order_relaxed);
 }
 
-void ThreadPool::let_others_in() noexcept {
-  if (knocking_.load(std::memory_order_relaxed) == 0) return;
+void ThreadPool::unlock() noexcept {
+  mutex_.unlock();
+  // SYNC POINT pool-borrowers: lend() notes the borrower and then tries the lock once more. Either
+  // it has the lock, which is free by now, or the borrower is seen here.
+  if (borrowers_.fetch_or(0, std::memory_order_seq_cst) == 0 || !mutex_.try_lock()) return;
+  call_helper();
+  mutex_.unlock();
+}
+
+void ThreadPool::yield_lock() noexcept {
+  if (borrowers_.load(std::memory_order_relaxed) != 0) call_helper();
+  if (follower_count_.load(std::memory_order_relaxed) == 0) return;
   // The kernel gives the lock to the most urgent that waits; this thread comes behind it.
   mutex_.unlock();
   mutex_.lock();
+}
+
+// Wakes a thread that looks for a borrower, unless one is on its way and will do so anyway.
+void ThreadPool::call_helper() noexcept {
+  if (!called_.empty() || resting_.empty()) return;
+  Worker* const worker = resting_.back();
+  resting_.pop_back();
+  called_.push_back(worker);
+  worker->wake.post();
 }
 
 bool ThreadPool::has_place_for(std::size_t size) const noexcept {
@@ -85,11 +105,7 @@ bool ThreadPool::take_lead() noexcept {
 
 void ThreadPool::leave_lead() noexcept {
   has_lead_ = false;
-  if (!called_.empty() || resting_.empty()) return;
-  Worker* const next = resting_.back();
-  resting_.pop_back();
-  called_.push_back(next);
-  next->wake.post();
+  call_helper();
 }
 
 bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
@@ -99,27 +115,50 @@ bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
   } else {
     resting_.push_back(&worker);
   }
-  if (wish_ != nullptr) std::exchange(wish_, nullptr)->ring();
-  mutex_.unlock();
+  publish_spare();
+  unlock();
   const MonotonicTime until = worker.is_dynamic ? rt::now() + patience : kNever;
   bool is_called = worker.wake.wait_until(until);
-  lock_from_aside();
+  lock_as_follower();
   if (!is_called) {
     const auto place = std::ranges::find(resting_, &worker);
     if (place != resting_.end()) {
       resting_.erase(place);
+      publish_spare();
       return false;
     }
     // Called at the last moment: the word is there, or about to be.
     is_called = worker.wake.wait_until(kNever);
   }
   std::erase(called_, &worker);
+  publish_spare();
   return true;
 }
 
-BorrowedThread ThreadPool::lend(Lane& borrower, PendingCall& call,
-                                transport::Poller& bell) noexcept {
-  if (is_over_) return BorrowedThread::kNone;
+BorrowedThread ThreadPool::lend(const BorrowRequest& request) noexcept {
+  const std::uint64_t bit = std::uint64_t{1} << request.borrower_number;
+  bool is_locked = mutex_.try_lock();
+  if (!is_locked) {
+    // SYNC POINT pool-borrowers
+    borrowers_.fetch_or(bit, std::memory_order_seq_cst);
+    is_locked = mutex_.try_lock();
+  }
+  const bool is_given = is_locked && give_thread(request);
+  if (is_given) {
+    borrowers_.fetch_and(~bit, std::memory_order_relaxed);
+  } else {
+    borrowers_.fetch_or(bit, std::memory_order_relaxed);
+  }
+  if (is_locked) unlock();
+  if (is_given) return BorrowedThread::kGiven;
+  const std::uint32_t spare_count =
+      spare_count_.load(std::memory_order_relaxed) + coming_back_.load(std::memory_order_relaxed);
+  return spare_count >= request.waiting_count ? BorrowedThread::kSoon : BorrowedThread::kNone;
+}
+
+// With the lock.
+bool ThreadPool::give_thread(const BorrowRequest& request) noexcept {
+  if (is_over_) return false;
   Worker* worker = nullptr;
   if (!resting_.empty()) {
     worker = resting_.back();
@@ -130,23 +169,27 @@ BorrowedThread ThreadPool::lend(Lane& borrower, PendingCall& call,
     worker = called_.back();
     called_.pop_back();
   }
-  if (worker == nullptr) {
-    if (coming_back_.load(std::memory_order_relaxed) == 0 && called_.empty())
-      return BorrowedThread::kNone;
-    wish_ = &bell;
-    return BorrowedThread::kSoon;
-  }
-  worker->borrower = &borrower;
-  worker->lent_call = &call;
-  return BorrowedThread::kGiven;
+  if (worker == nullptr) return false;
+  publish_spare();
+  worker->borrower = &request.borrower;
+  worker->lent_call = &request.call;
+  return true;
+}
+
+std::optional<std::uint32_t> ThreadPool::take_borrower() noexcept {
+  const std::uint64_t borrowers = borrowers_.load(std::memory_order_acquire);
+  if (borrowers == 0) return std::nullopt;
+  const auto number = static_cast<std::uint32_t>(std::bit_width(borrowers) - 1);
+  borrowers_.fetch_and(~(std::uint64_t{1} << number), std::memory_order_relaxed);
+  return number;
 }
 
 void ThreadPool::end() noexcept {
   is_over_ = true;
-  if (wish_ != nullptr) std::exchange(wish_, nullptr)->ring();
   for (Worker* const worker : resting_)
     worker->wake.post();
   resting_.clear();
+  publish_spare();
 }
 
 bool ThreadPool::ask_for_thread(MonotonicTime now) noexcept {

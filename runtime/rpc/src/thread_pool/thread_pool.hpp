@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cstdint>
 #include <deque>
+#include <optional>
 #include <vector>
 
 #include "lane/pending.hpp"
@@ -29,11 +30,19 @@ struct Worker {
   std::atomic<bool> has_ended{false};
 };
 
-/// What a lane says that is asked for a thread.
+/// What a lane answers that is asked for a thread.
 enum class BorrowedThread : std::uint8_t {
   kGiven,  ///< It runs the call.
-  kSoon,   ///< One is about to rest; the bell will ring then.
-  kNone,
+  kSoon,   ///< One will be free in a moment and then look for calls of the borrower.
+  kNone,   ///< All are busy. The first to be free looks for calls of the borrower.
+};
+
+/// A call of a lane above that needs a thread.
+struct BorrowRequest {
+  Lane& borrower;
+  std::uint32_t borrower_number;  ///< The higher, the more urgent.
+  PendingCall& call;              ///< The most urgent of those that wait.
+  std::uint32_t waiting_count;    ///< Of the borrower's calls, this one included.
 };
 
 /// The threads of a lane that has several, and the calls that wait for one of them.
@@ -60,12 +69,15 @@ class ThreadPool {
     return config.static_threads + 1;  // One receives.
   }
 
-  [[nodiscard]] rt::PiMutex& mutex() noexcept { return mutex_; }
-  /// Takes the lock, as everybody does who does not lead: who does holds it all the time, but for
-  /// let_others_in() and while it sleeps.
-  void lock_from_aside() noexcept;
-  /// Lets those in that wait so.
-  void let_others_in() noexcept;
+  /// Acquires the lock as a follower. The leader holds it except while it sleeps and in
+  /// yield_lock().
+  void lock_as_follower() noexcept;
+  /// Acquires it as the leader, after its sleep.
+  void lock() noexcept { mutex_.lock(); }
+  /// Releases it, and wakes a resting thread for a lane above that could not have it meanwhile.
+  void unlock() noexcept;
+  /// Lets followers have the lock for a moment.
+  void yield_lock() noexcept;
 
   /// Whether a call of this size may still wait or start.
   [[nodiscard]] bool has_place_for(std::size_t size) const noexcept;
@@ -96,9 +108,13 @@ class ThreadPool {
 
   /// Rests, without the lock, until called, or for `patience`; false if nobody called.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
-  /// Has a thread that rests run a call of another lane, and then come back.
-  [[nodiscard]] BorrowedThread lend(Lane& borrower, PendingCall& call,
-                                    transport::Poller& bell) noexcept;
+  /// Has a resting thread run a call of a lane above and come back. What is not given is remembered
+  /// per borrower, for take_borrower().
+  /// Threads: any, without the lock, for which it never waits: what the leader of this lane is busy
+  /// with must not hold up the lane above.
+  [[nodiscard]] BorrowedThread lend(const BorrowRequest& request) noexcept;
+  /// The most urgent lane that asked in vain, once; nothing if there is none.
+  [[nodiscard]] std::optional<std::uint32_t> take_borrower() noexcept;
   /// A thread that was lent is about to come back, so that calls may wait for it; or is back, or
   /// stays away after all.   Threads: any.
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
@@ -138,14 +154,21 @@ class ThreadPool {
 
   // Whether a thread is free to lead, or on its way.
   [[nodiscard]] bool has_relief() const noexcept { return !called_.empty() || !resting_.empty(); }
+  [[nodiscard]] bool give_thread(const BorrowRequest& request) noexcept;
+  void call_helper() noexcept;
+  void publish_spare() noexcept {
+    spare_count_.store(static_cast<std::uint32_t>(resting_.size() + called_.size()),
+                       std::memory_order_relaxed);
+  }
 
   rt::PiMutex mutex_;
-  std::atomic<std::uint32_t> knocking_{0};  ///< Threads that want the lock from aside.
-  std::deque<Worker> workers_;              ///< Their places; sized once, never moved.
-  std::vector<Worker*> resting_;            ///< The last is the one that rests for the least time.
-  std::vector<Worker*> called_;             ///< And not yet back with the lock.
-  transport::Poller* wish_ = nullptr;       ///< Of a lane that was told kSoon.
-  std::vector<Waiting> queue_;              ///< A heap. Sized once.
+  std::atomic<std::uint32_t> follower_count_{0};  ///< Threads that wait for the lock.
+  std::deque<Worker> workers_;                    ///< Their places; sized once, never moved.
+  std::vector<Worker*> resting_;  ///< The last is the one that rests for the least time.
+  std::vector<Worker*> called_;   ///< And not yet back with the lock.
+  std::atomic<std::uint32_t> spare_count_{0};  ///< Of both, for lend() without the lock.
+  std::atomic<std::uint64_t> borrowers_{0};    ///< Lanes that asked in vain: a bit per number.
+  std::vector<Waiting> queue_;                 ///< A heap. Sized once.
   std::uint64_t serial_ = 0;
   std::size_t queued_bytes_ = 0;
   std::uint32_t buffered_request_max_;
