@@ -1,6 +1,8 @@
 #include "lane/lane.hpp"
 
 #include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <netinet/udp.h>
 #include <sys/socket.h>
 
 #include <array>
@@ -10,6 +12,7 @@
 #include <thread>
 #include <vector>
 
+#include "noting_servant.hpp"
 #include "rtpm/test/echo_server.hpp"
 #include "rtpm/transport/poller.hpp"
 #include "rtpm/transport/stream.hpp"
@@ -138,6 +141,46 @@ TEST(Lane, HearsEveryCallerThroughMemoryHoweverManyAreSilent) {
       std::erase_if(peers, [&](const auto& peer) { return (&peer - peers.data()) % 3 == 0; });
     }
   }
+}
+
+// Datagrams that came together are one source like any other.
+TEST(Lane, ServesOthersWhileABatchOfDatagramsTakesLong) {
+  constexpr std::uint32_t kBatch = 40;
+  NotingServant servant;
+  auto server = std::move(*Server::create(quiet_config({quiet_lane()})));
+  ASSERT_TRUE(server->add("echo", servant));
+  ASSERT_TRUE(server->start());
+  RawPeer many(Transport::kUdp, server->port(), Priority{1});
+  RawPeer other(Transport::kTcp, server->port(), Priority{2});
+  ASSERT_TRUE(many.open() && other.open());
+  const auto hold = [&](std::uint32_t call_id) {
+    many.send(many.call_frame(call_id, echo::kHold.id));
+    ASSERT_TRUE(await([&] { return servant.gate.inside_count() == 1; }));
+  };
+  // Datagrams that come without a pause have the port take them together.
+  hold(1);
+  const Bytes garbage(wire::kHeaderSize, std::byte{0x55});
+  for (int i = 0; i < 100; ++i)
+    many.send(garbage);
+  servant.gate.let_one_go();
+  ASSERT_TRUE(await([&] { return server->counters().frames.received_count > 100; }));
+  hold(2);
+  servant.pace = 300us;
+  Bytes batch;
+  for (std::uint32_t i = 0; i < kBatch; ++i) {
+    const Bytes frame = many.call_frame(3 + i, echo::kEcho.id);
+    batch.insert(batch.end(), frame.begin(), frame.end());
+  }
+  const int frame_size = wire::kHeaderSize;
+  ASSERT_EQ(setsockopt(many.descriptor(), SOL_UDP, UDP_SEGMENT, &frame_size, sizeof frame_size), 0);
+  ASSERT_EQ(::send(many.descriptor(), batch.data(), batch.size(), 0), std::ssize(batch));
+  other.send(other.call_frame(1, echo::kEcho.id));
+  servant.gate.let_one_go();
+  ASSERT_TRUE(other.receive_answer(1));
+  ASSERT_TRUE(await([&] { return servant.order().size() == kBatch + 1; }));
+  const std::vector<int> order = servant.order();
+  EXPECT_LT(std::ranges::find(order, 2) - order.begin(), 16);
+  server->stop();
 }
 
 // An overloaded server is the one that people look at.

@@ -1,14 +1,16 @@
 #pragma once
 
+#include <atomic>
 #include <mutex>
 #include <vector>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/echo_server.hpp"
 
 namespace rtpm::rpc::test {
 
-/// Notes at which priorities its calls run, and in which order.
+/// Notes at which priorities its calls run, and in which order; each takes `pace`.
 class NotingServant final : public Servant {
  public:
   const InterfaceDescriptor& interface() const noexcept override { return echo::kInterface; }
@@ -17,6 +19,7 @@ class NotingServant final : public Servant {
     if (method_id == echo::kHold.id) {
       gate.pass();
     } else {
+      rt::sleep_until(rt::now() + pace.load());
       const std::lock_guard lock(mutex_);
       const rt::AllowAllocationScope is_allowed;
       order_.push_back(context.priority.value());
@@ -28,6 +31,7 @@ class NotingServant final : public Servant {
     return order_;
   }
   echo::Gate gate;
+  std::atomic<Duration> pace{Duration{0}};
 
  private:
   std::mutex mutex_;

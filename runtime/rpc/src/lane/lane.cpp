@@ -374,7 +374,7 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   turn_count_ = 0;
   last_look_ = received_;
   const bool may_sleep = until != transport::Poller::kAlready;
-  if (!leftovers_.empty() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
+  if (has_leftovers() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
   const std::size_t count = wait_for_news(until);
   if (may_sleep) end_sleep();
   if (pending_->open_count() > 0) look_at_time();
@@ -409,7 +409,7 @@ std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
     end_crowd();
   }
   // Nobody else receives into the lane's buffer meanwhile.
-  if (connection_count() == 0 && !is_shared) {
+  if (connection_count() == 0 && !is_shared && batch_.is_empty()) {
     return poller_.receive_for(*port_, datagrams_, kUdp, until, ready_);
   }
   const transport::Watched port{port_->descriptor(), kUdp};
@@ -465,9 +465,10 @@ bool Lane::serve_memory(std::size_t look_count) noexcept {
   return has_served;
 }
 
-// Serves one frame of each connection that has some in its buffer.
+// Serves what is left of a batch of datagrams, and one frame of each connection that has some in
+// its buffer.
 bool Lane::serve_leftovers() noexcept {
-  bool has_served = false;
+  bool has_served = !batch_.is_empty() && serve_one(kUdp);
   const std::size_t count = leftovers_.size();
   for (std::size_t i = 0; i < count; ++i) {
     const Source source = leftovers_[i];
@@ -486,18 +487,24 @@ bool Lane::serve_one(Source source) noexcept {
   return has_served;
 }
 
+// Serves datagrams that came together, for no longer than others of the band may have to wait.
 bool Lane::serve_datagrams() noexcept {
-  auto datagrams = port_->receive(datagrams_);
-  if (!datagrams) return false;
-  is_unpublished_ = true;
-  received_ = rt::now();
-  port_->note(*datagrams, received_);
-  auto frame = datagrams->next();
-  serve_datagram(*frame, datagrams->peer(), !datagrams->is_empty());
-  while ((frame = datagrams->next())) {
-    received_ = rt::now();
-    serve_datagram(*frame, datagrams->peer(), !datagrams->is_empty());
+  const bool has_left = !batch_.is_empty();
+  if (!has_left) {
+    const auto received = port_->receive(datagrams_);
+    if (!received) return false;
+    batch_ = *received;
   }
+  const MonotonicTime begin = received_ = rt::now();
+  if (!has_left) port_->note(batch_, received_);
+  is_unpublished_ = true;
+  while (const auto frame = batch_.next()) {
+    serve_datagram(*frame, batch_.peer(), !batch_.is_empty());
+    if (batch_.is_empty()) break;
+    received_ = rt::now();
+    if (received_ - begin >= kTimePerLookMax) break;
+  }
+  flush_answers();
   return true;
 }
 
@@ -602,7 +609,8 @@ void Lane::adopt_waiting() noexcept {
         std::ranges::find_if(connections_, [](const Connection& c) { return !c.stream; });
     const auto source = static_cast<Source>(place - connections_.begin());
     place->stream = std::move(*stream);
-    place->peer = {host.high, host.low, ++connection_serial_};
+    place->peer = {host.high, host.low,
+                   (++place->generation << kIndexBits) | static_cast<std::uint32_t>(source)};
     place->heard = now;
     place->is_memory = is_memory;
     sources.push_back(source);

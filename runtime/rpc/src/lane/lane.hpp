@@ -95,11 +95,16 @@ class Lane {
  private:
   struct Connection {
     std::unique_ptr<transport::Connection> stream;
+    std::uint32_t generation = 0;  ///< Of the connections that stood here, one after the other.
     wire::PeerAddress peer{};
     MonotonicTime heard{};  ///< When its last frame came, or it itself.
     bool is_memory = false;
     bool has_leftovers = false;  ///< It stands in leftovers_.
   };
+  /// The peer's `port`: the index in the low bits, so that the connection is found at once, and the
+  /// generation above. There are at most twice as many as sessions, of which there are 65 535.
+  static constexpr std::uint32_t kIndexBits = 17;
+  static constexpr std::uint32_t kIndexMask = (1U << kIndexBits) - 1;
   /// Index into connections_, or kUdp, or kLocal: the calls of the same program.
   using Source = std::uint64_t;
   static constexpr Source kUdp = ~std::uint64_t{0} - 1;
@@ -138,6 +143,9 @@ class Lane {
   }
   [[nodiscard]] bool serve_memory(std::size_t look_count) noexcept;
   [[nodiscard]] bool serve_one(Source source) noexcept;
+  [[nodiscard]] bool has_leftovers() const noexcept {
+    return !leftovers_.empty() || !batch_.is_empty();
+  }
   [[nodiscard]] bool serve_leftovers() noexcept;
   [[nodiscard]] bool serve_datagrams() noexcept;
   void serve_datagram(ConstBytes frame, const wire::PeerAddress& peer, bool has_more) noexcept;
@@ -252,10 +260,9 @@ class Lane {
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
   std::size_t next_memory_look_ = 0;    ///< Behind whom of them the next look begins.
   std::vector<Source> stream_sources_;  ///< The others. Sized once.
-  std::uint32_t connection_serial_ = 0;
-  bool is_crowded_ = false;       ///< The sources are too many to be named in each wait.
-  Source hot_ = kUdp;             ///< Where the last frame came from: looked at first.
-  std::uint32_t turn_count_ = 0;  ///< Without work, since the last look at the others.
+  bool is_crowded_ = false;             ///< The sources are too many to be named in each wait.
+  Source hot_ = kUdp;                   ///< Where the last frame came from: looked at first.
+  std::uint32_t turn_count_ = 0;        ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;
   std::uint32_t glance_count_ = 0;    ///< Turns of a lane that spins, for looks at the clock.
   std::uint32_t streak_ = 0;          ///< Frames taken from hot_ without a look at the others.
@@ -285,6 +292,7 @@ class Lane {
   ServerCounters counters_{};                 ///< But for the late calls that the sessions count.
   LaneSample sample_{};                       ///< But for its counters, which publish() adds.
   alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> datagrams_{};
+  transport::Datagrams batch_{};  ///< What is left in datagrams_ to be served.
   alignas(64) std::array<std::uint64_t, 64> ready_{};
 
   using Handover = SpscRing<std::unique_ptr<transport::Connection>, 128>;

@@ -229,9 +229,8 @@ void Lane::send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
 
 // Null once it has ended.
 Lane::Connection* Lane::connection_of(const wire::PeerAddress& peer) noexcept {
-  const auto found = std::ranges::find_if(
-      connections_, [&](const Connection& each) { return each.stream && each.peer == peer; });
-  return found == connections_.end() ? nullptr : &*found;
+  Connection& connection = connections_[peer.port & kIndexMask];
+  return connection.stream && connection.peer == peer ? &connection : nullptr;
 }
 
 // What a frame may have changed for calls that were deferred.
@@ -262,7 +261,15 @@ bool Lane::look_at_pending() noexcept {
 }
 
 bool Lane::serve_pending() noexcept {
-  const bool has_some = pending_->take_ready([&](PendingCall& call) { serve_pending_call(call); });
+  // Callers have to wait for as many.
+  constexpr int kCallsPerTurn = 32;
+  bool has_some = false;
+  for (int i = 0; i < kCallsPerTurn; ++i) {
+    PendingCall* const call = pending_->take_ready();
+    if (call == nullptr) break;
+    has_some = true;
+    serve_pending_call(*call);
+  }
   publish();
   return has_some;
 }
