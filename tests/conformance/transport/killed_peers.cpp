@@ -146,7 +146,7 @@ TEST_P(KilledPeers, FailTheNextOnewayAndTellHowManyMayNotHaveArrived) {
   const int arrived = arrived_.value();
   const auto lost = static_cast<int>(binding_->lost_oneway_count());
   // A lane of several threads has read requests that it has not begun.
-  if (kBufferedRequests == 0 || transport() != Transport::kSharedMemory) {
+  if (buffered_requests() == 0 || transport() != Transport::kSharedMemory) {
     EXPECT_LE(sent, arrived + lost) << "each that was sent arrived, or is told as maybe lost";
   }
   if (transport() == Transport::kSharedMemory) {

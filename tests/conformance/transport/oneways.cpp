@@ -66,7 +66,7 @@ std::vector<int> numbers_up_to(int count) {
 /// A lane that has place for all that the tests send, whatever its kind.
 LaneConfig roomy_lane(Priority low = 0) {
   LaneConfig lane = quiet_lane(low);
-  if (kBufferedRequests > 0) lane.buffered_request_max = 4096;
+  if (buffered_requests() > 0) lane.buffered_request_max = 4096;
   return lane;
 }
 

@@ -34,17 +34,18 @@ using rtpm::test::RawPeer;
   return error == CallError::kTimeout || error == CallError::kExpired;
 }
 
-#ifndef RTPM_TEST_BUFFERED_REQUESTS
-#define RTPM_TEST_BUFFERED_REQUESTS 0
-#endif
-/// Suites are built for each kind of lane: with one thread that does all, or several.
-inline constexpr std::uint32_t kBufferedRequests = RTPM_TEST_BUFFERED_REQUESTS;
+/// Suites run for each kind of lane: with one thread that does all, or with a pool, where the
+/// environment's RTPM_TEST_BUFFERED_REQUESTS says how many requests its buffer holds.
+[[nodiscard]] inline std::uint32_t buffered_requests() {
+  const char* const text = std::getenv("RTPM_TEST_BUFFERED_REQUESTS");
+  return text == nullptr ? 0 : static_cast<std::uint32_t>(std::atoi(text));
+}
 
 /// Lanes that block at once and are not real-time: what a test needs that is not about time.
 [[nodiscard]] inline LaneConfig quiet_lane(Priority low = 0) {
   return {.low = low,
           .wait = {.strategy = rt::WaitStrategy::kBlock},
-          .buffered_request_max = kBufferedRequests};
+          .buffered_request_max = buffered_requests()};
 }
 [[nodiscard]] inline ServerConfig quiet_config(std::vector<LaneConfig> lanes = {quiet_lane()}) {
   ServerConfig config;
