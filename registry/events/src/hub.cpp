@@ -18,7 +18,7 @@ constexpr Duration kSweepInterval = 250ms;
 constexpr Duration kBacklogInterval = 1ms;
 // So many events are matched in one go; then others who wait for the hub have their turn.
 constexpr int kEventsPerTurn = 16;
-constexpr std::uint64_t kDoor = 1;
+constexpr transport::SourceTag kDoor{transport::SourceKind{1}};
 
 DisconnectReason reason_of(rpc::CallEnding ending) noexcept {
   return ending == rpc::CallEnding::kSilent ? DisconnectReason::kSilent : DisconnectReason::kLeft;
@@ -27,8 +27,8 @@ DisconnectReason reason_of(rpc::CallEnding ending) noexcept {
 }  // namespace
 
 expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
-  auto poller = transport::Poller::open();
-  if (!poller) return rpc::setup_error(std::move(poller.error().text));
+  auto wait_set = transport::PolledWaitSet::open(1);
+  if (!wait_set) return rpc::setup_error(std::move(wait_set.error().text));
   std::uint32_t payload_size_max = 0;
   for (const auto& each : config.limits.store.classes)
     payload_size_max = std::max(payload_size_max, each.payload_size_max);
@@ -45,8 +45,8 @@ expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& con
     if (!made) return rpc::setup_error(std::move(made.error().text));
     multicast = std::move(*made);
   }
-  auto hub =
-      std::make_unique<HubImpl>(config, std::move(*poller), std::move(ring), std::move(multicast));
+  auto hub = std::make_unique<HubImpl>(config, std::move(*wait_set), std::move(ring),
+                                       std::move(multicast));
   if (auto started = hub->start(config); !started) {
     return rpc::setup_error(std::move(started.error().text));
   }
@@ -67,7 +67,7 @@ rpc::ServerConfig server_config_for(const HubConfig& config) {
   return server;
 }
 
-HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
+HubImpl::HubImpl(const HubConfig& config, std::unique_ptr<transport::WaitSet> wait_set,
                  std::unique_ptr<RingOutlet> ring, std::unique_ptr<MulticastOutlet> multicast)
     : epoch_(rt::random_u64()),
       clock_domain_(rt::clock_domain()),
@@ -77,7 +77,7 @@ HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
       exchange_(config.limits, multicast_ ? static_cast<Broadcaster*>(&broadcasts_) : ring_.get()),
       outlets_(config.limits.subscription_count_max),
       intake_(config.supplier_count_max, config.quota, epoch_),
-      poller_(std::move(poller)) {
+      wait_set_(std::move(wait_set)) {
   if (ring_) ring_->count_losses_in(exchange_);
   if (multicast_) multicast_->count_losses_in(exchange_);
   for (LinkIntake& each : link_intakes_)
@@ -85,7 +85,7 @@ HubImpl::HubImpl(const HubConfig& config, transport::Poller poller,
 }
 
 expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
-  if (ring_ && !poller_.add(ring_->door(), kDoor)) {
+  if (ring_ && !wait_set_->add(ring_->door(), kDoor, transport::Trigger::kLevel)) {
     return unexpected{rt::RealtimeError{"The hub can't wait for who reads its ring."}};
   }
   auto thread = rt::Thread::start(
@@ -99,7 +99,7 @@ expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
 HubImpl::~HubImpl() {
   links_.clear();
   is_stopping_.store(true, std::memory_order_release);
-  poller_.ring();
+  wait_set_->ring();
   thread_.join();
 }
 
@@ -202,11 +202,11 @@ void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
   if (has_dead_) next = now;
   if (next >= sleeping_until_) return;
   sleeping_until_ = MonotonicTime::min();
-  poller_.ring();
+  wait_set_->ring();
 }
 
 void HubImpl::run() noexcept {
-  std::array<std::uint64_t, 8> tags{};
+  std::array<transport::SourceTag, 8> tags{};
   MonotonicTime next_sweep = rt::now() + kSweepInterval;
   while (!is_stopping_.load(std::memory_order_acquire)) {
     MonotonicTime until = kNever;
@@ -225,7 +225,7 @@ void HubImpl::run() noexcept {
       sleeping_until_ = until;
     }
     reap_dead();
-    const std::size_t count = poller_.wait(until, tags);
+    const std::size_t count = wait_set_->wait(until, tags);
     if (ring_ && std::find(tags.begin(), tags.begin() + count, kDoor) != tags.begin() + count) {
       ring_->let_in();
     }

@@ -23,7 +23,7 @@
 #include "rtpm/events/wishes.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 
 namespace rtpm::events {
 
@@ -31,8 +31,8 @@ namespace rtpm::events {
 class HubImpl final : public Hub, public HubServant, private LinkHost {
  public:
   /// `ring` and `multicast` may be null.
-  HubImpl(const HubConfig& config, transport::Poller poller, std::unique_ptr<RingOutlet> ring,
-          std::unique_ptr<MulticastOutlet> multicast);
+  HubImpl(const HubConfig& config, std::unique_ptr<transport::WaitSet> wait_set,
+          std::unique_ptr<RingOutlet> ring, std::unique_ptr<MulticastOutlet> multicast);
   ~HubImpl() override;
   [[nodiscard]] expected<void, rt::RealtimeError> start(const HubConfig& config);
 
@@ -158,7 +158,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
 
   std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring that are to be woken.
   Disconnects disconnects_{};
-  transport::Poller poller_;
+  std::unique_ptr<transport::WaitSet> wait_set_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};
 

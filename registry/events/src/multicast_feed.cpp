@@ -12,19 +12,20 @@ constexpr int kDatagramsPerTurn = 64;
 
 std::shared_ptr<MulticastFeed> MulticastFeed::open(const transport::MulticastGroup& group) {
   auto receiver = transport::MulticastReceiver::open(group);
-  auto poller = transport::Poller::open();
+  auto wait_set = transport::PolledWaitSet::open(1);
   auto bell = transport::BroadcastBell::make();
-  if (!receiver || !poller || !bell) return nullptr;
+  if (!receiver || !wait_set || !bell) return nullptr;
+  const transport::SourceTag socket{transport::SourceKind{1}};
+  if (!(*wait_set)->add(receiver->descriptor(), socket, transport::Trigger::kLevel)) return nullptr;
   return std::shared_ptr<MulticastFeed>(
-      new MulticastFeed(std::move(*receiver), std::move(*poller), std::move(bell->first)));
+      new MulticastFeed(std::move(*receiver), std::move(*wait_set), std::move(bell->first)));
 }
 
 void MulticastFeed::fetch(std::uint32_t seen, std::uint32_t) noexcept {
   const std::lock_guard lock(fetching_);
   if (is_stopped_.load(std::memory_order_acquire) || value() != seen) return;
-  const transport::Watched socket{receiver_.descriptor(), 0};
-  std::array<std::uint64_t, 2> tags{};
-  static_cast<void>(poller_.wait_for({&socket, 1}, kNever, tags));
+  std::array<transport::SourceTag, 2> ready{};
+  static_cast<void>(wait_set_->wait(kNever, ready));
   // SYNC POINT bell: what there is to see was written before it rings.
   if (take_in()) bell_.ring(~0U);
 }
@@ -46,7 +47,7 @@ bool MulticastFeed::take_in() noexcept {
 void MulticastFeed::stop() noexcept {
   is_stopped_.store(true, std::memory_order_release);
   bell_.ring(~0U);
-  poller_.ring();
+  wait_set_->ring();
 }
 
 }  // namespace rtpm::events

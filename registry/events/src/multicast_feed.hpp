@@ -13,7 +13,7 @@
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 #include "rtpm/transport/multicast.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 
 namespace rtpm::events {
 
@@ -53,7 +53,7 @@ class MulticastFeed final : public ReaderSource {
   void ring(std::uint32_t bits) noexcept override { bell_.ring(bits); }
   [[nodiscard]] bool must_be_fetched() const noexcept override { return true; }
   void fetch(std::uint32_t seen, std::uint32_t bits) noexcept override;
-  void relieve() noexcept override { poller_.ring(); }
+  void relieve() noexcept override { wait_set_->ring(); }
   void stop() noexcept override;
 
  private:
@@ -61,17 +61,17 @@ class MulticastFeed final : public ReaderSource {
     std::size_t size = 0;
     std::array<std::byte, kMulticastDatagramMax> bytes{};
   };
-  MulticastFeed(transport::MulticastReceiver receiver, transport::Poller poller,
+  MulticastFeed(transport::MulticastReceiver receiver, std::unique_ptr<transport::WaitSet> wait_set,
                 transport::BroadcastBell bell)
       : receiver_(std::move(receiver)),
-        poller_(std::move(poller)),
+        wait_set_(std::move(wait_set)),
         bell_(std::move(bell)),
         places_(kHistoryCount) {}
   [[nodiscard]] bool take_in() noexcept;
 
   transport::MulticastReceiver receiver_;
   rt::PiMutex fetching_;  ///< Held by the one who fetches, while it waits, too.
-  transport::Poller poller_;
+  std::unique_ptr<transport::WaitSet> wait_set_;
   transport::BroadcastBell bell_;
   std::atomic<bool> is_stopped_{false};
   rt::PiMutex mutex_;  ///< Of the places.

@@ -19,7 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kRetryFirst = 20ms;
-// How long a full connection is left alone: the poller tells what can be read, not what can be
+// How long a full connection is left alone: the wait set reports what can be read, not what can be
 // written.
 constexpr Duration kWriteInterval = 1ms;
 constexpr Duration kMiscInterval = 250ms;
@@ -27,7 +27,7 @@ constexpr int kKeepAlive_s = 10;
 constexpr const char* kIdName = "rtpm-bridge";
 constexpr const char* kSchemaName = "rtpm-schema";
 constexpr const char* kHopsName = "rtpm-hops";
-constexpr std::uint64_t kSocket = 1;
+constexpr transport::SourceTag kSocket{transport::SourceKind{1}};
 
 /// libmosquitto's own memory, once for the program.
 struct Library {
@@ -126,18 +126,19 @@ void Broker::Free::operator()(mosquitto* client) const noexcept {
   mosquitto_destroy(client);
 }
 
-Broker::Broker(BrokerConfig config, Listener& listener, transport::Poller poller)
+Broker::Broker(BrokerConfig config, Listener& listener,
+               std::unique_ptr<transport::WaitSet> wait_set)
     : config_(std::move(config)),
       listener_(listener),
       id_(config_.id.empty() ? make_id() : config_.id),
-      poller_(std::move(poller)),
+      wait_set_(std::move(wait_set)),
       queue_(std::max(config_.queue_capacity, 1U)) {}
 
 expected<std::unique_ptr<Broker>, rpc::SetupError> Broker::create(BrokerConfig config,
                                                                   Listener& listener) {
-  auto poller = transport::Poller::open();
-  if (!poller) return rpc::setup_error(std::move(poller.error().text));
-  std::unique_ptr<Broker> broker(new Broker(std::move(config), listener, std::move(*poller)));
+  auto wait_set = transport::PolledWaitSet::open(1);
+  if (!wait_set) return rpc::setup_error(std::move(wait_set.error().text));
+  std::unique_ptr<Broker> broker(new Broker(std::move(config), listener, std::move(*wait_set)));
   if (auto begun = broker->begin(); !begun) return unexpected{std::move(begun.error())};
   return broker;
 }
@@ -173,7 +174,7 @@ expected<void, rpc::SetupError> Broker::begin() {
 
 Broker::~Broker() {
   is_stopping_ = true;
-  poller_.ring();
+  wait_set_->ring();
   if (thread_.is_running()) thread_.join();
 }
 
@@ -193,7 +194,7 @@ void Broker::publish(const std::string& topic, ConstBytes payload, std::uint64_t
     place.schema_id = schema_id;
     place.hops = hops;
   }
-  poller_.ring();
+  wait_set_->ring();
 }
 
 BrokerCounters Broker::counters() const {
@@ -223,22 +224,23 @@ void Broker::set_reason(std::string reason) {
 // --- the thread ------------------------------------------------------------------------------
 
 void Broker::run() {
-  std::array<std::uint64_t, 4> tags{};
+  std::array<transport::SourceTag, 4> tags{};
   Duration pause = kRetryFirst;
   while (!is_stopping_) {
     if (!connect()) {
       const MonotonicTime until = rt::now() + pause;
       while (!is_stopping_ && rt::now() < until)
-        static_cast<void>(poller_.wait(until, tags));
+        static_cast<void>(wait_set_->wait(until, tags));
       pause = std::min(2 * pause, config_.retry_max);
       continue;
     }
     talk();
-    if (const int socket = mosquitto_socket(client_.get()); socket >= 0) poller_.remove(socket);
+    // The client may have closed it by now.
+    wait_set_->remove(socket_);
     const bool was_connected = is_connected_.exchange(false);
     pause = was_connected ? kRetryFirst : std::min(2 * pause, config_.retry_max);
     if (is_stopping_) break;
-    static_cast<void>(poller_.wait(rt::now() + pause, tags));
+    static_cast<void>(wait_set_->wait(rt::now() + pause, tags));
   }
   mosquitto_disconnect(client_.get());
 }
@@ -250,20 +252,20 @@ bool Broker::connect() {
     set_reason(result == MOSQ_ERR_ERRNO ? std::strerror(errno) : mosquitto_strerror(result));
     return false;
   }
-  const int socket = mosquitto_socket(client_.get());
-  return socket >= 0 && poller_.add(socket, kSocket);
+  socket_ = mosquitto_socket(client_.get());
+  return socket_ >= 0 && wait_set_->add(socket_, kSocket, transport::Trigger::kLevel);
 }
 
 // Until the connection ends.
 void Broker::talk() {
-  std::array<std::uint64_t, 4> tags{};
+  std::array<transport::SourceTag, 4> tags{};
   mosquitto* const client = client_.get();
   MonotonicTime next_misc{};
   while (!is_stopping_) {
     if (is_connected_) publish_waiting();
     const bool is_full = mosquitto_want_write(client);
     const MonotonicTime until = rt::now() + (is_full ? kWriteInterval : kMiscInterval);
-    const std::size_t count = poller_.wait(until, tags);
+    const std::size_t count = wait_set_->wait(until, tags);
     const bool can_read =
         std::find(tags.begin(), tags.begin() + count, kSocket) != tags.begin() + count;
     if (can_read && mosquitto_loop_read(client, 16) != MOSQ_ERR_SUCCESS) return;

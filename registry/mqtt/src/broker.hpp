@@ -14,7 +14,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 
 struct mosquitto;
 
@@ -96,7 +96,7 @@ class Broker {
   struct Free {
     void operator()(mosquitto* client) const noexcept;
   };
-  Broker(BrokerConfig config, Listener& listener, transport::Poller poller);
+  Broker(BrokerConfig config, Listener& listener, std::unique_ptr<transport::WaitSet> wait_set);
   [[nodiscard]] expected<void, rpc::SetupError> begin();
   void run();
   [[nodiscard]] bool connect();
@@ -108,7 +108,8 @@ class Broker {
   const BrokerConfig config_;
   Listener& listener_;
   const std::string id_;
-  transport::Poller poller_;
+  std::unique_ptr<transport::WaitSet> wait_set_;
+  int socket_ = -1;  ///< In wait_set_ while connected.
   std::unique_ptr<mosquitto, Free> client_{};
 
   std::size_t missing_count_ = 0;  ///< Subscriptions that the broker has not granted yet.

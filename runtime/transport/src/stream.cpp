@@ -67,13 +67,6 @@ expected<ConstBytes, IoError> FrameStream::await() noexcept {
   return receive(0);
 }
 
-bool FrameStream::await_news() noexcept {
-  take_back_given();
-  if (has_buffered()) return true;
-  // An error is told by the receive that follows, too.
-  return fill(0) >= 0 || !is_nothing(errno);
-}
-
 expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
   take_back_given();
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;

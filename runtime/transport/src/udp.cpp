@@ -144,7 +144,10 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   // The system says how long its datagrams are only while trains are asked for.
   if (sense_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
   const wire::PeerAddress peer = peer_of(from);
-  if (peer == waker_peer_) return unexpected{IoError::kNothing};
+  if (peer == waker_peer_) {
+    ++woken_count_;
+    return unexpected{IoError::kNothing};
+  }
   return Datagrams{buffer.first(size), each, peer};
 }
 
@@ -152,12 +155,12 @@ void UdpPort::heed(TrainSense::Change change) noexcept {
   accept_segments(socket_.number(), change == TrainSense::Change::kBegin);
 }
 
-void UdpPort::wake() noexcept {
+bool UdpPort::wake() noexcept {
   // As much of a header as steer() looks at.
   std::array<std::byte, kPriorityOffset + sizeof(std::uint16_t)> call{};
   store_le(call.data() + kPriorityOffset, low_.value());
   // No room: there are datagrams, which wake as well.
-  static_cast<void>(::send(waker_.number(), call.data(), call.size(), MSG_DONTWAIT | MSG_NOSIGNAL));
+  return ::send(waker_.number(), call.data(), call.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
 }
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {

@@ -1,7 +1,6 @@
 #include <gtest/gtest.h>
 #include <linux/audit.h>
 #include <linux/filter.h>
-#include <linux/io_uring.h>
 #include <linux/seccomp.h>
 #include <poll.h>
 #include <sys/ioctl.h>
@@ -208,27 +207,15 @@ TEST_F(Syscalls, OfACallOverUdpThatBlocksAreASendAndAReceiveOfTheLane) {
   expect_only(lane_, {SYS_sendto, SYS_recvfrom});
 }
 
-bool has_io_uring() {
-  io_uring_params none{};
-  const auto ring = static_cast<int>(syscall(SYS_io_uring_setup, 1, &none));
-  if (ring >= 0) close(ring);
-  return ring >= 0;
-}
-
-// Where the system has io_uring, a lane's only caller ends its wait by what it sends, else a poll.
-TEST_F(Syscalls, OfACallOverTcpThatBlocksAreASendAndAReceiveASide) {
+TEST_F(Syscalls, OfACallOverTcpThatBlocksAreASendAndAReceiveASideAndAPollOfTheLane) {
   count(Transport::kTcp, rt::WaitStrategy::kBlock);
   EXPECT_EQ(caller_[SYS_sendto], kCallCount) << text_;
   EXPECT_LE(caller_[SYS_recvfrom], kAboutOneEach) << text_;
   expect_only(caller_, {SYS_sendto, SYS_recvfrom});
   EXPECT_EQ(lane_[SYS_sendto], kCallCount) << text_;
   EXPECT_LE(lane_[SYS_recvfrom], kAboutOneEach) << text_;
-  if (has_io_uring()) {
-    expect_only(lane_, {SYS_sendto, SYS_recvfrom});
-  } else {
-    EXPECT_LE(lane_[SYS_ppoll], kAboutOneEach) << text_;
-    expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_ppoll});
-  }
+  EXPECT_LE(lane_[SYS_ppoll], kAboutOneEach) << text_;
+  expect_only(lane_, {SYS_sendto, SYS_recvfrom, SYS_ppoll});
 }
 
 }  // namespace

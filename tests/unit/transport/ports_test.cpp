@@ -18,7 +18,7 @@
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
 #include "rtpm/transport/link.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -256,7 +256,7 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
         open_shared_memory_link({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
         UdpPort::open({.host = kHere}).error(),
         TcpListener::open(kHere, 0).error(),
-        Poller::open().error()};
+        PolledWaitSet::open(1).error()};
     std::string wrong;
     for (const TransportError& error : errors) {
       const bool is_named =
@@ -455,7 +455,7 @@ TEST(TcpLink, HasRoomForAWindowOfALargeMessage) {
             0);
   FrameStream served(std::move(socket), wire::kStreamPayloadSizeMax);
   for (std::uint32_t i = 0; i < wire::window_of(wire::Medium::kStream); ++i) {
-    EXPECT_TRUE(served.send(frame_of(wire::kStreamPayloadSizeMax, 0, i), Poller::kAlready))
+    EXPECT_TRUE(served.send(frame_of(wire::kStreamPayloadSizeMax, 0, i), kAlready))
         << "fragment " << i;
   }
 }

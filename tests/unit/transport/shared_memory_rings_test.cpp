@@ -7,7 +7,7 @@
 #include <random>
 #include <thread>
 
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/wire/limits.hpp"
 #include "shared_memory_ends.hpp"
 
@@ -16,6 +16,8 @@ namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
+
+constexpr SourceTag kEvent(SourceKind{1}, 7);
 
 // ---- the rings ----------------------------------------------------------------------------------
 
@@ -189,15 +191,16 @@ TEST(SharedMemoryRings, RingsOnceForASleeper) {
 TEST(SharedMemoryRings, WakesAServerByTheEventThatCameWithTheAnswer) {
   Host host;
   RawPair pair(host);
-  auto poller = Poller::open();
-  ASSERT_TRUE(poller);
-  ASSERT_TRUE(poller->add_event(pair.connection->event(), 7));
+  auto opened = PolledWaitSet::open(1);
+  ASSERT_TRUE(opened);
+  WaitSet& wait_set = **opened;
+  ASSERT_TRUE(wait_set.add(pair.connection->event(), kEvent, Trigger::kEdge));
   ASSERT_TRUE(pair.connection->announce_sleep());
   EXPECT_EQ(pair.memory->to_server_sleeping(), 3u);
   const std::uint64_t one = 1;
   ASSERT_EQ(write(pair.event.number(), &one, sizeof one), 8);
-  std::array<std::uint64_t, 4> tags{};
-  EXPECT_EQ(poller->wait(soon(), tags), 1);
+  std::array<SourceTag, 4> tags{};
+  EXPECT_EQ(wait_set.wait(soon(), tags), 1);
 }
 
 // hp-16.3-1
@@ -228,19 +231,20 @@ TEST(SharedMemoryRings, WakesWhoSleepsOnTheWordWithoutABell) {
 TEST(SharedMemoryRings, WakesAServerThatSleeps) {
   Host host;
   Pair pair(host);
-  auto poller = Poller::open();
-  ASSERT_TRUE(poller);
-  ASSERT_TRUE(poller->add_event(pair.connection->event(), 7));
-  std::array<std::uint64_t, 4> tags{};
+  auto opened = PolledWaitSet::open(1);
+  ASSERT_TRUE(opened);
+  WaitSet& wait_set = **opened;
+  ASSERT_TRUE(wait_set.add(pair.connection->event(), kEvent, Trigger::kEdge));
+  std::array<SourceTag, 4> tags{};
   ASSERT_TRUE(pair.connection->announce_sleep());
-  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0);
+  EXPECT_EQ(wait_set.wait(kAlready, tags), 0);
   ASSERT_TRUE(pair.link->send(frame_of(1)));
-  ASSERT_EQ(poller->wait(soon(), tags), 1);
-  EXPECT_EQ(tags[0], 7);
+  ASSERT_EQ(wait_set.wait(soon(), tags), 1);
+  EXPECT_EQ(tags[0], kEvent);
   pair.connection->end_sleep();
-  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0) << "one signal, one wake-up";
+  EXPECT_EQ(wait_set.wait(kAlready, tags), 0) << "one signal, one wake-up";
   ASSERT_TRUE(pair.link->send(frame_of(1)));
-  EXPECT_EQ(poller->wait(Poller::kAlready, tags), 0) << "nobody sleeps";
+  EXPECT_EQ(wait_set.wait(kAlready, tags), 0) << "nobody sleeps";
   EXPECT_FALSE(pair.connection->announce_sleep()) << "the frame is still there";
   pair.connection->end_sleep();
   expect_frame(*pair.connection, frame_of(1));

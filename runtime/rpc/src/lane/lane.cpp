@@ -37,9 +37,6 @@ constexpr Duration kTimePerMemoryLook = std::chrono::microseconds{10};
 constexpr std::size_t kMemoryLooksWhenDue = 64;
 // A call that took less may have the answers to others wait for it, if they came together.
 constexpr Duration kQuickCall = std::chrono::microseconds{5};
-// A wait names its sources, which is quicker than to have the system keep them, for so many
-// connections besides the port.
-constexpr std::size_t kFewStreams = transport::Poller::kFewMax - 1;
 // A connection that has opened no session in this time may be replaced.
 constexpr Duration kSessionPatience = std::chrono::seconds{2};
 
@@ -92,7 +89,8 @@ wire::ServerSessionsConfig memory_config(wire::ServerSessionsConfig config, Muta
 
 }  // namespace
 
-Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller)
+Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
+           std::unique_ptr<transport::PortWaitSet> wait_set)
     : config_(setup.config),
       band_(setup.band),
       objects_(*setup.objects),
@@ -101,7 +99,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
       lower_(setup.lower),
       acceptor_bell_(setup.acceptor_bell),
       port_(std::move(port)),
-      poller_(std::move(poller)),
+      wait_set_(std::move(wait_set)),
       datagram_bulk_(bulk_size(setup)),
       stream_bulk_(bulk_size(setup)),
       memory_bulk_(bulk_size(setup)),
@@ -114,7 +112,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
           stream_config(setup.sessions, stream_bulk_.bytes(), stream_streams_.bytes())),
       memory_sessions_(
           memory_config(setup.sessions, memory_bulk_.bytes(), memory_streams_.bytes())),
-      bell_(std::make_shared<Doorbell>(poller_)),
+      bell_(std::make_shared<Doorbell>(*wait_set_)),
       pending_(std::make_shared<PendingPool>(
           call_count_max(setup), setup.deferred_call_count_max, setup.sessions.message_size_max,
           setup.stream_byte_max, ThreadPool::is_wanted(setup.config, setup.borrows), bell_)),
@@ -143,9 +141,9 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller po
   backlog_.reserve(std::size_t{call_count_max(setup)} + 1);
   if (ThreadPool::is_wanted(config_, setup.borrows)) {
     pool_.emplace(config_, call_count_max(setup));
-  } else if (config_.wait.strategy != rt::WaitStrategy::kSpin) {
-    poller_.allow_receives();
   }
+  const bool is_added = wait_set_->add_port(*port_, datagrams_, transport::SourceTag(kPort));
+  RTPM_ASSERT(is_added, "a new wait set takes a socket");
   // On one CPU a spinning lane would only keep its callers from running.
   if (rt::usable_cpu_count() == 1 && (config_.wait.strategy == rt::WaitStrategy::kAdaptive ||
                                       config_.wait.strategy == rt::WaitStrategy::kPeriodic)) {
@@ -160,7 +158,6 @@ void Lane::run() noexcept {
   MonotonicTime spin_end = kNever;
   while (!is_stopping_.load(std::memory_order_acquire))
     step(spin_end);
-  poller_.end_receives();
   say_goodbye();
 }
 
@@ -274,11 +271,12 @@ bool Lane::sleep_to_next_turn() noexcept {
 
 void Lane::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
-  poller_.ring();
+  wait_set_->ring();
 }
 
 void Lane::close() noexcept {
   bell_->close();
+  wait_set_->remove(port_->descriptor());
   port_.reset();
   while (arriving_.pop()) {
   }
@@ -299,7 +297,7 @@ bool Lane::adopt(std::unique_ptr<transport::Connection>& stream) noexcept {
   if (!arriving_.push(stream)) return false;
   // SYNC POINT lane-arrivals: the connection is in the ring.
   has_arrivals_.store(true, std::memory_order_release);
-  poller_.ring();
+  wait_set_->ring();
   return true;
 }
 
@@ -330,7 +328,7 @@ bool Lane::turn() noexcept {
     if (serve_memory(has_served ? kMemoryLooksWhenDue : kMemoryLooksPerTurn)) return true;
   }
   if (!is_look_due(has_served)) return has_served;
-  const bool has_found = look_around(transport::Poller::kAlready);
+  const bool has_found = look_around(transport::kAlready);
   turns_per_look_ = has_found || !is_memory(hot_) ? kTurnsPerLook
                                                   : std::min(2 * turns_per_look_, kTurnsPerLookMax);
   return serve_memory(kMemoryLooksPerTurn) || has_found || has_served;
@@ -341,7 +339,7 @@ bool Lane::look_at_others() noexcept {
   pending_streak_ = 0;
   if (gate_->has_calls()) static_cast<void>(serve_one(kLocal));
   static_cast<void>(serve_memory(kMemoryLooksWhenDue));
-  static_cast<void>(look_around(transport::Poller::kAlready));
+  static_cast<void>(look_around(transport::kAlready));
   return true;
 }
 
@@ -373,62 +371,36 @@ bool Lane::look_around(MonotonicTime until) noexcept {
   streak_ = 0;
   turn_count_ = 0;
   last_look_ = received_;
-  const bool may_sleep = until != transport::Poller::kAlready;
-  if (has_leftovers() || (may_sleep && !announce_sleep())) until = transport::Poller::kAlready;
-  const std::size_t count = wait_for_news(until);
+  const bool may_sleep = until != transport::kAlready;
+  if (has_leftovers() || (may_sleep && !announce_sleep())) until = transport::kAlready;
+  // Others may use the lane while it sleeps.
+  const std::size_t count = wait_set_->wait(until, ready_, pool_ ? &*pool_ : nullptr);
   if (may_sleep) end_sleep();
   if (pending_->open_count() > 0) look_at_time();
   bool has_served = serve_leftovers();
-  for (std::size_t i = 0; i < count; ++i) {
-    Source source = ready_[i];
-    const bool is_event = source >= kEvent && source < kEvent + connections_.size();
-    if (is_event) source -= kEvent;
-    if (source == transport::Poller::kBell) {
-      // It rings once. Whoever goes to sleep after it would not hear what it was about.
-      has_served = true;
-      continue;
-    }
-    // Another thread may have retired it in the meantime, which serve_one() sees.
-    const bool has_frame = serve_one(source);
-    // Only then, as the caller waits for its reply and not for this.
-    if (!is_event && source != kUdp && connections_[source].stream) {
-      connections_[source].stream->on_ready();
-    }
-    if (!has_frame) continue;
-    has_served = true;
-    // It may have gone in the meantime; then the datagrams are as good a guess as any.
-    hot_ = source == kUdp || connections_[source].stream ? source : kUdp;
-  }
+  for (std::size_t i = 0; i < count; ++i)
+    serve_ready(ready_[i], has_served);
   return has_served;
 }
 
-// Others may use the lane while it sleeps.
-std::size_t Lane::wait_for_news(MonotonicTime until) noexcept {
-  const bool is_shared = pool_ && until != transport::Poller::kAlready;
-  if (is_crowded_ && memory_sources_.empty() && stream_sources_.size() <= kFewStreams / 2) {
-    end_crowd();
+void Lane::serve_ready(transport::SourceTag tag, bool& has_served) noexcept {
+  if (tag == transport::kDoorbell) {
+    // It rings once. Whoever goes to sleep after it would not hear what it was about.
+    has_served = true;
+    return;
   }
-  // Nobody else receives into the lane's buffer meanwhile.
-  if (connection_count() == 0 && !is_shared && batch_.is_empty()) {
-    return poller_.receive_for(*port_, datagrams_, kUdp, until, ready_);
+  const Source source = tag.kind() == kPort ? kUdp : tag.index();
+  // Another thread, or an earlier frame, may have retired it in the meantime.
+  if (source != kUdp && (!connections_[source].stream || tag != tag_of(source, tag.kind()))) return;
+  const bool has_frame = serve_one(source);
+  // Only then, as the caller waits for its reply and not for this.
+  if (tag.kind() == kConnection && connections_[source].stream) {
+    connections_[source].stream->on_ready();
   }
-  const transport::Watched port{port_->descriptor(), kUdp};
-  if (stream_sources_.size() == 1 && memory_sources_.empty() && !is_crowded_ && !is_shared) {
-    const Source only = stream_sources_.front();
-    return poller_.receive_for(*connections_[only].stream, only, port, until, ready_);
-  }
-  std::array<transport::Watched, kFewStreams + 1> few{{port}};
-  std::size_t few_count = 1;
-  for (std::size_t i = 0; !is_crowded_ && i < stream_sources_.size(); ++i) {
-    const Source source = stream_sources_[i];
-    few[few_count++] = {connections_[source].stream->descriptor(), source};
-  }
-  const bool is_crowded = is_crowded_;
-  if (is_shared) pool_->unlock();
-  const std::size_t count = is_crowded ? poller_.wait(until, ready_)
-                                       : poller_.wait_for({few.data(), few_count}, until, ready_);
-  if (is_shared) pool_->lock();
-  return count;
+  if (!has_frame) return;
+  has_served = true;
+  // It may have gone in the meantime; then the datagrams are as good a guess as any.
+  hot_ = source == kUdp || connections_[source].stream ? source : kUdp;
 }
 
 // Has the callers through memory ring when they call; false if one has called by now.
@@ -576,7 +548,7 @@ bool Lane::serve_stream(Source source) noexcept {
   bool is_good = verdict.action != wire::Verdict::Action::kHangUp;
   for (; is_good && !answer.empty(); answer = sessions.next_frame(rt::now())) {
     // A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
-    is_good = connection.stream->send(answer, transport::Poller::kAlready).has_value();
+    is_good = connection.stream->send(answer, transport::kAlready).has_value();
     if (!is_good) ++counters_.send_failure_count;
   }
   end_cycle(std::max(completed_, received_));
@@ -614,7 +586,7 @@ void Lane::adopt_waiting() noexcept {
     place->heard = now;
     place->is_memory = is_memory;
     sources.push_back(source);
-    if (!listen_to(source)) {
+    if (!watch(source)) {
       sources.pop_back();
       give_back(place->stream);
       continue;
@@ -658,7 +630,7 @@ void Lane::turn_away(std::unique_ptr<transport::Connection>& stream, MonotonicTi
   wire::ServerSessions& sessions = stream->is_memory() ? memory_sessions_ : stream_sessions_;
   if (const auto frame = stream->receive()) {
     const ConstBytes refusal = sessions.turn_away(*frame, now);
-    if (!refusal.empty()) static_cast<void>(stream->send(refusal, transport::Poller::kAlready));
+    if (!refusal.empty()) static_cast<void>(stream->send(refusal, transport::kAlready));
   }
   give_back(stream);
   ++counters_.connection_refused_count;
@@ -666,55 +638,37 @@ void Lane::turn_away(std::unique_ptr<transport::Connection>& stream, MonotonicTi
   publish();
 }
 
-// Has the next wait heed the source, which stands among the connections; false if the system
-// refuses.
-bool Lane::listen_to(Source source) noexcept {
-  if (is_crowded_) return watch(source);
-  if (memory_sources_.empty() && stream_sources_.size() <= kFewStreams) return true;
-  return begin_crowd();
+transport::SourceTag Lane::tag_of(Source source, transport::SourceKind kind) const noexcept {
+  return transport::SourceTag(kind, static_cast<std::uint32_t>(source),
+                              connections_[source].generation);
 }
 
-// From here on the poller knows all sources; false: none, as the system refuses one.
-bool Lane::begin_crowd() noexcept {
-  is_crowded_ = poller_.add(port_->descriptor(), kUdp);
-  if (!is_crowded_) return false;
-  for (const std::vector<Source>* sources : {&stream_sources_, &memory_sources_}) {
-    for (const Source source : *sources) {
-      if (watch(source)) continue;
-      end_crowd();
-      return false;
-    }
-  }
-  return true;
-}
-
-void Lane::end_crowd() noexcept {
-  poller_.remove(port_->descriptor());
-  for (const std::vector<Source>* sources : {&stream_sources_, &memory_sources_}) {
-    for (const Source source : *sources)
-      unwatch(source);
-  }
-  is_crowded_ = false;
-}
-
+// Has the next wait heed the source; false if the system refuses.
 bool Lane::watch(Source source) noexcept {
   const transport::Connection& stream = *connections_[source].stream;
-  if (!poller_.add(stream.descriptor(), source)) return false;
-  if (stream.event() < 0 || poller_.add_event(stream.event(), kEvent + source)) return true;
-  poller_.remove(stream.descriptor());
+  const int event = stream.event();
+  if (!wait_set_->add(stream.descriptor(), tag_of(source, kConnection),
+                      transport::Trigger::kLevel)) {
+    return false;
+  }
+  if (event < 0 ||
+      wait_set_->add(event, tag_of(source, kConnectionEvent), transport::Trigger::kEdge)) {
+    return true;
+  }
+  wait_set_->remove(stream.descriptor());
   return false;
 }
 
 void Lane::unwatch(Source source) noexcept {
   const transport::Connection& stream = *connections_[source].stream;
-  poller_.remove(stream.descriptor());
-  if (const int event = stream.event(); event >= 0) poller_.remove(event);
+  wait_set_->remove(stream.descriptor());
+  if (const int event = stream.event(); event >= 0) wait_set_->remove(event);
 }
 
 void Lane::retire(Source source) noexcept {
   Connection& connection = connections_[source];
   // Later the place is tried again: the acceptor takes connections back as they come.
-  if (is_crowded_) unwatch(source);
+  unwatch(source);
   (connection.is_memory ? memory_sessions_ : stream_sessions_).forget(connection.peer);
   // At once: later, another call may have the place of one that was told of.
   tell_cancelled(CallEnding::kLeft);

@@ -18,7 +18,7 @@
 #include "rtpm/rt/periodic.hpp"
 #include "rtpm/rt/spin_estimator.hpp"
 #include "rtpm/transport/connection.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/train.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
@@ -44,7 +44,7 @@ struct LaneSetup {
   bool borrows = false;                     ///< Or lends.
   std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
   /// Of the thread that frees ended connections and starts threads.
-  transport::Poller* acceptor_bell = nullptr;
+  transport::WaitSet* acceptor_bell = nullptr;
   LaneSlot* slot = nullptr;  ///< Where others see what it does.
 };
 
@@ -56,7 +56,15 @@ struct LaneSetup {
 /// with the pool's lock.
 class Lane {
  public:
-  Lane(const LaneSetup& setup, transport::UdpPort port, transport::Poller poller);
+  /// `wait_set`: with room for wait_source_count() sources.
+  Lane(const LaneSetup& setup, transport::UdpPort port,
+       std::unique_ptr<transport::PortWaitSet> wait_set);
+
+  /// How many sources a lane of so many sessions waits for.
+  [[nodiscard]] static constexpr std::size_t wait_source_count(
+      std::uint32_t session_count_max) noexcept {
+    return 1 + 4 * std::size_t{session_count_max};  // A connection has a socket and an event.
+  }
 
   /// Whether the system gave the memory for large messages, streams and kept calls. Without it the
   /// lane is not to be started.
@@ -109,15 +117,15 @@ class Lane {
   using Source = std::uint64_t;
   static constexpr Source kUdp = ~std::uint64_t{0} - 1;
   static constexpr Source kLocal = ~std::uint64_t{0} - 2;
-  /// What is added to a source where a poll tells of its event.
-  static constexpr std::uint64_t kEvent = std::uint64_t{1} << 32;
+  static constexpr transport::SourceKind kPort{1};
+  static constexpr transport::SourceKind kConnection{2};
+  static constexpr transport::SourceKind kConnectionEvent{3};
 
   void step(MonotonicTime& spin_end) noexcept;
   void after_work() noexcept;
   void keep_cpu_awake(MonotonicTime until) noexcept;
   void nap(MonotonicTime until) noexcept;
   [[nodiscard]] bool turn() noexcept;
-  [[nodiscard]] std::size_t wait_for_news(MonotonicTime until) noexcept;
   [[nodiscard]] bool look_around(MonotonicTime until) noexcept;
   [[nodiscard]] bool sleep_to_next_turn() noexcept;
   void rest_if_spent(MonotonicTime now) noexcept;
@@ -127,9 +135,9 @@ class Lane {
   [[nodiscard]] bool is_look_due(bool has_served) noexcept;
   void linger() const noexcept;
   [[nodiscard]] bool is_memory_look_due() const noexcept;
-  [[nodiscard]] bool listen_to(Source source) noexcept;
-  [[nodiscard]] bool begin_crowd() noexcept;
-  void end_crowd() noexcept;
+  void serve_ready(transport::SourceTag tag, bool& has_served) noexcept;
+  [[nodiscard]] transport::SourceTag tag_of(Source source,
+                                            transport::SourceKind kind) const noexcept;
   [[nodiscard]] bool watch(Source source) noexcept;
   void unwatch(Source source) noexcept;
   [[nodiscard]] std::size_t connection_count() const noexcept {
@@ -234,13 +242,13 @@ class Lane {
   std::uint32_t number_;  ///< Among the server's lanes, by ascending band.
   Lane* lower_;
   Lane* upper_ = nullptr;
-  transport::Poller* acceptor_bell_;
+  transport::WaitSet* acceptor_bell_;
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
   rt::CpuKeeper* keeper_ = nullptr;
   rt::Thread thread_;  ///< The one, where there is no thread pool.
   std::optional<ThreadPool> pool_;
   std::optional<transport::UdpPort> port_;  ///< None once closed.
-  transport::Poller poller_;
+  std::unique_ptr<transport::PortWaitSet> wait_set_;
   bool has_memory_ = false;
   rt::LazyMemory datagram_bulk_;
   rt::LazyMemory stream_bulk_;
@@ -260,7 +268,6 @@ class Lane {
   std::vector<Source> memory_sources_;  ///< Connections through shared memory. Sized once.
   std::size_t next_memory_look_ = 0;    ///< Behind whom of them the next look begins.
   std::vector<Source> stream_sources_;  ///< The others. Sized once.
-  bool is_crowded_ = false;             ///< The sources are too many to be named in each wait.
   Source hot_ = kUdp;                   ///< Where the last frame came from: looked at first.
   std::uint32_t turn_count_ = 0;        ///< Without work, since the last look at the others.
   std::uint32_t turns_per_look_ = 0;
@@ -293,7 +300,7 @@ class Lane {
   LaneSample sample_{};                       ///< But for its counters, which publish() adds.
   alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> datagrams_{};
   transport::Datagrams batch_{};  ///< What is left in datagrams_ to be served.
-  alignas(64) std::array<std::uint64_t, 64> ready_{};
+  alignas(64) std::array<transport::SourceTag, 64> ready_{};
 
   using Handover = SpscRing<std::unique_ptr<transport::Connection>, 128>;
   Handover arriving_;

@@ -220,7 +220,7 @@ void Lane::send(wire::ServerSessions& sessions, const wire::PeerAddress& peer,
   Connection* const connection = connection_of(peer);
   if (connection == nullptr) return;
   for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
-    if (connection->stream->send(frame, transport::Poller::kAlready)) continue;
+    if (connection->stream->send(frame, transport::kAlready)) continue;
     ++counters_.send_failure_count;
     retire(static_cast<Source>(connection - connections_.data()));
     return;
@@ -396,7 +396,7 @@ bool Lane::send_item_frame(PendingCall& call, std::uint32_t number,
   is_unpublished_ = true;
   if (connection == nullptr) {
     answer(*call.sessions->peer_of(call.request), frame, /*has_more=*/true);
-  } else if (!connection->stream->send(frame, transport::Poller::kAlready)) {
+  } else if (!connection->stream->send(frame, transport::kAlready)) {
     ++counters_.send_failure_count;
     retire(static_cast<Source>(connection - connections_.data()));
   }

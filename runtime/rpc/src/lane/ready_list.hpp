@@ -4,7 +4,7 @@
 #include <mutex>
 
 #include "rtpm/rt/pi_mutex.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 namespace rtpm::rpc {
 
@@ -12,7 +12,7 @@ namespace rtpm::rpc {
 /// lane. Threads: wake() any; the others the lane's.   RT: alloc-free.
 class Doorbell {
  public:
-  explicit Doorbell(transport::Poller& bell) noexcept : bell_(&bell) {}
+  explicit Doorbell(transport::WaitSet& bell) noexcept : bell_(&bell) {}
 
   /// What the lane is to see is in its list: either the lane sees it before it sleeps, or it is
   /// seen asleep here.
@@ -37,7 +37,7 @@ class Doorbell {
  private:
   std::atomic<bool> is_asleep_{false};
   rt::PiMutex ringing_;
-  transport::Poller* bell_;
+  transport::WaitSet* bell_;
 };
 
 /// Things that any thread hands to one that takes them all; linked through their `next_ready`, a

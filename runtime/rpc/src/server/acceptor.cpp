@@ -25,27 +25,31 @@ constexpr Duration kShortagePause = std::chrono::milliseconds{100};
 
 Acceptor::Acceptor(transport::TcpListener listener,
                    std::optional<transport::SharedMemoryListener> memory_listener,
-                   transport::Poller poller, std::uint32_t message_size_max) noexcept
+                   std::unique_ptr<transport::WaitSet> wait_set,
+                   std::uint32_t message_size_max) noexcept
     : listener_(std::move(listener)),
       memory_listener_(std::move(memory_listener)),
-      poller_(std::move(poller)),
+      wait_set_(std::move(wait_set)),
       message_size_max_(message_size_max),
       newcomers_(2 * kNewcomerCountMax) {
   const bool is_listening = listen();
-  RTPM_ASSERT(is_listening, "a new poller takes a socket");
+  RTPM_ASSERT(is_listening, "a new wait set takes a socket");
 }
 
 // False if the system refuses.
 bool Acceptor::listen() noexcept {
   listening_from_ = MonotonicTime::min();
-  return poller_.add(listener_->descriptor(), kListener) &&
-         (!memory_listener_ || poller_.add(memory_listener_->descriptor(), kMemoryListener));
+  using transport::SourceTag;
+  using transport::Trigger;
+  return wait_set_->add(listener_->descriptor(), SourceTag(kListener), Trigger::kLevel) &&
+         (!memory_listener_ || wait_set_->add(memory_listener_->descriptor(),
+                                              SourceTag(kMemoryListener), Trigger::kLevel));
 }
 
 // Who waits would wake the thread again and again.
 void Acceptor::pause_listening(MonotonicTime now) noexcept {
-  poller_.remove(listener_->descriptor());
-  if (memory_listener_) poller_.remove(memory_listener_->descriptor());
+  wait_set_->remove(listener_->descriptor());
+  if (memory_listener_) wait_set_->remove(memory_listener_->descriptor());
   listening_from_ = now + kShortagePause;
 }
 
@@ -70,7 +74,7 @@ expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<La
 
 void Acceptor::stop() noexcept {
   is_stopping_.store(true, std::memory_order_release);
-  poller_.ring();
+  wait_set_->ring();
   thread_.join();
   listener_.reset();
   memory_listener_.reset();
@@ -78,22 +82,22 @@ void Acceptor::stop() noexcept {
 }
 
 void Acceptor::run() noexcept {
-  std::array<std::uint64_t, 64> ready{};
+  std::array<transport::SourceTag, 64> ready{};
   while (!is_stopping_.load(std::memory_order_acquire)) {
     const bool is_paused = listening_from_ != MonotonicTime::min();
     MonotonicTime until = is_paused ? listening_from_ : kNever;
     for (const Newcomer& newcomer : newcomers_) {
       if (newcomer.socket.is_open()) until = std::min(until, newcomer.deadline);
     }
-    const std::size_t count = poller_.wait(until, ready);
+    const std::size_t count = wait_set_->wait(until, ready);
     const auto events = std::span(ready).first(count);
     // First those that have spoken: what is taken in afterwards may get a place of theirs.
-    for (const std::uint64_t event : events) {
-      if (event < newcomers_.size()) place(newcomers_[event]);
+    for (const transport::SourceTag tag : events) {
+      if (tag.kind() == kNewcomer) place(newcomers_[tag.index()]);
     }
-    for (const std::uint64_t event : events) {
-      if (event == kListener) accept_some();
-      if (event == kMemoryListener) accept_some_to_memory();
+    for (const transport::SourceTag tag : events) {
+      if (tag.kind() == kListener) accept_some();
+      if (tag.kind() == kMemoryListener) accept_some_to_memory();
     }
     const MonotonicTime now = rt::now();
     if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);
@@ -127,8 +131,9 @@ void Acceptor::accept_some_to_memory() noexcept {
 // Waits for what the newcomer has to say.
 void Acceptor::take_in(transport::Descriptor socket, bool is_memory) noexcept {
   Newcomer& newcomer = free_place(is_memory);
-  const auto index = static_cast<std::uint64_t>(&newcomer - newcomers_.data());
-  if (!poller_.add(socket.number(), index)) return;
+  const transport::SourceTag tag(kNewcomer,
+                                 static_cast<std::uint32_t>(&newcomer - newcomers_.data()));
+  if (!wait_set_->add(socket.number(), tag, transport::Trigger::kLevel)) return;
   const wire::PeerAddress host = transport::host_of(socket.number());
   newcomer = {std::move(socket), is_memory, rt::now() + kFirstFramePatience, host};
 }
@@ -161,7 +166,7 @@ Acceptor::Newcomer& Acceptor::free_place(bool is_memory) noexcept {
 }
 
 void Acceptor::end(Newcomer& newcomer) noexcept {
-  poller_.remove(newcomer.socket.number());
+  wait_set_->remove(newcomer.socket.number());
   newcomer.socket = {};
 }
 
@@ -170,7 +175,7 @@ void Acceptor::place(Newcomer& newcomer) noexcept {
   if (!newcomer.socket.is_open()) return;
   transport::Descriptor socket = std::move(newcomer.socket);
   newcomer.socket = {};
-  poller_.remove(socket.number());
+  wait_set_->remove(socket.number());
   if (newcomer.is_memory) {
     auto client = transport::welcome_shared_memory_client(std::move(socket));
     if (client.shortage != 0) {

@@ -9,7 +9,7 @@
 #include "lane/lane.hpp"
 #include "rtpm/rt/report.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "rtpm/transport/poller.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/tcp.hpp"
 
@@ -20,11 +20,17 @@ namespace rtpm::rpc {
 /// here is real-time.
 class Acceptor {
  public:
-  Acceptor(transport::TcpListener listener,
-           std::optional<transport::SharedMemoryListener> memory_listener, transport::Poller poller,
-           std::uint32_t message_size_max) noexcept;
+  /// Over TCP, and as many through shared memory, so that no network keeps local clients out.
+  static constexpr std::size_t kNewcomerCountMax = 64;
+  static constexpr std::size_t kWaitSourceCount = 2 + 2 * kNewcomerCountMax;
 
-  [[nodiscard]] transport::Poller& bell() noexcept { return poller_; }
+  /// `wait_set`: with room for kWaitSourceCount sources.
+  Acceptor(transport::TcpListener listener,
+           std::optional<transport::SharedMemoryListener> memory_listener,
+           std::unique_ptr<transport::WaitSet> wait_set, std::uint32_t message_size_max) noexcept;
+
+  [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
+
   /// `cpus`: to which it is confined; empty: the starter's.
   [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes,
                                                         std::vector<int> cpus);
@@ -38,10 +44,9 @@ class Acceptor {
     MonotonicTime deadline{};
     wire::PeerAddress host{};
   };
-  static constexpr std::uint64_t kListener = ~std::uint64_t{0} - 1;
-  static constexpr std::uint64_t kMemoryListener = ~std::uint64_t{0} - 2;
-  /// Over TCP, and as many through shared memory, so that no network keeps local clients out.
-  static constexpr std::size_t kNewcomerCountMax = 64;
+  static constexpr transport::SourceKind kListener{1};
+  static constexpr transport::SourceKind kMemoryListener{2};
+  static constexpr transport::SourceKind kNewcomer{3};
 
   void run() noexcept;
   void accept_some() noexcept;
@@ -59,7 +64,7 @@ class Acceptor {
 
   std::optional<transport::TcpListener> listener_;                  ///< None once stopped.
   std::optional<transport::SharedMemoryListener> memory_listener_;  ///< Likewise; or not wanted.
-  transport::Poller poller_;
+  std::unique_ptr<transport::WaitSet> wait_set_;
   std::uint32_t message_size_max_;
   MonotonicTime listening_from_ = MonotonicTime::min();  ///< Later: the listeners are not polled.
   rt::RepeatedWarning shortage_warning_{};

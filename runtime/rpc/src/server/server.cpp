@@ -197,13 +197,13 @@ expected<void, SetupError> ServerImpl::open() {
     auto ports = open_ports(listener->port());
     if (!ports && config_.port == 0 && attempt < kAttemptCount) continue;
     if (!ports) return unexpected{ports.error()};
-    auto poller = transport::Poller::open();
-    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    auto wait_set = transport::PolledWaitSet::open(Acceptor::kWaitSourceCount);
+    if (!wait_set) return unexpected{in_words(config_, wait_set.error().text)};
     port_ = listener->port();
     auto memory_listener = open_memory_listener();
     if (!memory_listener) return unexpected{memory_listener.error()};
     acceptor_ = std::make_unique<Acceptor>(
-        std::move(*listener), std::move(*memory_listener), std::move(*poller),
+        std::move(*listener), std::move(*memory_listener), std::move(*wait_set),
         std::min(config_.message_size_max,
                  static_cast<std::uint32_t>(wire::kStreamPayloadSizeMax)));
     return make_lanes(std::move(*ports));
@@ -250,8 +250,9 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.inbound_priority = config_.inbound_priority;
   setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
-    auto poller = transport::Poller::open();
-    if (!poller) return unexpected{in_words(config_, poller.error().text)};
+    auto wait_set =
+        transport::PortWaitSet::open(Lane::wait_source_count(setup.sessions.session_count_max));
+    if (!wait_set) return unexpected{in_words(config_, wait_set.error().text)};
     const bool is_last = i + 1 == config_.lanes.size();
     setup.config = config_.lanes[i];
     setup.band = {lows[i],
@@ -259,7 +260,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
     setup.sessions.band = setup.band;
     setup.sessions.lane = static_cast<std::uint32_t>(i);
     setup.slot = &slot_of(lane_table_, i);
-    lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*poller)));
+    lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*wait_set)));
     if (!lanes_.back()->has_memory()) {
       return setup_error(
           "server '" + config_.name + "': the system gives no memory for lane '" +

@@ -13,6 +13,7 @@
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/transport/wait_set.hpp"
 
 namespace rtpm::rpc {
 
@@ -54,7 +55,7 @@ struct BorrowRequest {
 ///
 /// Threads: everything but what says otherwise under mutex().   RT: alloc-free but for
 /// construction.
-class ThreadPool {
+class ThreadPool final : public transport::WaitLock {
  public:
   /// `call_count_max`: how many calls may wait, at the utmost.
   ThreadPool(const LaneConfig& config, std::uint32_t call_count_max);
@@ -73,9 +74,9 @@ class ThreadPool {
   /// yield_lock().
   void lock_as_follower() noexcept;
   /// Acquires it as the leader, after its sleep.
-  void lock() noexcept { mutex_.lock(); }
+  void lock() noexcept override { mutex_.lock(); }
   /// Releases it, and wakes a resting thread for a lane above that could not have it meanwhile.
-  void unlock() noexcept;
+  void unlock() noexcept override;
   /// Lets followers have the lock for a moment.
   void yield_lock() noexcept;
 

@@ -24,15 +24,11 @@ class Connection {
   /// Whether a frame of so many bytes, which may wait, has room now: frames that may not, such as
   /// replies, find as much again.   RT: alloc-free, at most one syscall.
   [[nodiscard]] virtual bool has_spare_room(std::size_t size) noexcept = 0;
-  /// One whole frame if it has arrived; valid until the next receive() or await_news(), aligned to
-  /// 16 bytes. Never blocks.
+  /// One whole frame if it has arrived; valid until the next receive(), aligned to 16
+  /// bytes. Never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
   /// Whether there is a whole frame that no poll would tell.
   [[nodiscard]] virtual bool has_buffered() const noexcept = 0;
-  /// Waits until receive() has something to say, for about kBlockTime or until the thread is
-  /// interrupted; false if it has not. Those that are memory don't wait.
-  /// RT: alloc-free, at most one syscall.
-  [[nodiscard]] virtual bool await_news() noexcept { return has_buffered(); }
   /// Whose it is: see host_of().   RT: alloc-free, at most two system calls.
   [[nodiscard]] virtual wire::PeerAddress host() const noexcept { return host_of(descriptor()); }
   /// To be polled for reading.
@@ -41,7 +37,7 @@ class Connection {
   /// Whether frames come through memory, which is cheap to look at and which no poll tells of
   /// unless announce_sleep() was called before.
   [[nodiscard]] virtual bool is_memory() const noexcept { return false; }
-  /// What else wakes: see Poller::add_event(). Then the frames are there, and on_ready() is not
+  /// What else wakes: see Trigger::kEdge. Then the frames are there, and on_ready() is not
   /// called. Negative: nothing.
   [[nodiscard]] virtual int event() const noexcept { return -1; }
   /// The poll reported the descriptor.   RT: at most one syscall.

@@ -25,7 +25,6 @@ class FrameStream final : public Connection {
   expected<ConstBytes, IoError> receive() noexcept override;
   /// The same, but where nothing is there it waits, for about kBlockTime.
   [[nodiscard]] expected<ConstBytes, IoError> await() noexcept;
-  bool await_news() noexcept override;
   bool has_buffered() const noexcept override;
   int descriptor() const noexcept override { return socket_.number(); }
 

@@ -48,10 +48,14 @@ class UdpPort {
   /// receive() gives them, wherever that is told to put them. False: none came, or wake() ended the
   /// wait. RT: alloc-free, one syscall, where a poll and a receive are two.
   [[nodiscard]] bool await(MutableBytes buffer) noexcept;
+  /// Whether await() received a datagram that receive() has not given yet.
+  [[nodiscard]] bool has_received() const noexcept { return awaited_.has_value(); }
   /// Ends the await() that another thread is in, or the next one, by a datagram to itself. Should
   /// that be lost, as by a packet filter, await() ends in its time.
-  /// Threads: any.   RT: alloc-free, one syscall.
-  void wake() noexcept;
+  /// False: the system did not take it.   Threads: any.   RT: alloc-free, one syscall.
+  bool wake() noexcept;
+  /// How many datagrams of wake() have come.
+  [[nodiscard]] std::uint64_t woken_count() const noexcept { return woken_count_; }
   /// RT: alloc-free, one syscall, never blocks.
   [[nodiscard]] expected<void, IoError> send(const wire::PeerAddress& peer,
                                              ConstBytes frame) noexcept;
@@ -73,6 +77,7 @@ class UdpPort {
   Priority low_;
   bool can_send_trains_ = true;
   TrainSense sense_;
+  std::uint64_t woken_count_ = 0;
   std::optional<Datagrams> awaited_;
 };
 

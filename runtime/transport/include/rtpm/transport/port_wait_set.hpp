@@ -1,0 +1,55 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/udp.hpp"
+
+namespace rtpm::transport {
+
+/// A lane's wait set. While the lane's UDP port is the only source, a wait without a lock receives
+/// from the port instead of polling it, which saves a system call per datagram. It polls as well if
+/// the last wait was rung, or `until` is nearer than such a receive may take.
+///
+/// Such a wait may end up to kBlockTime before `until`. A ring ends it by a datagram to the port.
+/// If that was lost, as by a packet filter, the ring is heard when the receive ends, and the set
+/// only polls from then on.
+class PortWaitSet final : public PolledWaitSet {
+ public:
+  [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, TransportError> open(
+      std::size_t source_count_max);
+
+  /// Adds the port as a level-triggered source.
+  /// @param port    stays where it is until remove() of its descriptor
+  /// @param buffer  where a wait receives, of Datagrams::kSizeMax; the next UdpPort::receive()
+  /// gives
+  ///                that datagram
+  [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
+  void remove(int descriptor) noexcept override;
+  [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
+                                 WaitLock* held = nullptr) noexcept override;
+  void ring() noexcept override;
+
+  /// Whether a doorbell datagram was lost.
+  [[nodiscard]] bool only_polls() const noexcept { return only_polls_; }
+
+ private:
+  using PolledWaitSet::PolledWaitSet;
+  [[nodiscard]] bool may_receive(MonotonicTime until) noexcept;
+  [[nodiscard]] std::size_t wait_by_receiving(std::span<SourceTag> ready) noexcept;
+  [[nodiscard]] std::size_t report_received(std::span<SourceTag> ready, WaitLock* held) noexcept;
+
+  UdpPort* port_ = nullptr;
+  MutableBytes buffer_{};
+  SourceTag tag_{};
+  bool only_polls_ = false;
+  bool is_in_doubt_ = false;  ///< A doorbell datagram had not come when a receive ended,
+  std::uint64_t come_count_in_doubt_ = 0;                 ///< after so many that had come.
+  alignas(64) std::atomic<UdpPort*> receiving_{nullptr};  ///< The port, while a wait receives.
+  std::atomic<std::uint64_t> sent_count_{0};              ///< Doorbell datagrams.
+};
+
+}  // namespace rtpm::transport

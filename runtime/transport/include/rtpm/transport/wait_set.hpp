@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::transport {
+
+/// What a source is to its owner: each user of a wait set numbers its own kinds from 1 to 15.
+enum class SourceKind : std::uint8_t { kDoorbell = 0 };
+
+/// Identifies a source in the result of a wait. The generation tells a slot's present source from
+/// earlier ones: compare whole tags before using the slot.
+class SourceTag {
+ public:
+  /// Higher bits of a generation are ignored.
+  static constexpr std::uint32_t kGenerationMax = (std::uint32_t{1} << 28) - 1;
+
+  /// The doorbell's.
+  constexpr SourceTag() noexcept = default;
+  constexpr explicit SourceTag(SourceKind kind, std::uint32_t index = 0,
+                               std::uint32_t generation = 0) noexcept
+      : raw_(static_cast<std::uint64_t>(kind) << 60 |
+             std::uint64_t{generation & kGenerationMax} << 32 | index) {}
+  [[nodiscard]] static constexpr SourceTag from_raw(std::uint64_t raw) noexcept {
+    SourceTag tag;
+    tag.raw_ = raw;
+    return tag;
+  }
+
+  [[nodiscard]] constexpr SourceKind kind() const noexcept {
+    return static_cast<SourceKind>(raw_ >> 60);
+  }
+  [[nodiscard]] constexpr std::uint32_t generation() const noexcept {
+    return static_cast<std::uint32_t>(raw_ >> 32) & kGenerationMax;
+  }
+  [[nodiscard]] constexpr std::uint32_t index() const noexcept {
+    return static_cast<std::uint32_t>(raw_);
+  }
+  [[nodiscard]] constexpr std::uint64_t raw() const noexcept { return raw_; }
+  friend constexpr bool operator==(SourceTag, SourceTag) noexcept = default;
+
+ private:
+  std::uint64_t raw_ = 0;
+};
+
+inline constexpr SourceTag kDoorbell{};
+
+/// When a source is reported.
+enum class Trigger : std::uint8_t {
+  kLevel,  ///< In each wait while it can be read.
+  kEdge,   ///< Once per signal: for an eventfd that nobody reads, which saves a system call each.
+};
+
+/// As a time to wait until: do not block.
+inline constexpr MonotonicTime kAlready = MonotonicTime::min();
+
+/// A lock that a wait frees while it may block.
+class WaitLock {
+ public:
+  virtual void lock() noexcept = 0;
+  virtual void unlock() noexcept = 0;
+
+ protected:
+  ~WaitLock() = default;
+};
+
+/// Everything that one thread waits for: descriptors, and a doorbell that other threads ring.
+/// @threads  ring() any; the others one at a time, by turns under one lock if several threads use
+///           the set; see wait()
+/// @realtime alloc-free
+class WaitSet {
+ public:
+  WaitSet() = default;
+  WaitSet(const WaitSet&) = delete;
+  WaitSet& operator=(const WaitSet&) = delete;
+  virtual ~WaitSet() = default;
+
+  /// Reports `descriptor` as `tag` from now on. A wait that is under way with a lock heeds it.
+  /// @param descriptor  stays open until remove()
+  /// @param tag         of any kind but kDoorbell
+  /// @return false: the set is full, has the descriptor, or the system refuses
+  [[nodiscard]] virtual bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept = 0;
+  /// Waits that begin later do not report it, and hold no reference to it. One under way may still
+  /// report its tag.
+  virtual void remove(int descriptor) noexcept = 0;
+  /// Blocks until a source is ready, the doorbell has rung, or `until`.
+  /// @param until  kNever: no limit; kAlready: do not block
+  /// @param ready  receives the tags; what exceeds it is reported by the next waits, in turn
+  /// @param held   null, or the caller's lock: free exactly while the wait may block
+  /// @return how many tags; 0 also if the wait ended early, as by a signal
+  [[nodiscard]] virtual std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,
+                                         WaitLock* held = nullptr) noexcept = 0;
+  /// Ends the wait that is under way, or the next one, which reports kDoorbell: once, however often
+  /// it rang. What the caller wrote before is visible after that wait.
+  /// @realtime at most one system call
+  virtual void ring() noexcept = 0;
+};
+
+}  // namespace rtpm::transport
