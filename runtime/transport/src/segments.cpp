@@ -37,14 +37,14 @@ void accept_segments(int socket, bool is_on) noexcept {
   setsockopt(socket, IPPROTO_UDP, UDP_GRO, &on, sizeof on);
 }
 
-ssize_t send_segments(int socket, const sockaddr_in* to, const FrameTrain& train) noexcept {
-  const auto segment_size = static_cast<std::uint16_t>(train.frame_size());
+ssize_t send_segments(int socket, const sockaddr_in* to, const DatagramBatch& batch) noexcept {
+  const auto segment_size = static_cast<std::uint16_t>(batch.frame_size());
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof segment_size)> control{};
   // What is sent is only read.
-  iovec part{.iov_base = const_cast<std::byte*>(train.bytes().data()),
-             .iov_len = train.bytes().size()};
+  iovec part{.iov_base = const_cast<std::byte*>(batch.bytes().data()),
+             .iov_len = batch.bytes().size()};
   msghdr message = message_of(part, const_cast<sockaddr_in*>(to));
-  if (train.bytes().size() > train.frame_size()) {
+  if (batch.bytes().size() > batch.frame_size()) {
     message.msg_control = control.data();
     message.msg_controllen = control.size();
     cmsghdr* const entry = CMSG_FIRSTHDR(&message);
@@ -56,7 +56,7 @@ ssize_t send_segments(int socket, const sockaddr_in* to, const FrameTrain& train
   return sendmsg(socket, &message, MSG_DONTWAIT | MSG_NOSIGNAL);
 }
 
-bool means_no_trains(int error) noexcept {
+bool means_no_batches(int error) noexcept {
   // No checksums by the device, an option that the system does not know, a way with smaller frames.
   return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
 }

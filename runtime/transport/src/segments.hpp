@@ -5,29 +5,29 @@
 
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/error.hpp"
-#include "rtpm/transport/train.hpp"
 
-// How trains of datagrams pass a socket.
+// How batches of datagrams pass a socket.
 namespace rtpm::transport {
 
-/// Has the socket take the datagrams of a train together, or no longer; those that came before are
+/// Has the socket take the datagrams of a batch together, or no longer; those that came before are
 /// given as they came. A system that refuses gives them one by one.   RT: alloc-free, one syscall.
 void accept_segments(int socket, bool is_on) noexcept;
 
 /// As sendmsg(2), of several datagrams; `to` is null where the socket is connected.
 /// RT: alloc-free, one syscall.
 [[nodiscard]] ssize_t send_segments(int socket, const sockaddr_in* to,
-                                    const FrameTrain& train) noexcept;
-/// Whether an error of send_segments() means that the socket's way takes no trains, but may take
+                                    const DatagramBatch& batch) noexcept;
+/// Whether an error of send_segments() means that the socket's way takes no batches, but may take
 /// datagrams.
-[[nodiscard]] bool means_no_trains(int error) noexcept;
+[[nodiscard]] bool means_no_batches(int error) noexcept;
 
-/// Sends each frame of a train by itself, up to the first that fails.
+/// Sends each frame of a batch by itself, up to the first that fails.
 template <class Send>
-[[nodiscard]] expected<void, IoError> send_each(const FrameTrain& train, Send send) noexcept {
+[[nodiscard]] expected<void, IoError> send_each(const DatagramBatch& batch, Send send) noexcept {
   expected<void, IoError> outcome;
-  static_cast<void>(train.for_each([&](ConstBytes frame) {
+  static_cast<void>(batch.for_each([&](ConstBytes frame) {
     outcome = send(frame);
     return outcome.has_value();
   }));

@@ -31,9 +31,9 @@ constexpr std::uint32_t kReceivesPerCheck = 128;
 // A caller that sleeps looks as often: to wait for the socket as well would take longer to wake.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
-class SharedMemoryLink final : public Link {
+class SharedMemoryTransport final : public ClientTransport {
  public:
-  SharedMemoryLink(Descriptor socket, Descriptor event, SharedMapping mapping, RingSizes sizes)
+  SharedMemoryTransport(Descriptor socket, Descriptor event, SharedMapping mapping, RingSizes sizes)
       : connection_(std::move(socket), std::move(event), std::move(mapping), sizes,
                     SharedMemoryConnection::Side::kClient) {}
 
@@ -180,7 +180,7 @@ bool is_shared_memory_served(const SharedMemoryAddress& address, MonotonicTime d
   return ask(address, {.priority = {}, .only_asks = true}, deadline).has_value();
 }
 
-expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
+expected<std::unique_ptr<ClientTransport>, TransportError> open_shared_memory_transport(
     const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline) {
   auto grant = ask(address, {.priority = priority, .only_asks = false}, deadline);
   if (!grant) return unexpected{grant.error()};
@@ -193,7 +193,7 @@ expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
   fcntl(grant->event.number(), F_SETFL, O_NONBLOCK);
   SharedMapping mapping(grant->memory.number(), memory_size(sizes));
   if (mapping.bytes().empty()) return unexpected{exhausted(address, ENOMEM)};
-  return std::unique_ptr<Link>(std::make_unique<SharedMemoryLink>(
+  return std::unique_ptr<ClientTransport>(std::make_unique<SharedMemoryTransport>(
       std::move(grant->socket), std::move(grant->event), std::move(mapping), sizes));
 }
 

@@ -141,7 +141,7 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
     return unexpected{is_nothing ? IoError::kNothing : IoError::kFailed};
   }
   const auto size = static_cast<std::size_t>(count);
-  // The system says how long its datagrams are only while trains are asked for.
+  // The system says how long its datagrams are only while batches are asked for.
   if (sense_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
   const wire::PeerAddress peer = peer_of(from);
   if (peer == waker_peer_) {
@@ -151,8 +151,8 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   return Datagrams{buffer.first(size), each, peer};
 }
 
-void UdpPort::heed(TrainSense::Change change) noexcept {
-  accept_segments(socket_.number(), change == TrainSense::Change::kBegin);
+void UdpPort::heed(BatchEstimator::Change change) noexcept {
+  accept_segments(socket_.number(), change == BatchEstimator::Change::kBegin);
 }
 
 bool UdpPort::wake() noexcept {
@@ -172,15 +172,15 @@ expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes 
   return unexpected{error_of_send(errno)};
 }
 
-expected<void, IoError> UdpPort::send_train(const wire::PeerAddress& peer,
-                                            const FrameTrain& train) noexcept {
-  if (can_send_trains_) {
+expected<void, IoError> UdpPort::send_batch(const wire::PeerAddress& peer,
+                                            const DatagramBatch& batch) noexcept {
+  if (can_send_batches_) {
     const sockaddr_in to = address_of(peer);
-    if (send_segments(socket_.number(), &to, train) >= 0) return {};
-    if (!means_no_trains(errno)) return unexpected{error_of_send(errno)};
-    can_send_trains_ = false;
+    if (send_segments(socket_.number(), &to, batch) >= 0) return {};
+    if (!means_no_batches(errno)) return unexpected{error_of_send(errno)};
+    can_send_batches_ = false;
   }
-  return send_each(train, [&](ConstBytes frame) { return send(peer, frame); });
+  return send_each(batch, [&](ConstBytes frame) { return send(peer, frame); });
 }
 
 }  // namespace rtpm::transport

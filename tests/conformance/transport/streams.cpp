@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "deferred_suite.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
@@ -253,12 +253,12 @@ class StreamsOfOneConnection : public DeferredReplies {
   void SetUp() override {
     DeferredReplies::SetUp();
     const std::uint16_t port = server_->port();
-    auto link =
-        transport() == Transport::kTcp
-            ? transport::open_tcp_link("127.0.0.1", port, 0, wire::kStreamPayloadSizeMax, soon())
-            : transport::open_shared_memory_link({"127.0.0.1", port}, 0, soon());
-    ASSERT_TRUE(link) << link.error().text;
-    link_ = std::move(*link);
+    auto opened = transport() == Transport::kTcp
+                      ? transport::open_tcp_transport("127.0.0.1", port, 0,
+                                                      wire::kStreamPayloadSizeMax, soon())
+                      : transport::open_shared_memory_transport({"127.0.0.1", port}, 0, soon());
+    ASSERT_TRUE(opened) << opened.error().text;
+    client_ = std::move(*opened);
     send(channel_.open(0, soon(), rt::now()));
     ASSERT_EQ(next_event().kind, Kind::kReady);
     Bytes request(512);
@@ -270,7 +270,7 @@ class StreamsOfOneConnection : public DeferredReplies {
   }
   void send(ConstBytes frame) {
     for (; !frame.empty(); frame = channel_.next_frame(rt::now()))
-      ASSERT_TRUE(link_->send(frame));
+      ASSERT_TRUE(client_->send(frame));
   }
   wire::CallIndex open_stream() {
     const std::size_t frame_size = frame_payload_max();
@@ -290,19 +290,19 @@ class StreamsOfOneConnection : public DeferredReplies {
   /// Something that is neither nothing nor merely to be sent.
   wire::ChannelEvent next_event() {
     while (rt::now() < soon()) {
-      const auto frame = link_->receive();
+      const auto frame = client_->receive();
       if (!frame && frame.error() != transport::IoError::kNothing) break;
       const MonotonicTime now = rt::now();
       const wire::ChannelEvent event =
           frame ? channel_.on_frame(*frame, now) : channel_.on_time(now);
       send(event.frame);
       if (event.kind != Kind::kNothing && event.kind != Kind::kSend) return event;
-      if (!frame) link_->wait(now + 1ms);
+      if (!frame) client_->wait(now + 1ms);
     }
     return {.kind = Kind::kBroken};
   }
 
-  std::unique_ptr<transport::Link> link_;
+  std::unique_ptr<transport::ClientTransport> client_;
   std::deque<Bytes> memory_;
   Bytes buffer_ = Bytes(4096);
   wire::ClientChannel channel_{{.medium = wire::Medium::kStream,

@@ -18,7 +18,7 @@
 #include "rtpm/rt/report.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -62,10 +62,10 @@ TEST(ServerSetUp, ServesTheAddressOfAHostName) {
 TEST(ServerLife, WarnsOnceThatNoDescriptorIsLeftForItsCallers) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     EchoServer server;
-    std::vector<std::unique_ptr<transport::Link>> links;
+    std::vector<std::unique_ptr<transport::ClientTransport>> links;
     const auto open = [&] {
-      auto link =
-          transport::open_tcp_link("127.0.0.1", server.server->port(), 0, 1000, rt::now() + 20s);
+      auto link = transport::open_tcp_transport("127.0.0.1", server.server->port(), 0, 1000,
+                                                rt::now() + 20s);
       if (link) links.push_back(std::move(*link));
       return link.has_value();
     };

@@ -17,7 +17,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/os.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/stream.hpp"
@@ -90,8 +90,8 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
   EXPECT_FALSE(listener->accept().socket.is_open()) << "nobody is there";
-  const auto link = open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s);
-  ASSERT_TRUE(link) << link.error().text;
+  const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
+  ASSERT_TRUE(client) << client.error().text;
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
   EXPECT_TRUE(listener->accept().socket.is_open());
 }
@@ -101,9 +101,10 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     auto listener = TcpListener::open(kHere, 0);
     if (!listener) return listener.error().text;
-    std::vector<std::unique_ptr<Link>> links;
+    std::vector<std::unique_ptr<ClientTransport>> clients;
     for (int i = 0; i < 3; ++i) {
-      links.push_back(std::move(*open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s)));
+      clients.push_back(
+          std::move(*open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s)));
     }
     const rlimit few{64, 64};
     setrlimit(RLIMIT_NOFILE, &few);
@@ -116,9 +117,9 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
       if (accepted.shortage != EMFILE || accepted.still_waits) return "it does not say what it did";
     }
     if (wait_readable(listener->descriptor(), rt::now())) return "somebody still waits";
-    for (const auto& link : links) {
-      if (!wait_readable(link->descriptor(), rt::now() + 20s)) return "a client waits";
-      if (link->receive().error() != IoError::kClosed) return "a client does not see its end";
+    for (const auto& client : clients) {
+      if (!wait_readable(client->descriptor(), rt::now() + 20s)) return "a client waits";
+      if (client->receive().error() != IoError::kClosed) return "a client does not see its end";
     }
     return "";
   });
@@ -131,8 +132,8 @@ TEST(TcpListener, SaysThatAConnectionStillWaits) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const auto listener = TcpListener::open(kHere, 0);
     if (!listener) return listener.error().text;
-    const auto link = open_tcp_link(kHere, listener->port(), 0, 1000, rt::now() + 20s);
-    if (!link) return link.error().text;
+    const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
+    if (!client) return client.error().text;
     const rlimit few{64, 64};
     setrlimit(RLIMIT_NOFILE, &few);
     while (dup(STDERR_FILENO) >= 0) {
@@ -173,8 +174,8 @@ TEST(UdpPort, KeepsWhatItAwaitedForTheNextReceive) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
   Bytes buffer(2000);
-  auto link = open_udp_link(kHere, number, 0);
-  ASSERT_TRUE(link && (*link)->send(Bytes(3)) && (*link)->send(Bytes(4)));
+  auto client = open_udp_transport(kHere, number, 0);
+  ASSERT_TRUE(client && (*client)->send(Bytes(3)) && (*client)->send(Bytes(4)));
   ASSERT_TRUE(port.await(buffer));
   EXPECT_TRUE(port.await(buffer)) << "and does not take a second one over it";
   EXPECT_EQ(port.receive(buffer)->bytes().size(), 3u);
@@ -197,8 +198,8 @@ TEST(UdpPort, IsWokenOnAnyAddress) {
     ASSERT_TRUE(port) << port.error().text;
     Bytes buffer(2000);
     port->wake();
-    auto link = open_udp_link(kHere, number, 0);
-    ASSERT_TRUE(link && (*link)->send(Bytes(3)));
+    auto client = open_udp_transport(kHere, number, 0);
+    ASSERT_TRUE(client && (*client)->send(Bytes(3)));
     EXPECT_FALSE(port->await(buffer)) << "the wake-up comes first";
     EXPECT_TRUE(port->await(buffer));
   }
@@ -237,10 +238,10 @@ TEST(Host, IsNotWaitedForBeyondTheDeadline) {
 }
 
 TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
-  const auto link = open_udp_link("255.255.255.255", 4711, 0);
-  ASSERT_FALSE(link);
-  expect_text(link.error().text, {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
-  EXPECT_FALSE(link.error().is_exhausted);
+  const auto client = open_udp_transport("255.255.255.255", 4711, 0);
+  ASSERT_FALSE(client);
+  expect_text(client.error().text, {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
+  EXPECT_FALSE(client.error().is_exhausted);
 }
 
 // Each says so, with the remedy, instead of that nobody is there.
@@ -251,9 +252,9 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
     while (dup(STDERR_FILENO) >= 0) {
     }
     const std::vector<TransportError> errors{
-        open_udp_link(kHere, 4711, 0).error(),
-        open_tcp_link(kHere, 4711, 0, 1000, rt::now() + 20s).error(),
-        open_shared_memory_link({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
+        open_udp_transport(kHere, 4711, 0).error(),
+        open_tcp_transport(kHere, 4711, 0, 1000, rt::now() + 20s).error(),
+        open_shared_memory_transport({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
         UdpPort::open({.host = kHere}).error(),
         TcpListener::open(kHere, 0).error(),
         PolledWaitSet::open(1).error()};
@@ -275,10 +276,10 @@ TEST(UdpPort, AnswersWhereADatagramCameFrom) {
   UdpPort port = open_udp(number);
   Bytes buffer(2000);
   EXPECT_EQ(port.receive(buffer).error(), IoError::kNothing);
-  auto link = open_udp_link(kHere, number, 0);
-  ASSERT_TRUE(link);
+  auto client = open_udp_transport(kHere, number, 0);
+  ASSERT_TRUE(client);
   const Bytes request = frame_of(48);
-  ASSERT_TRUE((*link)->send(request));
+  ASSERT_TRUE((*client)->send(request));
   ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
   const auto datagram = port.receive(buffer);
   ASSERT_TRUE(datagram);
@@ -286,8 +287,8 @@ TEST(UdpPort, AnswersWhereADatagramCameFrom) {
 
   const Bytes reply = frame_of(20, 0, 2);
   ASSERT_TRUE(port.send(datagram->peer(), reply));
-  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
-  const auto received = (*link)->receive();
+  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
+  const auto received = (*client)->receive();
   ASSERT_TRUE(received);
   EXPECT_EQ(copy_of(*received), reply);
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(received->data()) % 16, 0u);
@@ -296,11 +297,11 @@ TEST(UdpPort, AnswersWhereADatagramCameFrom) {
 TEST(UdpPort, TellsItsPeersApart) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
-  std::vector<std::unique_ptr<Link>> links;
+  std::vector<std::unique_ptr<ClientTransport>> clients;
   std::vector<wire::PeerAddress> peers;
   for (int i = 0; i < 3; ++i) {
-    links.push_back(std::move(*open_udp_link(kHere, number, 0)));
-    ASSERT_TRUE(links.back()->send(frame_of(0)));
+    clients.push_back(std::move(*open_udp_transport(kHere, number, 0)));
+    ASSERT_TRUE(clients.back()->send(frame_of(0)));
     ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
     Bytes buffer(2000);
     peers.push_back(port.receive(buffer)->peer());
@@ -313,10 +314,10 @@ TEST(UdpPort, TellsItsPeersApart) {
 TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
-  auto link = open_udp_link(kHere, number, 0);
-  ASSERT_TRUE(link);
+  auto client = open_udp_transport(kHere, number, 0);
+  ASSERT_TRUE(client);
   const Bytes too_large = frame_of(5000);
-  ASSERT_TRUE((*link)->send(too_large));
+  ASSERT_TRUE((*client)->send(too_large));
   Bytes buffer(wire::kDatagramFrameSizeMax + 1);
   ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
   const auto datagram = port.receive(buffer);
@@ -324,80 +325,80 @@ TEST(Datagram, LargerThanAFrameIsNoticedOnBothSides) {
   EXPECT_EQ(wire::decode_frame(datagram->bytes()).error(), wire::DropReason::kBadLength);
 
   ASSERT_TRUE(port.send(datagram->peer(), too_large));
-  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
-  const auto received = (*link)->receive();
+  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
+  const auto received = (*client)->receive();
   ASSERT_TRUE(received);
   EXPECT_EQ(wire::decode_frame(*received).error(), wire::DropReason::kBadLength);
 }
 
-TEST(UdpLink, SeesThatNobodyHasThePort) {
-  const auto link = open_udp_link(kHere, free_port(), 0);
-  ASSERT_TRUE(link) << "nothing is sent yet";
-  ASSERT_TRUE((*link)->send(frame_of(0)));
-  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
-  const auto received = (*link)->receive();
+TEST(UdpTransport, SeesThatNobodyHasThePort) {
+  const auto client = open_udp_transport(kHere, free_port(), 0);
+  ASSERT_TRUE(client) << "nothing is sent yet";
+  ASSERT_TRUE((*client)->send(frame_of(0)));
+  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
+  const auto received = (*client)->receive();
   ASSERT_FALSE(received);
   EXPECT_EQ(received.error(), IoError::kRefused);
-  EXPECT_EQ((*link)->receive().error(), IoError::kNothing) << "it is told once";
+  EXPECT_EQ((*client)->receive().error(), IoError::kNothing) << "it is told once";
 }
 
-TEST(UdpLink, KnowsWhetherItsFramesStayHere) {
-  const auto here = open_udp_link(kHere, free_port(), 0);
+TEST(UdpTransport, KnowsWhetherItsFramesStayHere) {
+  const auto here = open_udp_transport(kHere, free_port(), 0);
   ASSERT_TRUE(here);
   EXPECT_TRUE((*here)->is_on_host());
-  const auto another = open_udp_link("127.3.2.1", free_port(), 0);
+  const auto another = open_udp_transport("127.3.2.1", free_port(), 0);
   ASSERT_TRUE(another);
   EXPECT_TRUE((*another)->is_on_host());
-  const auto away = open_udp_link(kNobodysAddress, free_port(), 0);
+  const auto away = open_udp_transport(kNobodysAddress, free_port(), 0);
   if (!away) GTEST_SKIP() << "this host has no route to another: " << away.error().text;
   EXPECT_FALSE((*away)->is_on_host());
 }
 
 // Where it may block in the receive itself, it ends in time all the same, and takes what comes.
-TEST(UdpLink, AwaitsForAsLongAsItIsTold) {
+TEST(UdpTransport, AwaitsForAsLongAsItIsTold) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
-  auto link = open_udp_link(kHere, number, 0);
-  ASSERT_TRUE(link);
+  auto client = open_udp_transport(kHere, number, 0);
+  ASSERT_TRUE(client);
   ASSERT_TRUE(may_block_until(rt::now() + 40ms, kBlockTimeShort));
-  EXPECT_EQ((*link)->await(rt::now() + 40ms).error(), IoError::kNothing);
-  ASSERT_TRUE((*link)->send(frame_of(1)));
+  EXPECT_EQ((*client)->await(rt::now() + 40ms).error(), IoError::kNothing);
+  ASSERT_TRUE((*client)->send(frame_of(1)));
   ASSERT_TRUE(wait_readable(port.descriptor(), rt::now() + 20s));
   Bytes buffer(2000);
   const auto datagram = port.receive(buffer);
   ASSERT_TRUE(datagram);
   ASSERT_TRUE(port.send(datagram->peer(), frame_of(2)));
-  const auto received = (*link)->await(rt::now() + 20s);
+  const auto received = (*client)->await(rt::now() + 20s);
   ASSERT_TRUE(received);
   EXPECT_EQ(copy_of(*received), frame_of(2));
 }
 
-TEST(UdpLink, HearsNobodyButItsServer) {
+TEST(UdpTransport, HearsNobodyButItsServer) {
   const std::uint16_t number = free_port();
   UdpPort port = open_udp(number);
-  auto link = open_udp_link(kHere, number, 0);
-  ASSERT_TRUE(link);
+  auto client = open_udp_transport(kHere, number, 0);
+  ASSERT_TRUE(client);
   sockaddr_in own{};
   socklen_t size = sizeof own;
-  getsockname((*link)->descriptor(), reinterpret_cast<sockaddr*>(&own), &size);
-  auto stranger = open_udp_link(kHere, ntohs(own.sin_port), 0);
+  getsockname((*client)->descriptor(), reinterpret_cast<sockaddr*>(&own), &size);
+  auto stranger = open_udp_transport(kHere, ntohs(own.sin_port), 0);
   ASSERT_TRUE(stranger);
   ASSERT_TRUE((*stranger)->send(frame_of(1)));
-  ASSERT_TRUE((*link)->send(frame_of(2)));
+  ASSERT_TRUE((*client)->send(frame_of(2)));
   ASSERT_TRUE(await_datagram(port));
-  EXPECT_EQ((*link)->receive().error(), IoError::kNothing);
+  EXPECT_EQ((*client)->receive().error(), IoError::kNothing);
 }
 
-TEST(TcpLink, SaysThatNobodyIsThere) {
+TEST(TcpTransport, SaysThatNobodyIsThere) {
   const std::uint16_t number = free_port();
-  const auto link = open_tcp_link(kHere, number, 0, 1000, rt::now() + 20s);
-  ASSERT_FALSE(link);
-  expect_text(link.error().text, {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
-                                  "Connection refused", "Remedy"});
+  const auto client = open_tcp_transport(kHere, number, 0, 1000, rt::now() + 20s);
+  ASSERT_FALSE(client);
+  expect_text(client.error().text, {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
+                                    "Connection refused", "Remedy"});
 }
 
 // A listener that takes nobody off its queue, which holds one: further ones get no answer.
-TEST(TcpLink, GivesUpAtItsDeadline) {
+TEST(TcpTransport, GivesUpAtItsDeadline) {
   const Descriptor listener(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
   auto address = address_of(kHere, 0);
   ASSERT_TRUE(address);
@@ -407,25 +408,25 @@ TEST(TcpLink, GivesUpAtItsDeadline) {
   ASSERT_EQ(listen(listener.number(), 0), 0);
   getsockname(listener.number(), raw, &size);
   const std::uint16_t number = ntohs(address->sin_port);
-  const auto in_the_queue = open_tcp_link(kHere, number, 0, 1000, rt::now() + 20s);
+  const auto in_the_queue = open_tcp_transport(kHere, number, 0, 1000, rt::now() + 20s);
   ASSERT_TRUE(in_the_queue);
   const MonotonicTime deadline = rt::now() + 20ms;
-  const auto link = open_tcp_link(kHere, number, 0, 1000, deadline);
+  const auto client = open_tcp_transport(kHere, number, 0, 1000, deadline);
   EXPECT_GE(rt::now(), deadline);
-  ASSERT_FALSE(link);
-  expect_text(link.error().text,
+  ASSERT_FALSE(client);
+  expect_text(client.error().text,
               {"nobody answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
 }
 
-TEST(TcpLink, CarriesFramesBothWays) {
+TEST(TcpTransport, CarriesFramesBothWays) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
-  auto link = open_tcp_link(kHere, listener->port(), 0, 100'000, rt::now() + 20s);
-  ASSERT_TRUE(link);
+  auto client = open_tcp_transport(kHere, listener->port(), 0, 100'000, rt::now() + 20s);
+  ASSERT_TRUE(client);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   FrameStream served(listener->accept().socket, 100'000);
   const Bytes request = frame_of(100'000);
-  ASSERT_TRUE((*link)->send(request));
+  ASSERT_TRUE((*client)->send(request));
   Bytes received;
   ASSERT_TRUE(rtpm::test::await([&] {
     const auto frame = served.receive();
@@ -434,18 +435,18 @@ TEST(TcpLink, CarriesFramesBothWays) {
   }));
   EXPECT_EQ(received, request);
   ASSERT_TRUE(served.send(frame_of(3), rt::now() + 20s));
-  ASSERT_TRUE(wait_readable((*link)->descriptor(), rt::now() + 20s));
-  EXPECT_EQ(copy_of(*(*link)->receive()), frame_of(3));
+  ASSERT_TRUE(wait_readable((*client)->descriptor(), rt::now() + 20s));
+  EXPECT_EQ(copy_of(*(*client)->receive()), frame_of(3));
 }
 
 // A lane sends the window of a large reply without waiting, and gives up a peer that has no room
 // for it. That must not befall a client that is only a little late, on a system with the usual
 // limits.
-TEST(TcpLink, HasRoomForAWindowOfALargeMessage) {
+TEST(TcpTransport, HasRoomForAWindowOfALargeMessage) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
   const auto late_reader =
-      open_tcp_link(kHere, listener->port(), 0, wire::kStreamPayloadSizeMax, rt::now() + 20s);
+      open_tcp_transport(kHere, listener->port(), 0, wire::kStreamPayloadSizeMax, rt::now() + 20s);
   ASSERT_TRUE(late_reader);
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   Descriptor socket = listener->accept().socket;
@@ -468,26 +469,26 @@ TEST(TrafficClass, FollowsThePriority) {
   for (const Row row :
        {Row{0, 0, 0}, Row{8191, 0, 0}, Row{8192, 18, 2}, Row{16383, 18, 2}, Row{16384, 34, 4},
         Row{24575, 34, 4}, Row{24576, 46, 6}, Row{32767, 46, 6}}) {
-    const auto link = open_udp_link(kHere, 9, row.priority);
-    ASSERT_TRUE(link);
+    const auto client = open_udp_transport(kHere, 9, row.priority);
+    ASSERT_TRUE(client);
     int type_of_service = -1;
     int queue = -1;
     socklen_t size = sizeof type_of_service;
-    getsockopt((*link)->descriptor(), IPPROTO_IP, IP_TOS, &type_of_service, &size);
-    getsockopt((*link)->descriptor(), SOL_SOCKET, SO_PRIORITY, &queue, &size);
+    getsockopt((*client)->descriptor(), IPPROTO_IP, IP_TOS, &type_of_service, &size);
+    getsockopt((*client)->descriptor(), SOL_SOCKET, SO_PRIORITY, &queue, &size);
     EXPECT_EQ(type_of_service >> 2, row.dscp) << row.priority;
     EXPECT_EQ(queue, row.queue) << row.priority;
   }
 }
 
 // The system hands a client the port of a server that is gone, sooner or later.
-TEST(Link, IsNeverItsOwnPeer) {
+TEST(ClientTransport, IsNeverItsOwnPeer) {
   const std::uint16_t number = free_port();
   constexpr int kTryCountMax = 400'000;  // It has some 28 000 ports to hand out.
   int count = 0;
-  while (count < kTryCountMax && open_udp_link(kHere, number, 0))
+  while (count < kTryCountMax && open_udp_transport(kHere, number, 0))
     ++count;
-  EXPECT_LT(count, kTryCountMax) << "nobody has the port, and once it was the link's own";
+  EXPECT_LT(count, kTryCountMax) << "nobody has the port, and once it was the client's own";
 }
 
 }  // namespace

@@ -65,18 +65,18 @@ struct Host {
 struct Pair {
   explicit Pair(Host& host, Priority priority = 0) {
     std::thread opener([&] {
-      auto opened = open_shared_memory_link(host.address, priority, soon());
+      auto opened = open_shared_memory_transport(host.address, priority, soon());
       EXPECT_TRUE(opened) << opened.error().text;
-      if (opened) link = std::move(*opened);
+      if (opened) client = std::move(*opened);
     });
-    auto client = host.welcome();
+    auto welcomed = host.welcome();
     opener.join();
-    EXPECT_TRUE(client);
-    if (!client) return;
-    given_priority = client->priority;
-    connection = std::move(client->connection);
+    EXPECT_TRUE(welcomed);
+    if (!welcomed) return;
+    given_priority = welcomed->priority;
+    connection = std::move(welcomed->connection);
   }
-  std::unique_ptr<Link> link;
+  std::unique_ptr<ClientTransport> client;
   std::unique_ptr<Connection> connection;
   Priority given_priority{};
 };

@@ -166,7 +166,7 @@ TEST(SharedMemoryRings, WaitsForRoomNoLongerThanItMay) {
   ASSERT_FALSE(sent);
   EXPECT_EQ(sent.error(), IoError::kFull);
   EXPECT_GE(rt::now(), until);
-  std::thread reader([&] { expect_frame(*pair.link, frame); });
+  std::thread reader([&] { expect_frame(*pair.client, frame); });
   EXPECT_TRUE(pair.connection->send(frame, soon()));
   reader.join();
 }
@@ -238,12 +238,12 @@ TEST(SharedMemoryRings, WakesAServerThatSleeps) {
   std::array<SourceTag, 4> tags{};
   ASSERT_TRUE(pair.connection->announce_sleep());
   EXPECT_EQ(wait_set.wait(kAlready, tags), 0);
-  ASSERT_TRUE(pair.link->send(frame_of(1)));
+  ASSERT_TRUE(pair.client->send(frame_of(1)));
   ASSERT_EQ(wait_set.wait(soon(), tags), 1);
   EXPECT_EQ(tags[0], kEvent);
   pair.connection->end_sleep();
   EXPECT_EQ(wait_set.wait(kAlready, tags), 0) << "one signal, one wake-up";
-  ASSERT_TRUE(pair.link->send(frame_of(1)));
+  ASSERT_TRUE(pair.client->send(frame_of(1)));
   EXPECT_EQ(wait_set.wait(kAlready, tags), 0) << "nobody sleeps";
   EXPECT_FALSE(pair.connection->announce_sleep()) << "the frame is still there";
   pair.connection->end_sleep();
@@ -261,13 +261,13 @@ TEST(SharedMemoryRings, EndsAWaitWhenAFrameComes) {
     }
   });
   for (std::uint32_t i = 0; i < 200;) {
-    const auto frame = receive(*pair.link);
+    const auto frame = receive(*pair.client);
     if (frame) {
       EXPECT_EQ(*frame, frame_of(48, 0, i));
       ++i;
     } else {
       const MonotonicTime until = soon();
-      pair.link->wait(until);
+      pair.client->wait(until);
       ASSERT_LT(rt::now(), until) << "nobody woke it";
     }
   }
@@ -278,9 +278,9 @@ TEST(SharedMemoryRings, EndsAWaitAtItsTime) {
   Host host;
   Pair pair(host);
   const MonotonicTime until = rt::now() + 5ms;
-  pair.link->wait(until);
+  pair.client->wait(until);
   EXPECT_GE(rt::now(), until);
-  expect_error(*pair.link, IoError::kNothing);
+  expect_error(*pair.client, IoError::kNothing);
 }
 
 // hp-16.3-2

@@ -36,24 +36,24 @@ TEST(SharedMemory, CarriesFramesInBothDirections) {
   Host host;
   Pair pair(host, 12'345);
   EXPECT_EQ(pair.given_priority, Priority{12'345});
-  expect_error(*pair.link, IoError::kNothing);
+  expect_error(*pair.client, IoError::kNothing);
   expect_error(*pair.connection, IoError::kNothing);
   std::mt19937_64 random(1);
   for (std::uint32_t i = 0; i < 500; ++i) {
     const Bytes call = frame_of(random() % (wire::kSharedPayloadSizeMax + 1), 0, i);
     const Bytes reply = frame_of(random() % (wire::kSharedPayloadSizeMax + 1), 0, i + 1);
-    ASSERT_TRUE(pair.link->send(call));
+    ASSERT_TRUE(pair.client->send(call));
     EXPECT_TRUE(pair.connection->has_buffered());
     expect_frame(*pair.connection, call);
     ASSERT_TRUE(pair.connection->send(reply, rt::now()));
-    expect_frame(*pair.link, reply);
+    expect_frame(*pair.client, reply);
   }
 }
 
 TEST(SharedMemory, SendsNothingLargerThanAFrameMayBe) {
   Host host;
   Pair pair(host);
-  const auto sent = pair.link->send(frame_of(wire::kSharedPayloadSizeMax + 1));
+  const auto sent = pair.client->send(frame_of(wire::kSharedPayloadSizeMax + 1));
   ASSERT_FALSE(sent);
   EXPECT_EQ(sent.error(), IoError::kFailed);
   expect_error(*pair.connection, IoError::kNothing);
@@ -144,8 +144,8 @@ TEST(SharedMemory, IsNotForOtherUsers) {
   const auto child = rtpm::test::run_in_child([&] {
     rtpm::test::drop_realtime_rights();
     // The superuser's server is trusted; it is the server that refuses.
-    const auto link = open_shared_memory_link(host.address, 0, soon());
-    return link ? std::string("it was taken") : link.error().text;
+    const auto client = open_shared_memory_transport(host.address, 0, soon());
+    return client ? std::string("it was taken") : client.error().text;
   });
   server.join();
   EXPECT_FALSE(given);
@@ -171,9 +171,9 @@ TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
   EXPECT_EQ(read(told[0], &word, 1), 1);
   EXPECT_EQ(word, '+');
   EXPECT_FALSE(is_shared_memory_served(address, soon()));
-  const auto link = open_shared_memory_link(address, 0, soon());
-  ASSERT_FALSE(link);
-  expect_text(link.error().text, {"another user's"});
+  const auto client = open_shared_memory_transport(address, 0, soon());
+  ASSERT_FALSE(client);
+  expect_text(client.error().text, {"another user's"});
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
   close(told[0]);
@@ -235,10 +235,10 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
         Answer{1u << 31, sealed.number()}, Answer{128 * 1024, -1},
         Answer{128 * 1024, without_event.number()}}) {
     std::thread server([&] { answer_badly(host.listener, answer.ring_size, answer.memory); });
-    const auto link = open_shared_memory_link(host.address, 0, soon());
+    const auto client = open_shared_memory_transport(host.address, 0, soon());
     server.join();
-    ASSERT_FALSE(link) << answer.ring_size;
-    expect_text(link.error().text, {"breaks the rules"});
+    ASSERT_FALSE(client) << answer.ring_size;
+    expect_text(client.error().text, {"breaks the rules"});
   }
 }
 
@@ -249,8 +249,8 @@ TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
     if (!listener) return listener.error().text;
     std::string text;
     std::thread client([&] {
-      const auto link = open_shared_memory_link(address, 0, soon());
-      text = link ? "there was memory" : link.error().text;
+      const auto opened = open_shared_memory_transport(address, 0, soon());
+      text = opened ? "there was memory" : opened.error().text;
     });
     static_cast<void>(wait_readable(listener->descriptor(), soon()));
     Accepted accepted = listener->accept();
@@ -269,11 +269,11 @@ TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
 
 TEST(SharedMemory, SaysWhyItCanNotBeHad) {
   const SharedMemoryAddress address = own_address();
-  const auto nobody = open_shared_memory_link(address, 0, soon());
+  const auto nobody = open_shared_memory_transport(address, 0, soon());
   ASSERT_FALSE(nobody);
   expect_text(nobody.error().text, {"@rtpm/test-", "refused", "start the server"});
   const Host host(address);
-  const auto silent = open_shared_memory_link(address, 0, rt::now() + 5ms);
+  const auto silent = open_shared_memory_transport(address, 0, rt::now() + 5ms);
   ASSERT_FALSE(silent);
   expect_text(silent.error().text, {"does not answer"});
   const auto second = SharedMemoryListener::open(address);
@@ -297,14 +297,14 @@ TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
     ASSERT_TRUE(pair.connection->send(frame_of(1), rt::now()));
     ASSERT_TRUE(pair.connection->send(frame_of(2), rt::now()));
     pair.connection.reset();
-    if (is_waiting) pair.link->wait(soon());
-    expect_frame(*pair.link, frame_of(1));
-    expect_frame(*pair.link, frame_of(2));
+    if (is_waiting) pair.client->wait(soon());
+    expect_frame(*pair.client, frame_of(1));
+    expect_frame(*pair.client, frame_of(2));
     // A reader that spins asks now and then.
     EXPECT_TRUE(await(
         [&] {
-          if (is_waiting) pair.link->wait(soon());
-          const auto end = pair.link->receive();
+          if (is_waiting) pair.client->wait(soon());
+          const auto end = pair.client->receive();
           return !end && end.error() == IoError::kClosed;
         },
         20s));
@@ -314,8 +314,8 @@ TEST(SharedMemory, TellsTheEndAfterTheLastFrame) {
 TEST(SharedMemory, TellsAServerThatItsClientIsGone) {
   Host host;
   Pair pair(host);
-  ASSERT_TRUE(pair.link->send(frame_of(1)));
-  pair.link.reset();
+  ASSERT_TRUE(pair.client->send(frame_of(1)));
+  pair.client.reset();
   EXPECT_TRUE(wait_readable(pair.connection->descriptor(), soon()));
   pair.connection->on_ready();
   expect_frame(*pair.connection, frame_of(1));
@@ -378,12 +378,12 @@ TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
     }
     char word = 0;
     ASSERT_EQ(read(told[0], &word, 1), 1);
-    const auto link = open_shared_memory_link(address, 0, soon());
-    ASSERT_TRUE(link) << link.error().text;
+    const auto client = open_shared_memory_transport(address, 0, soon());
+    ASSERT_TRUE(client) << client.error().text;
     kill(server, SIGKILL);
     EXPECT_TRUE(await([&] {
-      if (is_waiting) (*link)->wait(soon());
-      const auto end = (*link)->receive();
+      if (is_waiting) (*client)->wait(soon());
+      const auto end = (*client)->receive();
       return !end && end.error() == IoError::kClosed;
     }));
     waitpid(server, nullptr, 0);
@@ -400,8 +400,8 @@ TEST(SharedMemory, IsGoneWithAClientThatIsKilled) {
     Host host;
     const pid_t client = fork();
     if (client == 0) {
-      const auto link = open_shared_memory_link(host.address, 0, soon());
-      if (!link || !(*link)->send(frame_of(48))) _exit(1);
+      const auto opened = open_shared_memory_transport(host.address, 0, soon());
+      if (!opened || !(*opened)->send(frame_of(48))) _exit(1);
       while (true)
         pause();
     }
@@ -437,7 +437,7 @@ TEST_F(SharedMemoryFile, ReachesAServerInAFolder) {
     Host host(own_address(folder_.string()));
     EXPECT_TRUE(fs::is_socket(folder_ / (host.address.host + ":4711")));
     Pair pair(host);
-    ASSERT_TRUE(pair.link->send(frame_of(48)));
+    ASSERT_TRUE(pair.client->send(frame_of(48)));
     expect_frame(*pair.connection, frame_of(48));
   }
   EXPECT_TRUE(fs::is_empty(folder_));

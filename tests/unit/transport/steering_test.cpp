@@ -5,7 +5,7 @@
 
 #include "frames.hpp"
 #include "rtpm/test/os.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 
@@ -28,12 +28,12 @@ class Lanes {
     }
     const auto steered = steer(ports_.front(), lows);
     EXPECT_TRUE(steered) << steered.error().text;
-    link_ = std::move(*open_udp_link("127.0.0.1", number_, 0));
+    transport_ = std::move(*open_udp_transport("127.0.0.1", number_, 0));
   }
 
   /// The lane that gets the datagram; none if nobody does.
   std::optional<std::size_t> lane_of(ConstBytes datagram) {
-    EXPECT_TRUE(link_->send(datagram));
+    EXPECT_TRUE(transport_->send(datagram));
     std::optional<std::size_t> lane;
     static_cast<void>(rtpm::test::await([&] {
       for (std::size_t i = 0; i < ports_.size(); ++i) {
@@ -51,7 +51,7 @@ class Lanes {
   void expect_woken(std::size_t lane) {
     ports_[lane].wake();
     for (std::size_t i = 0; i < ports_.size(); ++i) {
-      ASSERT_TRUE(link_->send(frame_of(48, lows_[i])));
+      ASSERT_TRUE(transport_->send(frame_of(48, lows_[i])));
       Bytes buffer(2000);
       // Datagrams keep their order, so that the wake-up comes before this one.
       if (i == lane) {
@@ -66,7 +66,7 @@ class Lanes {
   std::uint16_t number_ = 0;
   std::vector<Priority> lows_;
   std::vector<UdpPort> ports_;
-  std::unique_ptr<Link> link_;
+  std::unique_ptr<ClientTransport> transport_;
 };
 
 TEST(Steering, LeavesEachLaneItsOwnWakeUps) {

@@ -31,10 +31,10 @@ std::string similar_paths_of(const BindOutcome& outcome) {
   return list;
 }
 
-// `link_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
+// `transport_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
 std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
                     const std::string& path, const std::string& url,
-                    const std::string& link_error = {}) {
+                    const std::string& transport_error = {}) {
   const std::string server = url.substr(0, url.size() - path.size() - 1);
   const std::string interface_name(interface.name);
   if (outcome.kind == CallOutcome::Kind::kReply) {
@@ -54,7 +54,7 @@ std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& inter
     }
   }
   return "'" + path + "' can't be bound at " + server + ": " +
-         (link_error.empty() ? std::string(to_string(outcome.error)) + "." : link_error);
+         (transport_error.empty() ? std::string(to_string(outcome.error)) + "." : transport_error);
 }
 
 expected<std::string, SetupError> url_of(Node& node, std::string_view target,
@@ -91,8 +91,8 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
 expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
                                                         const InterfaceDescriptor& wanted,
                                                         MonotonicTime deadline) {
-  const auto failed = [&](const BindOutcome& outcome, const std::string& link_error = {}) {
-    return setup_error(explain(outcome, wanted, at.path, at.url, link_error), outcome.error);
+  const auto failed = [&](const BindOutcome& outcome, const std::string& transport_error = {}) {
+    return setup_error(explain(outcome, wanted, at.path, at.url, transport_error), outcome.error);
   };
   const Priority priority = !bind_options.warm_up.empty()
                                 ? bind_options.warm_up.front()
@@ -104,7 +104,7 @@ expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
   // A session that was lost since its last use is opened anew once.
   for (int attempt = 0; attempt < 2; ++attempt) {
     if (auto ready = channel->make_ready(priority, deadline); !ready) {
-      return failed({.error = ready.error()}, channel->link_error());
+      return failed({.error = ready.error()}, channel->transport_error());
     }
     outcome = ask(at, *channel, priority, deadline);
     if (outcome.kind == CallOutcome::Kind::kReply) break;
@@ -141,11 +141,12 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
   // Calls without a priority of their own go at the object's.
   if (answer->is_server_declared) priorities = {answer->priority};
   if (at.door) at.door->open_places(priorities);
-  std::string link_error;
-  const auto warm = priorities.empty() ? warm_up_all(at.endpoint, deadline, link_error)
-                                       : warm_up(at.endpoint, priorities, deadline, link_error);
+  std::string transport_error;
+  const auto warm = priorities.empty()
+                        ? warm_up_all(at.endpoint, deadline, transport_error)
+                        : warm_up(at.endpoint, priorities, deadline, transport_error);
   if (warm) return opened;
-  return setup_error(explain({.error = warm.error()}, interface, at.path, at.url, link_error),
+  return setup_error(explain({.error = warm.error()}, interface, at.path, at.url, transport_error),
                      warm.error());
 }
 
@@ -202,12 +203,12 @@ expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities
   const Impl::Pin pin(*impl_);
   const Destination& at = *impl_->remembered().destination;
   if (at.door && !priorities.empty()) at.door->open_places(priorities);
-  std::string link_error;
-  const auto warm = Impl::warm_up(at.endpoint, priorities,
-                                  deadline_after(impl_->default_deadline, rt::now()), link_error);
+  std::string transport_error;
+  const auto warm = Impl::warm_up(
+      at.endpoint, priorities, deadline_after(impl_->default_deadline, rt::now()), transport_error);
   if (warm) return {};
   return setup_error(
-      explain({.error = warm.error()}, impl_->interface, at.path, at.url, link_error),
+      explain({.error = warm.error()}, impl_->interface, at.path, at.url, transport_error),
       warm.error());
 }
 

@@ -226,13 +226,14 @@ expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& out
 
 expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
                                                  std::span<const Priority> priorities,
-                                                 MonotonicTime deadline, std::string& link_error) {
+                                                 MonotonicTime deadline,
+                                                 std::string& transport_error) {
   for (const Priority priority : priorities) {
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
     if (auto ready = channel->make_ready(priority, deadline); !ready) {
-      link_error = channel->link_error();
+      transport_error = channel->transport_error();
       return ready;
     }
   }
@@ -240,13 +241,13 @@ expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
 }
 
 expected<void, CallError> Binding::Impl::warm_up_all(Endpoint& endpoint, MonotonicTime deadline,
-                                                     std::string& link_error) {
+                                                     std::string& transport_error) {
   for (int next = Priority::kLowest; next <= Priority::kHighest;) {
     auto taken = endpoint.take(Priority{next});
     if (!taken) return unexpected{taken.error()};
     TakenChannel channel(*taken);
     if (auto ready = channel->make_ready(Priority{next}, deadline); !ready) {
-      link_error = channel->link_error();
+      transport_error = channel->transport_error();
       return ready;
     }
     const wire::Welcome& welcome = channel->welcome();

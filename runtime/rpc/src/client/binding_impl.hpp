@@ -197,15 +197,15 @@ class Binding::Impl {
   /// Calls through the door; nothing if the call has to go over a transport.
   [[nodiscard]] std::optional<expected<ReplyLease, CallError>> call_locally(
       const Bound& to, const Plan& plan, ConstBytes request) noexcept;
-  /// `link_error`: see CallChannel::link_error().
+  /// `transport_error`: see CallChannel::transport_error().
   [[nodiscard]] static expected<void, CallError> warm_up(Endpoint& endpoint,
                                                          std::span<const Priority> priorities,
                                                          MonotonicTime deadline,
-                                                         std::string& link_error);
+                                                         std::string& transport_error);
   /// The same for each band that the server has.
   [[nodiscard]] static expected<void, CallError> warm_up_all(Endpoint& endpoint,
                                                              MonotonicTime deadline,
-                                                             std::string& link_error);
+                                                             std::string& transport_error);
   /// Another life of the server at the destination. It counts for nothing if calls go elsewhere
   /// meanwhile.
   void remember(const Bound& value) noexcept {

@@ -15,7 +15,7 @@
 namespace rtpm::rpc {
 namespace {
 
-// So often who only looks, and never waits, sees what a link sees when it waits.
+// So often who only looks, and never waits, sees what a transport sees when it waits.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{10};
 
 // Else each wait for a server of this host would poll, with a timer.
@@ -56,20 +56,20 @@ std::size_t frame_size_of(const ServerAddress& address, const NodeConfig& config
          std::min<std::size_t>(config.message_size_max, payload_size_of(address.transport));
 }
 
-auto open_any_link(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
+auto open_any_transport(const ServerAddress& address, Priority priority, MonotonicTime deadline) {
   switch (address.transport) {
     case Transport::kTcp:
-      return transport::open_tcp_link(address.host, address.port, priority,
-                                      wire::kStreamPayloadSizeMax, deadline);
+      return transport::open_tcp_transport(address.host, address.port, priority,
+                                           wire::kStreamPayloadSizeMax, deadline);
     case Transport::kSharedMemory:
-      return transport::open_shared_memory_link({address.host, address.port, address.memory_folder},
-                                                priority, deadline);
+      return transport::open_shared_memory_transport(
+          {address.host, address.port, address.memory_folder}, priority, deadline);
     case Transport::kUdp:
     case Transport::kAuto:
     case Transport::kLocal:
       break;
   }
-  return transport::open_udp_link(address.host, address.port, priority);
+  return transport::open_udp_transport(address.host, address.port, priority);
 }
 
 }  // namespace
@@ -81,7 +81,7 @@ CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
     : address_(address),
       config_(config),
       call_count_max_(call_count_max),
-      takes_trains_(call_count_max > 1),
+      accepts_batches_(call_count_max > 1),
       buffer_(frame_size_of(address, config)),
       rooms_(call_count_max),
       lost_oneways_(lost_oneways),
@@ -91,7 +91,7 @@ CallChannel::CallChannel(const ServerAddress& address, const NodeConfig& config,
 
 CallChannel::~CallChannel() {
   // The server would find out by itself, later; what fails here is of no more interest.
-  if (link_ && wire_.is_ready()) static_cast<void>(link_->send(wire_.close(rt::now())));
+  if (transport_ && wire_.is_ready()) static_cast<void>(transport_->send(wire_.close(rt::now())));
 }
 
 bool CallChannel::serves(Priority priority) const noexcept {
@@ -99,40 +99,40 @@ bool CallChannel::serves(Priority priority) const noexcept {
   return (band >> 16) <= priority.value() && priority.value() <= (band & 0xffff);
 }
 
-void CallChannel::drop_link() noexcept {
+void CallChannel::drop_transport() noexcept {
   count_lost_oneways();
   wire_.reset();
   held_.clear();
   // Freeing is set-up work like opening: it follows a broken connection, not a call.
   const rt::AllowAllocationScope is_allowed;
-  link_.reset();
+  transport_.reset();
 }
 
-expected<void, CallError> CallChannel::open_link(Priority priority,
-                                                 MonotonicTime deadline) noexcept {
+expected<void, CallError> CallChannel::open_transport(Priority priority,
+                                                      MonotonicTime deadline) noexcept {
   const rt::AllowAllocationScope is_allowed;
-  auto link = open_any_link(address_, priority, deadline);
-  if (!link) {
-    link_error_ = std::move(link.error().text);
-    return unexpected{link.error().is_exhausted ? CallError::kNoResources
-                                                : CallError::kUnreachable};
+  auto opened = open_any_transport(address_, priority, deadline);
+  if (!opened) {
+    transport_error_ = std::move(opened.error().text);
+    return unexpected{opened.error().is_exhausted ? CallError::kNoResources
+                                                  : CallError::kUnreachable};
   }
-  link_ = std::move(*link);
-  wire_.set_on_host(link_->is_on_host());
-  if (takes_trains_) link_->take_trains();
+  transport_ = std::move(*opened);
+  wire_.set_on_host(transport_->is_on_host());
+  if (accepts_batches_) transport_->accept_batches();
   return {};
 }
 
 expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
   if (is_ready(priority)) return {};
-  link_error_.clear();
-  if (!link_) {
-    if (auto opened = open_link(priority, deadline); !opened) return opened;
+  transport_error_.clear();
+  if (!transport_) {
+    if (auto opened = open_transport(priority, deadline); !opened) return opened;
   }
   const MonotonicTime begin = rt::now();
   if (!send_all(wire_.open(priority, deadline, begin), begin)) {
-    drop_link();
+    drop_transport();
     return unexpected{CallError::kUnreachable};
   }
   // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
@@ -151,7 +151,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     default:
       break;
   }
-  drop_link();
+  drop_transport();
   return unexpected{CallError::kUnreachable};
 }
 
@@ -188,18 +188,19 @@ expected<void, CallError> CallChannel::begin_sent(wire::CallParameters parameter
   }
   const auto frame = wire_.call(parameters, request, now);
   if (!frame) return unexpected{CallError::kTooLarge};
-  const auto sent = link_->send(*frame);
+  const auto sent = transport_->send(*frame);
   if (sent) {
     unconfirmed_count_.fetch_add(1, std::memory_order_relaxed);
     return {};
   }
   // Nobody repeats it, so a full buffer is told, too.
-  if (link_->medium() == wire::Medium::kDatagram && sent.error() != transport::IoError::kRefused) {
+  if (transport_->medium() == wire::Medium::kDatagram &&
+      sent.error() != transport::IoError::kRefused) {
     const bool is_full = sent.error() != transport::IoError::kFailed;
     return unexpected{is_full ? CallError::kOverload : CallError::kUnreachable};
   }
   // A datagram socket tells in this way that nobody took an earlier frame: the server has ended.
-  drop_link();
+  drop_transport();
   return unexpected{CallError::kDisconnected};
 }
 
@@ -208,7 +209,7 @@ expected<void, CallError> CallChannel::begin_call(const wire::CallParameters& pa
   const auto frame = wire_.call(parameters, request, now);
   if (!frame) return unexpected{error_of_begin(frame.error())};
   if (!send_all(*frame, now)) {
-    drop_link();
+    drop_transport();
     return unexpected{CallError::kDisconnected};
   }
   return {};
@@ -221,14 +222,14 @@ expected<wire::CallIndex, CallError> CallChannel::begin_held(const wire::CallPar
   if (!frame) return unexpected{error_of_begin(frame.error())};
   const wire::CallIndex call = wire_.last_call();
   if (!(call_count_max_ > 1 ? hold_all(*frame, now) : send_all(*frame, now))) {
-    drop_link();
+    drop_transport();
     return unexpected{CallError::kDisconnected};
   }
   return call;
 }
 
 void CallChannel::flush() noexcept {
-  if (!send_held()) drop_link();
+  if (!send_held()) drop_transport();
 }
 
 CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept {
@@ -248,14 +249,14 @@ CallOutcome CallChannel::finish(MonotonicTime until, MonotonicTime now) noexcept
     case wire::ChannelEvent::Kind::kClosed:
       // A connection ends with its server; a socket may find the next one.
       count_lost_oneways();
-      if (link_->medium() == wire::Medium::kStream) drop_link();
+      if (transport_->medium() == wire::Medium::kStream) drop_transport();
       return {.kind = CallOutcome::Kind::kLost, .error = CallError::kStopped};
     case wire::ChannelEvent::Kind::kTimeout:
       return {.error = CallError::kTimeout, .call = event_.call};
     default:
       break;
   }
-  drop_link();
+  drop_transport();
   return {.error = CallError::kDisconnected};
 }
 
@@ -266,34 +267,34 @@ bool CallChannel::is_look_due(MonotonicTime now) const noexcept {
   constexpr Duration kLookIntervalUnread = std::chrono::microseconds{50};
   const Duration since = now - last_look_;
   return since >= kLookInterval ||
-         (since >= kLookIntervalUnread && link_->unread_count().value_or(0) > 0);
+         (since >= kLookIntervalUnread && transport_->unread_count().value_or(0) > 0);
 }
 
 void CallChannel::look_for_end(MonotonicTime now) noexcept {
   last_look_ = now;
-  link_->check_peer();
+  transport_->check_peer();
   while (wire_.is_ready()) {
-    const auto frame = link_->receive();
+    const auto frame = transport_->receive();
     if (frame) {
       static_cast<void>(wire_.on_frame(*frame, now));
       continue;
     }
     // A refusal says that nobody had the port when an earlier frame came: that server has ended.
-    if (frame.error() != transport::IoError::kNothing) drop_link();
+    if (frame.error() != transport::IoError::kNothing) drop_transport();
     break;
   }
   if (!wire_.is_ready()) count_lost_oneways();
 }
 
 void CallChannel::check_oneways(MonotonicTime now) noexcept {
-  if (link_ && wire_.is_ready() && has_unconfirmed()) look_for_end(now);
+  if (transport_ && wire_.is_ready() && has_unconfirmed()) look_for_end(now);
 }
 
 // The session has ended.
 void CallChannel::count_lost_oneways() noexcept {
   std::uint64_t count = unconfirmed_count_.exchange(0, std::memory_order_relaxed);
   if (count == 0) return;
-  const auto unread = link_ ? link_->unread_count() : std::nullopt;
+  const auto unread = transport_ ? transport_->unread_count() : std::nullopt;
   // The frame that was read last may not have been looked at.
   if (unread) count = std::min(count, std::uint64_t{*unread} + 1);
   // SYNC POINT lost-oneways
@@ -302,14 +303,14 @@ void CallChannel::count_lost_oneways() noexcept {
 
 std::optional<ConstBytes> CallChannel::next_item() noexcept {
   const auto item = wire_.next_item(0);
-  if (const MonotonicTime now = rt::now(); !send_all(wire_.next_frame(now), now)) drop_link();
+  if (const MonotonicTime now = rt::now(); !send_all(wire_.next_frame(now), now)) drop_transport();
   return item;
 }
 
 void CallChannel::cancel(wire::CallIndex call) noexcept {
   const ConstBytes frame = wire_.cancel(call, rt::now());
   // It only saves the server work: nothing is lost with it.
-  if (link_ && !frame.empty()) static_cast<void>(link_->send(frame));
+  if (transport_ && !frame.empty()) static_cast<void>(transport_->send(frame));
 }
 
 std::optional<ConstBytes> CallChannel::keep(ConstBytes request) {
@@ -352,7 +353,7 @@ bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
 bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
   if (!held_.has_room()) {
     const rt::AllowAllocationScope is_allowed;
-    held_ = transport::FrameTrain::with_room();
+    held_ = transport::DatagramBatch::with_room();
   }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {
     if (held_.add(frame)) continue;
@@ -364,14 +365,14 @@ bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
 
 bool CallChannel::send_held() noexcept {
   if (held_.is_empty()) return true;
-  const auto sent = send_by([&] { return link_->send_train(held_); });
+  const auto sent = send_by([&] { return transport_->send_batch(held_); });
   held_.clear();
   return sent.has_value();
 }
 
 // Finds room for a reply larger than a frame. The first of each size is set-up work.
 bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
-  take_trains();
+  accept_batches();
   // In powers of two, so that replies that grow do not each ask anew.
   rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
   wire_.give_room(rooms_[call].bytes(), call);
@@ -379,14 +380,14 @@ bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
 }
 
 // What is larger than a frame comes in many at a time.
-void CallChannel::take_trains() noexcept {
-  if (std::exchange(takes_trains_, true)) return;
+void CallChannel::accept_batches() noexcept {
+  if (std::exchange(accepts_batches_, true)) return;
   const rt::AllowAllocationScope is_allowed;
-  link_->take_trains();
+  transport_->accept_batches();
 }
 
 expected<void, transport::IoError> CallChannel::send(ConstBytes frame) noexcept {
-  return send_by([&] { return link_->send(frame); });
+  return send_by([&] { return transport_->send(frame); });
 }
 
 template <class Send>
@@ -396,15 +397,15 @@ expected<void, transport::IoError> CallChannel::send_by(Send send) noexcept {
   // was not tried. If the server is still not there, the next receive will tell.
   if (!sent && sent.error() == transport::IoError::kRefused) sent = send();
   // No room for a datagram is as good as its loss: it is repeated in time.
-  if (!sent && link_->medium() == wire::Medium::kDatagram) return {};
+  if (!sent && transport_->medium() == wire::Medium::kDatagram) return {};
   return sent;
 }
 
 // Waits until something comes of the handshake or call that was begun, at most until `until`, and
-// leaves it in event_: kNothing after that, kBroken if the link is.
+// leaves it in event_: kNothing after that, kBroken if the transport is.
 void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime until) noexcept {
   // A stream's acknowledgement may have found the connection broken.
-  if (!link_) {
+  if (!transport_) {
     event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
     return;
   }
@@ -422,20 +423,21 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
     const MonotonicTime wake = std::min(until, wire_.next_time());
     return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kNap) : wake;
   };
-  // What a link sees only when it waits, such as its server's end, a mere look sees now and then.
+  // What a transport sees only when it waits, such as its server's end, a mere look sees now and
+  // then.
   if (now >= until && now - last_check_ >= kCheckInterval) {
     last_check_ = now;
-    link_->wait(until);
+    transport_->wait(until);
   }
   while (true) {
     const bool may_block = !is_spinning && now < until;
     const bool must_sleep = may_block && budget.must_sleep(now);
     if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kNap);
-    auto frame = may_block && !must_sleep ? link_->await(wake_time()) : link_->receive();
+    auto frame = may_block && !must_sleep ? transport_->await(wake_time()) : transport_->receive();
     if (!frame && frame.error() == transport::IoError::kRefused) {
       // The system tells a refusal before what came earlier, such as the CLOSE of a server that
       // stopped.
-      if (auto earlier = link_->receive()) frame = earlier;
+      if (auto earlier = transport_->receive()) frame = earlier;
     }
     now = rt::now();
     if (frame) {

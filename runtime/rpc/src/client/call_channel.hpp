@@ -13,8 +13,8 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
-#include "rtpm/transport/link.hpp"
-#include "rtpm/transport/train.hpp"
+#include "rtpm/transport/client_transport.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/wire/client_channel.hpp"
 
 namespace rtpm::rpc {
@@ -45,10 +45,10 @@ struct CallOutcome {
   wire::CallIndex call = 0;  ///< Which of the channel's. Without a session, it ended all of them.
 };
 
-/// A link and a session on it that carry calls for whoever has taken it: one at a time, or several
-/// if it is made for a pipeline. The calling thread sends and receives itself: no other thread
-/// stands between it and its reply.
-/// Threads: try_take() from any; everything else by the thread that took it.
+/// A transport and a session on it that carry calls for whoever has taken it: one at a time, or
+/// several if it is made for a pipeline. The calling thread sends and receives itself: no other
+/// thread stands between it and its reply. Threads: try_take() from any; everything else by the
+/// thread that took it.
 class CallChannel {
  public:
   /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
@@ -85,7 +85,7 @@ class CallChannel {
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
   /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
-  [[nodiscard]] const std::string& link_error() const noexcept { return link_error_; }
+  [[nodiscard]] const std::string& transport_error() const noexcept { return transport_error_; }
   /// Whether it has one already.   RT: alloc-free.
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority);
@@ -109,7 +109,9 @@ class CallChannel {
   /// Sends what is held; when that fails there is no session any more.
   void flush() noexcept;
   /// Whether finish() has a frame to look at without a syscall.
-  [[nodiscard]] bool has_buffered() const noexcept { return link_ && link_->has_buffered(); }
+  [[nodiscard]] bool has_buffered() const noexcept {
+    return transport_ && transport_->has_buffered();
+  }
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// Looks whether the session has ended under oneways that nobody has confirmed; then
@@ -141,8 +143,8 @@ class CallChannel {
  private:
   static constexpr std::uint32_t kNoBand = 0x0000'ffff;  // Its low end is above its high end.
 
-  [[nodiscard]] expected<void, CallError> open_link(Priority priority,
-                                                    MonotonicTime deadline) noexcept;
+  [[nodiscard]] expected<void, CallError> open_transport(Priority priority,
+                                                         MonotonicTime deadline) noexcept;
   [[nodiscard]] expected<void, CallError> begin_sent(wire::CallParameters parameters,
                                                      ConstBytes request,
                                                      MonotonicTime now) noexcept;
@@ -169,19 +171,19 @@ class CallChannel {
   [[nodiscard]] bool hold_all(ConstBytes frame, MonotonicTime now) noexcept;
   [[nodiscard]] bool send_held() noexcept;
   [[nodiscard]] bool make_room(std::uint32_t size, wire::CallIndex call) noexcept;
-  void take_trains() noexcept;
-  void drop_link() noexcept;
+  void accept_batches() noexcept;
+  void drop_transport() noexcept;
 
   const ServerAddress& address_;
   const NodeConfig& config_;
   std::uint16_t call_count_max_;
-  bool takes_trains_;
+  bool accepts_batches_;
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
-  std::unique_ptr<transport::Link> link_;
-  std::string link_error_{};  ///< Of the last make_ready().
+  std::unique_ptr<transport::ClientTransport> transport_;
+  std::string transport_error_{};  ///< Of the last make_ready().
   std::vector<std::byte> buffer_;
-  transport::FrameTrain held_;         // What is to go together. Has room once it was needed.
+  transport::DatagramBatch held_;      // What is to go together. Has room once it was needed.
   std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.
   rt::LazyMemory items_;               // Of a stream.
   rt::LazyMemory kept_;                // A request that outlives its caller's.
@@ -190,7 +192,7 @@ class CallChannel {
   /// thread that took the channel.
   std::atomic<std::uint64_t> unconfirmed_count_{0};
   MonotonicTime last_look_{};
-  MonotonicTime last_check_{};  ///< For what its link sees only when it waits.
+  MonotonicTime last_check_{};  ///< For what its transport sees only when it waits.
   wire::ChannelEvent event_{};  ///< The last.
   wire::ClientChannel wire_;
 };

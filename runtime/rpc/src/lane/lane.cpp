@@ -521,7 +521,7 @@ void Lane::answer(const wire::PeerAddress& peer, ConstBytes frame, bool has_more
 
 void Lane::flush_answers() noexcept {
   if (answers_.is_empty()) return;
-  if (!port_->send_train(answers_peer_, answers_)) ++counters_.send_failure_count;
+  if (!port_->send_batch(answers_peer_, answers_)) ++counters_.send_failure_count;
   answers_.clear();
 }
 

@@ -18,8 +18,8 @@
 #include "rtpm/rt/periodic.hpp"
 #include "rtpm/rt/spin_estimator.hpp"
 #include "rtpm/transport/connection.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/port_wait_set.hpp"
-#include "rtpm/transport/train.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "server/object_table.hpp"
@@ -284,7 +284,7 @@ class Lane {
   MonotonicTime received_{};          ///< When the last frame was taken,
   MonotonicTime completed_{};         ///< and when a call's answer was written last.
   /// Answers to datagrams that came together, to their peer.
-  transport::FrameTrain answers_ = transport::FrameTrain::with_room();
+  transport::DatagramBatch answers_ = transport::DatagramBatch::with_room();
   wire::PeerAddress answers_peer_{};
   std::uint32_t quick_service_ = wire::kSessionService;  ///< Whose last call took next to no time,
   std::uint16_t quick_method_ = 0;                       ///< and its method.

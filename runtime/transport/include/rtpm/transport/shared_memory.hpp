@@ -10,8 +10,8 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/record_ring.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/connection.hpp"
-#include "rtpm/transport/link.hpp"
 #include "rtpm/transport/socket.hpp"
 
 /// Frames through memory that client and server share: a ring in each direction, set up over a UNIX
@@ -145,7 +145,8 @@ struct SharedMemoryClient {
 
 /// Connects to a server on this host by `deadline`.   Set-up only.
 /// Errors: nobody there, another user's, no answer in time, no memory or descriptor left.
-[[nodiscard]] expected<std::unique_ptr<Link>, TransportError> open_shared_memory_link(
-    const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline);
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError>
+open_shared_memory_transport(const SharedMemoryAddress& address, Priority priority,
+                             MonotonicTime deadline);
 
 }  // namespace rtpm::transport

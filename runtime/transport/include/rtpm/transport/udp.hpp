@@ -8,8 +8,8 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/socket.hpp"
-#include "rtpm/transport/train.hpp"
 #include "rtpm/wire/cookie.hpp"
 
 namespace rtpm::transport {
@@ -37,11 +37,11 @@ class UdpPort {
   /// A datagram, or several that came together, into `buffer`, which holds Datagrams::kSizeMax.
   /// RT: alloc-free, one syscall, never blocks.
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer) noexcept;
-  /// When receive() gave these: whether trains are to be taken follows from it, see TrainSense.
-  /// RT: alloc-free, a syscall where that changes.
+  /// When receive() gave these: whether batches are to be taken follows from it, see
+  /// BatchEstimator. RT: alloc-free, a syscall where that changes.
   void note(const Datagrams& datagrams, MonotonicTime received) noexcept {
     const auto change = sense_.on_datagrams(datagrams.peer(), datagrams.are_several(), received);
-    if (change != TrainSense::Change::kNone) heed(change);
+    if (change != BatchEstimator::Change::kNone) heed(change);
   }
 
   /// Waits for datagrams, for kBlockTime at most, and receives them into `buffer`: the next
@@ -61,22 +61,22 @@ class UdpPort {
                                              ConstBytes frame) noexcept;
   /// The same of several frames, together where the system can; some may have gone where it gives
   /// an error.   RT: alloc-free, one syscall, never blocks; where the system can't, one a frame.
-  [[nodiscard]] expected<void, IoError> send_train(const wire::PeerAddress& peer,
-                                                   const FrameTrain& train) noexcept;
+  [[nodiscard]] expected<void, IoError> send_batch(const wire::PeerAddress& peer,
+                                                   const DatagramBatch& batch) noexcept;
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
 
  private:
   UdpPort(Descriptor socket, Priority low) noexcept : socket_(std::move(socket)), low_(low) {}
   [[nodiscard]] bool open_waker() noexcept;
   [[nodiscard]] expected<Datagrams, IoError> receive(MutableBytes buffer, int flags) noexcept;
-  void heed(TrainSense::Change change) noexcept;
+  void heed(BatchEstimator::Change change) noexcept;
 
   Descriptor socket_;
   Descriptor waker_;                ///< Connected to the port.
   wire::PeerAddress waker_peer_{};  ///< Whom its datagrams come from.
   Priority low_;
-  bool can_send_trains_ = true;
-  TrainSense sense_;
+  bool can_send_batches_ = true;
+  BatchEstimator sense_;
   std::uint64_t woken_count_ = 0;
   std::optional<Datagrams> awaited_;
 };

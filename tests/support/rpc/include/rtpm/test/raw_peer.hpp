@@ -10,7 +10,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/wire/client_channel.hpp"
 #include "rtpm/wire/control.hpp"
@@ -27,15 +27,15 @@ class RawPeer {
  public:
   RawPeer(rpc::Transport transport, std::uint16_t port, Priority priority = 0)
       : transport_(transport), priority_(priority) {
-    auto link = open_link(transport, port, priority);
-    EXPECT_TRUE(link) << link.error().text;
-    if (link) link_ = std::move(*link);
+    auto opened = open_client(transport, port, priority);
+    EXPECT_TRUE(opened) << opened.error().text;
+    if (opened) client_ = std::move(*opened);
   }
 
   /// Shakes hands; false if the server refuses or does not answer.
   [[nodiscard]] bool open() {
     Bytes buffer(wire::kHeaderSize + 1024);
-    wire::ClientChannel channel({.medium = link_->medium(),
+    wire::ClientChannel channel({.medium = client_->medium(),
                                  .client_epoch = rt::random_u64(),
                                  .channel = 1,
                                  .clock_domain = 0,
@@ -76,16 +76,16 @@ class RawPeer {
     return frame;
   }
 
-  void send(ConstBytes bytes) { EXPECT_TRUE(link_->send(bytes)); }
+  void send(ConstBytes bytes) { EXPECT_TRUE(client_->send(bytes)); }
 
   /// The next frame; nothing if none came until then, or the connection ended.
   [[nodiscard]] std::optional<Bytes> receive(MonotonicTime until = rt::now() + kPatience) {
     while (true) {
-      const auto frame = link_->receive();
+      const auto frame = client_->receive();
       if (frame) return Bytes(frame->begin(), frame->end());
       is_closed_ = frame.error() == transport::IoError::kClosed;
       if (is_closed_ || rt::now() >= until) return std::nullopt;
-      link_->wait(until);
+      client_->wait(until);
     }
   }
   /// The header of the next frame that answers call `call_id`.
@@ -102,26 +102,26 @@ class RawPeer {
 
   [[nodiscard]] bool is_closed() const noexcept { return is_closed_; }
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
-  [[nodiscard]] int descriptor() const noexcept { return link_->descriptor(); }
+  [[nodiscard]] int descriptor() const noexcept { return client_->descriptor(); }
   [[nodiscard]] rpc::Transport transport() const noexcept { return transport_; }
 
  private:
-  static auto open_link(rpc::Transport transport, std::uint16_t port, Priority priority)
-      -> expected<std::unique_ptr<transport::Link>, transport::TransportError> {
+  static auto open_client(rpc::Transport transport, std::uint16_t port, Priority priority)
+      -> expected<std::unique_ptr<transport::ClientTransport>, transport::TransportError> {
     const MonotonicTime deadline = rt::now() + kPatience;
     switch (transport) {
       case rpc::Transport::kTcp:
-        return transport::open_tcp_link("127.0.0.1", port, priority, 1 << 20, deadline);
+        return transport::open_tcp_transport("127.0.0.1", port, priority, 1 << 20, deadline);
       case rpc::Transport::kSharedMemory:
-        return transport::open_shared_memory_link({"127.0.0.1", port}, priority, deadline);
+        return transport::open_shared_memory_transport({"127.0.0.1", port}, priority, deadline);
       default:
-        return transport::open_udp_link("127.0.0.1", port, priority);
+        return transport::open_udp_transport("127.0.0.1", port, priority);
     }
   }
 
   rpc::Transport transport_;
   Priority priority_;
-  std::unique_ptr<transport::Link> link_;
+  std::unique_ptr<transport::ClientTransport> client_;
   std::uint64_t session_ = 0;
   bool is_closed_ = false;
 };

@@ -18,17 +18,17 @@ namespace rtpm::transport {
 /// Frames on their way to one peer, one behind the other: all as large as the first but the last,
 /// which may be smaller.
 /// Threads: one at a time.   RT: alloc-free but for construction.
-class FrameTrain {
+class DatagramBatch {
  public:
   static constexpr std::size_t kFrameCountMax = wire::kFragmentWindow;
   static constexpr std::size_t kSizeMax = kFrameCountMax * wire::kDatagramFrameSizeMax;
 
   /// Has no room for any.
-  FrameTrain() noexcept = default;
+  DatagramBatch() noexcept = default;
   /// One with room, unless the system has none left.   Set-up only.
-  [[nodiscard]] static FrameTrain with_room() noexcept;
+  [[nodiscard]] static DatagramBatch with_room() noexcept;
 
-  /// Copies `frame` behind the others. False: it does not fit behind these, or, if the train is
+  /// Copies `frame` behind the others. False: it does not fit behind these, or, if the batch is
   /// empty, into any.
   [[nodiscard]] bool add(ConstBytes frame) noexcept;
   void clear() noexcept { size_ = frame_size_ = 0; }
@@ -83,15 +83,15 @@ class Datagrams {
   bool is_empty_ = true;  ///< One of no bytes is a datagram, too.
 };
 
-/// When a port is to take trains: it makes each receive longer, by as much as shows where every
+/// When a port is to take batches: it makes each receive longer, by as much as shows where every
 /// caller waits for its reply before it calls again. That one leaves a pause behind its datagram.
 /// Threads: one at a time.   RT: alloc-free, a few ns.
-class TrainSense {
+class BatchEstimator {
  public:
   enum class Change : std::uint8_t { kNone, kBegin, kEnd };
 
   [[nodiscard]] bool is_on() const noexcept { return is_on_; }
-  /// Trains were ended when some may have been on their way to whoever receives next.
+  /// Batches were ended when some may have been on their way to whoever receives next.
   [[nodiscard]] bool may_be_left() const noexcept { return may_be_left_; }
 
   /// There was nothing to receive.
@@ -99,8 +99,8 @@ class TrainSense {
     streak_ = 0;
     may_be_left_ = false;
   }
-  /// Something of this peer was received: a train, or one datagram.
-  [[nodiscard]] Change on_datagrams(const wire::PeerAddress& peer, bool is_train,
+  /// Something of this peer was received: a batch, or one datagram.
+  [[nodiscard]] Change on_datagrams(const wire::PeerAddress& peer, bool is_batch,
                                     MonotonicTime now) noexcept;
 
  private:
@@ -109,7 +109,7 @@ class TrainSense {
   wire::PeerAddress last_peer_{};
   MonotonicTime last_{};
   std::uint32_t streak_ = 0;      ///< Datagrams of one peer that came without a pause,
-  std::uint32_t lone_count_ = 0;  ///< and those since the last train.
+  std::uint32_t lone_count_ = 0;  ///< and those since the last batch.
 };
 
 }  // namespace rtpm::transport

@@ -1,4 +1,4 @@
-#include "rtpm/transport/train.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 
 #include <algorithm>
 #include <cstdint>
@@ -6,13 +6,13 @@
 
 namespace rtpm::transport {
 
-FrameTrain FrameTrain::with_room() noexcept {
-  FrameTrain train;
-  train.room_ = rt::LazyMemory(kSizeMax);
-  return train;
+DatagramBatch DatagramBatch::with_room() noexcept {
+  DatagramBatch batch;
+  batch.room_ = rt::LazyMemory(kSizeMax);
+  return batch;
 }
 
-bool FrameTrain::add(ConstBytes frame) noexcept {
+bool DatagramBatch::add(ConstBytes frame) noexcept {
   const MutableBytes room = room_.bytes();
   if (frame.empty() || frame.size() > room.size() - size_) return false;
   if (!is_empty()) {
@@ -42,14 +42,14 @@ std::optional<ConstBytes> Datagrams::next() noexcept {
   return ConstBytes(frame, kept_size);
 }
 
-TrainSense::Change TrainSense::on_datagrams(const wire::PeerAddress& peer, bool is_train,
-                                            MonotonicTime now) noexcept {
+BatchEstimator::Change BatchEstimator::on_datagrams(const wire::PeerAddress& peer, bool is_batch,
+                                                    MonotonicTime now) noexcept {
   // Less than the way of a reply to its caller, and of its next call, takes through the system.
   constexpr Duration kPause = std::chrono::microseconds{12};
   constexpr std::uint32_t kStreakMin = 3;
   constexpr std::uint32_t kLoneCountMax = 256;
   if (is_on_) {
-    lone_count_ = is_train ? 0 : lone_count_ + 1;
+    lone_count_ = is_batch ? 0 : lone_count_ + 1;
     if (lone_count_ < kLoneCountMax) return Change::kNone;
     is_on_ = false;
     may_be_left_ = true;

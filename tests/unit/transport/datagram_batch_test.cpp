@@ -1,11 +1,11 @@
-#include "rtpm/transport/train.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 
 #include <array>
 #include <vector>
 
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -19,11 +19,11 @@ using namespace std::chrono_literals;
 constexpr const char* kHere = "127.0.0.1";
 constexpr wire::PeerAddress kPeer{.low = 1, .port = 2};
 
-FrameTrain train_of(const std::vector<Bytes>& frames) {
-  FrameTrain train = FrameTrain::with_room();
+DatagramBatch batch_of(const std::vector<Bytes>& frames) {
+  DatagramBatch batch = DatagramBatch::with_room();
   for (const Bytes& frame : frames)
-    EXPECT_TRUE(train.add(frame));
-  return train;
+    EXPECT_TRUE(batch.add(frame));
+  return batch;
 }
 
 std::vector<Bytes> frames_of(std::size_t count, std::size_t size, std::size_t last_size) {
@@ -35,47 +35,47 @@ std::vector<Bytes> frames_of(std::size_t count, std::size_t size, std::size_t la
   return frames;
 }
 
-std::vector<Bytes> frames_in(const FrameTrain& train) {
+std::vector<Bytes> frames_in(const DatagramBatch& batch) {
   std::vector<Bytes> frames;
-  EXPECT_TRUE(train.for_each([&](ConstBytes frame) {
+  EXPECT_TRUE(batch.for_each([&](ConstBytes frame) {
     frames.push_back(copy_of(frame));
     return true;
   }));
   return frames;
 }
 
-TEST(FrameTrain, TakesFramesOfOneSizeAndASmallerLast) {
-  FrameTrain train = train_of(frames_of(3, 48, 10));
-  EXPECT_EQ(frames_in(train), frames_of(3, 48, 10));
-  EXPECT_EQ(train.frame_size(), 48 + wire::kHeaderSize);
-  EXPECT_FALSE(train.add(frame_of(10))) << "behind a smaller one is the end";
-  train.clear();
-  EXPECT_TRUE(train.is_empty());
-  EXPECT_TRUE(train.add(frame_of(10)));
-  EXPECT_FALSE(train.add(frame_of(11))) << "larger than the first";
-  EXPECT_EQ(frames_in(train), std::vector<Bytes>{frame_of(10)});
+TEST(DatagramBatch, TakesFramesOfOneSizeAndASmallerLast) {
+  DatagramBatch batch = batch_of(frames_of(3, 48, 10));
+  EXPECT_EQ(frames_in(batch), frames_of(3, 48, 10));
+  EXPECT_EQ(batch.frame_size(), 48 + wire::kHeaderSize);
+  EXPECT_FALSE(batch.add(frame_of(10))) << "behind a smaller one is the end";
+  batch.clear();
+  EXPECT_TRUE(batch.is_empty());
+  EXPECT_TRUE(batch.add(frame_of(10)));
+  EXPECT_FALSE(batch.add(frame_of(11))) << "larger than the first";
+  EXPECT_EQ(frames_in(batch), std::vector<Bytes>{frame_of(10)});
 }
 
-TEST(FrameTrain, TakesAWindowOfTheLargestFramesAndNoMore) {
+TEST(DatagramBatch, TakesAWindowOfTheLargestFramesAndNoMore) {
   const Bytes largest = frame_of(wire::kDatagramPayloadSizeMax);
-  FrameTrain train = FrameTrain::with_room();
+  DatagramBatch batch = DatagramBatch::with_room();
   for (std::size_t i = 0; i < wire::kFragmentWindow; ++i)
-    ASSERT_TRUE(train.add(largest)) << i;
-  EXPECT_FALSE(train.add(largest));
-  EXPECT_EQ(train.bytes().size(), FrameTrain::kSizeMax);
-  train.clear();
-  for (std::size_t i = 0; i < FrameTrain::kFrameCountMax; ++i)
-    ASSERT_TRUE(train.add(frame_of(0)));
-  EXPECT_FALSE(train.add(frame_of(0))) << "there is room, but the system has its limit, too";
+    ASSERT_TRUE(batch.add(largest)) << i;
+  EXPECT_FALSE(batch.add(largest));
+  EXPECT_EQ(batch.bytes().size(), DatagramBatch::kSizeMax);
+  batch.clear();
+  for (std::size_t i = 0; i < DatagramBatch::kFrameCountMax; ++i)
+    ASSERT_TRUE(batch.add(frame_of(0)));
+  EXPECT_FALSE(batch.add(frame_of(0))) << "there is room, but the system has its limit, too";
 }
 
-TEST(FrameTrain, TakesNoneWithoutRoom) {
-  FrameTrain none;
+TEST(DatagramBatch, TakesNoneWithoutRoom) {
+  DatagramBatch none;
   EXPECT_FALSE(none.has_room());
   EXPECT_FALSE(none.add(frame_of(0)));
-  FrameTrain train = FrameTrain::with_room();
-  EXPECT_FALSE(train.add(frame_of(wire::kStreamPayloadSizeMax)));
-  EXPECT_TRUE(train.is_empty());
+  DatagramBatch batch = DatagramBatch::with_room();
+  EXPECT_FALSE(batch.add(frame_of(wire::kStreamPayloadSizeMax)));
+  EXPECT_TRUE(batch.is_empty());
 }
 
 TEST(Datagrams, AreGivenOneByOneAndAligned) {
@@ -114,10 +114,10 @@ TEST(Datagrams, AreCutWhereTheyAreLongerThanAFrame) {
   EXPECT_FALSE(datagrams.next());
 }
 
-// A caller that waits for its reply leaves a pause; who does not is one for trains.
-TEST(TrainSense, BeginsWhereOnePeerSendsWithoutAPause) {
-  using Change = TrainSense::Change;
-  TrainSense sense;
+// A caller that waits for its reply leaves a pause; who does not is one for batches.
+TEST(BatchEstimator, BeginsWhereOnePeerSendsWithoutAPause) {
+  using Change = BatchEstimator::Change;
+  BatchEstimator sense;
   MonotonicTime now{1s};
   for (int i = 0; i < 100; ++i) {
     EXPECT_EQ(sense.on_datagrams(kPeer, false, now += 5us), Change::kNone);
@@ -136,9 +136,9 @@ TEST(TrainSense, BeginsWhereOnePeerSendsWithoutAPause) {
   EXPECT_TRUE(sense.is_on());
 }
 
-TEST(TrainSense, EndsWhereNoneComeForLong) {
-  using Change = TrainSense::Change;
-  TrainSense sense;
+TEST(BatchEstimator, EndsWhereNoneComeForLong) {
+  using Change = BatchEstimator::Change;
+  BatchEstimator sense;
   MonotonicTime now{1s};
   while (!sense.is_on())
     static_cast<void>(sense.on_datagrams(kPeer, false, now += 1us));
@@ -149,19 +149,19 @@ TEST(TrainSense, EndsWhereNoneComeForLong) {
     change = sense.on_datagrams(kPeer, false, now += 1us);
   EXPECT_EQ(change, Change::kEnd);
   EXPECT_FALSE(sense.is_on());
-  EXPECT_TRUE(sense.may_be_left()) << "some may have come while trains were taken";
+  EXPECT_TRUE(sense.may_be_left()) << "some may have come while batches were taken";
   sense.on_nothing();
   EXPECT_FALSE(sense.may_be_left());
 }
 
-/// A port and a link to it.
+/// A port and a client to it.
 struct Ends {
   Ends() {
     const auto listener = TcpListener::open(kHere, 0);
     auto opened = UdpPort::open({.port = listener->port()});
     EXPECT_TRUE(opened) << opened.error().text;
     port.emplace(std::move(*opened));
-    link = std::move(*open_udp_link(kHere, listener->port(), 0));
+    client = std::move(*open_udp_transport(kHere, listener->port(), 0));
   }
   /// The next datagrams at the port, at most `count`; the last of their peers is kept.
   std::vector<Bytes> receive(std::size_t count) {
@@ -177,104 +177,104 @@ struct Ends {
     }
     return frames;
   }
-  /// The next at the link.
-  std::vector<Bytes> receive_at_link(std::size_t count) {
+  /// The next at the client.
+  std::vector<Bytes> receive_at_client(std::size_t count) {
     std::vector<Bytes> frames;
     while (frames.size() < count) {
-      const auto frame = link->await(rt::now() + 20s);
+      const auto frame = client->await(rt::now() + 20s);
       if (!frame) break;
       EXPECT_EQ(reinterpret_cast<std::uintptr_t>(frame->data()) % 16, 0u);
       frames.push_back(copy_of(*frame));
-      if (link->has_buffered()) ++buffered_count;
+      if (client->has_buffered()) ++buffered_count;
     }
     return frames;
   }
 
   std::optional<UdpPort> port;
-  std::unique_ptr<Link> link;
+  std::unique_ptr<ClientTransport> client;
   std::vector<std::byte> buffer = std::vector<std::byte>(Datagrams::kSizeMax);
   wire::PeerAddress peer{};
   int receive_count = 0;
   int buffered_count = 0;
 };
 
-TEST(UdpTrain, IsDatagramsForThoseWhoTakeThemOneByOne) {
+TEST(UdpBatch, IsDatagramsForThoseWhoTakeThemOneByOne) {
   Ends ends;
   const auto requests = frames_of(3, 50, 7);
-  ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+  ASSERT_TRUE(ends.client->send_batch(batch_of(requests)));
   EXPECT_EQ(ends.receive(3), requests);
   EXPECT_EQ(ends.receive_count, 3);
   const auto replies = frames_of(5, 48, 48);
-  ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(replies)));
-  EXPECT_EQ(ends.receive_at_link(5), replies);
+  ASSERT_TRUE(ends.port->send_batch(ends.peer, batch_of(replies)));
+  EXPECT_EQ(ends.receive_at_client(5), replies);
   EXPECT_EQ(ends.buffered_count, 0);
 }
 
-TEST(UdpTrain, ComesTogetherToALinkThatTakesTrains) {
+TEST(UdpBatch, ArrivesWholeAtAClientThatAcceptsBatches) {
   Ends ends;
-  ends.link->take_trains();
-  ASSERT_TRUE(ends.link->send(frame_of(1)));
+  ends.client->accept_batches();
+  ASSERT_TRUE(ends.client->send(frame_of(1)));
   ASSERT_EQ(ends.receive(1).size(), 1u);
   for (const std::size_t last_size : {50u, 7u}) {
     const auto replies = frames_of(8, 50, last_size);
-    ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(replies)));
+    ASSERT_TRUE(ends.port->send_batch(ends.peer, batch_of(replies)));
     ends.buffered_count = 0;
-    EXPECT_EQ(ends.receive_at_link(8), replies);
-    EXPECT_EQ(ends.buffered_count, 7) << "or the system has no trains";
+    EXPECT_EQ(ends.receive_at_client(8), replies);
+    EXPECT_EQ(ends.buffered_count, 7) << "or the system has no batches";
   }
   // A single one goes on as ever.
   ASSERT_TRUE(ends.port->send(ends.peer, frame_of(9)));
-  EXPECT_EQ(ends.receive_at_link(1), std::vector<Bytes>{frame_of(9)});
+  EXPECT_EQ(ends.receive_at_client(1), std::vector<Bytes>{frame_of(9)});
 }
 
-TEST(UdpTrain, ComesTogetherToAPortThatSensedTrains) {
+TEST(UdpBatch, ArrivesWholeAtAPortThatExpectsBatches) {
   Ends ends;
   const auto requests = frames_of(8, 50, 50);
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+    ASSERT_TRUE(ends.client->send_batch(batch_of(requests)));
     ends.receive_count = 0;
     EXPECT_EQ(ends.receive(8), requests);
   }
   EXPECT_EQ(ends.receive_count, 1);
 }
 
-// Between the last look and the end of trains one may come, and then nobody says how long its
+// Between the last look and the end of batches one may come, and then nobody says how long its
 // datagrams are but these themselves.
-TEST(UdpTrain, IsNotLostWhereTrainsHaveJustEnded) {
+TEST(UdpBatch, IsNotLostWhereBatchesHaveJustEnded) {
   Ends ends;
   const auto requests = frames_of(4, 50, 50);
   for (int i = 0; i < 3; ++i) {
-    ASSERT_TRUE(ends.link->send_train(train_of(requests)));
+    ASSERT_TRUE(ends.client->send_batch(batch_of(requests)));
     EXPECT_EQ(ends.receive(4), requests);
   }
   for (int i = 0; i < 256; ++i)
-    ASSERT_TRUE(ends.link->send(frame_of(50)));
+    ASSERT_TRUE(ends.client->send(frame_of(50)));
   const auto last = frames_of(6, 50, 20);
-  ASSERT_TRUE(ends.link->send_train(train_of(last)));
+  ASSERT_TRUE(ends.client->send_batch(batch_of(last)));
   EXPECT_EQ(ends.receive(256).size(), 256u);
   EXPECT_EQ(ends.receive(6), last);
 }
 
-TEST(UdpTrain, OfTheLargestFramesIsAWindow) {
+TEST(UdpBatch, OfTheLargestFramesIsAWindow) {
   Ends ends;
-  ends.link->take_trains();
+  ends.client->accept_batches();
   const auto frames = frames_of(wire::kFragmentWindow, wire::kDatagramPayloadSizeMax,
                                 wire::kDatagramPayloadSizeMax);
-  ASSERT_TRUE(ends.link->send_train(train_of(frames)));
+  ASSERT_TRUE(ends.client->send_batch(batch_of(frames)));
   EXPECT_EQ(ends.receive(frames.size()), frames);
-  ASSERT_TRUE(ends.port->send_train(ends.peer, train_of(frames)));
-  EXPECT_EQ(ends.receive_at_link(frames.size()), frames);
+  ASSERT_TRUE(ends.port->send_batch(ends.peer, batch_of(frames)));
+  EXPECT_EQ(ends.receive_at_client(frames.size()), frames);
 }
 
-TEST(TcpTrain, IsFramesOneBehindTheOther) {
+TEST(TcpBatch, IsFramesOneBehindTheOther) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
-  const auto link = open_tcp_link(kHere, listener->port(), 0, 10'000, rt::now() + 20s);
-  ASSERT_TRUE(link) << link.error().text;
+  const auto client = open_tcp_transport(kHere, listener->port(), 0, 10'000, rt::now() + 20s);
+  ASSERT_TRUE(client) << client.error().text;
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   FrameStream served(listener->accept().socket, 10'000);
   const auto frames = frames_of(5, 100, 30);
-  ASSERT_TRUE((*link)->send_train(train_of(frames)));
+  ASSERT_TRUE((*client)->send_batch(batch_of(frames)));
   std::vector<Bytes> received;
   while (received.size() < frames.size()) {
     if (!served.has_buffered() && !wait_readable(served.descriptor(), rt::now() + 20s)) break;

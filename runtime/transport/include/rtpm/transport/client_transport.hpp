@@ -9,8 +9,8 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/error.hpp"
-#include "rtpm/transport/train.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
 namespace rtpm::transport {
@@ -18,12 +18,12 @@ namespace rtpm::transport {
 /// The client's end of a path to one server: frames go out and come in. Every transport implements
 /// it and passes the same conformance suite.
 /// Threads: one at a time.
-class Link {
+class ClientTransport {
  public:
-  Link() = default;
-  Link(const Link&) = delete;
-  Link& operator=(const Link&) = delete;
-  virtual ~Link() = default;
+  ClientTransport() = default;
+  ClientTransport(const ClientTransport&) = delete;
+  ClientTransport& operator=(const ClientTransport&) = delete;
+  virtual ~ClientTransport() = default;
 
   /// Sends one whole frame. Ownership: `frame` is copied before return.
   /// RT: alloc-free, one syscall (a stream: per 32 KiB); a stream whose buffer is full waits up to
@@ -31,9 +31,9 @@ class Link {
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
   /// The same of several frames; together where the transport can. Some may have gone where it
   /// gives an error.   RT: alloc-free, one syscall where they go together, else as send() of each.
-  [[nodiscard]] virtual expected<void, IoError> send_train(const FrameTrain& train) noexcept;
+  [[nodiscard]] virtual expected<void, IoError> send_batch(const DatagramBatch& batch) noexcept;
   /// From here on, frames that a peer sends together may be received together.   Set-up only.
-  virtual void take_trains() noexcept {}
+  virtual void accept_batches() noexcept {}
 
   /// One whole frame if one is there. It is aligned to 16 bytes and valid until the next receive().
   /// What a peer sent that is no frame is given as it is, for the protocol to count.
@@ -49,7 +49,7 @@ class Link {
   /// that came together with an earlier one.   RT: alloc-free, one syscall where the transport can,
   /// else three.
   [[nodiscard]] virtual expected<ConstBytes, IoError> await(MonotonicTime until) noexcept;
-  /// The socket. Of a link through memory it tells only that the server is gone.
+  /// The socket. Of one through memory it tells only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
   /// How many sent frames the server has not taken yet, which only memory shared with it tells;
@@ -62,15 +62,14 @@ class Link {
   [[nodiscard]] virtual bool is_on_host() const noexcept { return false; }
 };
 
-/// Opens a link to host:port over UDP. Nothing is sent yet.   Set-up only.
+/// Opens a transport to host:port over UDP. Nothing is sent yet.   Set-up only.
 /// Errors: an unknown host, no descriptor left.
-[[nodiscard]] expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
-                                                                            std::uint16_t port,
-                                                                            Priority priority);
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError> open_udp_transport(
+    const std::string& host, std::uint16_t port, Priority priority);
 
 /// Connects to host:port over TCP by `deadline`, for messages of up to `message_size_max` bytes.
 /// Set-up only.   Errors: an unknown host, nobody there, no answer in time, no descriptor left.
-[[nodiscard]] expected<std::unique_ptr<Link>, TransportError> open_tcp_link(
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError> open_tcp_transport(
     const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
     MonotonicTime deadline);
 

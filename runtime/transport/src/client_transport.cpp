@@ -1,4 +1,4 @@
-#include "rtpm/transport/link.hpp"
+#include "rtpm/transport/client_transport.hpp"
 
 #include <netinet/ip.h>
 #include <sys/socket.h>
@@ -23,7 +23,7 @@ namespace {
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
 TransportError no_socket(const std::string& host, std::uint16_t port, int error) {
-  return no_descriptor("a socket for a link to " + host + ":" + std::to_string(port), error);
+  return no_descriptor("a socket to reach " + host + ":" + std::to_string(port), error);
 }
 
 // Of UDP, which asks nobody: there is no way to the host.
@@ -48,9 +48,9 @@ bool is_its_own_peer(int socket, const sockaddr_in& peer) noexcept {
          own.sin_port == peer.sin_port && own.sin_addr.s_addr == peer.sin_addr.s_addr;
 }
 
-class UdpLink final : public Link {
+class UdpTransport final : public ClientTransport {
  public:
-  UdpLink(Descriptor socket, bool is_on_host) noexcept
+  UdpTransport(Descriptor socket, bool is_on_host) noexcept
       : socket_(std::move(socket)), is_on_host_(is_on_host) {
     if (is_on_host) limit_blocking(socket_.number(), kBlockTimeShort);
   }
@@ -61,25 +61,26 @@ class UdpLink final : public Link {
     if (count >= 0) return {};
     return unexpected{error_of(errno)};
   }
-  expected<void, IoError> send_train(const FrameTrain& train) noexcept override {
-    if (can_send_trains_) {
-      if (send_segments(socket_.number(), nullptr, train) >= 0) return {};
-      if (!means_no_trains(errno)) return unexpected{error_of(errno)};
-      can_send_trains_ = false;
+  expected<void, IoError> send_batch(const DatagramBatch& batch) noexcept override {
+    if (can_send_batches_) {
+      if (send_segments(socket_.number(), nullptr, batch) >= 0) return {};
+      if (!means_no_batches(errno)) return unexpected{error_of(errno)};
+      can_send_batches_ = false;
     }
-    return Link::send_train(train);
+    return ClientTransport::send_batch(batch);
   }
-  void take_trains() noexcept override {
-    if (!train_room_.bytes().empty()) return;
-    train_room_ = rt::LazyMemory(Datagrams::kSizeMax);
-    if (!train_room_.bytes().empty()) accept_segments(socket_.number(), true);
+  void accept_batches() noexcept override {
+    if (!batch_buffer_.bytes().empty()) return;
+    batch_buffer_ = rt::LazyMemory(Datagrams::kSizeMax);
+    if (!batch_buffer_.bytes().empty()) accept_segments(socket_.number(), true);
   }
 
   expected<ConstBytes, IoError> receive() noexcept override { return receive(MSG_DONTWAIT); }
   bool has_buffered() const noexcept override { return !received_.is_empty(); }
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
     if (has_buffered()) return receive();
-    if (!is_on_host_ || !may_block_until(until, kBlockTimeShort)) return Link::await(until);
+    if (!is_on_host_ || !may_block_until(until, kBlockTimeShort))
+      return ClientTransport::await(until);
     const rt::AsleepScope asleep;
     return receive(0);
   }
@@ -90,7 +91,7 @@ class UdpLink final : public Link {
 
  private:
   expected<ConstBytes, IoError> receive(int flags) noexcept {
-    if (!train_room_.bytes().empty()) return receive_next(flags);
+    if (!batch_buffer_.bytes().empty()) return receive_next(flags);
     const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), flags);
     if (count < 0) return unexpected{error_of(errno)};
     return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
@@ -98,7 +99,7 @@ class UdpLink final : public Link {
   // Of those that came together, or else of what comes.
   expected<ConstBytes, IoError> receive_next(int flags) noexcept {
     if (received_.is_empty()) {
-      const MutableBytes room = train_room_.bytes();
+      const MutableBytes room = batch_buffer_.bytes();
       std::size_t each = 0;
       const ssize_t count = receive_segments(socket_.number(), room, nullptr, flags, each);
       if (count < 0) return unexpected{error_of(errno)};
@@ -122,16 +123,16 @@ class UdpLink final : public Link {
 
   Descriptor socket_;
   bool is_on_host_;
-  bool can_send_trains_ = true;
-  rt::LazyMemory train_room_;  ///< Empty unless it takes trains.
+  bool can_send_batches_ = true;
+  rt::LazyMemory batch_buffer_;  ///< Empty unless it takes batches.
   Datagrams received_;
   // One byte more than the largest frame, so that a larger datagram is noticed.
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax + 1> buffer_{};
 };
 
-class TcpLink final : public Link {
+class TcpTransport final : public ClientTransport {
  public:
-  TcpLink(Descriptor socket, std::uint32_t message_size_max)
+  TcpTransport(Descriptor socket, std::uint32_t message_size_max)
       : stream_(std::move(socket), message_size_max) {}
 
   expected<void, IoError> send(ConstBytes frame) noexcept override {
@@ -142,7 +143,7 @@ class TcpLink final : public Link {
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
     // It would wake no poll.
     if (stream_.has_buffered()) return stream_.receive();
-    if (!may_block_until(until)) return Link::await(until);
+    if (!may_block_until(until)) return ClientTransport::await(until);
     const rt::AsleepScope asleep;
     return stream_.await();
   }
@@ -176,22 +177,21 @@ int finish_connecting(int socket, MonotonicTime deadline) noexcept {
 
 }  // namespace
 
-expected<void, IoError> Link::send_train(const FrameTrain& train) noexcept {
-  return send_each(train, [&](ConstBytes frame) { return send(frame); });
+expected<void, IoError> ClientTransport::send_batch(const DatagramBatch& batch) noexcept {
+  return send_each(batch, [&](ConstBytes frame) { return send(frame); });
 }
 
-void Link::wait(MonotonicTime until) noexcept {
+void ClientTransport::wait(MonotonicTime until) noexcept {
   wait_readable(descriptor(), until);
 }
 
-expected<ConstBytes, IoError> Link::await(MonotonicTime until) noexcept {
+expected<ConstBytes, IoError> ClientTransport::await(MonotonicTime until) noexcept {
   wait(until);
   return receive();
 }
 
-expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string& host,
-                                                              std::uint16_t port,
-                                                              Priority priority) {
+expected<std::unique_ptr<ClientTransport>, TransportError> open_udp_transport(
+    const std::string& host, std::uint16_t port, Priority priority) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -208,13 +208,13 @@ expected<std::unique_ptr<Link>, TransportError> open_udp_link(const std::string&
   setsockopt(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, &no_fragments, sizeof no_fragments);
   set_traffic_class(socket.number(), priority);
   const bool stays_here = is_on_host(socket.number(), *address);
-  return std::unique_ptr<Link>(std::make_unique<UdpLink>(std::move(socket), stays_here));
+  return std::unique_ptr<ClientTransport>(
+      std::make_unique<UdpTransport>(std::move(socket), stays_here));
 }
 
-expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string& host,
-                                                              std::uint16_t port, Priority priority,
-                                                              std::uint32_t message_size_max,
-                                                              MonotonicTime deadline) {
+expected<std::unique_ptr<ClientTransport>, TransportError> open_tcp_transport(
+    const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
+    MonotonicTime deadline) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(AF_INET, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -229,7 +229,8 @@ expected<std::unique_ptr<Link>, TransportError> open_tcp_link(const std::string&
   if (is_shortage(error)) return unexpected{no_socket(host, port, error)};
   if (error == 0 && is_its_own_peer(socket.number(), *address)) error = ECONNREFUSED;
   if (error != 0) return unexpected{nobody("TCP", host, port, error)};
-  return std::unique_ptr<Link>(std::make_unique<TcpLink>(std::move(socket), message_size_max));
+  return std::unique_ptr<ClientTransport>(
+      std::make_unique<TcpTransport>(std::move(socket), message_size_max));
 }
 
 }  // namespace rtpm::transport
