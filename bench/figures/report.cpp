@@ -80,7 +80,7 @@ void JsonObject::add(std::string_view key, double value) {
 void JsonObject::add(std::string_view key, const std::vector<std::string>& values) {
   std::string list;
   for (const std::string& value : values)
-    list += (list.empty() ? "" : ", ") + quoted(value);
+    list += (list.empty() ? "" : ", ") + quoted(std::string_view(value));
   add_raw(key, "[" + list + "]");
 }
 
