@@ -1,4 +1,4 @@
-#include "push_ledger.hpp"
+#include "supplier/push_ledger.hpp"
 
 #include <gtest/gtest.h>
 

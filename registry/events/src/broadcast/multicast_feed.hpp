@@ -1,0 +1,82 @@
+#pragma once
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "broadcast/reader_source.hpp"
+#include "rtpm/events/multicast.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/transport/broadcast_memory.hpp"
+#include "rtpm/transport/multicast.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
+
+namespace rtpm::events {
+
+/// A hub's multicast as a program receives it once for several consumers: by one socket, into
+/// memory that keeps the last datagrams for those who are late.
+/// Ownership: a socket, two further descriptors, 1.4 MiB.   Threads: any.   RT: alloc-free.
+class MulticastFeed final : public ReaderSource {
+ public:
+  /// So many datagrams are kept. Who falls behind further asks the hub, as for what is lost.
+  static constexpr std::uint64_t kHistoryCount = 1024;
+
+  /// Joins the group; null if the system does not let it.   Set-up only.
+  [[nodiscard]] static std::shared_ptr<MulticastFeed> open(const transport::MulticastGroup& group);
+
+  /// Where the next datagram will be.
+  [[nodiscard]] std::uint64_t end() const noexcept { return end_.load(std::memory_order_acquire); }
+  /// Calls take(ConstBytes) with what is kept from `position` on, at most `count_max` datagrams,
+  /// and gives where to go on.
+  template <class Take>
+  [[nodiscard]] std::uint64_t read(std::uint64_t position, std::uint64_t count_max,
+                                   Take take) noexcept {
+    if (position == end()) return position;
+    const std::lock_guard lock(mutex_);
+    position = std::max(position, end() - std::min(end(), kHistoryCount));
+    const std::uint64_t last = std::min(end(), position + count_max);
+    for (; position != last; ++position) {
+      const Place& place = places_[position % kHistoryCount];
+      take(ConstBytes(place.bytes).first(place.size));
+    }
+    return position;
+  }
+
+  [[nodiscard]] std::uint32_t value() const noexcept override { return bell_.value(); }
+  void sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept override {
+    bell_.sleep(seen, bits, until);
+  }
+  void ring(std::uint32_t bits) noexcept override { bell_.ring(bits); }
+  [[nodiscard]] bool must_be_fetched() const noexcept override { return true; }
+  void fetch(std::uint32_t seen, std::uint32_t bits) noexcept override;
+  void relieve() noexcept override { wait_set_->ring(); }
+  void stop() noexcept override;
+
+ private:
+  struct Place {
+    std::size_t size = 0;
+    std::array<std::byte, kMulticastDatagramMax> bytes{};
+  };
+  MulticastFeed(transport::MulticastReceiver receiver, std::unique_ptr<transport::WaitSet> wait_set,
+                transport::BroadcastBell bell)
+      : receiver_(std::move(receiver)),
+        wait_set_(std::move(wait_set)),
+        bell_(std::move(bell)),
+        places_(kHistoryCount) {}
+  [[nodiscard]] bool take_in() noexcept;
+
+  transport::MulticastReceiver receiver_;
+  rt::PiMutex fetching_;  ///< Held by the one who fetches, while it waits, too.
+  std::unique_ptr<transport::WaitSet> wait_set_;
+  transport::BroadcastBell bell_;
+  std::atomic<bool> is_stopped_{false};
+  rt::PiMutex mutex_;  ///< Of the places.
+  std::vector<Place> places_;
+  std::atomic<std::uint64_t> end_{0};
+};
+
+}  // namespace rtpm::events

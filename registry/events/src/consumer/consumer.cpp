@@ -1,0 +1,437 @@
+#include "rtpm/events/consumer.hpp"
+
+#include <utility>
+
+#include "consumer/consumer_impl.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::events {
+namespace {
+
+using namespace std::chrono_literals;
+
+// How long one look at the stream waits: so soon it sees that it shall stop. A stream lives only
+// while its caller looks at it, at least every second.
+constexpr Duration kLookMax = 100ms;
+// Between two tries to come back: the hub's start is as a rule quicker than a second.
+constexpr Duration kRetryFirst = 20ms;
+constexpr Duration kRetryMax = 500ms;
+// Items on their way to who wants the newest: each is one that is older.
+constexpr std::uint32_t kLatestWindow = 2;
+
+// Why a stream ended.
+std::string in_words(rpc::CallError error, std::uint32_t miss_count_max) {
+  const std::string count = std::to_string(miss_count_max) + " signs of life";
+  if (error == rpc::CallError::kExpired) {
+    return "The hub dropped the subscription, as it missed " + count +
+           " of this consumer: its thread did not run, its handler took too long, or the network "
+           "was gone.";
+  }
+  if (error == rpc::CallError::kTimeout) {
+    return "The consumer missed " + count + " of the hub: it is stopped, or the network is gone.";
+  }
+  return std::string(rpc::to_string(error));
+}
+
+constexpr std::size_t kEventSizeMax = std::size_t{16} * 1024 * 1024;
+
+}  // namespace
+
+Consumer::Impl::Impl(rpc::Node& node, std::string target, ConsumerConfig config,
+                     EventHandler& handler)
+    : node_(node),
+      target_(std::move(target)),
+      handler_(handler),
+      taker_([this](std::span<const EventView> group) { hand_over(group); }),
+      assembler_(kEventSizeMax),
+      config_(std::move(config)) {}
+
+Consumer::Impl::~Impl() {
+  RTPM_ASSERT(!is_in_handler(),
+              "a consumer is not destroyed in its own handler; let it unsubscribe there");
+  unsubscribe();
+}
+
+expected<void, rpc::SetupError> Consumer::Impl::begin() {
+  auto thread = rt::Thread::start({.name = "ev-" + config_.name,
+                                   .priority = config_.priority,
+                                   .cpus = config_.cpus,
+                                   .realtime = config_.realtime},
+                                  [this] { run(); });
+  if (!thread) return rpc::setup_error(std::move(thread.error().text));
+  thread_ = std::move(*thread);
+  std::unique_lock lock(mutex_);
+  changed_.wait(lock, [this] { return has_begun_; });
+  if (begin_error_) return unexpected{std::move(*begin_error_)};
+  return {};
+}
+
+void Consumer::Impl::report_begin(std::optional<rpc::SetupError> error) {
+  {
+    const std::lock_guard lock(mutex_);
+    has_begun_ = true;
+    begin_error_ = std::move(error);
+  }
+  changed_.notify_all();
+}
+
+void Consumer::Impl::run() {
+  own_thread_ = std::this_thread::get_id();
+  auto session = open();
+  if (!session) return report_begin(rpc::SetupError{std::move(session.error().text)});
+  report_begin(std::nullopt);
+  tell(NoticeKind::kSubscribed, "");
+  std::string why;
+  while (!is_stopping_) {
+    why = read(**session);
+    if (is_stopping_) break;
+    tell(NoticeKind::kInterrupted, why);
+    if (!come_back(**session)) return;
+  }
+  subscription_id_ = 0;
+  tell(NoticeKind::kEnded, "It was unsubscribed.");
+}
+
+// Tries until it is subscribed again; false if that is in vain.
+bool Consumer::Impl::come_back(Session& session) {
+  subscription_id_ = 0;
+  assembler_.clear();
+  const MonotonicTime lost = last_heard_;
+  const std::uint64_t epoch = last_epoch_;
+  // The place of the one that is lost is free for the next.
+  session.stream.cancel();
+  for (Duration pause = kRetryFirst; sleep_unless_stopping(pause);
+       pause = std::min(2 * pause, kRetryMax)) {
+    auto opened = open();
+    if (opened) {
+      std::swap(session, **opened);
+      {
+        const std::lock_guard lock(mutex_);
+        ++counters_.resubscription_count;
+      }
+      if (is_suspended_) static_cast<void>(control(Action::Suspend));
+      tell(NoticeKind::kResubscribed, "", rt::now() - lost, epoch != last_epoch_);
+      return true;
+    }
+    if (opened.error().is_final) {
+      tell(NoticeKind::kEnded, opened.error().text);
+      return false;
+    }
+  }
+  tell(NoticeKind::kEnded, "It was unsubscribed.");
+  return false;
+}
+
+bool Consumer::Impl::sleep_unless_stopping(Duration span) {
+  std::unique_lock lock(mutex_);
+  return !changed_.wait_for(lock, span, [this] { return is_stopping_.load(); });
+}
+
+SubscribeRequestT Consumer::Impl::request() const {
+  const std::lock_guard lock(mutex_);
+  SubscribeRequestT request;
+  request.name = config_.name;
+  request.filter = entry_of(config_.filter);
+  request.delivery = entry_of(config_.delivery);
+  request.linking_hub = config_.linking_hub;
+  for (const EventDescriptor* each : config_.types)
+    request.types.push_back(entry_of(*each));
+  return request;
+}
+
+Consumer::Impl::Opened Consumer::Impl::open() {
+  const auto failed = [](std::string text) { return unexpected{Failure{std::move(text)}}; };
+  auto client = HubClient::bind(node_, target_,
+                                {.transport = config_.transport,
+                                 .deadline = config_.deadline,
+                                 .warm_up = {config_.priority}});
+  if (!client) return failed(std::move(client.error().text));
+  DeliveryPolicy delivery;
+  {
+    const std::lock_guard lock(mutex_);
+    delivery = config_.delivery;
+  }
+  const bool is_latest = delivery.when_full == QueuePolicy::kKeepLatest;
+  rpc::StreamOptions options;
+  options.call.priority = config_.priority;
+  options.miss_count_max = config_.miss_count_max;
+  // A consumer always takes: one that is silent is dead.
+  options.pause_max = config_.miss_count_max * wire::kStreamAskIntervalMax;
+  if (is_latest) options.window = kLatestWindow;
+  std::shared_ptr<CommonReader> reader;
+  auto ring = open_ring(*client, reader);
+  auto multicast = ring ? nullptr : open_multicast(*client, reader);
+  SubscribeRequestT wish = request();
+  if (ring) wish.ring = ring->id();
+  if (multicast) wish.multicast = multicast->id();
+  auto stream = client->subscribe(wish, options);
+  if (!stream) return failed(std::string(rpc::to_string(stream.error())));
+  const auto first = stream->next(rt::now() + config_.deadline);
+  if (!first) return failed(std::string(rpc::to_string(first.error())));
+  if (*first != nullptr && (*first)->refusal() != nullptr) {
+    // With a ring or multicast the hub may just have become another.
+    return unexpected{Failure{refusal_of(*(*first)->refusal()),
+                              /*is_final=*/ring == nullptr && multicast == nullptr}};
+  }
+  if (*first == nullptr || (*first)->welcome() == nullptr) {
+    return failed("The hub does not welcome its consumers: it is of another release.");
+  }
+  const Welcome welcome = *(*first)->welcome();
+  {
+    const std::lock_guard lock(mutex_);
+    earlier_losses_ = counters_.losses;
+    hub_losses_ = {};
+    own_losses_ = {};
+    control_client_ = std::make_shared<HubClient>(std::move(*client));
+  }
+  if (ring) {
+    ring->begin(welcome.ring_place(), welcome.subscription(), welcome.ring_position(), delivery);
+  }
+  if (multicast) {
+    multicast->begin(control_client_, welcome.subscription(), welcome.ring_position(), delivery,
+                     config_.priority);
+  }
+  reads_ring_ = ring != nullptr;
+  receives_multicast_ = multicast != nullptr;
+  std::unique_ptr<BroadcastSession> broadcast = std::move(ring);
+  if (multicast) broadcast = std::move(multicast);
+  auto session = std::make_unique<Session>(Session{control_client_, std::move(*stream), *first,
+                                                   std::move(broadcast), std::move(reader)});
+  subscription_id_ = welcome.subscription();
+  last_heard_ = rt::now();
+  last_epoch_ = welcome.epoch();
+  return session;
+}
+
+std::shared_ptr<CommonReader> Consumer::Impl::reader_of(
+    std::uint64_t broadcast, const std::string& interface,
+    const CommonReader::MakeSource& make) const {
+  if (config_.has_own_thread || node_.config().wait.strategy == rt::WaitStrategy::kSpin) {
+    return nullptr;
+  }
+  return CommonReader::of(
+      {&node_, broadcast, interface, config_.priority, config_.cpus, config_.realtime}, make);
+}
+
+std::unique_ptr<RingSession> Consumer::Impl::open_ring(HubClient& client,
+                                                       std::shared_ptr<CommonReader>& reader) {
+  if (!config_.shared_ring) return nullptr;
+  const auto about = client.about({}, {.priority = 0, .deadline = config_.deadline});
+  if (!about || about->ring() == 0 || about->clock_domain() != rt::clock_domain()) return nullptr;
+  auto ring = RingSession::open(about->ring(), rt::now() + config_.deadline);
+  if (ring) reader = reader_of(ring->id(), {}, [&] { return ring->source(); });
+  return ring;
+}
+
+std::unique_ptr<MulticastSession> Consumer::Impl::open_multicast(
+    HubClient& client, std::shared_ptr<CommonReader>& reader) {
+  if (!config_.multicast) return nullptr;
+  const auto facts = MulticastSession::ask(client, config_.multicast_interface, config_.deadline);
+  if (!facts) return nullptr;
+  reader = reader_of(facts->id, config_.multicast_interface,
+                     [&] { return MulticastFeed::open(facts->group); });
+  if (!reader) return MulticastSession::open(*facts);
+  // No ring has a multicast's id.
+  return std::make_unique<MulticastSession>(
+      facts->id, std::static_pointer_cast<MulticastFeed>(reader->source()));
+}
+
+std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, MonotonicTime until) {
+  const auto batch = session.stream.next(until);
+  if (batch) {
+    last_heard_ = rt::now();
+    if (*batch == nullptr) return "The hub ended the subscription.";
+    if ((*batch)->refusal() != nullptr) return refusal_of(*(*batch)->refusal());
+    take(**batch);
+    return std::nullopt;
+  }
+  if (batch.error() == rpc::CallError::kOverload) return std::string(kQueueWasFull);
+  if (!session.stream.is_open()) return in_words(batch.error(), config_.miss_count_max);
+  if (batch.error() != rpc::CallError::kTimeout) {
+    const std::lock_guard lock(mutex_);
+    ++counters_.broken_count;
+  }
+  return std::nullopt;
+}
+
+// Reads until the stream ends; why it did.
+std::string Consumer::Impl::read(Session& session) {
+  if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
+  if (session.broadcast) return read_broadcast(session);
+  while (!is_stopping_) {
+    if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
+  }
+  return {};
+}
+
+void Consumer::Impl::take(const Batch& batch) {
+  if (batch.losses() != nullptr) {
+    hub_losses_ = losses_of(*batch.losses());
+    update_losses();
+  }
+  const auto* events = batch.events();
+  if (events == nullptr) return;
+  const ConstBytes bytes = std::as_bytes(std::span(events->data(), events->size()));
+  const auto hand = [this](std::span<const EventView> group) { hand_over(group); };
+  const Part* const part = batch.part();
+  const bool is_sound = part == nullptr
+                            ? assembler_.take(bytes, hand)
+                            : assembler_.take_part(bytes, part->offset(), part->size(), hand);
+  if (is_sound) return;
+  const std::lock_guard lock(mutex_);
+  ++counters_.broken_count;
+}
+
+void Consumer::Impl::update_losses() {
+  {
+    const std::lock_guard lock(mutex_);
+    counters_.losses = earlier_losses_;
+    counters_.losses.add(hub_losses_);
+    counters_.losses.add(own_losses_);
+  }
+  tell(NoticeKind::kLosses, "");
+}
+
+void Consumer::Impl::hand_over(std::span<const EventView> events) {
+  if (is_stopping_) return;
+  {
+    const std::lock_guard lock(mutex_);
+    counters_.event_count += events.size();
+    ++counters_.delivery_count;
+  }
+  try {
+    handler_.on_events(events);
+    return;
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    ++counters_.handler_failure_count;
+  }
+  tell(NoticeKind::kHandlerFailed, "The handler threw an exception.");
+}
+
+void Consumer::Impl::tell(NoticeKind kind, std::string_view text, Duration gap,
+                          bool has_hub_restarted) {
+  Notice notice{kind, text, {}, gap, has_hub_restarted, last_epoch_};
+  {
+    const std::lock_guard lock(mutex_);
+    notice.losses = counters_.losses;
+  }
+  try {
+    handler_.on_notice(notice);
+  } catch (...) {
+    const std::lock_guard lock(mutex_);
+    ++counters_.handler_failure_count;
+  }
+}
+
+expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
+                                                       const DeliveryPolicy& delivery) {
+  ChangeRequestT request;
+  std::shared_ptr<HubClient> client;
+  {
+    const std::lock_guard lock(mutex_);
+    for (const EventDescriptor* each : config_.types)
+      request.types.push_back(entry_of(*each));
+    client = control_client_;
+  }
+  request.subscription = subscription_id_;
+  request.filter = entry_of(filter);
+  request.delivery = entry_of(delivery);
+  const auto reply = client->change(request, {.priority = 0});
+  if (!reply) {
+    return rpc::setup_error("The subscription was not changed: " +
+                            std::string(rpc::to_string(reply.error())));
+  }
+  if ((*reply)->refusal() != nullptr) return rpc::setup_error(refusal_of(*(*reply)->refusal()));
+  {
+    const std::lock_guard lock(mutex_);
+    config_.filter = filter;
+    config_.delivery = delivery;
+    has_new_policy_ = true;
+  }
+  call_own_thread();
+  return {};
+}
+
+expected<void, rpc::CallError> Consumer::Impl::control(Action action) {
+  std::shared_ptr<HubClient> client;
+  {
+    const std::lock_guard lock(mutex_);
+    client = control_client_;
+    is_suspended_ = action == Action::Suspend;
+  }
+  return client->control(Control(subscription_id_, action), {.priority = 0});
+}
+
+bool Consumer::Impl::is_in_handler() const noexcept {
+  const auto me = std::this_thread::get_id();
+  return own_thread_.load() == me || common_thread_.load() == me;
+}
+
+void Consumer::Impl::unsubscribe() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  changed_.notify_all();
+  if (is_in_handler()) return;
+  // So that its thread need not wait for the end of its look.
+  if (is_subscribed()) static_cast<void>(control(Action::End));
+  call_own_thread();
+  const std::lock_guard lock(join_mutex_);
+  if (thread_.is_running()) thread_.join();
+}
+
+ConsumerCounters Consumer::Impl::counters() const {
+  const std::lock_guard lock(mutex_);
+  return counters_;
+}
+
+Consumer::Consumer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+Consumer::~Consumer() = default;
+
+expected<std::unique_ptr<Consumer>, rpc::SetupError> Consumer::create(rpc::Node& node,
+                                                                      const std::string& target,
+                                                                      ConsumerConfig config,
+                                                                      EventHandler& handler) {
+  if (config.miss_count_max < rpc::kMissCountMin || config.miss_count_max > rpc::kMissCountMax) {
+    return rpc::setup_error("consumer '" + config.name + "' may have missed " +
+                            std::to_string(rpc::kMissCountMin) + " to " +
+                            std::to_string(rpc::kMissCountMax) + " signs of life, not " +
+                            std::to_string(config.miss_count_max) + ".");
+  }
+  auto impl = std::make_unique<Impl>(node, target, std::move(config), handler);
+  if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
+  return std::unique_ptr<Consumer>(new Consumer(std::move(impl)));
+}
+
+expected<void, rpc::SetupError> Consumer::change(const Filter& filter,
+                                                 const DeliveryPolicy& delivery) {
+  return impl_->change(filter, delivery);
+}
+expected<void, rpc::CallError> Consumer::suspend() {
+  return impl_->control(Action::Suspend);
+}
+expected<void, rpc::CallError> Consumer::resume() {
+  return impl_->control(Action::Resume);
+}
+void Consumer::unsubscribe() {
+  impl_->unsubscribe();
+}
+bool Consumer::is_subscribed() const noexcept {
+  return impl_->is_subscribed();
+}
+bool Consumer::receives_multicast() const noexcept {
+  return impl_->receives_multicast();
+}
+bool Consumer::reads_ring() const noexcept {
+  return impl_->reads_ring();
+}
+ConsumerCounters Consumer::counters() const {
+  return impl_->counters();
+}
+
+}  // namespace rtpm::events

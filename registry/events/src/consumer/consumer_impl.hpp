@@ -1,0 +1,125 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "broadcast/common_reader.hpp"
+#include "consumer/assembler.hpp"
+#include "consumer/multicast_session.hpp"
+#include "consumer/ring_session.hpp"
+#include "idl.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+
+inline constexpr std::string_view kQueueWasFull =
+    "The subscription has ended, as its queue was full and its policy is to disconnect then.";
+
+/// A consumer: its thread subscribes, reads, hands over, and subscribes again.
+class Consumer::Impl final : private ReaderSeat::Member {
+ public:
+  Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() override;
+
+  [[nodiscard]] expected<void, rpc::SetupError> begin();
+  [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
+                                                       const DeliveryPolicy& delivery);
+  [[nodiscard]] expected<void, rpc::CallError> control(Action action);
+  void unsubscribe();
+  [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
+  [[nodiscard]] bool reads_ring() const noexcept { return reads_ring_; }
+  [[nodiscard]] bool receives_multicast() const noexcept { return receives_multicast_; }
+  [[nodiscard]] ConsumerCounters counters() const;
+
+ private:
+  /// A subscription in one life of the hub.
+  struct Session {
+    std::shared_ptr<HubClient> client;  ///< Outlives the stream.
+    rpc::TableStream<Batch> stream;
+    const Batch* first = nullptr;  ///< The item with the welcome, until it is taken.
+    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null: its events come by the stream.
+    std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads alone.
+  };
+  /// Why there is no session.
+  struct Failure {
+    std::string text;
+    bool is_final = false;  ///< The hub refused: trying again is in vain.
+  };
+  using Opened = expected<std::unique_ptr<Session>, Failure>;
+
+  void run();
+  [[nodiscard]] bool come_back(Session& session);
+  [[nodiscard]] Opened open();
+  [[nodiscard]] SubscribeRequestT request() const;
+  /// The reader that it may share; null if it is to have a thread of its own.
+  [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
+                                                        const std::string& interface,
+                                                        const CommonReader::MakeSource& make) const;
+  [[nodiscard]] std::unique_ptr<RingSession> open_ring(HubClient& client,
+                                                       std::shared_ptr<CommonReader>& reader);
+  [[nodiscard]] std::unique_ptr<MulticastSession> open_multicast(
+      HubClient& client, std::shared_ptr<CommonReader>& reader);
+  [[nodiscard]] std::string read(Session& session);
+  /// Looks at the stream until `until`; why it ended, if it did.
+  [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
+  void take(const Batch& batch);
+  void update_losses();
+  void hand_over(std::span<const EventView> events);
+  void tell(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
+            bool has_hub_restarted = false);
+  void report_begin(std::optional<rpc::SetupError> error);
+  [[nodiscard]] bool sleep_unless_stopping(Duration span);
+  /// Reads the broadcast by turns with a common reader, until the stream ends; why it did.
+  [[nodiscard]] std::string read_broadcast(Session& session);
+  [[nodiscard]] std::optional<std::string> attend(Session& session);
+  [[nodiscard]] std::optional<std::string> take_all(ReaderSeat& seat, MonotonicTime until);
+  [[nodiscard]] Taking take_one() noexcept override;
+  /// Has it look for what has changed, if it rests while a common reader serves it.
+  void call_own_thread();
+  /// Whether it is called from the handler.
+  [[nodiscard]] bool is_in_handler() const noexcept;
+
+  rpc::Node& node_;
+  const std::string target_;
+  EventHandler& handler_;
+  const BroadcastSession::Taker taker_;
+  Assembler assembler_;
+
+  mutable std::mutex mutex_;  ///< Of what follows; never held while the handler runs.
+  std::condition_variable changed_;
+  ConsumerConfig config_;  ///< Its filter and delivery change.
+  std::shared_ptr<HubClient> control_client_{};
+  bool has_begun_ = false;
+  std::optional<rpc::SetupError> begin_error_{};
+  ConsumerCounters counters_{};
+  Losses earlier_losses_{};  ///< Of earlier sessions.
+
+  MonotonicTime last_heard_{};
+  std::uint64_t last_epoch_ = 0;
+  std::atomic<bool> is_suspended_{false};
+  Losses hub_losses_{};  ///< Of this session, as the hub told,
+  Losses own_losses_{};  ///< and on our side of ring or multicast.
+  std::atomic<bool> reads_ring_{false};
+  std::atomic<bool> receives_multicast_{false};
+  std::atomic<bool> has_new_policy_{false};
+  std::atomic<std::uint64_t> subscription_id_{0};
+  std::atomic<bool> is_stopping_{false};
+  std::atomic<std::thread::id> own_thread_{};
+  std::atomic<std::thread::id> common_thread_{};  ///< That calls the handler now; or none.
+  // With the seat claimed.
+  BroadcastSession* broadcast_ = nullptr;
+  std::optional<SessionOutcome> broadcast_end_{};
+  std::weak_ptr<ReaderSeat> seat_{};  ///< With the mutex.
+  std::mutex join_mutex_;
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::events

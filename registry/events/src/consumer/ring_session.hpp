@@ -1,0 +1,75 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "broadcast/reader_source.hpp"
+#include "consumer/broadcast_session.hpp"
+#include "rtpm/events/delivery.hpp"
+#include "rtpm/events/ring.hpp"
+#include "rtpm/transport/broadcast_memory.hpp"
+
+namespace rtpm::events {
+
+/// A hub's ring as a source: its readers are woken by the hub.
+class RingSource final : public ReaderSource {
+ public:
+  explicit RingSource(std::shared_ptr<transport::BroadcastView> view) : view_(std::move(view)) {}
+  [[nodiscard]] std::uint32_t value() const noexcept override { return view_->bell().value(); }
+  void sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept override {
+    view_->bell().sleep(seen, bits, until);
+  }
+  void ring(std::uint32_t bits) noexcept override { view_->bell().ring(bits); }
+
+ private:
+  std::shared_ptr<transport::BroadcastView> view_;
+};
+
+/// A consumer's end of a hub's ring: reads what is for it.
+/// Ownership: the mapping, and a queue of its own.
+class RingSession final : public BroadcastSession {
+ public:
+  /// Maps the hub's ring; null if that can't be: the hub is on another host, or another user's.
+  [[nodiscard]] static std::unique_ptr<RingSession> open(std::uint64_t id, MonotonicTime deadline);
+
+  [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
+  /// Begins to read for a place.
+  void begin(std::uint32_t place, std::uint64_t owner, std::uint64_t position,
+             const DeliveryPolicy& policy);
+  /// What it reads.
+  [[nodiscard]] std::shared_ptr<ReaderSource> source() const {
+    return std::make_shared<RingSource>(view_);
+  }
+
+  void set_policy(const DeliveryPolicy& policy) override;
+  [[nodiscard]] Outcome take(const Taker& taker, Asking asking) override;
+  void wait(rt::WaitStrategy strategy, MonotonicTime until) noexcept override;
+  [[nodiscard]] bool has_more() const noexcept override { return reader_->has_more(); }
+  [[nodiscard]] std::uint32_t wake_bits() const noexcept override { return reader_->wake_bits(); }
+  [[nodiscard]] Losses losses() const noexcept override;
+
+ private:
+  RingSession(std::shared_ptr<transport::BroadcastView> view, std::uint64_t id)
+      : view_(std::move(view)), id_(id) {}
+
+  [[nodiscard]] std::uint64_t backlog() const noexcept {
+    const std::uint64_t known = reader_->read_count() + reader_->missed_count();
+    const std::uint64_t written = reader_->written_count();
+    return written > known ? written - known : 0;
+  }
+  /// The events of the record that was read, into group_; false if they are none.
+  [[nodiscard]] bool parse() noexcept;
+  [[nodiscard]] std::optional<Outcome> fill_queue();
+
+  std::shared_ptr<transport::BroadcastView> view_;
+  std::uint64_t id_;
+  std::optional<RingReader> reader_{};
+  std::uint64_t direct_max_ = 0;  ///< Events that may be waiting without a need for the queue.
+  LocalQueue queue_{};
+  std::vector<EventView> group_{};
+};
+
+}  // namespace rtpm::events

@@ -1,0 +1,197 @@
+#include "rtpm/events/delivery.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "filter/compiler.hpp"
+
+namespace rtpm::events {
+namespace {
+
+unexpected<FilterError> refuse(const std::string& why) {
+  return unexpected{FilterError{"The delivery policy is refused: " + why + "."}};
+}
+
+}  // namespace
+
+expected<Gate, FilterError> Gate::make(const DeliveryPolicy& policy,
+                                       const DescriptorSource& types) {
+  if (policy.every_nth == 0) return refuse("every_nth is at least 1");
+  if (policy.interval < Duration{0} || policy.interval > kTimeoutMax) {
+    return refuse("an interval is not negative, and at most a day");
+  }
+  if (policy.deadbands.size() > kDeadbandCountMax) {
+    return refuse("it has more than " + std::to_string(kDeadbandCountMax) + " deadbands");
+  }
+  if (policy.replay > kReplayMax) {
+    return refuse("it wants more than " + std::to_string(kReplayMax) + " events replayed");
+  }
+  const std::uint32_t capacity_max =
+      policy.when_full == QueuePolicy::kKeepLatest ? kLatestQueueCapacityMax : kQueueCapacityMax;
+  if (policy.queue_capacity == 0 || policy.queue_capacity > capacity_max) {
+    return refuse("a queue of this kind holds 1 to " + std::to_string(capacity_max) + " events");
+  }
+  Gate gate;
+  gate.every_nth_ = policy.every_nth;
+  gate.interval_ = policy.interval;
+  gate.is_trailing_ = policy.is_trailing;
+  for (const Deadband& each : policy.deadbands) {
+    const auto field = find_field(each.type, each.field, types);
+    if (!field) return refuse("deadband: " + field.error());
+    if (!(each.threshold > 0) || std::isinf(each.threshold)) {
+      return refuse("the deadband of '" + each.field + "' is not above 0");
+    }
+    gate.bands_.push_back({each.type, (*field)->type, (*field)->path,
+                           types.find(each.type)->schema_id, (*field)->default_value,
+                           each.threshold});
+  }
+  if (!gate.bands_.empty()) gate.lasts_.reserve(kLastCountMax);
+  return gate;
+}
+
+bool Gate::is_beyond(std::uint32_t band, const EventView& event) const noexcept {
+  const Band& its = bands_[band];
+  const auto value = read_scalar(event.payload, its.path, its.field_type, its.default_value);
+  // What can't be read is not for a deadband to hide.
+  if (!value || event.header.schema_id != its.schema_id) return true;
+  const auto last = std::ranges::find_if(lasts_, [&](const Last& each) {
+    return each.band == band && each.source == event.header.source;
+  });
+  if (last == lasts_.end()) return true;
+  // Written so that a NaN is news.
+  return !(std::abs(value->as_real() - last->value) < its.threshold);
+}
+
+bool Gate::is_news(const EventView& event) noexcept {
+  bool is_watched = false;
+  for (std::uint32_t i = 0; i < bands_.size(); ++i) {
+    if (bands_[i].type != event.header.type) continue;
+    if (is_beyond(i, event)) return true;
+    is_watched = true;
+  }
+  return !is_watched;
+}
+
+void Gate::remember(const EventView& event) noexcept {
+  for (std::uint32_t i = 0; i < bands_.size(); ++i) {
+    const Band& its = bands_[i];
+    if (its.type != event.header.type || its.schema_id != event.header.schema_id) continue;
+    const auto value = read_scalar(event.payload, its.path, its.field_type, its.default_value);
+    if (!value) continue;
+    const Last last{i, event.header.source, value->as_real()};
+    const auto known = std::ranges::find_if(lasts_, [&](const Last& each) {
+      return each.band == i && each.source == event.header.source;
+    });
+    if (known != lasts_.end()) {
+      *known = last;
+    } else if (lasts_.size() < kLastCountMax) {
+      lasts_.push_back(last);
+    } else {
+      lasts_[next_last_++ % kLastCountMax] = last;
+    }
+  }
+}
+
+bool Gate::admit(const EventRef& event, MonotonicTime now) noexcept {
+  if (every_nth_ == 1 && interval_ == Duration{0} && bands_.empty()) return true;
+  if (event && !bands_.empty() && !is_news(event.view())) {
+    ++omitted_count_;
+    return false;
+  }
+  if (nth_++ % every_nth_ != 0) {
+    ++omitted_count_;
+    return false;
+  }
+  if (interval_ > Duration{0}) {
+    if (now < next_open_) {
+      ++omitted_count_;
+      if (event && is_trailing_) held_ = event;
+      return false;
+    }
+    // In step where it is steady, from now on after a pause.
+    next_open_ = next_open_ > now - interval_ ? next_open_ + interval_ : now + interval_;
+    held_ = EventRef();
+  }
+  if (event && !bands_.empty()) remember(event.view());
+  return true;
+}
+
+EventRef Gate::take_held(MonotonicTime now) noexcept {
+  if (!held_ || now < next_open_) return {};
+  next_open_ = next_open_ + interval_ > now ? next_open_ + interval_ : now + interval_;
+  --omitted_count_;
+  if (!bands_.empty()) remember(held_.view());
+  return std::move(held_);
+}
+
+// One more delivery than its capacity may stand in it for a moment.
+DeliveryQueue::DeliveryQueue(QueuePolicy policy, std::uint32_t capacity)
+    : policy_(policy), capacity_(capacity), entries_(std::size_t{capacity} + kGroupSizeMax) {}
+
+bool DeliveryQueue::replace(const EventRef& event) noexcept {
+  for (std::size_t i = size_; i-- > 0;) {
+    Entry& entry = entries_[(head_ + i) % entries_.size()];
+    const bool is_alone = !entry.is_continued && (i == 0 || !(*this)[i - 1].is_continued);
+    if (!is_alone || entry.event.header().type != event.header().type ||
+        entry.event.header().source != event.header().source) {
+      continue;
+    }
+    entry.event = event;
+    return true;
+  }
+  return false;
+}
+
+bool DeliveryQueue::push(std::span<const EventRef> group, Losses& losses) noexcept {
+  if (policy_ == QueuePolicy::kKeepLatest && group.size() == 1 && replace(group[0])) {
+    ++losses.replaced_count;
+    return true;
+  }
+  if (policy_ == QueuePolicy::kDisconnect && size_ > 0 && size_ + group.size() > capacity_) {
+    return false;
+  }
+  for (std::size_t i = 0; i < group.size(); ++i) {
+    Entry& entry = entries_[(head_ + size_) % entries_.size()];
+    entry.event = group[i];
+    entry.is_continued = i + 1 < group.size();
+    ++size_;
+  }
+  // A delivery that is larger than the queue itself stays alone in it.
+  while (size_ > capacity_ && size_ > group.size())
+    losses.overflow_count += drop_front();
+  return true;
+}
+
+bool DeliveryQueue::take_over(DeliveryQueue& other, Losses& losses) noexcept {
+  while (!other.empty()) {
+    std::array<EventRef, kGroupSizeMax> group;
+    std::size_t count = 0;
+    bool is_continued = true;
+    while (is_continued && count < group.size()) {
+      group[count++] = other[0].event;
+      is_continued = other[0].is_continued;
+      other.pop();
+    }
+    if (!push(std::span(group).first(count), losses)) return false;
+  }
+  return true;
+}
+
+void DeliveryQueue::pop() noexcept {
+  entries_[head_].event = EventRef();
+  head_ = (head_ + 1) % entries_.size();
+  --size_;
+}
+
+std::size_t DeliveryQueue::drop_front() noexcept {
+  std::size_t count = 0;
+  bool is_continued = true;
+  while (is_continued && size_ > 0) {
+    is_continued = (*this)[0].is_continued;
+    pop();
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace rtpm::events

@@ -1,0 +1,151 @@
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "hub/hub_impl.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+
+// What a hub has to do with the hubs that it is linked to.
+namespace rtpm::events {
+
+expected<void, rpc::SetupError> HubImpl::link(rpc::Node& node, const std::string& target,
+                                              const LinkConfig& config) {
+  const std::lock_guard links_lock(links_mutex_);
+  if (links_.size() >= kLinkCountMax) {
+    return rpc::setup_error("the hub has " + std::to_string(kLinkCountMax) +
+                            " links, so it can't be linked to '" + target +
+                            "', too. Remedy: link hubs in a tree.");
+  }
+  auto guard = links_.empty() ? std::make_unique<RepetitionGuard>() : nullptr;
+  if (guard) {
+    const std::lock_guard lock(mutex_);
+    guard_ = std::move(guard);
+  }
+  auto link =
+      std::make_unique<Link>(static_cast<LinkHost&>(*this), links_.size(), node, target, config);
+  if (auto started = link->start(); !started) {
+    return rpc::setup_error(std::move(started.error().text));
+  }
+  links_.push_back(std::move(link));
+  return {};
+}
+
+std::vector<LinkStatus> HubImpl::links() const {
+  const std::lock_guard links_lock(links_mutex_);
+  std::vector<LinkStatus> all;
+  for (const auto& each : links_)
+    all.push_back(each->status());
+  const std::lock_guard lock(mutex_);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    all[i].taken_count = link_intakes_[i].taken_count;
+    all[i].repeated_count = link_intakes_[i].repeated_count;
+    all[i].refused_count = link_intakes_[i].refused_count;
+  }
+  return all;
+}
+
+void HubImpl::take_linked(std::size_t link, const EventView& event) noexcept {
+  EventView taken = event;
+  EventHeader& header = taken.header;
+  const WakeAfter wake_after(*this);
+  const std::lock_guard lock(mutex_);
+  const MonotonicTime now = rt::now();
+  LinkIntake& intake = link_intakes_[link];
+  // ev-5.1-2: nobody counts hops for what a hub tells of itself. ev-5.4-2: the other hub may flood.
+  if (header.hops_left == 0 || header.type > kEventTypeMax ||
+      !intake.meter.take(event_span(event.payload.size()), now)) {
+    ++intake.refused_count;
+    return;
+  }
+  // ev-5.3-1 and ev-5.3-2: what was pushed here does not come back, and what came by one way does
+  // not come by another.
+  if (intake_.has_tag(header.supplier_tag) || !guard_->admit(header)) {
+    ++intake.repeated_count;
+    return;
+  }
+  // ev-5.3-3: what can't be told from its repetition goes no further.
+  const bool is_known = header.supplier_tag != 0 && header.sequence != 0;
+  header.hops_left = is_known ? static_cast<std::uint8_t>(header.hops_left - 1) : std::uint8_t{0};
+  header.hub_received = now;
+  header.hub_sent = {};
+  header.is_replayed = false;
+  header.is_continued = false;
+  ++(exchange_.offer(taken, now) ? intake.taken_count : intake.refused_count);
+  pump_ready(now);
+  ring_if_needed(now);
+}
+
+// ev-5.5-1
+void HubImpl::announce(std::size_t link, const LinkNews& news) noexcept {
+  alignas(16) std::array<std::byte, kLinkNewsSize> payload{};
+  write_link_news(news, payload);
+  const WakeAfter wake_after(*this);
+  const std::lock_guard lock(mutex_);
+  const MonotonicTime now = rt::now();
+  LinkIntake& intake = link_intakes_[link];
+  const EventHeader header{.type = kLinkType,
+                           .source = static_cast<SourceId>(link),
+                           .sequence = ++intake.news_count,
+                           .origin = now,
+                           .hub_received = now};
+  if (!exchange_.tell({header, payload}, now)) ++intake_counters_.no_memory_count;
+  pump_ready(now);
+  ring_if_needed(now);
+}
+
+// --- wishes ----------------------------------------------------------------------------------
+
+// ev-5.2-1 and ev-5.2-3
+std::vector<Match> HubImpl::wishes_but_of(std::uint64_t peer) const {
+  std::vector<Match> all;
+  {
+    const std::lock_guard lock(wishes_mutex_);
+    for (const auto& [id, wishes] : wishes_) {
+      if (wishes.linking_hub != 0 && wishes.linking_hub == peer) continue;
+      all.insert(all.end(), wishes.matches.begin(), wishes.matches.end());
+    }
+  }
+  return unite(std::move(all));
+}
+
+void HubImpl::note_wishes(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub) {
+  {
+    const std::lock_guard lock(wishes_mutex_);
+    wishes_.insert_or_assign(id, Wishes{std::move(matches), hub});
+  }
+  tell_links();
+}
+
+void HubImpl::change_wishes(std::uint64_t id, std::vector<Match> matches) {
+  {
+    const std::lock_guard lock(wishes_mutex_);
+    const auto found = wishes_.find(id);
+    if (found == wishes_.end()) return;  // It has just ended.
+    std::swap(found->second.matches, matches);
+  }
+  tell_links();
+}
+
+// The links see it when they look the next time: asking for too much for a moment does no harm.
+void HubImpl::forget_wishes(std::uint64_t id) {
+  const std::lock_guard lock(wishes_mutex_);
+  wishes_.erase(id);
+}
+
+void HubImpl::tell_links() {
+  const std::lock_guard lock(links_mutex_);
+  for (const auto& each : links_)
+    each->on_wishes_changed();
+}
+
+std::vector<std::uint64_t> HubImpl::linking_subscriptions() const {
+  std::vector<std::uint64_t> ids;
+  const std::lock_guard lock(wishes_mutex_);
+  for (const auto& [id, wishes] : wishes_) {
+    if (wishes.linking_hub != 0) ids.push_back(id);
+  }
+  return ids;
+}
+
+}  // namespace rtpm::events

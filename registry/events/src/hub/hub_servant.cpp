@@ -1,0 +1,265 @@
+#include <utility>
+
+#include "hub/hub_impl.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/host.hpp"
+#include "rtpm/rt/memory.hpp"
+
+// The hub's methods. All but push() allocate: they are set-up, on whatever lane they run.
+namespace rtpm::events {
+namespace {
+
+// For people, in reports and logs.
+std::string name_of(const flatbuffers::String* name) {
+  constexpr std::size_t kNameSizeMax = 64;
+  return name == nullptr ? std::string() : printable(name->string_view(), kNameSizeMax);
+}
+
+SupplierCounts counts_of(const IntakeCounters& counters) noexcept {
+  return {counters.taken_count, counters.over_quota_count, counters.too_large_count,
+          counters.bad_count, counters.no_memory_count};
+}
+
+flatbuffers::Offset<LinkEntry> link_entry_of(flatbuffers::FlatBufferBuilder& builder,
+                                             const LinkStatus& status) {
+  const LinkCounts counts(status.taken_count, status.repeated_count, status.refused_count,
+                          status.losses.total(), status.interruption_count,
+                          status.last_gap.count());
+  const auto reason = status.reason.empty() ? 0 : builder.CreateString(status.reason);
+  return CreateLinkEntry(builder, builder.CreateString(status.target),
+                         static_cast<LinkCondition>(status.state), reason, status.peer_epoch,
+                         static_cast<std::uint32_t>(status.wish_count), &counts);
+}
+
+}  // namespace
+
+HubFacts HubImpl::facts() const noexcept {
+  return {epoch_, clock_domain_, to_ns(rt::now()), ring_ ? ring_->id() : 0,
+          exchange_.store().payload_size_max()};
+}
+
+rpc::Result<HubFacts> HubImpl::about(const rpc::CallContext&) {
+  return facts();
+}
+
+rpc::Result<void> HubImpl::push(const PushRequest& request, const rpc::CallContext& context) {
+  const auto* events = request.events();
+  push(request.supplier(), std::as_bytes(std::span(events->data(), events->size())),
+       context.priority);
+  return {};
+}
+
+std::string HubImpl::add_types(const Types* types) {
+  if (types == nullptr) return {};
+  for (const TypeEntry* each : *types) {
+    if (auto added = types_.add(descriptor_of(*each).descriptor); !added) return added.error();
+  }
+  return {};
+}
+
+expected<Exchange::Prepared, std::string> HubImpl::prepare(const FilterNode& filter,
+                                                           const DeliveryEntry& delivery,
+                                                           const Types* types, bool is_broadcast) {
+  const auto wanted = filter_of(filter);
+  const auto policy = policy_of(delivery);
+  if (!wanted || !policy) {
+    return unexpected{std::string("The filter is too large, or of a later release than the hub.")};
+  }
+  const std::lock_guard lock(types_mutex_);
+  if (std::string text = add_types(types); !text.empty()) return unexpected{std::move(text)};
+  auto prepared = Exchange::prepare(*wanted, *policy, types_, is_broadcast);
+  if (!prepared) return unexpected{std::move(prepared.error().text)};
+  return std::move(*prepared);
+}
+
+void HubImpl::refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept {
+  const std::lock_guard lock(mutex_);
+  builder_.build_refusal(why);
+  static_cast<void>(items.write(builder_.item()));
+  items.finish();
+}
+
+void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch> items,
+                        const rpc::CallContext&) {
+  const rt::AllowAllocationScope is_allowed;
+  const bool reads_ring = ring_ != nullptr && request.ring() == ring_->id();
+  if (request.ring() != 0 && !reads_ring) {
+    return refuse(items, "The hub's ring is another: ask for it again.");
+  }
+  const bool is_multicast = multicast_ != nullptr && request.multicast() == multicast_->id();
+  if (request.multicast() != 0 && !is_multicast) {
+    return refuse(items, "The hub's multicast is another: ask for it again.");
+  }
+  // ev-5.2-5
+  if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
+  auto prepared =
+      prepare(*request.filter(), *request.delivery(), request.types(), reads_ring || is_multicast);
+  if (!prepared) return refuse(items, prepared.error());
+  Outlet outlet;
+  outlet.id = rt::random_u64();
+  const std::uint64_t id = outlet.id;
+  outlet.name = name_of(request.name());
+  outlet.writer = std::move(items);
+  outlet.is_welcome_due = true;
+  outlet.is_latest_only =
+      static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
+  // Before it is there, so that it can't end before.
+  note_wishes(id, wishes_of(*filter_of(*request.filter())), request.linking_hub());
+  {
+    const WakeAfter wake_after(*this);
+    const std::lock_guard lock(mutex_);
+    const MonotonicTime now = rt::now();
+    const auto place = exchange_.next_number();
+    std::uint64_t position = 0;
+    if (is_multicast && place) {
+      position = multicast_->begin_place(*place, outlet.id);
+    } else if (reads_ring && place) {
+      position = ring_->begin_place(*place, outlet.id);
+    }
+    if (const auto number = exchange_.subscribe(std::move(*prepared), now)) {
+      outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number, position);
+      std::swap(outlets_[*number], outlet);
+      pump(*number, now);
+      pump_ready(now);
+      ring_if_needed(now);
+      return;
+    }
+    if (is_multicast && place) multicast_->end_place(*place);
+  }
+  forget_wishes(id);
+  refuse(outlet.writer, "The hub is full: it has as many subscriptions as it takes.");
+}
+
+std::optional<SubscriptionNumber> HubImpl::find(std::uint64_t id) const noexcept {
+  const auto found = std::ranges::find(outlets_, id, &Outlet::id);
+  if (id == 0 || found == outlets_.end() || found->is_dead) return std::nullopt;
+  return static_cast<SubscriptionNumber>(found - outlets_.begin());
+}
+
+rpc::Result<void> HubImpl::change(const ChangeRequest& request,
+                                  rpc::ReplyBuilder<ChangeReply>& reply, const rpc::CallContext&) {
+  const rt::AllowAllocationScope is_allowed;
+  std::string refusal;
+  auto prepared = prepare(*request.filter(), *request.delivery(), request.types());
+  bool is_changed = false;
+  if (prepared) {
+    const WakeAfter wake_after(*this);
+    const std::lock_guard lock(mutex_);
+    const auto number = find(request.subscription());
+    if (!number) return unexpected{rpc::Refusal::kGone};
+    const MonotonicTime now = rt::now();
+    if (exchange_.change(*number, *prepared, now)) {
+      outlets_[*number].is_latest_only =
+          static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
+      is_changed = true;
+      pump_ready(now);
+      ring_if_needed(now);
+    } else {
+      refusal = "The hub is full: its subscriptions name as many types and sources as it takes.";
+    }
+  } else {
+    refusal = std::move(prepared.error());
+  }
+  if (is_changed) {
+    change_wishes(request.subscription(), wishes_of(*filter_of(*request.filter())));
+  }
+  auto& builder = reply.builder();
+  const auto text = refusal.empty() ? 0 : builder.CreateString(refusal);
+  reply.finish(CreateChangeReply(builder, text));
+  return {};
+}
+
+rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContext&) {
+  const WakeAfter wake_after(*this);
+  const std::lock_guard lock(mutex_);
+  const auto number = find(request.subscription());
+  if (!number) return unexpected{rpc::Refusal::kGone};
+  Outlet& outlet = outlets_[*number];
+  const MonotonicTime now = rt::now();
+  switch (request.action()) {
+    case Action::Suspend:
+    case Action::Resume:
+      outlet.is_suspended = request.action() == Action::Suspend;
+      exchange_.set_suspended(*number, outlet.is_suspended);
+      // What it missed is told at the end of a pause, not at each event of it.
+      pump(*number, now);
+      break;
+    case Action::End:
+      outlet.writer.finish();
+      end(outlet, DisconnectReason::kUnsubscribed);
+      // Who reads the ring sleeps there, and is to look at its stream.
+      wake_bits_.fetch_or(1U << (*number % 32));
+      break;
+    default:
+      return unexpected{rpc::Refusal::kBadRequest};
+  }
+  ring_if_needed(now);
+  return {};
+}
+
+rpc::Result<void> HubImpl::attend(const AttendRequest& request,
+                                  rpc::ReplyBuilder<AttendReply>& reply, const rpc::CallContext&) {
+  const rt::AllowAllocationScope is_allowed;
+  std::string refusal;
+  {
+    const std::lock_guard lock(types_mutex_);
+    refusal = add_types(request.types());
+  }
+  SupplierCounts counts;
+  {
+    const std::lock_guard lock(mutex_);
+    Intake::Supplier& supplier = intake_.find(request.supplier(), rt::now());
+    if (supplier.name.empty()) supplier.name = name_of(request.name());
+    counts = counts_of(supplier.counters);
+  }
+  auto& builder = reply.builder();
+  const auto text = refusal.empty() ? 0 : builder.CreateString(refusal);
+  reply.finish(CreateAttendReply(builder, text, epoch_, &counts));
+  return {};
+}
+
+rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const rpc::CallContext&) {
+  const rt::AllowAllocationScope is_allowed;
+  auto& builder = reply.builder();
+  std::vector<flatbuffers::Offset<SubscriptionEntry>> subscriptions;
+  std::vector<flatbuffers::Offset<SupplierEntry>> suppliers;
+  const HubFacts now = facts();
+  std::vector<flatbuffers::Offset<LinkEntry>> links;
+  for (const LinkStatus& each : this->links())
+    links.push_back(link_entry_of(builder, each));
+  std::vector<flatbuffers::Offset<DisconnectEntry>> disconnects;
+  for (const Disconnect& each : this->disconnects(0)) {
+    disconnects.push_back(CreateDisconnectEntry(builder, builder.CreateString(each.name),
+                                                static_cast<DisconnectCause>(each.reason),
+                                                to_ns(each.time)));
+  }
+  const DisconnectCounters gone = disconnect_counters();
+  const DisconnectCounts disconnect_counts(gone.unsubscribed_count, gone.left_count,
+                                           gone.silent_count, gone.queue_full_count);
+  const std::vector<std::uint64_t> linking = linking_subscriptions();
+  const std::lock_guard lock(mutex_);
+  for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
+    const Outlet& outlet = outlets_[i];
+    if (outlet.id == 0) continue;
+    const SubscriptionCounters counters = exchange_.counters(i);
+    const LossCounts losses = events::counts_of(counters.losses);
+    const auto waiting = static_cast<std::uint32_t>(exchange_.queue(i).size());
+    subscriptions.push_back(CreateSubscriptionEntry(
+        builder, builder.CreateString(outlet.name), counters.accepted_count, counters.omitted_count,
+        counters.delivered_count, waiting, &losses, outlet.is_suspended,
+        exchange_.is_broadcast(i) && !receives_multicast(i),
+        std::ranges::find(linking, outlet.id) != linking.end(), receives_multicast(i)));
+  }
+  for (const Intake::Supplier& each : intake_.suppliers()) {
+    if (each.tag == 0) continue;
+    const SupplierCounts counts = counts_of(each.counters);
+    suppliers.push_back(CreateSupplierEntry(builder, builder.CreateString(each.name), &counts));
+  }
+  reply.finish(CreateReportReply(builder, &now, builder.CreateVector(subscriptions),
+                                 builder.CreateVector(suppliers), builder.CreateVector(links),
+                                 &disconnect_counts, builder.CreateVector(disconnects)));
+  return {};
+}
+
+}  // namespace rtpm::events

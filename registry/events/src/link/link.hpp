@@ -1,0 +1,77 @@
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "idl.hpp"
+#include "link/link_host.hpp"
+#include "rtpm/base/latest.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/link.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::events {
+
+/// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that looks after it:
+/// makes it, tells it what is wanted by now, and asks how the other hub's clock stands.
+/// Ownership: refers to its host and node, which must outlive it.   Threads: any.
+class Link final : private EventHandler {
+ public:
+  Link(LinkHost& host, std::size_t number, rpc::Node& node, std::string target, LinkConfig config);
+  Link(const Link&) = delete;
+  Link& operator=(const Link&) = delete;
+  ~Link() override;
+  [[nodiscard]] expected<void, rt::RealtimeError> start();
+
+  /// The host's subscriptions have changed. Returns at once.
+  void on_wishes_changed();
+  /// But for the counts of what the host took.
+  [[nodiscard]] LinkStatus status() const;
+
+ private:
+  /// How the other hub's clock stands to ours.
+  struct PeerTime {
+    Duration offset{0};
+    std::uint32_t uncertainty_ns = 0;
+  };
+
+  void on_events(std::span<const EventView> events) override;
+  void on_notice(const Notice& notice) override;
+
+  void run();
+  void attend();
+  [[nodiscard]] bool reach_peer();
+  void read_clock(const HubFacts& facts);
+  void subscribe();
+  void update_wishes();
+  void set_state(LinkState state, std::string reason);
+
+  LinkHost& host_;
+  const std::size_t number_;
+  rpc::Node& node_;
+  const std::string target_;
+  const LinkConfig config_;
+
+  // Of the thread alone:
+  std::optional<HubClient> client_{};
+  std::vector<Match> asked_{};
+  std::unique_ptr<Consumer> consumer_{};
+
+  Latest<PeerTime> peer_time_{};
+  mutable std::mutex mutex_;  ///< Of what follows.
+  std::condition_variable changed_;
+  LinkStatus status_{};
+  Losses earlier_losses_{};  ///< Of consumers before this one.
+  bool has_changed_ = false;
+  bool has_ended_ = false;  ///< The consumer gave up: another is needed.
+  bool is_stopping_ = false;
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::events
