@@ -4,10 +4,10 @@
 #include <cstdint>
 #include <span>
 
+#include "exchange/exchange.hpp"
+#include "filter/catalog.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/events/catalog.hpp"
-#include "rtpm/events/exchange.hpp"
 
 /// What is measured of the hub's core, for time and for instructions alike.
 namespace rtpm::bench::micro {

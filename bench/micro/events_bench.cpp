@@ -6,8 +6,8 @@
 #include <memory>
 
 #include "allocations.hpp"
+#include "broadcast/ring.hpp"
 #include "event_crowd.hpp"
-#include "rtpm/events/ring.hpp"
 
 // What an event costs the hub's core: 10 000 subscriptions of 100 types, so that 100 want each
 // event, and as a comparison with 100 of one type, which should cost the same.
@@ -52,9 +52,9 @@ void event_ring_write_and_read(benchmark::State& state) {
   std::byte* const memory = static_cast<std::byte*>(std::aligned_alloc(4096, size));
   std::memset(memory, 0, size);
   events::RingWriter writer({memory, size}, 1);
-  events::PlaceSet places;
+  events::SlotSet places;
   for (std::uint32_t place = 0; place < 64; ++place) {
-    writer.begin_place(place, 1 + place);
+    writer.begin_slot(place, 1 + place);
     places.add(place);
   }
   events::RingReader reader({memory, size}, 0, 1, writer.position());

@@ -56,13 +56,14 @@ class CapnprotoCaller final : public PeerCaller {
 
 class CapnprotoPeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     const std::string end =
         lane.transport == "unix" ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
     capnp::EzRpcServer server(kj::heap<EchoServant>(), end);
     auto& scope = server.getWaitScope();
     const auto port = server.getPort().wait(scope);
-    announce(lane.transport == "unix" ? end : "127.0.0.1:" + std::to_string(port));
+    publish_link_report(lane.transport == "unix" ? end : "127.0.0.1:" + std::to_string(port));
     kj::NEVER_DONE.wait(scope);
   }
 

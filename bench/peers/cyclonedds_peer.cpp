@@ -185,7 +185,8 @@ class CyclonePeer final : public BrokerlessPeer {
     return begin_side<CycloneSide>(consumer_count, board);
   }
 
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     std::vector<End> ends;
     const dds_entity_t waiting = dds_create_waitset(participant());
     for (int caller = 0; caller < lane.connection_count; ++caller) {
@@ -194,7 +195,7 @@ class CyclonePeer final : public BrokerlessPeer {
       if (!end.is_well()) return unexpected{std::string("Cyclone DDS can't make its topics")};
       dds_waitset_attach(waiting, end.condition, caller);
     }
-    announce("by name");
+    publish_link_report("by name");
     std::vector<dds_attach_t> triggered(ends.size());
     peer_DdsMessage message{};
     for (;;) {

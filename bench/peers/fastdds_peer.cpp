@@ -256,7 +256,8 @@ class FastddsPeer final : public BrokerlessPeer {
     return std::unique_ptr<EventSide>(std::move(side));
   }
 
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     const auto& participant = *new Participant(lane);
     if (participant.participant == nullptr) {
       return unexpected{std::string("Fast DDS can't make its participant")};
@@ -269,7 +270,7 @@ class FastddsPeer final : public BrokerlessPeer {
       if (!end.is_well()) return unexpected{std::string("Fast DDS can't make its topics")};
       waiting.attach_condition(end.reader->get_statuscondition());
     }
-    announce("by name");
+    publish_link_report("by name");
     for (PeerMessage message;;) {
       dds::ConditionSeq active;
       waiting.wait(active, eprosima::fastrtps::c_TimeInfinite);

@@ -84,7 +84,8 @@ class GrpcCaller final : public PeerCaller {
 
 class GrpcPeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     const bool is_unix = lane.transport == "unix";
     ::peer::Echo::AsyncService service;
     grpc::ServerBuilder builder;
@@ -98,7 +99,8 @@ class GrpcPeer final : public Peer {
     std::vector<std::unique_ptr<ServedCall>> calls;
     for (int i = 0; i < lane.connection_count + 1; ++i)
       calls.push_back(std::make_unique<ServedCall>(service, *queue));
-    announce(is_unix ? "unix:" + lane.socket_path() : "127.0.0.1:" + std::to_string(port));
+    publish_link_report(is_unix ? "unix:" + lane.socket_path()
+                                : "127.0.0.1:" + std::to_string(port));
     void* tag = nullptr;
     for (bool is_well = false; queue->Next(&tag, &is_well);)
       static_cast<ServedCall*>(tag)->go_on();

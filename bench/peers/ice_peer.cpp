@@ -54,13 +54,13 @@ class IceCaller final : public PeerCaller {
 
 class IcePeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane&, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane&, const Announce& publish_link_report) override {
     // It serves until the process ends.
     auto& communicator = *new Ice::CommunicatorHolder(make_communicator());
     const auto adapter = communicator->createObjectAdapterWithEndpoints("lane", "tcp -h 127.0.0.1");
     const auto proxy = adapter->add(std::make_shared<EchoServant>(), Ice::stringToIdentity("echo"));
     adapter->activate();
-    announce(proxy->ice_toString());
+    publish_link_report(proxy->ice_toString());
     return {};
   }
 

@@ -134,7 +134,8 @@ class LcmPeer final : public BrokerlessPeer {
     return std::unique_ptr<EventSide>(std::move(side));
   }
 
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     lcm_t* const lcm = lcm_create(kUrl);
     if (lcm == nullptr) return unexpected{no_lcm()};
     std::vector<Letter> letters(static_cast<std::size_t>(lane.connection_count));
@@ -144,7 +145,7 @@ class LcmPeer final : public BrokerlessPeer {
                     &letters[static_cast<std::size_t>(caller)]);
       replies.push_back(topic_name(lane.index, caller, "reply"));
     }
-    announce("by name");
+    publish_link_report("by name");
     while (lcm_handle(lcm) == 0) {
       for (std::size_t caller = 0; caller < letters.size(); ++caller) {
         Letter& letter = letters[caller];

@@ -127,7 +127,8 @@ class NngSide final : public PeerEventSide {
 
 class NngPeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     // The first lane's thread opens both ends: while one is being opened, the library's own thread
     // looks at it without pause, and would keep a thread of low priority from going on.
     if (lane.index == 0) {
@@ -138,7 +139,7 @@ class NngPeer final : public Peer {
         if (auto opened = listen(index, lane); !opened) return opened;
       }
     }
-    announce(addresses_[lane.index]);
+    publish_link_report(addresses_[lane.index]);
     const nng_socket socket = sockets_[lane.index];
     PeerMessage message;
     for (std::size_t size = sizeof message; nng_recv(socket, &message, &size, 0) == 0;
@@ -157,7 +158,7 @@ class NngPeer final : public Peer {
   }
 
   expected<void, std::string> serve_events(const PeerLane& lane,
-                                           const Announce& announce) override {
+                                           const Announce& publish_link_report) override {
     nng_sub0_open_raw(&sockets_[0]);
     nng_pub0_open_raw(&sockets_[1]);
     nng_socket_set_int(sockets_[0], NNG_OPT_RECVBUF, kQueuedMax);
@@ -167,7 +168,7 @@ class NngPeer final : public Peer {
       if (auto opened = listen(index, lane); !opened) return opened;
       addresses += addresses_[index] + " ";
     }
-    announce(addresses);
+    publish_link_report(addresses);
     return unexpected{text_of("device", nng_device(sockets_[0], sockets_[1]))};
   }
 

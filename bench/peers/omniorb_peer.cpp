@@ -69,12 +69,13 @@ class OmniorbCaller final : public PeerCaller {
 
 class OmniorbPeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     return without_corba_exceptions([&]() -> expected<void, std::string> {
       // The first lane's thread starts the ORB with the ends of both.
       if (lane.index == 0) start_server(lane);
       activate(lane);
-      announce(address_of(lane));
+      publish_link_report(address_of(lane));
       return {};
     });
   }

@@ -86,9 +86,9 @@ class Peer {
   /// threads of the library serve. Lanes are served at the same time, each from a thread of its
   /// own.
   [[nodiscard]] virtual expected<void, std::string> serve(const PeerLane& lane,
-                                                          const Announce& announce) {
+                                                          const Announce& publish_link_report) {
     static_cast<void>(lane);
-    static_cast<void>(announce);
+    static_cast<void>(publish_link_report);
     return unexpected{std::string("this peer makes no calls")};
   }
   /// Connects one caller, which one thread uses: this one, or one of the same priority.
@@ -109,10 +109,10 @@ class Peer {
     return std::nullopt;
   }
   /// As serve().
-  [[nodiscard]] virtual expected<void, std::string> serve_events(const PeerLane& lane,
-                                                                 const Announce& announce) {
+  [[nodiscard]] virtual expected<void, std::string> serve_events(
+      const PeerLane& lane, const Announce& publish_link_report) {
     static_cast<void>(lane);
-    static_cast<void>(announce);
+    static_cast<void>(publish_link_report);
     return unexpected{std::string("this peer has no events")};
   }
   /// Connects a supplier and so many consumers, which note on the board what reaches them.
@@ -130,8 +130,9 @@ class Peer {
 /// A peer whose supplier sends straight to the consumers: there is nothing in between to serve.
 class BrokerlessPeer : public Peer {
  public:
-  expected<void, std::string> serve_events(const PeerLane&, const Announce& announce) final {
-    announce("none");
+  expected<void, std::string> serve_events(const PeerLane&,
+                                           const Announce& publish_link_report) final {
+    publish_link_report("none");
     return {};
   }
 };

@@ -84,12 +84,12 @@ Outcome start_lane(PeerBoard& board, Peer& peer, Serve serve, std::size_t index)
   auto is_announced = announced->get_future();
   auto thread = rt::Thread::start(
       thread_config(board.setting, index, true), [announced, index, serve, &board, &peer] {
-        const Announce announce = [&](const std::string& address) {
+        const Announce publish_link_report = [&](const std::string& address) {
           board.setting.addresses[index].set(address);
           announced->set_value({});
         };
         const auto served = without_exceptions(
-            [&] { return (peer.*serve)(lane_of(board.setting, index), announce); });
+            [&] { return (peer.*serve)(lane_of(board.setting, index), publish_link_report); });
         if (served) return;
         // If it was announced before, its callers' deadlines tell that it serves no longer.
         try {

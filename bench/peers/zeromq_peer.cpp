@@ -132,11 +132,12 @@ class ZeromqCaller final : public PeerCaller {
 
 class ZeromqPeer final : public Peer {
  public:
-  expected<void, std::string> serve(const PeerLane& lane, const Announce& announce) override {
+  expected<void, std::string> serve(const PeerLane& lane,
+                                    const Announce& publish_link_report) override {
     const Socket socket(ZMQ_REP);
     const auto address = bind(socket, lane, "calls");
     if (!address) return unexpected{address.error()};
-    announce(*address);
+    publish_link_report(*address);
     PeerMessage message;
     while (zmq_recv(socket.get(), &message, sizeof message, 0) == sizeof message) {
       answer(message);
@@ -146,7 +147,7 @@ class ZeromqPeer final : public Peer {
   }
 
   expected<void, std::string> serve_events(const PeerLane& lane,
-                                           const Announce& announce) override {
+                                           const Announce& publish_link_report) override {
     const Socket in(ZMQ_XSUB);
     const Socket out(in, ZMQ_XPUB);
     std::string addresses;
@@ -155,7 +156,7 @@ class ZeromqPeer final : public Peer {
       if (!address) return unexpected{address.error()};
       addresses += *address + " ";
     }
-    announce(addresses);
+    publish_link_report(addresses);
     zmq_proxy(in.get(), out.get(), nullptr);
     return unexpected{text_of("proxy")};
   }

@@ -6,7 +6,7 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/gvd/cycle.hpp"
+#include "rtpm/gvd/device.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/server_options.hpp"
 

@@ -10,9 +10,9 @@
 #include <string>
 #include <vector>
 
+#include "broadcast/multicast.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/link.hpp"
-#include "rtpm/events/multicast.hpp"
 #include "rtpm/wire/control.hpp"
 #include "rtpm/wire/fragments.hpp"
 #include "rtpm/wire/handshake.hpp"
@@ -221,10 +221,10 @@ TEST(Layouts, Event) {
 }
 
 TEST(Layouts, NewsOfALink) {
-  const auto news = events::read_link_news(
+  const auto news = events::read_link_report(
       laid_out("news of a link",
                {{"state", 2}, {"flags", 1}, {"gap_ns", 0x1112131415161718}, {"lost", 0x21222324}},
-               events::kLinkNewsSize));
+               events::kLinkReportSize));
   ASSERT_TRUE(news);
   EXPECT_EQ(static_cast<int>(news->state), 2);
   EXPECT_TRUE(news->has_peer_restarted);

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "command_lease.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "wire.hpp"

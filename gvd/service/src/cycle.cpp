@@ -1,4 +1,4 @@
-#include "rtpm/gvd/cycle.hpp"
+#include "cycle.hpp"
 
 #include <algorithm>
 #include <cmath>

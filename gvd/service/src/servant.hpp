@@ -2,7 +2,7 @@
 
 #include <device.rtpm.hpp>
 
-#include "rtpm/gvd/cycle.hpp"
+#include "cycle.hpp"
 
 namespace rtpm::gvd {
 

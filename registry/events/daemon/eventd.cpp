@@ -107,7 +107,7 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
   rtpm::eventd::HubLog log(**hub);
   while (!stop.wait_for(std::chrono::milliseconds{250}))
-    log.tell();
+    log.write_disconnects();
   name.reset();
   (*server)->stop();
   return 0;

@@ -16,7 +16,7 @@ class HubLog {
  public:
   explicit HubLog(const events::Hub& hub) : hub_(hub) {}
   /// Says what happened since it was last called.
-  void tell();
+  void write_disconnects();
 
  private:
   const events::Hub& hub_;

@@ -2,7 +2,7 @@
 
 #include "rtpm/base/printable.hpp"
 
-#include "rtpm/events/program.hpp"
+#include "filter/compiled_filter.hpp"
 
 namespace rtpm::events {
 namespace {

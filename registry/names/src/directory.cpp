@@ -65,7 +65,7 @@ class Directory::Impl {
   /// When an operation that begins now ends.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
-  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Claim& claim, bool replaces) {
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces) {
     Request request;
     const OwnerId owner = id_of(claim.owner);
     const auto name = request.text(claim.name);
@@ -171,10 +171,10 @@ const std::string& Directory::registry_url() const noexcept {
   return impl_->registry_url();
 }
 
-expected<Granted, DirectoryError> Directory::bind(const Store::Claim& claim) {
+expected<Granted, DirectoryError> Directory::bind(const Claim& claim) {
   return impl_->bind(claim, /*replaces=*/false);
 }
-expected<Granted, DirectoryError> Directory::rebind(const Store::Claim& claim) {
+expected<Granted, DirectoryError> Directory::rebind(const Claim& claim) {
   return impl_->bind(claim, /*replaces=*/true);
 }
 

@@ -4,7 +4,7 @@
 #include <cstdint>
 
 #include "names.rtpm.hpp"
-#include "rtpm/names/store.hpp"
+#include "store.hpp"
 
 /// Between the library's types and those that the IDL generates.
 namespace rtpm::names {

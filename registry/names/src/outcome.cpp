@@ -1,8 +1,8 @@
 #include "rtpm/names/outcome.hpp"
 
+#include "name.hpp"
 #include "quoted.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/names/name.hpp"
 
 namespace rtpm::names {
 

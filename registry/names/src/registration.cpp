@@ -90,7 +90,7 @@ class Registration::Impl {
  private:
   [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory,
                                                     Takeover takeover = Takeover::kRefused) {
-    Store::Claim claim{name_, url_, interface_, owner_, lease_};
+    Claim claim{name_, url_, interface_, owner_, lease_};
     claim.allows_takeover = takeover == Takeover::kAllowed;
     const auto granted = claim.allows_takeover ? directory.rebind(claim) : directory.bind(claim);
     if (!granted) return unexpected{granted.error()};

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "idl.hpp"
+#include "name.hpp"
 #include "quoted.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
@@ -24,7 +25,7 @@ std::string_view view_of(const flatbuffers::String* text) {
   return text == nullptr ? std::string_view{} : text->string_view();
 }
 
-Store::Claim claim_of(const BindRequest& request, rpc::CallerHost caller) {
+Claim claim_of(const BindRequest& request, rpc::CallerHost caller) {
   return {.name = view_of(request.name()),
           .url = view_of(request.url()),
           .interface = view_of(request.interface()),
@@ -198,11 +199,11 @@ class RegistryServant final : public NamesServant {
   }
 
  private:
-  using Bind = expected<Granted, Refusal> (Store::*)(const Store::Claim&, MonotonicTime);
+  using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
   /// As many as fit a datagram, with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
 
-  rpc::Result<void> bind(const Store::Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
+  rpc::Result<void> bind(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
                          Bind bind_in_store) {
     const rt::AllowAllocationScope not_real_time;
     std::optional<std::string> sentence;
@@ -238,7 +239,7 @@ class RegistryServant final : public NamesServant {
                                  holder == nullptr ? 0 : holder->revision));
   }
 
-  std::optional<std::string> note_refusal(const Store::Claim& claim, const Refusal& refusal,
+  std::optional<std::string> note_refusal(const Claim& claim, const Refusal& refusal,
                                           MonotonicTime now) {
     ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
     if (!is_limit(refusal.outcome)) return std::nullopt;
@@ -248,7 +249,7 @@ class RegistryServant final : public NamesServant {
            outcome_text(refusal.outcome, claim.name, refusal.component) + *more;
   }
 
-  std::optional<std::string> note_takeover(const Store::Claim& claim, const Record& former,
+  std::optional<std::string> note_takeover(const Claim& claim, const Record& former,
                                            MonotonicTime now) {
     ++takeover_count_;
     const auto more = takeover_sentences_.admit(now);

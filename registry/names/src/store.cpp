@@ -1,4 +1,6 @@
-#include "rtpm/names/store.hpp"
+#include "store.hpp"
+
+#include "name.hpp"
 
 #include <algorithm>
 

@@ -8,8 +8,8 @@
 #include <limits>
 #include <set>
 
+#include "cycle.hpp"
 #include "drivers.hpp"
-#include "rtpm/gvd/cycle.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 

@@ -1,6 +1,6 @@
 #include <gtest/gtest.h>
 
-#include "rtpm/events/quota.hpp"
+#include "hub/quota_meter.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/alloc_guard.hpp"
 #include "table.hpp"

@@ -10,7 +10,7 @@ using namespace std::chrono_literals;
 /// Why the filter is refused; fails the test if it is not.
 std::string refusal_of(const Filter& filter) {
   const TypeCatalog catalog = pose_catalog();
-  const auto program = Program::compile(filter, catalog);
+  const auto program = CompiledFilter::compile(filter, catalog);
   EXPECT_FALSE(program);
   return program ? "" : program.error().text;
 }
@@ -50,14 +50,15 @@ TEST(FilterErrors, OperandThatTheFieldCannotBeIsRefusedWithTheFieldsName) {
 TEST(FilterErrors, OperandOfAnotherKindIsTakenWhereItsValueFits) {
   const TypeCatalog catalog = pose_catalog();
   for (const Scalar operand : {Scalar::of(-5), Scalar::of(-5.0)}) {
-    EXPECT_TRUE(Program::compile(where(kPose, "step", Comparison::kEqual, operand), catalog));
-    EXPECT_TRUE(Program::compile(where(kPose, "x", Comparison::kEqual, operand), catalog));
+    EXPECT_TRUE(
+        CompiledFilter::compile(where(kPose, "step", Comparison::kEqual, operand), catalog));
+    EXPECT_TRUE(CompiledFilter::compile(where(kPose, "x", Comparison::kEqual, operand), catalog));
   }
 }
 
 TEST(FilterErrors, TreeTooDeepIsRefused) {
   const TypeCatalog catalog = pose_catalog();
-  EXPECT_TRUE(Program::compile(nested(kFilterDepthMax), catalog));
+  EXPECT_TRUE(CompiledFilter::compile(nested(kFilterDepthMax), catalog));
   expect_words(refusal_of(nested(kFilterDepthMax + 1)), {"16 deep"});
 }
 
@@ -66,7 +67,7 @@ TEST(FilterErrors, TreeTooLargeIsRefused) {
   const auto wide = [](std::size_t nodes) {
     return any_of(std::vector<Filter>(nodes - 1, everything()));
   };
-  EXPECT_TRUE(Program::compile(wide(kFilterNodeCountMax), catalog));
+  EXPECT_TRUE(CompiledFilter::compile(wide(kFilterNodeCountMax), catalog));
   expect_words(refusal_of(wide(kFilterNodeCountMax + 1)), {"64 nodes"});
 }
 
@@ -75,7 +76,7 @@ TEST(FilterErrors, GroupThatKeepsTooMuchIsRefused) {
   const auto conjunction = [](std::size_t count) {
     return correlate(std::vector<Filter>(count, of_type(kPose)));
   };
-  EXPECT_TRUE(Program::compile(conjunction(kGroupSizeMax), catalog));
+  EXPECT_TRUE(CompiledFilter::compile(conjunction(kGroupSizeMax), catalog));
   expect_words(refusal_of(conjunction(kGroupSizeMax + 1)), {"32 events together"});
 }
 

@@ -24,10 +24,10 @@ class HubLinks : public testing::Test {
     ASSERT_TRUE(linked) << linked.error().text;
   }
   /// Waits until the link asks for so many types and sources.
-  static void await_wishes(ServedHub& hub, std::size_t count, std::size_t number = 0) {
+  static void await_interest(ServedHub& hub, std::size_t count, std::size_t number = 0) {
     EXPECT_TRUE(await([&] {
       const LinkStatus status = hub.hub().links().at(number);
-      return status.state == LinkState::kLinked && status.wish_count == count;
+      return status.state == LinkState::kLinked && status.interest_count == count;
     })) << hub.hub().links().at(number).reason;
   }
   [[nodiscard]] std::unique_ptr<Supplier> supply(const ServedHub& hub, std::uint8_t hops) {
@@ -52,7 +52,7 @@ TEST_P(HubLinkBy, BringsWhatAConsumerWantsAndNothingElse) {
   ServedHub near;
   link(near, far, GetParam());
   const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose, 1));
-  await_wishes(near, 1);
+  await_interest(near, 1);
   const auto supplier = supply(far, 1);
   push(*supplier, kButton);
   push(*supplier, kPose, 2);
@@ -75,21 +75,21 @@ TEST_F(HubLinks, AskForWhatIsWantedByNow) {
   ServedHub far;
   ServedHub near;
   link(near, far);
-  await_wishes(near, 0);
+  await_interest(near, 0);
   const auto supplier = supply(far, 1);
   push(*supplier, kPose);
   const auto poses = make_consumer(node_, near, recorder_, of_type(kPose));
-  await_wishes(near, 1);
+  await_interest(near, 1);
   push(*supplier, kPose);
   ASSERT_TRUE(recorder_.await_deliveries(1));
   {
     Recorder others;
     const auto two = make_consumer(node_, near, others, any_of({of_type(kButton), of_type(kGaze)}));
-    await_wishes(near, 3);
+    await_interest(near, 3);
     push(*supplier, kGaze);
     ASSERT_TRUE(others.await_deliveries(1));
   }
-  await_wishes(near, 1);
+  await_interest(near, 1);
   push(*supplier, kGaze);
   ASSERT_TRUE(poses->change(of_type(kButton), {}));
   EXPECT_TRUE(await([&] {
@@ -109,8 +109,8 @@ TEST_F(HubLinks, EventsGoAsFarAsTheirSupplierAllows) {
   Recorder at_second;
   const auto near = make_consumer(node_, second, at_second, of_type(kPose));
   const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
-  await_wishes(third, 1);
-  await_wishes(second, 1);
+  await_interest(third, 1);
+  await_interest(second, 1);
   const auto stays = supply(first, 0);
   const auto goes_one = supply(first, 1);
   const auto goes_two = supply(first, 2);
@@ -134,7 +134,7 @@ TEST_F(HubLinks, WhoWantsItTwoHubsOnIsAskedForAndReached) {
   link(second, first);
   link(third, second);
   const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
-  await_wishes(second, 1);
+  await_interest(second, 1);
   const auto goes_one = supply(first, 1);
   const auto goes_two = supply(first, 2);
   push(*goes_one, kPose);
@@ -163,7 +163,7 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
   }
   for (const auto& each : hubs) {
     for (const std::size_t number : {0U, 1U})
-      await_wishes(*each, 2, number);
+      await_interest(*each, 2, number);
   }
   const auto supplier = supply(*hubs[0], 8);
   const auto other = supply(*hubs[1], 8);
@@ -193,7 +193,7 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
   consumers.clear();
   for (const auto& each : hubs) {
     for (const std::size_t number : {0U, 1U})
-      await_wishes(*each, 0, number);
+      await_interest(*each, 0, number);
   }
 }
 
@@ -206,8 +206,8 @@ TEST_F(HubLinks, BothWaysBetweenTwoEachEventComesOnceToBoth) {
   link(right, left);
   const auto at_left = make_consumer(node_, left, recorder_, of_type(kPose));
   const auto at_right = make_consumer(node_, right, other, of_type(kPose));
-  await_wishes(left, 1);
-  await_wishes(right, 1);
+  await_interest(left, 1);
+  await_interest(right, 1);
   const auto from_left = supply(left, 1);
   const auto from_right = supply(right, 1);
   push(*from_left, kPose, 1);
@@ -243,8 +243,8 @@ TEST_F(HubLinks, ByTwoWaysAnEventComesOnce) {
   const auto consumer =
       make_consumer(node_, sink, recorder_, of_type(kPose), {.queue_capacity = 1000});
   for (ServedHub* each : {&sink, &left, &right})
-    await_wishes(*each, 1);
-  await_wishes(sink, 1, 1);
+    await_interest(*each, 1);
+  await_interest(sink, 1, 1);
   const auto supplier = supply(source, 2);
   constexpr std::size_t kCount = 100;
   for (std::size_t i = 1; i <= kCount; ++i) {
@@ -272,8 +272,8 @@ TEST_F(HubLinks, AnEventWithoutSequenceCrossesOneLinkAlone) {
   Recorder at_second;
   const auto near = make_consumer(node_, second, at_second, of_type(kPose));
   const auto far = make_consumer(node_, third, recorder_, of_type(kPose));
-  await_wishes(third, 1);
-  await_wishes(second, 1);
+  await_interest(third, 1);
+  await_interest(second, 1);
   alignas(16) std::array<std::byte, 2 * kEventHeaderSize> memory{};
   EventWriter writer(memory);
   ASSERT_TRUE(writer.put({.type = kPose, .source = 1, .hops_left = 5}, {}));
@@ -289,21 +289,21 @@ TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndTellTheGap) {
   ServedHub far;
   ServedHub near;
   link(near, far);
-  Recorder news;
-  const auto listener = make_consumer(node_, near, news, of_type(kLinkType));
+  Recorder reports;
+  const auto listener = make_consumer(node_, near, reports, of_type(kLinkType));
   const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
-  await_wishes(near, 2);
+  await_interest(near, 2);
   far.stop();
   ASSERT_TRUE(await([&] { return near.hub().links()[0].state == LinkState::kInterrupted; }));
   EXPECT_FALSE(near.hub().links()[0].reason.empty());
   far.start();
-  await_wishes(near, 2);
+  await_interest(near, 2);
   const LinkStatus status = near.hub().links()[0];
   EXPECT_EQ(status.interruption_count, 1U);
   EXPECT_GT(status.last_gap, 0ns);
   EXPECT_EQ(status.peer_epoch, far.hub().epoch());
-  ASSERT_TRUE(news.await([](const Recorder& it) {
-    const auto told = read_link_news(it.last_payload_);
+  ASSERT_TRUE(reports.await([](const Recorder& it) {
+    const auto told = read_link_report(it.last_payload_);
     return told && told->state == LinkState::kLinked && told->has_peer_restarted && told->gap > 0ns;
   }));
   const auto supplier = supply(far, 1);
@@ -322,7 +322,7 @@ TEST_F(HubLinks, WaitForAHubThatIsNotThereYet) {
   EXPECT_EQ(near.hub().links()[0].state, LinkState::kConnecting);
   const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
   far.start();
-  await_wishes(near, 1);
+  await_interest(near, 1);
 }
 
 // ev-5.2-5
@@ -349,7 +349,7 @@ TEST_F(HubLinks, BringNoMoreThanTheQuota) {
   ServedHub near({.quota = {.events_per_s = 100, .bytes_per_s = 1e6, .burst_s = 0.1}});
   link(near, far);
   const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
-  await_wishes(near, 1);
+  await_interest(near, 1);
   const auto supplier = supply(far, 1);
   for (int i = 0; i < 1000; ++i)
     push(*supplier, kPose);
@@ -363,7 +363,7 @@ TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
   ServedHub near;
   link(near, far);
   const auto consumer = make_consumer(node_, near, recorder_, of_type(kPose));
-  await_wishes(near, 1);
+  await_interest(near, 1);
   std::vector<std::uint32_t> tags;
   for (const ServedHub* hub : {&far, &far, &near}) {
     const auto supplier = supply(*hub, 1);
@@ -385,16 +385,16 @@ TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
 }
 
 // ev-5.5-2
-TEST(LinkNews, IsReadOnlyFromWhatIsIt) {
-  std::array<std::byte, kLinkNewsSize> bytes{};
-  EXPECT_TRUE(read_link_news(bytes));
-  EXPECT_FALSE(read_link_news(ConstBytes(bytes).first(kLinkNewsSize - 1)));
+TEST(LinkReport, IsReadOnlyFromWhatIsIt) {
+  std::array<std::byte, kLinkReportSize> bytes{};
+  EXPECT_TRUE(read_link_report(bytes));
+  EXPECT_FALSE(read_link_report(ConstBytes(bytes).first(kLinkReportSize - 1)));
   bytes[0] = std::byte{4};
-  EXPECT_FALSE(read_link_news(bytes));
+  EXPECT_FALSE(read_link_report(bytes));
   bytes[0] = std::byte{3};
-  EXPECT_EQ(read_link_news(bytes)->state, LinkState::kRefused);
+  EXPECT_EQ(read_link_report(bytes)->state, LinkState::kRefused);
   bytes[1] = std::byte{2};
-  EXPECT_FALSE(read_link_news(bytes));
+  EXPECT_FALSE(read_link_report(bytes));
 }
 
 }  // namespace

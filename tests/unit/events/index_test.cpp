@@ -4,7 +4,7 @@
 #include <random>
 #include <set>
 
-#include "rtpm/events/index.hpp"
+#include "filter/index.hpp"
 
 namespace rtpm::events {
 namespace {

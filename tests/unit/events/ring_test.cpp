@@ -1,4 +1,4 @@
-#include "rtpm/events/ring.hpp"
+#include "broadcast/ring.hpp"
 
 #include <gtest/gtest.h>
 
@@ -25,13 +25,13 @@ struct Ring {
   RingWriter writer{memory, kId};
 
   void write(std::initializer_list<std::uint32_t> places, std::string_view text) {
-    PlaceSet set;
+    SlotSet set;
     for (const std::uint32_t place : places)
       set.add(place);
     EXPECT_TRUE(writer.write(set, std::as_bytes(std::span(text)), 1));
   }
   RingReader reader(std::uint32_t place) {
-    writer.begin_place(place, kOwner);
+    writer.begin_slot(place, kOwner);
     return {memory, place, kOwner, writer.position()};
   }
 };
@@ -93,7 +93,7 @@ TEST(Ring, EventsAreAlignedAndTooLargeOnesRefused) {
   ASSERT_EQ(reader.read(), RingRead::kEvents);
   EXPECT_EQ(reinterpret_cast<std::uintptr_t>(reader.events().data()) % 16, 0U);
   const std::vector<std::byte> large(kRingSizeMin / 4);
-  PlaceSet places;
+  SlotSet places;
   places.add(200);
   EXPECT_FALSE(ring.writer.write(places, large, 1));
   EXPECT_FALSE(reader.has_more());
@@ -119,8 +119,8 @@ TEST(Ring, SlowReaderIsOverrunAndKnowsHowManyItMissed) {
 TEST(Ring, ReaderWhosePlaceIsAnothersReadsNothingOfIt) {
   Ring ring;
   RingReader former = ring.reader(4);
-  ring.writer.end_place(4);
-  ring.writer.begin_place(4, kOwner + 1);
+  ring.writer.end_slot(4);
+  ring.writer.begin_slot(4, kOwner + 1);
   ring.write({4}, "secret");
   EXPECT_EQ(former.read(), RingRead::kGone);
 }
@@ -171,7 +171,7 @@ TEST(Ring, ReadersWhoAreOvertakenNeverSeeHalfARecord) {
   std::vector<std::thread> threads;
   for (RingReader& reader : readers)
     threads.emplace_back([&] { read_all(reader); });
-  PlaceSet both;
+  SlotSet both;
   both.add(0);
   both.add(1);
   for (std::uint64_t i = 1; i <= kCount; ++i) {

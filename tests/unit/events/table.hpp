@@ -11,8 +11,8 @@
 #include <utility>
 #include <vector>
 
-#include "rtpm/events/catalog.hpp"
-#include "rtpm/events/exchange.hpp"
+#include "exchange/exchange.hpp"
+#include "filter/catalog.hpp"
 
 /// What the tests of filters and deliveries share: a type of event, and a subscription that is
 /// shown events on a clock that the test keeps.

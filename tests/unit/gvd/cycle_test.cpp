@@ -1,4 +1,4 @@
-#include "rtpm/gvd/cycle.hpp"
+#include "cycle.hpp"
 
 #include <gtest/gtest.h>
 

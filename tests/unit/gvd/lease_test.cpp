@@ -1,4 +1,4 @@
-#include "rtpm/gvd/lease.hpp"
+#include "command_lease.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "rtpm/gvd/mailbox.hpp"
+#include "mailbox.hpp"
 
 #include <gtest/gtest.h>
 

@@ -9,6 +9,7 @@
 #include <mutex>
 #include <thread>
 
+#include "name.hpp"
 #include "names.rtpm.hpp"
 #include "registry_fixture.hpp"
 #include "rtpm/names/registration.hpp"
@@ -26,7 +27,7 @@ constexpr Owner kArm{.id = 1, .epoch = 10};
 constexpr Owner kStranger{.id = 2, .epoch = 1};
 
 // Leases outlast every test, however slow its machine.
-Store::Claim claim(std::string_view name, Owner owner = kArm) {
+Claim claim(std::string_view name, Owner owner = kArm) {
   return {.name = name,
           .url = "rtpm://127.0.0.1:4711/object",
           .interface = "lab.Arm",
@@ -53,7 +54,7 @@ INSTANTIATE_TEST_SUITE_P(Transports, DirectoryOver,
                          });
 
 TEST_P(DirectoryOver, BindsResolvesListsAndUnbinds) {
-  const Store::Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 1h};
+  const Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 1h};
   ASSERT_TRUE(directory_.bind(arm));
   ASSERT_TRUE(directory_.bind(claim("hall/eye")));
   const auto entry = directory_.resolve("lab/arm0");
@@ -99,7 +100,7 @@ TEST_P(DirectoryOver, TellsInWordsWhatTheRegistryRefused) {
             Outcome::kBadUrl);
   EXPECT_EQ(directory_.rebind(claim("lab/arm0", kStranger)).error().outcome,
             Outcome::kAlreadyBound);
-  Store::Claim taking = claim("lab/arm0", kStranger);
+  Claim taking = claim("lab/arm0", kStranger);
   taking.holder_revision = 1;
   EXPECT_EQ(directory_.rebind(taking).error().outcome, Outcome::kStaleRevision);
   taking.holder_revision = taken.error().holder_revision;
@@ -395,7 +396,7 @@ TEST(Directory, ReportsWhoTookANameFromWhom) {
   rpc::Node node;
   Directory directory(node, registry.url());
   ASSERT_TRUE(directory.bind(claim("lab/arm0")));
-  Store::Claim taking = claim("lab/arm0", kStranger);
+  Claim taking = claim("lab/arm0", kStranger);
   taking.url = "rtpm://127.0.0.1:4712/object";
   taking.allows_takeover = true;
   ASSERT_TRUE(directory.rebind(taking));

@@ -1,4 +1,4 @@
-#include "rtpm/names/name.hpp"
+#include "name.hpp"
 
 #include <gtest/gtest.h>
 

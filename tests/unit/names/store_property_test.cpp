@@ -5,7 +5,7 @@
 #include <random>
 #include <set>
 
-#include "rtpm/names/store.hpp"
+#include "store.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -209,7 +209,7 @@ TEST_P(StoreProperty, BehavesAsTheModel) {
       case 2: {
         const bool replaces = below(4) == 0;
         const auto host = static_cast<std::uint32_t>(1 + below(2));
-        Store::Claim claim{name, url, "lab.Arm", owner, lease};
+        Claim claim{name, url, "lab.Arm", owner, lease};
         claim.host = host;
         claim.allows_takeover = replaces;
         const auto result = replaces ? store.rebind(claim, now) : store.bind(claim, now);

@@ -1,4 +1,4 @@
-#include "rtpm/names/store.hpp"
+#include "store.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,13 +19,13 @@ constexpr MonotonicTime at(Duration time) {
   return MonotonicTime{time};
 }
 
-Store::Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
+Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
 /// The same, with leave to take the name from whoever holds it.
-Store::Claim takeover(std::string_view name, Owner owner) {
-  Store::Claim taking = claim(name, owner);
+Claim takeover(std::string_view name, Owner owner) {
+  Claim taking = claim(name, owner);
   taking.allows_takeover = true;
   return taking;
 }
@@ -67,7 +67,7 @@ class StoreTest : public testing::Test {
 };
 
 TEST_F(StoreTest, GivesBackWhatWasBound) {
-  const Store::Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
+  const Claim arm{"lab/arm0", "rtpm://10.0.0.1:5/lab/arm0", "lab.Arm", kArm, 3s};
   ASSERT_EQ(ending_of(store_.bind(arm, at(1s))), kDone);
   const auto record = store_.resolve("lab/arm0", at(2s));
   ASSERT_TRUE(record);
@@ -130,7 +130,7 @@ TEST_P(Ownership, DecidesWhoMayDoWhat) {
     }
     static_cast<void>(store);
   };
-  Store::Claim theirs = claim("lab/arm0", row.owner, 5s);
+  Claim theirs = claim("lab/arm0", row.owner, 5s);
   theirs.allows_takeover = true;
   auto store = held();
   expect_holder(*store, row.bind, store->bind(theirs, at(1s)));
@@ -162,7 +162,7 @@ INSTANTIATE_TEST_SUITE_P(
 
 TEST_F(StoreTest, LetsARestartedOwnerMoveToAnotherUrl) {
   ASSERT_TRUE(store_.bind(claim("lab/arm0"), at(0s)));
-  Store::Claim moved = claim("lab/arm0", kArmRestarted);
+  Claim moved = claim("lab/arm0", kArmRestarted);
   moved.url = "rtpm://127.0.0.1:4712/object";
   ASSERT_TRUE(store_.bind(moved, at(1s)));
   EXPECT_EQ(store_.resolve("lab/arm0", at(1s)).value()->url, moved.url);
@@ -206,7 +206,7 @@ TEST_F(StoreTest, LetsANameBeBoundOrADirectoryButNotBoth) {
 
 TEST_F(StoreTest, RefusesWhatIsMalformed) {
   const auto bind = [&](auto change) {
-    Store::Claim bad = claim("lab/arm0");
+    Claim bad = claim("lab/arm0");
     change(bad);
     return ending_of(store_.bind(bad, at(0s)));
   };
@@ -252,8 +252,8 @@ constexpr std::uint32_t kOwnHost = 0x7f00'0001;
 constexpr std::uint32_t kNearHost = 0x0a00'0001;
 constexpr std::uint32_t kFarHost = 0x0a00'0002;
 
-Store::Claim claim_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
-  Store::Claim from = claim(name, owner);
+Claim claim_from(std::uint32_t host, std::string_view name, Owner owner = kArm) {
+  Claim from = claim(name, owner);
   from.host = host;
   return from;
 }
@@ -264,7 +264,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   ASSERT_TRUE(first);
   EXPECT_EQ(first->revision, 100u);
   EXPECT_FALSE(first->is_takeover);
-  Store::Claim taking = claim("lab/arm0", kStranger);
+  Claim taking = claim("lab/arm0", kStranger);
   const auto without = store.rebind(taking, at(0s));
   EXPECT_EQ(ending_of(without), (Ending{Outcome::kAlreadyBound, 1}));
   EXPECT_EQ(without.error().holder->revision, first->revision);
@@ -279,7 +279,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   EXPECT_TRUE(taken->is_takeover);
   EXPECT_GT(taken->revision, first->revision);
   // The former holder, in turn, knows no revision that would do.
-  Store::Claim back = claim("lab/arm0");
+  Claim back = claim("lab/arm0");
   back.holder_revision = first->revision;
   EXPECT_EQ(ending_of(store.rebind(back, at(0s))), (Ending{Outcome::kStaleRevision, 1}));
 }

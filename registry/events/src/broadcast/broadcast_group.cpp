@@ -1,7 +1,7 @@
 #include "broadcast/broadcast_group.hpp"
 
+#include "filter/compiled_filter.hpp"
 #include "rtpm/base/assert.hpp"
-#include "rtpm/events/program.hpp"
 
 namespace rtpm::events {
 

@@ -3,9 +3,9 @@
 #include <span>
 #include <vector>
 
+#include "event_store.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
-#include "rtpm/events/event_store.hpp"
 
 /// The events of one delivery as many consumers read them: from the ring, or by multicast.
 namespace rtpm::events {

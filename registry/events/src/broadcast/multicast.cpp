@@ -1,4 +1,4 @@
-#include "rtpm/events/multicast.hpp"
+#include "broadcast/multicast.hpp"
 
 #include <algorithm>
 #include <cstring>

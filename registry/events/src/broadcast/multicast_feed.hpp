@@ -8,8 +8,8 @@
 #include <mutex>
 #include <vector>
 
+#include "broadcast/multicast.hpp"
 #include "broadcast/reader_source.hpp"
-#include "rtpm/events/multicast.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 #include "rtpm/transport/multicast.hpp"

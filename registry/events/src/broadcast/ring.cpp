@@ -1,4 +1,4 @@
-#include "rtpm/events/ring.hpp"
+#include "broadcast/ring.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -38,7 +38,7 @@ Shape unpack(std::uint64_t word) noexcept {
 }
 
 bool is_possible(const Shape& shape) noexcept {
-  return shape.span >= kRecordHeaderSize && shape.place_words <= kRingPlaceCountMax / 64 &&
+  return shape.span >= kRecordHeaderSize && shape.place_words <= kRingSlotCountMax / 64 &&
          kRecordHeaderSize + rounded(shape.place_words * kWord) + rounded(shape.event_bytes) <=
              shape.span;
 }
@@ -69,7 +69,7 @@ void RingWriter::put_bytes(std::uint64_t position, ConstBytes bytes) noexcept {
   }
 }
 
-bool RingWriter::write(const PlaceSet& places, ConstBytes events,
+bool RingWriter::write(const SlotSet& places, ConstBytes events,
                        std::uint32_t event_count) noexcept {
   const std::span<const std::uint64_t> words = places.words();
   const std::size_t place_bytes = rounded(words.size() * kWord);
@@ -107,13 +107,13 @@ void RingWriter::count_for(std::span<const std::uint64_t> words,
   }
 }
 
-void RingWriter::begin_place(std::uint32_t place, std::uint64_t owner) noexcept {
+void RingWriter::begin_slot(std::uint32_t place, std::uint64_t owner) noexcept {
   // SYNC POINT ring-owner: told before the first record of the new owner is written.
   control_->owners[place].store(owner, std::memory_order_release);
   control_->counts[place].store(0, std::memory_order_release);
 }
 
-void RingWriter::end_place(std::uint32_t place) noexcept {
+void RingWriter::end_slot(std::uint32_t place) noexcept {
   control_->owners[place].store(0, std::memory_order_release);
 }
 
@@ -131,7 +131,7 @@ RingReader::RingReader(ConstBytes memory, std::uint32_t place, std::uint64_t own
     : control_(reinterpret_cast<const RingControl*>(memory.data())),
       data_(reinterpret_cast<const std::uint64_t*>(memory.data() + kRingDataOffset)),
       size_(memory.size() - kRingDataOffset),
-      place_(place % kRingPlaceCountMax),
+      place_(place % kRingSlotCountMax),
       owner_(owner),
       position_(begin),
       // One word more, so that the events can begin at a multiple of 16.

@@ -83,16 +83,16 @@ void Consumer::Impl::run() {
   auto session = open();
   if (!session) return report_begin(rpc::SetupError{std::move(session.error().text)});
   report_begin(std::nullopt);
-  tell(NoticeKind::kSubscribed, "");
+  notify(NoticeKind::kSubscribed, "");
   std::string why;
   while (!is_stopping_) {
     why = read(**session);
     if (is_stopping_) break;
-    tell(NoticeKind::kInterrupted, why);
+    notify(NoticeKind::kInterrupted, why);
     if (!come_back(**session)) return;
   }
   subscription_id_ = 0;
-  tell(NoticeKind::kEnded, "It was unsubscribed.");
+  notify(NoticeKind::kEnded, "It was unsubscribed.");
 }
 
 // Tries until it is subscribed again; false if that is in vain.
@@ -113,15 +113,15 @@ bool Consumer::Impl::come_back(Session& session) {
         ++counters_.resubscription_count;
       }
       if (is_suspended_) static_cast<void>(control(Action::Suspend));
-      tell(NoticeKind::kResubscribed, "", rt::now() - lost, epoch != last_epoch_);
+      notify(NoticeKind::kResubscribed, "", rt::now() - lost, epoch != last_epoch_);
       return true;
     }
     if (opened.error().is_final) {
-      tell(NoticeKind::kEnded, opened.error().text);
+      notify(NoticeKind::kEnded, opened.error().text);
       return false;
     }
   }
-  tell(NoticeKind::kEnded, "It was unsubscribed.");
+  notify(NoticeKind::kEnded, "It was unsubscribed.");
   return false;
 }
 
@@ -164,10 +164,10 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   std::shared_ptr<CommonReader> reader;
   auto ring = open_ring(*client, reader);
   auto multicast = ring ? nullptr : open_multicast(*client, reader);
-  SubscribeRequestT wish = request();
-  if (ring) wish.ring = ring->id();
-  if (multicast) wish.multicast = multicast->id();
-  auto stream = client->subscribe(wish, options);
+  SubscribeRequestT subscribe_request = request();
+  if (ring) subscribe_request.ring = ring->id();
+  if (multicast) subscribe_request.multicast = multicast->id();
+  auto stream = client->subscribe(subscribe_request, options);
   if (!stream) return failed(std::string(rpc::to_string(stream.error())));
   const auto first = stream->next(rt::now() + config_.deadline);
   if (!first) return failed(std::string(rpc::to_string(first.error())));
@@ -292,7 +292,7 @@ void Consumer::Impl::update_losses() {
     counters_.losses.add(hub_losses_);
     counters_.losses.add(own_losses_);
   }
-  tell(NoticeKind::kLosses, "");
+  notify(NoticeKind::kLosses, "");
 }
 
 void Consumer::Impl::hand_over(std::span<const EventView> events) {
@@ -309,11 +309,11 @@ void Consumer::Impl::hand_over(std::span<const EventView> events) {
     const std::lock_guard lock(mutex_);
     ++counters_.handler_failure_count;
   }
-  tell(NoticeKind::kHandlerFailed, "The handler threw an exception.");
+  notify(NoticeKind::kHandlerFailed, "The handler threw an exception.");
 }
 
-void Consumer::Impl::tell(NoticeKind kind, std::string_view text, Duration gap,
-                          bool has_hub_restarted) {
+void Consumer::Impl::notify(NoticeKind kind, std::string_view text, Duration gap,
+                            bool has_hub_restarted) {
   Notice notice{kind, text, {}, gap, has_hub_restarted, last_epoch_};
   {
     const std::lock_guard lock(mutex_);

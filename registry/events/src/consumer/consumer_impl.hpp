@@ -73,8 +73,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
   void take(const Batch& batch);
   void update_losses();
   void hand_over(std::span<const EventView> events);
-  void tell(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
-            bool has_hub_restarted = false);
+  void notify(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
+              bool has_hub_restarted = false);
   void report_begin(std::optional<rpc::SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
   /// Reads the broadcast by turns with a common reader, until the stream ends; why it did.

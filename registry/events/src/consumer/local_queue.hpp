@@ -5,8 +5,10 @@
 #include <span>
 #include <vector>
 
+#include "event_store.hpp"
+#include "exchange/delivery_queue.hpp"
 #include "rtpm/events/delivery.hpp"
-#include "rtpm/events/event_store.hpp"
+#include "rtpm/events/filter.hpp"
 
 namespace rtpm::events {
 

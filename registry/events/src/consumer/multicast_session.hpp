@@ -6,10 +6,10 @@
 #include <string>
 #include <vector>
 
+#include "broadcast/multicast.hpp"
 #include "broadcast/multicast_feed.hpp"
 #include "consumer/broadcast_session.hpp"
 #include "idl.hpp"
-#include "rtpm/events/multicast.hpp"
 #include "rtpm/transport/multicast.hpp"
 
 namespace rtpm::events {

@@ -7,9 +7,9 @@
 #include <vector>
 
 #include "broadcast/reader_source.hpp"
+#include "broadcast/ring.hpp"
 #include "consumer/broadcast_session.hpp"
 #include "rtpm/events/delivery.hpp"
-#include "rtpm/events/ring.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 
 namespace rtpm::events {

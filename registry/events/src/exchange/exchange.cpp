@@ -1,4 +1,4 @@
-#include "rtpm/events/exchange.hpp"
+#include "exchange/exchange.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -25,35 +25,35 @@ expected<Exchange::Prepared, FilterError> Exchange::prepare(const Filter& filter
                                                             const DeliveryPolicy& policy,
                                                             const DescriptorSource& types,
                                                             bool is_broadcast) {
-  auto program = Program::compile(filter, types);
-  if (!program) return unexpected{std::move(program.error())};
+  auto compiled = CompiledFilter::compile(filter, types);
+  if (!compiled) return unexpected{std::move(compiled.error())};
   auto gate = Gate::make(policy, types);
   if (!gate) return unexpected{std::move(gate.error())};
-  Prepared prepared{std::move(*program), std::move(*gate), {}, policy.replay, is_broadcast};
+  Prepared prepared{std::move(*compiled), std::move(*gate), {}, policy.replay, is_broadcast};
   if (!is_broadcast) prepared.queue = DeliveryQueue(policy.when_full, policy.queue_capacity);
   return prepared;
 }
 
 void Exchange::enter(SubscriptionNumber number, MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
-  const Program& program = subscription.prepared.program;
-  const bool is_added = index_.add(number, program.interests(), program.is_decided_by_interest());
+  const CompiledFilter& compiled = subscription.prepared.filter;
+  const bool is_added = index_.add(number, compiled.interests(), compiled.is_decided_by_interest());
   RTPM_ASSERT(is_added, "there was room in the index");
-  subscription.prepared.program.start(now);
-  if (!program.has_timeouts() && !subscription.prepared.gate.has_interval()) return;
+  subscription.prepared.filter.start(now);
+  if (!compiled.has_timeouts() && !subscription.prepared.gate.has_interval()) return;
   subscription.is_timed = true;
   timed_.push_back(number);
 }
 
 void Exchange::leave(SubscriptionNumber number) noexcept {
   Subscription& subscription = subscriptions_[number];
-  index_.remove(number, subscription.prepared.program.interests());
+  index_.remove(number, subscription.prepared.filter.interests());
   if (std::exchange(subscription.is_timed, false)) std::erase(timed_, number);
 }
 
 std::optional<SubscriptionNumber> Exchange::subscribe(Prepared prepared,
                                                       MonotonicTime now) noexcept {
-  if (free_.empty() || !index_.has_room(prepared.program.interests().size())) return std::nullopt;
+  if (free_.empty() || !index_.has_room(prepared.filter.interests().size())) return std::nullopt;
   RTPM_ASSERT(!prepared.is_broadcast || broadcaster_ != nullptr, "there is a broadcaster");
   const SubscriptionNumber number = free_.back();
   free_.pop_back();
@@ -72,8 +72,8 @@ std::optional<SubscriptionNumber> Exchange::subscribe(Prepared prepared,
 
 bool Exchange::change(SubscriptionNumber number, Prepared& prepared, MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
-  const std::size_t freed = subscription.prepared.program.interests().size();
-  const std::size_t needed = prepared.program.interests().size();
+  const std::size_t freed = subscription.prepared.filter.interests().size();
+  const std::size_t needed = prepared.filter.interests().size();
   if (needed > freed && !index_.has_room(needed - freed)) return false;
   leave(number);
   prepared.is_broadcast = subscription.prepared.is_broadcast;
@@ -114,14 +114,14 @@ EventRef Exchange::hold(const EventView& event) noexcept {
     held = store_.put(event);
     return static_cast<bool>(held);
   };
-  history_.forget_until(try_again);
-  while (!held && forget_longest_queue())
+  history_.evict_until(try_again);
+  while (!held && trim_longest_queue())
     held = store_.put(event);
   return held;
 }
 
 // Drops half of it, so that it is not asked for each event.
-bool Exchange::forget_longest_queue() noexcept {
+bool Exchange::trim_longest_queue() noexcept {
   const auto longest = std::ranges::max_element(
       subscriptions_, {}, [](const Subscription& each) { return each.prepared.queue.size(); });
   if (longest == subscriptions_.end() || longest->prepared.queue.empty()) return false;
@@ -136,10 +136,10 @@ expected<void, OfferError> Exchange::offer(const EventView& event, MonotonicTime
   if (event.header.type == 0 || event.header.type > kEventTypeMax) {
     return unexpected{OfferError::kBadType};
   }
-  return tell(event, now);
+  return publish(event, now);
 }
 
-expected<void, OfferError> Exchange::tell(const EventView& event, MonotonicTime now) noexcept {
+expected<void, OfferError> Exchange::publish(const EventView& event, MonotonicTime now) noexcept {
   if (event.payload.size() > store_.payload_size_max()) return unexpected{OfferError::kTooLarge};
   const EventRef held = hold(event);
   if (!held) return unexpected{OfferError::kNoMemory};
@@ -166,7 +166,7 @@ void Exchange::match(const EventRef& event, MonotonicTime now) noexcept {
 void Exchange::show(SubscriptionNumber number, const EventRef& event, bool is_decided,
                     MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
-  if (is_decided || subscription.prepared.program.on_event(event, now, group_)) {
+  if (is_decided || subscription.prepared.filter.on_event(event, now, group_)) {
     deliver(number, event, group_, now);
   }
   group_.clear();
@@ -227,7 +227,7 @@ void Exchange::replay(SubscriptionNumber number, MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
   if (subscription.prepared.replay == 0) return;
   history_.visit_last(subscription.prepared.replay, [&](const EventRef& past) {
-    if (!subscription.prepared.program.on_event(past, now, group_)) return;
+    if (!subscription.prepared.filter.on_event(past, now, group_)) return;
     EventHeader header = past.header();
     header.is_replayed = true;
     // A copy, because the event itself is not replayed for others.
@@ -253,7 +253,7 @@ void Exchange::run_timers(SubscriptionNumber number, MonotonicTime now) noexcept
   if (const EventRef held = subscription.prepared.gate.take_held(now)) {
     deliver_group(number, std::span(&held, 1));
   }
-  while (const auto due = subscription.prepared.program.take_due(now)) {
+  while (const auto due = subscription.prepared.filter.take_due(now)) {
     const EventView notice{{.type = kTimeoutType,
                             .source = due->tag,
                             .sequence = due->count,
@@ -265,7 +265,7 @@ void Exchange::run_timers(SubscriptionNumber number, MonotonicTime now) noexcept
       ++subscription.counters.losses.memory_count;
       continue;
     }
-    if (subscription.prepared.program.on_timeout(*due, event, now, group_)) {
+    if (subscription.prepared.filter.on_timeout(*due, event, now, group_)) {
       ++subscription.counters.accepted_count;
       if (subscription.is_suspended) {
         subscription.counters.losses.suspended_count += group_.size();
@@ -281,7 +281,7 @@ MonotonicTime Exchange::next_time() const noexcept {
   MonotonicTime next = kNever;
   for (const SubscriptionNumber number : timed_) {
     const Prepared& prepared = subscriptions_[number].prepared;
-    next = std::min({next, prepared.program.next_time(), prepared.gate.next_time()});
+    next = std::min({next, prepared.filter.next_time(), prepared.gate.next_time()});
   }
   return next;
 }

@@ -1,4 +1,4 @@
-#include "rtpm/events/history.hpp"
+#include "exchange/history.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -14,7 +14,7 @@ History::History(std::size_t key_count_max, std::uint32_t depth)
   chosen_.reserve(used_max_ * depth_);
 }
 
-std::size_t History::place_of(std::uint64_t value) const noexcept {
+std::size_t History::slot_of(std::uint64_t value) const noexcept {
   std::size_t place = static_cast<std::size_t>((value * 0x9e37'79b9'7f4a'7c15ULL) >> 32);
   for (;; ++place) {
     place &= keys_.size() - 1;
@@ -25,7 +25,7 @@ std::size_t History::place_of(std::uint64_t value) const noexcept {
 void History::add(const EventRef& event) noexcept {
   if (depth_ == 0) return;
   const std::uint64_t value = std::uint64_t{event.header().type} << 32 | event.header().source;
-  const std::size_t place = place_of(value);
+  const std::size_t place = slot_of(value);
   Key& key = keys_[place];
   if (!key.is_used) {
     if (used_count_ == used_max_) {

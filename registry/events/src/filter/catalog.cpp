@@ -1,4 +1,4 @@
-#include "rtpm/events/catalog.hpp"
+#include "filter/catalog.hpp"
 
 #include <algorithm>
 

@@ -157,15 +157,15 @@ expected<const FieldDescriptor*, std::string> find_field(EventType type, std::st
   return &*found;
 }
 
-expected<Program, FilterError> Compiler::compile(const Filter& filter) {
+expected<CompiledFilter, FilterError> Compiler::compile(const Filter& filter) {
   auto root = make(filter, std::string(to_string(filter.kind)), 1);
   if (!root) return unexpected{std::move(root.error())};
   for (const std::size_t timer : root->silences)
-    program_.timers_[timer].group = root->index;
-  program_.interests_ = std::move(root->interests);
-  program_.is_decided_by_interest_ = root->is_decided_by_interest;
-  program_.is_stateless_ = program_.timers_.empty() && program_.kept_.empty();
-  return std::move(program_);
+    compiled_.timers_[timer].group = root->index;
+  compiled_.interests_ = std::move(root->interests);
+  compiled_.is_decided_by_interest_ = root->is_decided_by_interest;
+  compiled_.is_stateless_ = compiled_.timers_.empty() && compiled_.kept_.empty();
+  return std::move(compiled_);
 }
 
 Compiler::Result Compiler::make(const Filter& filter, const std::string& place, std::size_t depth) {
@@ -192,7 +192,7 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
   if (filter.kind == Kind::kAll && children.size() == 1 && !children[0].has_timeout) {
     return std::move(children[0]);
   }
-  if (program_.nodes_.size() >= kFilterNodeCountMax) {
+  if (compiled_.nodes_.size() >= kFilterNodeCountMax) {
     return refuse(place, "a filter has at most " + std::to_string(kFilterNodeCountMax) + " nodes");
   }
   switch (filter.kind) {
@@ -213,9 +213,9 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
   }
 }
 
-std::size_t Compiler::add(const Program::Node& node) {
-  program_.nodes_.push_back(node);
-  return program_.nodes_.size() - 1;
+std::size_t Compiler::add(const CompiledFilter::Node& node) {
+  compiled_.nodes_.push_back(node);
+  return compiled_.nodes_.size() - 1;
 }
 
 Compiler::Result Compiler::make_match(const Filter& filter) {
@@ -258,12 +258,12 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
   const auto count_of = [&](MatchKind kind) {
     return static_cast<std::uint32_t>(std::ranges::count(matches, kind, kind_of));
   };
-  Program::Node node{.kind = Kind::kListed};
-  node.match_begin = static_cast<std::uint32_t>(program_.matches_.size());
+  CompiledFilter::Node node{.kind = Kind::kListed};
+  node.match_begin = static_cast<std::uint32_t>(compiled_.matches_.size());
   node.type_begin = node.match_begin + count_of(MatchKind::kExact);
   node.mask_begin = node.type_begin + count_of(MatchKind::kOfType);
   node.match_end = node.mask_begin + count_of(MatchKind::kMasked);
-  program_.matches_.insert(program_.matches_.end(), matches.begin(), matches.end());
+  compiled_.matches_.insert(compiled_.matches_.end(), matches.begin(), matches.end());
   made.index = add(node);
   return made;
 }
@@ -277,7 +277,7 @@ Compiler::Result Compiler::make_where(const Filter& filter, const std::string& p
     return refuse(place, "'" + filter.field + "' of " + in_words(filter.type, descriptor) + ": " +
                              operand.error());
   }
-  Program::Node node{.kind = Kind::kWhere};
+  CompiledFilter::Node node{.kind = Kind::kWhere};
   node.comparison = filter.comparison;
   node.field_type = (*field)->type;
   node.type = filter.type;
@@ -299,12 +299,12 @@ Compiler::Result Compiler::make_timeout(const Filter& filter, const std::string&
   Made made;
   made.index = add({.kind = filter.kind});
   made.has_timeout = true;
-  if (filter.kind == Kind::kSilence) made.silences.push_back(program_.timers_.size());
-  program_.timers_.push_back({.kind = filter.kind,
-                              .node = made.index,
-                              .group = made.index,
-                              .span = filter.span,
-                              .tag = filter.tag});
+  if (filter.kind == Kind::kSilence) made.silences.push_back(compiled_.timers_.size());
+  compiled_.timers_.push_back({.kind = filter.kind,
+                               .node = made.index,
+                               .group = made.index,
+                               .span = filter.span,
+                               .tag = filter.tag});
   return made;
 }
 
@@ -318,7 +318,7 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
     return refuse(place, "a skew is not negative");
   }
   Made made;
-  Program::Node node{.kind = filter.kind};
+  CompiledFilter::Node node{.kind = filter.kind};
   std::size_t sum = 0;
   std::size_t largest = 0;
   made.keeps = filter.kind == Kind::kCorrelate;
@@ -352,7 +352,7 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
   made.index = add(node);
   for (const Made& child : children) {
     for (const std::size_t timer : child.silences)
-      program_.timers_[timer].group = made.index;
+      compiled_.timers_[timer].group = made.index;
   }
   return made;
 }
@@ -374,17 +374,17 @@ std::vector<Interest> Compiler::interests_of(const Filter& filter, const Childre
   return interests;
 }
 
-void Compiler::keep_for(Program::Node& node, const Children& children) {
-  node.kept_begin = static_cast<std::uint32_t>(program_.kept_.size());
+void Compiler::keep_for(CompiledFilter::Node& node, const Children& children) {
+  node.kept_begin = static_cast<std::uint32_t>(compiled_.kept_.size());
   for (const Made& child : children) {
-    Program::Kept kept;
+    CompiledFilter::Kept kept;
     kept.child = static_cast<std::uint32_t>(child.index);
-    program_.kept_.push_back(std::move(kept));
+    compiled_.kept_.push_back(std::move(kept));
   }
 }
 
-expected<Program, FilterError> Program::compile(const Filter& filter,
-                                                const DescriptorSource& types) {
+expected<CompiledFilter, FilterError> CompiledFilter::compile(const Filter& filter,
+                                                              const DescriptorSource& types) {
   return Compiler(types).compile(filter);
 }
 

@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/events/program.hpp"
+#include "filter/compiled_filter.hpp"
 
 namespace rtpm::events {
 
@@ -20,7 +20,7 @@ namespace rtpm::events {
 class Compiler {
  public:
   explicit Compiler(const DescriptorSource& types) noexcept : types_(types) {}
-  [[nodiscard]] expected<Program, FilterError> compile(const Filter& filter);
+  [[nodiscard]] expected<CompiledFilter, FilterError> compile(const Filter& filter);
 
  private:
   /// What the parent has to know of a node.
@@ -46,11 +46,11 @@ class Compiler {
                                   const Children& children);
   [[nodiscard]] static std::vector<Interest> interests_of(const Filter& filter,
                                                           const Children& children);
-  void keep_for(Program::Node& node, const Children& children);
-  [[nodiscard]] std::size_t add(const Program::Node& node);
+  void keep_for(CompiledFilter::Node& node, const Children& children);
+  [[nodiscard]] std::size_t add(const CompiledFilter::Node& node);
 
   const DescriptorSource& types_;
-  Program program_{};
+  CompiledFilter compiled_{};
 };
 
 }  // namespace rtpm::events

@@ -1,4 +1,4 @@
-#include "rtpm/events/index.hpp"
+#include "filter/index.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -36,7 +36,7 @@ std::size_t SubscriptionIndex::home_of(Kind kind, std::uint64_t value) const noe
 }
 
 // Where the key stands, or would stand.
-std::size_t SubscriptionIndex::place_of(Kind kind, std::uint64_t value) const noexcept {
+std::size_t SubscriptionIndex::slot_of(Kind kind, std::uint64_t value) const noexcept {
   std::size_t place = home_of(kind, value);
   while (keys_[place].list != kNone && (keys_[place].value != value || keys_[place].kind != kind)) {
     place = (place + 1) & (keys_.size() - 1);
@@ -58,7 +58,7 @@ bool SubscriptionIndex::add(std::uint32_t subscription, std::span<const Interest
     const Kind kind = !interest.source ? kOfType : interest.type ? kExact : kOfSource;
     const std::uint64_t value =
         std::uint64_t{interest.type.value_or(0)} << 32 | interest.source.value_or(0);
-    Key& key = keys_[place_of(kind, value)];
+    Key& key = keys_[slot_of(kind, value)];
     if (key.list == kNone) {
       key.value = value;
       key.kind = kind;
@@ -79,7 +79,7 @@ void SubscriptionIndex::remove(std::uint32_t subscription,
     const Kind kind = !interest.source ? kOfType : interest.type ? kExact : kOfSource;
     const std::uint64_t value =
         std::uint64_t{interest.type.value_or(0)} << 32 | interest.source.value_or(0);
-    const std::size_t place = place_of(kind, value);
+    const std::size_t place = slot_of(kind, value);
     erase(keys_[place].list, subscription);
     if (keys_[place].list == kNone) {
       --key_counts_[kind];

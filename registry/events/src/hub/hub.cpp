@@ -260,14 +260,14 @@ void HubImpl::reap_dead() noexcept {
       const std::lock_guard lock(mutex_);
       if (outlets_[i].id == 0 || !outlets_[i].is_dead) continue;
       if (receives_multicast(i)) {
-        multicast_->end_place(i);
+        multicast_->end_slot(i);
       } else if (exchange_.is_broadcast(i)) {
-        ring_->end_place(i);
+        ring_->end_slot(i);
       }
       leftover = exchange_.unsubscribe(i);
       std::swap(outlet, outlets_[i]);
     }
-    forget_wishes(outlet.id);
+    remove_interest_set(outlet.id);
     disconnects_.note(outlet.name, outlet.reason, rt::now());
   }
 }

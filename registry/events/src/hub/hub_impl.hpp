@@ -9,18 +9,18 @@
 #include <string>
 #include <vector>
 
+#include "exchange/exchange.hpp"
+#include "filter/catalog.hpp"
 #include "hub/disconnects.hpp"
 #include "hub/intake.hpp"
 #include "hub/multicast_outlet.hpp"
 #include "hub/outlet.hpp"
 #include "hub/ring_outlet.hpp"
 #include "idl.hpp"
+#include "link/interest_set.hpp"
 #include "link/link.hpp"
-#include "rtpm/events/catalog.hpp"
-#include "rtpm/events/exchange.hpp"
+#include "link/repetition_guard.hpp"
 #include "rtpm/events/hub.hpp"
-#include "rtpm/events/repetition_guard.hpp"
-#include "rtpm/events/wishes.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/transport/polled_wait_set.hpp"
@@ -68,14 +68,14 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
                            const rpc::CallContext& context) override;
   rpc::Result<void> multicast(rpc::ReplyBuilder<MulticastReply>& reply,
                               const rpc::CallContext& context) override;
-  rpc::Result<void> repair(const RepairWish& wish, rpc::ReplyBuilder<RepairReply>& reply,
+  rpc::Result<void> repair(const RepairWish& missing, rpc::ReplyBuilder<RepairReply>& reply,
                            const rpc::CallContext& context) override;
 
  private:
   using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
 
   /// What a subscription wants, and for which hub.
-  struct Wishes {
+  struct InterestSet {
     std::vector<Match> matches{};
     std::uint64_t linking_hub = 0;
   };
@@ -126,13 +126,13 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void reap_dead() noexcept;
 
   std::uint64_t host_epoch() const noexcept override { return epoch_; }
-  std::vector<Match> wishes_but_of(std::uint64_t peer) const override;
+  std::vector<Match> interest_set_without(std::uint64_t peer) const override;
   void take_linked(std::size_t link, const EventView& event) noexcept override;
-  void announce(std::size_t link, const LinkNews& news) noexcept override;
-  void note_wishes(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub);
-  void change_wishes(std::uint64_t id, std::vector<Match> matches);
-  void forget_wishes(std::uint64_t id);
-  void tell_links();
+  void publish_link_report(std::size_t link, const LinkReport& report) noexcept override;
+  void add_interest_set(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub);
+  void change_interest_set(std::uint64_t id, std::vector<Match> matches);
+  void remove_interest_set(std::uint64_t id);
+  void notify_links();
   [[nodiscard]] std::vector<std::uint64_t> linking_subscriptions() const;
 
   const std::uint64_t epoch_;
@@ -163,8 +163,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   rt::Thread thread_{};
 
   /// By the subscription's id. Held for short, and never with mutex_.
-  mutable rt::PiMutex wishes_mutex_;
-  std::map<std::uint64_t, Wishes> wishes_{};
+  mutable rt::PiMutex interest_mutex_;
+  std::map<std::uint64_t, InterestSet> interest_sets_{};
   mutable rt::PiMutex links_mutex_;
   std::vector<std::unique_ptr<Link>> links_{};  ///< End first.
 };

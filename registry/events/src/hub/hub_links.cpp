@@ -77,9 +77,9 @@ void HubImpl::take_linked(std::size_t link, const EventView& event) noexcept {
 }
 
 // ev-5.5-1
-void HubImpl::announce(std::size_t link, const LinkNews& news) noexcept {
-  alignas(16) std::array<std::byte, kLinkNewsSize> payload{};
-  write_link_news(news, payload);
+void HubImpl::publish_link_report(std::size_t link, const LinkReport& report) noexcept {
+  alignas(16) std::array<std::byte, kLinkReportSize> payload{};
+  write_link_report(report, payload);
   const WakeAfter wake_after(*this);
   const std::lock_guard lock(mutex_);
   const MonotonicTime now = rt::now();
@@ -89,61 +89,61 @@ void HubImpl::announce(std::size_t link, const LinkNews& news) noexcept {
                            .sequence = ++intake.news_count,
                            .origin = now,
                            .hub_received = now};
-  if (!exchange_.tell({header, payload}, now)) ++intake_counters_.no_memory_count;
+  if (!exchange_.publish({header, payload}, now)) ++intake_counters_.no_memory_count;
   pump_ready(now);
   ring_if_needed(now);
 }
 
-// --- wishes ----------------------------------------------------------------------------------
+// --- interest --------------------------------------------------------------------------------
 
 // ev-5.2-1 and ev-5.2-3
-std::vector<Match> HubImpl::wishes_but_of(std::uint64_t peer) const {
+std::vector<Match> HubImpl::interest_set_without(std::uint64_t peer) const {
   std::vector<Match> all;
   {
-    const std::lock_guard lock(wishes_mutex_);
-    for (const auto& [id, wishes] : wishes_) {
-      if (wishes.linking_hub != 0 && wishes.linking_hub == peer) continue;
-      all.insert(all.end(), wishes.matches.begin(), wishes.matches.end());
+    const std::lock_guard lock(interest_mutex_);
+    for (const auto& [id, interest] : interest_sets_) {
+      if (interest.linking_hub != 0 && interest.linking_hub == peer) continue;
+      all.insert(all.end(), interest.matches.begin(), interest.matches.end());
     }
   }
-  return unite(std::move(all));
+  return unite_interest(std::move(all));
 }
 
-void HubImpl::note_wishes(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub) {
+void HubImpl::add_interest_set(std::uint64_t id, std::vector<Match> matches, std::uint64_t hub) {
   {
-    const std::lock_guard lock(wishes_mutex_);
-    wishes_.insert_or_assign(id, Wishes{std::move(matches), hub});
+    const std::lock_guard lock(interest_mutex_);
+    interest_sets_.insert_or_assign(id, InterestSet{std::move(matches), hub});
   }
-  tell_links();
+  notify_links();
 }
 
-void HubImpl::change_wishes(std::uint64_t id, std::vector<Match> matches) {
+void HubImpl::change_interest_set(std::uint64_t id, std::vector<Match> matches) {
   {
-    const std::lock_guard lock(wishes_mutex_);
-    const auto found = wishes_.find(id);
-    if (found == wishes_.end()) return;  // It has just ended.
+    const std::lock_guard lock(interest_mutex_);
+    const auto found = interest_sets_.find(id);
+    if (found == interest_sets_.end()) return;  // It has just ended.
     std::swap(found->second.matches, matches);
   }
-  tell_links();
+  notify_links();
 }
 
 // The links see it when they look the next time: asking for too much for a moment does no harm.
-void HubImpl::forget_wishes(std::uint64_t id) {
-  const std::lock_guard lock(wishes_mutex_);
-  wishes_.erase(id);
+void HubImpl::remove_interest_set(std::uint64_t id) {
+  const std::lock_guard lock(interest_mutex_);
+  interest_sets_.erase(id);
 }
 
-void HubImpl::tell_links() {
+void HubImpl::notify_links() {
   const std::lock_guard lock(links_mutex_);
   for (const auto& each : links_)
-    each->on_wishes_changed();
+    each->on_interest_changed();
 }
 
 std::vector<std::uint64_t> HubImpl::linking_subscriptions() const {
   std::vector<std::uint64_t> ids;
-  const std::lock_guard lock(wishes_mutex_);
-  for (const auto& [id, wishes] : wishes_) {
-    if (wishes.linking_hub != 0) ids.push_back(id);
+  const std::lock_guard lock(interest_mutex_);
+  for (const auto& [id, interest] : interest_sets_) {
+    if (interest.linking_hub != 0) ids.push_back(id);
   }
   return ids;
 }

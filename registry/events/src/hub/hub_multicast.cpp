@@ -29,7 +29,7 @@ rpc::Result<void> HubImpl::multicast(rpc::ReplyBuilder<MulticastReply>& reply,
 }
 
 // ev-7.3-1 and ev-7.3-2
-rpc::Result<void> HubImpl::repair(const RepairWish& wish, rpc::ReplyBuilder<RepairReply>& reply,
+rpc::Result<void> HubImpl::repair(const RepairWish& missing, rpc::ReplyBuilder<RepairReply>& reply,
                                   const rpc::CallContext&) {
   const rt::AllowAllocationScope is_allowed;
   std::vector<std::uint8_t> datagrams(kRepairSizeMax);
@@ -37,14 +37,14 @@ rpc::Result<void> HubImpl::repair(const RepairWish& wish, rpc::ReplyBuilder<Repa
   RepairFacts facts;
   {
     const std::lock_guard lock(mutex_);
-    const auto number = find(wish.subscription());
+    const auto number = find(missing.subscription());
     if (!number || !receives_multicast(*number)) return unexpected{rpc::Refusal::kGone};
     const MulticastWriter& writer = multicast_->writer();
     facts = RepairFacts(writer.oldest_sequence(), writer.next_sequence(),
                         multicast_->written_count(*number));
     for (std::uint64_t i = 0; i <= 64; ++i) {
-      if (i > 0 && (wish.later() >> (i - 1) & 1) == 0) continue;
-      const ConstBytes datagram = writer.datagram(wish.first() + i);
+      if (i > 0 && (missing.later() >> (i - 1) & 1) == 0) continue;
+      const ConstBytes datagram = writer.datagram(missing.first() + i);
       if (datagram.empty()) continue;
       if (size + kSizeSize + datagram.size() > datagrams.size()) break;
       std::byte* const to = std::as_writable_bytes(std::span(datagrams)).data() + size;

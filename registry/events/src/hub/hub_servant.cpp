@@ -29,7 +29,7 @@ flatbuffers::Offset<LinkEntry> link_entry_of(flatbuffers::FlatBufferBuilder& bui
   const auto reason = status.reason.empty() ? 0 : builder.CreateString(status.reason);
   return CreateLinkEntry(builder, builder.CreateString(status.target),
                          static_cast<LinkCondition>(status.state), reason, status.peer_epoch,
-                         static_cast<std::uint32_t>(status.wish_count), &counts);
+                         static_cast<std::uint32_t>(status.interest_count), &counts);
 }
 
 }  // namespace
@@ -105,7 +105,7 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   outlet.is_latest_only =
       static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
   // Before it is there, so that it can't end before.
-  note_wishes(id, wishes_of(*filter_of(*request.filter())), request.linking_hub());
+  add_interest_set(id, interest_set_of(*filter_of(*request.filter())), request.linking_hub());
   {
     const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
@@ -113,9 +113,9 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
     const auto place = exchange_.next_number();
     std::uint64_t position = 0;
     if (is_multicast && place) {
-      position = multicast_->begin_place(*place, outlet.id);
+      position = multicast_->begin_slot(*place, outlet.id);
     } else if (reads_ring && place) {
-      position = ring_->begin_place(*place, outlet.id);
+      position = ring_->begin_slot(*place, outlet.id);
     }
     if (const auto number = exchange_.subscribe(std::move(*prepared), now)) {
       outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number, position);
@@ -125,9 +125,9 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
       ring_if_needed(now);
       return;
     }
-    if (is_multicast && place) multicast_->end_place(*place);
+    if (is_multicast && place) multicast_->end_slot(*place);
   }
-  forget_wishes(id);
+  remove_interest_set(id);
   refuse(outlet.writer, "The hub is full: it has as many subscriptions as it takes.");
 }
 
@@ -162,7 +162,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
     refusal = std::move(prepared.error());
   }
   if (is_changed) {
-    change_wishes(request.subscription(), wishes_of(*filter_of(*request.filter())));
+    change_interest_set(request.subscription(), interest_set_of(*filter_of(*request.filter())));
   }
   auto& builder = reply.builder();
   const auto text = refusal.empty() ? 0 : builder.CreateString(refusal);

@@ -5,9 +5,9 @@
 #include <string>
 #include <vector>
 
+#include "hub/quota_meter.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/hub.hpp"
-#include "rtpm/events/quota.hpp"
 
 namespace rtpm::events {
 

@@ -37,8 +37,7 @@ MulticastOutlet::MulticastOutlet(const MulticastConfig& config, transport::Multi
       places_(subscription_count_max),
       encoded_(kGroupSizeMax * event_span(payload_size_max) / sizeof(std::uint64_t)) {}
 
-std::uint64_t MulticastOutlet::begin_place(SubscriptionNumber number,
-                                           std::uint64_t owner) noexcept {
+std::uint64_t MulticastOutlet::begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept {
   places_[number] = {true, static_cast<std::uint32_t>(owner), 0};
   return writer_.next_sequence();
 }

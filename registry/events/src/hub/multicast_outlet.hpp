@@ -5,11 +5,11 @@
 #include <span>
 #include <vector>
 
+#include "broadcast/multicast.hpp"
+#include "exchange/exchange.hpp"
 #include "hub/ring_outlet.hpp"
 #include "rtpm/base/expected.hpp"
-#include "rtpm/events/exchange.hpp"
 #include "rtpm/events/hub.hpp"
-#include "rtpm/events/multicast.hpp"
 #include "rtpm/transport/multicast.hpp"
 
 namespace rtpm::events {
@@ -32,8 +32,8 @@ class MulticastOutlet final : public Broadcaster {
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
                  std::span<const EventRef> group) noexcept override;
   /// The datagram with which a subscription begins that begins now. `owner` is its id.
-  [[nodiscard]] std::uint64_t begin_place(SubscriptionNumber number, std::uint64_t owner) noexcept;
-  void end_place(SubscriptionNumber number) noexcept { places_[number] = {}; }
+  [[nodiscard]] std::uint64_t begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept;
+  void end_slot(SubscriptionNumber number) noexcept { places_[number] = {}; }
   [[nodiscard]] bool has_place(SubscriptionNumber number) const noexcept {
     return places_[number].is_used;
   }

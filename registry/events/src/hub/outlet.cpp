@@ -105,7 +105,7 @@ bool Outlet::has_room() const noexcept {
 
 Outlet::Outcome Outlet::pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,
                              MonotonicTime now) noexcept {
-  while (!queue.empty() || partial_ || is_welcome_due || losses != told_) {
+  while (!queue.empty() || partial_ || is_welcome_due || losses != reported_) {
     if (!writer.is_awaited()) return Outcome::kGone;
     if (!has_room()) return Outcome::kBacklog;
     const auto sent = send_once(queue, losses, builder, now);
@@ -121,9 +121,9 @@ expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses&
   // In one frame, so that no event waits for the rest of others.
   const std::size_t item_max = writer.item_frame_size_max();
   const std::size_t part_max = (item_max - std::min(item_max, kItemOverheadMax)) & ~std::size_t{15};
-  const Losses news = losses;
+  const Losses total = losses;
   const ItemBuilder::Extras extras{.welcome = is_welcome_due ? &welcome : nullptr,
-                                   .losses = news != told_ ? &news : nullptr};
+                                   .losses = total != reported_ ? &total : nullptr};
   if (!partial_ && !queue.empty() && event_span(queue[0].event.payload().size()) > part_max) {
     // Held here, so that nothing takes its place in the queue while half of it is sent.
     partial_ = queue[0].event;
@@ -143,7 +143,7 @@ expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses&
   }
   if (auto written = writer.write(builder.item()); !written) return written;
   is_welcome_due = false;
-  told_ = news;
+  reported_ = total;
   for (; count > 0; --count)
     queue.pop();
   partial_offset_ += part_size;

@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
+#include "exchange/delivery_queue.hpp"
 #include "idl.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/events/delivery.hpp"
 #include "rtpm/events/hub.hpp"
 
 namespace rtpm::events {
@@ -80,7 +80,7 @@ class Outlet {
                                                            ItemBuilder& builder,
                                                            MonotonicTime now) noexcept;
 
-  Losses told_{};
+  Losses reported_{};
   EventRef partial_{};  ///< The event that is being sent in parts,
   bool is_partial_continued_ = false;
   std::size_t partial_offset_ = 0;  ///< and how much of it is.

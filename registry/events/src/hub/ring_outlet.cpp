@@ -35,7 +35,7 @@ RingOutlet::RingOutlet(std::uint64_t id, transport::BroadcastMemory memory,
 
 void RingOutlet::broadcast(std::span<const SubscriptionNumber> subscriptions,
                            std::span<const EventRef> group) noexcept {
-  PlaceSet places;
+  SlotSet places;
   for (const SubscriptionNumber number : subscriptions)
     places.add(number);
   const ConstBytes events =

@@ -5,9 +5,9 @@
 #include <span>
 #include <vector>
 
+#include "broadcast/ring.hpp"
+#include "exchange/exchange.hpp"
 #include "rtpm/base/expected.hpp"
-#include "rtpm/events/exchange.hpp"
-#include "rtpm/events/ring.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 
 namespace rtpm::events {
@@ -28,11 +28,11 @@ class RingOutlet final : public Broadcaster {
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
                  std::span<const EventRef> group) noexcept override;
   /// Where a subscription that begins now has its first event.
-  [[nodiscard]] std::uint64_t begin_place(SubscriptionNumber number, std::uint64_t owner) noexcept {
-    writer_.begin_place(number, owner);
+  [[nodiscard]] std::uint64_t begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept {
+    writer_.begin_slot(number, owner);
     return writer_.position();
   }
-  void end_place(SubscriptionNumber number) noexcept { writer_.end_place(number); }
+  void end_slot(SubscriptionNumber number) noexcept { writer_.end_slot(number); }
   /// For whom something was written since it was last asked.
   [[nodiscard]] std::uint32_t take_wake_bits() noexcept { return std::exchange(wake_bits_, 0); }
   void wake(std::uint32_t bits) noexcept {

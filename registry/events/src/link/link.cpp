@@ -32,30 +32,30 @@ std::string_view to_string(LinkState state) noexcept {
 }
 
 // ev-5.5-2
-std::optional<LinkNews> read_link_news(ConstBytes payload) noexcept {
+std::optional<LinkReport> read_link_report(ConstBytes payload) noexcept {
   ByteReader reader(payload);
-  LinkNews news;
+  LinkReport report;
   const auto state = reader.take<std::uint8_t>();
   const auto flags = reader.take<std::uint8_t>();
   const bool has_zeros = reader.take_zeros(6);
-  news.gap = Duration{static_cast<std::int64_t>(reader.take<std::uint64_t>())};
-  news.lost_count = reader.take<std::uint64_t>();
-  news.state = static_cast<LinkState>(state);
-  news.has_peer_restarted = (flags & kFlagRestarted) != 0;
-  const bool is_sound = reader.ok() && has_zeros && payload.size() == kLinkNewsSize &&
+  report.gap = Duration{static_cast<std::int64_t>(reader.take<std::uint64_t>())};
+  report.lost_count = reader.take<std::uint64_t>();
+  report.state = static_cast<LinkState>(state);
+  report.has_peer_restarted = (flags & kFlagRestarted) != 0;
+  const bool is_sound = reader.ok() && has_zeros && payload.size() == kLinkReportSize &&
                         state <= static_cast<std::uint8_t>(LinkState::kRefused) &&
                         (flags & ~kFlagRestarted) == 0;
   if (!is_sound) return std::nullopt;
-  return news;
+  return report;
 }
 
-void write_link_news(const LinkNews& news, MutableBytes to) noexcept {
+void write_link_report(const LinkReport& report, MutableBytes to) noexcept {
   ByteWriter writer(to);
-  writer.put(static_cast<std::uint8_t>(news.state));
-  writer.put(static_cast<std::uint8_t>(news.has_peer_restarted ? kFlagRestarted : 0));
+  writer.put(static_cast<std::uint8_t>(report.state));
+  writer.put(static_cast<std::uint8_t>(report.has_peer_restarted ? kFlagRestarted : 0));
   writer.put_zeros(6);
-  writer.put(static_cast<std::uint64_t>(news.gap.count()));
-  writer.put(news.lost_count);
+  writer.put(static_cast<std::uint64_t>(report.gap.count()));
+  writer.put(report.lost_count);
 }
 
 Link::Link(LinkHost& host, std::size_t number, rpc::Node& node, std::string target,
@@ -87,7 +87,7 @@ Link::~Link() {
   thread_.join();
 }
 
-void Link::on_wishes_changed() {
+void Link::on_interest_changed() {
   {
     const std::lock_guard lock(mutex_);
     has_changed_ = true;
@@ -103,7 +103,7 @@ LinkStatus Link::status() const {
 // --- the thread ------------------------------------------------------------------------------
 
 void Link::run() {
-  std::uint64_t told_lost_count = 0;
+  std::uint64_t reported_lost_count = 0;
   std::unique_lock lock(mutex_);
   while (!is_stopping_) {
     has_changed_ = false;
@@ -111,11 +111,11 @@ void Link::run() {
     attend();
     lock.lock();
     const std::uint64_t lost_count = status_.losses.total();
-    if (lost_count != told_lost_count) {
-      told_lost_count = lost_count;
-      const LinkNews news{.state = status_.state, .lost_count = lost_count};
+    if (lost_count != reported_lost_count) {
+      reported_lost_count = lost_count;
+      const LinkReport report{.state = status_.state, .lost_count = lost_count};
       lock.unlock();
-      host_.announce(number_, news);
+      host_.publish_link_report(number_, report);
       lock.lock();
     }
     changed_.wait_for(lock, config_.attend_interval,
@@ -140,7 +140,7 @@ void Link::attend() {
   if (consumer_ == nullptr) {
     subscribe();
   } else {
-    update_wishes();
+    update_interest_set();
   }
 }
 
@@ -187,7 +187,7 @@ void Link::read_clock(const HubFacts& facts) {
 void Link::subscribe() {
   ConsumerConfig wanted;
   wanted.name = config_.name;
-  asked_ = host_.wishes_but_of(status().peer_epoch);
+  asked_ = host_.interest_set_without(status().peer_epoch);
   wanted.filter = listed(asked_);
   // ev-5.4-1: what this hub does not take waits over there, and for a time only.
   wanted.delivery = {.queue_capacity = config_.queue_capacity};
@@ -203,12 +203,12 @@ void Link::subscribe() {
   if (!consumer) return set_state(LinkState::kRefused, std::move(consumer.error().text));
   consumer_ = std::move(*consumer);
   const std::lock_guard lock(mutex_);
-  status_.wish_count = asked_.size();
+  status_.interest_count = asked_.size();
 }
 
 // ev-5.2-1: the other hub is asked for just what is wanted by now.
-void Link::update_wishes() {
-  std::vector<Match> wanted = host_.wishes_but_of(status().peer_epoch);
+void Link::update_interest_set() {
+  std::vector<Match> wanted = host_.interest_set_without(status().peer_epoch);
   if (wanted == asked_ || !consumer_->is_subscribed()) return;
   const auto changed =
       consumer_->change(listed(wanted), {.queue_capacity = config_.queue_capacity});
@@ -218,7 +218,7 @@ void Link::update_wishes() {
     return;
   }
   asked_ = std::move(wanted);
-  status_.wish_count = asked_.size();
+  status_.interest_count = asked_.size();
   if (status_.state == LinkState::kLinked) status_.reason.clear();
 }
 
@@ -241,7 +241,7 @@ void Link::on_events(std::span<const EventView> events) {
 }
 
 void Link::on_notice(const Notice& notice) {
-  LinkNews news;
+  LinkReport report;
   {
     const std::lock_guard lock(mutex_);
     status_.losses = earlier_losses_;
@@ -269,11 +269,11 @@ void Link::on_notice(const Notice& notice) {
         // Losses are told by the other thread, so that they are no flood themselves.
         return;
     }
-    news = {status_.state, notice.has_hub_restarted, notice.gap, status_.losses.total()};
+    report = {status_.state, notice.has_hub_restarted, notice.gap, status_.losses.total()};
     has_changed_ = true;
   }
   changed_.notify_all();
-  host_.announce(number_, news);
+  host_.publish_link_report(number_, report);
 }
 
 }  // namespace rtpm::events

@@ -30,7 +30,7 @@ class Link final : private EventHandler {
   [[nodiscard]] expected<void, rt::RealtimeError> start();
 
   /// The host's subscriptions have changed. Returns at once.
-  void on_wishes_changed();
+  void on_interest_changed();
   /// But for the counts of what the host took.
   [[nodiscard]] LinkStatus status() const;
 
@@ -49,7 +49,7 @@ class Link final : private EventHandler {
   [[nodiscard]] bool reach_peer();
   void read_clock(const HubFacts& facts);
   void subscribe();
-  void update_wishes();
+  void update_interest_set();
   void set_state(LinkState state, std::string reason);
 
   LinkHost& host_;

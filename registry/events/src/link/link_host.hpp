@@ -9,8 +9,8 @@
 
 namespace rtpm::events {
 
-/// Writes what read_link_news() reads: kLinkNewsSize bytes.   RT: alloc-free.
-void write_link_news(const LinkNews& news, MutableBytes to) noexcept;
+/// Writes what read_link_report() reads: kLinkReportSize bytes.   RT: alloc-free.
+void write_link_report(const LinkReport& report, MutableBytes to) noexcept;
 
 /// What a link needs of the hub that it is of.   Threads: any.
 class LinkHost {
@@ -19,11 +19,11 @@ class LinkHost {
   [[nodiscard]] virtual std::uint64_t host_epoch() const noexcept = 0;
   /// What its consumers want, but for those that the hub `peer` subscribed for: a hub is not asked
   /// for what it asks for itself. Set-up only.
-  [[nodiscard]] virtual std::vector<Match> wishes_but_of(std::uint64_t peer) const = 0;
+  [[nodiscard]] virtual std::vector<Match> interest_set_without(std::uint64_t peer) const = 0;
   /// Takes an event that came over a link, with its times on this hub's clock.   RT: alloc-free.
   virtual void take_linked(std::size_t link, const EventView& event) noexcept = 0;
   /// Tells the consumers who asked for it what became of a link.   RT: alloc-free.
-  virtual void announce(std::size_t link, const LinkNews& news) noexcept = 0;
+  virtual void publish_link_report(std::size_t link, const LinkReport& report) noexcept = 0;
 };
 
 }  // namespace rtpm::events

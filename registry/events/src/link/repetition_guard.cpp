@@ -1,4 +1,4 @@
-#include "rtpm/events/repetition_guard.hpp"
+#include "link/repetition_guard.hpp"
 
 #include <algorithm>
 #include <bit>

@@ -6,7 +6,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/driver/driver.hpp"
-#include "rtpm/gvd/cycle.hpp"
+#include "rtpm/gvd/device.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/thread.hpp"

@@ -1,5 +1,7 @@
 #pragma once
 
+#include <chrono>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -10,6 +12,15 @@
 #include "rtpm/events/scalar.hpp"
 
 namespace rtpm::events {
+
+/// What a filter may be at most.
+inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nodes in each other, the root included.
+inline constexpr std::size_t kFilterNodeCountMax = 64;
+inline constexpr std::size_t kGroupSizeMax = 32;     ///< Events that a filter delivers together.
+inline constexpr std::size_t kMatchCountMax = 1024;  ///< Of a list.
+/// No timeout comes more often, none waits longer.
+inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
+inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
 
 /// How a predicate compares a field with its operand.
 enum class Comparison : std::uint8_t {

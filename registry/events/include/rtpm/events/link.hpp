@@ -54,9 +54,9 @@ enum class LinkState : std::uint8_t {
 struct LinkStatus {
   std::string target{};
   LinkState state = LinkState::kConnecting;
-  std::string reason{};          ///< Why it is not linked; empty: it is.
-  std::uint64_t peer_epoch = 0;  ///< The other hub's life; 0: not known yet.
-  std::size_t wish_count = 0;    ///< Types and sources that the other hub is asked for.
+  std::string reason{};            ///< Why it is not linked; empty: it is.
+  std::uint64_t peer_epoch = 0;    ///< The other hub's life; 0: not known yet.
+  std::size_t interest_count = 0;  ///< Types and sources that the other hub is asked for.
   std::uint64_t taken_count = 0;
   /// Had come before, by another way, or had been pushed here. Source: spec/events.md#ev-5.3.
   std::uint64_t repeated_count = 0;
@@ -69,15 +69,15 @@ struct LinkStatus {
 
 /// What an event of kLinkType tells: something became of a link, so that what comes over it may
 /// have gaps. Consumers who want to know subscribe to it; it goes to no other hub.
-struct LinkNews {
+struct LinkReport {
   LinkState state = LinkState::kConnecting;
   bool has_peer_restarted = false;  ///< It is another life of the other hub.
   Duration gap{0};                  ///< kLinked: how long it was interrupted, 0: the first time.
   std::uint64_t lost_count = 0;     ///< Since the link was made, but for interruptions.
-  friend bool operator==(const LinkNews&, const LinkNews&) = default;
+  friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
-inline constexpr std::size_t kLinkNewsSize = 24;
+inline constexpr std::size_t kLinkReportSize = 24;
 /// What the payload of an event of kLinkType says; nothing if it is none.   RT: alloc-free.
-[[nodiscard]] std::optional<LinkNews> read_link_news(ConstBytes payload) noexcept;
+[[nodiscard]] std::optional<LinkReport> read_link_report(ConstBytes payload) noexcept;
 
 }  // namespace rtpm::events

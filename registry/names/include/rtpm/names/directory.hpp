@@ -9,9 +9,9 @@
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/names/claim.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/outcome.hpp"
-#include "rtpm/names/store.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::names {
@@ -53,9 +53,9 @@ class Directory {
   ~Directory();
 
   /// As Store::bind(); the registry itself sees from which host.
-  [[nodiscard]] expected<Granted, DirectoryError> bind(const Store::Claim& claim);
+  [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim);
   /// As Store::rebind(), likewise.
-  [[nodiscard]] expected<Granted, DirectoryError> rebind(const Store::Claim& claim);
+  [[nodiscard]] expected<Granted, DirectoryError> rebind(const Claim& claim);
   /// As Store::renew().
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease);

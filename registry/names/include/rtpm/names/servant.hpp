@@ -4,7 +4,7 @@
 #include <memory>
 #include <string_view>
 
-#include "rtpm/names/store.hpp"
+#include "rtpm/names/limits.hpp"
 #include "rtpm/rpc/servant.hpp"
 
 namespace rtpm::names {

@@ -17,7 +17,7 @@
 /// number of bytes is a power of two.
 namespace rtpm::events {
 
-inline constexpr std::uint32_t kRingPlaceCountMax = 1024;
+inline constexpr std::uint32_t kRingSlotCountMax = 1024;
 inline constexpr std::size_t kRingSizeMin = std::size_t{64} * 1024;  ///< Bytes of records.
 
 /// At the begin of the memory.
@@ -30,9 +30,9 @@ struct RingControl {
   /// What stood `size` before this position may be overwritten already.
   alignas(64) std::atomic<std::uint64_t> reserved{0};
   /// Events written for each place.
-  alignas(64) std::atomic<std::uint64_t> counts[kRingPlaceCountMax]{};
+  alignas(64) std::atomic<std::uint64_t> counts[kRingSlotCountMax]{};
   /// The subscription that has each place; 0: none.
-  std::atomic<std::uint64_t> owners[kRingPlaceCountMax]{};
+  std::atomic<std::uint64_t> owners[kRingSlotCountMax]{};
 };
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free);
 
@@ -45,7 +45,7 @@ static_assert(sizeof(RingControl) <= kRingDataOffset);
 }
 
 /// Bits for places. A sleeper is woken for its place modulo 32.
-class PlaceSet {
+class SlotSet {
  public:
   void add(std::uint32_t place) noexcept {
     words_[place / 64] |= std::uint64_t{1} << (place % 64);
@@ -59,7 +59,7 @@ class PlaceSet {
   [[nodiscard]] std::uint32_t wake_bits() const noexcept { return wake_bits_; }
 
  private:
-  std::uint64_t words_[kRingPlaceCountMax / 64]{};
+  std::uint64_t words_[kRingSlotCountMax / 64]{};
   std::size_t word_count_ = 0;
   std::uint32_t wake_bits_ = 0;
 };
@@ -73,14 +73,14 @@ class RingWriter {
 
   /// Writes `events`, `event_count` of them, for `places`; false if they are larger than a quarter
   /// of the ring. Then ring the bell of the memory.
-  [[nodiscard]] bool write(const PlaceSet& places, ConstBytes events,
+  [[nodiscard]] bool write(const SlotSet& places, ConstBytes events,
                            std::uint32_t event_count) noexcept;
   /// Where the next record begins.
   [[nodiscard]] std::uint64_t position() const noexcept { return head_; }
   /// A new reader takes the place: the subscription `owner`, not 0.
-  void begin_place(std::uint32_t place, std::uint64_t owner) noexcept;
+  void begin_slot(std::uint32_t place, std::uint64_t owner) noexcept;
   /// Nobody has the place any more.
-  void end_place(std::uint32_t place) noexcept;
+  void end_slot(std::uint32_t place) noexcept;
 
  private:
   void put_word(std::uint64_t position, std::uint64_t value) noexcept;
@@ -108,7 +108,7 @@ enum class RingRead : std::uint8_t {
 /// Threads: one.   RT: wait-free; alloc-free but for construction.
 class RingReader {
  public:
-  /// Of the place `place` (below kRingPlaceCountMax), which `owner` has, from the position `begin`
+  /// Of the place `place` (below kRingSlotCountMax), which `owner` has, from the position `begin`
   /// on.
   RingReader(ConstBytes memory, std::uint32_t place, std::uint64_t owner, std::uint64_t begin);
   /// Whether the memory is the ring `id`.

@@ -9,12 +9,12 @@
 namespace rtpm::events {
 
 /// A wide guess at what `filter` accepts: no event beyond these meets it. Fields are not looked at.
-[[nodiscard]] std::vector<Match> wishes_of(const Filter& filter);
+[[nodiscard]] std::vector<Match> interest_set_of(const Filter& filter);
 
-/// `wishes` of this hub's subscriptions as those of a link: each one hop further, none that is
+/// `interest` of this hub's subscriptions as those of a link: each one hop further, none that is
 /// beyond kLinkHopsMax or that another covers. Of more than kMatchCountMax those of single sources
 /// are widened to all of their type, then to everything.
 /// Source: spec/events.md#ev-5.2.
-[[nodiscard]] std::vector<Match> unite(std::vector<Match> wishes);
+[[nodiscard]] std::vector<Match> unite_interest(std::vector<Match> interest);
 
 }  // namespace rtpm::events

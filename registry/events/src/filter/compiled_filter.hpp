@@ -6,34 +6,19 @@
 #include <string>
 #include <vector>
 
+#include "event_store.hpp"
+#include "filter/descriptor_source.hpp"
 #include "rtpm/base/expected.hpp"
-#include "rtpm/events/event_store.hpp"
 #include "rtpm/events/filter.hpp"
 
 namespace rtpm::events {
 
-/// What a filter may be at most.
-inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nodes in each other, the root included.
-inline constexpr std::size_t kFilterNodeCountMax = 64;
-inline constexpr std::size_t kGroupSizeMax = 32;      ///< Events that a filter delivers together.
 inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
-inline constexpr std::size_t kMatchCountMax = 1024;   ///< Of a list.
-/// No timeout comes more often, none waits longer.
-inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
-inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
 
 /// Why a filter was refused: one sentence that names the node, by its place in the tree, and the
 /// field.
 struct FilterError {
   std::string text;
-};
-
-/// What types of events there are; tells what the fields of predicates are.
-class DescriptorSource {
- public:
-  virtual ~DescriptorSource() = default;
-  /// What is known of `type`, valid during the compilation; null if nothing is.
-  [[nodiscard]] virtual const EventDescriptor* find(EventType type) const noexcept = 0;
 };
 
 /// What a filter delivers at a time. Ownership: holds its events. RT: alloc-free.
@@ -65,14 +50,14 @@ struct Interest {
 /// over them judges an event. Holds what conjunctions keep and when timeouts are due.
 /// Ownership: its nodes, allocated when compiled; references to the events it keeps.
 /// Threads: one at a time.   RT: alloc-free once compiled; linear in the number of nodes.
-class Program {
+class CompiledFilter {
  public:
   /// Compiles `filter`; its timeouts begin at start().   Set-up only.
   /// Errors: too deep, too many nodes or events to keep; a group without children; a predicate's
   /// type or field that nobody knows, or an operand that the field can't be; a timeout out of
   /// bounds, or under "all" or "not", where no event ever meets it.
-  [[nodiscard]] static expected<Program, FilterError> compile(const Filter& filter,
-                                                              const DescriptorSource& types);
+  [[nodiscard]] static expected<CompiledFilter, FilterError> compile(const Filter& filter,
+                                                                     const DescriptorSource& types);
 
   /// Sets the timeouts going.
   void start(MonotonicTime now) noexcept;

@@ -1,4 +1,4 @@
-#include "rtpm/events/program.hpp"
+#include "filter/compiled_filter.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -55,20 +55,20 @@ Scalar scalar_of(ScalarType type, std::uint64_t bits) noexcept {
 
 }  // namespace
 
-void Program::start(MonotonicTime now) noexcept {
+void CompiledFilter::start(MonotonicTime now) noexcept {
   for (Timer& timer : timers_) {
     timer.due = now + timer.span;
     timer.count = 0;
   }
 }
 
-bool Program::is_match(const Node& node, const EventHeader& header) noexcept {
+bool CompiledFilter::is_match(const Node& node, const EventHeader& header) noexcept {
   return ((header.type ^ node.type) & node.type_mask) == 0 &&
          ((header.source ^ node.source) & node.source_mask) == 0;
 }
 
 // ev-5.2-4: each match with its own hops.
-bool Program::is_listed(const Node& node, const EventHeader& header) const noexcept {
+bool CompiledFilter::is_listed(const Node& node, const EventHeader& header) const noexcept {
   const auto begin = matches_.begin();
   const auto has_hops = [&](const Match& each) { return header.hops_left >= each.hops_min; };
   const auto types = begin + node.type_begin;
@@ -91,14 +91,15 @@ bool Program::is_listed(const Node& node, const EventHeader& header) const noexc
   });
 }
 
-bool Program::is_where(const Node& node, const EventHeader& header, ConstBytes payload) noexcept {
+bool CompiledFilter::is_where(const Node& node, const EventHeader& header,
+                              ConstBytes payload) noexcept {
   if (header.type != node.type || header.schema_id != node.schema_id) return false;
   const auto value = read_scalar(payload, node.path, node.field_type,
                                  scalar_of(node.field_type, node.default_bits));
   return value && compare(*value, node.comparison, node.operand_bits);
 }
 
-bool Program::accepts(const EventHeader& header, ConstBytes payload) const noexcept {
+bool CompiledFilter::accepts(const EventHeader& header, ConstBytes payload) const noexcept {
   Bits accepted = 0;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
@@ -135,7 +136,8 @@ bool Program::accepts(const EventHeader& header, ConstBytes payload) const noexc
 
 // What every node says of the event; of a timeout, if `timer` names its node, which no other leaf
 // accepts.
-Program::Bits Program::judge(const EventRef& event, std::optional<std::size_t> timer) noexcept {
+CompiledFilter::Bits CompiledFilter::judge(const EventRef& event,
+                                           std::optional<std::size_t> timer) noexcept {
   Bits accepted = 0;
   const EventView view = event ? event.view() : EventView{};
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
@@ -177,17 +179,17 @@ Program::Bits Program::judge(const EventRef& event, std::optional<std::size_t> t
   return accepted;
 }
 
-std::span<Program::Kept> Program::kept_of(const Node& node) noexcept {
+std::span<CompiledFilter::Kept> CompiledFilter::kept_of(const Node& node) noexcept {
   return std::span(kept_).subspan(node.kept_begin,
                                   static_cast<std::size_t>(std::popcount(node.children)));
 }
-std::span<const Program::Kept> Program::kept_of(const Node& node) const noexcept {
+std::span<const CompiledFilter::Kept> CompiledFilter::kept_of(const Node& node) const noexcept {
   return std::span(kept_).subspan(node.kept_begin,
                                   static_cast<std::size_t>(std::popcount(node.children)));
 }
 
 // Keeps what a child accepted; true if the conjunction is complete by it.
-bool Program::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
+bool CompiledFilter::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
   if ((accepted & node.children) == 0) return false;
   Kept* chosen = nullptr;
   for (Kept& kept : kept_of(node)) {
@@ -205,7 +207,7 @@ bool Program::fill(const Node& node, Bits accepted, const EventRef& event) noexc
   return is_complete(node);
 }
 
-bool Program::is_complete(const Node& node) const noexcept {
+bool CompiledFilter::is_complete(const Node& node) const noexcept {
   MonotonicTime first = kNever;
   MonotonicTime last = MonotonicTime::min();
   for (const Kept& kept : kept_of(node)) {
@@ -225,8 +227,8 @@ bool Program::is_complete(const Node& node) const noexcept {
 }
 
 // What the node, which accepted, delivers. The compiler has bounded both depth and number.
-void Program::collect(std::size_t index, Bits accepted, const EventRef& event,
-                      Group& group) const noexcept {
+void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& event,
+                             Group& group) const noexcept {
   const Node& node = nodes_[index];
   switch (node.kind) {
     case Filter::Kind::kAny: {
@@ -255,8 +257,8 @@ void Program::collect(std::size_t index, Bits accepted, const EventRef& event,
 }
 
 // What follows once all nodes have judged; whether the root accepted.
-bool Program::finish(Bits accepted, const EventRef& event, MonotonicTime now,
-                     Group& group) noexcept {
+bool CompiledFilter::finish(Bits accepted, const EventRef& event, MonotonicTime now,
+                            Group& group) noexcept {
   const bool is_accepted = (accepted & bit(nodes_.size() - 1)) != 0;
   if (is_accepted) collect(nodes_.size() - 1, accepted, event, group);
   for (std::size_t i = 0; i < nodes_.size() && !kept_.empty(); ++i) {
@@ -274,33 +276,33 @@ bool Program::finish(Bits accepted, const EventRef& event, MonotonicTime now,
   return is_accepted;
 }
 
-bool Program::on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept {
+bool CompiledFilter::on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept {
   if (is_stateless_) return accepts(event.header(), event.payload());
   const bool is_accepted = finish(judge(event, std::nullopt), event, now, group);
   if (group.size() == 1 && group[0] == event) group.clear();
   return is_accepted;
 }
 
-bool Program::on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
-                         Group& group) noexcept {
+bool CompiledFilter::on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
+                                Group& group) noexcept {
   return finish(judge(event, due.node), event, now, group);
 }
 
-void Program::release_events() noexcept {
+void CompiledFilter::release_events() noexcept {
   for (Kept& kept : kept_) {
     kept.is_filled = false;
     kept.events.clear();
   }
 }
 
-MonotonicTime Program::next_time() const noexcept {
+MonotonicTime CompiledFilter::next_time() const noexcept {
   MonotonicTime next = kNever;
   for (const Timer& timer : timers_)
     next = std::min(next, timer.due);
   return next;
 }
 
-std::optional<Program::Due> Program::take_due(MonotonicTime now) noexcept {
+std::optional<CompiledFilter::Due> CompiledFilter::take_due(MonotonicTime now) noexcept {
   const auto first = std::ranges::min_element(timers_, {}, &Timer::due);
   if (first == timers_.end() || first->due > now) return std::nullopt;
   const Due due{first->node, first->tag, first->due, ++first->count};

@@ -1,18 +1,11 @@
 #pragma once
 
-#include <cstdint>
+#include <cstddef>
 
 #include "rtpm/base/time.hpp"
+#include "rtpm/events/limits.hpp"
 
 namespace rtpm::events {
-
-/// How much one supplier may push: so many events and bytes a second, and `burst_s` seconds' worth
-/// at once. What is above is refused and counted, so that who floods harms only itself.
-struct Quota {
-  double events_per_s = 2e6;
-  double bytes_per_s = 500e6;
-  double burst_s = 0.1;
-};
 
 /// Keeps to a quota.   Threads: one at a time.   RT: alloc-free.
 class QuotaMeter {

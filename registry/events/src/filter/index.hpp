@@ -5,7 +5,7 @@
 #include <span>
 #include <vector>
 
-#include "rtpm/events/program.hpp"
+#include "filter/compiled_filter.hpp"
 
 namespace rtpm::events {
 
@@ -69,9 +69,9 @@ class SubscriptionIndex {
     }
   }
   [[nodiscard]] std::size_t home_of(Kind kind, std::uint64_t value) const noexcept;
-  [[nodiscard]] std::size_t place_of(Kind kind, std::uint64_t value) const noexcept;
+  [[nodiscard]] std::size_t slot_of(Kind kind, std::uint64_t value) const noexcept;
   [[nodiscard]] std::uint32_t find(Kind kind, std::uint64_t value) const noexcept {
-    return keys_[place_of(kind, value)].list;
+    return keys_[slot_of(kind, value)].list;
   }
   void push(std::uint32_t& list, std::uint32_t entry) noexcept;
   void erase(std::uint32_t& list, std::uint32_t subscription) noexcept;

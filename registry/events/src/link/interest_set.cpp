@@ -1,11 +1,11 @@
-#include "rtpm/events/wishes.hpp"
+#include "link/interest_set.hpp"
 
 #include <algorithm>
 #include <iterator>
 #include <tuple>
 
+#include "filter/compiled_filter.hpp"
 #include "rtpm/events/link.hpp"
-#include "rtpm/events/program.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -30,33 +30,33 @@ bool covers(const Match& wide, const Match& narrow) noexcept {
 }
 
 // Once each, the bits that no mask looks at being 0.
-void sort_out(std::vector<Match>& wishes) {
-  for (Match& each : wishes) {
+void sort_out(std::vector<Match>& interest) {
+  for (Match& each : interest) {
     each.type &= each.type_mask;
     each.source &= each.source_mask;
   }
   const auto key = [](const Match& each) {
     return std::tuple(each.type, each.source, each.type_mask, each.source_mask, each.hops_min);
   };
-  std::ranges::sort(wishes, {}, key);
+  std::ranges::sort(interest, {}, key);
   // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
-  wishes.erase(std::unique(wishes.begin(), wishes.end()), wishes.end());
+  interest.erase(std::unique(interest.begin(), interest.end()), interest.end());
   // What is exact covers at most its own kind, with more hops, which stands right behind it.
   std::vector<Match> wide;
-  std::ranges::remove_copy_if(wishes, std::back_inserter(wide), is_exact);
+  std::ranges::remove_copy_if(interest, std::back_inserter(wide), is_exact);
   const auto is_covered = [&](const Match& each) {
     return std::ranges::any_of(
         wide, [&](const Match& other) { return other != each && covers(other, each); });
   };
-  std::erase_if(wishes, is_covered);
+  std::erase_if(interest, is_covered);
   const auto is_twin = [](const Match& a, const Match& b) { return is_exact(a) && covers(a, b); };
-  wishes.erase(std::unique(wishes.begin(), wishes.end(), is_twin), wishes.end());
+  interest.erase(std::unique(interest.begin(), interest.end(), is_twin), interest.end());
 }
 
 // How much a list lets through, roughly: for the choice between children of "all".
-std::size_t width_of(const std::vector<Match>& wishes) {
-  std::size_t width = wishes.size();
-  for (const Match& each : wishes)
+std::size_t width_of(const std::vector<Match>& interest) {
+  std::size_t width = interest.size();
+  for (const Match& each : interest)
     width += each.type_mask == kWholeNumber ? 0 : kMatchCountMax;
   return width;
 }
@@ -67,8 +67,8 @@ bool keeps(const Filter& filter) {
 
 }  // namespace
 
-std::vector<Match> wishes_of(const Filter& filter) {
-  std::vector<Match> wishes;
+std::vector<Match> interest_set_of(const Filter& filter) {
+  std::vector<Match> interest;
   switch (filter.kind) {
     case Kind::kNull:
     case Kind::kNot:
@@ -86,37 +86,37 @@ std::vector<Match> wishes_of(const Filter& filter) {
     case Kind::kAny:
     case Kind::kCorrelate:
       for (const Filter& child : filter.children)
-        append(wishes, wishes_of(child));
-      return wishes;
+        append(interest, interest_set_of(child));
+      return interest;
     case Kind::kAll:
       break;
   }
   // A conjunction in it sees also the events that the others don't want.
   const bool keeps_some = std::ranges::any_of(filter.children, keeps);
   for (const Filter& child : filter.children) {
-    std::vector<Match> its = wishes_of(child);
+    std::vector<Match> its = interest_set_of(child);
     if (keeps_some) {
-      append(wishes, its);
-    } else if (wishes.empty() || width_of(its) < width_of(wishes)) {
-      wishes = std::move(its);
+      append(interest, its);
+    } else if (interest.empty() || width_of(its) < width_of(interest)) {
+      interest = std::move(its);
     }
   }
-  return wishes;
+  return interest;
 }
 
-std::vector<Match> unite(std::vector<Match> wishes) {
-  // ev-5.2-2: where hubs are linked in a ring, a wish that nobody has any more dies out by its
-  // hops.
-  std::erase_if(wishes, [](const Match& each) { return each.hops_min >= kLinkHopsMax; });
-  for (Match& each : wishes)
+std::vector<Match> unite_interest(std::vector<Match> interest) {
+  // ev-5.2-2: where hubs are linked in a ring, interest that no subscription has any more expires
+  // by its hop count.
+  std::erase_if(interest, [](const Match& each) { return each.hops_min >= kLinkHopsMax; });
+  for (Match& each : interest)
     ++each.hops_min;
-  sort_out(wishes);
-  if (wishes.size() <= kMatchCountMax) return wishes;
-  for (Match& each : wishes)
+  sort_out(interest);
+  if (interest.size() <= kMatchCountMax) return interest;
+  for (Match& each : interest)
     each.source_mask = 0;
-  sort_out(wishes);
-  if (wishes.size() <= kMatchCountMax) return wishes;
-  return {{.hops_min = std::ranges::min_element(wishes, {}, &Match::hops_min)->hops_min}};
+  sort_out(interest);
+  if (interest.size() <= kMatchCountMax) return interest;
+  return {{.hops_min = std::ranges::min_element(interest, {}, &Match::hops_min)->hops_min}};
 }
 
 }  // namespace rtpm::events

@@ -1,4 +1,4 @@
-#include "rtpm/events/wishes.hpp"
+#include "link/interest_set.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,52 +17,56 @@ Match of(EventType type, std::uint8_t hops = 0) {
 Match of(EventType type, SourceId source, std::uint8_t hops) {
   return {type, kWholeNumber, source, kWholeNumber, hops};
 }
-using Wishes = std::vector<Match>;
+using InterestSet = std::vector<Match>;
 
-TEST(Wishes, AreOfTheTypesAndSourcesOfEachKindOfNode) {
+TEST(InterestSet, AreOfTheTypesAndSourcesOfEachKindOfNode) {
   const Filter pose = of_type(kPose);
   const Filter button = of_type(kButton, 2);
   const Filter held = where(kGaze, "x", Comparison::kLess, Scalar::of(1));
-  EXPECT_EQ(wishes_of(everything()), Wishes{Match{}});
-  EXPECT_EQ(wishes_of(pose), Wishes{of(kPose)});
-  EXPECT_EQ(wishes_of(masked(16, 0xf0, 1, 3)), (Wishes{{16, 0xf0, 1, 3}}));
-  EXPECT_EQ(wishes_of(held), Wishes{of(kGaze)});
-  EXPECT_EQ(wishes_of(any_of({pose, button})), (Wishes{of(kPose), of(kButton, 2, 0)}));
-  EXPECT_EQ(wishes_of(all_of({everything(), pose})), Wishes{of(kPose)});
-  EXPECT_EQ(wishes_of(none_of(pose)), Wishes{Match{}});
-  EXPECT_EQ(wishes_of(correlate({pose, held})), (Wishes{of(kPose), of(kGaze)}));
+  EXPECT_EQ(interest_set_of(everything()), InterestSet{Match{}});
+  EXPECT_EQ(interest_set_of(pose), InterestSet{of(kPose)});
+  EXPECT_EQ(interest_set_of(masked(16, 0xf0, 1, 3)), (InterestSet{{16, 0xf0, 1, 3}}));
+  EXPECT_EQ(interest_set_of(held), InterestSet{of(kGaze)});
+  EXPECT_EQ(interest_set_of(any_of({pose, button})), (InterestSet{of(kPose), of(kButton, 2, 0)}));
+  EXPECT_EQ(interest_set_of(all_of({everything(), pose})), InterestSet{of(kPose)});
+  EXPECT_EQ(interest_set_of(none_of(pose)), InterestSet{Match{}});
+  EXPECT_EQ(interest_set_of(correlate({pose, held})), (InterestSet{of(kPose), of(kGaze)}));
   // A conjunction keeps also what the comparison beside it does not want.
-  EXPECT_EQ(wishes_of(all_of({held, correlate({pose})})), (Wishes{of(kGaze), of(kPose)}));
-  EXPECT_EQ(wishes_of(listed({of(kPose), of(kGaze)})), (Wishes{of(kPose), of(kGaze)}));
+  EXPECT_EQ(interest_set_of(all_of({held, correlate({pose})})),
+            (InterestSet{of(kGaze), of(kPose)}));
+  EXPECT_EQ(interest_set_of(listed({of(kPose), of(kGaze)})), (InterestSet{of(kPose), of(kGaze)}));
   for (const Filter& timeout : {once(1ms), every(1ms), silence(1ms)})
-    EXPECT_EQ(wishes_of(timeout), Wishes{});
+    EXPECT_EQ(interest_set_of(timeout), InterestSet{});
 }
 
-TEST(Wishes, AreUnitedWithoutWhatAnotherCovers) {
-  EXPECT_EQ(unite({}), Wishes{});
-  EXPECT_EQ(unite({of(kPose, 3, 0), of(kPose), of(kPose, 4, 0)}), Wishes{of(kPose, 1)});
-  EXPECT_EQ(unite({of(kPose), of(kButton), of(kPose)}), (Wishes{of(kPose, 1), of(kButton, 1)}));
-  EXPECT_EQ(unite({of(kPose), {}, {16, 0xf0, 0, 0}}), (Wishes{{.hops_min = 1}}));
-  EXPECT_EQ(unite({of(0x15), {0x10, 0xf0, 0, 0}}), (Wishes{{0x10, 0xf0, 0, 0, 1}}));
+TEST(InterestSet, AreUnitedWithoutWhatAnotherCovers) {
+  EXPECT_EQ(unite_interest({}), InterestSet{});
+  EXPECT_EQ(unite_interest({of(kPose, 3, 0), of(kPose), of(kPose, 4, 0)}),
+            InterestSet{of(kPose, 1)});
+  EXPECT_EQ(unite_interest({of(kPose), of(kButton), of(kPose)}),
+            (InterestSet{of(kPose, 1), of(kButton, 1)}));
+  EXPECT_EQ(unite_interest({of(kPose), {}, {16, 0xf0, 0, 0}}), (InterestSet{{.hops_min = 1}}));
+  EXPECT_EQ(unite_interest({of(0x15), {0x10, 0xf0, 0, 0}}), (InterestSet{{0x10, 0xf0, 0, 0, 1}}));
 }
 
 // ev-5.2-2
-TEST(Wishes, AreOneHopFurtherAndEndAfterTheMost) {
-  EXPECT_EQ(unite({of(kPose, 2), of(kPose, 5)}), Wishes{of(kPose, 3)});
+TEST(InterestSet, AreOneHopFurtherAndEndAfterTheMost) {
+  EXPECT_EQ(unite_interest({of(kPose, 2), of(kPose, 5)}), InterestSet{of(kPose, 3)});
   // Who is near wants less than who is far: both stay where the nearer one is the narrower.
-  EXPECT_EQ(unite({of(kPose, 3, 0), of(kPose, 4)}), (Wishes{of(kPose, 5), of(kPose, 3, 1)}));
-  EXPECT_EQ(unite({of(kPose, kLinkHopsMax - 1)}), Wishes{of(kPose, kLinkHopsMax)});
-  EXPECT_EQ(unite({of(kPose, kLinkHopsMax), of(kGaze, 255)}), Wishes{});
+  EXPECT_EQ(unite_interest({of(kPose, 3, 0), of(kPose, 4)}),
+            (InterestSet{of(kPose, 5), of(kPose, 3, 1)}));
+  EXPECT_EQ(unite_interest({of(kPose, kLinkHopsMax - 1)}), InterestSet{of(kPose, kLinkHopsMax)});
+  EXPECT_EQ(unite_interest({of(kPose, kLinkHopsMax), of(kGaze, 255)}), InterestSet{});
 }
 
-TEST(Wishes, OfTooManySourcesAreWidenedToTheirTypes) {
-  Wishes many;
+TEST(InterestSet, OfTooManySourcesAreWidenedToTheirTypes) {
+  InterestSet many;
   for (std::uint32_t i = 0; i <= kMatchCountMax; ++i)
     many.push_back(of(kPose + i % 2, i, 0));
-  EXPECT_EQ(unite(many), (Wishes{of(kPose, 1), of(kButton, 1)}));
+  EXPECT_EQ(unite_interest(many), (InterestSet{of(kPose, 1), of(kButton, 1)}));
   for (std::uint32_t i = 0; i <= kMatchCountMax; ++i)
     many.push_back(of(100 + i));
-  EXPECT_EQ(unite(many), (Wishes{{.hops_min = 1}}));
+  EXPECT_EQ(unite_interest(many), (InterestSet{{.hops_min = 1}}));
 }
 
 TEST(FilterList, AcceptsWhatOneOfItsMatchesDoes) {
@@ -97,7 +101,7 @@ TEST(FilterList, AcceptsOnlyWhatMayGoSoFar) {
 }
 
 TEST(FilterList, OfTheMostMatchesIsTakenAndOfOneMoreRefused) {
-  Wishes many;
+  InterestSet many;
   for (std::uint32_t i = 0; i < kMatchCountMax; ++i)
     many.push_back(of(1 + i));
   Table table(listed(many));
@@ -106,7 +110,7 @@ TEST(FilterList, OfTheMostMatchesIsTakenAndOfOneMoreRefused) {
   table.push(kMatchCountMax + 1);
   EXPECT_EQ(table.got(), "1.0#1 1024.0#1");
   many.push_back(of(5000));
-  const auto refused = Program::compile(listed(many), table.catalog);
+  const auto refused = CompiledFilter::compile(listed(many), table.catalog);
   ASSERT_FALSE(refused);
   EXPECT_NE(refused.error().text.find("1024 matches"), std::string::npos) << refused.error().text;
 }

@@ -1,7 +1,9 @@
-#include "rtpm/events/delivery.hpp"
+#include "exchange/gate.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <string>
+#include <utility>
 
 #include "filter/compiler.hpp"
 
@@ -62,7 +64,7 @@ bool Gate::is_beyond(std::uint32_t band, const EventView& event) const noexcept 
   return !(std::abs(value->as_real() - last->value) < its.threshold);
 }
 
-bool Gate::is_news(const EventView& event) noexcept {
+bool Gate::exceeds_deadband(const EventView& event) noexcept {
   bool is_watched = false;
   for (std::uint32_t i = 0; i < bands_.size(); ++i) {
     if (bands_[i].type != event.header.type) continue;
@@ -94,7 +96,7 @@ void Gate::remember(const EventView& event) noexcept {
 
 bool Gate::admit(const EventRef& event, MonotonicTime now) noexcept {
   if (every_nth_ == 1 && interval_ == Duration{0} && bands_.empty()) return true;
-  if (event && !bands_.empty() && !is_news(event.view())) {
+  if (event && !bands_.empty() && !exceeds_deadband(event.view())) {
     ++omitted_count_;
     return false;
   }
@@ -122,76 +124,6 @@ EventRef Gate::take_held(MonotonicTime now) noexcept {
   --omitted_count_;
   if (!bands_.empty()) remember(held_.view());
   return std::move(held_);
-}
-
-// One more delivery than its capacity may stand in it for a moment.
-DeliveryQueue::DeliveryQueue(QueuePolicy policy, std::uint32_t capacity)
-    : policy_(policy), capacity_(capacity), entries_(std::size_t{capacity} + kGroupSizeMax) {}
-
-bool DeliveryQueue::replace(const EventRef& event) noexcept {
-  for (std::size_t i = size_; i-- > 0;) {
-    Entry& entry = entries_[(head_ + i) % entries_.size()];
-    const bool is_alone = !entry.is_continued && (i == 0 || !(*this)[i - 1].is_continued);
-    if (!is_alone || entry.event.header().type != event.header().type ||
-        entry.event.header().source != event.header().source) {
-      continue;
-    }
-    entry.event = event;
-    return true;
-  }
-  return false;
-}
-
-bool DeliveryQueue::push(std::span<const EventRef> group, Losses& losses) noexcept {
-  if (policy_ == QueuePolicy::kKeepLatest && group.size() == 1 && replace(group[0])) {
-    ++losses.replaced_count;
-    return true;
-  }
-  if (policy_ == QueuePolicy::kDisconnect && size_ > 0 && size_ + group.size() > capacity_) {
-    return false;
-  }
-  for (std::size_t i = 0; i < group.size(); ++i) {
-    Entry& entry = entries_[(head_ + size_) % entries_.size()];
-    entry.event = group[i];
-    entry.is_continued = i + 1 < group.size();
-    ++size_;
-  }
-  // A delivery that is larger than the queue itself stays alone in it.
-  while (size_ > capacity_ && size_ > group.size())
-    losses.overflow_count += drop_front();
-  return true;
-}
-
-bool DeliveryQueue::take_over(DeliveryQueue& other, Losses& losses) noexcept {
-  while (!other.empty()) {
-    std::array<EventRef, kGroupSizeMax> group;
-    std::size_t count = 0;
-    bool is_continued = true;
-    while (is_continued && count < group.size()) {
-      group[count++] = other[0].event;
-      is_continued = other[0].is_continued;
-      other.pop();
-    }
-    if (!push(std::span(group).first(count), losses)) return false;
-  }
-  return true;
-}
-
-void DeliveryQueue::pop() noexcept {
-  entries_[head_].event = EventRef();
-  head_ = (head_ + 1) % entries_.size();
-  --size_;
-}
-
-std::size_t DeliveryQueue::drop_front() noexcept {
-  std::size_t count = 0;
-  bool is_continued = true;
-  while (is_continued && size_ > 0) {
-    is_continued = (*this)[0].is_continued;
-    pop();
-    ++count;
-  }
-  return count;
 }
 
 }  // namespace rtpm::events

@@ -5,25 +5,19 @@
 #include <span>
 #include <vector>
 
+#include "event_store.hpp"
+#include "exchange/delivery_queue.hpp"
+#include "exchange/gate.hpp"
+#include "exchange/history.hpp"
+#include "filter/compiled_filter.hpp"
+#include "filter/index.hpp"
 #include "rtpm/events/delivery.hpp"
-#include "rtpm/events/event_store.hpp"
-#include "rtpm/events/history.hpp"
-#include "rtpm/events/index.hpp"
-#include "rtpm/events/program.hpp"
+#include "rtpm/events/limits.hpp"
 
 namespace rtpm::events {
 
 /// A place for one subscription, below ExchangeLimits::subscription_count_max.
 using SubscriptionNumber = std::uint32_t;
-
-/// What an exchange holds at most; all of it is taken when built.
-struct ExchangeLimits {
-  std::uint32_t subscription_count_max = 1024;
-  std::uint32_t interest_count_max = 8192;  ///< Of all subscriptions together.
-  std::uint32_t history_key_count_max = 512;
-  std::uint32_t history_depth = 8;  ///< Events of each type and source that late joiners get.
-  StoreConfig store{};
-};
 
 /// Where deliveries go that do not wait in a queue of their own: memory that many read at once.
 class Broadcaster {
@@ -62,19 +56,19 @@ class Exchange {
 
   /// A subscription that was checked, ready to go in. Making one is set-up; putting it in is not.
   struct Prepared {
-    Program program{};
+    CompiledFilter filter{};
     Gate gate{};
     DeliveryQueue queue{};
     std::uint32_t replay = 0;
     bool is_broadcast = false;
     void release_events() noexcept {
-      program.release_events();
+      filter.release_events();
       gate.release_events();
       queue.release_events();
     }
   };
   /// Set-up only; needs no exchange, so that nobody waits for it.
-  /// Errors: as Program::compile() and Gate::make().
+  /// Errors: as CompiledFilter::compile() and Gate::make().
   [[nodiscard]] static expected<Prepared, FilterError> prepare(const Filter& filter,
                                                                const DeliveryPolicy& policy,
                                                                const DescriptorSource& types,
@@ -105,7 +99,8 @@ class Exchange {
                                                  MonotonicTime now) noexcept;
   /// Takes what the hub itself tells: an event whose type is above kEventTypeMax.
   /// Errors: as offer().
-  [[nodiscard]] expected<void, OfferError> tell(const EventView& event, MonotonicTime now) noexcept;
+  [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
+                                                   MonotonicTime now) noexcept;
   /// Lets the timeouts act that are due.
   void on_time(MonotonicTime now) noexcept;
   /// When on_time() has something to do; kNever: not until another call. Linear in the number of
@@ -146,7 +141,7 @@ class Exchange {
   };
 
   [[nodiscard]] EventRef hold(const EventView& event) noexcept;
-  [[nodiscard]] bool forget_longest_queue() noexcept;
+  [[nodiscard]] bool trim_longest_queue() noexcept;
   void match(const EventRef& event, MonotonicTime now) noexcept;
   void show(SubscriptionNumber number, const EventRef& event, bool is_decided,
             MonotonicTime now) noexcept;

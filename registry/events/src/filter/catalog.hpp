@@ -6,8 +6,8 @@
 #include <string>
 #include <vector>
 
+#include "filter/descriptor_source.hpp"
 #include "rtpm/base/expected.hpp"
-#include "rtpm/events/program.hpp"
 #include "rtpm/events/scalar.hpp"
 
 namespace rtpm::events {

@@ -4,7 +4,7 @@
 #include <span>
 #include <vector>
 
-#include "rtpm/events/event_store.hpp"
+#include "event_store.hpp"
 
 namespace rtpm::events {
 
@@ -21,7 +21,7 @@ class History {
   void add(const EventRef& event) noexcept;
   /// Gives up the oldest events until `store_has_room` says that it is enough, or none are left.
   template <class Enough>
-  void forget_until(Enough store_has_room) noexcept {
+  void evict_until(Enough store_has_room) noexcept {
     for (std::size_t i = 0; i < entries_.size() && !store_has_room(); ++i) {
       hand_ = (hand_ + 1) % entries_.size();
       entries_[hand_].event = EventRef();
@@ -47,7 +47,7 @@ class History {
     EventRef event{};
     std::uint64_t arrival = 0;
   };
-  [[nodiscard]] std::size_t place_of(std::uint64_t value) const noexcept;
+  [[nodiscard]] std::size_t slot_of(std::uint64_t value) const noexcept;
   [[nodiscard]] std::size_t choose(std::uint32_t count) noexcept;
 
   std::uint32_t depth_ = 0;

@@ -14,18 +14,11 @@
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/names/name.hpp"
+#include "rtpm/names/claim.hpp"
+#include "rtpm/names/limits.hpp"
 #include "rtpm/names/outcome.hpp"
 
 namespace rtpm::names {
-
-/// Who binds a name. The id stays the same when the owner restarts, the epoch grows with every
-/// start: so a restarted owner takes its names over at once, and nobody else does by accident.
-struct Owner {
-  std::uint64_t id = 0;  ///< Never 0.
-  std::uint64_t epoch = 0;
-  friend bool operator==(const Owner&, const Owner&) = default;
-};
 
 /// One bound name.
 struct Record {
@@ -37,33 +30,7 @@ struct Record {
   /// Another number for each holder that the name ever had; the same for as long as one holds it.
   std::uint64_t revision = 0;
   MonotonicTime bound{};   ///< Since when this start of its owner holds it.
-  std::uint32_t host = 0;  ///< From which it was bound, see Store::Claim.
-};
-
-/// What a store takes in, and no more.
-struct Limits {
-  std::size_t name_count_max = 4096;
-  std::size_t name_count_per_owner_max = 256;
-  /// Of one other host, and the owners that it may have names of.
-  std::size_t name_count_per_host_max = 512;
-  std::size_t owner_count_per_host_max = 128;
-  /// The same of the registry's own host, which may have more.
-  std::size_t name_count_own_host_max = 2048;
-  std::size_t owner_count_own_host_max = 512;
-  Duration lease_min = std::chrono::milliseconds{100};
-  Duration lease_max = std::chrono::hours{1};
-  /// The longest lease of a name until it has been held for as long: so what nobody renews is gone
-  /// soon, however long a lease it asked for.
-  Duration first_lease_max = std::chrono::seconds{10};
-};
-
-/// What became of a bind.
-struct Granted {
-  /// As asked for, or Limits::first_lease_max, which then holds for renewals, too, until the name
-  /// has been held for so long.
-  Duration lease{};
-  std::uint64_t revision = 0;
-  bool is_takeover = false;  ///< Another owner held the name.
+  std::uint32_t host = 0;  ///< From which it was bound, see Claim.
 };
 
 /// Why the store did nothing.
@@ -91,35 +58,18 @@ class Store {
   /// Revisions count from `first_revision` on; give each life of a registry another range.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1);
 
-  /// What a name is to be bound to.
-  struct Claim {
-    std::string_view name;
-    std::string_view url;
-    std::string_view interface;
-    Owner owner{};
-    Duration lease{};
-    /// Of rebind(): whom it may take the name from. The holder with this revision, 0: none;
-    std::uint64_t holder_revision = 0;
-    /// whoever holds it.
-    bool allows_takeover = false;
-    /// Where the claim came from (rpc::CallerHost::ipv4): the registry's word, not the owner's.
-    std::uint32_t host = 0;
-  };
-
-  /// Binds `claim.name`. If this start of this owner holds it, its record is replaced and its lease
-  /// begins anew; so repeating a bind does no harm. A later start of the owner takes the name at
-  /// once if it comes from the host that the name was bound from; from elsewhere it waits for the
-  /// lease to end, as anybody could claim to be it.
-  /// Errors: kAlreadyBound, kStaleEpoch with the holder; kNotADirectory, kIsADirectory; kFull,
-  /// kOwnerFull, kHostFull, kHostOwnersFull; kBadName, kBadUrl, kBadInterface, kBadOwner,
-  /// kBadLease.
+  /// Binds `claim.name`. If this start of this owner holds it, its record is replaced and its
+  /// lease begins anew; so repeating a bind does no harm. A later start of the owner takes the name
+  /// at once if it comes from the host that the name was bound from; from elsewhere it waits for
+  /// the lease to end, as anybody could claim to be it. Errors: kAlreadyBound, kStaleEpoch with the
+  /// holder; kNotADirectory, kIsADirectory; kFull, kOwnerFull, kHostFull, kHostOwnersFull;
+  /// kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease.
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
-  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the claim
-  /// names that holder's revision or allows any takeover. An older start of the same owner still
-  /// gets kStaleEpoch.
-  /// Errors: as bind(), with kAlreadyBound where the claim gives no leave; kStaleRevision with the
-  /// holder: it is another one than the claim names.
+  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the
+  /// claim names that holder's revision or allows any takeover. An older start of the same owner
+  /// still gets kStaleEpoch. Errors: as bind(), with kAlreadyBound where the claim gives no
+  /// leave; kStaleRevision with the holder: it is another one than the claim names.
   [[nodiscard]] expected<Granted, Refusal> rebind(const Claim& claim, MonotonicTime now);
 
   /// Lets the lease end `lease` from now, or first_lease_max, see Granted.

@@ -6,18 +6,9 @@
 #include <vector>
 
 #include "rtpm/events/event.hpp"
+#include "rtpm/events/limits.hpp"
 
 namespace rtpm::events {
-
-/// How many events a store holds, by the size of their payloads.
-struct StoreConfig {
-  struct SizeClass {
-    std::uint32_t payload_size_max = 0;  ///< Bytes.
-    std::uint32_t count = 0;
-  };
-  std::vector<SizeClass> classes{{64, 16'384}, {256, 4'096}, {1'024, 1'024},
-                                 {4'096, 256}, {16'384, 64}, {65'536, 32}};  ///< Ascending.
-};
 
 class EventRef;
 

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "event_store.hpp"
+#include "filter/compiled_filter.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/delivery.hpp"
+
+namespace rtpm::events {
+
+/// Lets through as much as a policy wants. What it leaves out was not wanted, so it is no loss.
+/// Ownership: one event, held for the end of the interval.   Threads: one at a time.
+/// RT: alloc-free but for construction.
+class Gate {
+ public:
+  Gate() noexcept = default;
+  /// Set-up only.   Errors: a value out of bounds; a deadband's type or field that nobody knows.
+  [[nodiscard]] static expected<Gate, FilterError> make(const DeliveryPolicy& policy,
+                                                        const DescriptorSource& types);
+
+  /// Whether a delivery goes on now. `event` is the one it consists of, or empty if it is a group,
+  /// which deadbands leave alone and no interval holds back for later.
+  [[nodiscard]] bool admit(const EventRef& event, MonotonicTime now) noexcept;
+  /// When the event that was held back is due; kNever if there is none.
+  [[nodiscard]] MonotonicTime next_time() const noexcept { return held_ ? next_open_ : kNever; }
+  /// The event that was held back, if it is due.
+  [[nodiscard]] EventRef take_held(MonotonicTime now) noexcept;
+  [[nodiscard]] bool has_interval() const noexcept { return interval_ > Duration{0}; }
+  /// Gives up the event that was held back.
+  void release_events() noexcept { held_ = EventRef(); }
+  /// How many were left out.
+  [[nodiscard]] std::uint64_t omitted_count() const noexcept { return omitted_count_; }
+
+ private:
+  struct Band {
+    EventType type = 0;
+    ScalarType field_type = ScalarType::kDouble;
+    FieldPath path{};
+    std::uint64_t schema_id = 0;
+    Scalar default_value{};
+    double threshold = 0;
+  };
+  /// The last value that was delivered, of one band and source.
+  struct Last {
+    std::uint32_t band = 0;
+    SourceId source = 0;
+    double value = 0;
+  };
+  static constexpr std::size_t kLastCountMax = 64;
+
+  [[nodiscard]] bool exceeds_deadband(const EventView& event) noexcept;
+  [[nodiscard]] bool is_beyond(std::uint32_t band, const EventView& event) const noexcept;
+  void remember(const EventView& event) noexcept;
+
+  std::uint32_t every_nth_ = 1;
+  Duration interval_{0};
+  bool is_trailing_ = true;
+  std::vector<Band> bands_{};
+  std::vector<Last> lasts_{};  ///< Of fixed capacity.
+  std::size_t next_last_ = 0;
+  std::uint32_t nth_ = 0;
+  MonotonicTime next_open_ = MonotonicTime::min();
+  EventRef held_{};
+  std::uint64_t omitted_count_ = 0;
+};
+
+}  // namespace rtpm::events
