@@ -13,8 +13,9 @@
 namespace rtpm::gvd {
 
 /// Lets something happen at most once per interval.
-/// Ownership: a value, not copied.   Threads: step() from one, take() from any.
-/// RT: alloc-free and without waiting.
+/// @ownership a value, not copied
+/// @threads  step() from one, take() from any
+/// @realtime alloc-free and without waiting
 class RateGate {
  public:
   explicit RateGate(Duration interval) noexcept : interval_(interval) {}
@@ -32,9 +33,9 @@ class RateGate {
 /// The right to command a device, which one client has at a time. It ends when its holder gives it
 /// back, is silent or idle for too long, or when it is taken over. Its holder is known by a number
 /// that nobody else can guess.
-/// Ownership: a value, not copied.
-/// Threads: step() and revoke() from the device's thread, everything else from any.   RT:
-/// alloc-free and without waiting. It reads no clock.
+/// @ownership a value, not copied
+/// @threads  step() and revoke() from the device's thread, everything else from any
+/// @realtime alloc-free, never waits, reads no clock
 class Lease {
  public:
   /// The number that stands for "nobody".

@@ -36,7 +36,9 @@ enum class Transition : std::uint8_t {
   kDeactivate,
 };
 
-/// The share of good ones among the last 100 cycles.   Ownership: a value.   RT: alloc-free.
+/// The share of good ones among the last 100 cycles.
+/// @ownership a value
+/// @realtime alloc-free
 class SuccessRate {
  public:
   void record(bool is_good) noexcept;
@@ -51,50 +53,57 @@ class SuccessRate {
 
 /// One device's loop without its thread and clock: what happens in a cycle, and how the threads of
 /// the world outside reach it without ever waiting for it.
-/// Ownership: refers to its driver, which must outlive it.
-/// Threads: what stands under "device's thread" from one thread; the rest from any.
+/// @ownership refers to its driver, which must outlive it
+/// @threads  what stands under "device's thread" from one thread; the rest from any
 class DeviceCycle {
  public:
   DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key);
 
   // The device's thread.
 
-  /// Configures and activates the device.   Set-up only.
-  /// Errors: as the driver's.
+  /// Configures and activates the device.
+  /// @realtime set-up only
+  /// @errors   as the driver's
   [[nodiscard]] expected<void, driver::DriverError> begin(MonotonicTime now);
   /// One cycle: takes the newest command through the safety filter to the device and publishes its
   /// sample. `missed_count` cycles were left out before this one.
-  /// RT: alloc-free, no syscall of its own; the driver's exchange() does what it does.
+  /// @realtime alloc-free, no syscall of its own; the driver's exchange() does what it does
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
-  /// True when the device is to change its state, which maintain() then does.   RT: alloc-free.
+  /// True when the device is to change its state, which maintain() then does.
+  /// @realtime alloc-free
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
   /// Activates, deactivates, or tries again to reach a lost device; may take seconds.   Set-up
   /// only.
   void maintain(MonotonicTime now);
-  /// Deactivates the device for good: no force.   Set-up only.
+  /// Deactivates the device for good: no force.
+  /// @realtime set-up only
   void end(MonotonicTime now) noexcept;
 
   // Any thread.
 
-  /// Leaves `command`, which came at `received`, for the next cycle.   RT: alloc-free, no wait.
-  /// Errors: as the service's method `command` says in device.fbs.
+  /// Leaves `command`, which came at `received`, for the next cycle.
+  /// @realtime alloc-free, no wait
+  /// @errors   as the service's method `command` says in device.fbs
   [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
                                          MonotonicTime received) noexcept;
   /// Leaves a request for the next cycle, which counts if `lease` is still held then. The last of
-  /// several in one cycle counts.   RT: alloc-free, no wait.
-  /// Errors: kNotLeaseHolder.
+  /// several in one cycle counts.
+  /// @realtime alloc-free, no wait
+  /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
-  /// Leaves the request to end a latched fault, likewise.   RT: alloc-free, no wait.
-  /// Errors: kNotLeaseHolder.
+  /// Leaves the request to end a latched fault, likewise.
+  /// @realtime alloc-free, no wait
+  /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
   /// Takes the lease from its holder, if there is one, for a call of `priority`: the new lease's
-  /// number. The force goes to zero before a command of the new holder counts.   RT: alloc-free, no
-  /// wait.
-  /// Errors: kNotLeaseHolder: the priority is below CycleConfig::operator_priority; kOverload: the
-  /// last take-over was less than LeaseConfig::take_over_interval ago.
+  /// number. The force goes to zero before a command of the new holder counts.
+  /// @realtime alloc-free, no wait
+  /// @errors   kNotLeaseHolder: the priority is below CycleConfig::operator_priority · kOverload:
+  ///           the last take-over was less than LeaseConfig::take_over_interval ago
   [[nodiscard]] rpc::Result<std::uint64_t> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
-  /// The newest sample; nothing before the first cycle.   RT: alloc-free.
+  /// The newest sample; nothing before the first cycle.
+  /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }

@@ -6,7 +6,8 @@
 
 namespace rtpm::gvd {
 
-/// Whether no component is a NaN or an infinity.   RT: alloc-free.
+/// Whether no component is a NaN or an infinity.
+/// @realtime alloc-free
 [[nodiscard]] inline bool is_finite(const driver::Vector3& vector) noexcept {
   return std::isfinite(vector.x) && std::isfinite(vector.y) && std::isfinite(vector.z);
 }

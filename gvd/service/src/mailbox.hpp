@@ -27,10 +27,10 @@ enum class MailOutcome : std::uint8_t {
 /// Hands the newest value from any of several threads to one real-time thread. What was put and not
 /// taken is replaced: a state, not a queue. A thread that is preempted in the middle of a put keeps
 /// nobody from putting or taking, and what it puts late never replaces what is newer.
-/// Ownership: holds kSlotCount values in place.
-/// Threads: put() from any, take() from one.
-/// RT: both alloc-free. take() is wait-free; put() tries again only if another put or the take came
-/// in between.
+/// @ownership holds kSlotCount values in place
+/// @threads  put() from any, take() from one
+/// @realtime both alloc-free. take() is wait-free; put() tries again only if another put or the
+///           take came in between
 template <class T>
 requires std::is_trivially_copyable_v<T>
 class Mailbox {

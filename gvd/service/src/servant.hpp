@@ -7,9 +7,10 @@
 namespace rtpm::gvd {
 
 /// The service rtpm.device.Device over one device's cycle.
-/// Ownership: refers to the cycle and the descriptor, which must outlive it.
-/// Threads: any lane.   RT: as each method of the cycle; describe() builds its reply in the lane's
-/// buffer and is set-up only.
+/// @ownership refers to the cycle and the descriptor, which must outlive it
+/// @threads  any lane
+/// @realtime as each method of the cycle; describe() builds its reply in the lane's buffer and is
+///           set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
   DeviceServant(DeviceCycle& cycle, const driver::Descriptor& descriptor, Duration period) noexcept

@@ -12,9 +12,10 @@ namespace rtpm::gvd {
 [[nodiscard]] device::Vector3 to_wire(const driver::Vector3& vector) noexcept;
 [[nodiscard]] driver::Vector3 from_wire(const device::Vector3& vector) noexcept;
 
-/// RT: alloc-free.
+/// @realtime alloc-free
 [[nodiscard]] device::Sample to_wire(const driver::Sample& sample) noexcept;
-/// A lifecycle that this program does not know yet reads as kFault.   RT: alloc-free.
+/// A lifecycle that this program does not know yet reads as kFault.
+/// @realtime alloc-free
 [[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
 
 /// What a device's server adds to its descriptor.
@@ -25,11 +26,11 @@ struct ServerTerms {
   Priority operator_priority{};
 };
 
-/// RT: allocates only in `builder`.
+/// @realtime allocates only in `builder`
 [[nodiscard]] flatbuffers::Offset<device::Description> to_wire(
     const driver::Descriptor& descriptor, const ServerTerms& terms,
     flatbuffers::FlatBufferBuilder& builder);
-/// Set-up only.
+/// @realtime set-up only
 [[nodiscard]] driver::Descriptor from_wire(const device::Description& wire);
 
 }  // namespace rtpm::gvd

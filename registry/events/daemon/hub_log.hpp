@@ -11,7 +11,8 @@ namespace rtpm::eventd {
 
 /// Says on standard error what happens to a hub: a sentence for each consumer that is gone, unless
 /// it unsubscribed, and for each link whose state changes; not more than a reader can follow.
-/// Ownership: refers to the hub.   Threads: one, time-shared.
+/// @ownership refers to the hub
+/// @threads  one, time-shared
 class HubLog {
  public:
   explicit HubLog(const events::Hub& hub) : hub_(hub) {}

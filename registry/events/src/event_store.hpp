@@ -13,8 +13,9 @@ namespace rtpm::events {
 class EventRef;
 
 /// Events that several queues, conjunctions and histories hold at a time, each kept once.
-/// Ownership: all its memory, taken when built; must outlive every EventRef.
-/// Threads: one at a time, with its references.   RT: alloc-free but for construction.
+/// @ownership all its memory, taken when built; must outlive every EventRef
+/// @threads  one at a time, with its references
+/// @realtime alloc-free but for construction
 class EventStore {
  public:
   explicit EventStore(const StoreConfig& config = {});
@@ -56,7 +57,10 @@ class EventStore {
   std::size_t held_count_ = 0;
 };
 
-/// Holds one event of a store. Ownership: shares the event.   Threads and RT: as its store.
+/// Holds one event of a store.
+/// @ownership shares the event
+/// @threads  as its store
+/// @realtime as its store
 class EventRef {
  public:
   EventRef() noexcept = default;

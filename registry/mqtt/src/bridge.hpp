@@ -43,11 +43,12 @@ struct BridgeCounters {
 };
 
 /// Events of a hub as messages of a broker, and back. Crossing it is a hop, as over a link of hubs.
-/// Ownership: refers to its node.   Threads: any.
+/// @ownership refers to its node
+/// @threads  any
 class Bridge final : private events::EventHandler, private Broker::Listener {
  public:
-  /// Set-up only; waits for the hub, not for the broker.   Errors: as events::Consumer, Supplier
-  /// and Broker have them.
+  /// @realtime set-up only; waits for the hub, not for the broker
+  /// @errors   as events::Consumer, Supplier and Broker have them
   [[nodiscard]] static expected<std::unique_ptr<Bridge>, rpc::SetupError> create(
       rpc::Node& node, const BridgeConfig& config, BrokerConfig broker);
   Bridge(const Bridge&) = delete;

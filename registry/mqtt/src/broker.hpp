@@ -62,7 +62,7 @@ struct BrokerCounters {
 
 /// A connection to an MQTT 5 broker that is made again by itself, with a bounded queue before it,
 /// all kept by one time-shared thread "rtpm-mqtt". What it published itself does not come back.
-/// Threads: any.
+/// @threads  any
 class Broker {
  public:
   /// Takes messages; called from the broker's thread.
@@ -71,8 +71,8 @@ class Broker {
     virtual ~Listener() = default;
     virtual void on_message(const Message& message) = 0;
   };
-  /// Set-up only; does not wait for the broker.   Errors: a file of certificates that can't be
-  /// read, no memory.
+  /// @realtime set-up only; does not wait for the broker
+  /// @errors   a file of certificates that can't be read, no memory
   [[nodiscard]] static expected<std::unique_ptr<Broker>, rpc::SetupError> create(
       BrokerConfig config, Listener& listener);
   Broker(const Broker&) = delete;

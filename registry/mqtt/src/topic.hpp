@@ -30,13 +30,15 @@ struct TopicMapping {
 /// The reverse; nothing if it is no such topic, or its type none of a schema.
 [[nodiscard]] std::optional<Origin> origin_of(std::string_view prefix, std::string_view topic);
 
-/// "5" (all sources: nothing) or "5/2".   Errors: in words, what was expected.
+/// "5" (all sources: nothing) or "5/2".
+/// @errors   in words, what was expected
 struct WantedOrigin {
   events::EventType type = 0;
   std::optional<events::SourceId> source{};
 };
 [[nodiscard]] expected<WantedOrigin, std::string> parse_wanted(std::string_view text);
-/// "lab/temperature=100/3".   Errors: in words, what was expected.
+/// "lab/temperature=100/3".
+/// @errors   in words, what was expected
 [[nodiscard]] expected<TopicMapping, std::string> parse_mapping(std::string_view text);
 /// Whether messages may be published to it: not empty, no wildcard, at most 200 bytes.
 [[nodiscard]] bool is_topic(std::string_view text) noexcept;

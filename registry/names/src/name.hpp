@@ -18,16 +18,20 @@ inline constexpr std::size_t kUrlSizeMax = 256;
 inline constexpr std::size_t kInterfaceSizeMax = 128;
 
 /// The first component, counted from 0, that makes `name` malformed or carries it beyond a limit;
-/// nothing if the name is well-formed.   RT: alloc-free.
+/// nothing if the name is well-formed.
+/// @realtime alloc-free
 [[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
 
-/// Whether `url` has the form rtpm://host:port/path and at most kUrlSizeMax bytes.   Set-up only.
+/// Whether `url` has the form rtpm://host:port/path and at most kUrlSizeMax bytes.
+/// @realtime set-up only
 [[nodiscard]] bool is_url(std::string_view url);
 
-/// Whether `interface` is a qualified name, identifiers with '.' between.   RT: alloc-free.
+/// Whether `interface` is a qualified name, identifiers with '.' between.
+/// @realtime alloc-free
 [[nodiscard]] bool is_interface(std::string_view interface) noexcept;
 
-/// The component of `name` with the number `index`, empty if there are fewer.   RT: alloc-free.
+/// The component of `name` with the number `index`, empty if there are fewer.
+/// @realtime alloc-free
 [[nodiscard]] std::string_view component_of(std::string_view name, std::size_t index) noexcept;
 
 }  // namespace rtpm::names

@@ -52,7 +52,7 @@ struct Page {
 /// The names that are bound, with their leases. It knows no clock and no socket: every operation is
 /// told the time, which must not run backwards, and first drops the names whose leases have ended.
 /// A lease that ends at `now` has ended.
-/// Threads: one at a time.   Allocates; not for real-time threads.
+/// @threads  one at a time. Allocates; not for real-time threads
 class Store {
  public:
   /// Revisions count from `first_revision` on; give each life of a registry another range.
@@ -61,36 +61,38 @@ class Store {
   /// Binds `claim.name`. If this start of this owner holds it, its record is replaced and its
   /// lease begins anew; so repeating a bind does no harm. A later start of the owner takes the name
   /// at once if it comes from the host that the name was bound from; from elsewhere it waits for
-  /// the lease to end, as anybody could claim to be it. Errors: kAlreadyBound, kStaleEpoch with the
-  /// holder; kNotADirectory, kIsADirectory; kFull, kOwnerFull, kHostFull, kHostOwnersFull;
-  /// kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease.
+  /// the lease to end, as anybody could claim to be it.
+  /// @errors   kAlreadyBound, kStaleEpoch with the holder · kNotADirectory, kIsADirectory · kFull,
+  ///           kOwnerFull, kHostFull, kHostOwnersFull · kBadName, kBadUrl, kBadInterface, kBadOwner,
+  ///           kBadLease
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
   /// As bind(), but takes the name away from another owner, whose renew() then fails, if the
   /// claim names that holder's revision or allows any takeover. An older start of the same owner
-  /// still gets kStaleEpoch. Errors: as bind(), with kAlreadyBound where the claim gives no
-  /// leave; kStaleRevision with the holder: it is another one than the claim names.
+  /// still gets kStaleEpoch.
+  /// @errors   as bind(), with kAlreadyBound where the claim gives no leave · kStaleRevision with
+  ///           the holder: it is another one than the claim names
   [[nodiscard]] expected<Granted, Refusal> rebind(const Claim& claim, MonotonicTime now);
 
   /// Lets the lease end `lease` from now, or first_lease_max, see Granted.
-  /// Errors: kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
-  /// kBadLease, kBadName.
+  /// @errors   kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
+  ///           kBadLease, kBadName
   [[nodiscard]] expected<void, Refusal> renew(std::string_view name, Owner owner, Duration lease,
                                               MonotonicTime now);
 
   /// The record of a bound name, valid until the next call.
-  /// Errors: kNotFound, kNotADirectory, kIsADirectory, kBadName.
+  /// @errors   kNotFound, kNotADirectory, kIsADirectory, kBadName
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
   /// Takes the name away. A later start of its owner may, too.
-  /// Errors: as renew() without a lease.
+  /// @errors   as renew() without a lease
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now);
 
   /// Up to `count_max` records whose names are `directory` or below it (empty: all) and come after
   /// `after` (empty: from the begin), in the order of their bytes. Nothing there is an empty page.
   /// To go on, give the last name as `after`; names that come and go meanwhile disturb no others.
-  /// Errors: kBadName, of either argument.
+  /// @errors   kBadName, of either argument
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
 

@@ -19,7 +19,7 @@ namespace rtpm::events {
 
 /// A consumer's place at a common reader. Whoever has claimed it, the consumer's own thread or the
 /// reader's, may read for the consumer and call its handler; the other waits, or passes.
-/// Threads: those two.
+/// @threads  those two
 class ReaderSeat {
  public:
   /// What the reader serves.
@@ -84,7 +84,7 @@ class ReaderSeat {
 ///
 /// What must be fetched from its source, such as a multicast, the reader fetches, and the guard
 /// where the reader does not serve.
-/// Ownership: its threads; consumers share it.
+/// @ownership its threads; consumers share it
 class CommonReader {
  public:
   /// So many consumers are worth it where nothing needs to be fetched.
@@ -110,14 +110,15 @@ class CommonReader {
   using MakeSource = std::function<std::shared_ptr<ReaderSource>()>;
   /// The program's reader for `key`; where there is none, one is made with a source of the key's.
   /// Null: there is no source, or it must be fetched and the system gives no threads for that.
-  /// Set-up only.
+  /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<CommonReader> of(const Key& key, const MakeSource& make);
   CommonReader(const CommonReader&) = delete;
   CommonReader& operator=(const CommonReader&) = delete;
   ~CommonReader();
 
   /// Takes a consumer in, or lets it go. By the consumer's own thread, with the seat claimed and
-  /// not common.   Set-up only.
+  /// not common.
+  /// @realtime set-up only
   void join(const std::shared_ptr<ReaderSeat>& seat);
   void leave(const std::shared_ptr<ReaderSeat>& seat);
   [[nodiscard]] const std::shared_ptr<ReaderSource>& source() const noexcept { return source_; }

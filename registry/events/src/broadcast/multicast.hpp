@@ -10,7 +10,8 @@
 #include "rtpm/events/event.hpp"
 
 /// Deliveries in datagrams that one sends to many, numbered so that each receiver sees what it
-/// lacks and asks for it. Knows no socket and no clock.   Source: spec/events.md#ev-7.
+/// lacks and asks for it. Knows no socket and no clock.
+/// @source   spec/events.md#ev-7
 namespace rtpm::events {
 
 /// Bytes of a datagram: fits an Ethernet frame, a tunnel's, too.
@@ -34,11 +35,14 @@ struct MulticastDatagram {
   ConstBytes owners{};  ///< 4 bytes each: the lower half of the subscription's number.
   ConstBytes bytes{};
 };
-/// Nothing if the bytes are none.   RT: alloc-free.
+/// Nothing if the bytes are none.
+/// @realtime alloc-free
 [[nodiscard]] std::optional<MulticastDatagram> read_multicast(ConstBytes datagram) noexcept;
 
 /// Makes datagrams and keeps the last of them.
-/// Ownership: its memory, taken when built.   Threads: one at a time.   RT: alloc-free.
+/// @ownership its memory, taken when built
+/// @threads  one at a time
+/// @realtime alloc-free
 class MulticastWriter {
  public:
   /// Keeps `history_count` datagrams (at least 8).
@@ -81,8 +85,9 @@ class MulticastWriter {
 };
 
 /// Puts datagrams in order again and says which are missing.
-/// Ownership: its memory, taken when built.   Threads: one.   RT: alloc-free but for construction
-/// and records larger than any before.
+/// @ownership its memory, taken when built
+/// @threads  one
+/// @realtime alloc-free but for construction and records larger than any before
 class MulticastReader {
  public:
   static constexpr std::size_t kWindow = 256;  ///< Datagrams that are kept behind a missing one.

@@ -19,13 +19,16 @@ namespace rtpm::events {
 
 /// A hub's multicast as a program receives it once for several consumers: by one socket, into
 /// memory that keeps the last datagrams for those who are late.
-/// Ownership: a socket, two further descriptors, 1.4 MiB.   Threads: any.   RT: alloc-free.
+/// @ownership a socket, two further descriptors, 1.4 MiB
+/// @threads  any
+/// @realtime alloc-free
 class MulticastFeed final : public ReaderSource {
  public:
   /// So many datagrams are kept. Who falls behind further asks the hub, as for what is lost.
   static constexpr std::uint64_t kHistoryCount = 1024;
 
-  /// Joins the group; null if the system does not let it.   Set-up only.
+  /// Joins the group; null if the system does not let it.
+  /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<MulticastFeed> open(const transport::MulticastGroup& group);
 
   /// Where the next datagram will be.

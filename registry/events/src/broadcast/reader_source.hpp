@@ -7,7 +7,9 @@
 namespace rtpm::events {
 
 /// What several consumers of one program read together, and how their threads learn that there is
-/// more.   Threads: any.   RT: alloc-free.
+/// more.
+/// @threads  any
+/// @realtime alloc-free
 class ReaderSource {
  public:
   virtual ~ReaderSource() = default;

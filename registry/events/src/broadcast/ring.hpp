@@ -65,7 +65,9 @@ class SlotSet {
 };
 
 /// The end that writes.
-/// Ownership: the memory must outlive it.   Threads: one at a time.   RT: wait-free, alloc-free.
+/// @ownership the memory must outlive it
+/// @threads  one at a time
+/// @realtime wait-free, alloc-free
 class RingWriter {
  public:
   /// Makes a ring of the memory, which is zero and ring_memory_size(2^n) bytes, aligned to a page.
@@ -104,8 +106,9 @@ enum class RingRead : std::uint8_t {
 
 /// An end that reads. What it reads it copies, then looks whether it was whole all the time, as the
 /// writer does not wait for anybody.
-/// Ownership: the memory must outlive it; a buffer of one largest record.
-/// Threads: one.   RT: wait-free; alloc-free but for construction.
+/// @ownership the memory must outlive it; a buffer of one largest record
+/// @threads  one
+/// @realtime wait-free; alloc-free but for construction
 class RingReader {
  public:
   /// Of the place `place` (below kRingSlotCountMax), which `owner` has, from the position `begin`

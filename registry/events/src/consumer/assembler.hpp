@@ -11,7 +11,7 @@
 namespace rtpm::events {
 
 /// Puts together what items bring: events that belong to one delivery, and parts of large ones.
-/// Threads: one at a time.   Allocates for what goes beyond one item.
+/// @threads  one at a time. Allocates for what goes beyond one item
 class Assembler {
  public:
   /// No event is larger than this.

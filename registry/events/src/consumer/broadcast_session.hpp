@@ -12,7 +12,8 @@ namespace rtpm::events {
 
 /// A consumer's end of what a hub sends once for all: its ring, or its multicast. Does by itself
 /// what the hub would do for one that has a stream: drops what the policy says when the handler
-/// does not keep up.   Threads: one at a time.
+/// does not keep up.
+/// @threads  one at a time
 class BroadcastSession {
  public:
   using Outcome = SessionOutcome;
@@ -24,7 +25,8 @@ class BroadcastSession {
   virtual ~BroadcastSession() = default;
   /// Another policy; what waits stays as far as there is room.
   virtual void set_policy(const DeliveryPolicy& policy) = 0;
-  /// Takes one delivery and hands it over. RT: alloc-free, but for asking.
+  /// Takes one delivery and hands it over.
+  /// @realtime alloc-free, but for asking
   [[nodiscard]] virtual Outcome take(const Taker& taker, Asking asking) = 0;
   /// Whether something is missing that is to be asked for: take() is to be called with kNow, and
   /// wait() ends when that is due.

@@ -23,7 +23,9 @@ enum class SessionOutcome : std::uint8_t {
 
 /// The queue of a consumer whose events do not wait at the hub: does here by itself what the hub
 /// would do there, and drops what the policy says when the handler does not keep up.
-/// Ownership: copies of the events.   Threads: one.   RT: alloc-free but for set_policy().
+/// @ownership copies of the events
+/// @threads  one
+/// @realtime alloc-free but for set_policy()
 class LocalQueue {
  public:
   LocalQueue();

@@ -15,7 +15,7 @@
 namespace rtpm::events {
 
 /// A consumer's end of a hub's multicast: receives, asks the hub for what is missing, and queues.
-/// Ownership: a socket or, with others, a feed; and a queue of its own.
+/// @ownership a socket or, with others, a feed; and a queue of its own
 class MulticastSession final : public BroadcastSession {
  public:
   /// A hub's multicast, as the hub tells it.

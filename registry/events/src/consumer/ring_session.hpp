@@ -29,7 +29,7 @@ class RingSource final : public ReaderSource {
 };
 
 /// A consumer's end of a hub's ring: reads what is for it.
-/// Ownership: the mapping, and a queue of its own.
+/// @ownership the mapping, and a queue of its own
 class RingSession final : public BroadcastSession {
  public:
   /// Maps the hub's ring; null if that can't be: the hub is on another host, or another user's.

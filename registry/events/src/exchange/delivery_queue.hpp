@@ -11,8 +11,9 @@
 namespace rtpm::events {
 
 /// The events that wait for one consumer; those that belong together stay together.
-/// Ownership: references to its events.   Threads: one at a time.   RT: alloc-free but for
-/// construction.
+/// @ownership references to its events
+/// @threads  one at a time
+/// @realtime alloc-free but for construction
 class DeliveryQueue {
  public:
   DeliveryQueue() noexcept = default;

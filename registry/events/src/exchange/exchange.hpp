@@ -23,7 +23,8 @@ using SubscriptionNumber = std::uint32_t;
 class Broadcaster {
  public:
   virtual ~Broadcaster() = default;
-  /// Gives the events of `group` to `subscriptions`, all of them at once.   RT: alloc-free.
+  /// Gives the events of `group` to `subscriptions`, all of them at once.
+  /// @realtime alloc-free
   virtual void broadcast(std::span<const SubscriptionNumber> subscriptions,
                          std::span<const EventRef> group) noexcept = 0;
 };
@@ -45,8 +46,9 @@ struct SubscriptionCounters {
 
 /// Who wants what: takes events, matches them with subscriptions and queues them for each. It knows
 /// no socket, no thread and no clock.
-/// Ownership: all its memory, taken when built or when a subscription is made.
-/// Threads: one at a time.   RT: alloc-free but for construction, subscribe() and change().
+/// @ownership all its memory, taken when built or when a subscription is made
+/// @threads  one at a time
+/// @realtime alloc-free but for construction, subscribe() and change()
 class Exchange {
  public:
   /// `broadcaster` may be null; then nobody subscribes to it.
@@ -67,8 +69,8 @@ class Exchange {
       queue.release_events();
     }
   };
-  /// Set-up only; needs no exchange, so that nobody waits for it.
-  /// Errors: as CompiledFilter::compile() and Gate::make().
+  /// @realtime set-up only; needs no exchange, so that nobody waits for it
+  /// @errors   as CompiledFilter::compile() and Gate::make()
   [[nodiscard]] static expected<Prepared, FilterError> prepare(const Filter& filter,
                                                                const DeliveryPolicy& policy,
                                                                const DescriptorSource& types,
@@ -98,7 +100,7 @@ class Exchange {
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
   /// Takes what the hub itself tells: an event whose type is above kEventTypeMax.
-  /// Errors: as offer().
+  /// @errors   as offer()
   [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
                                                    MonotonicTime now) noexcept;
   /// Lets the timeouts act that are due.

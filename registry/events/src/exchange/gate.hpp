@@ -13,12 +13,14 @@
 namespace rtpm::events {
 
 /// Lets through as much as a policy wants. What it leaves out was not wanted, so it is no loss.
-/// Ownership: one event, held for the end of the interval.   Threads: one at a time.
-/// RT: alloc-free but for construction.
+/// @ownership one event, held for the end of the interval
+/// @threads  one at a time
+/// @realtime alloc-free but for construction
 class Gate {
  public:
   Gate() noexcept = default;
-  /// Set-up only.   Errors: a value out of bounds; a deadband's type or field that nobody knows.
+  /// @realtime set-up only
+  /// @errors   a value out of bounds; a deadband's type or field that nobody knows
   [[nodiscard]] static expected<Gate, FilterError> make(const DeliveryPolicy& policy,
                                                         const DescriptorSource& types);
 

@@ -9,8 +9,9 @@
 namespace rtpm::events {
 
 /// The last events of each type and source, for consumers that come late.
-/// Ownership: its places, taken when built, and references to the events.
-/// Threads: one at a time.   RT: alloc-free but for construction.
+/// @ownership its places, taken when built, and references to the events
+/// @threads  one at a time
+/// @realtime alloc-free but for construction
 class History {
  public:
   /// So many pairs of type and source, and `depth` (0…64) events of each; what comes beyond is not

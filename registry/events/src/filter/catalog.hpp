@@ -21,14 +21,16 @@ struct CatalogLimits {
 
 /// The types of events that suppliers and consumers have told of, so that filters can be checked
 /// against them. Generated code tells its types by itself; tools take them from a schema.
-/// Ownership: copies what it is told.   Threads: one at a time.   Set-up only.
+/// @ownership copies what it is told
+/// @threads  one at a time
+/// @realtime set-up only
 class TypeCatalog final : public DescriptorSource {
  public:
   explicit TypeCatalog(const CatalogLimits& limits = {}) : limits_(limits) {}
 
   /// Takes a type in; the same again changes nothing.
-  /// Errors, in words: another schema of that type is known (update the older program), a number
-  /// that is no type's, a path that leads nowhere, a limit.
+  /// @errors   another schema of that type is known (update the older program), a number that is no
+  ///           type's, a path that leads nowhere, a limit
   [[nodiscard]] expected<void, std::string> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;

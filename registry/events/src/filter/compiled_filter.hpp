@@ -21,7 +21,9 @@ struct FilterError {
   std::string text;
 };
 
-/// What a filter delivers at a time. Ownership: holds its events. RT: alloc-free.
+/// What a filter delivers at a time.
+/// @ownership holds its events
+/// @realtime alloc-free
 class Group {
  public:
   void clear() noexcept {
@@ -48,14 +50,16 @@ struct Interest {
 
 /// A filter as it runs: its nodes one after the other, children before parents, so that one pass
 /// over them judges an event. Holds what conjunctions keep and when timeouts are due.
-/// Ownership: its nodes, allocated when compiled; references to the events it keeps.
-/// Threads: one at a time.   RT: alloc-free once compiled; linear in the number of nodes.
+/// @ownership its nodes, allocated when compiled; references to the events it keeps
+/// @threads  one at a time
+/// @realtime alloc-free once compiled; linear in the number of nodes
 class CompiledFilter {
  public:
-  /// Compiles `filter`; its timeouts begin at start().   Set-up only.
-  /// Errors: too deep, too many nodes or events to keep; a group without children; a predicate's
-  /// type or field that nobody knows, or an operand that the field can't be; a timeout out of
-  /// bounds, or under "all" or "not", where no event ever meets it.
+  /// Compiles `filter`; its timeouts begin at start().
+  /// @realtime set-up only
+  /// @errors   too deep, too many nodes or events to keep; a group without children; a predicate's
+  ///           type or field that nobody knows, or an operand that the field can't be; a timeout
+  ///           out of bounds, or under "all" or "not", where no event ever meets it
   [[nodiscard]] static expected<CompiledFilter, FilterError> compile(const Filter& filter,
                                                                      const DescriptorSource& types);
 

@@ -11,7 +11,9 @@ namespace rtpm::events {
 
 /// Which subscriptions an event has to be shown to, found by its type and source: what it costs
 /// grows with them, not with the subscriptions of other types.
-/// Ownership: its memory, taken when built.   Threads: one at a time.   RT: alloc-free.
+/// @ownership its memory, taken when built
+/// @threads  one at a time
+/// @realtime alloc-free
 class SubscriptionIndex {
  public:
   /// For so many interests in all.

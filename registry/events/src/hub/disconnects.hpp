@@ -11,10 +11,12 @@
 
 namespace rtpm::events {
 
-/// The last subscriptions that ended, and how many did for each reason.   Threads: any.
+/// The last subscriptions that ended, and how many did for each reason.
+/// @threads  any
 class Disconnects {
  public:
-  /// Takes the name.   RT: alloc-free; frees the name that it forgets.
+  /// Takes the name.
+  /// @realtime alloc-free; frees the name that it forgets
   void note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept;
   [[nodiscard]] std::vector<Disconnect> after(std::uint64_t number) const;
   [[nodiscard]] DisconnectCounters counters() const noexcept;

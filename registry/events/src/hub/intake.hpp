@@ -12,7 +12,8 @@
 namespace rtpm::events {
 
 /// The suppliers of a hub: what each may push, and what became of it.
-/// Ownership: its memory, taken when built.   Threads: one at a time.
+/// @ownership its memory, taken when built
+/// @threads  one at a time
 class Intake {
  public:
   /// A supplier. Any id may be one's; tag 0: the slot is free.
@@ -28,7 +29,8 @@ class Intake {
       : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
   /// The supplier with this id, which is new if nobody has heard of it: then it takes the place of
-  /// the one that was silent longest, if none is free.   RT: alloc-free.
+  /// the one that was silent longest, if none is free.
+  /// @realtime alloc-free
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
     for (Supplier& each : suppliers_) {
@@ -46,7 +48,8 @@ class Intake {
     oldest->last_heard = now;
     return *oldest;
   }
-  /// Whether events with this tag are of one of these suppliers.   RT: alloc-free.
+  /// Whether events with this tag are of one of these suppliers.
+  /// @realtime alloc-free
   [[nodiscard]] bool has_tag(std::uint32_t tag) const noexcept {
     return tag != 0 && std::ranges::find(suppliers_, tag, &Supplier::tag) != suppliers_.end();
   }

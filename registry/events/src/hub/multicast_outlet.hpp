@@ -15,11 +15,13 @@
 namespace rtpm::events {
 
 /// The multicast of a hub: where the events leave that consumers on the LAN receive together.
-/// Threads: one at a time, with the hub's lock.   RT: alloc-free; a syscall for each datagram.
+/// @threads  one at a time, with the hub's lock
+/// @realtime alloc-free; a syscall for each datagram
 class MulticastOutlet final : public Broadcaster {
  public:
-  /// For events of up to `payload_size_max` and so many subscriptions.   Set-up only.
-  /// Errors: as transport::MulticastSender::open().
+  /// For events of up to `payload_size_max` and so many subscriptions.
+  /// @realtime set-up only
+  /// @errors   as transport::MulticastSender::open()
   [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, transport::TransportError> make(
       const MulticastConfig& config, std::uint32_t payload_size_max,
       std::uint32_t subscription_count_max);

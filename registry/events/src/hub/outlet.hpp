@@ -12,7 +12,8 @@
 namespace rtpm::events {
 
 /// Builds the items of subscriptions, one at a time, in memory taken when built.
-/// Threads: one at a time.   RT: alloc-free.
+/// @threads  one at a time
+/// @realtime alloc-free
 class ItemBuilder {
  public:
   ItemBuilder();
@@ -49,7 +50,8 @@ class ItemBuilder {
 };
 
 /// Where one subscription's events leave the hub: its stream, and what the consumer was told.
-/// Threads: one at a time.   RT: alloc-free.
+/// @threads  one at a time
+/// @realtime alloc-free
 class Outlet {
  public:
   /// What became of a try to send.

@@ -7,7 +7,9 @@
 
 namespace rtpm::events {
 
-/// Keeps to a quota.   Threads: one at a time.   RT: alloc-free.
+/// Keeps to a quota.
+/// @threads  one at a time
+/// @realtime alloc-free
 class QuotaMeter {
  public:
   explicit QuotaMeter(const Quota& quota = {}) noexcept

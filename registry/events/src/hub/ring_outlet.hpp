@@ -13,11 +13,12 @@
 namespace rtpm::events {
 
 /// The ring of a hub: where the events leave that consumers on its host read.
-/// Threads: broadcast() and take_wake_bits() with the hub's lock; wake() from any; let_in() from
-/// one.
+/// @threads  broadcast() and take_wake_bits() with the hub's lock; wake() from any; let_in() from
+///           one
 class RingOutlet final : public Broadcaster {
  public:
-  /// `size` bytes of records, for events of up to `payload_size_max`.   Set-up only.
+  /// `size` bytes of records, for events of up to `payload_size_max`.
+  /// @realtime set-up only
   [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, transport::TransportError> make(
       std::uint32_t size, std::uint32_t payload_size_max);
 

@@ -14,7 +14,7 @@ namespace rtpm::events {
 /// `interest` of this hub's subscriptions as those of a link: each one hop further, none that is
 /// beyond kLinkHopsMax or that another covers. Of more than kMatchCountMax those of single sources
 /// are widened to all of their type, then to everything.
-/// Source: spec/events.md#ev-5.2.
+/// @source   spec/events.md#ev-5.2
 [[nodiscard]] std::vector<Match> unite_interest(std::vector<Match> interest);
 
 }  // namespace rtpm::events

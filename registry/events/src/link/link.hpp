@@ -20,7 +20,8 @@ namespace rtpm::events {
 
 /// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that looks after it:
 /// makes it, tells it what is wanted by now, and asks how the other hub's clock stands.
-/// Ownership: refers to its host and node, which must outlive it.   Threads: any.
+/// @ownership refers to its host and node, which must outlive it
+/// @threads  any
 class Link final : private EventHandler {
  public:
   Link(LinkHost& host, std::size_t number, rpc::Node& node, std::string target, LinkConfig config);

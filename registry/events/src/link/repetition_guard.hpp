@@ -14,8 +14,10 @@ namespace rtpm::events {
 ///
 /// Of more rows than it has places for it forgets one that was silent for long; then a repeated
 /// event may pass.
-/// Ownership: its places, taken when built.   Threads: one at a time.   RT: alloc-free, constant.
-/// Source: spec/events.md#ev-5.3.
+/// @ownership its places, taken when built
+/// @threads  one at a time
+/// @realtime alloc-free, constant
+/// @source   spec/events.md#ev-5.3
 class RepetitionGuard {
  public:
   static constexpr std::uint64_t kSpan = 64;

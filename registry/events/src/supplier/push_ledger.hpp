@@ -10,7 +10,8 @@ namespace rtpm::events {
 /// counted, and what the end of a connection leaves open. A hub counts what it received in its
 /// life, so nothing of what it counted is lost; of a connection that ended, the frames that were
 /// read are not.
-/// Threads: one at a time.   RT: alloc-free.
+/// @threads  one at a time
+/// @realtime alloc-free
 class PushLedger {
  public:
   /// One frame with so many events went out to that life of the hub.

@@ -16,7 +16,7 @@ enum class CommandMode : std::uint8_t {
 
 /// What the device is to do from this cycle until the next. It has passed the safety filter: finite
 /// and within the descriptor's limits.
-/// Ownership: plain value, trivially copyable.
+/// @ownership plain value, trivially copyable
 struct Command {
   CommandMode mode = CommandMode::kOff;
   /// Counts the cycles from 1, so that a device that echoes it shows which command it obeys.

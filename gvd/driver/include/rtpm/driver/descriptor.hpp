@@ -52,7 +52,7 @@ struct Workspace {
 };
 
 /// What a device is and can, so that a program that never heard of it can use it.
-/// Ownership: a value.   Set-up only: holds strings.
+/// @ownership a value. Set-up only: holds strings
 struct Descriptor {
   DeviceClass device_class = DeviceClass::kInput;
   std::string model;   ///< As the maker calls it.

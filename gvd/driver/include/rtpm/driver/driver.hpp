@@ -49,7 +49,7 @@ struct DriverConfig {
 ///
 /// A failed configure() or activate() leaves the driver as before it. After deactivate() comes
 /// configure() or the end.
-/// Threads: one at a time; the device server calls everything from activate() on from one thread.
+/// @threads  one at a time; the device server calls everything from activate() on from one thread
 class Driver {
  public:
   Driver() = default;
@@ -58,16 +58,19 @@ class Driver {
   /// Deactivates if need be.
   virtual ~Driver() = default;
 
-  /// What the device is; the same answer every time, in every state.   Set-up only.
+  /// What the device is; the same answer every time, in every state.
+  /// @realtime set-up only
   [[nodiscard]] virtual Descriptor describe() const = 0;
 
   /// Opens the device and gives it its settings; may take seconds, but gives up by
-  /// itself. No force yet.   Set-up only.
-  /// Errors: not plugged in, no right to open it, wrong firmware: in words, with the remedy.
+  /// itself. No force yet.
+  /// @realtime set-up only
+  /// @errors   not plugged in, no right to open it, wrong firmware: in words, with the remedy
   [[nodiscard]] virtual expected<void, DriverError> configure(const DriverConfig& config) = 0;
 
-  /// Makes the device ready for exchange(); allocates all that exchange() will need.   Set-up only.
-  /// Errors: the device refuses: in words, with the remedy.
+  /// Makes the device ready for exchange(); allocates all that exchange() will need.
+  /// @realtime set-up only
+  /// @errors   the device refuses: in words, with the remedy
   [[nodiscard]] virtual expected<void, DriverError> activate() = 0;
 
   /// Gives the device its command and takes its newest sample: the only real-time call, once per
@@ -77,13 +80,14 @@ class Driver {
   /// lifecycle are the server's. With any other status it is as it was on entry.
   /// Whatever the command says, the driver applies no more than the descriptor's limits, and zero
   /// for a mode that it does not know.
-  /// RT: alloc-free, throws nothing, takes no lock that a time-shared thread may hold.
-  /// Errors: as ExchangeStatus says.
+  /// @realtime alloc-free, throws nothing, takes no lock that a time-shared thread may hold
+  /// @errors   as ExchangeStatus says
   [[nodiscard]] virtual ExchangeStatus exchange(const Command& command,
                                                 Sample& sample) noexcept = 0;
 
   /// Takes all force away and closes the device, also one that is gone. Does nothing if it is not
-  /// active.   Set-up only.
+  /// active.
+  /// @realtime set-up only
   virtual void deactivate() noexcept = 0;
 };
 

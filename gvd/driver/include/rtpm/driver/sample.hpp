@@ -67,7 +67,7 @@ inline constexpr std::size_t kAnalogCountMax = 8;
 
 /// Everything that one device says in one cycle, as one value: nobody ever sees the position of one
 /// cycle with the buttons of another.
-/// Ownership: plain value, trivially copyable.
+/// @ownership plain value, trivially copyable
 struct Sample {
   /// Counts the server's cycles from 1; the server sets it.
   std::uint64_t sequence = 0;

@@ -39,7 +39,8 @@ class SampleSink {
   SampleSink& operator=(const SampleSink&) = delete;
   virtual ~SampleSink() = default;
   /// Takes one sample. It may block or allocate as long as the consumer itself can bear: nobody
-  /// else waits for it.   Threads: the consumer's, one call at a time.
+  /// else waits for it.
+  /// @threads  the consumer's, one call at a time
   virtual void push(const driver::Sample& sample) = 0;
 };
 
@@ -47,13 +48,15 @@ class SampleSink {
 /// new one to a sink's push(): the paper's GVDConsumer, for displays and loggers that must not slow
 /// a servo loop down. It asks the device's server for the newest sample at its rate; samples that
 /// came and went in between are not seen. A look that fails is counted, and the next one tries
-/// again; by a name, it follows the name as rpc::Binding does. Ownership: refers to its node and
-/// its sink, which must outlive it. Threads: start and stop from one thread; the rest from any.
+/// again; by a name, it follows the name as rpc::Binding does.
+/// @ownership refers to its node and its sink, which must outlive it
+/// @threads  start and stop from one thread; the rest from any
 class DeviceConsumer {
  public:
-  /// Binds `device`, a name for the node's resolver or a URL, and starts.   Set-up only.
-  /// Errors: as rpc::Binding::bind(); a rate out of range; with RealtimeMode::kRequire, a right
-  /// that the process lacks.
+  /// Binds `device`, a name for the node's resolver or a URL, and starts.
+  /// @realtime set-up only
+  /// @errors   as rpc::Binding::bind(); a rate out of range; with RealtimeMode::kRequire, a right
+  ///           that the process lacks
   [[nodiscard]] static expected<DeviceConsumer, rpc::SetupError> start(
       rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config,
       SampleSink& sink);
@@ -65,9 +68,11 @@ class DeviceConsumer {
   /// Ends the thread after the push that runs; again is allowed, not from within push.
   void stop() noexcept;
 
-  /// From any thread.   RT: alloc-free.
+  /// From any thread.
+  /// @realtime alloc-free
   [[nodiscard]] DeviceConsumerCounters counters() const noexcept;
-  /// Why the last look failed; nothing if it did not.   From any thread.   RT: alloc-free.
+  /// Why the last look failed; nothing if it did not.   From any thread.
+  /// @realtime alloc-free
   [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept;
 
  private:

@@ -13,7 +13,7 @@
 namespace rtpm::gvd {
 
 /// Is told, in one sentence each, what happens to a device: lost, back, not to be activated.
-/// Threads: report() runs on the device's thread, outside its real-time part.
+/// @threads  report() runs on the device's thread, outside its real-time part
 class DeviceListener {
  public:
   DeviceListener() = default;

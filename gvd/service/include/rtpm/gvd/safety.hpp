@@ -24,9 +24,10 @@ struct SafetyConfig {
 
   /// The defaults with the device's own limits.
   [[nodiscard]] static SafetyConfig for_device(const driver::Limits& limits) noexcept;
-  /// Whether every value can be used.   Set-up only.
-  /// Errors: a limit that is negative or not finite, a time that is negative or above 10 s: the
-  /// text names it.
+  /// Whether every value can be used.
+  /// @realtime set-up only
+  /// @errors   a limit that is negative or not finite, a time that is negative or above 10 s: the
+  ///           text names it
   [[nodiscard]] expected<void, rpc::SetupError> check() const;
 };
 
@@ -63,7 +64,9 @@ struct SafetyCounters {
 /// The bound: with a command's deadline at t, the output is zero in every step at or after
 /// t + ramp, whatever happened to client and link. Where step() runs once per period the actuators
 /// are therefore without force at t + ramp + one period at the latest.
-/// Ownership: a value.   Threads: one at a time.   RT: alloc-free. It reads no clock.
+/// @ownership a value
+/// @threads  one at a time
+/// @realtime alloc-free. It reads no clock
 class SafetyFilter {
  public:
   /// `config` has passed check().

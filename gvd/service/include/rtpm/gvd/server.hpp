@@ -28,14 +28,14 @@ struct DeviceServerConfig {
 ///   SafetyConfig::ramp, then one period of the device;
 /// - this server, stopped in order: at once, by Driver::deactivate();
 /// - this process, killed: what the device's own watchdog gives (Command::deadline tells it when).
-///
-/// Ownership: owns its driver.
-/// Threads: create, start and stop from one thread; the rest from any.
+/// @ownership owns its driver
+/// @threads  create, start and stop from one thread; the rest from any
 class DeviceServer {
  public:
-  /// Takes `driver` and checks what it says of itself.   Set-up only.
-  /// Errors: a period that is not 20 µs to 100 ms, a lease that is over at once, a safety limit
-  /// that can't be used, a descriptor that contradicts itself.
+  /// Takes `driver` and checks what it says of itself.
+  /// @realtime set-up only
+  /// @errors   a period that is not 20 µs to 100 ms, a lease that is over at once, a safety limit
+  ///           that can't be used, a descriptor that contradicts itself
   [[nodiscard]] static expected<std::unique_ptr<DeviceServer>, rpc::SetupError> create(
       std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = {});
 
@@ -45,19 +45,22 @@ class DeviceServer {
   ~DeviceServer();
 
   /// Configures and activates the device and starts its thread, which calls the driver alone from
-  /// here on.   Set-up only.
-  /// Errors: the device can't be set up; with RealtimeMode::kRequire, a right that the process
-  /// lacks.
+  /// here on.
+  /// @realtime set-up only
+  /// @errors   the device can't be set up; with RealtimeMode::kRequire, a right that the process
+  ///           lacks
   [[nodiscard]] expected<void, rpc::SetupError> start();
 
   /// Takes the force away, deactivates the device and ends the thread; again is allowed. Stop the
-  /// rpc::Server that serves it before or after, in either order.   Set-up only.
+  /// rpc::Server that serves it before or after, in either order.
+  /// @realtime set-up only
   void stop() noexcept;
 
   /// What an rpc::Server serves for this device; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
-  /// The newest sample, for use in the same process; nothing before the first.   RT: alloc-free.
+  /// The newest sample, for use in the same process; nothing before the first.
+  /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
 

@@ -103,12 +103,14 @@ struct ConsumerCounters {
 
 /// Subscribes at a hub and hands what comes to a handler, on a thread of its own. When the hub
 /// restarts, or the way to it is lost, it subscribes again by itself and tells the gap.
-/// Ownership: refers to its node and handler, which must outlive it.   Threads: any.
+/// @ownership refers to its node and handler, which must outlive it
+/// @threads  any
 class Consumer {
  public:
-  /// Subscribes at the hub at `target`, a URL or a name.   Set-up only.
-  /// Errors: no hub there; the filter or policy is refused (the text names the node and the field);
-  /// a right that the process lacks.
+  /// Subscribes at the hub at `target`, a URL or a name.
+  /// @realtime set-up only
+  /// @errors   no hub there; the filter or policy is refused (the text names the node and the
+  ///           field); a right that the process lacks
   [[nodiscard]] static expected<std::unique_ptr<Consumer>, rpc::SetupError> create(
       rpc::Node& node, const std::string& target, ConsumerConfig config, EventHandler& handler);
   Consumer(const Consumer&) = delete;
@@ -117,11 +119,13 @@ class Consumer {
   ~Consumer();
 
   /// Puts another filter and policy in the place of the present ones, losing no event: each is
-  /// judged by the one or the other.   Set-up only.
-  /// Errors: as create(); then nothing is changed.
+  /// judged by the one or the other.
+  /// @realtime set-up only
+  /// @errors   as create(); then nothing is changed
   [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
                                                        const DeliveryPolicy& delivery);
-  /// From now on nothing comes, and what is missed is counted, until resume(). Set-up only.
+  /// From now on nothing comes, and what is missed is counted, until resume().
+  /// @realtime set-up only
   [[nodiscard]] expected<void, rpc::CallError> suspend();
   [[nodiscard]] expected<void, rpc::CallError> resume();
   /// Ends the subscription. From the handler it returns at once, and the thread ends after the

@@ -51,7 +51,8 @@ struct EventHeader {
 };
 
 /// The tag of a supplier's events in one life of a hub: another one for any other pair, as a rule,
-/// and never 0.   Source: spec/events.md#ev-5.1-1.
+/// and never 0.
+/// @source   spec/events.md#ev-5.1-1
 [[nodiscard]] constexpr std::uint32_t supplier_tag_of(std::uint64_t hub_epoch,
                                                       std::uint64_t supplier_id) noexcept {
   std::uint64_t mixed = (hub_epoch ^ supplier_id) * 0xff51'afd7'ed55'8ccdULL;
@@ -60,7 +61,8 @@ struct EventHeader {
   return tag == 0 ? 1 : tag;
 }
 
-/// An event whose payload lies somewhere else. Ownership: views its payload.
+/// An event whose payload lies somewhere else.
+/// @ownership views its payload
 struct EventView {
   EventHeader header{};
   ConstBytes payload{};  ///< Opaque. Aligned to 16 bytes where RTPM hands it over.
@@ -76,7 +78,8 @@ inline constexpr std::size_t kEventHeaderSize = 64;
 }
 
 /// Writes one event after the other.
-/// Ownership: views its memory.   RT: alloc-free.
+/// @ownership views its memory
+/// @realtime alloc-free
 class EventWriter {
  public:
   explicit EventWriter(MutableBytes memory) noexcept : memory_(memory) {}
@@ -98,7 +101,8 @@ enum class EventError : std::uint8_t {
 };
 
 /// Reads untrusted bytes as one event after the other.
-/// Ownership: views its bytes, and so do the payloads.   RT: alloc-free.
+/// @ownership views its bytes, and so do the payloads
+/// @realtime alloc-free
 class EventReader {
  public:
   explicit EventReader(ConstBytes bytes) noexcept : bytes_(bytes) {}

@@ -49,8 +49,8 @@ struct Match {
 /// case for each sentence.
 ///
 /// Every node sees every event, so that what a conjunction keeps does not hang on its neighbours.
-/// Source: TAO's real-time event service, but for two quirks: a conjunction keeps the newest event
-/// of each child, and no event matches by having the type or source 0.
+/// @source   TAO's real-time event service, but for two quirks: a conjunction keeps the newest
+///           event of each child, and no event matches by having the type or source 0
 struct Filter {
   enum class Kind : std::uint8_t {
     kNull,       ///< Accepts every event.

@@ -101,12 +101,13 @@ inline constexpr std::size_t kDisconnectCountMax = 64;  ///< That a hub remember
 ///     auto hub = Hub::create().value();
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
 ///     server->add(kHubPath, hub->servant());
-///
-/// Ownership: must outlive the server's stop().   Threads: any.
+/// @ownership must outlive the server's stop()
+/// @threads  any
 class Hub {
  public:
-  /// Takes all its memory and starts its thread.   Set-up only.
-  /// Errors: with RealtimeMode::kRequire, a right that the process lacks; no memory for the ring.
+  /// Takes all its memory and starts its thread.
+  /// @realtime set-up only
+  /// @errors   with RealtimeMode::kRequire, a right that the process lacks; no memory for the ring
   [[nodiscard]] static expected<std::unique_ptr<Hub>, rpc::SetupError> create(
       const HubConfig& config = {});
 
@@ -119,22 +120,27 @@ class Hub {
   [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
 
   /// Takes events, one encoded after the other, from a supplier in this program; what Supplier does
-  /// by itself.   RT: alloc-free; waits for nobody but who matches events at the same time, by a
-  /// lock that passes priority on.
+  /// by itself.
+  /// @realtime alloc-free; waits for nobody but who matches events at the same time, by a lock that
+  ///           passes priority on
   virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
-  /// Tells of a type. Set-up only.   Errors: as TypeCatalog::add().
+  /// Tells of a type.
+  /// @realtime set-up only
+  /// @errors   as TypeCatalog::add()
   [[nodiscard]] virtual expected<void, std::string> add_type(const EventDescriptor& descriptor) = 0;
 
   /// Links the hub to the one at `target`, a URL or a name: from now on it asks that one for what
   /// its own consumers want, and nothing else, and hands it on to them. For both directions link
   /// both hubs. Returns at once; the link is there when the other hub is, through all its lives,
   /// and ends with this hub. Neither hub waits for the other. `node` must outlive the hub. Set-up
-  /// only.   Errors: more links than kLinkCountMax; a thread that can't be started. Source:
-  /// spec/events.md#ev-5.
+  /// only.
+  /// @errors   more links than kLinkCountMax; a thread that can't be started. Source:
+  ///           spec/events.md#ev-5
   [[nodiscard]] virtual expected<void, rpc::SetupError> link(rpc::Node& node,
                                                              const std::string& target,
                                                              const LinkConfig& config) = 0;
-  /// How each link fares, in the order in which they were made. Set-up only.
+  /// How each link fares, in the order in which they were made.
+  /// @realtime set-up only
   [[nodiscard]] virtual std::vector<LinkStatus> links() const = 0;
 
   /// Of an event, in bytes.
@@ -143,7 +149,8 @@ class Hub {
   [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
   [[nodiscard]] virtual std::size_t subscription_count() const noexcept = 0;
   /// Who went and why, of the last kDisconnectCountMax those whose number is above `after`, in
-  /// order. Set-up only.
+  /// order.
+  /// @realtime set-up only
   [[nodiscard]] virtual std::vector<Disconnect> disconnects(std::uint64_t after = 0) const = 0;
   [[nodiscard]] virtual DisconnectCounters disconnect_counters() const noexcept = 0;
 

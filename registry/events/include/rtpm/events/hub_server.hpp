@@ -35,12 +35,13 @@ struct HubServerConfig {
 ///
 ///     server->add(kHubPath, hub->servant());
 ///     auto name = register_hub(node, *server, "lab/events");
-///
-/// Ownership: refers to its node, which must outlive it.   Threads: any.
+/// @ownership refers to its node, which must outlive it
+/// @threads  any
 class HubServer {
  public:
-  /// Set-up only; blocks.   Errors: as Hub::create(), rpc::Server and names::Registration have
-  /// them; then nothing is served.
+  /// @realtime set-up only; blocks
+  /// @errors   as Hub::create(), rpc::Server and names::Registration have them; then nothing is
+  ///           served
   [[nodiscard]] static expected<std::unique_ptr<HubServer>, rpc::SetupError> create(
       rpc::Node& node, const HubServerConfig& config = {});
   HubServer(const HubServer&) = delete;
@@ -61,7 +62,9 @@ class HubServer {
 };
 
 /// Binds `name` to the hub that `server`, which has started, serves at kHubPath, for as long as the
-/// result lives.   Set-up only; blocks.   Errors: as names::Registration::create().
+/// result lives.
+/// @realtime set-up only; blocks
+/// @errors   as names::Registration::create()
 [[nodiscard]] expected<std::unique_ptr<names::Registration>, rpc::SetupError> register_hub(
     rpc::Node& node, const rpc::Server& server, const std::string& name = std::string(kHubPath),
     const std::string& registry = std::string(names::kDefaultRegistryUrl));

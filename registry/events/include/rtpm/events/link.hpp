@@ -16,10 +16,11 @@
 #include "rtpm/rt/thread.hpp"
 
 /// Hubs that are linked: one asks another for what its own consumers want, and hands it on to them.
-/// Source: spec/events.md#ev-5.
+/// @source   spec/events.md#ev-5
 namespace rtpm::events {
 
-/// No wish goes further, whatever hubs are linked in a ring. Source: spec/events.md#ev-5.2-2.
+/// No wish goes further, whatever hubs are linked in a ring.
+/// @source   spec/events.md#ev-5.2-2
 inline constexpr std::uint8_t kLinkHopsMax = 8;
 inline constexpr std::size_t kLinkCountMax = 16;  ///< Of one hub.
 
@@ -58,7 +59,8 @@ struct LinkStatus {
   std::uint64_t peer_epoch = 0;    ///< The other hub's life; 0: not known yet.
   std::size_t interest_count = 0;  ///< Types and sources that the other hub is asked for.
   std::uint64_t taken_count = 0;
-  /// Had come before, by another way, or had been pushed here. Source: spec/events.md#ev-5.3.
+  /// Had come before, by another way, or had been pushed here.
+  /// @source   spec/events.md#ev-5.3
   std::uint64_t repeated_count = 0;
   /// Over the hub's quota (HubConfig::quota, of each link), too large, no memory, or no event.
   std::uint64_t refused_count = 0;
@@ -77,7 +79,8 @@ struct LinkReport {
   friend bool operator==(const LinkReport&, const LinkReport&) = default;
 };
 inline constexpr std::size_t kLinkReportSize = 24;
-/// What the payload of an event of kLinkType says; nothing if it is none.   RT: alloc-free.
+/// What the payload of an event of kLinkType says; nothing if it is none.
+/// @realtime alloc-free
 [[nodiscard]] std::optional<LinkReport> read_link_report(ConstBytes payload) noexcept;
 
 }  // namespace rtpm::events

@@ -93,7 +93,8 @@ struct EventDescriptor {
 };
 
 /// The number in an untrusted payload; nothing where the payload is too short or its tables lead
-/// out of it.   RT: alloc-free.
+/// out of it.
+/// @realtime alloc-free
 [[nodiscard]] std::optional<Scalar> read_scalar(ConstBytes payload, const FieldPath& path,
                                                 ScalarType type,
                                                 const Scalar& default_value) noexcept;

@@ -62,13 +62,14 @@ struct SupplierCounters {
 /// nor for the hub's answer; what the hub refused it tells later (intake()). When the hub restarts,
 /// it goes on with the new one, and one push() in between gives kMaybeLost if events may not have
 /// arrived: counters() tells how many. Events of a type and a source come in their order, whatever
-/// threads push them; but UDP may lose some. Ownership: refers to its node or hub, which must
-/// outlive it. Threads: push(), add() and flush() from any, one waits for the other's copy.
+/// threads push them; but UDP may lose some.
+/// @ownership refers to its node or hub, which must outlive it
+/// @threads  push(), add() and flush() from any, one waits for the other's copy
 class Supplier {
  public:
-  /// Binds the hub at `target`, a URL or a name. Set-up only. A time-shared thread "rtpm-attend"
-  /// stays.
-  /// Errors: no hub there; a type that the hub knows by another schema.
+  /// Binds the hub at `target`, a URL or a name.
+  /// @realtime set-up only. A time-shared thread "rtpm-attend" stays
+  /// @errors   no hub there; a type that the hub knows by another schema
   [[nodiscard]] static expected<std::unique_ptr<Supplier>, rpc::SetupError> create(
       rpc::Node& node, const std::string& target, const SupplierConfig& config = {});
   /// The same for a hub in this program: events take no way at all.
@@ -79,19 +80,22 @@ class Supplier {
   ~Supplier();
 
   /// Pushes one event, and what add() has gathered before it. The payload is copied.
-  /// RT: alloc-free; one send, as any oneway call.
-  /// Errors: kTooLarge: more than the hub takes; kMaybeLost: this one and what was gathered was not
-  /// sent, and earlier ones may not have arrived: see counters(); others: as any oneway call that
-  /// is merely sent. Try again with the next event.
+  /// @realtime alloc-free; one send, as any oneway call
+  /// @errors   kTooLarge: more than the hub takes · kMaybeLost: this one and what was gathered was
+  ///           not sent, and earlier ones may not have arrived: see counters(); others: as any
+  ///           oneway call that is merely sent. Try again with the next event
   [[nodiscard]] expected<void, rpc::CallError> push(const EventDraft& event) noexcept;
   /// Gathers an event for the next flush(), which comes by itself when no more fit a frame.
-  /// RT: as push().   Errors: as push(); the event was not gathered and has no number.
+  /// @realtime as push()
+  /// @errors   as push(); the event was not gathered and has no number
   [[nodiscard]] expected<void, rpc::CallError> add(const EventDraft& event) noexcept;
-  /// Pushes what was gathered, in one frame.   RT: as push().
+  /// Pushes what was gathered, in one frame.
+  /// @realtime as push()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept;
 
-  /// What is known of the arrival of its events, over all lives of the hub.   Threads: any, waits
-  /// as push() does.   RT: alloc-free.
+  /// What is known of the arrival of its events, over all lives of the hub.
+  /// @threads  any, waits as push() does
+  /// @realtime alloc-free
   [[nodiscard]] SupplierCounters counters() const noexcept;
   /// What became of its events in this life of the hub, as the hub said when it was last asked.
   [[nodiscard]] IntakeCounters intake() const noexcept;

@@ -24,7 +24,9 @@ class TypedSupplier {
  public:
   using Payload = typename Event::Payload;
 
-  /// Binds the hub at `target`, a URL or a name. Set-up only.   Errors: as Supplier::create().
+  /// Binds the hub at `target`, a URL or a name.
+  /// @realtime set-up only
+  /// @errors   as Supplier::create()
   [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> create(rpc::Node& node,
                                                                        const std::string& target,
                                                                        SourceId source = 0,
@@ -41,7 +43,9 @@ class TypedSupplier {
   TypedSupplier(std::shared_ptr<Supplier> supplier, SourceId source) noexcept
       : supplier_(std::move(supplier)), source_(source) {}
 
-  /// Pushes one event that happened at `origin`, none: now.   RT, errors: as Supplier::push().
+  /// Pushes one event that happened at `origin`, none: now.
+  /// @realtime as Supplier::push()
+  /// @errors   as Supplier::push()
   [[nodiscard]] expected<void, rpc::CallError> push(
       const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
       requires(Event::kIsStruct) {
@@ -52,7 +56,9 @@ class TypedSupplier {
       std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
     return supplier_->push(draft(rpc::table_bytes(finished), origin));
   }
-  /// Gathers one event for the next flush().   RT, errors: as Supplier::add().
+  /// Gathers one event for the next flush().
+  /// @realtime as Supplier::add()
+  /// @errors   as Supplier::add()
   [[nodiscard]] expected<void, rpc::CallError> add(
       const Payload& payload, std::optional<MonotonicTime> origin = {}) noexcept
       requires(Event::kIsStruct) {
@@ -63,7 +69,9 @@ class TypedSupplier {
       std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
     return supplier_->add(draft(rpc::table_bytes(finished), origin));
   }
-  /// Pushes what was gathered.   RT, errors: as Supplier::flush().
+  /// Pushes what was gathered.
+  /// @realtime as Supplier::flush()
+  /// @errors   as Supplier::flush()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
 
   /// What it pushes through: to ask what became of its events.
@@ -93,7 +101,8 @@ class TypedSupplier {
 };
 
 /// Hands the events of one type to a function, on a thread of its own; see Consumer.
-/// Ownership: refers to its node, which must outlive it.   Threads: any.
+/// @ownership refers to its node, which must outlive it
+/// @threads  any
 template <class Event>
 class TypedConsumer {
  public:
@@ -103,7 +112,9 @@ class TypedConsumer {
   using OnNotice = std::function<void(const Notice& notice)>;
 
   /// Subscribes at the hub at `target`, a URL or a name: to all events of the type, or to what
-  /// `config.filter` accepts of them.   Set-up only.   Errors: as Consumer::create().
+  /// `config.filter` accepts of them.
+  /// @realtime set-up only
+  /// @errors   as Consumer::create()
   [[nodiscard]] static expected<TypedConsumer, rpc::SetupError> create(rpc::Node& node,
                                                                        const std::string& target,
                                                                        OnEvent on_event,
@@ -129,7 +140,8 @@ class TypedConsumer {
   /// To change, suspend or end the subscription.
   [[nodiscard]] Consumer& consumer() noexcept { return *consumer_; }
   /// Events that were left out because their payload is none of this type's, or of another version
-  /// of it: the schemas of supplier and consumer differ.   RT: alloc-free, any thread.
+  /// of it: the schemas of supplier and consumer differ.
+  /// @realtime alloc-free, any thread
   [[nodiscard]] std::uint64_t bad_payload_count() const noexcept {
     return handler_->bad_payload_count.load(std::memory_order_relaxed);
   }

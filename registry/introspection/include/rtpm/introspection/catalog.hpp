@@ -16,13 +16,13 @@ inline constexpr std::string_view kPath = "rtpm/introspection";
 ///     Catalog catalog;
 ///     catalog.add("lab/arm0", arm);
 ///     server->add(kPath, catalog);
-///
-/// Ownership: keeps the descriptors of interfaces, which are constants, and no servant.
-/// Threads: add before the server's start(); then calls from any lane.
-/// RT: none of its methods; it runs at the lowest priority whatever the caller's is.
+/// @ownership keeps the descriptors of interfaces, which are constants, and no servant
+/// @threads  add before the server's start(); then calls from any lane
+/// @realtime none of its methods; it runs at the lowest priority whatever the caller's is
 class Catalog final : public IntrospectionServant {
  public:
-  /// Tells of `servant` under `path`; the same path again replaces it.   Set-up only.
+  /// Tells of `servant` under `path`; the same path again replaces it.
+  /// @realtime set-up only
   void add(std::string path, const rpc::Servant& servant);
 
   rpc::Result<void> list(rpc::ReplyBuilder<ListReply>& reply,

@@ -39,10 +39,10 @@ struct DirectoryError {
 
 /// A client of the registry: every operation asks it once. A registry that restarted is found again
 /// by the next operation.
-/// Ownership: refers to its node, which must outlive it.
-/// Threads: any, several at once.   Set-up only: no operation is for real-time threads.
-/// Errors of all operations: the registry's URL is none; "no registry answers at …" within
-/// `deadline`; what the registry refused.
+/// @ownership refers to its node, which must outlive it
+/// @threads  any, several at once. Set-up only: no operation is for real-time threads. Errors of
+///           all operations: the registry's URL is none; "no registry answers at …" within
+///           `deadline`; what the registry refused
 class Directory {
  public:
   /// `deadline` is for each operation, of which a list may take several.
@@ -77,7 +77,8 @@ class Directory {
 
 /// The owner for names whose objects a server serves at `url`, in this start of this program.
 /// Servers that follow each other at one address of one host are the same owner; since an address
-/// has one server at a time, no two that live are.   Set-up only.
+/// has one server at a time, no two that live are.
+/// @realtime set-up only
 [[nodiscard]] Owner owner_of(std::string_view url);
 
 }  // namespace rtpm::names

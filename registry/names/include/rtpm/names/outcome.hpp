@@ -7,7 +7,7 @@
 namespace rtpm::names {
 
 /// How an operation on names ended. The numbers are the wire's and never change.
-/// Source: OutcomeCode in schema/idl/names.fbs; the distinctions are CosNaming's.
+/// @source   OutcomeCode in schema/idl/names.fbs; the distinctions are CosNaming's
 enum class Outcome : std::uint8_t {
   kDone = 0,
   kBadName = 1,   ///< The component is malformed, or the name too long or deep. Choose another.
@@ -30,7 +30,8 @@ enum class Outcome : std::uint8_t {
 };
 
 /// The outcome of an operation on `name` as a clause for a person: what is wrong with which
-/// component, and what to do. `component` counts from 0.   Set-up only.
+/// component, and what to do. `component` counts from 0.
+/// @realtime set-up only
 [[nodiscard]] std::string outcome_text(Outcome outcome, std::string_view name,
                                        std::uint8_t component);
 

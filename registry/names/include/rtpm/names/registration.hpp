@@ -30,8 +30,8 @@ enum class Takeover : std::uint8_t {
 /// A server that was killed gets its name back: at once where it serves at its old address again,
 /// being a later start of the same owner (see owner_of()); else when its old lease has ended, which
 /// with the default lease is within 2 s, and for which create() waits.
-/// Ownership: refers to its node, which must outlive it.
-/// Threads: create and end from one thread; is_bound() from any.
+/// @ownership refers to its node, which must outlive it
+/// @threads  create and end from one thread; is_bound() from any
 class Registration {
  public:
   static constexpr Duration kDefaultLease = std::chrono::seconds{2};
@@ -44,9 +44,10 @@ class Registration {
   /// `interface` is the object's, "lab.Arm"; `lease` at least 100 ms, at most 1 h: how long the
   /// name outlives a program that is killed. `report` none: to standard error. If another server
   /// has the name, takes it where `takeover` says so; else waits once until that one's lease would
-  /// end, at most 5 s: one that was killed is gone then.   Set-up only; blocks. Errors: no registry
-  /// answers; a living server has the name (the text says where); a malformed name, URL or
-  /// interface; a limit of the registry.
+  /// end, at most 5 s: one that was killed is gone then.
+  /// @realtime set-up only; blocks
+  /// @errors   no registry answers; a living server has the name (the text says where); a malformed
+  ///           name, URL or interface; a limit of the registry
   [[nodiscard]] static expected<std::unique_ptr<Registration>, rpc::SetupError> create(
       rpc::Node& node, std::string registry_url, std::string name, std::string url,
       std::string interface, Duration lease = kDefaultLease, Report report = {},

@@ -9,9 +9,10 @@
 namespace rtpm::names {
 
 /// Lets a node bind objects by name: `node.use(resolver)`.
-/// Ownership: refers to its node, which must outlive it. At its end the node forgets it: bindings
-/// by name stay with the servers that they have.
-/// Threads: any, several at once.   Set-up only.
+/// @ownership refers to its node, which must outlive it. At its end the node forgets it: bindings
+///            by name stay with the servers that they have
+/// @threads  any, several at once
+/// @realtime set-up only
 class RegistryResolver final : public rpc::Resolver {
  public:
   explicit RegistryResolver(rpc::Node& node,
@@ -22,8 +23,8 @@ class RegistryResolver final : public rpc::Resolver {
   ~RegistryResolver() override;
 
   /// Asks the registry.
-  /// Errors: "no registry answers at …"; a name that is not bound, with the component that is
-  /// missing.
+  /// @errors   "no registry answers at …"; a name that is not bound, with the component that is
+  ///           missing
   [[nodiscard]] expected<std::string, rpc::SetupError> resolve(std::string_view name,
                                                                MonotonicTime deadline) override;
 

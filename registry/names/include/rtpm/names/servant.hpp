@@ -16,8 +16,8 @@ using RegistryReport = std::function<void(std::string_view sentence)>;
 
 /// The registry as an object, to be served under kRegistryPath: by rtpm-registryd or by any other
 /// program that takes a registry in. `report` none: to standard error.
-/// Threads: as a servant; lanes that meet wait for each other by a lock that passes priority on.
-/// RT: not real-time. It allocates on its lane, so do not share the lane with what is.
+/// @threads  as a servant; lanes that meet wait for each other by a lock that passes priority on
+/// @realtime not real-time. It allocates on its lane, so do not share the lane with what is
 [[nodiscard]] std::unique_ptr<rpc::Servant> make_servant(Limits limits = {},
                                                          RegistryReport report = {});
 
