@@ -22,29 +22,30 @@
 
 namespace rtpm::events {
 
-/// What a consumer is told besides events.
+/// What a consumer reports besides events.
 enum class NoticeKind : std::uint8_t {
-  kSubscribed,    ///< Events come from now on.
-  kLosses,        ///< Some were lost; Notice::losses says how many of each cause in all.
-  kInterrupted,   ///< The hub is gone, or dropped the subscription; the text says why. It tries on.
-  kResubscribed,  ///< It is back; what came in Notice::gap is lost.
-  kEnded,         ///< The subscription has ended and stays so: unsubscribed, or refused anew.
-  kHandlerFailed,  ///< on_events() threw; the event counts as taken.
+  kSubscribed,     ///< Events arrive from now on.
+  kLosses,         ///< Events were lost; Notice::losses has the totals by cause.
+  kInterrupted,    ///< The hub or the subscription is gone; the text says why. It retries.
+  kResubscribed,   ///< Subscribed again; the events of Notice::gap are lost.
+  kEnded,          ///< The subscription ended for good: unsubscribed, or refused again.
+  kHandlerFailed,  ///< on_events() threw; the event counts as delivered.
 };
 
 struct Notice {
   NoticeKind kind = NoticeKind::kSubscribed;
   std::string_view text{};  ///< For people; valid during the call.
-  Losses losses{};          ///< Since create(), over all lives of the hub.
+  Losses losses{};          ///< Since create(), across restarts of the hub.
   Duration gap{0};          ///< kResubscribed: since the hub was last heard.
   bool has_hub_restarted = false;
-  std::uint64_t hub_epoch = 0;  ///< The life of the hub that was heard last.
+  std::uint64_t hub_epoch = 0;  ///< Of the hub that was heard last.
 };
 
-/// What a program does with events. All is called one at a time: from the consumer's own thread or,
-/// where ConsumerConfig::has_own_thread is false, from one of the same priority and CPUs that
-/// serves several consumers. It may unsubscribe its consumer, change or suspend it; it may throw,
-/// which is counted and told. It must not destroy its consumer.
+/// Receives events. A call may unsubscribe, change or suspend its consumer, but not destroy it. An
+/// exception is counted and reported as kHandlerFailed.
+/// @threads  one call at a time, on the consumer's own thread or, without
+///           ConsumerConfig::has_own_thread, on one of the same priority and CPUs that serves
+///           several consumers
 class EventHandler {
  public:
   virtual ~EventHandler() = default;
@@ -54,63 +55,60 @@ class EventHandler {
   virtual void on_notice(const Notice& notice) { static_cast<void>(notice); }
 };
 
-/// How a consumer is set up.
+/// Configures a consumer.
 struct ConsumerConfig {
   std::string name = "consumer";  ///< Of its thread, "ev-<name>", and in the hub's report.
   Filter filter{};
   DeliveryPolicy delivery{};
-  Priority priority{};  ///< Of its thread, and at which the hub sends to it.
+  Priority priority{};  ///< Of its thread and of the hub's sends to it.
   std::vector<int> cpus{};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// The types whose fields it filters by. Constants of static life.
+  /// The types whose fields the filter compares. Constants of static lifetime.
   std::vector<const EventDescriptor*> types{};
   rpc::Transport transport = rpc::Transport::kAuto;
-  /// On the hub's own host, reads the ring that the hub writes once for all, instead of taking a
+  /// On the hub's host: reads the ring that the hub writes once for all consumers, instead of a
   /// stream of its own.
   bool shared_ring = true;
-  /// Its handler is called by its own thread always. Else, where two or more consumers of a node
-  /// read one ring at the same priority, CPUs and real-time mode, and do not spin while they wait,
-  /// one thread calls all their handlers, which spares a change of threads for each but one; so it
-  /// is where they receive one multicast, which then comes by one socket, and for a single one. A
-  /// handler keeps the others waiting 0.1 ms, where events come without a pause 1 ms: then each
-  /// consumer's own thread serves it until that handler returns, and the slow one's own thread
-  /// until it was quick for 1 s, or 10 s if that happens often. Handlers that compute in parallel
-  /// set it.
+  /// Only its own thread calls its handler; for handlers that compute in parallel. By default one
+  /// thread calls the handlers of all consumers of a node that read the same ring or multicast with
+  /// equal priority, CPUs and real-time mode, and do not spin. A handler that takes longer than 0.1
+  /// ms (1 ms under continuous load) moves the other consumers to their own threads until it
+  /// returns, and its own consumer for 1 s to 10 s more.
   bool has_own_thread = false;
-  /// Where it does not read the ring: receives the hub's multicast, if the hub has one, at the
-  /// interface with this address (empty: as the system's routes say). With has_own_thread by a
-  /// socket of its own.
+  /// Where it does not read the ring: receives the hub's multicast, if there is one, through the
+  /// interface with the address `multicast_interface` (empty: chosen by the routing table). With
+  /// has_own_thread through a socket of its own.
   bool multicast = false;
   std::string multicast_interface{};
-  /// How many signs of life in a row the hub may miss, one each half second, until it drops the
-  /// subscription: rpc::kMissCountMin…kMissCountMax. A handler that takes longer than that is a
-  /// reason, too. As many of the hub's the consumer may miss until it takes the hub for gone.
+  /// Consecutive heartbeats, one per half second, after whose loss the hub drops the subscription
+  /// and the consumer considers the hub gone: rpc::kMissCountMin…kMissCountMax. A handler that
+  /// takes longer has the same effect.
   std::uint32_t miss_count_max = rpc::kMissCountMax;
-  /// The epoch of the hub that hands on what comes; 0: it is no hub's. A hub's link sets it.
+  /// The epoch of the hub that forwards these events; 0: none. Set by a hub's link only.
   std::uint64_t linking_hub = 0;
-  Duration deadline = std::chrono::seconds{1};  ///< Of create(), and of each try to come back.
+  Duration deadline = std::chrono::seconds{1};  ///< Of create() and of each attempt to resubscribe.
 };
 
-/// What a consumer got.
+/// What a consumer received.
 struct ConsumerCounters {
   std::uint64_t event_count = 0;
   std::uint64_t delivery_count = 0;
   std::uint64_t handler_failure_count = 0;
   std::uint64_t resubscription_count = 0;
-  std::uint64_t broken_count = 0;  ///< Items that were none.
+  std::uint64_t broken_count = 0;  ///< Malformed items.
   Losses losses{};
 };
 
-/// Subscribes at a hub and hands what comes to a handler, on a thread of its own. When the hub
-/// restarts, or the way to it is lost, it subscribes again by itself and tells the gap.
+/// Subscribes to a hub and passes events to a handler. When the hub restarts or the connection is
+/// lost, it subscribes again by itself and reports the gap.
 /// @ownership refers to its node and handler, which must outlive it
 /// @threads  any
 class Consumer {
  public:
-  /// Subscribes at the hub at `target`, a URL or a name.
+  /// Subscribes to the hub at `target`, a URL or a name.
   /// @realtime set-up only
-  /// @errors   no hub there; the filter or policy is refused (the text names the node and the
-  ///           field); a right that the process lacks
+  /// @errors   no hub answers; the hub refuses the filter or policy (the text names node and
+  ///           field); missing real-time rights
   [[nodiscard]] static expected<std::unique_ptr<Consumer>, rpc::SetupError> create(
       rpc::Node& node, const std::string& target, ConsumerConfig config, EventHandler& handler);
   Consumer(const Consumer&) = delete;
@@ -118,22 +116,21 @@ class Consumer {
   /// Unsubscribes, and waits until the handler has returned.
   ~Consumer();
 
-  /// Puts another filter and policy in the place of the present ones, losing no event: each is
-  /// judged by the one or the other.
+  /// Replaces filter and policy without losing an event: each event is judged by the old or the
+  /// new.
   /// @realtime set-up only
-  /// @errors   as create(); then nothing is changed
+  /// @errors   as create(); then nothing changes
   [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
                                                        const DeliveryPolicy& delivery);
-  /// From now on nothing comes, and what is missed is counted, until resume().
+  /// Stops delivery until resume(); missed events are counted.
   /// @realtime set-up only
   [[nodiscard]] expected<void, rpc::CallError> suspend();
   [[nodiscard]] expected<void, rpc::CallError> resume();
-  /// Ends the subscription. From the handler it returns at once, and the thread ends after the
-  /// handler; from elsewhere it waits for that. May be called again.
+  /// Ends the subscription. Waits for the handler, except when called from it. May be called again.
   void unsubscribe();
 
   [[nodiscard]] bool is_subscribed() const noexcept;
-  /// Whether it reads the hub's ring, or receives its multicast.
+  /// Where its events come from; neither: its stream.
   [[nodiscard]] bool reads_ring() const noexcept;
   [[nodiscard]] bool receives_multicast() const noexcept;
   [[nodiscard]] ConsumerCounters counters() const;

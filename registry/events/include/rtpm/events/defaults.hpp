@@ -5,10 +5,10 @@
 
 namespace rtpm::events {
 
-/// Where the hub is if nobody says otherwise.
+/// Where rtpm-eventd listens by default.
 inline constexpr std::string_view kDefaultHubUrl = "rtpm://127.0.0.1:7421/rtpm/events";
 inline constexpr std::uint16_t kDefaultHubPort = 7421;
-/// The path under which a server serves the hub, and the name under which rtpm-eventd binds it.
+/// Path of the hub in its server, and its default name at the registry.
 inline constexpr std::string_view kHubPath = "rtpm/events";
 
 }  // namespace rtpm::events

@@ -9,49 +9,44 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 
-/// Events: what suppliers push, hubs filter and consumers get. This header is their form, in memory
-/// and in batches; it knows no socket, no thread and no clock.
+/// Events in memory and in encoded batches. No socket, no thread, no clock.
 namespace rtpm::events {
 
-/// What kind of event it is: `rtpm_event` of a schema, 1…kEventTypeMax. Larger numbers are the
-/// hub's own.
+/// The kind of event: `rtpm_event` of a schema, 1…kEventTypeMax. Larger numbers belong to the hub.
 using EventType = std::uint32_t;
 inline constexpr EventType kEventTypeMax = 0x7fff'ffff;
-/// The type of what a filter's timeout delivers; its source is the timeout's tag.
+/// Event of a filter's timeout; its source is the timeout's tag.
 inline constexpr EventType kTimeoutType = 0x8000'0001;
-/// The type of what a hub tells of its links (rtpm/events/link.hpp); its source is the link's
-/// number.
+/// Event by which a hub reports on a link (LinkReport); its source is the link's number.
 inline constexpr EventType kLinkType = 0x8000'0002;
 
-/// Which of the suppliers of a type it is from, any number: "arm 0". There is no number for "any":
-/// that is a filter's mask.
+/// Distinguishes the suppliers of a type, such as "arm 0". Any number is valid, including 0.
 using SourceId = std::uint32_t;
 
-/// An origin time of which nobody knows how wrong it may be.
+/// The uncertainty of the origin time is unknown.
 inline constexpr std::uint32_t kUncertaintyUnknown = std::numeric_limits<std::uint32_t>::max();
 
-/// What is known of an event apart from its content.
+/// Metadata of an event.
 struct EventHeader {
   EventType type = 0;
   SourceId source = 0;
-  std::uint64_t sequence = 0;               ///< Counts the events of its type and source, from 1.
-  MonotonicTime origin{};                   ///< When it happened, on the hub's clock.
-  MonotonicTime hub_received{};             ///< When the hub took it up,
-  MonotonicTime hub_sent{};                 ///< and when it sent it on to this consumer.
-  std::uint64_t schema_id = 0;              ///< Fingerprint of the payload's schema; 0: none.
-  std::uint32_t origin_uncertainty_ns = 0;  ///< How far `origin` may be off.
+  std::uint64_t sequence = 0;    ///< Of its supplier, type and source, from 1; 0: not counted.
+  MonotonicTime origin{};        ///< When it happened, on the hub's clock.
+  MonotonicTime hub_received{};  ///< When the hub received it,
+  MonotonicTime hub_sent{};      ///< and sent it to this consumer.
+  std::uint64_t schema_id = 0;   ///< Fingerprint of the payload's schema; 0: none.
+  std::uint32_t origin_uncertainty_ns = 0;  ///< Error bound of `origin`.
   Priority priority{};                      ///< The supplier's.
-  std::uint8_t hops_left = 0;               ///< How many further hubs may send it on.
-  bool is_replayed = false;                 ///< It is older than the subscription.
-  /// It and the event behind it came together: a conjunction was complete.
+  std::uint8_t hops_left = 0;               ///< How many further hubs may forward it.
+  bool is_replayed = false;                 ///< Older than the subscription.
+  /// The next event belongs to the same delivery of a conjunction.
   bool is_continued = false;
-  /// Tells suppliers apart where hubs are linked. The first hub sets it; 0: no hub had it yet.
+  /// Identifies the supplier across linked hubs; set by the first hub, 0 before.
   std::uint32_t supplier_tag = 0;
   friend bool operator==(const EventHeader&, const EventHeader&) = default;
 };
 
-/// The tag of a supplier's events in one life of a hub: another one for any other pair, as a rule,
-/// and never 0.
+/// The supplier_tag of a supplier at a hub: a hash of both, never 0.
 /// @source   spec/events.md#ev-5.1-1
 [[nodiscard]] constexpr std::uint32_t supplier_tag_of(std::uint64_t hub_epoch,
                                                       std::uint64_t supplier_id) noexcept {
@@ -61,29 +56,28 @@ struct EventHeader {
   return tag == 0 ? 1 : tag;
 }
 
-/// An event whose payload lies somewhere else.
-/// @ownership views its payload
+/// An event that refers to its payload.
+/// @ownership does not own the payload
 struct EventView {
   EventHeader header{};
-  ConstBytes payload{};  ///< Opaque. Aligned to 16 bytes where RTPM hands it over.
+  ConstBytes payload{};  ///< Opaque. Aligned to 16 bytes in handlers.
 };
 
-/// The bytes of an encoded header, a multiple of 16 so that the payload is aligned if the header
-/// is.
+/// Bytes of an encoded header; a multiple of 16 keeps the payload aligned.
 inline constexpr std::size_t kEventHeaderSize = 64;
 
-/// The bytes of an event in a batch: header, payload, zeros up to a multiple of 16.
+/// Bytes of an event in a batch: header, payload, zeros up to a multiple of 16.
 [[nodiscard]] constexpr std::size_t event_span(std::size_t payload_size) noexcept {
   return kEventHeaderSize + (payload_size + 15) / 16 * 16;
 }
 
-/// Writes one event after the other.
+/// Encodes a sequence of events.
 /// @ownership views its memory
 /// @realtime alloc-free
 class EventWriter {
  public:
   explicit EventWriter(MutableBytes memory) noexcept : memory_(memory) {}
-  /// Appends an event; false if there is no room, and then nothing is changed.
+  /// Appends an event; false and unchanged if it does not fit.
   [[nodiscard]] bool put(const EventHeader& header, ConstBytes payload) noexcept;
   [[nodiscard]] ConstBytes bytes() const noexcept { return memory_.first(size_); }
   [[nodiscard]] std::size_t room() const noexcept { return memory_.size() - size_; }
@@ -94,14 +88,14 @@ class EventWriter {
   std::size_t size_ = 0;
 };
 
-/// Why there is no next event.
+/// Why EventReader::next() returned no event.
 enum class EventError : std::uint8_t {
-  kEnd,     ///< All were read.
-  kBroken,  ///< The bytes are no events from here on. Drop the rest and count it.
+  kEnd,     ///< All events were read.
+  kBroken,  ///< The rest is malformed: drop and count it.
 };
 
-/// Reads untrusted bytes as one event after the other.
-/// @ownership views its bytes, and so do the payloads
+/// Decodes a sequence of events from untrusted bytes.
+/// @ownership reader and payloads refer to the bytes
 /// @realtime alloc-free
 class EventReader {
  public:

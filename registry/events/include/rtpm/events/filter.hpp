@@ -13,16 +13,16 @@
 
 namespace rtpm::events {
 
-/// What a filter may be at most.
-inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nodes in each other, the root included.
+/// Limits of a filter.
+inline constexpr std::size_t kFilterDepthMax = 16;  ///< Nested nodes, including the root.
 inline constexpr std::size_t kFilterNodeCountMax = 64;
-inline constexpr std::size_t kGroupSizeMax = 32;     ///< Events that a filter delivers together.
+inline constexpr std::size_t kGroupSizeMax = 32;     ///< Events of one delivery.
 inline constexpr std::size_t kMatchCountMax = 1024;  ///< Of a list.
-/// No timeout comes more often, none waits longer.
+/// Bounds of a timeout.
 inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
 inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
 
-/// How a predicate compares a field with its operand.
+/// Comparison of a payload field with an operand.
 enum class Comparison : std::uint8_t {
   kEqual,
   kNotEqual,
@@ -30,44 +30,42 @@ enum class Comparison : std::uint8_t {
   kLessOrEqual,
   kGreater,
   kGreaterOrEqual,
-  kHasAnyBit,  ///< Of an integer: one of the operand's bits is set.
+  kHasAnyBit,  ///< Integers: any bit of the operand is set.
 };
 
-/// Events whose type and source agree with these in the bits of the masks.
+/// Accepts events whose type and source equal these in the bits of the masks.
 struct Match {
   EventType type = 0;
   std::uint32_t type_mask = 0;
   SourceId source = 0;
   std::uint32_t source_mask = 0;
-  /// Only those that as many further hubs may send on.
+  /// Only events that at least this many further hubs may forward.
   std::uint8_t hops_min = 0;
   friend bool operator==(const Match&, const Match&) = default;
 };
 
-/// Which events a subscription wants: a tree, made with the functions below, compiled when
-/// subscribing. What each kind means is a promise; tests/unit/events/filter_table_test.cpp has a
-/// case for each sentence.
+/// The predicate of a subscription: a tree, built with the functions below and compiled when
+/// subscribing. tests/unit/events/filter_table_test.cpp has a case for each sentence.
 ///
-/// Every node sees every event, so that what a conjunction keeps does not hang on its neighbours.
+/// Every node sees every event, so a conjunction's state does not depend on its siblings.
 /// @source   TAO's real-time event service, but for two quirks: a conjunction keeps the newest
 ///           event of each child, and no event matches by having the type or source 0
 struct Filter {
   enum class Kind : std::uint8_t {
     kNull,       ///< Accepts every event.
     kMatch,      ///< Accepts by type and source.
-    kAny,        ///< Accepts what a child accepts; delivers what the first of them does.
+    kAny,        ///< Accepts what any child accepts; delivers what the first of them does.
     kAll,        ///< Accepts an event that all children accept.
     kNot,        ///< Accepts the events that its child does not.
-    kCorrelate,  ///< Conjunction: waits for an event of each child and delivers them together.
-    kWhere,      ///< Accepts events of a type whose payload has a field as compared.
-    kOnce,       ///< Timeout: once, a time after the subscription.
-    kEvery,      ///< Timeout: again and again, without drift.
-    kSilence,    ///< Timeout: when the group around it has delivered nothing for a time.
-    kListed,     ///< Accepts by type and source what one of a list does.
+    kCorrelate,  ///< Conjunction: delivers one event of each child together.
+    kWhere,      ///< Accepts events of a type by comparing a payload field.
+    kOnce,       ///< Timeout: once, relative to the subscription.
+    kEvery,      ///< Timeout: periodic, without drift.
+    kSilence,    ///< Timeout: the enclosing group delivered nothing for a time.
+    kListed,     ///< Accepts by a list of types and sources.
   };
   Kind kind = Kind::kNull;
-  /// kMatch: an event's type and source agree with these in the bits of the masks. kWhere: the type
-  /// of the events that have the field.
+  /// kMatch: as Match. kWhere: the type that has the field.
   EventType type = 0;
   std::uint32_t type_mask = 0;
   SourceId source = 0;
@@ -75,9 +73,9 @@ struct Filter {
   std::string field{};  ///< kWhere: as FieldDescriptor::name.
   Comparison comparison = Comparison::kEqual;
   Scalar operand{};
-  /// kCorrelate: how far apart the events may have happened, 0: any. Timeouts: the time.
+  /// kCorrelate: maximum skew of origin times, 0: any. Timeouts: the time.
   Duration span{};
-  std::uint32_t tag = 0;  ///< Of a timeout: tells it from others; its events have it as source.
+  std::uint32_t tag = 0;  ///< Timeouts: the source of their events.
   std::vector<Filter> children{};
   std::vector<Match> matches{};  ///< kListed: at most kMatchCountMax.
 };
@@ -88,7 +86,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
 [[nodiscard]] inline Filter everything() {
   return {};
 }
-/// Events of a type, from anybody.
+/// Events of a type, from any source.
 [[nodiscard]] inline Filter of_type(EventType type) {
   return {.kind = Filter::Kind::kMatch, .type = type, .type_mask = kWholeNumber};
 }
@@ -100,7 +98,7 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = kWholeNumber};
 }
-/// Events whose type and source agree in the bits of the masks; a mask of 0: any.
+/// Events whose type and source equal these in the bits of the masks; mask 0: any.
 [[nodiscard]] inline Filter masked(EventType type, std::uint32_t type_mask, SourceId source,
                                    std::uint32_t source_mask) {
   return {.kind = Filter::Kind::kMatch,
@@ -109,33 +107,32 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .source = source,
           .source_mask = source_mask};
 }
-/// What one of `matches` accepts; of no match: nothing. For many types and sources at once: it
-/// counts as one node, and an event is judged in logarithmic time where masks are whole or 0.
+/// Accepts what any of `matches` accepts; an empty list accepts nothing. Counts as one node; the
+/// lookup takes logarithmic time for masks of all bits or none.
 [[nodiscard]] inline Filter listed(std::vector<Match> matches) {
   return {.kind = Filter::Kind::kListed, .matches = std::move(matches)};
 }
-/// What one of `children` accepts.
+/// Accepts what any of `children` accepts.
 [[nodiscard]] inline Filter any_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAny, .children = std::move(children)};
 }
-/// What all of `children` accept at once.
+/// Accepts what all of `children` accept.
 [[nodiscard]] inline Filter all_of(std::vector<Filter> children) {
   return {.kind = Filter::Kind::kAll, .children = std::move(children)};
 }
-/// What `child` does not accept.
+/// Accepts what `child` does not.
 [[nodiscard]] inline Filter none_of(Filter child) {
   Filter filter{.kind = Filter::Kind::kNot};
   filter.children.push_back(std::move(child));
   return filter;
 }
-/// One event of each of `children`, the newest of each, that happened at most `skew` apart (0: any
-/// time). An event goes to the first child that accepts it and has none yet, else to the one of
-/// those accepting it whose event is the oldest. Delivers them in the order of the children, then
-/// begins anew.
+/// Conjunction: the newest event of each of `children`, with origins at most `skew` apart (0: any).
+/// An event goes to the first accepting child without one, else to the accepting child with the
+/// oldest. Delivers in the order of the children, then starts over.
 [[nodiscard]] inline Filter correlate(std::vector<Filter> children, Duration skew = Duration{0}) {
   return {.kind = Filter::Kind::kCorrelate, .span = skew, .children = std::move(children)};
 }
-/// Events of `type` whose `field` compares so; of no other type.
+/// Accepts events of `type` whose `field` satisfies the comparison; no other types.
 [[nodiscard]] inline Filter where(EventType type, std::string field, Comparison comparison,
                                   Scalar operand) {
   return {.kind = Filter::Kind::kWhere,
@@ -144,16 +141,16 @@ inline constexpr std::uint32_t kWholeNumber = 0xffff'ffff;  ///< The mask of all
           .comparison = comparison,
           .operand = operand};
 }
-/// A timeout `after` the subscription, once.
+/// One timeout, `after` the subscription.
 [[nodiscard]] inline Filter once(Duration after, std::uint32_t tag = 0) {
   return {.kind = Filter::Kind::kOnce, .span = after, .tag = tag};
 }
-/// A timeout every `period`, without drift; what was missed is not made up for.
+/// A timeout every `period`, without drift; missed periods are skipped.
 [[nodiscard]] inline Filter every(Duration period, std::uint32_t tag = 0) {
   return {.kind = Filter::Kind::kEvery, .span = period, .tag = tag};
 }
-/// A timeout whenever the group around it (its parent, or the subscription) delivered nothing for
-/// `limit`. Its own delivery counts, too, so in lasting silence it comes every `limit`.
+/// A timeout whenever the enclosing group (its parent, or the subscription) delivered nothing for
+/// `limit`. Its own delivery restarts the time, so lasting silence repeats it every `limit`.
 [[nodiscard]] inline Filter silence(Duration limit, std::uint32_t tag = 0) {
   return {.kind = Filter::Kind::kSilence, .span = limit, .tag = tag};
 }

@@ -23,39 +23,38 @@
 
 namespace rtpm::events {
 
-/// A multicast of a hub: consumers on the LAN that ask for it (ConsumerConfig::multicast) get their
-/// events in datagrams that are sent once for all of them, and ask the hub for those that they
-/// miss.
+/// Multicast of a hub: consumers on the LAN with ConsumerConfig::multicast receive datagrams that
+/// the hub sends once for all of them, and request missing ones from the hub.
 struct MulticastConfig {
-  /// To send to; its `hops` and `interface` say how far and by which interface.
+  /// Destination, scope (`hops`) and sending interface.
   transport::MulticastGroup group{};
-  /// Datagrams, of up to 1400 bytes, that the hub keeps for repair; at least 8.
+  /// Datagrams of up to 1400 bytes kept for repair; at least 8.
   std::uint32_t history_count = 4096;
-  /// To try the repair out: of so many datagrams one is not sent, 0: all are.
+  /// For tests of repair: omits every n-th datagram; 0: none.
   std::uint32_t lose_every = 0;
 };
 
-/// How a hub is set up.
+/// Configures a hub.
 struct HubConfig {
   ExchangeLimits limits{};
   Quota quota{};                             ///< Of each supplier.
-  std::uint32_t supplier_count_max = 256;    ///< More take the place of the longest silent one.
-  std::optional<Priority> priority{16'384};  ///< Of its own thread, which keeps timeouts.
+  std::uint32_t supplier_count_max = 256;    ///< A further one replaces the longest silent.
+  std::optional<Priority> priority{16'384};  ///< Of thread "rtpm-hub"; none: time-shared.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  /// Bytes of the ring that consumers on this host read, 2^n of at least 64 Ki; 0: none, each gets
-  /// its events in a stream of its own.
+  /// Bytes of the ring for consumers on this host: 2^n, at least 64 Ki; 0: no ring, each consumer
+  /// has a stream.
   std::uint32_t ring_size = 4 * 1024 * 1024;
-  /// None: no multicast.
+  /// nullopt: no multicast.
   std::optional<MulticastConfig> multicast{};
 };
 
-/// What became of the events of a supplier, or of all.
+/// Outcome of the events of one supplier or of all.
 struct IntakeCounters {
   std::uint64_t taken_count = 0;
-  std::uint64_t over_quota_count = 0;  ///< Refused: the supplier pushes more than it may.
+  std::uint64_t over_quota_count = 0;  ///< Refused: the supplier exceeds its quota.
   std::uint64_t too_large_count = 0;
-  std::uint64_t bad_count = 0;        ///< No event, or of no type.
-  std::uint64_t no_memory_count = 0;  ///< The hub is too small for what its consumers hold.
+  std::uint64_t bad_count = 0;        ///< Malformed, or of an invalid type.
+  std::uint64_t no_memory_count = 0;  ///< The store is full; see ExchangeLimits::store.
 };
 
 struct LinkConfig;
@@ -63,19 +62,19 @@ struct LinkStatus;
 
 /// Why a subscription ended.
 enum class DisconnectReason : std::uint8_t {
-  kUnsubscribed,  ///< Its consumer wanted so.
-  kLeft,          ///< Its consumer's session or connection ended: the program ended, or was killed.
-  /// Its consumer missed as many signs of life as it may (ConsumerConfig::miss_count_max): it is
-  /// stopped, hangs in its handler, or the network is gone.
+  kUnsubscribed,  ///< The consumer unsubscribed.
+  kLeft,          ///< The consumer's session or connection ended, for instance with its program.
+  /// The consumer missed ConsumerConfig::miss_count_max heartbeats: it is stopped, its handler
+  /// hangs, or the network is down.
   kSilent,
-  kQueueFull,  ///< Its queue was full, and its policy is to end then.
+  kQueueFull,  ///< The queue was full with QueuePolicy::kDisconnect.
 };
-/// "it unsubscribed", "it is gone", …: what became of the consumer.
+/// A clause for messages: "it unsubscribed", "it is gone", ….
 [[nodiscard]] std::string_view to_string(DisconnectReason reason) noexcept;
 
 /// A subscription that ended.
 struct Disconnect {
-  std::uint64_t number = 0;  ///< Counts those of the hub, from 1.
+  std::uint64_t number = 0;  ///< Consecutive per hub, from 1.
   std::string name{};        ///< The consumer's.
   DisconnectReason reason = DisconnectReason::kLeft;
   MonotonicTime time{};
@@ -87,16 +86,15 @@ struct DisconnectCounters {
   std::uint64_t silent_count = 0;
   std::uint64_t queue_full_count = 0;
 };
-inline constexpr std::size_t kDisconnectCountMax = 64;  ///< That a hub remembers.
+inline constexpr std::size_t kDisconnectCountMax = 64;  ///< Kept by a hub.
 
-/// A hub of events, as an object for any server: rtpm-eventd's, or one in the supplier's own
-/// program. Suppliers' events are matched in the lane that receives them, at their priority; each
-/// consumer's are sent by the lane of its own, or stand in a ring that all consumers on this host
-/// read: then an event is written once, however many want it. A thread "rtpm-hub" keeps timeouts
-/// and clears away those who left.
+/// A hub of events, served by rtpm-eventd or by any other server. The receiving lane matches an
+/// event at the supplier's priority. The lane of each consumer's priority sends to it; consumers on
+/// this host read a ring into which an event is written once. The thread "rtpm-hub" runs timeouts
+/// and reaps disconnected consumers.
 ///
-/// Nobody waits for a consumer: what one does not take waits in its own queue, then is dropped,
-/// counted, and told. Who reads the ring too slowly is overrun, which the hub does not even notice.
+/// The hub never waits for a consumer: a slow one fills its own queue, whose policy then applies;
+/// every loss is counted and reported. A slow reader of the ring is overrun and counts that itself.
 ///
 ///     auto hub = Hub::create().value();
 ///     auto server = rpc::Server::create(server_config_for(*hub)).value();
@@ -105,9 +103,9 @@ inline constexpr std::size_t kDisconnectCountMax = 64;  ///< That a hub remember
 /// @threads  any
 class Hub {
  public:
-  /// Takes all its memory and starts its thread.
+  /// Allocates all memory and starts its thread.
   /// @realtime set-up only
-  /// @errors   with RealtimeMode::kRequire, a right that the process lacks; no memory for the ring
+  /// @errors   missing real-time rights with RealtimeMode::kRequire; no memory for the ring
   [[nodiscard]] static expected<std::unique_ptr<Hub>, rpc::SetupError> create(
       const HubConfig& config = {});
 
@@ -116,40 +114,39 @@ class Hub {
   virtual ~Hub() = default;
 
   [[nodiscard]] virtual rpc::Servant& servant() noexcept = 0;
-  /// Another in each life.
+  /// Random, drawn at every start.
   [[nodiscard]] virtual std::uint64_t epoch() const noexcept = 0;
 
-  /// Takes events, one encoded after the other, from a supplier in this program; what Supplier does
-  /// by itself.
-  /// @realtime alloc-free; waits for nobody but who matches events at the same time, by a lock that
-  ///           passes priority on
+  /// Takes encoded events from a supplier in this program; Supplier does this by itself.
+  /// @realtime alloc-free; waits at most for concurrent matching, under a priority-inheriting lock
   virtual void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept = 0;
-  /// Tells of a type.
+  /// Registers a type.
   /// @realtime set-up only
-  /// @errors   as TypeCatalog::add()
+  /// @errors   in words: another schema of the type is registered, an invalid type or field, a
+  /// limit
   [[nodiscard]] virtual expected<void, std::string> add_type(const EventDescriptor& descriptor) = 0;
 
-  /// Links the hub to the one at `target`, a URL or a name: from now on it asks that one for what
-  /// its own consumers want, and nothing else, and hands it on to them. For both directions link
-  /// both hubs. Returns at once; the link is there when the other hub is, through all its lives,
-  /// and ends with this hub. Neither hub waits for the other. `node` must outlive the hub. Set-up
-  /// only.
-  /// @errors   more links than kLinkCountMax; a thread that can't be started. Source:
-  ///           spec/events.md#ev-5
+  /// Links to the hub at `target`, a URL or a name: subscribes there for the interest of its own
+  /// consumers. One direction; for both, link both hubs. Returns at once: the link connects when
+  /// the other hub is reachable, survives its restarts, and ends with this hub. Neither hub waits
+  /// for the other. `node` must outlive the hub.
+  /// @realtime set-up only
+  /// @errors   more than kLinkCountMax links; no thread
+  /// @source   spec/events.md#ev-5
   [[nodiscard]] virtual expected<void, rpc::SetupError> link(rpc::Node& node,
                                                              const std::string& target,
                                                              const LinkConfig& config) = 0;
-  /// How each link fares, in the order in which they were made.
+  /// State of each link, in the order of creation.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<LinkStatus> links() const = 0;
 
-  /// Of an event, in bytes.
+  /// Largest payload of an event, bytes.
   [[nodiscard]] virtual std::uint32_t payload_size_max() const noexcept = 0;
   /// Over all suppliers.
   [[nodiscard]] virtual IntakeCounters intake() const noexcept = 0;
   [[nodiscard]] virtual std::size_t subscription_count() const noexcept = 0;
-  /// Who went and why, of the last kDisconnectCountMax those whose number is above `after`, in
-  /// order.
+  /// The most recent disconnects (at most kDisconnectCountMax) with numbers above `after`, newest
+  /// last.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<Disconnect> disconnects(std::uint64_t after = 0) const = 0;
   [[nodiscard]] virtual DisconnectCounters disconnect_counters() const noexcept = 0;
@@ -158,7 +155,7 @@ class Hub {
   Hub() = default;
 };
 
-/// Limits of a server that fit a hub's: a stream for each subscription.
+/// Server limits for this hub: one stream per subscription.
 [[nodiscard]] rpc::ServerConfig server_config_for(const HubConfig& config);
 
 }  // namespace rtpm::events

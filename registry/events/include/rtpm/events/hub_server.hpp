@@ -15,23 +15,22 @@
 
 namespace rtpm::events {
 
-/// How a program serves a hub of its own.
+/// Configures a HubServer.
 struct HubServerConfig {
   HubConfig hub{};
-  /// None: server_config_for(hub), which listens on this host alone at a port that the system
-  /// chooses.
+  /// nullopt: server_config_for(hub), on a free port of the loopback interface.
   std::optional<rpc::ServerConfig> server{};
-  std::string name{kHubPath};  ///< Under which others find the hub; empty: none.
+  std::string name{kHubPath};  ///< At the registry; empty: none.
   std::string registry{names::kDefaultRegistryUrl};
 };
 
-/// A hub in this program that others find by its name as they find rtpm-eventd: hub, server and
-/// name in one. Its program's suppliers push without a call:
+/// Hub, server and name in one: a hub in this program that others find by name, like rtpm-eventd.
+/// Suppliers of this program push without a call:
 ///
 ///     auto served = HubServer::create(node, {.name = "lab/events"}).value();
 ///     auto supplier = TouchedSupplier::create(served->hub());
 ///
-/// A program that serves other objects, too, adds the hub to its own server instead:
+/// A program with a server of its own adds the hub to it instead:
 ///
 ///     server->add(kHubPath, hub->servant());
 ///     auto name = register_hub(node, *server, "lab/events");
@@ -40,17 +39,16 @@ struct HubServerConfig {
 class HubServer {
  public:
   /// @realtime set-up only; blocks
-  /// @errors   as Hub::create(), rpc::Server and names::Registration have them; then nothing is
-  ///           served
+  /// @errors   as Hub::create(), rpc::Server and names::Registration; then nothing is served
   [[nodiscard]] static expected<std::unique_ptr<HubServer>, rpc::SetupError> create(
       rpc::Node& node, const HubServerConfig& config = {});
   HubServer(const HubServer&) = delete;
   HubServer& operator=(const HubServer&) = delete;
-  /// Takes the name away, then ends the server, then the hub.
+  /// Unbinds the name, then ends server and hub.
   ~HubServer();
 
   [[nodiscard]] Hub& hub() noexcept { return *hub_; }
-  /// Where the hub is, "rtpm://127.0.0.1:4711/rtpm/events".
+  /// For instance "rtpm://127.0.0.1:4711/rtpm/events".
   [[nodiscard]] std::string url() const { return server_->url(kHubPath); }
 
  private:
@@ -61,8 +59,8 @@ class HubServer {
   std::unique_ptr<names::Registration> name_{};
 };
 
-/// Binds `name` to the hub that `server`, which has started, serves at kHubPath, for as long as the
-/// result lives.
+/// Binds `name`, for the lifetime of the result, to the hub that the started `server` serves at
+/// kHubPath.
 /// @realtime set-up only; blocks
 /// @errors   as names::Registration::create()
 [[nodiscard]] expected<std::unique_ptr<names::Registration>, rpc::SetupError> register_hub(

@@ -3,10 +3,10 @@
 #include <cstdint>
 #include <vector>
 
-/// What a hub holds and takes in at most.
+/// Memory and intake limits of a hub.
 namespace rtpm::events {
 
-/// How many events a store holds, by the size of their payloads.
+/// Capacity of the event store by payload size.
 struct StoreConfig {
   struct SizeClass {
     std::uint32_t payload_size_max = 0;  ///< Bytes.
@@ -16,17 +16,17 @@ struct StoreConfig {
                                  {4'096, 256}, {16'384, 64}, {65'536, 32}};  ///< Ascending.
 };
 
-/// What an exchange holds at most; all of it is taken when built.
+/// Capacities of an exchange, allocated when it is built.
 struct ExchangeLimits {
   std::uint32_t subscription_count_max = 1024;
   std::uint32_t interest_count_max = 8192;  ///< Of all subscriptions together.
   std::uint32_t history_key_count_max = 512;
-  std::uint32_t history_depth = 8;  ///< Events of each type and source that late joiners get.
+  std::uint32_t history_depth = 8;  ///< Events per type and source for late joiners.
   StoreConfig store{};
 };
 
-/// How much one supplier may push: so many events and bytes a second, and `burst_s` seconds' worth
-/// at once. What is above is refused and counted, so that who floods harms only itself.
+/// Rate limit of one supplier; `burst_s` is the burst in seconds of that rate. Excess events are
+/// refused and counted.
 struct Quota {
   double events_per_s = 2e6;
   double bytes_per_s = 500e6;

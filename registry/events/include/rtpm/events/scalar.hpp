@@ -9,7 +9,7 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// The numbers in payloads that a filter may look at, found without generated code.
+/// Numbers in payloads, readable by filters without generated code.
 namespace rtpm::events {
 
 /// The type of a number in a payload.
@@ -28,13 +28,13 @@ enum class ScalarType : std::uint8_t {
 };
 inline constexpr int kScalarTypeCount = 11;
 
-/// As a schema spells it: "bool", "int8", … "double".
+/// As a schema spells it: "bool", "int8", …, "double".
 [[nodiscard]] std::string_view to_string(ScalarType type) noexcept;
 [[nodiscard]] bool is_real(ScalarType type) noexcept;
 [[nodiscard]] bool is_signed(ScalarType type) noexcept;
 [[nodiscard]] std::size_t size_of(ScalarType type) noexcept;
 
-/// A number, as wide as its kind goes.
+/// A number in the widest type of its kind.
 struct Scalar {
   enum class Kind : std::uint8_t { kSigned, kUnsigned, kReal };
   Kind kind = Kind::kSigned;
@@ -65,8 +65,8 @@ struct Scalar {
   friend bool operator==(const Scalar&, const Scalar&) = default;
 };
 
-/// Where a number stands in a payload: through tables by their slots, then at an offset inside the
-/// last slot's struct. Without slots the payload is the bare struct.
+/// Location of a number in a payload: slots of nested tables, then an offset into the last slot's
+/// struct. Without slots the payload is a bare struct.
 struct FieldPath {
   static constexpr std::size_t kSlotCountMax = 4;
   std::array<std::uint16_t, kSlotCountMax> slots{};
@@ -80,11 +80,10 @@ struct FieldDescriptor {
   std::string_view name{};  ///< With dots through structs and tables: "pose.position_m.x".
   ScalarType type = ScalarType::kDouble;
   FieldPath path{};
-  Scalar default_value{};  ///< What it is where the table leaves it out.
+  Scalar default_value{};  ///< Value of an absent table field.
 };
 
-/// What the schema says of one type of event. Generated code has a constant of static life for
-/// each; what else makes one keeps what it refers to.
+/// Schema of one event type. Generated code has a constant of static lifetime for each.
 struct EventDescriptor {
   EventType type = 0;
   std::string_view name{};  ///< Fully qualified, "lab.Pose".
@@ -92,8 +91,7 @@ struct EventDescriptor {
   std::span<const FieldDescriptor> fields{};  ///< Every number, in any order.
 };
 
-/// The number in an untrusted payload; nothing where the payload is too short or its tables lead
-/// out of it.
+/// Reads a number from an untrusted payload; nullopt if it lies outside the payload.
 /// @realtime alloc-free
 [[nodiscard]] std::optional<Scalar> read_scalar(ConstBytes payload, const FieldPath& path,
                                                 ScalarType type,

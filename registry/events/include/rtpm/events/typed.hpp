@@ -18,7 +18,7 @@
 /// rtpmc makes of an event, `lab::TouchedEvent`: its number, schema id, payload and fields.
 namespace rtpm::events {
 
-/// Pushes events of one type and source. What Supplier says of threads, RT and errors holds.
+/// Pushes events of one type and source; threads, real time and errors as Supplier.
 template <class Event>
 class TypedSupplier {
  public:
@@ -39,11 +39,11 @@ class TypedSupplier {
                                                                        SupplierConfig config = {}) {
     return of(Supplier::create(hub, with_type(std::move(config))), source);
   }
-  /// Shares a supplier of several types, which was told of `Event::kDescriptor` when it was made.
+  /// Shares a supplier whose SupplierConfig::types contains `Event::kDescriptor`.
   TypedSupplier(std::shared_ptr<Supplier> supplier, SourceId source) noexcept
       : supplier_(std::move(supplier)), source_(source) {}
 
-  /// Pushes one event that happened at `origin`, none: now.
+  /// Pushes one event that happened at `origin`; nullopt: now.
   /// @realtime as Supplier::push()
   /// @errors   as Supplier::push()
   [[nodiscard]] expected<void, rpc::CallError> push(
@@ -56,7 +56,7 @@ class TypedSupplier {
       std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
     return supplier_->push(draft(rpc::table_bytes(finished), origin));
   }
-  /// Gathers one event for the next flush().
+  /// Adds one event to the batch of the next flush().
   /// @realtime as Supplier::add()
   /// @errors   as Supplier::add()
   [[nodiscard]] expected<void, rpc::CallError> add(
@@ -69,12 +69,12 @@ class TypedSupplier {
       std::optional<MonotonicTime> origin = {}) noexcept requires(!Event::kIsStruct) {
     return supplier_->add(draft(rpc::table_bytes(finished), origin));
   }
-  /// Pushes what was gathered.
+  /// Pushes the batch.
   /// @realtime as Supplier::flush()
   /// @errors   as Supplier::flush()
   [[nodiscard]] expected<void, rpc::CallError> flush() noexcept { return supplier_->flush(); }
 
-  /// What it pushes through: to ask what became of its events.
+  /// For its counters.
   [[nodiscard]] Supplier& supplier() noexcept { return *supplier_; }
 
  private:
@@ -100,19 +100,19 @@ class TypedSupplier {
   SourceId source_;
 };
 
-/// Hands the events of one type to a function, on a thread of its own; see Consumer.
+/// Passes the events of one type to a function; see Consumer.
 /// @ownership refers to its node, which must outlive it
 /// @threads  any
 template <class Event>
 class TypedConsumer {
  public:
   using Payload = typename Event::Payload;
-  /// One event; valid during the call. What EventHandler says of on_events() holds.
+  /// One event, valid during the call; as EventHandler::on_events().
   using OnEvent = std::function<void(const Payload& payload, const EventHeader& header)>;
   using OnNotice = std::function<void(const Notice& notice)>;
 
-  /// Subscribes at the hub at `target`, a URL or a name: to all events of the type, or to what
-  /// `config.filter` accepts of them.
+  /// Subscribes to the hub at `target`, a URL or a name: all events of the type, or those that
+  /// `config.filter` accepts.
   /// @realtime set-up only
   /// @errors   as Consumer::create()
   [[nodiscard]] static expected<TypedConsumer, rpc::SetupError> create(rpc::Node& node,
@@ -130,7 +130,7 @@ class TypedConsumer {
 
   TypedConsumer(TypedConsumer&&) noexcept = default;
   TypedConsumer& operator=(TypedConsumer&& other) noexcept {
-    // Each consumer stays with the handler that it refers to.
+    // A consumer refers to its handler: move both.
     std::swap(handler_, other.handler_);
     std::swap(consumer_, other.consumer_);
     return *this;
@@ -139,8 +139,7 @@ class TypedConsumer {
 
   /// To change, suspend or end the subscription.
   [[nodiscard]] Consumer& consumer() noexcept { return *consumer_; }
-  /// Events that were left out because their payload is none of this type's, or of another version
-  /// of it: the schemas of supplier and consumer differ.
+  /// Events omitted because their payload is malformed or of another schema version.
   /// @realtime alloc-free, any thread
   [[nodiscard]] std::uint64_t bad_payload_count() const noexcept {
     return handler_->bad_payload_count.load(std::memory_order_relaxed);
@@ -153,7 +152,7 @@ class TypedConsumer {
 
     void on_events(std::span<const EventView> events) override {
       for (const EventView& event : events) {
-        // A filter may let other types and timeouts through; they are not this consumer's.
+        // A filter may accept other types and timeouts.
         if (event.header.type != Event::kType) continue;
         const bool is_known =
             event.header.schema_id == Event::kSchemaId || event.header.schema_id == 0;
