@@ -14,7 +14,7 @@
 
 #include "noting_servant.hpp"
 #include "rtpm/test/echo_server.hpp"
-#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
@@ -214,12 +214,12 @@ class LaneAlone {
     const auto listener = transport::TcpListener::open("127.0.0.1", 0);
     lane_ = std::make_unique<Lane>(
         setup, std::move(*transport::UdpPort::open({.port = listener->port()})),
-        std::move(*transport::PortWaitSet::open(Lane::wait_source_count(session_count_max))));
-    thread_ = std::thread([this] { lane_->run(); });
+        std::move(*transport::PortWaitSet::open(wait_source_count(session_count_max))));
+    EXPECT_TRUE(lane_->start(rt::RealtimeMode::kOff, nullptr));
   }
   ~LaneAlone() {
     lane_->stop();
-    thread_.join();
+    lane_->join();
   }
   LaneAlone(const LaneAlone&) = delete;
   LaneAlone& operator=(const LaneAlone&) = delete;
@@ -241,7 +241,6 @@ class LaneAlone {
       std::move(*transport::PolledWaitSet::open(1));
   LaneSlot slot_;
   std::unique_ptr<Lane> lane_;
-  std::thread thread_;
 };
 
 bool is_hung_up(const transport::Descriptor& far_end) {

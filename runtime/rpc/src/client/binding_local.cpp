@@ -1,8 +1,8 @@
 #include <algorithm>
 
+#include "calls/current_call.hpp"
 #include "client/binding_impl.hpp"
 #include "client/node_impl.hpp"
-#include "current_call.hpp"
 #include "lane/lane.hpp"
 
 // How a binding calls an object of its own program.

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "lane/ready_list.hpp"
+#include "calls/ready_list.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"

@@ -9,6 +9,7 @@
 #include "rtpm/rt/cpu_keeper.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/tcp.hpp"
@@ -251,7 +252,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.borrows = config_.borrows;
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto wait_set =
-        transport::PortWaitSet::open(Lane::wait_source_count(setup.sessions.session_count_max));
+        transport::PortWaitSet::open(wait_source_count(setup.sessions.session_count_max));
     if (!wait_set) return unexpected{in_words(config_, wait_set.error().text)};
     const bool is_last = i + 1 == config_.lanes.size();
     setup.config = config_.lanes[i];
@@ -297,8 +298,9 @@ expected<void, SetupError> ServerImpl::start() {
   if (auto locked = rt::lock_memory(config_.realtime); !locked) {
     return unexpected{in_words(config_, locked.error().text)};
   }
-  for (const auto& lane : lanes_) {
-    if (auto started = lane->start(config_.realtime, keeper_of(lane->config())); !started) {
+  for (std::size_t i = 0; i < lanes_.size(); ++i) {
+    rt::CpuKeeper* const keeper = keeper_of(config_.lanes[i]);
+    if (auto started = lanes_[i]->start(config_.realtime, keeper); !started) {
       stop();
       return unexpected{in_words(config_, started.error().text)};
     }

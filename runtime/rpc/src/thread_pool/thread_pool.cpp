@@ -15,8 +15,10 @@ constexpr Duration kRefusedPause = std::chrono::milliseconds{100};
 
 }  // namespace
 
-ThreadPool::ThreadPool(const LaneConfig& config, std::uint32_t call_count_max)
-    : workers_(static_count(config) + config.dynamic_threads),
+ThreadPool::ThreadPool(const LaneConfig& config, std::uint32_t call_count_max,
+                       transport::WaitSet& leader)
+    : leader_(leader),
+      workers_(static_count(config) + config.dynamic_threads),
       buffered_request_max_(config.buffered_request_max),
       buffered_byte_max_(config.buffered_byte_max),
       dynamic_count_max_(config.dynamic_threads) {
@@ -27,23 +29,15 @@ ThreadPool::ThreadPool(const LaneConfig& config, std::uint32_t call_count_max)
     workers_[i].is_dynamic = true;
 }
 
-void ThreadPool::lock_as_follower() noexcept {
+Lead& ThreadPool::lock_as_follower() noexcept {
   follower_count_.fetch_add(1, std::memory_order_relaxed);
   mutex_.lock();
   follower_count_.fetch_sub(1, std::memory_order_relaxed);
-}
-
-void ThreadPool::unlock() noexcept {
-  mutex_.unlock();
-  // SYNC POINT pool-borrowers: lend() notes the borrower and then tries the lock once more. Either
-  // it has the lock, which is free by now, or the borrower is seen here.
-  if (borrowers_.fetch_or(0, std::memory_order_seq_cst) == 0 || !mutex_.try_lock()) return;
-  call_helper();
-  mutex_.unlock();
+  return lead_;
 }
 
 void ThreadPool::yield_lock() noexcept {
-  if (borrowers_.load(std::memory_order_relaxed) != 0) call_helper();
+  if (borrowers_.load(std::memory_order_acquire) != 0) call_helper();
   if (follower_count_.load(std::memory_order_relaxed) == 0) return;
   // The kernel gives the lock to the most urgent that waits; this thread comes behind it.
   mutex_.unlock();
@@ -116,10 +110,10 @@ bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
     resting_.push_back(&worker);
   }
   publish_spare();
-  unlock();
+  mutex_.unlock();
   const MonotonicTime until = worker.is_dynamic ? rt::now() + patience : kNever;
   bool is_called = worker.wake.wait_until(until);
-  lock_as_follower();
+  static_cast<void>(lock_as_follower());
   if (!is_called) {
     const auto place = std::ranges::find(resting_, &worker);
     if (place != resting_.end()) {
@@ -137,20 +131,17 @@ bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
 
 BorrowedThread ThreadPool::lend(const BorrowRequest& request) noexcept {
   const std::uint64_t bit = std::uint64_t{1} << request.borrower_number;
-  bool is_locked = mutex_.try_lock();
-  if (!is_locked) {
-    // SYNC POINT pool-borrowers
-    borrowers_.fetch_or(bit, std::memory_order_seq_cst);
-    is_locked = mutex_.try_lock();
-  }
+  const bool is_locked = mutex_.try_lock();
   const bool is_given = is_locked && give_thread(request);
   if (is_given) {
     borrowers_.fetch_and(~bit, std::memory_order_relaxed);
   } else {
-    borrowers_.fetch_or(bit, std::memory_order_relaxed);
+    borrowers_.fetch_or(bit, std::memory_order_release);
   }
-  if (is_locked) unlock();
+  if (is_locked) mutex_.unlock();
   if (is_given) return BorrowedThread::kGiven;
+  // Else a thread that is about to rest has the lock, and may have looked for borrowers before.
+  if (!is_locked) leader_.ring();
   const std::uint32_t spare_count =
       spare_count_.load(std::memory_order_relaxed) + coming_back_.load(std::memory_order_relaxed);
   return spare_count >= request.waiting_count ? BorrowedThread::kSoon : BorrowedThread::kNone;

@@ -6,7 +6,8 @@
 #include <optional>
 #include <vector>
 
-#include "lane/pending.hpp"
+#include "calls/pending.hpp"
+#include "lane/lead.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -17,14 +18,14 @@
 
 namespace rtpm::rpc {
 
-class Lane;
+class PooledExecution;
 
 /// One thread of a thread pool. Its owner is the pool; all but `wake` and `has_ended` belongs to
 /// whoever holds the pool's lock.
 struct Worker {
   rt::Semaphore wake;
   bool is_dynamic = false;
-  Lane* borrower = nullptr;  ///< The lane for which it runs `lent_call`; null: its own.
+  PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`; null: its own.
   PendingCall* lent_call = nullptr;
   rt::Thread thread;        ///< Of whoever starts threads.
   bool is_started = false;  ///< Likewise.
@@ -40,7 +41,7 @@ enum class BorrowedThread : std::uint8_t {
 
 /// A call of a lane above that needs a thread.
 struct BorrowRequest {
-  Lane& borrower;
+  PooledExecution& borrower;
   std::uint32_t borrower_number;  ///< The higher, the more urgent.
   PendingCall& call;              ///< The most urgent of those that wait.
   std::uint32_t waiting_count;    ///< Of the borrower's calls, this one included.
@@ -53,12 +54,13 @@ struct BorrowRequest {
 /// its reply, and while every other thread runs a call, one still receives, to keep what comes in
 /// the order of its priority, or to refuse it.
 ///
-/// Threads: everything but what says otherwise under mutex().   RT: alloc-free but for
+/// Threads: everything but what says otherwise with the lock.   RT: alloc-free but for
 /// construction.
 class ThreadPool final : public transport::WaitLock {
  public:
   /// `call_count_max`: how many calls may wait, at the utmost.
-  ThreadPool(const LaneConfig& config, std::uint32_t call_count_max);
+  /// `leader`: what the leader waits with.
+  ThreadPool(const LaneConfig& config, std::uint32_t call_count_max, transport::WaitSet& leader);
 
   /// Whether the lane needs one at all, or is well served by a thread that does all.
   [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
@@ -72,12 +74,12 @@ class ThreadPool final : public transport::WaitLock {
 
   /// Acquires the lock as a follower. The leader holds it except while it sleeps and in
   /// yield_lock().
-  void lock_as_follower() noexcept;
+  [[nodiscard]] Lead& lock_as_follower() noexcept;
   /// Acquires it as the leader, after its sleep.
   void lock() noexcept override { mutex_.lock(); }
-  /// Releases it, and wakes a resting thread for a lane above that could not have it meanwhile.
-  void unlock() noexcept override;
-  /// Lets followers have the lock for a moment.
+  void unlock() noexcept override { mutex_.unlock(); }
+  /// For the leader, between turns: lets followers have the lock for a moment, and wakes a resting
+  /// thread for a lane above that asked for one.
   void yield_lock() noexcept;
 
   /// Whether a call of this size may still wait or start.
@@ -163,6 +165,8 @@ class ThreadPool final : public transport::WaitLock {
   }
 
   rt::PiMutex mutex_;
+  Lead lead_;
+  transport::WaitSet& leader_;
   std::atomic<std::uint32_t> follower_count_{0};  ///< Threads that wait for the lock.
   std::deque<Worker> workers_;                    ///< Their places; sized once, never moved.
   std::vector<Worker*> resting_;  ///< The last is the one that rests for the least time.

@@ -1,4 +1,4 @@
-#include "lane/pending.hpp"
+#include "calls/pending.hpp"
 
 #include <algorithm>
 #include <cstring>
@@ -60,6 +60,17 @@ PendingCall* PendingPool::take() noexcept {
   found->item_end = 0;
   found->has_refused_large = found->is_blocked = false;
   return found;
+}
+
+PendingCall* PendingPool::keep(wire::ServerSessions& sessions,
+                               const wire::Request& request) noexcept {
+  PendingCall* const call = take();
+  if (call == nullptr) return nullptr;
+  call->take_in(request, sessions);
+  // It views the frame, or a buffer, that is another's when the method has returned.
+  call->request.payload = {};
+  sessions.set_tag(request, tag_of(*call));
+  return call;
 }
 
 void PendingPool::give_back(PendingCall& call) noexcept {

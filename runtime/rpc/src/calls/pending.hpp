@@ -7,7 +7,7 @@
 #include <memory>
 #include <vector>
 
-#include "lane/ready_list.hpp"
+#include "calls/ready_list.hpp"
 #include "local/local.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rpc/deferred.hpp"
@@ -31,7 +31,7 @@ struct PendingCall {
   std::uint32_t item_size_max = 0;        ///< 0: it is no stream.
   std::uint32_t item_frame_size_max = 0;  ///< Of an item that goes in one frame.
   bool is_blocked = false;                ///< Its connection has no room for items now.
-  bool is_in_backlog = false;             ///< See Lane::send_backlog().
+  bool is_in_backlog = false;             ///< See OpenCalls::serve_backlog().
   // Of a lane with a thread pool.
   const Object* object = nullptr;
   MutableBytes request_room{};
@@ -108,6 +108,9 @@ class PendingPool {
 
   /// A free place, or null.
   [[nodiscard]] PendingCall* take() noexcept;
+  /// The same for a call that came over a wire and may outlast its frame.
+  [[nodiscard]] PendingCall* keep(wire::ServerSessions& sessions,
+                                  const wire::Request& request) noexcept;
   void give_back(PendingCall& call) noexcept;
   /// Lets a call that has a place outlast its method; false if too many do.   Threads: any.
   [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;

@@ -1,0 +1,92 @@
+#include "calls/dispatch.hpp"
+
+#include "calls/current_call.hpp"
+#include "calls/deferral.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/priority.hpp"
+#include "server/lane_table_owner.hpp"
+#include "server/policy.hpp"
+
+namespace rtpm::rpc {
+
+expected<const Object*, wire::Status> Dispatch::target_of(
+    const wire::Request& request) const noexcept {
+  const Object* const object = objects_.find(request.header.service);
+  if (object == nullptr) return unexpected{wire::Status::kNoSuchObject};
+  if (!admits(object->options, request.header.priority)) {
+    return unexpected{wire::Status::kWrongBand};
+  }
+  return object;
+}
+
+Priority Dispatch::priority_of(const Object& object, const wire::Header& header) const noexcept {
+  Priority priority = header.priority;
+  if (object.options.model == PriorityModel::kServerDeclared) priority = object.options.priority;
+  if (object.options.model == PriorityModel::kNone) priority = lane_priority_;
+  return transform_ == nullptr ? priority : transform_(priority, object.path);
+}
+
+Ran Dispatch::run(const Object& object, const wire::Request& request, MutableBytes reply,
+                  Deferral& deferral) const noexcept {
+  const wire::Header& header = request.header;
+  const CallContext context{priority_of(object, header),
+                            request.deadline,
+                            request.received,
+                            header.session,
+                            header.trace_id,
+                            &deferral,
+                            {request.caller_host}};
+  rt::adopt_priority(context.priority);
+  const CurrentCall current(context, lane_);
+  const BusyMark busy(request.received);
+  try {
+    return {object.servant->dispatch(header.method, request.payload, reply, context)};
+  } catch (...) {
+    return {{wire::Status::kServantFailed, 0}, /*has_thrown=*/true};
+  }
+}
+
+DispatchResult Dispatch::serve_session(const wire::Request& request,
+                                       MutableBytes reply) const noexcept {
+  switch (request.header.method) {
+    case wire::kMethodBind:
+      return objects_.bind(request.payload, reply);
+    case wire::kMethodPing:  // hp-6.2-1
+      return {wire::Status::kOk, 0};
+    case wire::kMethodDescribe:
+      return objects_.describe(request.payload, reply);
+    default:
+      return {wire::Status::kNoSuchMethod, 0};
+  }
+}
+
+DispatchResult Dispatch::run_nested(const LocalChannel& channel,
+                                    LaneReport& report) const noexcept {
+  const wire::Request request = request_of(channel);
+  const auto target = target_of(request);
+  if (!target) return {target.error(), 0};
+  const auto outer = rt::current_priority();
+  // The thread could not come back to end it.
+  CallDeferral none;
+  const Ran ran = run(**target, request, channel.reply(), none);
+  if (outer) rt::adopt_priority(*outer);
+  report.on_nested(ran.has_thrown);
+  return ran.result;
+}
+
+wire::Request request_of(const LocalChannel& channel) noexcept {
+  const LocalCallParameters& parameters = channel.parameters();
+  wire::Request request;
+  request.header.service = parameters.service;
+  request.header.method = parameters.method;
+  request.header.priority = parameters.priority;
+  request.header.session = parameters.session;
+  request.header.trace_id = parameters.trace_id;
+  request.payload = channel.request();
+  request.deadline = parameters.deadline;
+  request.received = rt::now();
+  request.caller_host = kThisHost.ipv4;
+  return request;
+}
+
+}  // namespace rtpm::rpc

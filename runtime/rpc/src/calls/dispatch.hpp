@@ -1,0 +1,52 @@
+#pragma once
+
+#include "lane/report.hpp"
+#include "local/local.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+#include "server/object_table.hpp"
+
+namespace rtpm::rpc {
+
+/// What came of a method.
+struct Ran {
+  DispatchResult result{};
+  bool has_thrown = false;
+};
+
+/// From a request to the method that serves it, at its priority.
+/// @threads  any
+/// @realtime alloc-free
+class Dispatch {
+ public:
+  /// @param lane_priority  of methods whose objects have no priority model
+  Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
+           const Lane& lane) noexcept
+      : objects_(objects), transform_(transform), lane_priority_(lane_priority), lane_(lane) {}
+
+  /// The object on which a method would run, or why none would.
+  [[nodiscard]] expected<const Object*, wire::Status> target_of(
+      const wire::Request& request) const noexcept;
+  [[nodiscard]] Priority priority_of(const Object& object,
+                                     const wire::Header& header) const noexcept;
+  /// Runs the method at the request's own priority, at which the thread is left.
+  [[nodiscard]] Ran run(const Object& object, const wire::Request& request, MutableBytes reply,
+                        Deferral& deferral) const noexcept;
+  /// Answers a request to the session service.
+  [[nodiscard]] DispatchResult serve_session(const wire::Request& request,
+                                             MutableBytes reply) const noexcept;
+  /// Runs a method inside of another one, on the same thread, which returns to its priority.
+  [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel,
+                                          LaneReport& report) const noexcept;
+
+ private:
+  const ObjectTable& objects_;
+  PriorityTransform transform_;
+  Priority lane_priority_;
+  const Lane& lane_;
+};
+
+/// A call of the same program, as if it had come over a wire.
+[[nodiscard]] wire::Request request_of(const LocalChannel& channel) noexcept;
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,102 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "lane/source.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/connection.hpp"
+#include "rtpm/wire/cookie.hpp"
+
+namespace rtpm::rpc {
+
+/// A connection of a lane, or room for one.
+struct Slot {
+  std::unique_ptr<transport::Connection> stream;  ///< Null: free.
+  /// Its `port` has the slot's index in the low bits, so that the slot is found at once, and the
+  /// generation above.
+  wire::PeerAddress peer{};
+  MonotonicTime heard{};         ///< When its last frame came, or it itself.
+  std::uint32_t generation = 0;  ///< Of the connections that stood here, one after the other.
+  bool is_memory = false;
+  bool has_leftovers = false;  ///< It stands among the leftovers.
+};
+
+/// The connections of a lane, in the wait set as long as they are here. Sized once.
+/// @threads  one at a time, with the lane's Lead
+/// @realtime alloc-free but for construction
+class Connections {
+ public:
+  /// Two for each of 65 535 sessions.
+  static constexpr std::uint32_t kIndexBits = 17;
+  static constexpr std::uint32_t kIndexMask = (1U << kIndexBits) - 1;
+
+  Connections(std::size_t count_max, transport::WaitSet& wait_set);
+
+  [[nodiscard]] std::size_t count() const noexcept { return streams_.size() + memory_.size(); }
+  [[nodiscard]] std::size_t count_max() const noexcept { return slots_.size(); }
+  [[nodiscard]] std::span<Slot* const> through_memory() const noexcept { return memory_; }
+  [[nodiscard]] std::span<Slot* const> of_medium(bool is_memory) const noexcept {
+    return is_memory ? memory_ : streams_;
+  }
+  /// Null once the connection has ended.
+  [[nodiscard]] Slot* find(SourceTag tag) noexcept;
+  [[nodiscard]] Slot* of_peer(const wire::PeerAddress& peer) noexcept;
+  [[nodiscard]] SourceTag tag_of(const Slot& slot) const noexcept {
+    return tag_of(slot, kConnectionKind);
+  }
+  /// What a look at the source costs is no system call.
+  [[nodiscard]] bool is_memory(SourceTag tag) noexcept {
+    const Slot* const slot = find(tag);
+    return tag == kGateSource || (slot != nullptr && slot->is_memory);
+  }
+
+  /// False: the system refuses; the connection is still the caller's.   Needs a free slot.
+  [[nodiscard]] bool add(std::unique_ptr<transport::Connection>& stream,
+                         MonotonicTime now) noexcept;
+  [[nodiscard]] std::unique_ptr<transport::Connection> remove(Slot& slot) noexcept;
+  /// Ends all; gives back how many.
+  std::size_t clear() noexcept;
+
+  /// A frame of it is in its buffer, which wakes no wait.
+  void note_leftovers(Slot& slot) noexcept {
+    if (slot.has_leftovers) return;
+    slot.has_leftovers = true;
+    leftovers_.push_back(&slot);
+  }
+  [[nodiscard]] bool has_leftovers() const noexcept { return !leftovers_.empty(); }
+  /// All noted ones, which may be noted anew. Valid until the next call.
+  [[nodiscard]] std::span<Slot* const> take_leftovers() noexcept;
+
+  /// The next connection through memory that has a frame, of the next `left` ones, which it counts
+  /// down; null if none has.
+  [[nodiscard]] Slot* next_with_frame(std::size_t& left) noexcept;
+  /// Polls the only connection through memory for about as long as the rest of a turn takes, so
+  /// that a call seldom comes while it is not polled. Nothing if there are others, or it is not
+  /// `hot`.
+  void poll_alone(SourceTag hot) const noexcept;
+
+  /// Has the peers through memory ring when they call; false if one has called by now.
+  [[nodiscard]] bool announce_sleep() noexcept;
+  void end_sleep() noexcept;
+
+ private:
+  [[nodiscard]] SourceTag tag_of(const Slot& slot, SourceKind kind) const noexcept {
+    return SourceTag(kind, static_cast<std::uint32_t>(&slot - slots_.data()), slot.generation);
+  }
+  [[nodiscard]] bool watch(const Slot& slot) noexcept;
+
+  transport::WaitSet& wait_set_;
+  std::vector<Slot> slots_;
+  std::vector<Slot*> free_;
+  std::vector<Slot*> memory_;
+  std::vector<Slot*> streams_;
+  std::vector<Slot*> leftovers_;
+  std::vector<Slot*> taken_leftovers_;
+  std::size_t next_memory_ = 0;  ///< Behind which of memory_ next_with_frame() goes on, downwards.
+};
+
+}  // namespace rtpm::rpc

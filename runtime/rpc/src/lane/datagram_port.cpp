@@ -1,0 +1,56 @@
+#include "lane/datagram_port.hpp"
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// The answers to others may wait for a call that took less.
+constexpr Duration kQuickCall = std::chrono::microseconds{5};
+
+}  // namespace
+
+std::optional<MonotonicTime> DatagramPort::receive() noexcept {
+  if (!batch_.is_empty()) return rt::now();
+  const auto received = port_->receive(buffer_);
+  if (!received) return std::nullopt;
+  batch_ = *received;
+  const MonotonicTime now = rt::now();
+  port_->note(batch_, now);
+  return now;
+}
+
+void DatagramPort::begin_call(Lead& lead, const wire::Header& call) noexcept {
+  const bool is_quick = call.service == quick_service_ && call.method == quick_method_;
+  if (!is_quick) flush(lead);
+}
+
+void DatagramPort::end_call(const wire::Header& call, MonotonicTime received) noexcept {
+  const bool was_quick = rt::now() - received < kQuickCall;
+  quick_service_ = was_quick ? call.service : wire::kSessionService;
+  quick_method_ = call.method;
+}
+
+void DatagramPort::send(Lead& lead, wire::ServerSessions& sessions, const wire::PeerAddress& peer,
+                        ConstBytes frame, bool has_more) noexcept {
+  if (!answers_.is_empty() && !(peer == answers_peer_)) flush(lead);
+  // One alone goes as it is. As large as can be, it may be one of several.
+  const bool is_alone =
+      !has_more && answers_.is_empty() && frame.size() < wire::kDatagramFrameSizeMax;
+  for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
+    answers_peer_ = peer;
+    if (!is_alone && answers_.add(frame)) continue;
+    flush(lead);
+    if (!is_alone && answers_.add(frame)) continue;
+    if (!port_->send(peer, frame)) ++report_.counters(lead).send_failure_count;
+  }
+  if (!has_more) flush(lead);
+}
+
+void DatagramPort::flush(Lead& lead) noexcept {
+  if (answers_.is_empty()) return;
+  if (!port_->send_batch(answers_peer_, answers_)) ++report_.counters(lead).send_failure_count;
+  answers_.clear();
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+
+#include "lane/report.hpp"
+#include "rtpm/transport/datagram_batch.hpp"
+#include "rtpm/transport/udp.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+/// A lane's UDP port: datagrams come in batches, and their answers go out together, but for those
+/// that would have to wait for a call that may take long.
+/// @threads  one at a time, with the lane's Lead
+/// @realtime alloc-free
+class DatagramPort {
+ public:
+  DatagramPort(transport::UdpPort port, LaneReport& report) noexcept
+      : port_(std::move(port)), report_(report) {}
+
+  /// Whether there is a datagram to serve: what is left of a batch, or what is received now. Gives
+  /// the time.
+  /// @realtime at most one system call
+  [[nodiscard]] std::optional<MonotonicTime> receive() noexcept;
+  /// The next datagram of the batch, valid until the following next().
+  [[nodiscard]] std::optional<ConstBytes> next() noexcept { return batch_.next(); }
+  [[nodiscard]] bool has_leftovers() const noexcept { return !batch_.is_empty(); }
+  [[nodiscard]] const wire::PeerAddress& peer() const noexcept { return batch_.peer(); }
+
+  /// A call of the batch is about to run: sends the answers that wait, unless it was quick last
+  /// time.
+  void begin_call(Lead&, const wire::Header& call) noexcept;
+  /// Remembers whether it was quick.
+  void end_call(const wire::Header& call, MonotonicTime received) noexcept;
+  /// Sends a frame, and what `sessions` has behind it; later, if more are to follow.
+  void send(Lead&, wire::ServerSessions& sessions, const wire::PeerAddress& peer, ConstBytes frame,
+            bool has_more) noexcept;
+  /// Sends what waits.
+  void flush(Lead&) noexcept;
+
+  [[nodiscard]] transport::UdpPort& socket() noexcept { return *port_; }
+  /// Where waits may receive while there are no leftovers.
+  [[nodiscard]] MutableBytes buffer() noexcept { return buffer_; }
+  /// Callers see at once that nobody serves them.
+  void close() noexcept { port_.reset(); }
+
+ private:
+  std::optional<transport::UdpPort> port_;  ///< None once closed.
+  LaneReport& report_;
+  transport::Datagrams batch_{};  ///< What is left in buffer_.
+  transport::DatagramBatch answers_ = transport::DatagramBatch::with_room();
+  wire::PeerAddress answers_peer_{};
+  std::uint32_t quick_service_ = wire::kSessionService;  ///< Whose last call took next to no time,
+  std::uint16_t quick_method_ = 0;                       ///< and its method.
+  alignas(64) std::array<std::byte, transport::Datagrams::kSizeMax> buffer_{};
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,115 @@
+#pragma once
+
+#include <atomic>
+
+#include "calls/dispatch.hpp"
+#include "calls/open_calls.hpp"
+#include "lane/idling.hpp"
+#include "lane/report.hpp"
+#include "lane/setup.hpp"
+#include "rtpm/rt/cpu_keeper.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::rpc {
+
+/// What the execution of a lane's calls uses of the lane.
+struct LaneParts {
+  Lane& lane;
+  const LaneConfig& config;
+  const std::atomic<bool>& is_stopping;
+  LaneSlot& slot;
+  const Dispatch& dispatch;
+  OpenCalls& calls;
+  LaneReport& report;
+  Idling& idling;
+  transport::WaitSet& wait_set;
+};
+
+/// The threads of a lane, and which of them runs a call.
+/// @threads  as a Lead says; start() to maintain_threads() one at a time, without
+/// @realtime alloc-free but for construction, start() and maintain_threads()
+class Execution {
+ public:
+  explicit Execution(const LaneParts& parts) noexcept : parts_(parts) {}
+  Execution(const Execution&) = delete;
+  Execution& operator=(const Execution&) = delete;
+  virtual ~Execution() = default;
+
+  /// Starts the threads.   Set-up only.
+  /// @param keeper  keeps the CPU awake through their pauses; null: it may sleep
+  /// @errors  as rt::Thread::start()
+  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
+                                                        rt::CpuKeeper* keeper);
+  /// After the lane's stop: waits until the threads have ended.
+  virtual void join() noexcept = 0;
+  /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
+  virtual void maintain_threads() noexcept {}
+
+  /// Runs a call that came over a wire, keeps it, or refuses it.
+  /// @return the frame to answer with; empty: none, or later
+  [[nodiscard]] virtual ConstBytes accept(Lead&, wire::ServerSessions& sessions,
+                                          const wire::Request& request) noexcept = 0;
+  /// The same for a call of the same program, which it answers.
+  virtual void accept(Lead&, LocalChannel& channel) noexcept = 0;
+  /// It runs no call in accept(), and so is to be given all there are.
+  [[nodiscard]] virtual bool only_orders() const noexcept { return false; }
+
+  /// What the leader holds but for its sleep; null: nothing.
+  [[nodiscard]] virtual transport::WaitLock* lock() noexcept { return nullptr; }
+  /// Whether the leader is to leave the lead to another thread, asked between turns.
+  [[nodiscard]] virtual bool yields_lead(Lead&) noexcept { return false; }
+  /// Sleeps without the lead, whatever comes.
+  virtual void sleep(Lead&, MonotonicTime until) noexcept;
+  /// Calls of other lanes find the CPU as quick, while this one pauses, as if it worked on.
+  void keep_cpu_awake(MonotonicTime until) const noexcept;
+
+  /// The lane stops: calls that wait for a thread are told so.
+  virtual void refuse_waiting(Lead&) noexcept {}
+  /// Whether methods still run.
+  [[nodiscard]] virtual bool is_running(Lead&) const noexcept { return false; }
+  /// No thread goes on.
+  virtual void end(Lead&) noexcept {}
+
+ protected:
+  [[nodiscard]] virtual expected<void, rt::RealtimeError> start_threads() = 0;
+  [[nodiscard]] rt::ThreadConfig thread_config(std::uint32_t index) const;
+
+  /// Runs a call over a wire on the calling thread.
+  [[nodiscard]] ConstBytes run_now(Lead&, wire::ServerSessions& sessions,
+                                   const wire::Request& request) noexcept;
+  [[nodiscard]] DispatchResult run_method(Lead&, const Object& object, const wire::Request& request,
+                                          MutableBytes reply, Deferral& deferral) noexcept;
+
+  const LaneParts parts_;
+
+ private:
+  [[nodiscard]] ConstBytes run_without_buffer(Lead&, wire::ServerSessions& sessions,
+                                              const wire::Request& request) noexcept;
+  [[nodiscard]] ConstBytes run_confirmed(Lead&, wire::ServerSessions& sessions,
+                                         const wire::Request& request) noexcept;
+  [[nodiscard]] DispatchResult serve(Lead&, const wire::Request& request, MutableBytes reply,
+                                     Deferral& deferral) noexcept;
+
+  rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
+  rt::CpuKeeper* keeper_ = nullptr;
+};
+
+/// One thread that receives and runs all calls, one at a time.
+class SoloExecution final : public Execution {
+ public:
+  using Execution::Execution;
+
+  void join() noexcept override { thread_.join(); }
+  [[nodiscard]] ConstBytes accept(Lead& lead, wire::ServerSessions& sessions,
+                                  const wire::Request& request) noexcept override {
+    return run_now(lead, sessions, request);
+  }
+  void accept(Lead&, LocalChannel& channel) noexcept override;
+
+ private:
+  [[nodiscard]] expected<void, rt::RealtimeError> start_threads() override;
+
+  rt::Thread thread_;
+};
+
+}  // namespace rtpm::rpc

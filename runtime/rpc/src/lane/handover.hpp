@@ -1,0 +1,76 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <utility>
+
+#include "rtpm/base/ring.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/transport/connection.hpp"
+#include "rtpm/transport/wait_set.hpp"
+
+namespace rtpm::rpc {
+
+/// Connections on their way from the acceptor to a lane, and back to be freed where freeing is
+/// allowed.
+/// @threads  offer() and take_back() the acceptor's, the others the lane's leader's
+/// @realtime alloc-free
+class Handover {
+ public:
+  Handover(transport::WaitSet& lane, transport::WaitSet& acceptor) noexcept
+      : lane_(lane), acceptor_(acceptor) {}
+
+  /// False: too many wait already; the connection is still the caller's.
+  [[nodiscard]] bool offer(std::unique_ptr<transport::Connection>& stream) noexcept {
+    if (!arriving_.push(stream)) return false;
+    // SYNC POINT lane-arrivals: the connection is in the ring.
+    has_arrivals_.store(true, std::memory_order_release);
+    lane_.ring();
+    return true;
+  }
+  /// One that has ended, or null.
+  [[nodiscard]] std::unique_ptr<transport::Connection> take_back() noexcept {
+    auto stream = leaving_.pop();
+    return stream ? std::move(*stream) : nullptr;
+  }
+
+  /// Whether some have arrived, once: take them all.
+  [[nodiscard]] bool take_news() noexcept {
+    // SYNC POINT lane-arrivals
+    if (!has_arrivals_.load(std::memory_order_acquire)) return false;
+    // An exchange, because others could see a plain store after what the ring held before it: a
+    // connection that comes in between would be missed.
+    has_arrivals_.exchange(false, std::memory_order_acq_rel);
+    return true;
+  }
+  /// The next arrival, or null.
+  [[nodiscard]] std::unique_ptr<transport::Connection> take_arrival() noexcept {
+    auto stream = arriving_.pop();
+    return stream ? std::move(*stream) : nullptr;
+  }
+  void give_back(std::unique_ptr<transport::Connection> stream) noexcept {
+    if (!leaving_.push(stream)) {
+      // The acceptor is far behind. Freeing here breaks the rule against it, once, and no memory.
+      const rt::AllowAllocationScope is_allowed;
+      stream.reset();
+    }
+    acceptor_.ring();
+  }
+  /// Ends all that are on their way, once neither side runs.
+  void close() noexcept {
+    while (arriving_.pop()) {
+    }
+    while (leaving_.pop()) {
+    }
+  }
+
+ private:
+  using Ring = SpscRing<std::unique_ptr<transport::Connection>, 128>;
+  Ring arriving_;
+  Ring leaving_;
+  std::atomic<bool> has_arrivals_{false};
+  transport::WaitSet& lane_;
+  transport::WaitSet& acceptor_;
+};
+
+}  // namespace rtpm::rpc

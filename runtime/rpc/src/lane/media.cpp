@@ -1,0 +1,162 @@
+#include "lane/media.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "lane/setup.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::rpc {
+namespace {
+
+// A connection that has opened no session in this time may be replaced.
+constexpr Duration kSessionPatience = std::chrono::seconds{2};
+
+// One buffer more than messages may be held: where replies are written.
+std::size_t message_memory(const LaneSetup& setup) noexcept {
+  constexpr std::size_t kCacheLine = 64;
+  const std::size_t each =
+      (setup.sessions.message_size_max + kCacheLine - 1) / kCacheLine * kCacheLine;
+  return each * (setup.large_message_count_max + 1);
+}
+
+std::size_t item_memory(const LaneSetup& setup, wire::Medium medium) noexcept {
+  return setup.stream_count_max * wire::stream_room_size(medium);
+}
+
+// Each medium has a secret of its own, so that a session number of one is none of another's.
+wire::ServerSessionsConfig datagram_config(const LaneSetup& setup) noexcept {
+  wire::ServerSessionsConfig config = setup.sessions;
+  config.medium = wire::Medium::kDatagram;
+  return config;
+}
+
+wire::ServerSessionsConfig stream_config(const LaneSetup& setup) noexcept {
+  wire::ServerSessionsConfig config = setup.sessions;
+  config.medium = wire::Medium::kStream;
+  config.key.low = ~config.key.low;
+  return config;
+}
+
+wire::ServerSessionsConfig memory_config(const LaneSetup& setup) noexcept {
+  wire::ServerSessionsConfig config = stream_config(setup);
+  config.frame_payload_max = static_cast<std::uint32_t>(wire::kSharedPayloadSizeMax);
+  config.key.high = ~config.key.high;
+  return config;
+}
+
+wire::ServerSessionsConfig with_memory(wire::ServerSessionsConfig config, MutableBytes messages,
+                                       MutableBytes items) noexcept {
+  config.bulk_memory = messages;
+  config.stream_memory = items;
+  return config;
+}
+
+}  // namespace
+
+Media::Medium::Medium(const LaneSetup& setup, wire::ServerSessionsConfig config)
+    : messages(message_memory(setup)),
+      items(item_memory(setup, config.medium)),
+      sessions(with_memory(config, messages.bytes(), items.bytes())) {}
+
+Media::Media(const LaneSetup& setup, transport::UdpPort port, transport::WaitSet& wait_set,
+             LaneReport& report)
+    : report_(report),
+      handover_(wait_set, *setup.acceptor_bell),
+      datagrams_(setup, datagram_config(setup)),
+      streams_(setup, stream_config(setup)),
+      memory_(setup, memory_config(setup)),
+      has_memory_(true),
+      port_(std::move(port), report),
+      connections_(2 * std::size_t{setup.sessions.session_count_max}, wait_set) {
+  for (const Medium* medium : {&datagrams_, &streams_, &memory_}) {
+    const auto kind = medium == &datagrams_ ? wire::Medium::kDatagram : wire::Medium::kStream;
+    has_memory_ = has_memory_ && medium->messages.bytes().size() == message_memory(setup) &&
+                  medium->items.bytes().size() == item_memory(setup, kind);
+  }
+}
+
+wire::FrameCounters Media::counters() const noexcept {
+  wire::FrameCounters sum = datagrams_.sessions.counters();
+  sum.add(streams_.sessions.counters());
+  sum.add(memory_.sessions.counters());
+  return sum;
+}
+
+MonotonicTime Media::next_time() const noexcept {
+  return std::min({datagrams_.sessions.next_time(), streams_.sessions.next_time(),
+                   memory_.sessions.next_time()});
+}
+
+void Media::admit(Lead& lead, std::unique_ptr<transport::Connection> stream) noexcept {
+  const MonotonicTime now = rt::now();
+  if (!make_room_for(lead, *stream, now)) {
+    return turn_away(lead, std::move(stream), now);
+  }
+  if (!connections_.add(stream, now)) return handover_.give_back(std::move(stream));
+  ++report_.counters(lead).connection_count;
+}
+
+// Whether the host may have one more connection, for which the one that was silent longest may have
+// to go: of its own, once it has its share. Half of the slots are for memory.
+bool Media::make_room_for(Lead& lead, const transport::Connection& stream,
+                          MonotonicTime now) noexcept {
+  const wire::PeerAddress host = stream.host();
+  const auto slots = connections_.of_medium(stream.is_memory());
+  const auto count_max = static_cast<std::uint32_t>(connections_.count_max() / 2);
+  const std::uint32_t share = wire::share_of_one_host(count_max);
+  if (slots.size() < share) return true;
+  const auto is_own = [&](const Slot* slot) { return wire::is_same_host(slot->peer, host); };
+  const bool has_share = std::cmp_greater_equal(std::ranges::count_if(slots, is_own), share);
+  if (!has_share && slots.size() < count_max) return true;
+  const wire::ServerSessions& sessions = sessions_of(stream.is_memory());
+  Slot* longest = nullptr;
+  for (Slot* const slot : slots) {
+    if ((has_share && !is_own(slot)) || now - slot->heard < kSessionPatience) continue;
+    if (longest != nullptr && slot->heard >= longest->heard) continue;
+    // hp-5.5-1: a client that still uses its session is heard oftener.
+    const bool may_go =
+        now - slot->heard >= wire::kSessionIdleMin || !sessions.has_session(slot->peer);
+    if (may_go) longest = slot;
+  }
+  if (longest != nullptr) retire(lead, *longest);
+  return longest != nullptr;
+}
+
+// Over TCP the first frame came with the connection, so that its client can be told; else it sees
+// that the connection ends.
+void Media::turn_away(Lead& lead, std::unique_ptr<transport::Connection> stream,
+                      MonotonicTime now) noexcept {
+  if (const auto frame = stream->receive()) {
+    const ConstBytes refusal = sessions_of(stream->is_memory()).turn_away(*frame, now);
+    if (!refusal.empty()) static_cast<void>(stream->send(refusal, transport::kAlready));
+  }
+  handover_.give_back(std::move(stream));
+  ++report_.counters(lead).connection_refused_count;
+}
+
+void Media::retire(Lead& lead, Slot& slot) noexcept {
+  sessions_of(slot).forget(slot.peer);
+  handover_.give_back(connections_.remove(slot));
+  ++report_.counters(lead).connection_lost_count;
+}
+
+bool Media::send(Lead& lead, wire::ServerSessions& sessions, Slot& slot,
+                 ConstBytes frame) noexcept {
+  for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
+    // A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
+    if (slot.stream->send(frame, transport::kAlready)) continue;
+    ++report_.counters(lead).send_failure_count;
+    return false;
+  }
+  return true;
+}
+
+void Media::close(Lead& lead) noexcept {
+  handover_.close();
+  port_.close();
+  report_.counters(lead).connection_lost_count += connections_.clear();
+}
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <memory>
+
+#include "lane/connections.hpp"
+#include "lane/datagram_port.hpp"
+#include "lane/handover.hpp"
+#include "lane/report.hpp"
+#include "rtpm/rt/lazy_memory.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+struct LaneSetup;
+
+/// The peers of a lane over its three media, and their sessions: frames in, frames out, and who may
+/// have a connection.
+/// @threads  one at a time, with the lane's Lead
+/// @realtime alloc-free but for construction
+class Media {
+ public:
+  Media(const LaneSetup& setup, transport::UdpPort port, transport::WaitSet& wait_set,
+        LaneReport& report);
+
+  /// False: the system gave no memory for large messages or streams.
+  [[nodiscard]] bool has_memory() const noexcept { return has_memory_; }
+
+  [[nodiscard]] Handover& handover() noexcept { return handover_; }
+  [[nodiscard]] DatagramPort& port() noexcept { return port_; }
+  [[nodiscard]] Connections& connections() noexcept { return connections_; }
+  [[nodiscard]] const Connections& connections() const noexcept { return connections_; }
+  [[nodiscard]] wire::ServerSessions& datagrams() noexcept { return datagrams_.sessions; }
+  [[nodiscard]] wire::ServerSessions& sessions_of(const Slot& slot) noexcept {
+    return sessions_of(slot.is_memory);
+  }
+  /// Visits the sessions of each medium.
+  template <class Visitor>
+  void for_each(Visitor visit) noexcept {
+    for (Medium* medium : {&datagrams_, &streams_, &memory_})
+      visit(medium->sessions);
+  }
+  [[nodiscard]] wire::FrameCounters counters() const noexcept;
+  /// When the first of them has something to do by itself.
+  [[nodiscard]] MonotonicTime next_time() const noexcept;
+
+  /// Takes in a connection that has arrived, in place of a silent one if need be, or refuses it.
+  void admit(Lead&, std::unique_ptr<transport::Connection> stream) noexcept;
+  /// Ends a connection. Tags of its calls are to be taken from its sessions at once: later, another
+  /// call may have the place of one that was cancelled.
+  void retire(Lead&, Slot& slot) noexcept;
+  /// The connection of `peer`; null over datagrams, and once it has ended.
+  [[nodiscard]] Slot* slot_of(const wire::ServerSessions& sessions,
+                              const wire::PeerAddress& peer) noexcept {
+    return &sessions == &datagrams_.sessions ? nullptr : connections_.of_peer(peer);
+  }
+  /// Sends a frame that answers the one at hand, and what `sessions` has behind it.
+  /// @return false: the peer does not take its frames; retire it
+  [[nodiscard]] bool send(Lead&, wire::ServerSessions& sessions, Slot& slot,
+                          ConstBytes frame) noexcept;
+  /// Once no thread of the lane runs: ends all connections and closes the port.
+  void close(Lead&) noexcept;
+
+ private:
+  struct Medium {
+    Medium(const LaneSetup& setup, wire::ServerSessionsConfig config);
+    rt::LazyMemory messages;
+    rt::LazyMemory items;
+    wire::ServerSessions sessions;
+  };
+
+  [[nodiscard]] wire::ServerSessions& sessions_of(bool is_memory) noexcept {
+    return (is_memory ? memory_ : streams_).sessions;
+  }
+  [[nodiscard]] bool make_room_for(Lead&, const transport::Connection& stream,
+                                   MonotonicTime now) noexcept;
+  void turn_away(Lead&, std::unique_ptr<transport::Connection> stream, MonotonicTime now) noexcept;
+
+  LaneReport& report_;
+  Handover handover_;
+  Medium datagrams_;
+  Medium streams_;
+  Medium memory_;
+  bool has_memory_;
+  DatagramPort port_;
+  Connections connections_;
+};
+
+}  // namespace rtpm::rpc

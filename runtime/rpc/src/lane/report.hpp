@@ -1,0 +1,70 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "lane/lead.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/counters.hpp"
+#include "rtpm/rpc/lane_table.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+
+namespace rtpm::rpc {
+
+/// What a lane counts, and the slot of the lane table in which others read it.
+/// @threads  the leader's, but for what takes no Lead: any
+/// @realtime alloc-free
+class LaneReport {
+ public:
+  /// Publishes the lane's static configuration.
+  LaneReport(LaneSlot& slot, const LaneConfig& config, const Band& band) noexcept;
+
+  /// Whoever asks for them changes them: the next publish() shows it.
+  [[nodiscard]] ServerCounters& counters(Lead&) noexcept {
+    is_due_ = true;
+    return counters_;
+  }
+  [[nodiscard]] LaneSample& sample(Lead&) noexcept {
+    is_due_ = true;
+    return sample_;
+  }
+  /// What others fold in on publishing has changed.
+  void mark(Lead&) noexcept { is_due_ = true; }
+  /// A call's answer was written.
+  void on_answered(Lead&, MonotonicTime now) noexcept { answered_ = now; }
+  /// A frame that was taken at `received` was dealt with.
+  void end_cycle(Lead&, MonotonicTime received) noexcept;
+  /// A request was answered at `now`: counts it if that was too late.
+  void on_end(Lead&, const wire::Request& request, wire::Status status, MonotonicTime now) noexcept;
+  /// So many of the expired calls that the sessions count are streams whose callers fell silent.
+  void on_silent(Lead&, std::uint64_t count) noexcept { silent_stream_count_ += count; }
+  /// A method was run inside of another one.
+  void on_nested(bool has_thrown) noexcept;
+
+  /// Shows what has changed since the last time, if anything.
+  template <class Census>
+  void publish(Lead&, Census census) noexcept {
+    if (!is_due_) return;
+    is_due_ = false;
+    census(counters_, sample_);
+    write();
+  }
+  [[nodiscard]] ServerCounters read() const noexcept {
+    return slot_.sample.read().value_or(LaneSample{}).counters;
+  }
+
+ private:
+  void write() noexcept;
+
+  LaneSlot& slot_;
+  bool is_due_ = false;
+  MonotonicTime answered_{};
+  std::uint64_t silent_stream_count_ = 0;
+  ServerCounters counters_{};  ///< But for the late calls that the sessions count, and nested ones.
+  LaneSample sample_{};        ///< But for its counters, which write() adds.
+  std::atomic<std::uint64_t> nested_count_{0};
+  std::atomic<std::uint64_t> nested_failure_count_{0};
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+
+#include "rtpm/rpc/lane_table.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/transport/wait_set.hpp"
+#include "rtpm/wire/server_sessions.hpp"
+#include "server/object_table.hpp"
+
+namespace rtpm::rpc {
+
+class Lane;
+
+/// How many sources a lane of so many sessions waits for: a connection has a socket and an event.
+[[nodiscard]] constexpr std::size_t wait_source_count(std::uint32_t session_count_max) noexcept {
+  return 1 + 4 * std::size_t{session_count_max};
+}
+
+/// What a lane is built from.
+struct LaneSetup {
+  LaneConfig config{};
+  Band band{};
+  wire::ServerSessionsConfig sessions{};  ///< For streams; the others differ in medium and size.
+  const ObjectTable* objects = nullptr;
+  std::uint32_t large_message_count_max = 0;
+  std::uint32_t deferred_call_count_max = 0;
+  std::uint32_t stream_count_max = 0;
+  std::uint32_t stream_byte_max = 0;
+  std::uint32_t local_oneway_count_max = 0;
+  PriorityTransform inbound_priority = nullptr;
+  Lane* lower = nullptr;                    ///< Whose threads it may borrow.
+  bool borrows = false;                     ///< Or lends.
+  std::uint32_t lendable_thread_count = 0;  ///< Of all lanes below.
+  /// Of the thread that frees ended connections and starts threads.
+  transport::WaitSet* acceptor_bell = nullptr;
+  LaneSlot* slot = nullptr;  ///< Where others see what it does.
+};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "rtpm/transport/wait_set.hpp"
+
+// The sources of a lane's calls, as it and its wait set name them.
+namespace rtpm::rpc {
+
+using transport::SourceKind;
+using transport::SourceTag;
+
+/// A connection's descriptor; the tag has its slot's index and generation.
+inline constexpr SourceKind kConnectionKind{1};
+/// The eventfd that the peer of a connection through memory signals; likewise.
+inline constexpr SourceKind kEventKind{2};
+/// The lane's UDP port.
+inline constexpr SourceTag kPortSource{SourceKind{3}};
+/// Calls of the same program.
+inline constexpr SourceTag kGateSource{SourceKind{4}};
+
+}  // namespace rtpm::rpc

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/rt/budget.hpp"
+
+// When a lane's thread pauses, lest the kernel throttle it and the more urgent with it; see
+// rt/budget.hpp. Orders only: the lane obeys.
+namespace rtpm::rpc {
+
+struct Pause {
+  enum class Kind : std::uint8_t {
+    kNone,
+    kWait,   ///< Wait for work, but no longer than until.
+    kSleep,  ///< Sleep until then, whatever comes.
+  };
+  Kind kind = Kind::kNone;
+  MonotonicTime until{};
+};
+
+/// Of a thread that polls in vain.
+[[nodiscard]] inline Pause pause_while_polling(rt::RealtimeBudget& budget,
+                                               MonotonicTime now) noexcept {
+  if (!budget.must_rest(now)) return {};
+  const bool must_sleep = budget.must_sleep(now);
+  return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kNap};
+}
+
+/// Of a thread with so much work that it never comes to wait. `received`: when the last of it came;
+/// `clock` is read only where the budget may be spent.
+template <class Clock>
+[[nodiscard]] Pause pause_after_work(rt::RealtimeBudget& budget, MonotonicTime received,
+                                     Clock clock) noexcept {
+  if (budget.overdue(received) == Duration{0}) return {};
+  // A call may have run since.
+  const MonotonicTime now = clock();
+  if (!budget.must_rest(now)) return {};
+  const Duration rest = budget.overdue(now);
+  if (rest == Duration{0}) return {};
+  return {Pause::Kind::kSleep, now + rest};
+}
+
+}  // namespace rtpm::rpc

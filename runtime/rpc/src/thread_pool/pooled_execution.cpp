@@ -1,0 +1,295 @@
+#include "thread_pool/pooled_execution.hpp"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "calls/deferral.hpp"
+#include "lane/lane.hpp"
+#include "lane/throttling.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/memory.hpp"
+#include "rtpm/rt/priority.hpp"
+#include "server/lane_table_owner.hpp"
+
+namespace rtpm::rpc {
+
+PooledExecution::PooledExecution(const LaneParts& parts, std::uint32_t number,
+                                 PooledExecution* lower, std::uint32_t call_count_max,
+                                 transport::WaitSet& acceptor)
+    : Execution(parts),
+      number_(number),
+      lower_(lower),
+      acceptor_(acceptor),
+      pool_(parts.config, call_count_max, parts.wait_set) {
+  if (lower != nullptr) lower->upper_ = this;
+}
+
+expected<void, rt::RealtimeError> PooledExecution::start_threads() {
+  for (std::uint32_t i = 0; i < ThreadPool::static_count(parts_.config); ++i) {
+    auto thread = start_worker(pool_.workers()[i], i);
+    if (!thread) return unexpected{thread.error()};
+    pool_.workers()[i].thread = std::move(*thread);
+  }
+  return {};
+}
+
+expected<rt::Thread, rt::RealtimeError> PooledExecution::start_worker(Worker& worker,
+                                                                      std::uint32_t index) {
+  worker.is_started = true;
+  worker.has_ended.store(false, std::memory_order_relaxed);
+  auto thread = rt::Thread::start(thread_config(index), [this, &worker, index] {
+    BusyMark::show_at(&parts_.slot.busy_since_ns[index]);
+    work(worker);
+  });
+  worker.is_started = thread.has_value();
+  return thread;
+}
+
+void PooledExecution::maintain_threads() noexcept {
+  std::uint32_t index = 0;
+  for (Worker& worker : pool_.workers()) {
+    const std::uint32_t number = index++;
+    if (worker.is_started && worker.has_ended.load(std::memory_order_acquire)) {
+      worker.thread.join();
+      worker.is_started = false;
+    }
+    if (worker.is_started || !worker.is_dynamic || !pool_.is_thread_wanted()) continue;
+    if (auto thread = start_worker(worker, number)) {
+      worker.thread = std::move(*thread);
+      return;  // More when it has begun.
+    }
+    pool_.refuse_thread();
+  }
+}
+
+void PooledExecution::join() noexcept {
+  for (Worker& worker : pool_.workers())
+    worker.thread.join();
+}
+
+// What each thread does, from its beginning to its end.
+void PooledExecution::work(Worker& me) noexcept {
+  const rt::NoAllocationScope no_allocation;
+  Lead& lead = pool_.lock_as_follower();
+  pool_.sign_on(me);
+  while (!pool_.is_over()) {
+    if (PendingCall* const call = pool_.take_to_run()) {
+      run(*call, nullptr);
+    } else if (pool_.take_lead()) {
+      rt::adopt_priority(parts_.config.priority);
+      parts_.lane.serve(lead);
+      pool_.leave_lead();
+    } else if (PooledExecution* const asked = next_borrower()) {
+      help(*asked, nullptr);
+    } else if (!pool_.rest(me, parts_.config.dynamic_idle)) {
+      break;
+    } else if (PooledExecution* const borrower = std::exchange(me.borrower, nullptr)) {
+      help(*borrower, me.lent_call);
+    }
+  }
+  pool_.sign_off(me);
+  pool_.unlock();
+  // So that it is joined.
+  if (me.is_dynamic) acceptor_.ring();
+}
+
+bool PooledExecution::yields_lead(Lead& lead) noexcept {
+  if (pool_.has_stuck_call()) find_help(lead);
+  if (pool_.has_call_to_run()) return true;
+  pool_.yield_lock();
+  return false;
+}
+
+void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
+  pool_.unlock();
+  Execution::sleep(lead, until);
+  static_cast<void>(pool_.lock_as_follower());
+}
+
+// All threads run calls: others may be had from elsewhere.
+void PooledExecution::find_help(Lead&) noexcept {
+  if (pool_.ask_for_thread(rt::now())) acceptor_.ring();
+  while (pool_.has_stuck_call() && borrow() == BorrowedThread::kGiven) {
+  }
+}
+
+// Has a thread of a lower lane run the most urgent call that waits.
+BorrowedThread PooledExecution::borrow() noexcept {
+  const BorrowRequest request{*this, number_, pool_.first(), pool_.queued_count()};
+  BorrowedThread best = BorrowedThread::kNone;
+  for (PooledExecution* lane = lower_; lane != nullptr && best != BorrowedThread::kGiven;
+       lane = lane->lower_) {
+    const BorrowedThread borrowed = lane->pool_.lend(request);
+    if (borrowed != BorrowedThread::kNone) best = borrowed;
+  }
+  if (best == BorrowedThread::kGiven) {
+    static_cast<void>(pool_.take_any());
+    pool_.begin_borrowed_run();
+  }
+  return best;
+}
+
+// The most urgent lane above that asked for a thread when there was none; or null.
+PooledExecution* PooledExecution::next_borrower() noexcept {
+  const auto number = pool_.take_borrower();
+  if (!number) return nullptr;
+  PooledExecution* lane = upper_;
+  while (lane->number_ != *number)
+    lane = lane->upper_;
+  return lane;
+}
+
+// Has the calling thread run calls of a lane above: `call`, or what needs a thread there.
+void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcept {
+  // Calls of this lane may wait for a thread that finds nothing to do.
+  if (call == nullptr) pool_.expect_back();
+  pool_.unlock();
+  borrower.run_borrowed(call, pool_);
+  rt::adopt_priority(parts_.config.priority);
+  static_cast<void>(pool_.lock_as_follower());
+  pool_.end_expecting();
+}
+
+// On a thread of a lower lane: runs `call`, unless it is null, and all that are stuck. The lender
+// expects its thread back from the end of each call on.
+void PooledExecution::run_borrowed(PendingCall* call, ThreadPool& lender) noexcept {
+  Lead& lead = pool_.lock_as_follower();
+  while (call != nullptr || (!pool_.is_over() && pool_.has_stuck_call())) {
+    if (call == nullptr) {
+      lender.end_expecting();
+      call = pool_.take_any();
+      pool_.begin_borrowed_run();
+    }
+    ++parts_.report.counters(lead).borrowed_count;
+    run(*call, &lender);
+    call = nullptr;
+  }
+  pool_.unlock();
+}
+
+// Runs a call without the lock, and ends it with the lock. `lender`: whose thread does so.
+void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
+  pool_.unlock();
+  CallDeferral deferral(parts_.calls.pool(), call);
+  Ran ran;
+  if (!call.is_awaited.load(std::memory_order_acquire)) {
+    ran.result.status = wire::Status::kCancelled;
+  } else if (rt::now() >= call.request.deadline) {
+    ran.result.status = wire::Status::kExpired;
+  } else {
+    ran = parts_.dispatch.run(*call.object, call.request, call.reply, deferral);
+  }
+  Lead& lead = pool_.lock_as_follower();
+  end_run(lead, call, ran, deferral.is_taken());
+  // A caller that is answered may call at once, where this thread is at home.
+  if (lender != nullptr) lender->expect_back();
+  const MonotonicTime now = rt::now();
+  LaneSample& sample = parts_.report.sample(lead);
+  sample.longest_cycle_ns =
+      std::max(sample.longest_cycle_ns, std::int64_t{(now - call.request.received).count()});
+  sample.queued_count = pool_.queued_count();
+  parts_.calls.serve(lead, call);
+  parts_.calls.publish(lead);
+  const Pause pause = pause_after_work(rt::this_thread_budget(), now, rt::now);
+  if (pause.kind == Pause::Kind::kNone) return;
+  ++parts_.report.sample(lead).rest_count;
+  sleep(lead, pause.until);
+}
+
+void PooledExecution::end_run(Lead& lead, PendingCall& call, const Ran& ran,
+                              bool is_deferred) noexcept {
+  pool_.end_run();
+  ServerCounters& counters = parts_.report.counters(lead);
+  counters.servant_failure_count += ran.has_thrown ? 1 : 0;
+  counters.bad_request_count += ran.result.status == wire::Status::kBadRequest ? 1U : 0U;
+  call.is_running = false;
+  if (is_deferred) {
+    ++counters.deferred_count;
+    return;
+  }
+  RTPM_ASSERT(ran.result.reply_size <= call.reply.size(), "a reply stays within its buffer");
+  call.status = ran.result.status;
+  call.size = ran.result.reply_size;
+  call.is_ended.store(true, std::memory_order_release);
+}
+
+ConstBytes PooledExecution::accept(Lead& lead, wire::ServerSessions& sessions,
+                                   const wire::Request& request) noexcept {
+  const auto object = parts_.dispatch.target_of(request);
+  if (!object) return run_now(lead, sessions, request);
+  PendingCall* const call = take_place();
+  if (call != nullptr) {
+    call->take_in(request, sessions);
+    call->request.payload = ConstBytes(call->request_room).first(request.payload.size());
+    std::ranges::copy(request.payload, call->request_room.begin());
+  }
+  if (call == nullptr || !enqueue(lead, *call, **object)) {
+    const wire::Status refusal = refuse(lead);
+    if (!request.wants_receipt()) return sessions.complete(request, refusal, 0, request.received);
+    const ConstBytes frame = sessions.accept(request, refusal, request.received);
+    static_cast<void>(sessions.complete(request, refusal, 0, request.received));
+    return frame;
+  }
+  sessions.set_tag(request, parts_.calls.pool()->tag_of(*call));
+  if (!request.wants_receipt()) return {};
+  return sessions.accept(request, wire::Status::kOk, request.received);
+}
+
+void PooledExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
+  const wire::Request request = request_of(channel);
+  const auto object = parts_.dispatch.target_of(request);
+  if (!object) return channel.finish(object.error(), 0);
+  if (PendingCall* const call = take_place()) {
+    // Several threads at a time may run calls from places, which share the room for replies.
+    call->take_in(request, channel, /*is_elsewhere=*/channel.is_place());
+    if (enqueue(lead, *call, **object)) return;
+  }
+  channel.finish(refuse(lead), 0);
+}
+
+// A place for a call; null if there are too many, or the lane stops.
+PendingCall* PooledExecution::take_place() noexcept {
+  return parts_.is_stopping.load(std::memory_order_relaxed) ? nullptr : parts_.calls.pool()->take();
+}
+
+// Puts a call among those that wait, unless there is neither place nor help; then gives it back.
+bool PooledExecution::enqueue(Lead& lead, PendingCall& call, const Object& object) noexcept {
+  const std::size_t size = call.request.payload.size();
+  const bool has_place = pool_.has_place_for(size);
+  call.object = &object;
+  call.is_running = true;
+  pool_.enqueue(call, parts_.dispatch.priority_of(object, call.request.header), size);
+  if (!has_place && borrow() == BorrowedThread::kNone) {
+    pool_.withdraw(call);
+    parts_.calls.pool()->give_back(call);
+    return false;
+  }
+  ServerCounters& counters = parts_.report.counters(lead);
+  ++counters.call_count;
+  counters.queued_count_max =
+      std::max<std::uint64_t>(counters.queued_count_max, pool_.queued_count());
+  parts_.report.sample(lead).queued_count = pool_.queued_count();
+  parts_.idling.on_call(call.request.header.session, call.request.received);
+  return true;
+}
+
+// Counts a call that is not kept, and says why.
+wire::Status PooledExecution::refuse(Lead& lead) noexcept {
+  ++parts_.report.counters(lead).overload_count;
+  return parts_.is_stopping.load(std::memory_order_relaxed) ? wire::Status::kStopping
+                                                            : wire::Status::kOverload;
+}
+
+void PooledExecution::refuse_waiting(Lead& lead) noexcept {
+  while (PendingCall* const call = pool_.take_any()) {
+    call->is_running = false;
+    call->status = wire::Status::kStopping;
+    call->size = 0;
+    call->is_ended.store(true, std::memory_order_release);
+    parts_.calls.serve(lead, *call);
+  }
+}
+
+}  // namespace rtpm::rpc
