@@ -4,7 +4,7 @@
 #include "rtpm/rt/budget.hpp"
 
 // When a lane's thread pauses, lest the kernel throttle it and the more urgent with it; see
-// rt/budget.hpp. Orders only: the lane obeys.
+// rt/budget.hpp. Orders only: the lane obeys. The budget is an rt::RealtimeBudget, but in tests.
 namespace rtpm::rpc {
 
 struct Pause {
@@ -18,8 +18,8 @@ struct Pause {
 };
 
 /// Of a thread that polls in vain.
-[[nodiscard]] inline Pause pause_while_polling(rt::RealtimeBudget& budget,
-                                               MonotonicTime now) noexcept {
+template <class Budget>
+[[nodiscard]] Pause pause_while_polling(Budget& budget, MonotonicTime now) noexcept {
   if (!budget.must_rest(now)) return {};
   const bool must_sleep = budget.must_sleep(now);
   return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kNap};
@@ -27,8 +27,8 @@ struct Pause {
 
 /// Of a thread with so much work that it never comes to wait. `received`: when the last of it came;
 /// `clock` is read only where the budget may be spent.
-template <class Clock>
-[[nodiscard]] Pause pause_after_work(rt::RealtimeBudget& budget, MonotonicTime received,
+template <class Budget, class Clock>
+[[nodiscard]] Pause pause_after_work(Budget& budget, MonotonicTime received,
                                      Clock clock) noexcept {
   if (budget.overdue(received) == Duration{0}) return {};
   // A call may have run since.

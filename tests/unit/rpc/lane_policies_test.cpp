@@ -1,0 +1,178 @@
+#include <gtest/gtest.h>
+
+#include <random>
+
+#include "lane/attention.hpp"
+#include "lane/idling.hpp"
+#include "lane/throttling.hpp"
+
+// What a lane decides, without threads, sockets or a clock.
+namespace rtpm::rpc {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr MonotonicTime kStart{1'000s};
+constexpr SourceTag kSome(kConnectionKind, 3, 7);
+
+TEST(Attention, AsksThePortFirstAndThenTheSourceOfTheLastFrame) {
+  Attention attention;
+  EXPECT_EQ(attention.hot(), kPortSource);
+  attention.set_hot(kSome);
+  EXPECT_EQ(attention.hot(), kSome);
+}
+
+// However long frames take: the others wait for 16 of them, or for 200 us and the frame that is
+// being served.
+TEST(Attention, BoundsHowLongABusySourceKeepsTheOthersWaiting) {
+  std::mt19937_64 random(1);
+  for (const bool is_memory_hot : {false, true}) {
+    Attention attention;
+    MonotonicTime now = kStart;
+    for (int look = 0; look < 2'000; ++look) {
+      attention.on_look();
+      const Duration longest{static_cast<int>(random() % 100'000)};
+      const MonotonicTime begin = now;
+      int frame_count = 0;
+      bool is_due = false;
+      while (!is_due) {
+        is_due = attention.is_look_due(now, is_memory_hot);
+        ++frame_count;
+        now += longest;
+        ASSERT_LE(now - begin, Attention::kLookIntervalMax + 2 * longest);
+        if (longest == Duration{0}) now += 100ns;
+      }
+      if (!is_memory_hot) {
+        ASSERT_LE(frame_count, 16);
+      }
+    }
+  }
+}
+
+TEST(Attention, AsksTheSystemRarelyWhileOnlyMemoryIsHot) {
+  Attention attention;
+  const auto looks_in = [&](Duration time, bool has_found, bool is_memory_hot) {
+    int look_count = 0;
+    MonotonicTime now = kStart;
+    attention.on_look();
+    for (const MonotonicTime end = now + time; now < end; now += 100ns) {
+      attention.on_idle(now);
+      if (!attention.is_idle_look_due()) continue;
+      ++look_count;
+      attention.on_look();
+      attention.on_looked(has_found, is_memory_hot);
+    }
+    return look_count;
+  };
+  const int often = looks_in(10ms, false, false);
+  EXPECT_EQ(often, looks_in(10ms, true, true)) << "while the others have frames, too";
+  EXPECT_GE(often, 10ms / (2 * Attention::kLookIntervalMin));
+  EXPECT_LE(looks_in(10ms, false, true), 10ms / Attention::kLookIntervalMax + 10);
+}
+
+TEST(Attention, LetsOpenCallsGoFirstForSixteenTurns) {
+  Attention attention;
+  for (int round = 0; round < 2; ++round) {
+    for (std::uint32_t turn = 1; turn < Attention::kStreakMax; ++turn)
+      ASSERT_FALSE(attention.on_own_work()) << turn;
+    ASSERT_TRUE(attention.on_own_work());
+    attention.on_turn();
+  }
+}
+
+rt::WaitConfig wait_of(rt::WaitStrategy strategy, Duration spin = 50us) {
+  return {.strategy = strategy, .spin = spin};
+}
+
+TEST(Idling, OfALaneThatBlocksSleepsAtOnceAndForEver) {
+  Idling idling(wait_of(rt::WaitStrategy::kBlock));
+  EXPECT_TRUE(idling.is_blocking());
+  const Idling::Next next = idling.on_idle(kStart);
+  EXPECT_FALSE(next.polls);
+  EXPECT_EQ(next.until, kNever);
+}
+
+TEST(Idling, OfALaneThatSpinsNeverSleeps) {
+  Idling idling(wait_of(rt::WaitStrategy::kSpin));
+  for (const Duration passed : {Duration{0}, Duration{1s}, Duration{1h}})
+    EXPECT_TRUE(idling.on_idle(kStart + passed).polls);
+}
+
+TEST(Idling, OfAnAdaptiveLanePollsForAWhileAfterWork) {
+  if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
+  Idling idling(wait_of(rt::WaitStrategy::kAdaptive));
+  idling.on_work(kStart);
+  EXPECT_TRUE(idling.on_idle(kStart + 1us).polls);
+  EXPECT_TRUE(idling.on_idle(kStart + 50us).polls);
+  const Idling::Next next = idling.on_idle(kStart + 52us);
+  EXPECT_FALSE(next.polls);
+  idling.on_woken(next, kStart + 1ms, /*has_work=*/false);
+  EXPECT_FALSE(idling.on_idle(kStart + 1ms).polls) << "nothing came: it sleeps on";
+  idling.on_woken(next, kStart + 2ms, /*has_work=*/true);
+  idling.on_work(kStart + 2ms);
+  EXPECT_TRUE(idling.on_idle(kStart + 2ms + 1us).polls);
+}
+
+// A caller at 1 kHz: the lane sleeps until shortly before each call, and polls until it comes.
+TEST(Idling, OfAPeriodicLaneWakesAheadOfItsCaller) {
+  if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
+  Idling idling(wait_of(rt::WaitStrategy::kPeriodic, 0us));
+  MonotonicTime call = kStart;
+  int ahead_count = 0;
+  for (int i = 0; i < 100; ++i, call += 1ms) {
+    idling.on_call(/*session=*/5, call);
+    idling.on_work(call);
+    Idling::Next next = idling.on_idle(call + 10us);
+    if (next.polls) next = idling.on_idle(call + 200us);
+    ASSERT_FALSE(next.polls);
+    if (!next.is_prediction) continue;
+    ++ahead_count;
+    EXPECT_GT(next.until, call + 500us);
+    EXPECT_LT(next.until, call + 1ms);
+    idling.on_woken(next, next.until + 20us, /*has_work=*/false);
+    EXPECT_TRUE(idling.on_idle(call + 1ms - 1us).polls) << "it is about to come";
+  }
+  EXPECT_GT(ahead_count, 80);
+}
+
+/// What a thread's budget says, as a test wants it.
+struct FakeBudget {
+  bool is_spent = false;
+  bool is_in_vain = false;
+  Duration debt{0};
+  [[nodiscard]] bool must_rest(MonotonicTime) const noexcept { return is_spent; }
+  [[nodiscard]] bool must_sleep(MonotonicTime) const noexcept { return is_in_vain; }
+  [[nodiscard]] Duration overdue(MonotonicTime) const noexcept { return debt; }
+};
+
+TEST(Pauses, OfAThreadThatPollsAreWaitsWhileWaitsEarn) {
+  FakeBudget budget;
+  EXPECT_EQ(pause_while_polling(budget, kStart).kind, Pause::Kind::kNone);
+  budget.is_spent = true;
+  const Pause wait = pause_while_polling(budget, kStart);
+  EXPECT_EQ(wait.kind, Pause::Kind::kWait);
+  EXPECT_EQ(wait.until, kStart + rt::RealtimeBudget::kNap);
+  budget.is_in_vain = true;
+  EXPECT_EQ(pause_while_polling(budget, kStart).kind, Pause::Kind::kSleep);
+}
+
+TEST(Pauses, OfAThreadThatNeverWaitsAreSleepsForWhatItOwes) {
+  int clock_count = 0;
+  const auto clock = [&] {
+    ++clock_count;
+    return kStart + 5ms;
+  };
+  FakeBudget budget{.is_spent = true};
+  EXPECT_EQ(pause_after_work(budget, kStart, clock).kind, Pause::Kind::kNone);
+  EXPECT_EQ(clock_count, 0) << "pauses between the work will do";
+  budget.debt = 300us;
+  const Pause sleep = pause_after_work(budget, kStart, clock);
+  EXPECT_EQ(sleep.kind, Pause::Kind::kSleep);
+  EXPECT_EQ(sleep.until, kStart + 5ms + 300us) << "from now on, not from the frame on";
+  budget.is_spent = false;
+  EXPECT_EQ(pause_after_work(budget, kStart, clock).kind, Pause::Kind::kNone)
+      << "it slept elsewhere";
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
