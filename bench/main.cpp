@@ -48,10 +48,10 @@ void add_options(options::Options& options, Arguments& arguments, Settings& sett
   options.add("payload", arguments.payloads,
               "bytes that each call of `call` carries each way: 0, 48, 1Ki, 1Mi or several");
   options.add("latencies", settings.tells_latencies,
-              "with --json, tell every latency of call, two-node, events, isolation and bulk");
+              "with --json, tell every latency of call, two-node, events, isolation and large");
   options.add("rounds", settings.round_count, "parts of a run, of which the middles are shown",
               {1, 1000});
-  options.add("rate", settings.rate_hz, "calls per second of paced, isolation and bulk",
+  options.add("rate", settings.rate_hz, "calls per second of paced, isolation and large",
               {1, 100'000});
   options.add("low-callers", arguments.low_callers,
               "numbers of low-priority callers for isolation");

@@ -23,7 +23,7 @@ struct Case {
 bool run_call(const Settings& settings, Report& report);
 bool run_paced(const Settings& settings, Report& report);
 bool run_isolation(const Settings& settings, Report& report);
-bool run_bulk(const Settings& settings, Report& report);
+bool run_large(const Settings& settings, Report& report);
 bool run_events(const Settings& settings, Report& report);
 bool run_throughput(const Settings& settings, Report& report);
 bool run_two_node(const Settings& settings, Report& report);

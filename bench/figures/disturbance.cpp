@@ -70,17 +70,17 @@ bool is_measured_thread(pid_t thread) {
 
 }  // namespace
 
-RoundWatch::RoundWatch(std::vector<int> cpus, const StallWitness* witness)
+RoundWatch::RoundWatch(std::vector<int> cpus, const StallDetector* detector)
     : cpus_(std::move(cpus)),
-      witness_(witness),
+      detector_(detector),
       began_shared_(SharedCore::is_shared(cpus_)),
-      stolen_time_(witness == nullptr ? std::span<const int>{} : witness->cpus()),
+      stolen_time_(detector == nullptr ? std::span<const int>{} : detector->cpus()),
       stolen_(read_cpu_time().stolen),
-      stall_count_(witness == nullptr ? 0 : witness->count()) {}
+      stall_count_(detector == nullptr ? 0 : detector->count()) {}
 
 RoundFault RoundWatch::fault() const {
   if (read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
-      (witness_ != nullptr && witness_->count() != stall_count_)) {
+      (detector_ != nullptr && detector_->count() != stall_count_)) {
     return RoundFault::kStill;
   }
   return began_shared_ || SharedCore::is_shared(cpus_) ? RoundFault::kSharedCore

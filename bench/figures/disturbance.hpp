@@ -9,31 +9,30 @@
 
 #include "figures/report.hpp"
 #include "figures/samples.hpp"
-#include "figures/stall_witness.hpp"
+#include "figures/stall_detector.hpp"
 #include "figures/stolen_time.hpp"
 #include "settings.hpp"
 
 namespace rtpm::bench {
 
 /// Whether the round that was measured since this was made tells of the machine's neighbours, and
-/// not of the contenders: a hypervisor took CPU time away, a witness felt a stall, or somebody else
-/// computed on a core as the round began or ended.
-/// Set-up only: it reads /proc and runs on each CPU, so outside of timed stretches, and with nobody
-/// spinning there who is as urgent.
+/// not of the contenders: a hypervisor took CPU time away, a detector felt a stall, or somebody
+/// else computed on a core as the round began or ended. Set-up only: it reads /proc and runs on
+/// each CPU, so outside of timed stretches, and with nobody spinning there who is as urgent.
 class RoundWatch {
  public:
   /// What matters to a p99.9 that is some tenths of a millisecond.
   static constexpr Duration kStolenMin = std::chrono::microseconds{300};
 
   /// Sees who else is on the cores of `cpus`, and what the hypervisor accounts for in /proc/stat,
-  /// in hundredths of a second; with a witness, to which it refers, what that feels, and
+  /// in hundredths of a second; with a detector, to which it refers, what that feels, and
   /// kStolenMin taken from one of its CPUs.
-  explicit RoundWatch(std::vector<int> cpus, const StallWitness* witness = nullptr);
+  explicit RoundWatch(std::vector<int> cpus, const StallDetector* detector = nullptr);
   [[nodiscard]] RoundFault fault() const;
 
  private:
   std::vector<int> cpus_;
-  const StallWitness* witness_;
+  const StallDetector* detector_;
   bool began_shared_;
   StolenTime stolen_time_;
   std::uint64_t stolen_;

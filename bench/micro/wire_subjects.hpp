@@ -45,7 +45,7 @@ class JoinedProtocol {
  public:
   /// Sets both up, with a handshake done, for messages of up to `message_size_max` bytes.
   explicit JoinedProtocol(std::uint32_t message_size_max)
-      : bulk_(message_size_max > wire::kDatagramPayloadSizeMax ? 2 * message_size_max : 0),
+      : large_(message_size_max > wire::kDatagramPayloadSizeMax ? 2 * message_size_max : 0),
         room_(message_size_max),
         payload_(message_size_max),
         channel_({.client_epoch = 7, .channel = 1, .message_size_max = message_size_max}, buffer_),
@@ -54,7 +54,7 @@ class JoinedProtocol {
                    .key = {.low = 1, .high = 2},
                    .session_count_max = 4,
                    .message_size_max = message_size_max,
-                   .bulk_memory = bulk_}) {
+                   .large_memory = large_}) {
     channel_.give_room(room_);
     ConstBytes frame = channel_.open(Priority{1000}, now_ + kPatience, now_);
     while (!channel_.is_ready()) {
@@ -109,7 +109,7 @@ class JoinedProtocol {
   }
 
   alignas(64) std::array<std::byte, wire::kDatagramFrameSizeMax> buffer_{};
-  std::vector<std::byte> bulk_;
+  std::vector<std::byte> large_;
   std::vector<std::byte> room_;
   std::vector<std::byte> payload_;
   MonotonicTime now_ = time_from_ns(1'000'000'000);

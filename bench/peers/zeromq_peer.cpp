@@ -36,8 +36,8 @@ class Socket {
  private:
   void open(int type) {
     socket_ = zmq_socket(context_.get(), type);
-    const int no_linger = 0;
-    zmq_setsockopt(socket_, ZMQ_LINGER, &no_linger, sizeof no_linger);
+    const int no_wait = 0;
+    zmq_setsockopt(socket_, ZMQ_LINGER, &no_wait, sizeof no_wait);
   }
   std::shared_ptr<void> context_;
   void* socket_ = nullptr;

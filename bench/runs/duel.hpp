@@ -71,7 +71,7 @@ class Duel {
 
   /// RTPM's server runs: a job that has it bring `size` bytes back, at low priority, and blocks
   /// while it waits.
-  [[nodiscard]] expected<Job, std::string> connect_bulk(std::size_t size);
+  [[nodiscard]] expected<Job, std::string> connect_large(std::size_t size);
   /// RTPM's server runs: a caller of high priority whose calls are numbered.
   [[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered();
   /// A pipeline of high priority to the server whose turn it is; of the raw one over UDP only.

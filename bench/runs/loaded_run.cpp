@@ -120,7 +120,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
-  const RoundWatch round_watch(cpus_of(config_.placement), &witness_);
+  const RoundWatch round_watch(cpus_of(config_.placement), &detector_);
   // Who goes first changes from round to round.
   for (std::size_t i = 0; i < 2; ++i) {
     const Side side = kBothSides[(i + static_cast<std::size_t>(round)) % 2];
@@ -135,7 +135,7 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
 }
 
 expected<void, std::string> LoadedRun::measure(DisturbanceWatch& watch) {
-  if (auto started = witness_.start(cpus_of(config_.placement)); !started) return started;
+  if (auto started = detector_.start(cpus_of(config_.placement)); !started) return started;
   for (const Side side : kBothSides) {
     if (auto connected = connect(side); !connected) return connected;
   }

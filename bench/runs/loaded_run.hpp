@@ -88,7 +88,7 @@ class LoadedRun {
   Duel& duel_;
   int round_count_ = 0;
   std::size_t count_per_round_ = 0;  ///< Of each side, in its one turn.
-  StallWitness witness_;
+  StallDetector detector_;
   std::map<int, Level> levels_;
   std::array<Connections, 2> connections_;
 };

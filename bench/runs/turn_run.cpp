@@ -90,7 +90,7 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(cpus_, &*witness_);
+  const RoundWatch round_watch(cpus_, &*detector_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
@@ -135,10 +135,10 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
   entrants_[0].contender = std::move(rtpm);
   entrants_[1].contender = std::move(floor);
   cpus_ = cpus_of(placement);
-  witness_.emplace();
+  detector_.emplace();
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
-    if (auto started = witness_->start(cpus_); !started) return started;
+    if (auto started = detector_->start(cpus_); !started) return started;
   }
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (const int low_callers : levels_) {
@@ -149,7 +149,7 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
 }
 
 void TurnRun::end_part() {
-  witness_.reset();
+  detector_.reset();
   for (Entrant& entrant : entrants_) {
     entrant.contender.reset();
     entrant.peer = nullptr;

@@ -93,8 +93,8 @@ class TurnRun {
   std::uint64_t count_per_round_ = 0;
   std::vector<int> cpus_{};
   std::vector<Entrant> entrants_{};
-  std::optional<StallWitness> witness_{};  ///< Within a part: its threads are in no fork's way.
-  bool has_begun_ = false;                 ///< The first part has.
+  std::optional<StallDetector> detector_{};  ///< Within a part: its threads are in no fork's way.
+  bool has_begun_ = false;                   ///< The first part has.
   bool is_complete_ = true;
 };
 

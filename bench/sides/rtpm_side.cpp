@@ -35,11 +35,11 @@ class EchoServantImpl final : public EchoServant {
     return Runs(distinct_count_.load(), again_count_.load());
   }
 
-  rpc::Result<void> echo_bulk(const Bulk& request, rpc::ReplyBuilder<Bulk>& reply,
-                              const rpc::CallContext&) override {
+  rpc::Result<void> echo_large(const Large& request, rpc::ReplyBuilder<Large>& reply,
+                               const rpc::CallContext&) override {
     const auto bytes =
         reply.builder().CreateVector(request.bytes()->data(), request.bytes()->size());
-    reply.finish(CreateBulk(reply.builder(), bytes));
+    reply.finish(CreateLarge(reply.builder(), bytes));
     return {};
   }
 
@@ -153,13 +153,13 @@ expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& 
 }
 
 /// A message of `size` bytes, encoded, which differ so that a mix-up shows.
-flatbuffers::DetachedBuffer encode_bulk(std::size_t size) {
+flatbuffers::DetachedBuffer encode_large(std::size_t size) {
   flatbuffers::FlatBufferBuilder builder(size + 64);
   std::uint8_t* bytes = nullptr;
   const auto vector = builder.CreateUninitializedVector(size, &bytes);
   for (std::size_t i = 0; i < size; ++i)
     bytes[i] = static_cast<std::uint8_t>(i ^ (i >> 8) ^ (i >> 16));
-  builder.Finish(CreateBulk(builder, vector));
+  builder.Finish(CreateLarge(builder, vector));
   return builder.Release();
 }
 
@@ -196,7 +196,7 @@ expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& no
     return std::unique_ptr<Caller>(std::make_unique<RtpmPayloadCaller>(std::move(job)));
   };
   if (payload_size != 0 && payload_size != kPayloadSize) {
-    auto job = connect_bulk_job(node, url, priority, payload_size);
+    auto job = connect_large_job(node, url, priority, payload_size);
     if (!job) return unexpected{job.error()};
     return caller_of(std::move(*job));
   }
@@ -213,18 +213,18 @@ expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& no
       });
 }
 
-expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
-                                            Priority priority, std::size_t size) {
+expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string& url,
+                                             Priority priority, std::size_t size) {
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
   // Shared, because a job is copied.
   auto held = std::make_shared<EchoClient>(std::move(*client));
-  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_bulk(size));
+  auto message = std::make_shared<flatbuffers::DetachedBuffer>(encode_large(size));
   return Job([held, message]() -> expected<void, std::string> {
     const auto reply =
-        held->echo_bulk_encoded(std::as_bytes(std::span(message->data(), message->size())));
+        held->echo_large_encoded(std::as_bytes(std::span(message->data(), message->size())));
     if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-    const auto& sent = *flatbuffers::GetRoot<Bulk>(message->data())->bytes();
+    const auto& sent = *flatbuffers::GetRoot<Large>(message->data())->bytes();
     const auto& got = *(*reply)->bytes();
     if (got.size() != sent.size() || std::memcmp(got.data(), sent.data(), sent.size()) != 0) {
       return unexpected{std::string("RTPM's large echo differs")};

@@ -39,8 +39,8 @@ struct RtpmServerConfig {
     std::size_t payload_size = kPayloadSize);
 
 /// As connect_rtpm_caller(): a call that has `size` bytes brought back, as one message.
-[[nodiscard]] expected<Job, std::string> connect_bulk_job(rpc::Node& node, const std::string& url,
-                                                          Priority priority, std::size_t size);
+[[nodiscard]] expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string& url,
+                                                           Priority priority, std::size_t size);
 
 /// As connect_rtpm_caller().
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(

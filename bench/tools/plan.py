@@ -62,7 +62,7 @@ FULL = (
          "--wait block --transport udp --consumers 16,64 --samples 1200", 14, False),
     Part("paced-peers", "paced --peers all --wait block --transport udp,shm", 195, False),
     # What is missed least.
-    Part("bulk", "bulk --samples 1000", 16),
+    Part("large", "large --samples 1000", 16),
     Part("isolation-curve", "isolation --low-callers 0,1,16 --samples 1000", 36),
     Part("paced-4k", "paced --rate 4000 --wait adaptive,periodic --samples 6000", 20),
 )
@@ -87,5 +87,5 @@ QUICK = (
          "--samples 800", 12, False),
     Part("device", "device --samples 2000", 13),
     Part("ladder", "ladder --samples 400", 10),
-    Part("bulk", "bulk --samples 1000", 17),
+    Part("large", "large --samples 1000", 17),
 )

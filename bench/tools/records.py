@@ -12,7 +12,7 @@ import statistics
 # What tells one row from another, in the order in which a row is named. All else is measured.
 IDENTITY = (
     "case", "part", "rung", "peer", "transport", "floor", "hub", "delivery", "wait", "rtpm_transport",
-    "rtpm_wait", "payload", "rate_hz", "low_callers", "bulk_callers", "work_us", "consumers",
+    "rtpm_wait", "payload", "rate_hz", "low_callers", "large_callers", "work_us", "consumers",
     "stopped", "slow", "hosts", "in_flight", "drop_percent", "clients",
 )
 
@@ -22,7 +22,7 @@ _WORDS = {
     "floor": "beside raw {} sockets",
     "hub": "hub in the {} program", "delivery": "by {}", "wait": "{}",
     "rtpm_transport": "beside RTPM over {}", "rtpm_wait": "{} wait", "payload": "{} B",
-    "rate_hz": "{} Hz", "low_callers": "{} low callers", "bulk_callers": "{} bulk callers",
+    "rate_hz": "{} Hz", "low_callers": "{} low callers", "large_callers": "{} large callers",
     "work_us": "{} us work", "consumers": "{} consumers", "stopped": "{} stopped",
     "slow": "{} slow", "hosts": "{} hosts", "in_flight": "{} in flight",
     "drop_percent": "{} % lost", "clients": "{} clients",

@@ -40,9 +40,9 @@ SECTIONS = (
      "calls of 200 us. The floor has a thread and a socket for each priority; shared memory stands "
      "beside that, and beside a thread and a ring for each. Microseconds.",
      lambda row: row["case"] == "isolation", tables.LOADED, "isolation"),
-    ("Small calls beside bulk",
+    ("Small calls beside large",
      "A 1 kHz caller of high priority, while 1 MiB goes to and fro below it. Microseconds.",
-     lambda row: row["case"] == "bulk", tables.LOADED, None),
+     lambda row: row["case"] == "large", tables.LOADED, None),
     ("Events, to so many consumers",
      "32 bytes at 1 kHz through a hub; the floor is a raw relay over UDP. Microseconds.",
      lambda row: row["case"] == "events" and "ratio_each_p50" in row, tables.EVENTS, "consumers"),

@@ -176,7 +176,7 @@ class World {
     config.key = {epoch_, 2};
     config.session_count_max = 3;
     config.message_size_max = kLarge;
-    config.bulk_memory = bulk_;
+    config.large_memory = large_;
     config.stream_memory = stream_memory_;
     server_ = std::make_unique<ServerSessions>(config);
     running_.clear();
@@ -310,7 +310,7 @@ class World {
   bool is_corrupting_;
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
   std::uint64_t epoch_ = 0;
-  std::vector<std::byte> bulk_ = std::vector<std::byte>(4 * kLarge);
+  std::vector<std::byte> large_ = std::vector<std::byte>(4 * kLarge);
   std::vector<std::byte> stream_memory_;
   std::array<std::byte, kHeaderSize + kLarge> buffer_{};
   std::array<Frame, kCallMax> rooms_{};

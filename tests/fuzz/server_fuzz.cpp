@@ -34,7 +34,7 @@ class World {
  public:
   explicit World(Medium medium)
       : stream_memory_(2 * stream_room_size(medium)),
-        sessions_(config(medium, bulk_, stream_memory_)) {}
+        sessions_(config(medium, large_, stream_memory_)) {}
 
   void feed(ConstBytes frame, const PeerAddress& peer, std::uint8_t how_it_ends) {
     const Verdict verdict = sessions_.on_frame(frame, peer, now_);
@@ -248,11 +248,11 @@ class World {
   }
 
  private:
-  static ServerSessionsConfig config(Medium medium, MutableBytes bulk, MutableBytes streams) {
+  static ServerSessionsConfig config(Medium medium, MutableBytes large, MutableBytes streams) {
     ServerSessionsConfig config;
     config.stream_memory = streams;
     config.message_size_max = kLarge;
-    config.bulk_memory = bulk;
+    config.large_memory = large;
     config.medium = medium;
     config.band = {0, 20000};
     config.ceiling = 15000;
@@ -263,7 +263,7 @@ class World {
   }
 
   MonotonicTime now_ = time_from_ns(1'000'000'000'000);
-  std::vector<std::byte> bulk_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
+  std::vector<std::byte> large_ = std::vector<std::byte>((kRoomCount + 1) * kLarge);
   std::vector<std::byte> stream_memory_;
   std::map<std::uint32_t, std::vector<std::byte>> items_;  ///< By tag: the one at hand.
   ServerSessions sessions_;

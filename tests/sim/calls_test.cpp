@@ -101,7 +101,7 @@ class Conversation {
     profile.session_count_max = static_cast<std::uint32_t>(random_.between(1, 6));
     profile.is_lane = is_lane;
     // Long enough in a deferring server that a client leaves a whole window of calls behind.
-    profile.bulk_count = random_.chance(900) ? random_.between(std::size_t{2}, std::size_t{6}) : 0;
+    profile.large_count = random_.chance(900) ? random_.between(std::size_t{2}, std::size_t{6}) : 0;
     profile.stream_count = random_.between(std::size_t{0}, std::size_t{6});
     profile.large_item_per_mille = random_.chance(500) ? 100 : 10;
     profile.service_max = random_.chance(300) ? 100ms : random_.chance(500) ? 5ms : 50us;

@@ -23,8 +23,8 @@ void SimServer::start() {
   config.key = {random_.between(std::uint64_t{0}, ~std::uint64_t{0} - 1), life_};
   config.session_count_max = profile_.session_count_max;
   config.message_size_max = kMessageSizeMax;
-  bulk_.assign(profile_.bulk_count * kMessageSizeMax, std::byte{0xee});
-  config.bulk_memory = bulk_;
+  large_.assign(profile_.large_count * kMessageSizeMax, std::byte{0xee});
+  config.large_memory = large_;
   streams_.assign(profile_.stream_count * stream_room_size(wire::Medium::kDatagram),
                   std::byte{0xdd});
   config.stream_memory = streams_;

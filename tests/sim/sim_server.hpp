@@ -25,7 +25,7 @@ struct ServerProfile {
   Duration service_max{};                  ///< The longest that a servant runs.
   std::uint64_t failing_per_mille = 20;    ///< Calls that the servant runs and fails.
   std::size_t queue_max = 64;              ///< Datagrams in the socket's buffer.
-  std::size_t bulk_count = 3;              ///< Rooms for large messages; 0: it takes none.
+  std::size_t large_count = 3;             ///< Rooms for large messages; 0: it takes none.
   std::size_t stream_count = 4;            ///< Streams at a time.
   std::uint32_t item_count_max = 100;      ///< Of one stream.
   std::uint64_t large_item_per_mille = 0;  ///< Of the items: in fragments.
@@ -80,7 +80,7 @@ class SimServer {
   Network& network_;
   History& history_;
   ServerProfile profile_;
-  std::vector<std::byte> bulk_;
+  std::vector<std::byte> large_;
   std::vector<std::byte> streams_;
   std::unique_ptr<wire::ServerSessions> sessions_;
   std::uint64_t life_ = 0;  ///< Counts starts; what was begun in a former life comes to nothing.

@@ -212,7 +212,7 @@ class ServerSide final : public Side {
   }
 
   struct Lane {
-    std::vector<std::byte> bulk_memory;
+    std::vector<std::byte> large_memory;
     std::vector<std::byte> stream_memory;
     std::unique_ptr<wire::ServerSessions> sessions;
   };
@@ -227,12 +227,12 @@ class ServerSide final : public Side {
     lanes_.resize(bands_.size());
     for (std::size_t i = 0; i < bands_.size(); ++i) {
       Lane& lane = lanes_[i];
-      lane.bulk_memory.resize(std::size_t{4} * config_.message_size_max);
+      lane.large_memory.resize(std::size_t{4} * config_.message_size_max);
       lane.stream_memory.resize(4 * stream_room_size(config_.medium));
       wire::ServerSessionsConfig config = config_;
       config.lane = static_cast<std::uint32_t>(i);
       config.band = bands_[i];
-      config.bulk_memory = lane.bulk_memory;
+      config.large_memory = lane.large_memory;
       config.stream_memory = lane.stream_memory;
       lane.sessions = std::make_unique<wire::ServerSessions>(config);
     }

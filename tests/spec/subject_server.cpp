@@ -123,7 +123,7 @@ class ServerSide final : public Side {
   };
   struct Lane {
     Band band{};
-    std::vector<std::byte> bulk_memory;
+    std::vector<std::byte> large_memory;
     std::vector<std::byte> stream_memory;
     std::unique_ptr<wire::ServerSessions> sessions;
   };
@@ -137,9 +137,9 @@ class ServerSide final : public Side {
     for (const Band& band : bands) {
       Lane& lane = lanes_.emplace_back();
       lane.band = config_.band = band;
-      lane.bulk_memory.resize(std::size_t{4} * config_.message_size_max);
+      lane.large_memory.resize(std::size_t{4} * config_.message_size_max);
       lane.stream_memory.resize(4 * stream_room_size(medium_));
-      config_.bulk_memory = lane.bulk_memory;
+      config_.large_memory = lane.large_memory;
       config_.stream_memory = lane.stream_memory;
       lane.sessions = std::make_unique<wire::ServerSessions>(config_);
       ++config_.lane;

@@ -33,7 +33,7 @@ class Talk {
     config.medium = medium;
     config.epoch = 0x5e12;
     config.message_size_max = 4000;
-    config.bulk_memory = bulk_memory_;
+    config.large_memory = large_memory_;
     config.stream_memory = stream_memory_;
     server_ = std::make_unique<wire::ServerSessions>(config);
   }
@@ -123,7 +123,7 @@ class Talk {
 
   wire::Medium medium_;
   End server_end_;
-  Bytes bulk_memory_ = Bytes(3 * 4032);
+  Bytes large_memory_ = Bytes(3 * 4032);
   Bytes stream_memory_ = Bytes(stream_room_size(medium_));
   Bytes items_ = Bytes(8 * wire::kDatagramPayloadSizeMax);
   Bytes item_ = Bytes(4000);

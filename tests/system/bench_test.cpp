@@ -13,7 +13,8 @@ namespace {
 TEST(Bench, ListsItsCases) {
   const auto end = run_program("rtpm-bench", {"list"});
   EXPECT_EQ(end.exit_code, 0);
-  for (const std::string_view name : {"call", "paced", "isolation", "bulk", "events", "two-node"}) {
+  for (const std::string_view name :
+       {"call", "paced", "isolation", "large", "events", "two-node"}) {
     EXPECT_NE(("\n" + end.output).find("\n" + std::string(name)), std::string::npos) << name;
   }
 }

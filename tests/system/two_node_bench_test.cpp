@@ -122,13 +122,13 @@ TEST(TwoNodeBenchOptions, NamesWhatCanNotRunBetweenHosts) {
   expect_one_sentence(end, 1, {"two-node", "--transport udp"});
 }
 
-TEST(BulkBench, ComparesTheSmallCallsBesideTheBulkWithThoseWithout) {
-  const auto end = run_program("rtpm-bench", {"run", "bulk", "--samples", "40", "--rounds", "2",
+TEST(LargeBench, ComparesTheSmallCallsBesideTheLargeOnesWithThoseWithout) {
+  const auto end = run_program("rtpm-bench", {"run", "large", "--samples", "40", "--rounds", "2",
                                               "--realtime", "off", "--json"});
   ASSERT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without bulk and with";
+  EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without large and with";
   for (const std::string_view field :
-       {R"("bulk_callers": 0)", R"("bulk_callers": 1)", R"("transport": "udp")",
+       {R"("large_callers": 0)", R"("large_callers": 1)", R"("transport": "udp")",
         R"("transport": "tcp")", R"("transport": "shm")", R"("loaded_over_idle_p99": )",
         R"("floor_loaded_over_idle_p99": )", R"("low_p50_us": )"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;

@@ -7,6 +7,7 @@
 #include "include_graph.hpp"
 #include "source_rules.hpp"
 #include "source_tree.hpp"
+#include "vocabulary.hpp"
 
 // The rules of CONTRIBUTING.md that a machine can check. Each check has two tests: the tree obeys,
 // and a planted breach is found, so that a check that went blind shows.
@@ -138,6 +139,28 @@ TEST(BannedWords, AnExemptionExcusesItsFileAndExpires) {
   expect_no_fault(find_banned_words({{"protocol/base/src/a.cpp", "printf(\"x\");\n"}}, excused));
   expect_fault(find_banned_words({{"protocol/base/src/a.cpp", "\n"}}, excused),
                "protocol/base/src/a.cpp", "take the exemption away");
+}
+
+TEST(Vocabulary, IsTheFields) {
+  expect_no_fault(find_home_made_words(tree()));
+}
+
+TEST(Vocabulary, FindsHomeMadeWordsInCodeAndFileNames) {
+  const auto faults = find_home_made_words({{"runtime/rpc/src/crew_test.cpp", "\n"},
+                                            {"runtime/rt/src/a.cpp", "int x;\nint kNapMax = 1;\n"},
+                                            {"runtime/rt/src/b.hpp", "bool has_wishes() const;\n"},
+                                            {"clients/a.cpp", "class FrameTrain;\n"}});
+  expect_fault(faults, "runtime/rpc/src/crew_test.cpp:1:", "write: thread pool");
+  expect_fault(faults, "runtime/rt/src/a.cpp:2:", "'kNapMax': 'nap' is not the field's word");
+  expect_fault(faults, "runtime/rt/src/b.hpp:1:", "write: interest");
+  expect_fault(faults, "clients/a.cpp:1:", "write: datagram batch");
+  EXPECT_EQ(faults.size(), 4u);
+}
+
+TEST(Vocabulary, IsNotReadInCommentsAndTexts) {
+  expect_no_fault(find_home_made_words(
+      {{"runtime/rt/src/a.cpp",
+        "// a train of words\nauto a = \"crew\"; int bone; RepairWish w;\n"}}));
 }
 
 TEST(Files, AreInShape) {

@@ -13,7 +13,7 @@ namespace {
 constexpr double kRateMinHz = 0.1;
 constexpr double kRateMaxHz = 10000;
 /// How long stop() may wait for a consumer that sleeps.
-constexpr Duration kNapMax = std::chrono::milliseconds{100};
+constexpr Duration kSleepMax = std::chrono::milliseconds{100};
 constexpr int kNoError = -1;
 
 }  // namespace
@@ -58,7 +58,7 @@ class DeviceConsumer::Impl {
       look();
       due = std::max(due + period_, rt::now());
       while (!is_stopping_.load(std::memory_order_relaxed) && rt::now() < due) {
-        rt::sleep_until(std::min(due, rt::now() + kNapMax));
+        rt::sleep_until(std::min(due, rt::now() + kSleepMax));
       }
     }
   }

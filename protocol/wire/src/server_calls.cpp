@@ -44,7 +44,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
     // A oneway whose caller does not know how long it runs does not hold the place, nor does a call
     // that was cancelled, unless it is still read from a room that the place names.
     const bool is_taken =
-        slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.bulk != kNoBulk);
+        slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.large != kNoLargeBuffer);
     if (!is_new || is_taken) {
       const Answer refusal = refuse(header, Status::kOverload, now);
       // hp-5.8-1
@@ -53,7 +53,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   }
   // An older call whose fragments never all came, or whose reply nobody fetched, ends here.
   free_stream(slot);
-  free_bulk(slot);
+  free_large_buffer(slot);
   return admit(request, *session);
 }
 
@@ -85,7 +85,7 @@ ServerSessions::Answer ServerSessions::on_copy(Request& request, Slot& slot,
     all.first_missing = header.fragment_count;
     return acknowledge(header, all, item_count, now);
   }
-  if (slot.bulk != kNoBulk && bulks_[slot.bulk].use == Bulk::Use::kReply) {
+  if (slot.large != kNoLargeBuffer && large_buffers_[slot.large].use == LargeBuffer::Use::kReply) {
     return send_large_again(slot, now);
   }
   // No copy is made on a stream, and of a large reply nothing is kept once it has arrived.
@@ -200,9 +200,9 @@ std::uint32_t ServerSessions::reply_size_max(const Request& request) const noexc
 
 MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime now) noexcept {
   std::uint32_t size_max = reply_size_max(request);
-  if (scratch_ != kNoBulk) {
+  if (scratch_ != kNoLargeBuffer) {
     if (is_short_of_rooms(request, now)) size_max = std::min(size_max, payload_size_max_);
-    return bulks_[scratch_].room.first(size_max);
+    return large_buffers_[scratch_].room.first(size_max);
   }
   // What will not be sent must not be written over a reply that is kept.
   const Slot* const slot = slot_of(request);
@@ -230,7 +230,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
     return {};
   }
   // The request's own room, if it was large: nobody reads it from here on.
-  free_bulk(*slot);
+  free_large_buffer(*slot);
   slot->state = Slot::State::kDone;
   slot->tag = 0;
   if (slot->is_unawaited) return {};
@@ -250,8 +250,8 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   }
   if (payload_size > payload_size_max_) return complete_large(request, slot, header, now);
   std::byte* frame = frame_of(request.session_index, request.slot_index);
-  if (scratch_ != kNoBulk && payload_size > 0) {
-    std::memcpy(frame + kHeaderSize, bulks_[scratch_].room.data(), payload_size);
+  if (scratch_ != kNoLargeBuffer && payload_size > 0) {
+    std::memcpy(frame + kHeaderSize, large_buffers_[scratch_].room.data(), payload_size);
   }
   encode(header, frame);
   slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);
@@ -273,7 +273,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
     const bool is_open = slot.state != Slot::State::kDone;
     cancel(slot);
     free_stream(slot);
-    if (slot.state != Slot::State::kRunning) free_bulk(slot);
+    if (slot.state != Slot::State::kRunning) free_large_buffer(slot);
     if (slot.state == Slot::State::kReceiving) slot.state = Slot::State::kDone;
     if (is_open) ++counters_.cancelled_count;
     return {};
@@ -289,7 +289,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
     return {};
   }
   free_stream(slot);
-  free_bulk(slot);
+  free_large_buffer(slot);
   slot = Slot{
       .state = Slot::State::kDone, .call_id = header.call_id, .newest_call_id = header.call_id};
   ++counters_.cancelled_count;

@@ -8,47 +8,50 @@
 namespace rtpm::wire {
 
 // Cuts the memory for large messages in rooms. Without any the largest message is a frame's.
-void ServerSessions::make_bulks() {
+void ServerSessions::make_large_buffers() {
   const std::size_t room_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
-  const std::size_t count = std::min<std::size_t>(config_.bulk_memory.size() / room_size, kNoBulk);
+  const std::size_t count =
+      std::min<std::size_t>(config_.large_memory.size() / room_size, kNoLargeBuffer);
   // One room is the scratch for replies, so that a single one could not take a request.
   if (config_.message_size_max <= payload_size_max_ || count < 2) {
     config_.message_size_max = std::min(config_.message_size_max, payload_size_max_);
     return;
   }
-  bulks_.resize(count);
+  large_buffers_.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
-    bulks_[i].room = config_.bulk_memory.subspan(i * room_size, config_.message_size_max);
+    large_buffers_[i].room = config_.large_memory.subspan(i * room_size, config_.message_size_max);
   }
   scratch_ = 0;
-  bulks_[scratch_].use = Bulk::Use::kScratch;
+  large_buffers_[scratch_].use = LargeBuffer::Use::kScratch;
 }
 
 // --- rooms ---------------------------------------------------------------------------------------
 
 // From when on a message must give its room to another (hp-5.6-10). One that is being served is in
 // use, however late it is.
-MonotonicTime ServerSessions::idle_time(const Bulk& bulk) const noexcept {
-  if (bulk.use == Bulk::Use::kFree || bulk.use == Bulk::Use::kScratch) return kNever;
-  const Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+MonotonicTime ServerSessions::idle_time(const LargeBuffer& large) const noexcept {
+  if (large.use == LargeBuffer::Use::kFree || large.use == LargeBuffer::Use::kScratch)
+    return kNever;
+  const Slot& slot = sessions_[large.session_index].slots[large.slot_index];
   if (slot.state == Slot::State::kRunning) return kNever;
-  return std::min(bulk.deadline, bulk.heard + kLargeMessageSilenceMax);
+  return std::min(large.deadline, large.heard + kLargeMessageSilenceMax);
 }
 
-bool ServerSessions::is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept {
-  const bool is_held = bulk.use != Bulk::Use::kFree && bulk.use != Bulk::Use::kScratch;
-  return is_held && idle_time(bulk) > now;
+bool ServerSessions::is_awaited(const LargeBuffer& large, MonotonicTime now) const noexcept {
+  const bool is_held =
+      large.use != LargeBuffer::Use::kFree && large.use != LargeBuffer::Use::kScratch;
+  return is_held && idle_time(large) > now;
 }
 
 std::uint32_t ServerSessions::large_message_count(MonotonicTime now) const noexcept {
-  return static_cast<std::uint32_t>(
-      std::ranges::count_if(bulks_, [&](const Bulk& bulk) { return is_awaited(bulk, now); }));
+  return static_cast<std::uint32_t>(std::ranges::count_if(
+      large_buffers_, [&](const LargeBuffer& large) { return is_awaited(large, now); }));
 }
 
 MonotonicTime ServerSessions::next_room_time(MonotonicTime now) const noexcept {
   MonotonicTime next = kNever;
-  for (const Bulk& bulk : bulks_) {
-    const MonotonicTime idle = idle_time(bulk);
+  for (const LargeBuffer& large : large_buffers_) {
+    const MonotonicTime idle = idle_time(large);
     if (idle > now) next = std::min(next, idle);
   }
   return next;
@@ -56,88 +59,91 @@ MonotonicTime ServerSessions::next_room_time(MonotonicTime now) const noexcept {
 
 // A room for a message of that host: a free one, else that of the message that was silent longest;
 // of its own only, once the host has its share (hp-5.6-11).
-std::uint16_t ServerSessions::find_bulk(const PeerAddress& peer, MonotonicTime now) const noexcept {
-  std::uint16_t free = kNoBulk;
-  std::uint16_t idle = kNoBulk;
-  std::uint16_t own_idle = kNoBulk;
+std::uint16_t ServerSessions::find_large_buffer(const PeerAddress& peer,
+                                                MonotonicTime now) const noexcept {
+  std::uint16_t free = kNoLargeBuffer;
+  std::uint16_t idle = kNoLargeBuffer;
+  std::uint16_t own_idle = kNoLargeBuffer;
   std::uint32_t own_count = 0;
-  const auto is_better = [&](const Bulk& bulk, std::uint16_t than) {
-    return than == kNoBulk || bulk.heard < bulks_[than].heard;
+  const auto is_better = [&](const LargeBuffer& large, std::uint16_t than) {
+    return than == kNoLargeBuffer || large.heard < large_buffers_[than].heard;
   };
-  for (std::size_t i = 0; i < bulks_.size(); ++i) {
-    const Bulk& bulk = bulks_[i];
+  for (std::size_t i = 0; i < large_buffers_.size(); ++i) {
+    const LargeBuffer& large = large_buffers_[i];
     const auto index = static_cast<std::uint16_t>(i);
-    if (bulk.use == Bulk::Use::kScratch) continue;
-    if (bulk.use == Bulk::Use::kFree) {
-      if (free == kNoBulk) free = index;
+    if (large.use == LargeBuffer::Use::kScratch) continue;
+    if (large.use == LargeBuffer::Use::kFree) {
+      if (free == kNoLargeBuffer) free = index;
       continue;
     }
-    const bool is_own = is_same_host(sessions_[bulk.session_index].peer, peer);
+    const bool is_own = is_same_host(sessions_[large.session_index].peer, peer);
     own_count += is_own ? 1 : 0;
-    if (idle_time(bulk) > now) continue;
-    if (is_better(bulk, idle)) idle = index;
-    if (is_own && is_better(bulk, own_idle)) own_idle = index;
+    if (idle_time(large) > now) continue;
+    if (is_better(large, idle)) idle = index;
+    if (is_own && is_better(large, own_idle)) own_idle = index;
   }
-  if (own_count >= share_of_one_host(bulk_count_max())) return own_idle;
-  return free != kNoBulk ? free : idle;
+  if (own_count >= share_of_one_host(large_buffer_count_max())) return own_idle;
+  return free != kNoLargeBuffer ? free : idle;
 }
 
-std::uint16_t ServerSessions::take_bulk(Bulk::Use use, const Request& request,
-                                        MonotonicTime now) noexcept {
-  const std::uint16_t index = find_bulk(sessions_[request.session_index].peer, now);
-  if (index == kNoBulk) return index;
-  Bulk& bulk = bulks_[index];
-  if (bulk.use != Bulk::Use::kFree) evict(bulk, now);
-  bulk.use = use;
-  bulk.session_index = request.session_index;
-  bulk.slot_index = request.slot_index;
-  bulk.deadline = request.deadline;
-  bulk.heard = now;
-  ++held_bulk_count_;
+std::uint16_t ServerSessions::take_large_buffer(LargeBuffer::Use use, const Request& request,
+                                                MonotonicTime now) noexcept {
+  const std::uint16_t index = find_large_buffer(sessions_[request.session_index].peer, now);
+  if (index == kNoLargeBuffer) return index;
+  LargeBuffer& large = large_buffers_[index];
+  if (large.use != LargeBuffer::Use::kFree) evict(large, now);
+  large.use = use;
+  large.session_index = request.session_index;
+  large.slot_index = request.slot_index;
+  large.deadline = request.deadline;
+  large.heard = now;
+  ++held_large_count_;
   return index;
 }
 
-void ServerSessions::evict(Bulk& bulk, MonotonicTime now) noexcept {
-  Slot& slot = sessions_[bulk.session_index].slots[bulk.slot_index];
+void ServerSessions::evict(LargeBuffer& large, MonotonicTime now) noexcept {
+  Slot& slot = sessions_[large.session_index].slots[large.slot_index];
   // Later fragments of a request that is forgotten are stale, unless its sender still waits.
-  slot.is_evicted = slot.state == Slot::State::kReceiving && bulk.deadline > now;
+  slot.is_evicted = slot.state == Slot::State::kReceiving && large.deadline > now;
   slot.state = Slot::State::kDone;
-  if (bulk.deadline > now) ++counters_.large_evicted_count;
-  free_bulk(slot);
+  if (large.deadline > now) ++counters_.large_evicted_count;
+  free_large_buffer(slot);
 }
 
-void ServerSessions::free_bulk(Slot& slot) noexcept {
-  if (slot.bulk == kNoBulk) return;
-  Bulk& bulk = bulks_[slot.bulk];
-  bulk.use = Bulk::Use::kFree;
-  bulk.incoming.clear();
-  bulk.outgoing.clear();
-  slot.bulk = kNoBulk;
-  --held_bulk_count_;
+void ServerSessions::free_large_buffer(Slot& slot) noexcept {
+  if (slot.large == kNoLargeBuffer) return;
+  LargeBuffer& large = large_buffers_[slot.large];
+  large.use = LargeBuffer::Use::kFree;
+  large.incoming.clear();
+  large.outgoing.clear();
+  slot.large = kNoLargeBuffer;
+  --held_large_count_;
   has_freed_room_ = true;
 }
 
 bool ServerSessions::is_short_of_rooms(const Request& request, MonotonicTime now) const noexcept {
   // While fewer are held than one host may hold there is a room for everybody.
-  if (held_bulk_count_ < share_of_one_host(bulk_count_max())) return false;
+  if (held_large_count_ < share_of_one_host(large_buffer_count_max())) return false;
   const Session& session = sessions_[request.session_index];
   const Slot& slot = session.slots[request.slot_index];
   const bool is_open =
       session.id == request.header.session && slot.call_id == request.header.call_id;
   // Nothing is kept for a call that nobody waits for; and a large request leaves its own room.
-  if (!is_open || slot.is_unawaited || slot.bulk != kNoBulk || bulks_.empty()) return false;
-  return find_bulk(session.peer, now) == kNoBulk;
+  if (!is_open || slot.is_unawaited || slot.large != kNoLargeBuffer || large_buffers_.empty())
+    return false;
+  return find_large_buffer(session.peer, now) == kNoLargeBuffer;
 }
 
 // --- fragments -----------------------------------------------------------------------------------
 
 ServerSessions::Answer ServerSessions::receive_large(Request& request, Slot& slot,
                                                      Session& session) noexcept {
-  const std::uint16_t index = take_bulk(Bulk::Use::kRequest, request, request.received);
-  if (index == kNoBulk) return refuse_call(request, Status::kOverload, request.received);
+  const std::uint16_t index =
+      take_large_buffer(LargeBuffer::Use::kRequest, request, request.received);
+  if (index == kNoLargeBuffer) return refuse_call(request, Status::kOverload, request.received);
   slot.state = Slot::State::kReceiving;
-  slot.bulk = index;
-  bulks_[index].incoming.begin(request.header, bulks_[index].room);
+  slot.large = index;
+  large_buffers_[index].incoming.begin(request.header, large_buffers_[index].room);
   return on_fragment(request, slot, session);
 }
 
@@ -145,17 +151,17 @@ ServerSessions::Answer ServerSessions::on_fragment(Request& request, Slot& slot,
                                                    Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
-  Bulk& bulk = bulks_[slot.bulk];
-  const IncomingMessage::Taken taken = bulk.incoming.take(header, request.payload);
+  LargeBuffer& large = large_buffers_[slot.large];
+  const IncomingMessage::Taken taken = large.incoming.take(header, request.payload);
   if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
   // hp-5.6-10: a copy counts, too: its sender may have missed every ACK.
-  bulk.heard = now;
+  large.heard = now;
   if (taken != IncomingMessage::Taken::kLast) {
     if ((header.flags & kFlagAckWanted) == 0) return {};
-    return acknowledge(header, bulk.incoming.ack(), 0, now);
+    return acknowledge(header, large.incoming.ack(), 0, now);
   }
   slot.state = Slot::State::kRunning;
-  request.payload = bulk.incoming.message();
+  request.payload = large.incoming.message();
   request.deadline = deadline_of(session, header, now);
   request.session_index = index_of(session);
   request.slot_index = header.call_id % kCallWindow;
@@ -184,18 +190,19 @@ ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes p
   if (!ack) return drop(DropReason::kBadPayload);
   session->last_heard = now;
   Slot& slot = session->slots[header.call_id % kCallWindow];
-  if (slot.state != Slot::State::kDone || slot.call_id != header.call_id || slot.bulk == kNoBulk) {
+  if (slot.state != Slot::State::kDone || slot.call_id != header.call_id ||
+      slot.large == kNoLargeBuffer) {
     return drop(DropReason::kUnexpected);
   }
-  Bulk& bulk = bulks_[slot.bulk];
-  bulk.heard = now;
-  bulk.outgoing.on_ack(*ack, (header.flags & kFlagAckWanted) != 0);
-  if (bulk.outgoing.is_acknowledged()) {
+  LargeBuffer& large = large_buffers_[slot.large];
+  large.heard = now;
+  large.outgoing.on_ack(*ack, (header.flags & kFlagAckWanted) != 0);
+  if (large.outgoing.is_acknowledged()) {
     // hp-5.6-8
-    free_bulk(slot);
+    free_large_buffer(slot);
     return {};
   }
-  sending_ = slot.bulk;
+  sending_ = slot.large;
   const ConstBytes frame = next_frame(now);
   if (frame.empty()) return {};
   return {Verdict::Action::kSend, frame};
@@ -203,10 +210,10 @@ ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes p
 
 ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
   if (repairing_ != kNoStream) return next_repair();
-  if (sending_ == kNoBulk) return {};
+  if (sending_ == kNoLargeBuffer) return {};
   const MutableBytes to(fragment_frame_.front().bytes, fragment_frame_.size() * sizeof(CacheLine));
-  const ConstBytes frame = bulks_[sending_].outgoing.next(to, 0, now);
-  if (frame.empty()) sending_ = kNoBulk;
+  const ConstBytes frame = large_buffers_[sending_].outgoing.next(to, 0, now);
+  if (frame.empty()) sending_ = kNoLargeBuffer;
   return frame;
 }
 
@@ -214,10 +221,10 @@ ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
 ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
                                                         MonotonicTime now) noexcept {
   ++counters_.duplicate_answered_count;
-  Bulk& bulk = bulks_[slot.bulk];
-  bulk.heard = now;
-  bulk.outgoing.nudge();
-  sending_ = slot.bulk;
+  LargeBuffer& large = large_buffers_[slot.large];
+  large.heard = now;
+  large.outgoing.nudge();
+  sending_ = slot.large;
   return {Verdict::Action::kSend, next_frame(now)};
 }
 
@@ -225,21 +232,23 @@ ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
 // place.
 ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept {
-  RTPM_ASSERT(scratch_ != kNoBulk && header.message_size <= bulks_[scratch_].room.size(),
-              "a reply fits its buffer");
-  const std::uint16_t next_scratch = take_bulk(Bulk::Use::kScratch, request, now);
-  RTPM_ASSERT(next_scratch != kNoBulk, "a large reply is completed where there is room for it");
-  slot.bulk = std::exchange(scratch_, next_scratch);
+  RTPM_ASSERT(
+      scratch_ != kNoLargeBuffer && header.message_size <= large_buffers_[scratch_].room.size(),
+      "a reply fits its buffer");
+  const std::uint16_t next_scratch = take_large_buffer(LargeBuffer::Use::kScratch, request, now);
+  RTPM_ASSERT(next_scratch != kNoLargeBuffer,
+              "a large reply is completed where there is room for it");
+  slot.large = std::exchange(scratch_, next_scratch);
   slot.frame_size = 0;
-  Bulk& bulk = bulks_[slot.bulk];
-  bulk.use = Bulk::Use::kReply;
-  bulk.session_index = request.session_index;
-  bulk.slot_index = request.slot_index;
-  bulk.deadline = request.deadline;
-  bulk.heard = now;
-  bulk.outgoing.begin(header, bulk.room.first(header.message_size), payload_size_max_,
-                      window_of(config_.medium));
-  sending_ = slot.bulk;
+  LargeBuffer& large = large_buffers_[slot.large];
+  large.use = LargeBuffer::Use::kReply;
+  large.session_index = request.session_index;
+  large.slot_index = request.slot_index;
+  large.deadline = request.deadline;
+  large.heard = now;
+  large.outgoing.begin(header, large.room.first(header.message_size), payload_size_max_,
+                       window_of(config_.medium));
+  sending_ = slot.large;
   return next_frame(now);
 }
 

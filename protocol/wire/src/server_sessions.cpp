@@ -28,11 +28,11 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
   payload_size_max_ = std::min(config.frame_payload_max,
                                static_cast<std::uint32_t>(frame_payload_max(config.medium)));
   item_size_max_ = config.message_size_max;
-  make_bulks();
+  make_large_buffers();
   const std::size_t lines_per_frame = lines_for(kHeaderSize + payload_size_max_);
   frames_.resize(is_datagram ? lines_per_frame * kCallWindow * config.session_count_max
                              : lines_per_frame);
-  if (!bulks_.empty()) fragment_frame_.resize(lines_per_frame);
+  if (!large_buffers_.empty()) fragment_frame_.resize(lines_per_frame);
   unsent_frame_.resize(lines_per_frame);
   make_streams();
   cancelled_.reserve(std::size_t{config.session_count_max} * kCallWindow);
@@ -63,7 +63,7 @@ ServerSessions::Answer ServerSessions::drop(DropReason reason) noexcept {
 Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
                                  MonotonicTime now) noexcept {
   ++counters_.received_count;
-  sending_ = kNoBulk;
+  sending_ = kNoLargeBuffer;
   repairing_ = kNoStream;
   is_reply_due_ = false;
   // The request is made where it stays: to copy what was just written field by field takes longer
@@ -329,7 +329,7 @@ void ServerSessions::end_session(Session& session) noexcept {
   for (Slot& slot : session.slots) {
     cancel(slot);
     free_stream(slot);
-    free_bulk(slot);
+    free_large_buffer(slot);
   }
   session = Session{};
   --session_count_;

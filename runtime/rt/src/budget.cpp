@@ -136,7 +136,7 @@ bool RealtimeBudget::is_spent_indeed(MonotonicTime now) noexcept {
 Duration RealtimeBudget::overdue(MonotonicTime now) const noexcept {
   if (now < spent_ || now - spent_ < kDebtMax) return Duration{0};
   const double debt = static_cast<double>((now - spent_).count());
-  return std::max(kNap, Duration{static_cast<Duration::rep>(debt / earned_per_slept_)});
+  return std::max(kPause, Duration{static_cast<Duration::rep>(debt / earned_per_slept_)});
 }
 
 void RealtimeBudget::on_slept(MonotonicTime begin, MonotonicTime end,
@@ -149,7 +149,7 @@ void RealtimeBudget::on_slept(MonotonicTime begin, MonotonicTime end,
   // The sleep itself is not spent.
   spent_ = std::min(spent_ + off + Duration{static_cast<Duration::rep>(earned)}, end + kBurst);
   slept_ += off;
-  is_block_in_vain_ = was_spent && off < kNap / 2;
+  is_block_in_vain_ = was_spent && off < kPause / 2;
 }
 
 RealtimeBudget& this_thread_budget() noexcept {

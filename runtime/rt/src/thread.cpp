@@ -193,7 +193,7 @@ expected<void, RealtimeError> check_spinning(const ThreadConfig& config) {
   note_setup({"spin of '" + config.name + "'", Grant::kPartly,
               "it blocks for " + std::to_string(per_mille / 10) + "." +
                   std::to_string(per_mille % 10) + " % of its time, " +
-                  std::to_string(RealtimeBudget::kNap.count() / 1000) +
+                  std::to_string(RealtimeBudget::kPause.count() / 1000) +
                   " µs at a time or until a call comes, because " + throttling_text(limit),
               remedy});
   return {};

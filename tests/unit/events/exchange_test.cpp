@@ -71,7 +71,7 @@ TEST(Exchange, HistoryGivesWayBeforeAnybodyLosesAnEvent) {
   EXPECT_EQ(table.exchange.losses(table.number), Losses{});
 }
 
-TEST(Exchange, EventsAreHeldNoLongerThanSomebodyWantsThem) {
+TEST(Exchange, EventsAreHeldNoLongerThanASubscriptionNeedsThem) {
   Table table(correlate({of_type(kPose), of_type(kButton)}), {}, {.history_depth = 0});
   table.push(kPose);
   table.push(kPose);

@@ -142,7 +142,7 @@ TEST_F(RegistrationTest, ReportsWhoTookTheNameAndTakesItBackWhenItIsFree) {
   EXPECT_EQ(url_of(kName), kUrl);
 }
 
-TEST_F(RegistrationTest, LeavesANameThatSomebodyElseTookAlone) {
+TEST_F(RegistrationTest, LeavesANameThatAnotherOwnerTookAlone) {
   {
     const auto registration = create(1h);
     ASSERT_TRUE(registration) << registration.error().text;

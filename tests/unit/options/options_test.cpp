@@ -31,7 +31,7 @@ struct Values {
   bool verbose = false;
   Duration period = 1ms;
   Priority priority = 100;
-  std::vector<std::string> cases{"call", "bulk"};
+  std::vector<std::string> cases{"call", "large"};
   std::string format = "table";
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rt::WaitConfig wait{};

@@ -151,7 +151,7 @@ TEST(Pauses, OfAThreadThatPollsAreWaitsWhileWaitsEarn) {
   budget.is_spent = true;
   const Pause wait = pause_while_polling(budget, kStart);
   EXPECT_EQ(wait.kind, Pause::Kind::kWait);
-  EXPECT_EQ(wait.until, kStart + rt::RealtimeBudget::kNap);
+  EXPECT_EQ(wait.until, kStart + rt::RealtimeBudget::kPause);
   budget.is_in_vain = true;
   EXPECT_EQ(pause_while_polling(budget, kStart).kind, Pause::Kind::kSleep);
 }

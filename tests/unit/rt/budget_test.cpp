@@ -47,7 +47,7 @@ TEST(RealtimeBudget, IsSpentAfterABurst) {
 }
 
 // The promise to the kernel: in no second more than the runtime, whenever the second begins.
-TEST(RealtimeBudget, KeepsAThreadThatNapsWhenItIsSpentBelowTheLimit) {
+TEST(RealtimeBudget, KeepsAThreadThatPausesWhenItIsSpentBelowTheLimit) {
   RealtimeBudget budget(kUsual, kStart);
   constexpr Duration kStep = 10us;
   std::vector<Duration> awake_at;  // Awake time up to each step.
@@ -55,10 +55,10 @@ TEST(RealtimeBudget, KeepsAThreadThatNapsWhenItIsSpentBelowTheLimit) {
   MonotonicTime now = kStart;
   while (now < kStart + 5s) {
     if (budget.is_spent(now)) {
-      budget.on_slept(now, now + RealtimeBudget::kNap);
-      for (Duration slept{0}; slept < RealtimeBudget::kNap; slept += kStep)
+      budget.on_slept(now, now + RealtimeBudget::kPause);
+      for (Duration slept{0}; slept < RealtimeBudget::kPause; slept += kStep)
         awake_at.push_back(awake);
-      now += RealtimeBudget::kNap;
+      now += RealtimeBudget::kPause;
       continue;
     }
     now += kStep;
@@ -93,10 +93,10 @@ TEST(RealtimeBudget, IsOverdueOnlyAfterTheChancesToSleepWereMissed) {
   const RealtimeBudget budget(kUsual, kStart);
   const MonotonicTime spent = kStart + RealtimeBudget::kBurst;
   EXPECT_EQ(budget.overdue(spent + 1ms), 0ns);
-  EXPECT_GE(budget.overdue(spent + 2ms), RealtimeBudget::kNap);
-  const Duration nap = budget.overdue(spent + 100ms);
-  EXPECT_GT(nap, 5ms);
-  EXPECT_LT(nap, 10ms) << "a debt of 100 ms awake is some 7 ms asleep";
+  EXPECT_GE(budget.overdue(spent + 2ms), RealtimeBudget::kPause);
+  const Duration pause = budget.overdue(spent + 100ms);
+  EXPECT_GT(pause, 5ms);
+  EXPECT_LT(pause, 10ms) << "a debt of 100 ms awake is some 7 ms asleep";
 }
 
 TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {

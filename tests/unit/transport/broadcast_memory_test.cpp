@@ -98,7 +98,7 @@ TEST_F(Broadcast, NobodySleepsWhoMissedTheBell) {
   EXPECT_LT(rt::now() - begin, 1000 * kBellLookInterval);
 }
 
-TEST_F(Broadcast, SleeperLooksByItselfWhereSomebodySpoiltTheBell) {
+TEST_F(Broadcast, SleeperWakesByItselfWhereThePeerSpoiltTheBell) {
   auto seen = view();
   ASSERT_TRUE(seen);
   // As if the word had been set back behind the writer's back: it rang, and nobody can tell.

@@ -119,10 +119,10 @@ TEST_F(ServerCancel, FromElsewhereIsDropped) {
 
 // hp-5.9-2: a request that is only half there does not run when the rest comes.
 TEST(ServerCancelOfALargeCall, ForgetsWhatCame) {
-  Bytes bulk(3 * 8192);
+  Bytes large(3 * 8192);
   ServerSessionsConfig config = server_config();
   config.message_size_max = 8192;
-  config.bulk_memory = bulk;
+  config.large_memory = large;
   ServerSessions server(config);
   Peer peer;
   peer.open(server, at(0s));

@@ -19,13 +19,13 @@ constexpr std::uint32_t kLarge = 16 * 1024;
 class Deferred : public testing::Test {
  protected:
   explicit Deferred(Medium medium = Medium::kDatagram)
-      : bulk_(4 * kLarge), medium_(medium), server_(config(medium)) {}
+      : large_(4 * kLarge), medium_(medium), server_(config(medium)) {}
   void SetUp() override { peer_.open(server_, at(0s), medium_); }
 
   ServerSessionsConfig config(Medium medium) {
     ServerSessionsConfig config = server_config(medium);
     config.message_size_max = kLarge;
-    config.bulk_memory = bulk_;
+    config.large_memory = large_;
     return config;
   }
   Request run(std::uint32_t call_id, MonotonicTime now = at(0s)) {
@@ -43,7 +43,7 @@ class Deferred : public testing::Test {
     return close;
   }
 
-  Bytes bulk_;
+  Bytes large_;
   Medium medium_;
   ServerSessions server_;
   Peer peer_;

@@ -190,13 +190,14 @@ constexpr std::uint32_t kLarge = 64 * 1024;
 
 class LargeCalls : public testing::Test {
  protected:
-  explicit LargeCalls(std::size_t room_count = 3) : bulk_(room_count * kLarge), server_(config()) {}
+  explicit LargeCalls(std::size_t room_count = 3)
+      : large_(room_count * kLarge), server_(config()) {}
   void SetUp() override { peer_.open(server_, at(0s)); }
 
   ServerSessionsConfig config() {
     ServerSessionsConfig config = server_config();
     config.message_size_max = kLarge;
-    config.bulk_memory = bulk_;
+    config.large_memory = large_;
     return config;
   }
   /// All fragments of a call with `message`.
@@ -222,7 +223,7 @@ class LargeCalls : public testing::Test {
                     payload);
   }
 
-  Bytes bulk_;
+  Bytes large_;
   ServerSessions server_;
   Peer peer_;
 };
@@ -313,7 +314,7 @@ TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
 /// A client and a server with a large reply between them, on which some frames get lost.
 class LargeExchange : public ClientChannelTest {
  protected:
-  LargeExchange() : bulk_(3 * kLarge), room_(kLarge), server_(config()) {}
+  LargeExchange() : large_(3 * kLarge), room_(kLarge), server_(config()) {}
   void SetUp() override {
     Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
     for (int step = 0; step < 2; ++step) {
@@ -326,7 +327,7 @@ class LargeExchange : public ClientChannelTest {
   ServerSessionsConfig config() {
     ServerSessionsConfig config = server_config();
     config.message_size_max = kLarge;
-    config.bulk_memory = bulk_;
+    config.large_memory = large_;
     return config;
   }
   /// All frames of the reply of `size` bytes to a new call.
@@ -342,7 +343,7 @@ class LargeExchange : public ClientChannelTest {
   }
 
   static constexpr PeerAddress kAddress{.low = 1, .port = 2};
-  Bytes bulk_;
+  Bytes large_;
   Bytes room_;
   ServerSessions server_;
 };

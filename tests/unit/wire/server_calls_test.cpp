@@ -275,7 +275,7 @@ TEST_F(ServerCalls, InADatagramThatIsTooLargeAreDropped) {
   std::array<std::byte, 4 * 4096> memory{};
   ServerSessionsConfig config = server_config();
   config.message_size_max = 4096;
-  config.bulk_memory = memory;
+  config.large_memory = memory;
   ServerSessions server(config);
   peer_.open(server, at(0s));
   const std::string largest(kDatagramPayloadSizeMax, 'x');

@@ -421,7 +421,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
   bool is_spinning = may_spin && !budget.must_rest(now);
   const auto wake_time = [&] {
     const MonotonicTime wake = std::min(until, wire_.next_time());
-    return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kNap) : wake;
+    return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kPause) : wake;
   };
   // What a transport sees only when it waits, such as its server's end, a mere look sees now and
   // then.
@@ -432,7 +432,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
   while (true) {
     const bool may_block = !is_spinning && now < until;
     const bool must_sleep = may_block && budget.must_sleep(now);
-    if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kNap);
+    if (must_sleep) rt::sleep_until(now + rt::RealtimeBudget::kPause);
     auto frame = may_block && !must_sleep ? transport_->await(wake_time()) : transport_->receive();
     if (!frame && frame.error() == transport::IoError::kRefused) {
       // The system tells a refusal before what came earlier, such as the CLOSE of a server that

@@ -48,7 +48,7 @@ wire::ServerSessionsConfig memory_config(const LaneSetup& setup) noexcept {
 
 wire::ServerSessionsConfig with_memory(wire::ServerSessionsConfig config, MutableBytes messages,
                                        MutableBytes items) noexcept {
-  config.bulk_memory = messages;
+  config.large_memory = messages;
   config.stream_memory = items;
   return config;
 }

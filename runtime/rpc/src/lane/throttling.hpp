@@ -22,14 +22,13 @@ template <class Budget>
 [[nodiscard]] Pause pause_while_polling(Budget& budget, MonotonicTime now) noexcept {
   if (!budget.must_rest(now)) return {};
   const bool must_sleep = budget.must_sleep(now);
-  return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kNap};
+  return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kPause};
 }
 
 /// Of a thread with so much work that it never comes to wait. `received`: when the last of it came;
 /// `clock` is read only where the budget may be spent.
 template <class Budget, class Clock>
-[[nodiscard]] Pause pause_after_work(Budget& budget, MonotonicTime received,
-                                     Clock clock) noexcept {
+[[nodiscard]] Pause pause_after_work(Budget& budget, MonotonicTime received, Clock clock) noexcept {
   if (budget.overdue(received) == Duration{0}) return {};
   // A call may have run since.
   const MonotonicTime now = clock();

@@ -87,7 +87,7 @@ void ThreadPool::withdraw(const PendingCall& call) noexcept {
 }
 
 PendingCall* ThreadPool::take_to_run() noexcept {
-  if (!has_lead_ && !has_relief()) return nullptr;
+  if (!has_lead_ && !has_follower()) return nullptr;
   PendingCall* const call = take_any();
   if (call != nullptr) ++running_count_;
   return call;

@@ -94,8 +94,8 @@ class ThreadPool final : public transport::WaitLock {
   /// The call does not wait after all.
   void withdraw(const PendingCall& call) noexcept;
   /// For who leads: whether to leave that to another and run a call, or whether none can take over.
-  [[nodiscard]] bool has_call_to_run() const noexcept { return !queue_.empty() && has_relief(); }
-  [[nodiscard]] bool has_stuck_call() const noexcept { return !queue_.empty() && !has_relief(); }
+  [[nodiscard]] bool has_call_to_run() const noexcept { return !queue_.empty() && has_follower(); }
+  [[nodiscard]] bool has_stuck_call() const noexcept { return !queue_.empty() && !has_follower(); }
   [[nodiscard]] std::uint32_t queued_count() const noexcept {
     return static_cast<std::uint32_t>(queue_.size());
   }
@@ -156,7 +156,7 @@ class ThreadPool final : public transport::WaitLock {
   };
 
   // Whether a thread is free to lead, or on its way.
-  [[nodiscard]] bool has_relief() const noexcept { return !called_.empty() || !resting_.empty(); }
+  [[nodiscard]] bool has_follower() const noexcept { return !called_.empty() || !resting_.empty(); }
   [[nodiscard]] bool give_thread(const BorrowRequest& request) noexcept;
   void call_helper() noexcept;
   void publish_spare() noexcept {

@@ -95,7 +95,7 @@ class Page(Folder):
         for line in ("- isolation, udp, spin wait, 48 bytes: a lane that spins would starve",
                      "- `isolation` (isolation --wait spin): incomplete",
                      "- peer absent: it is not built; it takes the package libabsent-dev",
-                     "- `bulk` (bulk): interrupted", "- `events`: not begun"):
+                     "- `large` (large): interrupted", "- `events`: not begun"):
             self.assertIn("\n" + line, self.text())
         self.assertEqual(self.end.code, 1, "not all was measured")
 

@@ -40,7 +40,7 @@ struct ServerSessionsConfig {
   /// of it while it comes, is served, or is kept as a reply; and one more, where replies are
   /// written. Without, no message is larger than a frame. The caller's, aligned to 64 bytes;
   /// touched only when used.
-  MutableBytes bulk_memory{};
+  MutableBytes large_memory{};
   /// Memory for streams, stream_room_size() bytes for each that runs at a time. Without, calls that
   /// ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
   MutableBytes stream_memory{};
@@ -185,7 +185,7 @@ class ServerSessions {
   [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
 
  private:
-  static constexpr std::uint16_t kNoBulk = 0xffff;
+  static constexpr std::uint16_t kNoLargeBuffer = 0xffff;
   static constexpr std::uint16_t kNoStream = 0xffff;
 
   struct Slot {
@@ -194,14 +194,14 @@ class ServerSessions {
     bool is_unawaited = false;  ///< It runs, and nobody waits for it: a oneway, or cancelled.
     bool is_evicted = false;    ///< A request that was given up before it was whole.
     std::uint32_t call_id = 0;
-    std::uint32_t newest_call_id = 0;  ///< Later than call_id: it was refused, as this one ran.
-    std::uint32_t frame_size = 0;      ///< Of the kept reply; 0: it is in bulk, or not kept.
-    std::uint16_t bulk = kNoBulk;      ///< Where the request or the reply is, if it is large.
-    std::uint16_t stream = kNoStream;  ///< Of items, until all have arrived.
-    std::uint32_t tag = 0;             ///< Given by set_tag() while it runs.
+    std::uint32_t newest_call_id = 0;      ///< Later than call_id: it was refused, as this one ran.
+    std::uint32_t frame_size = 0;          ///< Of the kept reply; 0: it is in large, or not kept.
+    std::uint16_t large = kNoLargeBuffer;  ///< Where the request or the reply is, if it is large.
+    std::uint16_t stream = kNoStream;      ///< Of items, until all have arrived.
+    std::uint32_t tag = 0;                 ///< Given by set_tag() while it runs.
   };
   /// Room for a message larger than a frame: one that comes, is served, or goes.
-  struct Bulk {
+  struct LargeBuffer {
     enum class Use : std::uint8_t { kFree, kScratch, kRequest, kReply };
     Use use = Use::kFree;
     std::uint32_t session_index = 0;
@@ -284,20 +284,21 @@ class ServerSessions {
   [[nodiscard]] bool is_of_another_lane(std::uint64_t id) const noexcept;
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
-  void make_bulks();
+  void make_large_buffers();
   void make_streams();
   [[nodiscard]] ConstBytes next_repair() noexcept;
-  [[nodiscard]] bool is_awaited(const Bulk& bulk, MonotonicTime now) const noexcept;
-  [[nodiscard]] MonotonicTime idle_time(const Bulk& bulk) const noexcept;
-  [[nodiscard]] std::uint32_t bulk_count_max() const noexcept {
-    return bulks_.empty() ? 0 : static_cast<std::uint32_t>(bulks_.size()) - 1;
+  [[nodiscard]] bool is_awaited(const LargeBuffer& large, MonotonicTime now) const noexcept;
+  [[nodiscard]] MonotonicTime idle_time(const LargeBuffer& large) const noexcept;
+  [[nodiscard]] std::uint32_t large_buffer_count_max() const noexcept {
+    return large_buffers_.empty() ? 0 : static_cast<std::uint32_t>(large_buffers_.size()) - 1;
   }
-  [[nodiscard]] std::uint16_t find_bulk(const PeerAddress& peer, MonotonicTime now) const noexcept;
-  [[nodiscard]] std::uint16_t take_bulk(Bulk::Use use, const Request& request,
-                                        MonotonicTime now) noexcept;
+  [[nodiscard]] std::uint16_t find_large_buffer(const PeerAddress& peer,
+                                                MonotonicTime now) const noexcept;
+  [[nodiscard]] std::uint16_t take_large_buffer(LargeBuffer::Use use, const Request& request,
+                                                MonotonicTime now) noexcept;
   [[nodiscard]] Answer send_large_again(const Slot& slot, MonotonicTime now) noexcept;
-  void evict(Bulk& bulk, MonotonicTime now) noexcept;
-  void free_bulk(Slot& slot) noexcept;
+  void evict(LargeBuffer& large, MonotonicTime now) noexcept;
+  void free_large_buffer(Slot& slot) noexcept;
   [[nodiscard]] std::uint32_t index_of(const Session& session) const noexcept {
     return static_cast<std::uint32_t>(&session - sessions_.data());
   }
@@ -317,11 +318,11 @@ class ServerSessions {
   std::uint32_t session_count_ = 0;
   std::uint32_t payload_size_max_ = 0;  ///< Of one frame.
   std::uint32_t item_size_max_ = 0;     ///< Of a stream.
-  std::vector<Bulk> bulks_;
-  std::uint32_t held_bulk_count_ = 0;  ///< Those that are neither free nor the scratch.
+  std::vector<LargeBuffer> large_buffers_;
+  std::uint32_t held_large_count_ = 0;  ///< Those that are neither free nor the scratch.
   bool has_freed_room_ = false;
-  std::uint16_t scratch_ = kNoBulk;  ///< Where replies are written that may become large.
-  std::uint16_t sending_ = kNoBulk;  ///< Whose window next_frame() goes on with.
+  std::uint16_t scratch_ = kNoLargeBuffer;  ///< Where replies are written that may become large.
+  std::uint16_t sending_ = kNoLargeBuffer;  ///< Whose window next_frame() goes on with.
   std::vector<Stream> streams_;
   std::uint32_t open_stream_count_ = 0;
   MonotonicTime streams_due_ = kNever;    ///< No stream's deadline is before this.

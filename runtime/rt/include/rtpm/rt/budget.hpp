@@ -31,8 +31,8 @@ struct RealtimeLimit {
 class RealtimeBudget {
  public:
   /// How long a sleep for the budget's sake is: long beside the cost of waking up.
-  static constexpr Duration kNap = std::chrono::microseconds{100};
-  /// How long a rested thread may run without a nap.
+  static constexpr Duration kPause = std::chrono::microseconds{100};
+  /// How long a rested thread may run without a pause.
   static constexpr Duration kBurst = std::chrono::milliseconds{50};
   /// How much is left to other real-time work of the CPU, as a share of the period.
   static constexpr double kReserve = 0.02;
@@ -46,16 +46,17 @@ class RealtimeBudget {
   [[nodiscard]] double sleep_share() const noexcept {
     return is_limited() ? 1 / (1 + earned_per_slept_) : 0;
   }
-  /// Whether to block rather than spin: for kNap, or until there is work. Where the account says so
-  /// it is held against the thread's own time first, which has what blocked elsewhere: in a method,
-  /// say. For the thread itself.   RT: alloc-free, a syscall when the account says so.
+  /// Whether to block rather than spin: for kPause, or until there is work. Where the account says
+  /// so it is held against the thread's own time first, which has what blocked elsewhere: in a
+  /// method, say. For the thread itself.   RT: alloc-free, a syscall when the account says so.
   [[nodiscard]] bool must_rest(MonotonicTime now) noexcept {
     return is_spent(now) && is_spent_indeed(now);
   }
   /// What the account says.
   [[nodiscard]] bool is_spent(MonotonicTime now) const noexcept { return now >= spent_; }
-  /// Whether to sleep for kNap instead, whatever comes: work is so dense that the last block ended
-  /// before it had earned anything. One late answer is better than many that are a little late.
+  /// Whether to sleep for kPause instead, whatever comes: work is so dense that the last block
+  /// ended before it had earned anything. One late answer is better than many that are a little
+  /// late.
   [[nodiscard]] bool must_sleep(MonotonicTime now) const noexcept {
     return is_block_in_vain_ && is_spent(now);
   }

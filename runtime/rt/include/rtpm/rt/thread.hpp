@@ -78,8 +78,8 @@ class Thread {
 [[nodiscard]] expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config);
 
 /// Says what becomes of a thread that is to spin without end. Where the kernel throttles, one at
-/// SCHED_FIFO can't: it naps as budget.hpp says, which setup_report() tells.   Set-up only.
-/// Errors: with kRequire, the throttling, as a nap is not what was asked for.
+/// SCHED_FIFO can't: it pauses as budget.hpp says, which setup_report() tells.   Set-up only.
+/// Errors: with kRequire, the throttling, as a pause is not what was asked for.
 [[nodiscard]] expected<void, RealtimeError> check_spinning(const ThreadConfig& config);
 
 }  // namespace rtpm::rt

@@ -4,17 +4,17 @@
 namespace rtpm::bench {
 namespace {
 
-constexpr std::size_t kBulkSize = std::size_t{1} << 20;
+constexpr std::size_t kLargeSize = std::size_t{1} << 20;
 
-// The raw floor, too, is measured beside RTPM's bulk. So the two differ by what RTPM makes of it,
-// while what the kernel does for the bulk delays both.
+// The raw floor, too, is measured beside RTPM's large. So the two differ by what RTPM makes of it,
+// while what the kernel does for the large delays both.
 LoadPlan plan_of() {
-  return {.case_name = "bulk",
-          .field = "bulk_callers",
-          .people = "bulk caller",
+  return {.case_name = "large",
+          .field = "large_callers",
+          .people = "large caller",
           .caller_counts = {0, 1},
           .connect = [](Duel& duel, Side) -> expected<std::vector<Job>, std::string> {
-            auto job = duel.connect_bulk(kBulkSize);
+            auto job = duel.connect_large(kLargeSize);
             if (!job) return unexpected{job.error()};
             return std::vector<Job>{std::move(*job)};
           },
@@ -24,7 +24,7 @@ LoadPlan plan_of() {
 
 }  // namespace
 
-bool run_bulk(const Settings& settings, Report& report) {
+bool run_large(const Settings& settings, Report& report) {
   bool is_complete = true;
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {
@@ -34,14 +34,14 @@ bool run_bulk(const Settings& settings, Report& report) {
                               .placement = choose_placement(),
                               .realtime = settings.realtime};
       if (strategy == rt::WaitStrategy::kSpin) {
-        say_not_measured(title_of("bulk", config),
-                         "a lane that spins would starve the bulk's lane on its CPU; use "
+        say_not_measured(title_of("large", config),
+                         "a lane that spins would starve the large's lane on its CPU; use "
                          "--wait adaptive or --wait block");
         is_complete = false;
         continue;
       }
       if (auto measured = measure_loaded(settings, config, plan_of(), report); !measured) {
-        say_not_measured(title_of("bulk", config), measured.error());
+        say_not_measured(title_of("large", config), measured.error());
         is_complete = false;
       }
     }

@@ -14,14 +14,14 @@ namespace rtpm::bench {
 /// Memory for a raw server and one caller, each a process of its own. Make it before the server's
 /// process is forked. Ownership: unmaps at its end; the caller and the server's thread use it until
 /// then.   Set-up only.
-class MemoryBulkFloor {
+class MemoryLargeFloor {
  public:
   /// Errors: no memory left.
-  [[nodiscard]] static expected<std::unique_ptr<MemoryBulkFloor>, std::string> create(
+  [[nodiscard]] static expected<std::unique_ptr<MemoryLargeFloor>, std::string> create(
       std::size_t payload_size);
-  ~MemoryBulkFloor();
-  MemoryBulkFloor(const MemoryBulkFloor&) = delete;
-  MemoryBulkFloor& operator=(const MemoryBulkFloor&) = delete;
+  ~MemoryLargeFloor();
+  MemoryLargeFloor(const MemoryLargeFloor&) = delete;
+  MemoryLargeFloor& operator=(const MemoryLargeFloor&) = delete;
 
   /// Starts the lane's thread, which echoes until the process ends.
   [[nodiscard]] expected<void, std::string> serve(const FloorLaneConfig& lane,
@@ -31,7 +31,7 @@ class MemoryBulkFloor {
 
  private:
   struct Layout;
-  MemoryBulkFloor(Layout* layout, std::size_t frame_size, std::size_t size)
+  MemoryLargeFloor(Layout* layout, std::size_t frame_size, std::size_t size)
       : layout_(layout), frame_size_(frame_size), size_(size) {}
 
   Layout* layout_;

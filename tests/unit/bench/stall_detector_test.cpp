@@ -1,4 +1,4 @@
-#include "figures/stall_witness.hpp"
+#include "figures/stall_detector.hpp"
 
 #include <gtest/gtest.h>
 #include <sched.h>
@@ -25,16 +25,16 @@ void take_cpu(int cpu, Duration time) {
   ASSERT_TRUE(thread);
 }
 
-TEST(StallWitness, FeelsThatItsCpuStoodStill) {
+TEST(StallDetector, FeelsThatItsCpuStoodStill) {
   if (!rtpm::test::has_realtime_right()) GTEST_SKIP() << rtpm::test::kNoRealtimeRight;
   const std::array<int, 1> cpus{sched_getcpu()};
-  StallWitness witness;
-  ASSERT_TRUE(witness.start(cpus));
+  StallDetector detector;
+  ASSERT_TRUE(detector.start(cpus));
   rt::sleep_until(rt::now() + 10ms);
-  const std::uint64_t before = witness.count();
+  const std::uint64_t before = detector.count();
   take_cpu(cpus[0], 10ms);
   rt::sleep_until(rt::now() + 10ms);
-  EXPECT_GT(witness.count(), before);
+  EXPECT_GT(detector.count(), before);
 }
 
 }  // namespace

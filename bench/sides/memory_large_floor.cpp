@@ -1,4 +1,4 @@
-#include "sides/memory_bulk_floor.hpp"
+#include "sides/memory_large_floor.hpp"
 
 #include <sys/mman.h>
 
@@ -25,7 +25,7 @@ struct Direction {
 
 }  // namespace
 
-struct MemoryBulkFloor::Layout {
+struct MemoryLargeFloor::Layout {
   Direction to_server;
   Direction to_caller;
   // Behind it the two buffers.
@@ -52,10 +52,10 @@ bool await(Direction& direction, std::uint64_t seen, Duration spin, bool may_sle
   return may_sleep ? direction.reader_bed.sleep_until(has_more) : has_more();
 }
 
-class BulkCaller final : public Caller {
+class LargeCaller final : public Caller {
  public:
-  BulkCaller(Direction& to_server, Direction& to_caller, MutableBytes out, MutableBytes in,
-             const rt::WaitConfig& wait)
+  LargeCaller(Direction& to_server, Direction& to_caller, MutableBytes out, MutableBytes in,
+              const rt::WaitConfig& wait)
       : to_server_(to_server),
         to_caller_(to_caller),
         out_(out),
@@ -95,8 +95,8 @@ class BulkCaller final : public Caller {
   std::vector<std::byte> received_;
 };
 
-void serve_bulk(Direction& to_server, Direction& to_caller, MutableBytes in, MutableBytes out,
-                const rt::WaitConfig& wait) {
+void serve_large(Direction& to_server, Direction& to_caller, MutableBytes in, MutableBytes out,
+                 const rt::WaitConfig& wait) {
   const Duration spin = spin_of(wait, Duration::max());
   std::vector<std::byte> frame(in.size());
   for (std::uint64_t seen = 0;;) {
@@ -109,7 +109,7 @@ void serve_bulk(Direction& to_server, Direction& to_caller, MutableBytes in, Mut
 
 }  // namespace
 
-expected<std::unique_ptr<MemoryBulkFloor>, std::string> MemoryBulkFloor::create(
+expected<std::unique_ptr<MemoryLargeFloor>, std::string> MemoryLargeFloor::create(
     std::size_t payload_size) {
   const std::size_t frame_size = floor_frame_size(Carrier::kSharedMemory, payload_size);
   const std::size_t size = sizeof(Layout) + 2 * frame_size;
@@ -118,21 +118,21 @@ expected<std::unique_ptr<MemoryBulkFloor>, std::string> MemoryBulkFloor::create(
   if (memory == MAP_FAILED) return unexpected{std::string("no memory for the raw floor")};
   // Touched, so that the first call meets no page fault.
   std::memset(memory, 0, size);
-  return std::unique_ptr<MemoryBulkFloor>(
-      new MemoryBulkFloor(new (memory) Layout, frame_size, size));
+  return std::unique_ptr<MemoryLargeFloor>(
+      new MemoryLargeFloor(new (memory) Layout, frame_size, size));
 }
 
-MemoryBulkFloor::~MemoryBulkFloor() {
+MemoryLargeFloor::~MemoryLargeFloor() {
   munmap(layout_, size_);
 }
 
-expected<void, std::string> MemoryBulkFloor::serve(const FloorLaneConfig& lane,
-                                                   rt::RealtimeMode realtime) {
+expected<void, std::string> MemoryLargeFloor::serve(const FloorLaneConfig& lane,
+                                                    rt::RealtimeMode realtime) {
   auto thread = rt::Thread::start(
       {.name = lane.name, .priority = lane.priority, .cpus = {lane.cpu}, .realtime = realtime},
       [this, wait = lane.wait] {
-        serve_bulk(layout_->to_server, layout_->to_caller, layout_->buffer(0, frame_size_),
-                   layout_->buffer(1, frame_size_), wait);
+        serve_large(layout_->to_server, layout_->to_caller, layout_->buffer(0, frame_size_),
+                    layout_->buffer(1, frame_size_), wait);
       });
   if (!thread) return unexpected{thread.error().text};
   // It serves until the process ends.
@@ -141,10 +141,10 @@ expected<void, std::string> MemoryBulkFloor::serve(const FloorLaneConfig& lane,
   return {};
 }
 
-std::unique_ptr<Caller> MemoryBulkFloor::connect(const rt::WaitConfig& wait) {
-  return std::make_unique<BulkCaller>(layout_->to_server, layout_->to_caller,
-                                      layout_->buffer(0, frame_size_),
-                                      layout_->buffer(1, frame_size_), wait);
+std::unique_ptr<Caller> MemoryLargeFloor::connect(const rt::WaitConfig& wait) {
+  return std::make_unique<LargeCaller>(layout_->to_server, layout_->to_caller,
+                                       layout_->buffer(0, frame_size_),
+                                       layout_->buffer(1, frame_size_), wait);
 }
 
 }  // namespace rtpm::bench

@@ -17,7 +17,7 @@ namespace rtpm::bench {
 /// hypervisor's, most often, or a system call of some other program in which the kernel does not
 /// let anybody else run. Where there is no privilege for such threads it feels nothing.
 /// Threads: one.   Set-up only.
-class StallWitness {
+class StallDetector {
  public:
   /// Waking up takes up to 0.2 ms on a virtual machine, and no stall is needed for that.
   static constexpr Duration kStallMin = std::chrono::microseconds{300};
@@ -25,10 +25,10 @@ class StallWitness {
   /// may be a contender's own fault. So that is never left out.
   static constexpr Duration kStallMax = std::chrono::milliseconds{30};
 
-  StallWitness() = default;
-  StallWitness(const StallWitness&) = delete;
-  StallWitness& operator=(const StallWitness&) = delete;
-  ~StallWitness();
+  StallDetector() = default;
+  StallDetector(const StallDetector&) = delete;
+  StallDetector& operator=(const StallDetector&) = delete;
+  ~StallDetector();
   [[nodiscard]] expected<void, std::string> start(std::span<const int> cpus);
   [[nodiscard]] std::uint64_t count() const noexcept { return count_.load(); }
   /// Those it was started on.

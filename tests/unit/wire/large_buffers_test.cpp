@@ -16,7 +16,7 @@ constexpr std::uint32_t kLarge = 8 * 1024;
 /// Longer than any silence: the time after which a message has to go is not its caller's deadline.
 constexpr std::uint32_t kForEver = 0xffff'ffff;
 
-class LargeRooms : public testing::Test {
+class LargeBuffers : public testing::Test {
  protected:
   /// A server with so many rooms, besides the one where replies are written.
   void serve(std::size_t room_count, Medium medium = Medium::kDatagram) {
@@ -24,7 +24,7 @@ class LargeRooms : public testing::Test {
     medium_ = medium;
     ServerSessionsConfig config = server_config(medium);
     config.message_size_max = kLarge;
-    config.bulk_memory = memory_;
+    config.large_memory = memory_;
     config.session_count_max = 32;
     config.frame_payload_max = kDatagramPayloadSizeMax;
     server_ = std::make_unique<ServerSessions>(config);
@@ -86,7 +86,7 @@ class LargeRooms : public testing::Test {
 };
 
 // hp-5.6-10: what a sender left unfinished does not keep others out until its deadline.
-TEST_F(LargeRooms, AreTakenFromRequestsThatFellSilent) {
+TEST_F(LargeBuffers, AreTakenFromRequestsThatFellSilent) {
   serve(2);
   const Peer silent = peer_of(1);
   const Peer other = peer_of(2);
@@ -109,7 +109,7 @@ TEST_F(LargeRooms, AreTakenFromRequestsThatFellSilent) {
 
 // hp-5.6-10, hp-5.3-3: copies are at most 1 s apart, so that a network that loses two in a row, or
 // every ACK, costs nobody a message.
-TEST_F(LargeRooms, StayWithASenderThatIsHeardNowAndThen) {
+TEST_F(LargeBuffers, StayWithASenderThatIsHeardNowAndThen) {
   serve(2);
   const Peer slow = peer_of(1);
   const Peer other = peer_of(2);
@@ -127,7 +127,7 @@ TEST_F(LargeRooms, StayWithASenderThatIsHeardNowAndThen) {
 }
 
 // hp-5.6-10
-TEST_F(LargeRooms, GoFromTheMessageThatWasSilentLongest) {
+TEST_F(LargeBuffers, GoFromTheMessageThatWasSilentLongest) {
   serve(3);
   const Peer silent = peer_of(1);
   const Peer other = peer_of(2);
@@ -141,7 +141,7 @@ TEST_F(LargeRooms, GoFromTheMessageThatWasSilentLongest) {
 }
 
 // hp-5.6-10: the same of replies whose callers do not fetch them.
-TEST_F(LargeRooms, AreTakenFromRepliesThatNobodyFetches) {
+TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   serve(2);
   const Peer silent = peer_of(1);
   const Peer fetching = peer_of(2);
@@ -165,7 +165,7 @@ TEST_F(LargeRooms, AreTakenFromRepliesThatNobodyFetches) {
 }
 
 // hp-5.6-11: three quarters are one host's at most, over a connection as well.
-TEST_F(LargeRooms, AreSharedAmongHosts) {
+TEST_F(LargeBuffers, AreSharedAmongHosts) {
   for (const Medium medium : {Medium::kDatagram, Medium::kStream}) {
     serve(8, medium);
     for (std::uint32_t number = 0; number < 6; ++number)
@@ -183,7 +183,7 @@ TEST_F(LargeRooms, AreSharedAmongHosts) {
 }
 
 // However many rooms are taken: a request that has one leaves it to its reply.
-TEST_F(LargeRooms, SufficeForTheReplyToALargeRequest) {
+TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
   serve(2);
   const Peer peer = peer_of(1);
   EXPECT_TRUE(takes(peer, 1, at(0s)));
@@ -198,7 +198,7 @@ TEST_F(LargeRooms, SufficeForTheReplyToALargeRequest) {
 }
 
 // A small reply needs no room, and what nobody waits for is kept nowhere.
-TEST_F(LargeRooms, AreNotMissedBySmallReplies) {
+TEST_F(LargeBuffers, AreNotMissedBySmallReplies) {
   serve(2);
   const Peer peer = peer_of(1);
   EXPECT_TRUE(takes(peer, 1, at(0s)));

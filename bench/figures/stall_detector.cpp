@@ -1,4 +1,4 @@
-#include "figures/stall_witness.hpp"
+#include "figures/stall_detector.hpp"
 
 #include <sched.h>
 
@@ -8,21 +8,21 @@
 
 namespace rtpm::bench {
 
-StallWitness::~StallWitness() {
+StallDetector::~StallDetector() {
   is_over_.store(true, std::memory_order_relaxed);
 }
 
-expected<void, std::string> StallWitness::start(std::span<const int> cpus) {
+expected<void, std::string> StallDetector::start(std::span<const int> cpus) {
   cpus_.assign(cpus.begin(), cpus.end());
   for (const int cpu : cpus) {
-    auto thread = rt::Thread::start({.name = "bench-witness", .cpus = {cpu}}, [this] { run(); });
+    auto thread = rt::Thread::start({.name = "bench-detector", .cpus = {cpu}}, [this] { run(); });
     if (!thread) return unexpected{thread.error().text};
     threads_.push_back(std::move(*thread));
   }
   return {};
 }
 
-void StallWitness::run() noexcept {
+void StallDetector::run() noexcept {
   const sched_param parameter{.sched_priority = sched_get_priority_max(SCHED_FIFO)};
   if (sched_setscheduler(0, SCHED_FIFO, &parameter) != 0) return;
   // No multiple of anybody's period: it is not to meet the same call each time.

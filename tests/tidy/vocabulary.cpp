@@ -1,0 +1,89 @@
+#include "vocabulary.hpp"
+
+#include <algorithm>
+#include <cctype>
+#include <map>
+#include <regex>
+#include <string>
+#include <string_view>
+
+namespace rtpm::tidy {
+namespace {
+
+// The word, in lower case and without an ending, and the field's term for it.
+const std::map<std::string_view, std::string_view>& terms() {
+  static const std::map<std::string_view, std::string_view> kTerms{
+      {"bulk", "large message, fragment buffer"},
+      {"bury", "reap, retire, release"},
+      {"crew", "thread pool"},
+      {"departure", "disconnect, eviction"},
+      {"foresight", "predictor"},
+      {"goodbye", "close, disconnect"},
+      {"knock", "ring the doorbell, wake up"},
+      {"learner", "estimator"},
+      {"linger", "poll, busy-wait, spin"},
+      {"loan", "borrowed thread"},
+      {"nap", "pause, idle"},
+      {"relief", "follower, rate limit, back-pressure"},
+      {"somebody", "the actor's name"},
+      {"train", "datagram batch, segmentation offload"},
+      {"whoever", "the actor's name"},
+      {"wish", "interest, subscription, request"},
+      {"witness", "stall detector"},
+  };
+  return kTerms;
+}
+
+// Names that are not RTPM's to choose.
+bool is_given(std::string_view identifier) {
+  return identifier == "RepairWish" ||  // Of spec/idl/events.fbs, and part of its fingerprint.
+         identifier == "SO_LINGER" || identifier == "ZMQ_LINGER";
+}
+
+// The term in whose place `word` stands, a plural or past form included; empty if it may stand.
+std::string_view term_for(const std::string& word) {
+  for (const std::string_view ending : {"", "s", "es", "ed", "ing", "er", "ers"}) {
+    if (!word.ends_with(ending)) continue;
+    const auto found = terms().find(std::string_view(word).substr(0, word.size() - ending.size()));
+    if (found != terms().end()) return found->second;
+  }
+  return {};
+}
+
+void check_name(const SourceFile& file, std::size_t line, const std::string& name,
+                std::vector<Fault>& faults) {
+  static const std::regex kWord("[A-Z]+(?![a-z])|[A-Z]?[a-z]+");
+  if (is_given(name)) return;
+  for (std::sregex_iterator part(name.begin(), name.end(), kWord), end; part != end; ++part) {
+    std::string word = part->str();
+    std::ranges::transform(word, word.begin(), [](unsigned char letter) {
+      return static_cast<char>(std::tolower(letter));
+    });
+    const std::string_view term = term_for(word);
+    if (term.empty()) continue;
+    faults.push_back(fault_at(
+        file, line,
+        "'" + name + "': '" + word + "' is not the field's word; write: " + std::string(term)));
+  }
+}
+
+}  // namespace
+
+std::vector<Fault> find_home_made_words(const std::vector<SourceFile>& files) {
+  static const std::regex kIdentifier("[A-Za-z_][A-Za-z0-9_]*");
+  std::vector<Fault> faults;
+  for (const SourceFile& file : files) {
+    check_name(file, 0, file.path.substr(file.path.rfind('/') + 1), faults);
+    if (!is_cpp(file)) continue;
+    const std::vector<std::string> lines = lines_of(code_of(file.text));
+    for (std::size_t i = 0; i < lines.size(); ++i) {
+      for (std::sregex_iterator found(lines[i].begin(), lines[i].end(), kIdentifier), end;
+           found != end; ++found) {
+        check_name(file, i, found->str(), faults);
+      }
+    }
+  }
+  return faults;
+}
+
+}  // namespace rtpm::tidy

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <vector>
+
+#include "source_tree.hpp"
+
+namespace rtpm::tidy {
+
+/// Identifiers and file names that use a home-made word where the field has a term. Comments and
+/// texts are not read.
+[[nodiscard]] std::vector<Fault> find_home_made_words(const std::vector<SourceFile>& files);
+
+}  // namespace rtpm::tidy
