@@ -18,6 +18,12 @@ if(RTPM_SANITIZE)
   target_link_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE})
 endif()
 
+# Tests are many programs, so the quickest linker there is; optimising across files takes the compiler's own.
+find_program(RTPM_MOLD mold)
+if(RTPM_MOLD AND PROJECT_IS_TOP_LEVEL AND NOT RTPM_LTO AND NOT RTPM_SANITIZE)
+  target_link_options(rtpm_build_flags INTERFACE -fuse-ld=mold)
+endif()
+
 if(RTPM_LTO)
   include(CheckIPOSupported)
   check_ipo_supported(RESULT is_lto_supported OUTPUT reason LANGUAGES CXX)
