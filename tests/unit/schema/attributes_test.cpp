@@ -2,10 +2,10 @@
 
 #include <string>
 
-#include "quantities.hpp"
+#include "model/quantities.hpp"
+#include "model/verify_limits.hpp"
 #include "rtpm/schema/fingerprint.hpp"
 #include "scratch_folder.hpp"
-#include "verify_limits.hpp"
 
 // What the attributes of a schema become in the model.
 namespace rtpm::schema {

@@ -1,4 +1,4 @@
-#include "object_split.hpp"
+#include "cpp/object_split.hpp"
 
 #include <gtest/gtest.h>
 

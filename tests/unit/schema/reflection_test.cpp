@@ -1,4 +1,4 @@
-#include "reflection.hpp"
+#include "reading/reflection.hpp"
 
 #include <flatbuffers/idl.h>
 #include <flatbuffers/reflection_generated.h>
@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
-#include "checker.hpp"
-#include "outline.hpp"
+#include "checks/checker.hpp"
+#include "reading/outline.hpp"
 
 namespace rtpm::schema {
 namespace {

@@ -6,8 +6,8 @@
 #include <string>
 
 #include "../evolution_samples.hpp"
-#include "cpp_names.hpp"
-#include "cpp_writer.hpp"
+#include "cpp/cpp_names.hpp"
+#include "cpp/cpp_writer.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
 

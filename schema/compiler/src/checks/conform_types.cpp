@@ -1,0 +1,442 @@
+#include "checks/conform_types.hpp"
+
+#include <algorithm>
+#include <map>
+#include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
+
+#include "checks/words.hpp"
+#include "model/spelling.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+constexpr Reading kBytesFail{.new_reads_old = false, .old_reads_new = false};
+constexpr Reading kMeaningFails{
+    .new_reads_old = false, .old_reads_new = false, .is_by_meaning = true};
+constexpr Reading kNothingFails{};
+
+bool is_many(const Type& type) noexcept {
+  return type.base == BaseType::kVector || type.base == BaseType::kArray;
+}
+
+BaseType base_of(const Type& type) noexcept {
+  return is_many(type) ? type.element : type.base;
+}
+
+/// The name of the object or enumeration that a type refers to; empty if it refers to none.
+std::string reference_of(const Model& model, const Type& type) {
+  if (!type.index) return {};
+  const bool is_object = base_of(type) == BaseType::kObject;
+  return is_object ? model.objects[*type.index].name : model.enums[*type.index].name;
+}
+
+/// A vector of a union has a field of its types beside it, and a union too; they follow the field.
+bool is_companion(const Field& field) noexcept {
+  return base_of(field.type) == BaseType::kUnionType;
+}
+
+std::string quoted(const std::string& text) {
+  return '`' + text + '`';
+}
+
+std::string field_words(const Object& owner, const Field& field) {
+  return "field " + quoted(field.name) + " of " + (owner.is_struct ? "struct " : "table ") +
+         quoted(owner.name);
+}
+
+std::string default_text(const Model& model, const Field& field) {
+  if (field.is_optional) return "null";
+  if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
+    return number_text(field.default_real);
+  }
+  if (field.type.base == BaseType::kUint64) {
+    return std::to_string(static_cast<std::uint64_t>(field.default_integer));
+  }
+  if (field.type.index) {
+    for (const EnumValue& value : model.enums[*field.type.index].values) {
+      if (value.value == field.default_integer) return value.name;
+    }
+  }
+  return std::to_string(field.default_integer);
+}
+
+std::string attribute_value(const Field& field, std::string_view name) {
+  for (const Attribute& attribute : field.attributes) {
+    if (attribute.name == name) return attribute.value;
+  }
+  return {};
+}
+
+/// Whether the bytes of a field mean the same numbers in both versions, by whatever name.
+bool is_same_shape(const Model& before, const Type& a, const Model& after, const Type& b) {
+  if (a.base != b.base || a.element != b.element || a.fixed_length != b.fixed_length) return false;
+  if (!a.index || !b.index) return true;
+  if (base_of(a) != BaseType::kObject) return base_of(a) != BaseType::kUnion;
+  const Object& x = before.objects[*a.index];
+  const Object& y = after.objects[*b.index];
+  if (x.is_struct != y.is_struct || x.fields.size() != y.fields.size()) return false;
+  return std::equal(
+      x.fields.begin(), x.fields.end(), y.fields.begin(), [](const Field& f, const Field& g) {
+        return f.type.base == g.type.base && f.type.element == g.type.element &&
+               f.offset == g.offset && f.is_required == g.is_required &&
+               f.default_integer == g.default_integer && !(f.default_real < g.default_real) &&
+               !(g.default_real < f.default_real);
+      });
+}
+
+}  // namespace
+
+std::string type_text(const Model& model, const Type& type) {
+  std::string text = reference_of(model, type);
+  if (text.empty()) text = spelling_of(base_of(type));
+  if (type.base == BaseType::kVector) return '[' + text + ']';
+  if (type.base == BaseType::kArray)
+    return '[' + text + ':' + std::to_string(type.fixed_length) + ']';
+  return text;
+}
+
+void TypeComparison::report(ChangeKind kind, Reading reading, const std::string& owner,
+                            const Location& now, const Location& then, std::string message,
+                            std::string hint) {
+  Change change{.kind = kind,
+                .reading = reading,
+                .owner = owner,
+                .diagnostic = {now, std::move(message), std::move(hint), std::nullopt}};
+  if (then.line != 0) change.diagnostic.note = Note{then, "it was this"};
+  changes_.push_back(std::move(change));
+}
+
+void TypeComparison::compare(const Object& before, const Object& after) {
+  if (before.is_struct != after.is_struct) {
+    report(ChangeKind::kTypeKind, kBytesFail, after.name, after.location, before.location,
+           quoted(after.name) + " was a " + (before.is_struct ? "struct" : "table") +
+               ", and is a " + (after.is_struct ? "struct" : "table"),
+           "give the new one a name of its own");
+    return;
+  }
+  if (after.is_struct) {
+    compare_structs(before, after);
+  } else {
+    compare_tables(before, after);
+  }
+  if (before.event_id == after.event_id) return;
+  if (!before.event_id) {
+    report(ChangeKind::kEventAdded, kNothingFails, after.name, after.location, before.location,
+           "table " + quoted(after.name) + " became event " + std::to_string(*after.event_id), "");
+    return;
+  }
+  report(ChangeKind::kEventChanged, kBytesFail, after.name, after.location, before.location,
+         "event " + quoted(after.name) + " had the number " + std::to_string(*before.event_id) +
+             ", and has " + (after.event_id ? std::to_string(*after.event_id) : "none"),
+         "keep the number: it is what tells events apart");
+}
+
+void TypeComparison::compare_structs(const Object& before, const Object& after) {
+  const std::size_t count = std::min(before.fields.size(), after.fields.size());
+  const auto is_same = [&](std::size_t i) {
+    const Field& a = before.fields[i];
+    const Field& b = after.fields[i];
+    return a.offset == b.offset && a.type.base == b.type.base && a.type.element == b.type.element &&
+           a.type.fixed_length == b.type.fixed_length &&
+           reference_of(before_, a.type) == reference_of(after_, b.type);
+  };
+  std::size_t same = 0;
+  while (same < count && is_same(same))
+    ++same;
+  const bool is_whole = same == before.fields.size() && same == after.fields.size();
+  // Fields in another order, or names and sizes that differ: the bytes, or what they mean.
+  if (!is_whole || before.byte_size != after.byte_size || before.alignment != after.alignment) {
+    const bool is_after = same < after.fields.size();
+    const bool is_before = same < before.fields.size();
+    // A number that took the place of padding leaves all others where they were.
+    Reading reading = kBytesFail;
+    reading.is_by_meaning = before.byte_size == after.byte_size && same == count;
+    report(ChangeKind::kStructLayout, reading, after.name,
+           is_after ? after.fields[same].location : after.location,
+           is_before ? before.fields[same].location : before.location,
+           "struct " + quoted(after.name) + " of " + std::to_string(before.byte_size) +
+               " bytes is another one, of " + std::to_string(after.byte_size) + " bytes, from " +
+               (is_after ? "field " + quoted(after.fields[same].name) : std::string("its end")) +
+               " on",
+           "a struct cannot change: give the new one a name of its own, and a new method");
+    return;
+  }
+  for (std::size_t i = 0; i < same; ++i) {
+    const Field& a = before.fields[i];
+    const Field& b = after.fields[i];
+    if (a.name != b.name) {
+      report(ChangeKind::kFieldRenamed, kMeaningFails, after.name, b.location, a.location,
+             field_words(after, b) + " was named " + quoted(a.name),
+             "the bytes stay, their meaning may not: keep the name, or make a new struct");
+    }
+    compare_meaning(after, a, b);
+  }
+}
+
+void TypeComparison::compare_tables(const Object& before, const Object& after) {
+  if (!compare_places(before, after)) return;
+  std::size_t i = 0;
+  for (; i < before.fields.size() && i < after.fields.size(); ++i) {
+    if (!is_companion(before.fields[i]) || !is_companion(after.fields[i])) {
+      compare_fields(after, before.fields[i], after.fields[i]);
+    }
+  }
+  for (std::size_t j = i; j < before.fields.size(); ++j) {
+    if (!is_companion(before.fields[j])) remove_field(before, before.fields[j], after);
+  }
+  for (std::size_t j = i; j < after.fields.size(); ++j) {
+    if (!is_companion(after.fields[j])) add_field(after, after.fields[j]);
+  }
+}
+
+/// Fields that have another slot than before: that is one mistake, however many moved.
+bool TypeComparison::compare_places(const Object& before, const Object& after) {
+  std::unordered_map<std::string_view, const Field*> old_fields;
+  for (const Field& field : before.fields)
+    old_fields.emplace(field.name, &field);
+  const Field* first = nullptr;
+  std::size_t count = 0;
+  for (const Field& field : after.fields) {
+    const auto old = old_fields.find(field.name);
+    if (old == old_fields.end() || old->second->id == field.id || is_companion(field)) continue;
+    if (first == nullptr) first = &field;
+    ++count;
+  }
+  if (first == nullptr) return true;
+  std::string message = field_words(after, *first) + " had the slot " +
+                        std::to_string(old_fields[first->name]->id) + ", and has " +
+                        std::to_string(first->id);
+  if (count > 1) message += ", and " + std::to_string(count - 1) + " more moved";
+  report(ChangeKind::kFieldMoved, kBytesFail, after.name, first->location,
+         old_fields[first->name]->location, std::move(message),
+         "add new fields behind the last one, or give all fields the id that they had: (id: N)");
+  return false;
+}
+
+void TypeComparison::add_field(const Object& owner, const Field& field) {
+  if (field.is_required) {
+    report(ChangeKind::kFieldAddedRequired, {.new_reads_old = false}, owner.name, field.location,
+           {}, field_words(owner, field) + " is new and required: older data lack it",
+           "let it be absent, and say what that means");
+    return;
+  }
+  report(ChangeKind::kFieldAdded, kNothingFails, owner.name, field.location, {},
+         field_words(owner, field) + " is new", "");
+}
+
+void TypeComparison::remove_field(const Object& owner, const Field& field, const Object& now) {
+  Reading reading = kMeaningFails;
+  // A newer writer leaves it out, which an older reader of a required field does not take.
+  reading.is_by_meaning = !field.is_required;
+  report(ChangeKind::kFieldRemoved, reading, owner.name, field.location, {},
+         field_words(owner, field) + " is removed, so its slot may come to mean something else",
+         "keep it in the schema, as " +
+             quoted(field.name + ":" + type_text(before_, field.type) + " (deprecated);"));
+  if (now.location.line != 0) {
+    changes_.back().diagnostic.note = Note{now.location, "the table is here now"};
+  }
+}
+
+void TypeComparison::compare_fields(const Object& owner, const Field& before, const Field& after) {
+  const bool is_renamed = before.name != after.name;
+  if (!compare_types(owner, before, after)) return;
+  if (is_renamed) {
+    report(ChangeKind::kFieldRenamed, kMeaningFails, owner.name, after.location, before.location,
+           field_words(owner, after) + " was named " + quoted(before.name),
+           "the bytes stay, their meaning may not: deprecate the old field and add a new one");
+  }
+  compare_presence(owner, before, after);
+  compare_defaults(owner, before, after);
+  compare_meaning(owner, before, after);
+}
+
+/// Whether the types are the same; reported if not.
+bool TypeComparison::compare_types(const Object& owner, const Field& before, const Field& after) {
+  const std::string old_reference = reference_of(before_, before.type);
+  const std::string new_reference = reference_of(after_, after.type);
+  const bool is_same_reference = old_reference == new_reference;
+  // An enum that changed its own type is reported there.
+  const bool is_enum = !old_reference.empty() && is_same_reference &&
+                       base_of(before.type) != BaseType::kObject &&
+                       base_of(after.type) != BaseType::kObject;
+  const bool is_same = is_same_reference && is_many(before.type) == is_many(after.type) &&
+                       before.type.fixed_length == after.type.fixed_length &&
+                       (is_enum || (before.type.base == after.type.base &&
+                                    before.type.element == after.type.element));
+  if (is_same) return true;
+  Reading reading = kBytesFail;
+  reading.is_by_meaning = is_same_shape(before_, before.type, after_, after.type);
+  report(ChangeKind::kFieldRetyped, reading, owner.name, after.location, before.location,
+         field_words(owner, after) + " was " + quoted(type_text(before_, before.type)) +
+             ", and is " + quoted(type_text(after_, after.type)),
+         "deprecate the field and add one with another name and the new type");
+  return false;
+}
+
+void TypeComparison::compare_presence(const Object& owner, const Field& before,
+                                      const Field& after) {
+  const std::string words = field_words(owner, after);
+  if (before.is_deprecated != after.is_deprecated) {
+    const bool is_missed = before.is_required && !before.is_deprecated;
+    const bool is_wanted = after.is_required && !after.is_deprecated;
+    report(after.is_deprecated ? ChangeKind::kFieldDeprecated : ChangeKind::kFieldUndeprecated,
+           {.new_reads_old = !is_wanted, .old_reads_new = !is_missed}, owner.name, after.location,
+           before.location,
+           words + (after.is_deprecated ? " is deprecated" : " is no longer deprecated") +
+               (is_missed || is_wanted ? ", and required by the other side" : ""),
+           is_missed || is_wanted ? "a required field cannot come or go: keep it as it is" : "");
+    return;
+  }
+  if (after.is_deprecated || before.is_required == after.is_required) return;
+  if (after.is_required) {
+    report(ChangeKind::kFieldRequired, {.new_reads_old = false}, owner.name, after.location,
+           before.location, words + " became required: older data may lack it",
+           "let it be absent, and say what that means");
+  } else {
+    report(ChangeKind::kFieldNotRequired, {.old_reads_new = false}, owner.name, after.location,
+           before.location, words + " is no longer required: older readers need it",
+           "keep it required, and add another field for the new case");
+  }
+}
+
+void TypeComparison::compare_defaults(const Object& owner, const Field& before,
+                                      const Field& after) {
+  const bool is_scalar = after.type.base <= BaseType::kDouble;
+  if (!is_scalar || after.is_deprecated || before.is_deprecated) return;
+  const std::string old_default = default_text(before_, before);
+  const std::string new_default = default_text(after_, after);
+  // Of an enum, a value with another name or another number is told there.
+  const bool is_same_number = after.type.index && !after.is_optional && !before.is_optional &&
+                              after.default_integer == before.default_integer;
+  if (old_default == new_default || is_same_number) return;
+  report(ChangeKind::kFieldDefault, kBytesFail, owner.name, after.location, before.location,
+         field_words(owner, after) + " had the default " + quoted(old_default) + ", and has " +
+             quoted(new_default),
+         "a default is never sent, each side fills in its own: keep it, or add a new field");
+}
+
+void TypeComparison::compare_meaning(const Object& owner, const Field& before, const Field& after) {
+  const std::string words = field_words(owner, after);
+  const auto changed = [&](ChangeKind kind, Reading reading, const std::string& what,
+                           const std::string& then, const std::string& now, const char* hint) {
+    report(kind, reading, owner.name, after.location, before.location,
+           words + " had the " + what + ' ' + (then.empty() ? "unstated" : quoted(then)) +
+               ", and has " + (now.empty() ? "none" : quoted(now)),
+           hint);
+  };
+  const auto fails_if_stated = [](const std::string& then) {
+    return then.empty() ? kNothingFails : kMeaningFails;
+  };
+  if (before.unit != after.unit) {
+    changed(ChangeKind::kFieldUnit, fails_if_stated(before.unit), "unit", before.unit, after.unit,
+            before.unit.empty() ? "" : "a number in another unit is another field: add a new one");
+  }
+  if (before.frame != after.frame) {
+    changed(ChangeKind::kFieldFrame, fails_if_stated(before.frame), "frame", before.frame,
+            after.frame,
+            before.frame.empty() ? "" : "what is in another frame is another field: add a new one");
+  }
+  for (const char* encoding : {"nested_flatbuffer", "flexbuffer", "force_align"}) {
+    const std::string then = attribute_value(before, encoding);
+    const std::string now = attribute_value(after, encoding);
+    if (then == now) continue;
+    changed(ChangeKind::kFieldEncoding, kMeaningFails, encoding, then, now,
+            "deprecate the field and add a new one");
+  }
+  if (before.is_key != after.is_key) {
+    report(ChangeKind::kFieldKey, kMeaningFails, owner.name, after.location, before.location,
+           words + (after.is_key ? " became a key" : " is no longer a key") +
+               ": one side sorts by it, the other does not",
+           "keep the key as it is");
+  }
+  const auto range_text = [](const Field& field) {
+    return field.range ? number_text(field.range->low) + ".." + number_text(field.range->high)
+                       : std::string{};
+  };
+  if (range_text(before) == range_text(after)) return;
+  const bool is_narrower = after.range && (!before.range || after.range->low > before.range->low ||
+                                           after.range->high < before.range->high);
+  const bool is_wider = before.range && (!after.range || after.range->low < before.range->low ||
+                                         after.range->high > before.range->high);
+  changed(is_narrower ? ChangeKind::kFieldRangeNarrowed : ChangeKind::kFieldRangeWidened,
+          {.new_reads_old = !is_narrower, .old_reads_new = !is_wider, .is_by_meaning = true},
+          "range", range_text(before), range_text(after),
+          "the other side may send, or not take, what lies between: keep the range");
+}
+
+void TypeComparison::compare(const Enum& before, const Enum& after) {
+  const std::string kind = after.is_union ? "union" : "enum";
+  if (before.is_union != after.is_union || before.underlying != after.underlying) {
+    const bool is_kind = before.is_union != after.is_union;
+    report(is_kind ? ChangeKind::kTypeKind : ChangeKind::kEnumUnderlying, kBytesFail, after.name,
+           after.location, before.location,
+           quoted(after.name) + " was " +
+               (is_kind ? with_article(before.is_union ? "union" : "enum")
+                        : quoted(std::string(spelling_of(before.underlying)))) +
+               ", and is " +
+               (is_kind ? with_article(kind) : quoted(std::string(spelling_of(after.underlying)))),
+           "give the new one a name of its own");
+    return;
+  }
+  std::map<std::int64_t, const EnumValue*> new_by_number;
+  std::map<std::string, const EnumValue*> new_by_name;
+  std::map<std::string, const EnumValue*> old_by_name;
+  for (const EnumValue& value : after.values) {
+    new_by_number.emplace(value.value, &value);
+    new_by_name.emplace(value.name, &value);
+  }
+  std::map<std::int64_t, const EnumValue*> old_by_number;
+  for (const EnumValue& value : before.values) {
+    old_by_name.emplace(value.name, &value);
+    old_by_number.emplace(value.value, &value);
+  }
+  const auto words = [&](const EnumValue& value) {
+    return "value " + quoted(value.name) + " of " + kind + ' ' + quoted(after.name);
+  };
+  // One value taken from the middle moves all that stand behind it: that is one mistake.
+  for (const EnumValue& value : before.values) {
+    const auto named = new_by_name.find(value.name);
+    if (named == new_by_name.end() || named->second->value == value.value) continue;
+    const EnumValue& now = *named->second;
+    report(ChangeKind::kEnumValueRenumbered, kBytesFail, after.name, now.location, value.location,
+           words(now) + " was " + std::to_string(value.value) + ", and is " +
+               std::to_string(now.value),
+           "add new values behind the last one, or give them their numbers: `Name = N`");
+    return;
+  }
+  for (const EnumValue& value : before.values) {
+    const auto named = new_by_name.find(value.name);
+    const auto numbered = new_by_number.find(value.value);
+    if (named != new_by_name.end()) {
+      const EnumValue& now = *named->second;
+      if (after.is_union &&
+          type_text(before_, value.union_type) != type_text(after_, now.union_type)) {
+        Reading reading = kBytesFail;
+        reading.is_by_meaning = is_same_shape(before_, value.union_type, after_, now.union_type);
+        report(ChangeKind::kUnionMemberRetyped, reading, after.name, now.location, value.location,
+               words(now) + " was " + quoted(type_text(before_, value.union_type)) + ", and is " +
+                   quoted(type_text(after_, now.union_type)),
+               "add a new member behind the last one");
+      }
+    } else if (numbered != new_by_number.end() && !old_by_name.contains(numbered->second->name)) {
+      report(ChangeKind::kEnumValueRenamed, kMeaningFails, after.name, numbered->second->location,
+             value.location, words(*numbered->second) + " was named " + quoted(value.name),
+             "the number stays, its meaning may not: keep the name, or take a new number");
+    } else {
+      report(ChangeKind::kEnumValueRemoved,
+             {.new_reads_old = false, .old_reads_new = true, .is_by_meaning = true}, after.name,
+             value.location, {}, words(value) + " is removed, and older data may have its number",
+             "keep it, and say in its comment that it is out of use");
+    }
+  }
+  for (const EnumValue& value : after.values) {
+    if (old_by_name.contains(value.name) || old_by_number.contains(value.value)) continue;
+    report(ChangeKind::kEnumValueAdded, kNothingFails, after.name, value.location, {},
+           words(value) + " is new: older readers meet a number that they have no name for", "");
+  }
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,137 @@
+#include "cpp/cpp_ranges.hpp"
+
+#include <algorithm>
+#include <string>
+
+#include "checks/words.hpp"
+#include "cpp/cpp_names.hpp"
+#include "model/reach.hpp"
+
+namespace rtpm::schema::cpp {
+namespace {
+
+bool is_many(const Type& type) noexcept {
+  return type.base == BaseType::kVector || type.base == BaseType::kArray;
+}
+
+BaseType base_of(const Type& type) noexcept {
+  return is_many(type) ? type.element : type.base;
+}
+
+std::string union_head(const Enum& enumeration) {
+  return "bool rtpm_in_range(" + type_name(enumeration.name) + " type, const void* value) noexcept";
+}
+
+std::string object_head(const Object& object) {
+  return "bool rtpm_in_range(const " + type_name(object.name) + "& value) noexcept";
+}
+
+std::size_t handled_as(const Payload& payload) {
+  return payload.struct_index.value_or(payload.table);
+}
+
+}  // namespace
+
+Ranges::Ranges(const Model& model) : model_(model) {
+  // Types may hold each other in a circle, so this goes on until nothing is added.
+  for (bool is_growing = true; is_growing;) {
+    is_growing = false;
+    for (std::size_t i = 0; i < model.objects.size(); ++i)
+      is_growing |= are_in(model.objects[i]) && objects_.insert(i).second;
+    for (std::size_t i = 0; i < model.enums.size(); ++i)
+      is_growing |= are_in(model.enums[i]) && unions_.insert(i).second;
+  }
+}
+
+bool Ranges::are_in(const Payload& request) const {
+  return request.kind != PayloadKind::kEmpty && objects_.contains(handled_as(request));
+}
+
+bool Ranges::are_in(const Type& type) const {
+  if (!type.index) return false;
+  if (base_of(type) == BaseType::kObject) return objects_.contains(*type.index);
+  return base_of(type) == BaseType::kUnion && unions_.contains(*type.index);
+}
+
+bool Ranges::are_in(const Object& object) const {
+  return std::any_of(object.fields.begin(), object.fields.end(), [&](const Field& field) {
+    return !field.is_deprecated && (field.range || are_in(field.type));
+  });
+}
+
+bool Ranges::are_in(const Enum& enumeration) const {
+  return enumeration.is_union &&
+         std::any_of(enumeration.values.begin(), enumeration.values.end(),
+                     [&](const EnumValue& value) { return are_in(value.union_type); });
+}
+
+/// The check of one field, an expression that is true if all is well.
+std::string Ranges::field_check(const Object& object, const Field& field) const {
+  const std::string name = data_name(field.name);
+  const std::string value = "value." + name + "()";
+  if (field.range) {
+    return std::string("::rtpm::rpc::") + (is_many(field.type) ? "are" : "is") + "_within(" +
+           value + ", " + number_text(field.range->low) + ", " + number_text(field.range->high) +
+           ')';
+  }
+  const std::string each = "[](const auto& item) { return rtpm_in_range(item); })";
+  if (base_of(field.type) == BaseType::kUnion) {
+    const std::string types = "value." + name + "_type()";
+    if (is_many(field.type)) {
+      const std::string type = type_name(model_.enums[*field.type.index].name);
+      return "::rtpm::rpc::all_members_of<" + type + ">(\n             " + types + ", " + value +
+             ",\n             [](" + type +
+             " type, const void* item) { return rtpm_in_range(type, item); })";
+    }
+    return "(" + value + " == nullptr || rtpm_in_range(" + types + ", " + value + "))";
+  }
+  if (is_many(field.type)) return "::rtpm::rpc::all_of(" + value + ", " + each;
+  if (object.is_struct) return "rtpm_in_range(" + value + ')';
+  return "(" + value + " == nullptr || rtpm_in_range(*" + value + "))";
+}
+
+std::string Ranges::definition(const Object& object) const {
+  std::string checks;
+  for (const Field& field : object.fields) {
+    if (field.is_deprecated || (!field.range && !are_in(field.type))) continue;
+    checks += (checks.empty() ? "" : " &&\n         ") + field_check(object, field);
+  }
+  return object_head(object) + " {\n  return " + checks + ";\n}\n";
+}
+
+std::string Ranges::definition(const Enum& enumeration) const {
+  std::string text = union_head(enumeration) + " {\n  switch (type) {\n";
+  for (const EnumValue& value : enumeration.values) {
+    if (!are_in(value.union_type)) continue;
+    text += "    case " + type_name(enumeration.name) + "::" + data_name(value.name) +
+            ":\n      return rtpm_in_range(*static_cast<const " +
+            type_name(model_.objects[*value.union_type.index].name) + "*>(value));\n";
+  }
+  return text + "    default:\n      return true;\n  }\n}\n";
+}
+
+std::string Ranges::functions() const {
+  Reach reach;
+  for (const Service& service : model_.services) {
+    for (const Method& method : service.methods) {
+      if (method.request.kind != PayloadKind::kEmpty) reach.add(model_, handled_as(method.request));
+    }
+  }
+  std::string heads;
+  std::string bodies;
+  for (const std::size_t index : reach.objects) {
+    if (!objects_.contains(index)) continue;
+    heads += object_head(model_.objects[index]) + ";\n";
+    bodies += '\n' + definition(model_.objects[index]);
+  }
+  for (const std::size_t index : reach.enums) {
+    if (!unions_.contains(index)) continue;
+    heads += union_head(model_.enums[index]) + ";\n";
+    bodies += '\n' + definition(model_.enums[index]);
+  }
+  if (heads.empty()) return {};
+  return "\nnamespace {\n\n// Whether the numbers of a request are within their rtpm_range.\n" +
+         heads + bodies + "\n}  // namespace\n";
+}
+
+}  // namespace rtpm::schema::cpp

@@ -1,0 +1,104 @@
+#include "model/quantities.hpp"
+
+#include <algorithm>
+#include <cstddef>
+#include <optional>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+#include "checks/words.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+// More would hide what a method does.
+constexpr std::size_t kLineMax = 40;
+
+/// Collects the lines of a payload.
+class Quantities {
+ public:
+  explicit Quantities(const Model& model) : model_(model) {}
+
+  /// Adds the lines of an object's fields, and of what they hold.
+  void add(std::size_t index, const std::string& path) {
+    if (!says_something(index)) return;
+    // A table that holds itself says everything once.
+    if (std::find(open_.begin(), open_.end(), index) != open_.end()) return;
+    open_.push_back(index);
+    for (const Field& field : model_.objects[index].fields) {
+      if (field.is_deprecated) continue;
+      const std::string name = path + '.' + field.name + (is_many(field) ? "[]" : "");
+      add_line(name, field);
+      if (const auto inner = object_of(field)) add(*inner, name);
+      if (lines_.size() > kLineMax) break;
+    }
+    open_.pop_back();
+  }
+
+  void add_line(const std::string& name, const Field& field) {
+    if (const std::string text = quantity(field); !text.empty())
+      lines_.push_back(name + ": " + text);
+  }
+
+  Documentation take(const std::string& role) {
+    if (lines_.size() > kLineMax) {
+      lines_.resize(kLineMax);
+      lines_.push_back(role + ": more of its fields have units; the schema has them all");
+    }
+    return std::move(lines_);
+  }
+
+ private:
+  static bool is_many(const Field& field) noexcept {
+    return field.type.base == BaseType::kVector || field.type.base == BaseType::kArray;
+  }
+  static std::optional<std::size_t> object_of(const Field& field) noexcept {
+    const BaseType base = is_many(field) ? field.type.element : field.type.base;
+    return base == BaseType::kObject ? field.type.index : std::nullopt;
+  }
+
+  /// Whether a field of an object, or of what it holds, has a unit, a range or a frame. Asked once
+  /// for each object: types that hold each other twice on every level would take forever.
+  bool says_something(std::size_t index) {
+    const auto [known, is_new] = says_something_.emplace(index, false);
+    if (!is_new) return known->second;
+    bool result = false;
+    for (const Field& field : model_.objects[index].fields) {
+      const auto inner = object_of(field);
+      result |= !quantity(field).empty() || (inner && says_something(*inner));
+    }
+    says_something_[index] = result;
+    return result;
+  }
+
+  const Model& model_;
+  Documentation lines_{};
+  std::vector<std::size_t> open_{};
+  std::unordered_map<std::size_t, bool> says_something_{};
+};
+
+}  // namespace
+
+std::string quantity(const Field& field) {
+  std::string text = field.unit;
+  if (field.range) {
+    text += (text.empty() ? "" : ", ") + number_text(field.range->low) + " to " +
+            number_text(field.range->high);
+  }
+  if (!field.frame.empty()) {
+    text.append(text.empty() ? "" : ", ").append("in the frame ").append(field.frame);
+  }
+  return text;
+}
+
+Documentation quantities(const Model& model, const Payload& payload, const std::string& role) {
+  if (payload.kind == PayloadKind::kEmpty) return {};
+  Quantities lines(model);
+  // In C++ the struct itself is the request or reply; what its field says is said of it.
+  if (payload.struct_index) lines.add_line(role, model.objects[payload.table].fields.front());
+  lines.add(payload.struct_index.value_or(payload.table), role);
+  return lines.take(role);
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,148 @@
+#include "rtpm/schema/compile.hpp"
+
+#include <cerrno>
+#include <cstdint>
+#include <cstring>
+#include <deque>
+#include <filesystem>
+#include <span>
+#include <string>
+#include <utility>
+
+#include "checks/checker.hpp"
+#include "reading/outline.hpp"
+#include "reading/parser.hpp"
+#include "reading/reflection.hpp"
+#include "rtpm/schema/fingerprint.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+CompileResult failure(Diagnostic error) {
+  CompileResult result;
+  result.errors.push_back(std::move(error));
+  return result;
+}
+
+CompileResult failure(const std::string& file, std::string message, std::string hint) {
+  return failure({Location{.file = file}, std::move(message), std::move(hint), std::nullopt});
+}
+
+// Far more than people write; what is larger was not meant for this compiler.
+constexpr std::size_t kSchemaSizeMax = 16 * 1024 * 1024;
+
+/// Reads the file itself; included files are read by FlatBuffers' parser.
+std::optional<SourceFile> read(const std::string& file, CompileResult& failed) {
+  std::error_code ignored;
+  if (std::filesystem::is_directory(file, ignored)) {
+    failed = failure(file, "is a folder, not a schema", "name the .fbs file in it");
+    return std::nullopt;
+  }
+  auto source = SourceFile::read(file);
+  if (!source) {
+    failed = failure(file, std::string("cannot read the schema: ") + std::strerror(errno),
+                     "check the path and the right to read it");
+    return std::nullopt;
+  }
+  if (source->text().size() > kSchemaSizeMax) {
+    failed = failure(file, "the schema is larger than 16 MiB", "split it and include the parts");
+    return std::nullopt;
+  }
+  return source;
+}
+
+/// What a text must not have.
+bool is_text(const SourceFile& source, CompileResult& failed) {
+  // FlatBuffers' parser ends at a zero byte and would silently leave out the rest.
+  const std::size_t zero = source.text().find('\0');
+  if (zero == std::string::npos) return true;
+  Location location = source.locate({zero, 1});
+  location.line_text.clear();
+  failed = failure({std::move(location), "a zero byte: this is not a text file",
+                    "store the schema as UTF-8 text", std::nullopt});
+  return false;
+}
+
+bool is_binary_schema(const std::string& file) {
+  return std::filesystem::path(file).extension() == ".bfbs";
+}
+
+/// The model of a .fbs: FlatBuffers' parser makes its reflection.
+std::optional<Model> read_text(const SourceFile& source, const CompileRequest& request,
+                               std::deque<SchemaText>& texts, CompileResult& failed) {
+  if (!is_text(source, failed)) return std::nullopt;
+  ParseResult parsed = parse(source, request);
+  if (parsed.error) {
+    failed = failure(*std::move(parsed.error));
+    return std::nullopt;
+  }
+  auto model = read_reflection(parsed.reflection, parsed.declaration_file);
+  if (!model) {
+    failed = failure(request.file, "FlatBuffers' parser gave a reflection that cannot be read",
+                     "rtpmc and the FlatBuffers library that it uses are of different versions: "
+                     "build rtpmc again");
+    return std::nullopt;
+  }
+  model->source_files = std::move(parsed.source_files);
+  texts.emplace_back(source);
+  for (const std::string& included : model->source_files) {
+    if (included == source.path()) continue;
+    if (auto text = SourceFile::read(included)) texts.emplace_back(*std::move(text));
+  }
+  return model;
+}
+
+/// The model of a .bfbs, which has no places.
+std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText>& texts,
+                                 CompileResult& failed) {
+  const std::string& bytes = source.text();
+  const std::span<const std::uint8_t> reflection(
+      static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())), bytes.size());
+  auto model = read_reflection(reflection);
+  constexpr const char* kHint =
+      "make it with `flatc -b --schema --bfbs-comments --bfbs-builtins --bfbs-filenames DIR` of "
+      "FlatBuffers 2.0.8, or give rtpmc the .fbs file";
+  if (!model) {
+    failed = failure(source.path(), "is not a binary schema, or one of another version", kHint);
+    return std::nullopt;
+  }
+  if (model->declaration_file.empty()) {
+    failed = failure(source.path(), "does not say which file declares what", kHint);
+    return std::nullopt;
+  }
+  model->source_files.push_back(source.path());
+  texts.emplace_back(source.path(), *model);
+  return model;
+}
+
+CompileResult complete(Model model, const std::deque<SchemaText>& texts, const std::string& file) {
+  CompileResult result;
+  model.file = file;
+  model.file_stem = std::filesystem::path(file).stem().string();
+  result.errors = check(model, texts);
+  if (!result.errors.empty()) return result;
+  set_fingerprints(model);
+  result.model = std::move(model);
+  return result;
+}
+
+}  // namespace
+
+CompileResult compile(const CompileRequest& request) {
+  CompileResult result;
+  const auto source = read(request.file, result);
+  if (!source) return result;
+  std::deque<SchemaText> texts;
+  auto model = is_binary_schema(request.file) ? read_binary(*source, texts, result)
+                                              : read_text(*source, request, texts, result);
+  return model ? complete(*std::move(model), texts, request.file) : result;
+}
+
+CompileResult compile_text(const std::string& text, const std::string& name) {
+  CompileResult result;
+  std::deque<SchemaText> texts;
+  auto model = read_text(SourceFile(name, text), {.file = name}, texts, result);
+  return model ? complete(*std::move(model), texts, name) : result;
+}
+
+}  // namespace rtpm::schema

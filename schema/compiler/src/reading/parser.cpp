@@ -1,0 +1,152 @@
+#include "reading/parser.hpp"
+
+#include <flatbuffers/idl.h>
+#include <flatbuffers/util.h>
+
+#include <algorithm>
+#include <charconv>
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "checks/words.hpp"
+#include "reading/tokens.hpp"
+
+namespace rtpm::schema {
+namespace {
+
+flatbuffers::IDLOptions parser_options() {
+  flatbuffers::IDLOptions options;
+  options.binary_schema_comments = true;
+  options.binary_schema_builtins = true;
+  // With a root the reflection says which file declares what; with this one, by absolute path.
+  options.project_root = "/";
+  // The language decides which features the parser lets pass: the same as flatc --cpp.
+  options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
+  // flatc warns when it makes the data types of the same schema; saying it twice helps nobody.
+  options.no_warnings = true;
+  return options;
+}
+
+std::string qualified(const std::string& scope, const std::string& name) {
+  return scope.empty() ? name : scope + '.' + name;
+}
+
+class FailedParser final : public ParsedSoFar {
+ public:
+  explicit FailedParser(const flatbuffers::Parser& parser) : parser_(parser) {}
+
+  [[nodiscard]] std::string kind_of(const std::string& type) const override {
+    // A name is looked up in the namespace at the error, then outwards, as the parser does.
+    std::string scope;
+    if (parser_.current_namespace_ != nullptr) {
+      scope = parser_.current_namespace_->GetFullyQualifiedName("");
+    }
+    while (true) {
+      const std::string name = qualified(scope, type);
+      if (const auto* object = parser_.structs_.Lookup(name); object && !object->predecl) {
+        return object->fixed ? "struct" : "table";
+      }
+      if (const auto* enumeration = parser_.enums_.Lookup(name)) {
+        return enumeration->is_union ? "union" : "enum";
+      }
+      if (scope.empty()) return {};
+      const std::size_t dot = scope.rfind('.');
+      scope.resize(dot == std::string::npos ? 0 : dot);
+    }
+  }
+
+  [[nodiscard]] std::string similar_type(const std::string& type) const override {
+    std::vector<std::string_view> names;
+    for (const auto* object : parser_.structs_.vec) {
+      if (!object->predecl) names.push_back(object->name);
+    }
+    for (const auto* enumeration : parser_.enums_.vec)
+      names.push_back(enumeration->name);
+    return most_similar(type, names);
+  }
+
+ private:
+  const flatbuffers::Parser& parser_;
+};
+
+std::size_t take_number(std::string_view& text) {
+  std::size_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  if (error == std::errc{}) text.remove_prefix(static_cast<std::size_t>(end - text.data()));
+  return value;
+}
+
+/// Takes "<absolute path>:<line>: <column>: error: <message>" apart, which is how the parser says
+/// it.
+RawError take_apart(const flatbuffers::Parser& parser) {
+  std::string_view text = parser.error_;
+  const std::string path = flatbuffers::AbsolutePath(parser.file_being_parsed_) + ':';
+  if (text.starts_with(path)) text.remove_prefix(path.size());
+  RawError error;
+  error.line = take_number(text);
+  text.remove_prefix(std::min<std::size_t>(2, text.size()));
+  error.column_byte = take_number(text);
+  constexpr std::string_view kLead = ": error: ";
+  if (text.starts_with(kLead)) text.remove_prefix(kLead.size());
+  error.message = text;
+  return error;
+}
+
+/// Where the file that the error is in was included.
+std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const std::string& file) {
+  for (const auto& [includer, included_files] : parser.files_included_per_file_) {
+    for (const flatbuffers::IncludedFile& included : included_files) {
+      if (included.filename != file) continue;
+      const auto source = SourceFile::read(includer);
+      if (!source) return std::nullopt;
+      for (const Token& token : tokenize(*source)) {
+        if (token.kind == TokenKind::kString && token.value() == included.schema_name) {
+          return Note{source->locate(token.span()), "it is included here"};
+        }
+      }
+    }
+  }
+  return std::nullopt;
+}
+
+Diagnostic describe_failure(const flatbuffers::Parser& parser, const SourceFile& main_source) {
+  const RawError error = take_apart(parser);
+  const std::string& file = parser.file_being_parsed_;
+  if (file != main_source.path()) {
+    if (const auto included = SourceFile::read(file)) {
+      Diagnostic diagnostic = translate(error, *included, FailedParser(parser));
+      if (!diagnostic.note) diagnostic.note = place_of_include(parser, file);
+      return diagnostic;
+    }
+  }
+  return translate(error, main_source, FailedParser(parser));
+}
+
+}  // namespace
+
+ParseResult parse(const SourceFile& source, const CompileRequest& request) {
+  std::vector<const char*> include_paths;
+  for (const std::string& path : request.include_paths)
+    include_paths.push_back(path.c_str());
+  include_paths.push_back(nullptr);
+
+  const auto parser = std::make_unique<flatbuffers::Parser>(parser_options());
+  ParseResult result;
+  if (!parser->Parse(source.text().c_str(), include_paths.data(), source.path().c_str())) {
+    result.error = describe_failure(*parser, source);
+    return result;
+  }
+  parser->Serialize();
+  const std::uint8_t* bytes = parser->builder_.GetBufferPointer();
+  result.reflection.assign(bytes, bytes + parser->builder_.GetSize());
+  result.declaration_file =
+      flatbuffers::RelativeToRootPath(parser->opts.project_root, source.path());
+  result.source_files.push_back(source.path());
+  for (const std::string& file : parser->GetIncludedFilesRecursive(source.path())) {
+    if (file != source.path()) result.source_files.push_back(file);
+  }
+  return result;
+}
+
+}  // namespace rtpm::schema

@@ -1,0 +1,235 @@
+#include "reading/reflection.hpp"
+
+#include <flatbuffers/reflection_generated.h>
+
+#include <algorithm>
+#include <unordered_map>
+#include <utility>
+
+namespace rtpm::schema {
+namespace {
+
+// The model numbers the kinds as the reflection does, so that a cast is the conversion.
+static_assert(static_cast<int>(BaseType::kUnionType) == reflection::UType);
+static_assert(static_cast<int>(BaseType::kUint64) == reflection::ULong);
+static_assert(static_cast<int>(BaseType::kDouble) == reflection::Double);
+static_assert(static_cast<int>(BaseType::kObject) == reflection::Obj);
+static_assert(static_cast<int>(BaseType::kArray) == reflection::Array);
+
+std::string to_text(const flatbuffers::String* text) {
+  return text ? text->str() : std::string{};
+}
+
+Documentation read_documentation(
+    const flatbuffers::Vector<flatbuffers::Offset<flatbuffers::String>>* lines) {
+  Documentation documentation;
+  if (lines == nullptr) return documentation;
+  for (const auto* line : *lines)
+    documentation.push_back(line->str());
+  return documentation;
+}
+
+std::vector<Attribute> read_attributes(
+    const flatbuffers::Vector<flatbuffers::Offset<reflection::KeyValue>>* pairs) {
+  std::vector<Attribute> attributes;
+  if (pairs == nullptr) return attributes;
+  for (const auto* pair : *pairs)
+    attributes.push_back({to_text(pair->key()), to_text(pair->value())});
+  return attributes;
+}
+
+/// The kind in a type's slot `slot`, read as the number that it is: in bytes from elsewhere it may
+/// be none of the enumeration, which the reflection's own accessor must not be asked for.
+BaseType read_base_type(const reflection::Type& type, flatbuffers::voffset_t slot) {
+  const auto* table = reinterpret_cast<const flatbuffers::Table*>(&type);
+  return static_cast<BaseType>(table->GetField<std::uint8_t>(slot, reflection::None));
+}
+
+Type read_type(const reflection::Type* type) {
+  if (type == nullptr) return {};
+  Type result{.base = read_base_type(*type, reflection::Type::VT_BASE_TYPE),
+              .element = read_base_type(*type, reflection::Type::VT_ELEMENT),
+              .index = std::nullopt,
+              .fixed_length = type->fixed_length()};
+  if (type->index() >= 0) result.index = static_cast<std::size_t>(type->index());
+  return result;
+}
+
+Field read_field(const reflection::Field& field) {
+  return {.name = to_text(field.name()),
+          .type = read_type(field.type()),
+          .id = field.id(),
+          .offset = field.offset(),
+          .default_integer = field.default_integer(),
+          .default_real = field.default_real(),
+          .is_required = field.required(),
+          .is_optional = field.optional(),
+          .is_deprecated = field.deprecated(),
+          .is_key = field.key(),
+          .unit = {},
+          .frame = {},
+          .range = {},
+          .attributes = read_attributes(field.attributes()),
+          .documentation = read_documentation(field.documentation()),
+          .location = {}};
+}
+
+Object read_object(const reflection::Object& object) {
+  Object result{.name = to_text(object.name()),
+                .is_struct = object.is_struct(),
+                .alignment = static_cast<std::size_t>(std::max(object.minalign(), 1)),
+                .byte_size = static_cast<std::size_t>(std::max(object.bytesize(), 0)),
+                .fields = {},
+                .event_id = {},
+                .event_fingerprint = 0,
+                .attributes = read_attributes(object.attributes()),
+                .documentation = read_documentation(object.documentation()),
+                .declaration_file = to_text(object.declaration_file()),
+                .location = {}};
+  for (const auto* field : *object.fields())
+    result.fields.push_back(read_field(*field));
+  // The reflection has them by name, for its own search.
+  std::sort(result.fields.begin(), result.fields.end(),
+            [](const Field& a, const Field& b) { return a.id < b.id; });
+  return result;
+}
+
+Enum read_enum(const reflection::Enum& enumeration) {
+  Enum result{.name = to_text(enumeration.name()),
+              .is_union = enumeration.is_union(),
+              .underlying = read_type(enumeration.underlying_type()).base,
+              .values = {},
+              .documentation = read_documentation(enumeration.documentation()),
+              .declaration_file = to_text(enumeration.declaration_file()),
+              .location = {}};
+  for (const auto* value : *enumeration.values()) {
+    result.values.push_back({.name = to_text(value->name()),
+                             .value = value->value(),
+                             .union_type = read_type(value->union_type()),
+                             .documentation = read_documentation(value->documentation()),
+                             .location = {}});
+  }
+  return result;
+}
+
+/// Finds tables by name, for the requests and replies of methods.
+using ObjectIndex = std::unordered_map<std::string, std::size_t>;
+
+/// Nothing if a method's request or reply is not among `objects`.
+std::optional<Service> read_service(const reflection::Service& service,
+                                    const ObjectIndex& objects) {
+  Service result{.name = to_text(service.name()),
+                 .fingerprint = 0,
+                 .methods = {},
+                 .priority_model = {},
+                 .priority = {},
+                 .attributes = read_attributes(service.attributes()),
+                 .documentation = read_documentation(service.documentation()),
+                 .location = {}};
+  if (service.calls() == nullptr) return result;
+  for (const auto* call : *service.calls()) {
+    const auto request = objects.find(to_text(call->request()->name()));
+    const auto reply = objects.find(to_text(call->response()->name()));
+    if (request == objects.end() || reply == objects.end()) return std::nullopt;
+    Method method;
+    method.name = to_text(call->name());
+    method.request.table = request->second;
+    method.reply.table = reply->second;
+    method.attributes = read_attributes(call->attributes());
+    method.documentation = read_documentation(call->documentation());
+    result.methods.push_back(std::move(method));
+  }
+  return result;
+}
+
+bool is_valid(const Type& type, const Model& model) {
+  if (type.base > BaseType::kArray || type.element > BaseType::kArray) return false;
+  const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
+  if (!type.index) return !is_object;
+  return *type.index < (is_object ? model.objects.size() : model.enums.size());
+}
+
+/// Whether every type refers to something that is there: later code relies on it.
+bool is_closed(const Model& model) {
+  for (const Object& object : model.objects) {
+    for (const Field& field : object.fields) {
+      if (!is_valid(field.type, model)) return false;
+    }
+  }
+  for (const Enum& enumeration : model.enums) {
+    for (const EnumValue& value : enumeration.values) {
+      if (!is_valid(value.union_type, model)) return false;
+    }
+  }
+  return true;
+}
+
+/// The file that a .bfbs was most likely made of. FlatBuffers' own compiler writes no root.
+std::string main_file(const reflection::Schema& schema) {
+  if (schema.services() != nullptr && schema.services()->size() != 0) {
+    return to_text(schema.services()->Get(0)->declaration_file());
+  }
+  return schema.objects()->size() == 0 ? std::string{}
+                                       : to_text(schema.objects()->Get(0)->declaration_file());
+}
+
+/// `declaration_file` nullptr: all services, and the main file is what main_file() says.
+std::optional<Model> read_schema(std::span<const std::uint8_t> bytes,
+                                 const std::string* declaration_file) {
+  // Generous limits: a type is visited once for every method that takes it.
+  flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
+                                 /*max_tables=*/1'000'000'000);
+  if (!reflection::VerifySchemaBuffer(verifier)) return std::nullopt;
+  const reflection::Schema& schema = *reflection::GetSchema(bytes.data());
+  Model model;
+  model.feature_bits = static_cast<std::uint64_t>(schema.advanced_features());
+  model.declaration_file = declaration_file ? *declaration_file : main_file(schema);
+  ObjectIndex objects;
+  for (const auto* object : *schema.objects()) {
+    objects.emplace(to_text(object->name()), model.objects.size());
+    model.objects.push_back(read_object(*object));
+  }
+  for (const auto* enumeration : *schema.enums())
+    model.enums.push_back(read_enum(*enumeration));
+  if (!is_closed(model)) return std::nullopt;
+  if (schema.services() == nullptr) return model;
+  for (const auto* service : *schema.services()) {
+    if (declaration_file && to_text(service->declaration_file()) != *declaration_file) continue;
+    std::optional<Service> result = read_service(*service, objects);
+    if (!result) return std::nullopt;
+    for (Method& method : result->methods) {
+      method.request = payload_of(model, method.request.table);
+      method.reply = payload_of(model, method.reply.table);
+    }
+    model.services.push_back(std::move(*result));
+  }
+  return model;
+}
+
+}  // namespace
+
+std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
+                                     const std::string& declaration_file) {
+  return read_schema(bytes, &declaration_file);
+}
+
+std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes) {
+  return read_schema(bytes, nullptr);
+}
+
+Payload payload_of(const Model& model, std::size_t table) {
+  const Object& object = model.objects[table];
+  if (object.fields.empty() && object.name == "rtpm.Empty") {
+    return {.kind = PayloadKind::kEmpty, .table = table, .struct_index = std::nullopt};
+  }
+  if (object.fields.size() == 1 && !object.is_struct) {
+    const Field& field = object.fields.front();
+    if (field.type.base == BaseType::kObject && field.is_required && !field.is_deprecated &&
+        model.objects[*field.type.index].is_struct) {
+      return {.kind = PayloadKind::kStruct, .table = table, .struct_index = field.type.index};
+    }
+  }
+  return {.kind = PayloadKind::kTable, .table = table, .struct_index = std::nullopt};
+}
+
+}  // namespace rtpm::schema
