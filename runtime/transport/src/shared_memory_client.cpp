@@ -20,7 +20,7 @@ namespace rtpm::transport {
 namespace {
 
 // How long a caller waits for room in its ring before it gives the server up.
-constexpr Duration kSendPatience = std::chrono::milliseconds{100};
+constexpr Duration kServerPatience = std::chrono::milliseconds{100};
 // Looks at the ring per receive(): together they take several times as long as what callers do
 // between two, such as to read the clock, so that a reply seldom comes when nobody looks.
 constexpr int kLookCount = 128;
@@ -41,7 +41,7 @@ class SharedMemoryTransport final : public ClientTransport {
     // The clock is read only where there is no room.
     auto sent = connection_.send(frame, MonotonicTime::min());
     if (!sent && sent.error() == IoError::kFull) {
-      sent = connection_.send(frame, rt::now() + kSendPatience);
+      sent = connection_.send(frame, rt::now() + kServerPatience);
     }
     return sent;
   }
