@@ -60,7 +60,7 @@ rtpm::expected<void, rtpm::rpc::SetupError> link(rtpm::events::Hub& hub, rtpm::r
   rtpm::events::LinkConfig link;
   link.priority = configuration.link_priority;
   link.realtime = configuration.settings.server.realtime;
-  // So that the other hub's report tells them apart.
+  // Distinguishes the links in the other hub's report.
   if (!configuration.name.empty()) link.name = configuration.name;
   for (const std::string& target : configuration.links) {
     if (auto linked = hub.link(node, target, link); !linked) return linked;
@@ -107,7 +107,7 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
   rtpm::eventd::HubLog log(**hub);
   while (!stop.wait_for(std::chrono::milliseconds{250}))
-    log.write_disconnects();
+    log.write_changes();
   name.reset();
   (*server)->stop();
   return 0;
@@ -116,16 +116,15 @@ int serve(const Configuration& configuration) {
 void add_multicast(rtpm::options::Options& options, Configuration& configuration) {
   rtpm::events::MulticastConfig& multicast = configuration.multicast;
   multicast.group.group.clear();
-  options.add(
-      "multicast", multicast.group.group,
-      "Group that events are sent to for those who ask for it, such as 239.255.42.1; empty: none");
+  options.add("multicast", multicast.group.group,
+              "Multicast group for consumers that request it, such as 239.255.42.1; empty: none");
   options.add("multicast-port", multicast.group.port, "The group's port", {1, 65'535});
   options.add("multicast-interface", multicast.group.interface,
-              "Address of the interface to send by; empty: as the system's routes say");
+              "Address of the sending interface; empty: by the routing table");
   options.add("multicast-hops", configuration.multicast_hops,
-              "How many networks the group spans: 0 this host, 1 the LAN", {0, 255});
-  options.add("multicast-history", multicast.history_count,
-              "Datagrams that are kept for those who missed them", {8, 1'000'000});
+              "Scope of the group: 0 this host, 1 the LAN", {0, 255});
+  options.add("multicast-history", multicast.history_count, "Datagrams kept for repair",
+              {8, 1'000'000});
 }
 
 }  // namespace
@@ -136,22 +135,21 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server = rtpm::events::server_config_for({});
   server.port = rtpm::events::kDefaultHubPort;
-  // Two bands: what is urgent is not sent behind what is not.
+  // Two bands: urgent events do not queue behind others.
   server.lanes = {{.name = "events-low", .low = 0}, {.name = "events-high", .low = 16'384}};
   rtpm::options::add_server(options, configuration.settings);
   options.add_registry(configuration.registry);
   options.add("name", configuration.name, "Name to bind at the registry; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
-              "Take the name from another server that holds it, at the start");
-  options.add("subscriptions-max", configuration.subscriptions_max, "How many consumers it serves",
+              "At the start, take the name from another server");
+  options.add("subscriptions-max", configuration.subscriptions_max, "Maximum number of consumers",
               {1, 1024});
   options.add("history", configuration.history,
-              "Events of each type and source that late joiners may get", {0, 64});
-  options.add("quota", configuration.quota, "Events a second that one supplier may push");
+              "Events of each type and source kept for late joiners", {0, 64});
+  options.add("quota", configuration.quota, "Events per second of one supplier");
   options.add("link", configuration.links,
-              "Hubs, by name or URL, that are asked for what the consumers here want");
-  options.add("link-priority", configuration.link_priority,
-              "Priority at which events come over the links");
+              "Hubs, by name or URL, to subscribe to for the consumers of this hub");
+  options.add("link-priority", configuration.link_priority, "Priority of the links");
   add_multicast(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   return serve(configuration);

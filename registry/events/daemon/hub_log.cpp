@@ -4,7 +4,7 @@
 
 namespace rtpm::eventd {
 
-void HubLog::write_disconnects() {
+void HubLog::write_changes() {
   for (const events::Disconnect& each : hub_.disconnects(disconnect_number_)) {
     if (each.number > disconnect_number_ + 1) {
       log_.write(std::to_string(each.number - disconnect_number_ - 1) +

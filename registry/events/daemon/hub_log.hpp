@@ -9,15 +9,15 @@
 
 namespace rtpm::eventd {
 
-/// Says on standard error what happens to a hub: a sentence for each consumer that is gone, unless
-/// it unsubscribed, and for each link whose state changes; not more than a reader can follow.
+/// Writes a hub's disconnects (without unsubscriptions) and changes of its links to standard error,
+/// rate-limited.
 /// @ownership refers to the hub
 /// @threads  one, time-shared
 class HubLog {
  public:
   explicit HubLog(const events::Hub& hub) : hub_(hub) {}
-  /// Says what happened since it was last called.
-  void write_disconnects();
+  /// Writes what happened since the last call.
+  void write_changes();
 
  private:
   const events::Hub& hub_;

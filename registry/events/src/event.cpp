@@ -68,7 +68,7 @@ expected<EventView, EventError> EventReader::next() noexcept {
   event.header.is_replayed = (flags & kFlagReplayed) != 0;
   event.header.is_continued = (flags & kFlagContinued) != 0;
   event.payload = reader.take_bytes(payload_size);
-  // The last event's padding may be left out.
+  // The last event's padding is optional.
   bytes_ = bytes_.subspan(std::min(bytes_.size(), event_span(payload_size)));
   return event;
 }

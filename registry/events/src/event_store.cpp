@@ -31,7 +31,7 @@ EventStore::EventStore(const StoreConfig& config) {
 }
 
 EventRef EventStore::put(const EventView& event) noexcept {
-  // A larger place is taken where the right ones are all held.
+  // Falls back to larger slots.
   for (Class& each : classes_) {
     if (each.payload_size_max < event.payload.size() || each.first_free == kNone) continue;
     Slot& slot = slots_[each.first_free];

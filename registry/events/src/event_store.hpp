@@ -12,21 +12,21 @@ namespace rtpm::events {
 
 class EventRef;
 
-/// Events that several queues, conjunctions and histories hold at a time, each kept once.
-/// @ownership all its memory, taken when built; must outlive every EventRef
-/// @threads  one at a time, with its references
-/// @realtime alloc-free but for construction
+/// Stores each event once for all queues, conjunctions and histories that refer to it.
+/// @ownership its memory, allocated when built; must outlive every EventRef
+/// @threads  one at a time, including its references
+/// @realtime alloc-free except construction
 class EventStore {
  public:
   explicit EventStore(const StoreConfig& config = {});
   EventStore(const EventStore&) = delete;
   EventStore& operator=(const EventStore&) = delete;
 
-  /// Copies the event; empty if none of its size can be held now, or ever.
+  /// Copies the event; empty if no slot of its size is free or exists.
   [[nodiscard]] EventRef put(const EventView& event) noexcept;
   /// The largest payload.
   [[nodiscard]] std::uint32_t payload_size_max() const noexcept { return payload_size_max_; }
-  /// How many events it holds now.
+  /// Events stored.
   [[nodiscard]] std::size_t count() const noexcept { return held_count_; }
 
  private:
@@ -57,8 +57,8 @@ class EventStore {
   std::size_t held_count_ = 0;
 };
 
-/// Holds one event of a store.
-/// @ownership shares the event
+/// A reference to an event of a store.
+/// @ownership shared: reference-counted
 /// @threads  as its store
 /// @realtime as its store
 class EventRef {
@@ -79,7 +79,7 @@ class EventRef {
   }
 
   [[nodiscard]] explicit operator bool() const noexcept { return slot_ != nullptr; }
-  /// It must not be empty.
+  /// Requires a non-empty reference, like payload() and view().
   [[nodiscard]] const EventHeader& header() const noexcept { return slot_->header; }
   [[nodiscard]] ConstBytes payload() const noexcept { return {slot_->memory, slot_->payload_size}; }
   [[nodiscard]] EventView view() const noexcept { return {header(), payload()}; }

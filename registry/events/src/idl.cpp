@@ -63,7 +63,7 @@ std::optional<Filter> filter_of(const FilterNode& node, std::size_t& budget) {
 }  // namespace
 
 std::optional<Filter> filter_of(const FilterNode& node) {
-  // One more than is allowed, so that the compiler can say what is wrong.
+  // One more than allowed, so that the compiler reports the error.
   std::size_t budget = kFilterNodeCountMax + 1;
   return filter_of(node, budget);
 }
@@ -133,7 +133,7 @@ OwnedDescriptor descriptor_of(const TypeEntry& entry) {
                             .path = {.offset = each->offset()},
                             .default_value = scalar_of(each->default_value())};
       const auto* slots = each->slots();
-      // One too many is kept as that: the catalog refuses it.
+      // Keeps one too many, which the catalog refuses.
       const std::size_t count = slots == nullptr ? 0 : slots->size();
       field.path.slot_count =
           static_cast<std::uint8_t>(std::min<std::size_t>(count, FieldPath::kSlotCountMax + 1));

@@ -10,28 +10,27 @@
 #include "rtpm/events/filter.hpp"
 #include "rtpm/events/scalar.hpp"
 
-/// Between the library's words and those of its IDL.
+/// Conversions between the library's types and the IDL's.
 namespace rtpm::events {
 
-/// The filter of an untrusted request; nothing if it has more nodes than any may have, or a kind
-/// that there is not: a table may stand in many places at once, so that a few bytes are a huge
-/// tree.
+/// The filter of an untrusted request; nullopt if it has too many nodes or an unknown kind. Shared
+/// tables can make a huge tree of a few bytes.
 [[nodiscard]] std::optional<Filter> filter_of(const FilterNode& node);
 [[nodiscard]] std::unique_ptr<FilterNodeT> entry_of(const Filter& filter);
 
 [[nodiscard]] std::optional<DeliveryPolicy> policy_of(const DeliveryEntry& entry);
 [[nodiscard]] std::unique_ptr<DeliveryEntryT> entry_of(const DeliveryPolicy& policy);
 
-/// A description that came in a request, and what it refers to.
+/// A descriptor from a request, with the data that it refers to.
 struct OwnedDescriptor {
   std::vector<FieldDescriptor> fields{};
   EventDescriptor descriptor{};
 };
-/// Views the request's texts.
+/// Refers to the request's texts.
 [[nodiscard]] OwnedDescriptor descriptor_of(const TypeEntry& entry);
 [[nodiscard]] std::unique_ptr<TypeEntryT> entry_of(const EventDescriptor& descriptor);
 
-/// Why a hub refused, in its words, for people.
+/// The text of a hub's refusal, escaped.
 [[nodiscard]] std::string refusal_of(const flatbuffers::String& text);
 
 [[nodiscard]] inline LossCounts counts_of(const Losses& losses) {

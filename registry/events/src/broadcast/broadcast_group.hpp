@@ -7,17 +7,17 @@
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/events/event.hpp"
 
-/// The events of one delivery as many consumers read them: from the ring, or by multicast.
+/// Encoding of a delivery in ring and multicast.
 namespace rtpm::events {
 
-/// Writes the delivery into `room`, which is large enough for it, as sent at `now`; gives what is
-/// filled.
+/// Encodes the delivery into `room`, which must be large enough, as sent at `now`; returns the used
+/// part.
 /// @realtime alloc-free
 [[nodiscard]] ConstBytes encode_group(std::span<const EventRef> group, MonotonicTime now,
                                       MutableBytes room) noexcept;
 
-/// Reads a delivery into `group`, which has room for kGroupSizeMax events; they view `bytes`. False
-/// if these are none.
+/// Decodes a delivery into `group`, whose capacity is kGroupSizeMax; its events refer to `bytes`.
+/// False if malformed.
 /// @realtime alloc-free
 [[nodiscard]] bool decode_group(ConstBytes bytes, std::vector<EventView>& group) noexcept;
 

@@ -17,11 +17,11 @@ constexpr std::uint32_t kAwaited = 2;    // The consumer's own thread waits for 
 constexpr std::uint32_t kLookAgain = 4;  // The reader came by while it was claimed.
 
 constexpr Duration kClaimLookInterval = 100ms;
-// How long a handler may keep others waiting until their own threads take over.
+// How long a handler may delay others before their own threads take over.
 constexpr Duration kGuardPatience = 100us;
-// Where events come without a pause the guard looks less often.
+// Under continuous load the guard checks less often.
 constexpr Duration kGuardPatienceMax = 1ms;
-// A call that is not quick counts as so many that are.
+// A slow call outweighs this many quick ones.
 constexpr int kSlowCallWeight = 8;
 constexpr int kSlownessMax = 3 * kSlowCallWeight;
 
@@ -38,7 +38,7 @@ Registry& registry() {
 }  // namespace
 
 void ReaderSeat::claim() noexcept {
-  // SYNC POINT reader-seat: whoever claims it sees what the last holder did.
+  // SYNC POINT reader-seat: a new holder sees what the last one did.
   while ((state_.fetch_or(kClaimed, std::memory_order_acq_rel) & kClaimed) != 0) {
     if ((state_.fetch_or(kAwaited, std::memory_order_acq_rel) & kClaimed) != 0) {
       rest(rt::now() + kClaimLookInterval);
@@ -105,7 +105,7 @@ CommonReader::~CommonReader() {
   is_stopping_.store(true, std::memory_order_release);
   lead_call_.post();
   guard_call_.post();
-  // They may sleep there. Others wake, too, and find nothing.
+  // They may sleep there; others wake spuriously.
   if (lead_.is_running()) source_->stop();
 }
 
@@ -120,7 +120,7 @@ bool CommonReader::start_threads() {
   config.name = "ev-guard";
   auto guard = lead ? rt::Thread::start(config, [this] { this->guard(); }) : std::move(lead);
   if (guard) guard_ = std::move(*guard);
-  // Then each consumer's own thread goes on serving it.
+  // The consumers' own threads continue to serve.
   has_failed_ = !guard_.is_running();
   return !has_failed_;
 }
@@ -138,14 +138,14 @@ void CommonReader::leave(const std::shared_ptr<ReaderSeat>& seat) {
   decide();
 }
 
-// With the mutex held, behind each change.
+// Requires the mutex; called after each change.
 void CommonReader::decide() {
   std::uint32_t bits = 0;
   for (const auto& each : seats_)
     bits |= each->wake_bits();
   const std::uint32_t earlier_bits = wake_bits_.exchange(bits);
   version_.fetch_add(1, std::memory_order_release);
-  // Where it has to fetch anyway, it may as well serve a single one.
+  // A reader that has to fetch anyway serves a single consumer, too.
   const std::size_t count_min = source_->must_be_fetched() ? 1 : kSeatCountMin;
   const bool serves = !is_dispersed_ && seats_.size() >= count_min && start_threads();
   if (serves_.exchange(serves, std::memory_order_acq_rel) != serves) {
@@ -156,9 +156,9 @@ void CommonReader::decide() {
       for (const auto& each : seats_)
         each->call();
     }
-    source_->relieve();
+    source_->interrupt_fetch();
   }
-  // Who sleeps for less than it is to sleep for now wakes, and sleeps anew.
+  // Wakes sleepers with outdated bits.
   if ((bits & ~earlier_bits) != 0 && serves) source_->ring(earlier_bits);
 }
 
@@ -167,7 +167,7 @@ void CommonReader::decide() {
 void CommonReader::lead() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (!serves()) {
-      // Dispersed just behind the end of the handler that was the reason: there is none any more.
+      // Dispersed just after the handler in question had returned: resume.
       if (!gather(nullptr, MonotonicTime{})) static_cast<void>(lead_call_.wait_until(kNever));
       continue;
     }
@@ -186,7 +186,7 @@ void CommonReader::take_over_seats() noexcept {
   served_version_ = version_.load(std::memory_order_relaxed);
 }
 
-// One delivery to each, so that who has many does not keep others waiting.
+// One delivery per consumer, so that a busy one does not delay others.
 bool CommonReader::pass() noexcept {
   bool has_delivered = false;
   last_time_ = rt::now();
@@ -203,7 +203,7 @@ bool CommonReader::serve(ReaderSeat& seat) noexcept {
   }
   call_.fetch_add(1, std::memory_order_acq_rel);
   const auto taking = seat.member().take_one();
-  // SYNC POINT reader-call: the guard either sees the call's end or is seen here.
+  // SYNC POINT reader-call: either the guard sees the end of the call, or this sees the dispersal.
   call_.fetch_add(1, std::memory_order_seq_cst);
   if (taking == ReaderSeat::Member::Taking::kDelivered) {
     const MonotonicTime now = rt::now();
@@ -214,14 +214,14 @@ bool CommonReader::serve(ReaderSeat& seat) noexcept {
   } else if (taking == ReaderSeat::Member::Taking::kApart) {
     seat.set_common(false);
   }
-  // Its own thread is to go on.
+  // Its own thread continues.
   const bool is_apart = !seat.is_common();
   const bool is_again = seat.release();
   if (is_apart) seat.call();
   return taking == ReaderSeat::Member::Taking::kDelivered || is_again;
 }
 
-// Behind a handler that kept the others waiting, that of `slow`.
+// Ends a dispersal, after the handler of `slow` has returned.
 bool CommonReader::gather(ReaderSeat* slow, MonotonicTime now) noexcept {
   const std::lock_guard lock(mutex_);
   if (!std::exchange(is_dispersed_, false)) return false;
@@ -253,7 +253,7 @@ void CommonReader::guard() noexcept {
         continue;
       }
       if (!is_same) {
-        // It is with another by now.
+        // Another handler runs.
         patience = std::min(2 * patience, kGuardPatienceMax);
         continue;
       }

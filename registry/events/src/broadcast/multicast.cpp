@@ -54,20 +54,20 @@ std::optional<MulticastDatagram> read_multicast(ConstBytes datagram) noexcept {
   return found;
 }
 
-// --- the end that writes -----------------------------------------------------------------------
+// --- writer -----------------------------------------------------------------------
 
 MulticastWriter::MulticastWriter(std::uint64_t id, std::size_t history_count)
-    : id_(id), places_(std::max<std::size_t>(history_count, 8)) {}
+    : id_(id), slots_(std::max<std::size_t>(history_count, 8)) {}
 
 bool MulticastWriter::fits(std::size_t owner_count, std::size_t size) const noexcept {
   if (owner_count == 0 || owner_count > kMulticastOwnerCountMax || size == 0) return false;
   const std::size_t room = kMulticastDatagramMax - kMulticastHeaderSize;
-  return (owner_count * kOwnerSize + size) / room < places_.size() / 4;
+  return (owner_count * kOwnerSize + size) / room < slots_.size() / 4;
 }
 
 ConstBytes MulticastWriter::make(std::span<const std::uint32_t> owners, ConstBytes events,
                                  std::size_t& offset) noexcept {
-  Place& place = places_[next_ % places_.size()];
+  Slot& slot = slots_[next_ % slots_.size()];
   MulticastHeader header{.id = id_,
                          .sequence = next_++,
                          .record_size = static_cast<std::uint32_t>(events.size()),
@@ -76,16 +76,16 @@ ConstBytes MulticastWriter::make(std::span<const std::uint32_t> owners, ConstByt
   if (offset == 0) {
     header.owner_count = static_cast<std::uint16_t>(owners.size());
     for (const std::uint32_t owner : owners) {
-      store_le(place.bytes + at, owner);
+      store_le(slot.bytes + at, owner);
       at += kOwnerSize;
     }
   }
-  put_header(header, place.bytes);
+  put_header(header, slot.bytes);
   const std::size_t size = std::min(kMulticastDatagramMax - at, events.size() - offset);
-  std::memcpy(place.bytes + at, events.data() + offset, size);
-  place.size = at + size;
+  std::memcpy(slot.bytes + at, events.data() + offset, size);
+  slot.size = at + size;
   offset += size;
-  return {place.bytes, place.size};
+  return {slot.bytes, slot.size};
 }
 
 ConstBytes MulticastWriter::heartbeat() noexcept {
@@ -95,14 +95,14 @@ ConstBytes MulticastWriter::heartbeat() noexcept {
 
 ConstBytes MulticastWriter::datagram(std::uint64_t sequence) const noexcept {
   if (sequence < oldest_sequence() || sequence >= next_) return {};
-  const Place& place = places_[sequence % places_.size()];
-  return {place.bytes, place.size};
+  const Slot& slot = slots_[sequence % slots_.size()];
+  return {slot.bytes, slot.size};
 }
 
-// --- the end that reads ------------------------------------------------------------------------
+// --- reader ------------------------------------------------------------------------
 
 MulticastReader::MulticastReader(std::uint64_t id, std::uint32_t owner, std::uint64_t begin)
-    : id_(id), owner_(owner), expected_(begin), end_(begin), places_(kWindow) {}
+    : id_(id), owner_(owner), expected_(begin), end_(begin), slots_(kWindow) {}
 
 bool MulticastReader::take(ConstBytes datagram) noexcept {
   const auto found = read_multicast(datagram);
@@ -110,12 +110,12 @@ bool MulticastReader::take(ConstBytes datagram) noexcept {
   const std::uint64_t sequence = found->header.sequence;
   const bool is_heartbeat = found->header.record_size == 0;
   end_ = std::max(end_, is_heartbeat ? sequence : sequence + 1);
-  // ev-7.2-1: what was read, or is too far ahead to be kept, can be asked for.
+  // ev-7.2-1: ignores what was read; what is too far ahead can be requested again.
   if (is_heartbeat || sequence < expected_ || sequence - expected_ >= kWindow) return true;
-  Place& place = places_[sequence % kWindow];
-  place.sequence = sequence;
-  place.size = datagram.size();
-  std::memcpy(place.bytes, datagram.data(), datagram.size());
+  Slot& slot = slots_[sequence % kWindow];
+  slot.sequence = sequence;
+  slot.size = datagram.size();
+  std::memcpy(slot.bytes, datagram.data(), datagram.size());
   return true;
 }
 
@@ -127,15 +127,15 @@ bool MulticastReader::read() {
       has_lost_ = false;
       known_at_.reset();
     }
-    const Place& place = places_[expected_ % kWindow];
-    if (place.sequence != expected_) return false;
+    const Slot& slot = slots_[expected_ % kWindow];
+    if (slot.sequence != expected_) return false;
     ++expected_;
-    const auto datagram = read_multicast({place.bytes, place.size});
+    const auto datagram = read_multicast({slot.bytes, slot.size});
     if (datagram && append(*datagram)) return true;
   }
 }
 
-// True if the record is whole, and the owner's.
+// True if this completes a record of the owner.
 bool MulticastReader::append(const MulticastDatagram& datagram) {
   const MulticastHeader& header = datagram.header;
   if (header.offset == 0) {
@@ -147,7 +147,7 @@ bool MulticastReader::append(const MulticastDatagram& datagram) {
     const std::size_t lines = (record_size_ + sizeof(Line) - 1) / sizeof(Line);
     if (is_wanted_ && record_.size() < lines) record_.resize(lines);
   }
-  // Its begin was lost.
+  // Its beginning was lost.
   if (header.offset != filled_ || header.record_size != record_size_) is_wanted_ = false;
   filled_ = header.offset + datagram.bytes.size();
   if (!is_wanted_) return false;
@@ -162,13 +162,13 @@ bool MulticastReader::append(const MulticastDatagram& datagram) {
 std::optional<MulticastReader::Gap> MulticastReader::gap() const noexcept {
   const std::uint64_t end = std::min(end_, expected_ + kWindow);
   std::uint64_t first = expected_;
-  while (first < end && places_[first % kWindow].sequence == first)
+  while (first < end && slots_[first % kWindow].sequence == first)
     ++first;
   if (first == end) return std::nullopt;
   Gap gap{first, 0};
   for (std::uint64_t i = 0; i < 64 && first + 1 + i < end; ++i) {
     const std::uint64_t sequence = first + 1 + i;
-    if (places_[sequence % kWindow].sequence != sequence) gap.later |= std::uint64_t{1} << i;
+    if (slots_[sequence % kWindow].sequence != sequence) gap.later |= std::uint64_t{1} << i;
   }
   return gap;
 }

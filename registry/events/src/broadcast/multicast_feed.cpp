@@ -5,7 +5,7 @@
 namespace rtpm::events {
 namespace {
 
-// So many are taken in one go, for which those who read wait.
+// Datagrams received per lock.
 constexpr int kDatagramsPerTurn = 64;
 
 }  // namespace
@@ -26,7 +26,7 @@ void MulticastFeed::fetch(std::uint32_t seen, std::uint32_t) noexcept {
   if (is_stopped_.load(std::memory_order_acquire) || value() != seen) return;
   std::array<transport::SourceTag, 2> ready{};
   static_cast<void>(wait_set_->wait(kNever, ready));
-  // SYNC POINT bell: what there is to see was written before it rings.
+  // SYNC POINT bell: data is written before the doorbell rings.
   if (take_in()) bell_.ring(~0U);
 }
 
@@ -35,9 +35,9 @@ bool MulticastFeed::take_in() noexcept {
   const std::uint64_t begin = end();
   std::uint64_t next = begin;
   for (int i = 0; i < kDatagramsPerTurn; ++i) {
-    Place& place = places_[next % kHistoryCount];
-    place.size = receiver_.receive(place.bytes).size();
-    if (place.size == 0) break;
+    Slot& slot = slots_[next % kHistoryCount];
+    slot.size = receiver_.receive(slot.bytes).size();
+    if (slot.size == 0) break;
     ++next;
   }
   end_.store(next, std::memory_order_release);

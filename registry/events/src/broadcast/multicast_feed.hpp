@@ -17,24 +17,24 @@
 
 namespace rtpm::events {
 
-/// A hub's multicast as a program receives it once for several consumers: by one socket, into
-/// memory that keeps the last datagrams for those who are late.
+/// Receives a hub's multicast once for several consumers: one socket, and a history of datagrams
+/// for slow ones.
 /// @ownership a socket, two further descriptors, 1.4 MiB
 /// @threads  any
 /// @realtime alloc-free
 class MulticastFeed final : public ReaderSource {
  public:
-  /// So many datagrams are kept. Who falls behind further asks the hub, as for what is lost.
+  /// Datagrams kept. A slower consumer requests repair from the hub.
   static constexpr std::uint64_t kHistoryCount = 1024;
 
-  /// Joins the group; null if the system does not let it.
+  /// Joins the group; null if the system refuses.
   /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<MulticastFeed> open(const transport::MulticastGroup& group);
 
-  /// Where the next datagram will be.
+  /// Position of the next datagram.
   [[nodiscard]] std::uint64_t end() const noexcept { return end_.load(std::memory_order_acquire); }
-  /// Calls take(ConstBytes) with what is kept from `position` on, at most `count_max` datagrams,
-  /// and gives where to go on.
+  /// Calls take(ConstBytes) for up to `count_max` kept datagrams from `position` on; returns the
+  /// next position.
   template <class Take>
   [[nodiscard]] std::uint64_t read(std::uint64_t position, std::uint64_t count_max,
                                    Take take) noexcept {
@@ -43,8 +43,8 @@ class MulticastFeed final : public ReaderSource {
     position = std::max(position, end() - std::min(end(), kHistoryCount));
     const std::uint64_t last = std::min(end(), position + count_max);
     for (; position != last; ++position) {
-      const Place& place = places_[position % kHistoryCount];
-      take(ConstBytes(place.bytes).first(place.size));
+      const Slot& slot = slots_[position % kHistoryCount];
+      take(ConstBytes(slot.bytes).first(slot.size));
     }
     return position;
   }
@@ -56,11 +56,11 @@ class MulticastFeed final : public ReaderSource {
   void ring(std::uint32_t bits) noexcept override { bell_.ring(bits); }
   [[nodiscard]] bool must_be_fetched() const noexcept override { return true; }
   void fetch(std::uint32_t seen, std::uint32_t bits) noexcept override;
-  void relieve() noexcept override { wait_set_->ring(); }
+  void interrupt_fetch() noexcept override { wait_set_->ring(); }
   void stop() noexcept override;
 
  private:
-  struct Place {
+  struct Slot {
     std::size_t size = 0;
     std::array<std::byte, kMulticastDatagramMax> bytes{};
   };
@@ -69,16 +69,16 @@ class MulticastFeed final : public ReaderSource {
       : receiver_(std::move(receiver)),
         wait_set_(std::move(wait_set)),
         bell_(std::move(bell)),
-        places_(kHistoryCount) {}
+        slots_(kHistoryCount) {}
   [[nodiscard]] bool take_in() noexcept;
 
   transport::MulticastReceiver receiver_;
-  rt::PiMutex fetching_;  ///< Held by the one who fetches, while it waits, too.
+  rt::PiMutex fetching_;  ///< Held by the fetching thread, even while it waits.
   std::unique_ptr<transport::WaitSet> wait_set_;
   transport::BroadcastBell bell_;
   std::atomic<bool> is_stopped_{false};
-  rt::PiMutex mutex_;  ///< Of the places.
-  std::vector<Place> places_;
+  rt::PiMutex mutex_;  ///< Of the slots.
+  std::vector<Slot> slots_;
   std::atomic<std::uint64_t> end_{0};
 };
 

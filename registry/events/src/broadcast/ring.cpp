@@ -13,8 +13,8 @@ namespace {
 constexpr std::uint64_t kMagic = 0x3147'4e49'5250'5452;  // "RTPRING1"
 constexpr std::size_t kWord = sizeof(std::uint64_t);
 
-// A record is two words (its position, then how long it is), the places it is for, and events; both
-// parts are filled up to 16 bytes. One without places only fills the ring's end.
+// A record: position, shape, the slots it is for, and events, each part padded to 16 bytes. A
+// record without slots fills the ring's end.
 constexpr std::size_t kRecordHeaderSize = 16;
 constexpr std::size_t kRecordAlignment = 16;
 
@@ -22,15 +22,15 @@ constexpr std::size_t rounded(std::size_t size) noexcept {
   return (size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
 }
 
-// Bits 0…31 the span, 32…47 the words of places, 48…63 the events' number; all of a record.
+// A record's size, words of slots and bytes of events; see pack().
 struct Shape {
   std::uint64_t span = 0;
-  std::uint64_t place_words = 0;
+  std::uint64_t slot_words = 0;
   std::uint64_t event_bytes = 0;
 };
 
 std::uint64_t pack(const Shape& shape) noexcept {
-  return shape.span / kRecordAlignment << 40 | shape.place_words << 32 | shape.event_bytes;
+  return shape.span / kRecordAlignment << 40 | shape.slot_words << 32 | shape.event_bytes;
 }
 
 Shape unpack(std::uint64_t word) noexcept {
@@ -38,8 +38,8 @@ Shape unpack(std::uint64_t word) noexcept {
 }
 
 bool is_possible(const Shape& shape) noexcept {
-  return shape.span >= kRecordHeaderSize && shape.place_words <= kRingSlotCountMax / 64 &&
-         kRecordHeaderSize + rounded(shape.place_words * kWord) + rounded(shape.event_bytes) <=
+  return shape.span >= kRecordHeaderSize && shape.slot_words <= kRingSlotCountMax / 64 &&
+         kRecordHeaderSize + rounded(shape.slot_words * kWord) + rounded(shape.event_bytes) <=
              shape.span;
 }
 
@@ -55,7 +55,7 @@ RingWriter::RingWriter(MutableBytes memory, std::uint64_t id) noexcept
   control_->magic.store(kMagic, std::memory_order_release);
 }
 
-// Each word is released, so that who sees it sees, too, that it was about to be overwritten.
+// Released word by word, so that a reader of it also sees `reserved`.
 void RingWriter::put_word(std::uint64_t position, std::uint64_t value) noexcept {
   std::atomic_ref<std::uint64_t>(data_[(position & (size_ - 1)) / kWord])
       .store(value, std::memory_order_release);
@@ -69,15 +69,15 @@ void RingWriter::put_bytes(std::uint64_t position, ConstBytes bytes) noexcept {
   }
 }
 
-bool RingWriter::write(const SlotSet& places, ConstBytes events,
+bool RingWriter::write(const SlotSet& slots, ConstBytes events,
                        std::uint32_t event_count) noexcept {
-  const std::span<const std::uint64_t> words = places.words();
-  const std::size_t place_bytes = rounded(words.size() * kWord);
-  const std::size_t span = kRecordHeaderSize + place_bytes + rounded(events.size());
+  const std::span<const std::uint64_t> words = slots.words();
+  const std::size_t slot_bytes = rounded(words.size() * kWord);
+  const std::size_t span = kRecordHeaderSize + slot_bytes + rounded(events.size());
   if (span > size_ / 4) return false;
   const std::uint64_t to_end = size_ - (head_ & (size_ - 1));
   const std::uint64_t filler = span > to_end ? to_end : 0;
-  // SYNC POINT ring-overwrite: said before the first word of it changes.
+  // SYNC POINT ring-overwrite: published before the first word changes.
   control_->reserved.store(head_ + filler + span, std::memory_order_seq_cst);
   if (filler > 0) {
     put_word(head_, head_);
@@ -88,7 +88,7 @@ bool RingWriter::write(const SlotSet& places, ConstBytes events,
   put_word(head_ + kWord, pack({span, words.size(), events.size()}));
   for (std::size_t i = 0; i < words.size(); ++i)
     put_word(head_ + kRecordHeaderSize + i * kWord, words[i]);
-  put_bytes(head_ + kRecordHeaderSize + place_bytes, events);
+  put_bytes(head_ + kRecordHeaderSize + slot_bytes, events);
   head_ += span;
   // SYNC POINT ring-written
   control_->head.store(head_, std::memory_order_release);
@@ -96,7 +96,7 @@ bool RingWriter::write(const SlotSet& places, ConstBytes events,
   return true;
 }
 
-// Behind the record itself: so a count says no more than what can be read.
+// After the record, so that no count exceeds the readable events.
 void RingWriter::count_for(std::span<const std::uint64_t> words,
                            std::uint32_t event_count) noexcept {
   for (std::size_t i = 0; i < words.size(); ++i) {
@@ -107,14 +107,14 @@ void RingWriter::count_for(std::span<const std::uint64_t> words,
   }
 }
 
-void RingWriter::begin_slot(std::uint32_t place, std::uint64_t owner) noexcept {
-  // SYNC POINT ring-owner: told before the first record of the new owner is written.
-  control_->owners[place].store(owner, std::memory_order_release);
-  control_->counts[place].store(0, std::memory_order_release);
+void RingWriter::begin_slot(std::uint32_t slot, std::uint64_t owner) noexcept {
+  // SYNC POINT ring-owner: published before the first record of the new owner.
+  control_->owners[slot].store(owner, std::memory_order_release);
+  control_->counts[slot].store(0, std::memory_order_release);
 }
 
-void RingWriter::end_slot(std::uint32_t place) noexcept {
-  control_->owners[place].store(0, std::memory_order_release);
+void RingWriter::end_slot(std::uint32_t slot) noexcept {
+  control_->owners[slot].store(0, std::memory_order_release);
 }
 
 bool RingReader::is_ring(ConstBytes memory, std::uint64_t id) noexcept {
@@ -126,19 +126,19 @@ bool RingReader::is_ring(ConstBytes memory, std::uint64_t id) noexcept {
          std::has_single_bit(memory.size() - kRingDataOffset);
 }
 
-RingReader::RingReader(ConstBytes memory, std::uint32_t place, std::uint64_t owner,
+RingReader::RingReader(ConstBytes memory, std::uint32_t slot, std::uint64_t owner,
                        std::uint64_t begin)
     : control_(reinterpret_cast<const RingControl*>(memory.data())),
       data_(reinterpret_cast<const std::uint64_t*>(memory.data() + kRingDataOffset)),
       size_(memory.size() - kRingDataOffset),
-      place_(place % kRingSlotCountMax),
+      slot_(slot % kRingSlotCountMax),
       owner_(owner),
       position_(begin),
-      // One word more, so that the events can begin at a multiple of 16.
+      // One word more, to align the events to 16 bytes.
       buffer_(size_ / 4 / kWord + 2) {}
 
 std::uint64_t RingReader::word_at(std::uint64_t position) const noexcept {
-  // atomic_ref takes no const; nothing is written.
+  // atomic_ref takes no const; only loads.
   auto& word = const_cast<std::uint64_t&>(data_[(position & (size_ - 1)) / kWord]);
   return std::atomic_ref<std::uint64_t>(word).load(std::memory_order_acquire);
 }
@@ -153,7 +153,7 @@ RingRead RingReader::read() noexcept {
   while (true) {
     // SYNC POINT ring-written
     if (control_->head.load(std::memory_order_acquire) == position_) {
-      // All that was counted so far has been read or never will be.
+      // All events counted so far have been read or are lost.
       const std::uint64_t known = read_count_ + missed_count_;
       const std::uint64_t written = has_missed_ ? written_count() : 0;
       if (has_missed_ && !has_more() && written > known) missed_count_ += written - known;
@@ -161,26 +161,26 @@ RingRead RingReader::read() noexcept {
     }
     const std::uint64_t stated = word_at(position_);
     const Shape shape = unpack(word_at(position_ + kWord));
-    // SYNC POINT ring-overwrite: whatever was read until here counts only if this says so.
+    // SYNC POINT ring-overwrite: what was read so far is valid only if this is false.
     if (is_overwritten(position_)) return overrun();
     if (stated != position_ || !is_possible(shape) || shape.span > size_) return RingRead::kBroken;
     const std::uint64_t begin = position_;
     position_ += shape.span;
-    if (place_ / 64 >= shape.place_words) continue;
-    const std::uint64_t places = word_at(begin + kRecordHeaderSize + place_ / 64 * kWord);
-    if ((places >> (place_ % 64) & 1) == 0) {
+    if (slot_ / 64 >= shape.slot_words) continue;
+    const std::uint64_t slots = word_at(begin + kRecordHeaderSize + slot_ / 64 * kWord);
+    if ((slots >> (slot_ % 64) & 1) == 0) {
       if (is_overwritten(begin)) return overrun();
       continue;
     }
     if (shape.event_bytes > (buffer_.size() - 2) * kWord) return RingRead::kBroken;
-    const std::uint64_t from = begin + kRecordHeaderSize + rounded(shape.place_words * kWord);
+    const std::uint64_t from = begin + kRecordHeaderSize + rounded(shape.slot_words * kWord);
     const bool is_shifted = reinterpret_cast<std::uintptr_t>(buffer_.data()) % 16 != 0;
     std::uint64_t* const to = buffer_.data() + (is_shifted ? 1 : 0);
     for (std::size_t at = 0; at < shape.event_bytes; at += kWord)
       to[at / kWord] = word_at(from + at);
     if (is_overwritten(begin)) return overrun();
-    // SYNC POINT ring-owner: a record of the next owner is seen only after its name.
-    if (control_->owners[place_].load(std::memory_order_acquire) != owner_) return RingRead::kGone;
+    // SYNC POINT ring-owner: a record of the next owner is visible only after its id.
+    if (control_->owners[slot_].load(std::memory_order_acquire) != owner_) return RingRead::kGone;
     events_ = std::as_bytes(std::span(to, buffer_.size() - 1)).first(shape.event_bytes);
     return RingRead::kEvents;
   }

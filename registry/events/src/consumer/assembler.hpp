@@ -10,15 +10,15 @@
 
 namespace rtpm::events {
 
-/// Puts together what items bring: events that belong to one delivery, and parts of large ones.
+/// Reassembles deliveries and large events from stream items.
 /// @threads  one at a time. Allocates for what goes beyond one item
 class Assembler {
  public:
-  /// No event is larger than this.
+  /// Larger events are refused.
   explicit Assembler(std::size_t event_size_max) : event_size_max_(event_size_max) {}
 
-  /// Takes the bytes of whole events; calls deliver(span of EventView) for each delivery that is
-  /// complete. False if they are none.
+  /// Takes encoded events; calls deliver(span of EventView) for each complete delivery. False if
+  /// malformed.
   template <class Deliver>
   [[nodiscard]] bool take(ConstBytes bytes, Deliver deliver) {
     EventReader reader(aligned(bytes));
@@ -33,8 +33,7 @@ class Assembler {
     keep_group();
     return event.error() == EventError::kEnd;
   }
-  /// Takes a part of an event of `size` bytes, header included. False if it is none, or one before
-  /// it is missing.
+  /// Takes a part of an event of `size` bytes, header included. False if malformed or out of order.
   template <class Deliver>
   [[nodiscard]] bool take_part(ConstBytes bytes, std::size_t offset, std::size_t size,
                                Deliver deliver) {
@@ -49,7 +48,7 @@ class Assembler {
     part_size_ = 0;
     return take({as_bytes(part_), size}, deliver);
   }
-  /// Forgets what is not complete: another life of the subscription begins.
+  /// Drops incomplete deliveries, for a new subscription.
   void clear() {
     group_.clear();
     kept_.clear();
@@ -73,7 +72,7 @@ class Assembler {
     if (!bytes.empty()) std::memcpy(as_bytes(to), bytes.data(), bytes.size());
     return {as_bytes(to), bytes.size()};
   }
-  // The item that brought these is about to go, and the rest of the delivery is still to come.
+  // Copies the payloads of an incomplete delivery, as their item is about to be freed.
   void keep_group() {
     while (kept_.size() < group_.size()) {
       EventView& event = group_[kept_.size()];

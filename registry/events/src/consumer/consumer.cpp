@@ -13,13 +13,13 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How long one look at the stream waits: so soon it sees that it shall stop. A stream lives only
-// while its caller looks at it, at least every second.
-constexpr Duration kLookMax = 100ms;
-// Between two tries to come back: the hub's start is as a rule quicker than a second.
+// How long one poll of the stream waits, and so how soon it stops. A stream must be polled at least
+// every second.
+constexpr Duration kPollMax = 100ms;
+// Between attempts to resubscribe; a hub usually restarts within a second.
 constexpr Duration kRetryFirst = 20ms;
 constexpr Duration kRetryMax = 500ms;
-// Items on their way to who wants the newest: each is one that is older.
+// Items in flight with kKeepLatest: each one delays the newest.
 constexpr std::uint32_t kLatestWindow = 2;
 
 // Why a stream ended.
@@ -89,19 +89,19 @@ void Consumer::Impl::run() {
     why = read(**session);
     if (is_stopping_) break;
     notify(NoticeKind::kInterrupted, why);
-    if (!come_back(**session)) return;
+    if (!resubscribe(**session)) return;
   }
   subscription_id_ = 0;
   notify(NoticeKind::kEnded, "It was unsubscribed.");
 }
 
-// Tries until it is subscribed again; false if that is in vain.
-bool Consumer::Impl::come_back(Session& session) {
+// Retries until subscribed again; false if refused or stopped.
+bool Consumer::Impl::resubscribe(Session& session) {
   subscription_id_ = 0;
   assembler_.clear();
   const MonotonicTime lost = last_heard_;
   const std::uint64_t epoch = last_epoch_;
-  // The place of the one that is lost is free for the next.
+  // Frees the lost stream's slot for the next.
   session.stream.cancel();
   for (Duration pause = kRetryFirst; sleep_unless_stopping(pause);
        pause = std::min(2 * pause, kRetryMax)) {
@@ -158,7 +158,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   rpc::StreamOptions options;
   options.call.priority = config_.priority;
   options.miss_count_max = config_.miss_count_max;
-  // A consumer always takes: one that is silent is dead.
+  // A consumer always reads: a silent one is dead.
   options.pause_max = config_.miss_count_max * wire::kStreamAskIntervalMax;
   if (is_latest) options.window = kLatestWindow;
   std::shared_ptr<CommonReader> reader;
@@ -172,7 +172,7 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   const auto first = stream->next(rt::now() + config_.deadline);
   if (!first) return failed(std::string(rpc::to_string(first.error())));
   if (*first != nullptr && (*first)->refusal() != nullptr) {
-    // With a ring or multicast the hub may just have become another.
+    // With ring or multicast, the hub may just have restarted.
     return unexpected{Failure{refusal_of(*(*first)->refusal()),
                               /*is_final=*/ring == nullptr && multicast == nullptr}};
   }
@@ -234,12 +234,12 @@ std::unique_ptr<MulticastSession> Consumer::Impl::open_multicast(
   reader = reader_of(facts->id, config_.multicast_interface,
                      [&] { return MulticastFeed::open(facts->group); });
   if (!reader) return MulticastSession::open(*facts);
-  // No ring has a multicast's id.
+  // Ids of rings and multicasts differ.
   return std::make_unique<MulticastSession>(
       facts->id, std::static_pointer_cast<MulticastFeed>(reader->source()));
 }
 
-std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, MonotonicTime until) {
+std::optional<std::string> Consumer::Impl::poll_stream(Session& session, MonotonicTime until) {
   const auto batch = session.stream.next(until);
   if (batch) {
     last_heard_ = rt::now();
@@ -257,12 +257,12 @@ std::optional<std::string> Consumer::Impl::look_at_stream(Session& session, Mono
   return std::nullopt;
 }
 
-// Reads until the stream ends; why it did.
+// Reads until the stream ends; returns why.
 std::string Consumer::Impl::read(Session& session) {
   if (const Batch* const first = std::exchange(session.first, nullptr)) take(*first);
   if (session.broadcast) return read_broadcast(session);
   while (!is_stopping_) {
-    if (auto why = look_at_stream(session, rt::now() + kLookMax)) return std::move(*why);
+    if (auto why = poll_stream(session, rt::now() + kPollMax)) return std::move(*why);
   }
   return {};
 }
@@ -352,7 +352,7 @@ expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
     config_.delivery = delivery;
     has_new_policy_ = true;
   }
-  call_own_thread();
+  wake_own_thread();
   return {};
 }
 
@@ -378,9 +378,9 @@ void Consumer::Impl::unsubscribe() {
   }
   changed_.notify_all();
   if (is_in_handler()) return;
-  // So that its thread need not wait for the end of its look.
+  // Wakes its thread from its poll.
   if (is_subscribed()) static_cast<void>(control(Action::End));
-  call_own_thread();
+  wake_own_thread();
   const std::lock_guard lock(join_mutex_);
   if (thread_.is_running()) thread_.join();
 }

@@ -3,16 +3,16 @@
 #include "consumer/consumer_impl.hpp"
 #include "rtpm/rt/clock.hpp"
 
-// A consumer whose events do not come by its stream, but in the hub's ring or by multicast.
+// Consumers that read the hub's ring or receive its multicast.
 namespace rtpm::events {
 namespace {
 
 using namespace std::chrono_literals;
 
-// Such a consumer looks at its stream only so often: it tells of little, and lives on.
-constexpr Duration kStreamLookInterval = 50ms;
+// The stream only reports losses and the end, and must be kept alive.
+constexpr Duration kStreamPollInterval = 50ms;
 
-// Why it is over; none if it is not.
+// Why the session ended; nullopt: it has not.
 std::optional<std::string> in_words(SessionOutcome outcome) {
   switch (outcome) {
     case SessionOutcome::kFallenBehind:
@@ -30,9 +30,9 @@ std::optional<std::string> in_words(SessionOutcome outcome) {
 
 }  // namespace
 
-// The stream tells of losses in the hub, and of the end.
+// Polls the stream and applies changes.
 std::optional<std::string> Consumer::Impl::attend(Session& session) {
-  if (auto why = look_at_stream(session, rt::now())) return why;
+  if (auto why = poll_stream(session, rt::now())) return why;
   if (has_new_policy_.exchange(false)) {
     const std::lock_guard lock(mutex_);
     broadcast_->set_policy(config_.delivery);
@@ -57,17 +57,17 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
     seat_ = seat;
   }
   bool is_joined = false;
-  MonotonicTime next_look{};
+  MonotonicTime next_poll{};
   std::optional<std::string> why;
   while (true) {
     seat->claim();
     seat->set_common(false);
     if (is_stopping_) break;
-    if (const MonotonicTime now = rt::now(); now >= next_look) {
+    if (const MonotonicTime now = rt::now(); now >= next_poll) {
       why = attend(session);
-      next_look = now + kStreamLookInterval;
+      next_poll = now + kStreamPollInterval;
     }
-    if (!why) why = take_all(*seat, next_look);
+    if (!why) why = take_all(*seat, next_poll);
     if (why) break;
     if (reader != nullptr && seat->is_slow(rt::now()) == is_joined) {
       if (is_joined) {
@@ -76,23 +76,23 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
         reader->join(seat);
       }
       is_joined = !is_joined;
-      // What came just before, the reader may have passed by.
+      // The reader may have missed what arrived just before.
       static_cast<void>(seat->release());
       continue;
     }
-    // To ask the hub for something would have the others wait.
+    // A repair would make the others wait.
     const bool is_common = is_joined && reader->serves() && !broadcast.is_lacking();
     seat->set_common(is_common);
     if (seat->release()) continue;
     if (is_common) {
-      seat->rest(next_look);
+      seat->rest(next_poll);
       continue;
     }
-    broadcast.wait(strategy, next_look);
-    // Woken for nothing there: there may be something in the stream.
-    if (!broadcast.has_more()) next_look = MonotonicTime{};
+    broadcast.wait(strategy, next_poll);
+    // Woken without an arrival: poll the stream.
+    if (!broadcast.has_more()) next_poll = MonotonicTime{};
   }
-  // With the seat claimed for ever: the reader does not touch it any more.
+  // The seat stays claimed: the reader skips it from now on.
   if (is_joined) reader->leave(seat);
   const std::lock_guard lock(mutex_);
   seat_.reset();
@@ -100,12 +100,12 @@ std::string Consumer::Impl::read_broadcast(Session& session) {
   return std::move(why).value_or("");
 }
 
-// All that there is, as far as there is time until the next look at the stream.
+// Delivers what has arrived, until the next poll of the stream.
 std::optional<std::string> Consumer::Impl::take_all(ReaderSeat& seat, MonotonicTime until) {
   if (broadcast_end_) return in_words(*broadcast_end_);
   MonotonicTime now = rt::now();
   while (now < until && !is_stopping_) {
-    // What the hub takes to answer is not the handler's time.
+    // The hub's time to answer does not count as the handler's.
     const bool may_ask = broadcast_->is_lacking();
     const SessionOutcome outcome = broadcast_->take(taker_, BroadcastSession::Asking::kNow);
     if (outcome != SessionOutcome::kDelivered) return in_words(outcome);
@@ -131,7 +131,7 @@ ReaderSeat::Member::Taking Consumer::Impl::take_one() noexcept {
   return Taking::kApart;
 }
 
-void Consumer::Impl::call_own_thread() {
+void Consumer::Impl::wake_own_thread() {
   std::shared_ptr<ReaderSeat> seat;
   {
     const std::lock_guard lock(mutex_);

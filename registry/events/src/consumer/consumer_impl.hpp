@@ -21,7 +21,7 @@ namespace rtpm::events {
 inline constexpr std::string_view kQueueWasFull =
     "The subscription has ended, as its queue was full and its policy is to disconnect then.";
 
-/// A consumer: its thread subscribes, reads, hands over, and subscribes again.
+/// A consumer: its thread subscribes, delivers, and subscribes again.
 class Consumer::Impl final : private ReaderSeat::Member {
  public:
   Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
@@ -40,26 +40,26 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] ConsumerCounters counters() const;
 
  private:
-  /// A subscription in one life of the hub.
+  /// A subscription to one start of the hub.
   struct Session {
     std::shared_ptr<HubClient> client;  ///< Outlives the stream.
     rpc::TableStream<Batch> stream;
-    const Batch* first = nullptr;  ///< The item with the welcome, until it is taken.
-    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null: its events come by the stream.
-    std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads alone.
+    const Batch* first = nullptr;                   ///< The item with the welcome, until processed.
+    std::unique_ptr<BroadcastSession> broadcast{};  ///< Null: events arrive in the stream.
+    std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads.
   };
-  /// Why there is no session.
+  /// Why open() failed.
   struct Failure {
     std::string text;
-    bool is_final = false;  ///< The hub refused: trying again is in vain.
+    bool is_final = false;  ///< The hub refused: do not retry.
   };
   using Opened = expected<std::unique_ptr<Session>, Failure>;
 
   void run();
-  [[nodiscard]] bool come_back(Session& session);
+  [[nodiscard]] bool resubscribe(Session& session);
   [[nodiscard]] Opened open();
   [[nodiscard]] SubscribeRequestT request() const;
-  /// The reader that it may share; null if it is to have a thread of its own.
+  /// The reader to share; null for a thread of its own.
   [[nodiscard]] std::shared_ptr<CommonReader> reader_of(std::uint64_t broadcast,
                                                         const std::string& interface,
                                                         const CommonReader::MakeSource& make) const;
@@ -68,8 +68,8 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] std::unique_ptr<MulticastSession> open_multicast(
       HubClient& client, std::shared_ptr<CommonReader>& reader);
   [[nodiscard]] std::string read(Session& session);
-  /// Looks at the stream until `until`; why it ended, if it did.
-  [[nodiscard]] std::optional<std::string> look_at_stream(Session& session, MonotonicTime until);
+  /// Polls the stream until `until`; returns why it ended, if it did.
+  [[nodiscard]] std::optional<std::string> poll_stream(Session& session, MonotonicTime until);
   void take(const Batch& batch);
   void update_losses();
   void hand_over(std::span<const EventView> events);
@@ -77,14 +77,14 @@ class Consumer::Impl final : private ReaderSeat::Member {
               bool has_hub_restarted = false);
   void report_begin(std::optional<rpc::SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
-  /// Reads the broadcast by turns with a common reader, until the stream ends; why it did.
+  /// Reads the broadcast, alternating with a common reader; returns why the stream ended.
   [[nodiscard]] std::string read_broadcast(Session& session);
   [[nodiscard]] std::optional<std::string> attend(Session& session);
   [[nodiscard]] std::optional<std::string> take_all(ReaderSeat& seat, MonotonicTime until);
   [[nodiscard]] Taking take_one() noexcept override;
-  /// Has it look for what has changed, if it rests while a common reader serves it.
-  void call_own_thread();
-  /// Whether it is called from the handler.
+  /// Wakes its own thread while a common reader serves it.
+  void wake_own_thread();
+  /// Whether the caller is the handler.
   [[nodiscard]] bool is_in_handler() const noexcept;
 
   rpc::Node& node_;
@@ -105,19 +105,20 @@ class Consumer::Impl final : private ReaderSeat::Member {
   MonotonicTime last_heard_{};
   std::uint64_t last_epoch_ = 0;
   std::atomic<bool> is_suspended_{false};
-  Losses hub_losses_{};  ///< Of this session, as the hub told,
-  Losses own_losses_{};  ///< and on our side of ring or multicast.
+  Losses hub_losses_{};  ///< Of this session, from the hub,
+  Losses own_losses_{};  ///< and on this side of ring or multicast.
   std::atomic<bool> reads_ring_{false};
   std::atomic<bool> receives_multicast_{false};
   std::atomic<bool> has_new_policy_{false};
   std::atomic<std::uint64_t> subscription_id_{0};
   std::atomic<bool> is_stopping_{false};
   std::atomic<std::thread::id> own_thread_{};
-  std::atomic<std::thread::id> common_thread_{};  ///< That calls the handler now; or none.
-  // With the seat claimed.
+  std::atomic<std::thread::id>
+      common_thread_{};  ///< The common reader's, while it calls the handler.
+  // Require the claimed seat:
   BroadcastSession* broadcast_ = nullptr;
   std::optional<SessionOutcome> broadcast_end_{};
-  std::weak_ptr<ReaderSeat> seat_{};  ///< With the mutex.
+  std::weak_ptr<ReaderSeat> seat_{};  ///< Requires mutex_.
   std::mutex join_mutex_;
   rt::Thread thread_{};
 };

@@ -33,7 +33,7 @@ void LocalQueue::set_policy(const DeliveryPolicy& policy) {
       group[count++] = store->put(queue_[0].event.view());
     }
     const auto taken = std::span(group).first(count);
-    // A queue that is to end the subscription when it is full ends it with the next event.
+    // With kDisconnect, the next event ends the subscription.
     if (!is_whole(taken) || !queue.push(taken, losses_)) losses_.overflow_count += count;
   }
   queue_ = std::move(queue);
@@ -44,7 +44,7 @@ bool LocalQueue::push(std::span<const EventView> group) noexcept {
   std::array<EventRef, kGroupSizeMax> held;
   for (std::size_t i = 0; i < group.size(); ++i) {
     held[i] = store_->put(group[i]);
-    // Large ones fill the store before the queue.
+    // Large events exhaust the store before the queue is full.
     while (!held[i] && !queue_.empty()) {
       losses_.memory_count += queue_.drop_front();
       held[i] = store_->put(group[i]);

@@ -12,30 +12,29 @@
 
 namespace rtpm::events {
 
-/// What a consumer's look at memory or a socket of its own brought.
+/// Result of reading ring or multicast.
 enum class SessionOutcome : std::uint8_t {
   kDelivered,
   kNothing,
-  kGone,          ///< The hub has given the place up.
-  kBroken,        ///< The hub does not keep to the rules.
-  kFallenBehind,  ///< The queue is full and the policy is to disconnect then.
+  kGone,          ///< The hub has freed the slot.
+  kBroken,        ///< Malformed data.
+  kFallenBehind,  ///< The queue is full with QueuePolicy::kDisconnect.
 };
 
-/// The queue of a consumer whose events do not wait at the hub: does here by itself what the hub
-/// would do there, and drops what the policy says when the handler does not keep up.
+/// The queue of a consumer whose events do not wait at the hub; applies the policy here.
 /// @ownership copies of the events
 /// @threads  one
-/// @realtime alloc-free but for set_policy()
+/// @realtime alloc-free except set_policy()
 class LocalQueue {
  public:
   LocalQueue();
-  /// Another policy; what waits stays as far as there is room.
+  /// Replaces the policy; pending events stay as far as they fit.
   void set_policy(const DeliveryPolicy& policy);
 
-  /// Queues a delivery; false if the queue is full and the policy is to disconnect then.
+  /// Appends a delivery; false if the queue is full with QueuePolicy::kDisconnect.
   [[nodiscard]] bool push(std::span<const EventView> group) noexcept;
   [[nodiscard]] bool empty() const noexcept { return queue_.empty(); }
-  /// Takes one delivery, if there is one, and calls deliver(span of EventView) with it.
+  /// Removes one delivery, if any, and calls deliver(span of EventView).
   template <class Deliver>
   [[nodiscard]] bool take(Deliver deliver) {
     if (queue_.empty()) return false;

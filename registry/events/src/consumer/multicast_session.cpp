@@ -12,10 +12,10 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// So many datagrams and records are taken in one go; then the handler has its turn.
+// Datagrams and records per turn; then the handler runs.
 constexpr int kDatagramsPerTurn = 256;
 constexpr int kRecordsPerTurn = 4096;
-// ev-7.3-1: what is only late comes by itself.
+// ev-7.3-1: allows for reordering.
 constexpr Duration kRepairDelay = 1ms;
 constexpr Duration kRepairDeadline = 100ms;
 constexpr Duration kRepairPause = 50ms;
@@ -59,7 +59,7 @@ MulticastSession::Outcome MulticastSession::take(const Taker& taker, Asking aski
   return is_gone_ ? Outcome::kGone : Outcome::kNothing;
 }
 
-// False if there may be more. What is another hub's, or nothing, is for others.
+// False if there may be more. Ignores datagrams of other hubs.
 bool MulticastSession::receive() noexcept {
   if (feed_) {
     position_ = feed_->read(position_, kDatagramsPerTurn, [this](ConstBytes datagram) {
@@ -107,7 +107,7 @@ void MulticastSession::repair(const MulticastReader::Gap& gap) {
   const auto reply = client_->repair({subscription_, gap.first, gap.later},
                                      {.priority = priority_, .deadline = kRepairDeadline});
   if (!reply) {
-    // That the subscription is gone the stream will tell, with the reason.
+    // The stream reports the end of the subscription with its reason.
     repair_due_ = rt::now() + kRepairPause;
     return;
   }
@@ -120,7 +120,7 @@ void MulticastSession::repair(const MulticastReader::Gap& gap) {
   }
   const RepairFacts& facts = *(*reply)->facts();
   reader_->note(facts.oldest(), facts.next(), facts.written());
-  // If more is missing, at once.
+  // More missing datagrams are requested at once.
   repair_due_ = reader_->gap() ? rt::now() : kNever;
 }
 

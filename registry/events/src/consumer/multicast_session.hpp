@@ -14,26 +14,25 @@
 
 namespace rtpm::events {
 
-/// A consumer's end of a hub's multicast: receives, asks the hub for what is missing, and queues.
+/// A consumer's end of a hub's multicast: receives, requests repair and queues.
 /// @ownership a socket or, with others, a feed; and a queue of its own
 class MulticastSession final : public BroadcastSession {
  public:
-  /// A hub's multicast, as the hub tells it.
+  /// A hub's multicast.
   struct Facts {
-    std::uint64_t id = 0;  ///< Another in each life of the hub.
+    std::uint64_t id = 0;  ///< Differs for each start of the hub.
     transport::MulticastGroup group{};
   };
-  /// None if the hub has none.
+  /// nullopt: the hub has none.
   [[nodiscard]] static std::optional<Facts> ask(HubClient& client, const std::string& interface,
                                                 Duration deadline);
-  /// Joins the group by a socket of its own; null if the system does not let it.
+  /// Joins the group with a socket of its own; null if the system refuses.
   [[nodiscard]] static std::unique_ptr<MulticastSession> open(const Facts& facts);
-  /// Reads what comes to the feed, which is the group's, from now on.
+  /// Reads from the group's feed, from now on.
   MulticastSession(std::uint64_t id, std::shared_ptr<MulticastFeed> feed)
       : id_(id), feed_(std::move(feed)), position_(feed_->end()) {}
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Begins to read for a subscription, from the datagram `first` on. `client` is asked for
-  /// repairs.
+  /// Reads for a subscription, from datagram `first` on; requests repair through `client`.
   void begin(std::shared_ptr<HubClient> client, std::uint64_t subscription, std::uint64_t first,
              const DeliveryPolicy& policy, Priority priority);
 
@@ -55,14 +54,14 @@ class MulticastSession final : public BroadcastSession {
   [[nodiscard]] std::optional<Outcome> fill_queue(Asking asking);
 
   std::uint64_t id_;
-  std::optional<transport::MulticastReceiver> receiver_{};  ///< None: it reads a feed.
+  std::optional<transport::MulticastReceiver> receiver_{};  ///< nullopt: reads the feed.
   std::shared_ptr<MulticastFeed> feed_{};
   std::uint64_t position_ = 0;  ///< In the feed.
   std::shared_ptr<HubClient> client_{};
   std::uint64_t subscription_ = 0;
   Priority priority_{};
   std::optional<MulticastReader> reader_{};
-  MonotonicTime repair_due_ = kNever;  ///< When the hub is asked, if what is missing stays away.
+  MonotonicTime repair_due_ = kNever;  ///< When to request missing datagrams.
   bool has_more_ = false;
   bool is_gone_ = false;
   LocalQueue queue_{};

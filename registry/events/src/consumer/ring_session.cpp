@@ -8,7 +8,7 @@
 namespace rtpm::events {
 namespace {
 
-// So many records are taken into the queue in one go; then the handler has its turn.
+// Records queued per turn; then the handler runs.
 constexpr int kRecordsPerTurn = 4096;
 
 }  // namespace
@@ -20,9 +20,9 @@ std::unique_ptr<RingSession> RingSession::open(std::uint64_t id, MonotonicTime d
       new RingSession(std::make_shared<transport::BroadcastView>(std::move(*view)), id));
 }
 
-void RingSession::begin(std::uint32_t place, std::uint64_t owner, std::uint64_t position,
+void RingSession::begin(std::uint32_t slot, std::uint64_t owner, std::uint64_t position,
                         const DeliveryPolicy& policy) {
-  reader_.emplace(view_->bytes(), place, owner, position);
+  reader_.emplace(view_->bytes(), slot, owner, position);
   group_.reserve(kGroupSizeMax);
   set_policy(policy);
 }

@@ -14,7 +14,7 @@
 
 namespace rtpm::events {
 
-/// A hub's ring as a source: its readers are woken by the hub.
+/// A hub's ring as a source; the hub wakes its readers.
 class RingSource final : public ReaderSource {
  public:
   explicit RingSource(std::shared_ptr<transport::BroadcastView> view) : view_(std::move(view)) {}
@@ -28,18 +28,18 @@ class RingSource final : public ReaderSource {
   std::shared_ptr<transport::BroadcastView> view_;
 };
 
-/// A consumer's end of a hub's ring: reads what is for it.
+/// A consumer's end of a hub's ring.
 /// @ownership the mapping, and a queue of its own
 class RingSession final : public BroadcastSession {
  public:
-  /// Maps the hub's ring; null if that can't be: the hub is on another host, or another user's.
+  /// Maps the hub's ring; null for a hub of another host or user.
   [[nodiscard]] static std::unique_ptr<RingSession> open(std::uint64_t id, MonotonicTime deadline);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Begins to read for a place.
-  void begin(std::uint32_t place, std::uint64_t owner, std::uint64_t position,
+  /// Begins to read for a slot.
+  void begin(std::uint32_t slot, std::uint64_t owner, std::uint64_t position,
              const DeliveryPolicy& policy);
-  /// What it reads.
+  /// Its ring, for a common reader.
   [[nodiscard]] std::shared_ptr<ReaderSource> source() const {
     return std::make_shared<RingSource>(view_);
   }
@@ -60,14 +60,14 @@ class RingSession final : public BroadcastSession {
     const std::uint64_t written = reader_->written_count();
     return written > known ? written - known : 0;
   }
-  /// The events of the record that was read, into group_; false if they are none.
+  /// Decodes the record into group_; false if malformed.
   [[nodiscard]] bool parse() noexcept;
   [[nodiscard]] std::optional<Outcome> fill_queue();
 
   std::shared_ptr<transport::BroadcastView> view_;
   std::uint64_t id_;
   std::optional<RingReader> reader_{};
-  std::uint64_t direct_max_ = 0;  ///< Events that may be waiting without a need for the queue.
+  std::uint64_t direct_max_ = 0;  ///< Backlog up to which events bypass the queue.
   LocalQueue queue_{};
   std::vector<EventView> group_{};
 };

@@ -6,7 +6,7 @@
 
 namespace rtpm::events {
 
-// One more delivery than its capacity may stand in it for a moment.
+// push() appends before it drops, so one delivery more than the capacity must fit.
 DeliveryQueue::DeliveryQueue(QueuePolicy policy, std::uint32_t capacity)
     : policy_(policy), capacity_(capacity), entries_(std::size_t{capacity} + kGroupSizeMax) {}
 
@@ -38,7 +38,7 @@ bool DeliveryQueue::push(std::span<const EventRef> group, Losses& losses) noexce
     entry.is_continued = i + 1 < group.size();
     ++size_;
   }
-  // A delivery that is larger than the queue itself stays alone in it.
+  // A delivery larger than the queue is kept alone.
   while (size_ > capacity_ && size_ > group.size())
     losses.overflow_count += drop_front();
   return true;

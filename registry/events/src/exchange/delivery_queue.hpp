@@ -10,23 +10,23 @@
 
 namespace rtpm::events {
 
-/// The events that wait for one consumer; those that belong together stay together.
+/// Pending events of one consumer. Events of one delivery stay together.
 /// @ownership references to its events
 /// @threads  one at a time
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class DeliveryQueue {
  public:
   DeliveryQueue() noexcept = default;
   DeliveryQueue(QueuePolicy policy, std::uint32_t capacity);
 
-  /// Appends a delivery. False if it is full and its policy is to disconnect.
+  /// Appends a delivery; false if the queue is full with QueuePolicy::kDisconnect.
   [[nodiscard]] bool push(std::span<const EventRef> group, Losses& losses) noexcept;
-  /// Appends what another queue holds.
+  /// Moves the deliveries of another queue to the end; false as push().
   [[nodiscard]] bool take_over(DeliveryQueue& other, Losses& losses) noexcept;
 
   [[nodiscard]] bool empty() const noexcept { return size_ == 0; }
   [[nodiscard]] std::size_t size() const noexcept { return size_; }
-  /// The i-th event from the front, and whether the one behind it belongs to it.
+  /// The i-th event from the front, and whether the next belongs to the same delivery.
   struct Entry {
     EventRef event{};
     bool is_continued = false;
@@ -34,11 +34,11 @@ class DeliveryQueue {
   [[nodiscard]] const Entry& operator[](std::size_t i) const noexcept {
     return entries_[(head_ + i) % entries_.size()];
   }
-  /// Takes one event from the front.
+  /// Removes the front event.
   void pop() noexcept;
-  /// Drops the front delivery whole; how many events it had.
+  /// Removes the whole front delivery; returns its number of events.
   std::size_t drop_front() noexcept;
-  /// Drops all.
+  /// Removes all events.
   void release_events() noexcept {
     while (!empty())
       pop();

@@ -104,8 +104,8 @@ void Exchange::set_suspended(SubscriptionNumber number, bool is_suspended) noexc
   subscriptions_[number].is_suspended = is_suspended;
 }
 
-// Copies the event; where there is no room, first the history gives way, then the longest queue,
-// whose consumer is the slowest.
+// Stores the event. Out of memory, evicts history first, then the longest queue, whose consumer is
+// the slowest.
 EventRef Exchange::hold(const EventView& event) noexcept {
   if (EventRef held = store_.put(event)) return held;
   if (event.payload.size() > store_.payload_size_max()) return {};
@@ -120,7 +120,7 @@ EventRef Exchange::hold(const EventView& event) noexcept {
   return held;
 }
 
-// Drops half of it, so that it is not asked for each event.
+// Drops half of the queue, so that this does not run for each event.
 bool Exchange::trim_longest_queue() noexcept {
   const auto longest = std::ranges::max_element(
       subscriptions_, {}, [](const Subscription& each) { return each.prepared.queue.size(); });
@@ -172,7 +172,7 @@ void Exchange::show(SubscriptionNumber number, const EventRef& event, bool is_de
   group_.clear();
 }
 
-// An empty group: the event alone.
+// An empty group stands for the event alone.
 void Exchange::deliver(SubscriptionNumber number, const EventRef& event, const Group& group,
                        MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
@@ -222,7 +222,7 @@ std::optional<SubscriptionNumber> Exchange::take_ready() noexcept {
   return std::nullopt;
 }
 
-// Past events go through the filter, but not through the gate: who asks for them wants them all.
+// Replayed events pass the filter but not the gate: the replay count is the only limit.
 void Exchange::replay(SubscriptionNumber number, MonotonicTime now) noexcept {
   Subscription& subscription = subscriptions_[number];
   if (subscription.prepared.replay == 0) return;
@@ -230,7 +230,7 @@ void Exchange::replay(SubscriptionNumber number, MonotonicTime now) noexcept {
     if (!subscription.prepared.filter.on_event(past, now, group_)) return;
     EventHeader header = past.header();
     header.is_replayed = true;
-    // A copy, because the event itself is not replayed for others.
+    // A copy, because is_replayed is set for this subscription only.
     const EventRef copy = group_.size() == 0 ? store_.put({header, past.payload()}) : EventRef();
     if (copy) {
       deliver_group(number, std::span(&copy, 1));

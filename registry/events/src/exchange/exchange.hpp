@@ -16,47 +16,47 @@
 
 namespace rtpm::events {
 
-/// A place for one subscription, below ExchangeLimits::subscription_count_max.
+/// Slot of a subscription, below ExchangeLimits::subscription_count_max.
 using SubscriptionNumber = std::uint32_t;
 
-/// Where deliveries go that do not wait in a queue of their own: memory that many read at once.
+/// Delivers one event to many subscriptions at once, instead of a queue for each.
 class Broadcaster {
  public:
   virtual ~Broadcaster() = default;
-  /// Gives the events of `group` to `subscriptions`, all of them at once.
+  /// Delivers the events of `group` to `subscriptions`.
   /// @realtime alloc-free
   virtual void broadcast(std::span<const SubscriptionNumber> subscriptions,
                          std::span<const EventRef> group) noexcept = 0;
 };
 
-/// Why an event was not taken.
+/// Why an event was refused.
 enum class OfferError : std::uint8_t {
-  kBadType,   ///< 0, or above kEventTypeMax. Its supplier's bug.
-  kTooLarge,  ///< More payload than EventStore::payload_size_max(). Send it in parts.
-  kNoMemory,  ///< Nothing is left to give up. Give the hub more memory.
+  kBadType,   ///< 0, or above kEventTypeMax.
+  kTooLarge,  ///< Above EventStore::payload_size_max().
+  kNoMemory,  ///< Nothing is left to evict.
 };
 
-/// What a subscription got and missed.
+/// Counters of a subscription.
 struct SubscriptionCounters {
-  std::uint64_t accepted_count = 0;   ///< By its filter: deliveries.
-  std::uint64_t omitted_count = 0;    ///< Of these, left out as its policy wants.
+  std::uint64_t accepted_count = 0;   ///< Deliveries that its filter accepted.
+  std::uint64_t omitted_count = 0;    ///< Of these, omitted by its policy.
   std::uint64_t delivered_count = 0;  ///< Queued or broadcast.
   Losses losses{};
 };
 
-/// Who wants what: takes events, matches them with subscriptions and queues them for each. It knows
-/// no socket, no thread and no clock.
-/// @ownership all its memory, taken when built or when a subscription is made
+/// The core of a hub: matches events with subscriptions and queues them. No socket, no thread, no
+/// clock.
+/// @ownership its memory, allocated when built or by prepare()
 /// @threads  one at a time
-/// @realtime alloc-free but for construction, subscribe() and change()
+/// @realtime alloc-free except construction and prepare()
 class Exchange {
  public:
-  /// `broadcaster` may be null; then nobody subscribes to it.
+  /// `broadcaster` may be null if no subscription is a broadcast.
   explicit Exchange(const ExchangeLimits& limits = {}, Broadcaster* broadcaster = nullptr);
   Exchange(const Exchange&) = delete;
   Exchange& operator=(const Exchange&) = delete;
 
-  /// A subscription that was checked, ready to go in. Making one is set-up; putting it in is not.
+  /// A compiled subscription, ready for subscribe() or change().
   struct Prepared {
     CompiledFilter filter{};
     Gate gate{};
@@ -69,53 +69,52 @@ class Exchange {
       queue.release_events();
     }
   };
-  /// @realtime set-up only; needs no exchange, so that nobody waits for it
+  /// @realtime set-up only; static, so that no lock is held meanwhile
   /// @errors   as CompiledFilter::compile() and Gate::make()
   [[nodiscard]] static expected<Prepared, FilterError> prepare(const Filter& filter,
                                                                const DeliveryPolicy& policy,
                                                                const DescriptorSource& types,
                                                                bool is_broadcast = false);
 
-  /// Puts a subscription in, and replays what it wants; nothing if there is no place, or too few
+  /// Adds a subscription and replays its history; nullopt if there is no free slot, or too few
   /// interests are left.
   [[nodiscard]] std::optional<SubscriptionNumber> subscribe(Prepared prepared,
                                                             MonotonicTime now) noexcept;
-  /// The number that the next subscription gets; nothing if there is no place.
+  /// The number of the next subscription; nullopt if there is no free slot.
   [[nodiscard]] std::optional<SubscriptionNumber> next_number() const noexcept {
     if (free_.empty()) return std::nullopt;
     return free_.back();
   }
-  /// Puts another filter and policy in the place of the present ones at once: each event is judged
-  /// by the one or the other, and what waits in the queue still comes. Conjunctions and timeouts
-  /// begin anew. False if too few interests are left: nothing is changed. Else `prepared` is what
-  /// was there before, to be freed where freeing is allowed.
+  /// Replaces filter and policy; the queue is kept, conjunctions and timeouts start over. False and
+  /// unchanged if too few interests are left. Otherwise swaps the old one into `prepared`, for the
+  /// caller to free.
   [[nodiscard]] bool change(SubscriptionNumber number, Prepared& prepared,
                             MonotonicTime now) noexcept;
-  /// Ends the subscription; its queue is dropped. What is left of it is freed by whoever gets it.
+  /// Ends the subscription and drops its queue. The caller frees the result.
   [[nodiscard]] Prepared unsubscribe(SubscriptionNumber number) noexcept;
-  /// While suspended, what the filter accepts is lost, and counted as that.
+  /// While suspended, accepted events are lost and counted.
   void set_suspended(SubscriptionNumber number, bool is_suspended) noexcept;
 
-  /// Takes an event, whose header says when it was received, and queues it for all that want it.
+  /// Matches and queues a supplier's event; its header has the time of receipt.
   [[nodiscard]] expected<void, OfferError> offer(const EventView& event,
                                                  MonotonicTime now) noexcept;
-  /// Takes what the hub itself tells: an event whose type is above kEventTypeMax.
+  /// The same for an event of the hub itself, of a type above kEventTypeMax.
   /// @errors   as offer()
   [[nodiscard]] expected<void, OfferError> publish(const EventView& event,
                                                    MonotonicTime now) noexcept;
-  /// Lets the timeouts act that are due.
+  /// Runs the timeouts that are due.
   void on_time(MonotonicTime now) noexcept;
-  /// When on_time() has something to do; kNever: not until another call. Linear in the number of
-  /// subscriptions with timeouts or intervals.
+  /// When on_time() is due; kNever: not before another call. Linear in the subscriptions with
+  /// timeouts or intervals.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
-  /// The next subscription that got something since it was last taken here, or that must end.
+  /// The next subscription with a new delivery, or that must end.
   [[nodiscard]] std::optional<SubscriptionNumber> take_ready() noexcept;
-  /// What waits for it; take it by pop().
+  /// Its pending events.
   [[nodiscard]] DeliveryQueue& queue(SubscriptionNumber number) noexcept {
     return subscriptions_[number].prepared.queue;
   }
-  /// Its queue ran over and its policy is to end then: tell it so, and unsubscribe.
+  /// Its queue overflowed with QueuePolicy::kDisconnect: report that and unsubscribe it.
   [[nodiscard]] bool has_failed(SubscriptionNumber number) const noexcept {
     return subscriptions_[number].has_failed;
   }
@@ -133,11 +132,11 @@ class Exchange {
   struct Subscription {
     Prepared prepared{};
     SubscriptionCounters counters{};
-    std::uint64_t seen = 0;  ///< The last event that it was shown.
+    std::uint64_t seen = 0;  ///< Number of the last event that was shown to it.
     bool is_used = false;
     bool is_suspended = false;
     bool is_ready = false;
-    bool is_listed = false;  ///< It stands in ready_, ready or not.
+    bool is_listed = false;  ///< It is in ready_, ready or not.
     bool has_failed = false;
     bool is_timed = false;
   };
@@ -163,7 +162,7 @@ class Exchange {
   std::vector<Subscription> subscriptions_;
   std::vector<SubscriptionNumber> free_;
   std::vector<SubscriptionNumber> timed_;
-  std::vector<SubscriptionNumber> ready_;  ///< A ring of as many places as subscriptions.
+  std::vector<SubscriptionNumber> ready_;  ///< A ring with a slot for each subscription.
   std::size_t ready_head_ = 0;
   std::size_t ready_count_ = 0;
   std::vector<SubscriptionNumber> broadcast_to_;

@@ -26,7 +26,7 @@ expected<Gate, FilterError> Gate::make(const DeliveryPolicy& policy,
     return refuse("it has more than " + std::to_string(kDeadbandCountMax) + " deadbands");
   }
   if (policy.replay > kReplayMax) {
-    return refuse("it wants more than " + std::to_string(kReplayMax) + " events replayed");
+    return refuse("it replays more than " + std::to_string(kReplayMax) + " events");
   }
   const std::uint32_t capacity_max =
       policy.when_full == QueuePolicy::kKeepLatest ? kLatestQueueCapacityMax : kQueueCapacityMax;
@@ -54,13 +54,13 @@ expected<Gate, FilterError> Gate::make(const DeliveryPolicy& policy,
 bool Gate::is_beyond(std::uint32_t band, const EventView& event) const noexcept {
   const Band& its = bands_[band];
   const auto value = read_scalar(event.payload, its.path, its.field_type, its.default_value);
-  // What can't be read is not for a deadband to hide.
+  // An unreadable field does not suppress the event.
   if (!value || event.header.schema_id != its.schema_id) return true;
   const auto last = std::ranges::find_if(lasts_, [&](const Last& each) {
     return each.band == band && each.source == event.header.source;
   });
   if (last == lasts_.end()) return true;
-  // Written so that a NaN is news.
+  // Negated so that a NaN exceeds the deadband.
   return !(std::abs(value->as_real() - last->value) < its.threshold);
 }
 
@@ -110,7 +110,7 @@ bool Gate::admit(const EventRef& event, MonotonicTime now) noexcept {
       if (event && is_trailing_) held_ = event;
       return false;
     }
-    // In step where it is steady, from now on after a pause.
+    // Keeps the phase under continuous load; restarts from `now` after a pause.
     next_open_ = next_open_ > now - interval_ ? next_open_ + interval_ : now + interval_;
     held_ = EventRef();
   }

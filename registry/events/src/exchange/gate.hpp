@@ -12,29 +12,29 @@
 
 namespace rtpm::events {
 
-/// Lets through as much as a policy wants. What it leaves out was not wanted, so it is no loss.
-/// @ownership one event, held for the end of the interval
+/// Applies a policy's decimation, interval and deadbands. Omitted events do not count as losses.
+/// @ownership one event, pending for the end of the interval
 /// @threads  one at a time
-/// @realtime alloc-free but for construction
+/// @realtime alloc-free except construction
 class Gate {
  public:
   Gate() noexcept = default;
   /// @realtime set-up only
-  /// @errors   a value out of bounds; a deadband's type or field that nobody knows
+  /// @errors   a value out of bounds; an unknown type or field of a deadband
   [[nodiscard]] static expected<Gate, FilterError> make(const DeliveryPolicy& policy,
                                                         const DescriptorSource& types);
 
-  /// Whether a delivery goes on now. `event` is the one it consists of, or empty if it is a group,
-  /// which deadbands leave alone and no interval holds back for later.
+  /// Whether to deliver now. `event` is empty for a group, which deadbands ignore and intervals do
+  /// not defer.
   [[nodiscard]] bool admit(const EventRef& event, MonotonicTime now) noexcept;
-  /// When the event that was held back is due; kNever if there is none.
+  /// When the deferred event is due; kNever if there is none.
   [[nodiscard]] MonotonicTime next_time() const noexcept { return held_ ? next_open_ : kNever; }
-  /// The event that was held back, if it is due.
+  /// Takes the deferred event if it is due.
   [[nodiscard]] EventRef take_held(MonotonicTime now) noexcept;
   [[nodiscard]] bool has_interval() const noexcept { return interval_ > Duration{0}; }
-  /// Gives up the event that was held back.
+  /// Releases the deferred event.
   void release_events() noexcept { held_ = EventRef(); }
-  /// How many were left out.
+  /// Deliveries omitted.
   [[nodiscard]] std::uint64_t omitted_count() const noexcept { return omitted_count_; }
 
  private:
@@ -46,7 +46,7 @@ class Gate {
     Scalar default_value{};
     double threshold = 0;
   };
-  /// The last value that was delivered, of one band and source.
+  /// The last delivered value of one band and source.
   struct Last {
     std::uint32_t band = 0;
     SourceId source = 0;

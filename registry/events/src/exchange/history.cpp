@@ -15,18 +15,18 @@ History::History(std::size_t key_count_max, std::uint32_t depth)
 }
 
 std::size_t History::slot_of(std::uint64_t value) const noexcept {
-  std::size_t place = static_cast<std::size_t>((value * 0x9e37'79b9'7f4a'7c15ULL) >> 32);
-  for (;; ++place) {
-    place &= keys_.size() - 1;
-    if (!keys_[place].is_used || keys_[place].value == value) return place;
+  std::size_t slot = static_cast<std::size_t>((value * 0x9e37'79b9'7f4a'7c15ULL) >> 32);
+  for (;; ++slot) {
+    slot &= keys_.size() - 1;
+    if (!keys_[slot].is_used || keys_[slot].value == value) return slot;
   }
 }
 
 void History::add(const EventRef& event) noexcept {
   if (depth_ == 0) return;
   const std::uint64_t value = std::uint64_t{event.header().type} << 32 | event.header().source;
-  const std::size_t place = slot_of(value);
-  Key& key = keys_[place];
+  const std::size_t slot = slot_of(value);
+  Key& key = keys_[slot];
   if (!key.is_used) {
     if (used_count_ == used_max_) {
       ++unremembered_count_;
@@ -35,7 +35,7 @@ void History::add(const EventRef& event) noexcept {
     key = {true, value, 0};
     ++used_count_;
   }
-  Entry& entry = entries_[place * depth_ + key.count++ % depth_];
+  Entry& entry = entries_[slot * depth_ + key.count++ % depth_];
   entry.event = event;
   entry.arrival = ++arrival_;
 }
@@ -43,12 +43,12 @@ void History::add(const EventRef& event) noexcept {
 std::size_t History::choose(std::uint32_t count) noexcept {
   ordered_.clear();
   chosen_.clear();
-  for (std::size_t place = 0; place < keys_.size(); ++place) {
-    const Key& key = keys_[place];
+  for (std::size_t slot = 0; slot < keys_.size(); ++slot) {
+    const Key& key = keys_[slot];
     if (!key.is_used) continue;
     const std::uint64_t known = std::min<std::uint64_t>({key.count, depth_, count});
     for (std::uint64_t back = 1; back <= known; ++back) {
-      const Entry& entry = entries_[place * depth_ + (key.count - back) % depth_];
+      const Entry& entry = entries_[slot * depth_ + (key.count - back) % depth_];
       if (entry.event) ordered_.push_back(&entry);
     }
   }

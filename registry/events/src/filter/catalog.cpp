@@ -32,14 +32,14 @@ expected<void, std::string> TypeCatalog::add(const EventDescriptor& descriptor) 
   }
   if (types_.size() >= limits_.type_count_max) {
     return unexpected{what + ": the hub knows " + std::to_string(types_.size()) +
-                      " types and takes no more"};
+                      " types, which is its maximum"};
   }
   auto owned = std::make_unique<Owned>();
   owned->name = descriptor.name;
   owned->field_names.reserve(descriptor.fields.size());
   for (const FieldDescriptor& field : descriptor.fields) {
     if (!is_sound(field, limits_.name_size_max)) {
-      return unexpected{what + ": '" + std::string(field.name) + "' is described wrongly"};
+      return unexpected{what + ": '" + std::string(field.name) + "' has an invalid descriptor"};
     }
     owned->field_names.emplace_back(field.name);
     owned->fields.push_back(field);

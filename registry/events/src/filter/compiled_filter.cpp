@@ -34,7 +34,7 @@ bool compare(T value, Comparison comparison, T operand) noexcept {
   return false;
 }
 
-// Both are of the kind that the field's type has: the compiler has seen to that.
+// The compiler has converted both to the kind of the field's type.
 bool compare(const Scalar& value, Comparison comparison, std::uint64_t operand_bits) noexcept {
   switch (value.kind) {
     case Scalar::Kind::kSigned:
@@ -67,7 +67,7 @@ bool CompiledFilter::is_match(const Node& node, const EventHeader& header) noexc
          ((header.source ^ node.source) & node.source_mask) == 0;
 }
 
-// ev-5.2-4: each match with its own hops.
+// ev-5.2-4: each match has its own hops.
 bool CompiledFilter::is_listed(const Node& node, const EventHeader& header) const noexcept {
   const auto begin = matches_.begin();
   const auto has_hops = [&](const Match& each) { return header.hops_left >= each.hops_min; };
@@ -134,7 +134,7 @@ bool CompiledFilter::accepts(const EventHeader& header, ConstBytes payload) cons
   return (accepted & bit(nodes_.size() - 1)) != 0;
 }
 
-// What every node says of the event; of a timeout, if `timer` names its node, which no other leaf
+// Evaluates every node for the event, or for the timeout of node `timer`, which no other leaf
 // accepts.
 CompiledFilter::Bits CompiledFilter::judge(const EventRef& event,
                                            std::optional<std::size_t> timer) noexcept {
@@ -188,7 +188,7 @@ std::span<const CompiledFilter::Kept> CompiledFilter::kept_of(const Node& node) 
                                   static_cast<std::size_t>(std::popcount(node.children)));
 }
 
-// Keeps what a child accepted; true if the conjunction is complete by it.
+// Keeps what a child accepted; true if this completes the conjunction.
 bool CompiledFilter::fill(const Node& node, Bits accepted, const EventRef& event) noexcept {
   if ((accepted & node.children) == 0) return false;
   Kept* chosen = nullptr;
@@ -213,20 +213,20 @@ bool CompiledFilter::is_complete(const Node& node) const noexcept {
   for (const Kept& kept : kept_of(node)) {
     if (!kept.is_filled) return false;
     for (const EventRef& event : kept.events) {
-      // A timeout is no event that happened: its time is only when it came.
+      // A timeout has no origin of its own.
       if (event.header().type == kTimeoutType) continue;
       first = std::min(first, event.header().origin);
       last = std::max(last, event.header().origin);
     }
   }
-  // In this order nothing overflows, whatever times a supplier states.
+  // Unsigned, so that no times of a supplier can overflow.
   if (node.skew_ns == 0 || first >= last) return true;
   const auto apart =
       static_cast<std::uint64_t>(to_ns(last)) - static_cast<std::uint64_t>(to_ns(first));
   return apart <= static_cast<std::uint64_t>(node.skew_ns);
 }
 
-// What the node, which accepted, delivers. The compiler has bounded both depth and number.
+// What an accepting node delivers. The compiler has bounded depth and size.
 void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& event,
                              Group& group) const noexcept {
   const Node& node = nodes_[index];
@@ -256,7 +256,7 @@ void CompiledFilter::collect(std::size_t index, Bits accepted, const EventRef& e
   }
 }
 
-// What follows once all nodes have judged; whether the root accepted.
+// Collects the delivery and resets conjunctions and silences; whether the root accepted.
 bool CompiledFilter::finish(Bits accepted, const EventRef& event, MonotonicTime now,
                             Group& group) noexcept {
   const bool is_accepted = (accepted & bit(nodes_.size() - 1)) != 0;
@@ -311,7 +311,7 @@ std::optional<CompiledFilter::Due> CompiledFilter::take_due(MonotonicTime now) n
   } else if (first->kind == Filter::Kind::kSilence) {
     first->due = now + first->span;
   } else {
-    // Whole periods on, so that the pace stays; what was missed is not made up for.
+    // Advances by whole periods: no drift, missed periods are skipped.
     const auto missed = (now - first->due) / first->span;
     first->due += (missed + 1) * first->span;
   }

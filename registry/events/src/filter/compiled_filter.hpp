@@ -15,13 +15,12 @@ namespace rtpm::events {
 
 inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
 
-/// Why a filter was refused: one sentence that names the node, by its place in the tree, and the
-/// field.
+/// Why a filter was refused: a sentence that names the node by its path in the tree, and the field.
 struct FilterError {
   std::string text;
 };
 
-/// What a filter delivers at a time.
+/// The events of one delivery.
 /// @ownership holds its events
 /// @realtime alloc-free
 class Group {
@@ -41,66 +40,64 @@ class Group {
   std::size_t size_ = 0;
 };
 
-/// Events that a program may accept: of this type, of any type; from this source, or any.
+/// A type and source that a filter may accept; nullopt: any.
 struct Interest {
   std::optional<EventType> type{};
   std::optional<SourceId> source{};
   friend bool operator==(const Interest&, const Interest&) = default;
 };
 
-/// A filter as it runs: its nodes one after the other, children before parents, so that one pass
-/// over them judges an event. Holds what conjunctions keep and when timeouts are due.
-/// @ownership its nodes, allocated when compiled; references to the events it keeps
+/// A filter ready to run: an array of nodes, children before parents, so that one pass evaluates an
+/// event. Also the state of conjunctions and timeouts.
+/// @ownership its nodes, allocated by compile(); references to kept events
 /// @threads  one at a time
 /// @realtime alloc-free once compiled; linear in the number of nodes
 class CompiledFilter {
  public:
-  /// Compiles `filter`; its timeouts begin at start().
+  /// Compiles `filter`; its timeouts run from start().
   /// @realtime set-up only
-  /// @errors   too deep, too many nodes or events to keep; a group without children; a predicate's
-  ///           type or field that nobody knows, or an operand that the field can't be; a timeout
-  ///           out of bounds, or under "all" or "not", where no event ever meets it
+  /// @errors   too deep, too many nodes or events to keep; a group without children; an unknown
+  ///           type or field; an operand that does not fit the field; a timeout out of bounds, or
+  ///           under "all" or "not", where it can never match
   [[nodiscard]] static expected<CompiledFilter, FilterError> compile(const Filter& filter,
                                                                      const DescriptorSource& types);
 
-  /// Sets the timeouts going.
+  /// Starts the timeouts.
   void start(MonotonicTime now) noexcept;
 
-  /// Whether the event is accepted. Then `group`, which is empty before, has what is delivered; it
-  /// is left empty for the plain case: the event alone.
+  /// Whether the event is accepted; then `group`, empty before, has the delivery, or stays empty
+  /// for the event alone.
   [[nodiscard]] bool on_event(const EventRef& event, MonotonicTime now, Group& group) noexcept;
-  /// The same for a program that keeps nothing and has no timeouts.
+  /// The same for a stateless filter.
   [[nodiscard]] bool accepts(const EventHeader& header, ConstBytes payload) const noexcept;
   [[nodiscard]] bool is_stateless() const noexcept { return is_stateless_; }
   [[nodiscard]] bool has_timeouts() const noexcept { return !timers_.empty(); }
-  /// Gives up the events that conjunctions keep.
+  /// Releases the events that conjunctions keep.
   void release_events() noexcept;
 
-  /// When the next timeout is due, kNever if none will be.
+  /// When the next timeout is due; kNever: none.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
-  /// A timeout that is due.
+  /// A due timeout.
   struct Due {
     std::size_t node = 0;
     std::uint32_t tag = 0;
     MonotonicTime time{};     ///< When it was due.
-    std::uint64_t count = 0;  ///< How often it came, this time included.
+    std::uint64_t count = 0;  ///< Occurrences, including this one.
   };
-  /// The earliest timeout that is due by now, and sets it for the next time; call until there is
-  /// none.
+  /// Takes and rearms the earliest due timeout; call until nullopt.
   [[nodiscard]] std::optional<Due> take_due(MonotonicTime now) noexcept;
-  /// Lets the timeout act, with `event` standing for it. As on_event(), but the group is always
-  /// filled in.
+  /// As on_event(), for the timeout's `event`; fills the group even for a single event.
   [[nodiscard]] bool on_timeout(const Due& due, const EventRef& event, MonotonicTime now,
                                 Group& group) noexcept;
 
-  /// The events it is to be shown; one more would do no harm, one less would.
+  /// A superset of what it accepts.
   [[nodiscard]] const std::vector<Interest>& interests() const noexcept { return interests_; }
-  /// Whether every event that is of its interests is accepted.
+  /// Whether it accepts every event that matches its interests.
   [[nodiscard]] bool is_decided_by_interest() const noexcept { return is_decided_by_interest_; }
 
  private:
   friend class Compiler;
-  using Bits = std::uint64_t;  ///< One for each node.
+  using Bits = std::uint64_t;  ///< One bit for each node.
   static_assert(kFilterNodeCountMax <= 64);
 
   struct Node {
@@ -113,13 +110,13 @@ class CompiledFilter {
     std::uint32_t source_mask = 0;
     FieldPath path{};
     std::uint64_t schema_id = 0;
-    std::uint64_t operand_bits = 0;  ///< Of the kind that the field's type has, as is the default.
+    std::uint64_t operand_bits = 0;  ///< In the kind of the field's type, like default_bits.
     std::uint64_t default_bits = 0;
     Bits children = 0;
     std::int64_t skew_ns = 0;
-    std::uint32_t kept_begin = 0;  ///< kCorrelate: its children's places in kept_.
-    /// kListed: its matches' places in matches_: first those of one type and source, then those of
-    /// one type, both in order; then the others.
+    std::uint32_t kept_begin = 0;  ///< kCorrelate: its children in kept_.
+    /// kListed: its matches in matches_: first those of one type and source, then those of one
+    /// type, both sorted; then masked ones.
     std::uint32_t match_begin = 0;
     std::uint32_t type_begin = 0;
     std::uint32_t mask_begin = 0;
@@ -128,13 +125,13 @@ class CompiledFilter {
   struct Timer {
     Filter::Kind kind = Filter::Kind::kOnce;
     std::size_t node = 0;
-    std::size_t group = 0;  ///< The node whose delivery ends the silence.
+    std::size_t group = 0;  ///< Node whose delivery ends the silence.
     Duration span{};
     std::uint32_t tag = 0;
     MonotonicTime due = kNever;
     std::uint64_t count = 0;
   };
-  /// What a conjunction keeps of one child.
+  /// The event of one child that a conjunction keeps.
   struct Kept {
     std::uint32_t child = 0;  ///< A node.
     bool is_filled = false;
@@ -155,7 +152,7 @@ class CompiledFilter {
   [[nodiscard]] std::span<Kept> kept_of(const Node& node) noexcept;
   [[nodiscard]] std::span<const Kept> kept_of(const Node& node) const noexcept;
 
-  // What every event needs, first.
+  // The hot members first.
   std::vector<Node> nodes_{};
   bool is_stateless_ = true;
   std::vector<Match> matches_{};

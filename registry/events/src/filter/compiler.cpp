@@ -39,8 +39,8 @@ std::string_view to_string(Kind kind) noexcept {
   return "silence";
 }
 
-unexpected<FilterError> refuse(const std::string& place, const std::string& why) {
-  return unexpected{FilterError{"Filter node " + place + " is refused: " + why + "."}};
+unexpected<FilterError> refuse(const std::string& path, const std::string& why) {
+  return unexpected{FilterError{"Filter node " + path + " is refused: " + why + "."}};
 }
 
 bool is_group(Kind kind) noexcept {
@@ -51,7 +51,7 @@ bool covers(const Interest& wide, const Interest& narrow) {
   return (!wide.type || wide.type == narrow.type) && (!wide.source || wide.source == narrow.source);
 }
 
-// Adds what is not covered yet, and takes out what is covered now.
+// Adds the interests that are not covered, and removes those that are now.
 void add_once(std::vector<Interest>& to, const std::vector<Interest>& from) {
   for (const Interest& each : from) {
     if (std::ranges::any_of(to, [&](const Interest& other) { return covers(other, each); })) {
@@ -77,7 +77,7 @@ bool is_decided_by_interest(const Match& match) {
          match.hops_min == 0;
 }
 
-// How a program finds a match of a list.
+// How is_listed() finds a match.
 enum class MatchKind : std::uint8_t { kExact, kOfType, kMasked };
 
 MatchKind kind_of(const Match& match) {
@@ -86,7 +86,7 @@ MatchKind kind_of(const Match& match) {
   return match.source_mask == 0 ? MatchKind::kOfType : MatchKind::kMasked;
 }
 
-// As add_once(), for a long list: none that another one covers.
+// As add_once(), for long lists.
 std::vector<Interest> interests_in(const std::vector<Match>& matches) {
   std::vector<Interest> all;
   all.reserve(matches.size());
@@ -123,7 +123,7 @@ std::uint64_t bits_of(const Scalar& scalar) noexcept {
   return std::bit_cast<std::uint64_t>(scalar.real);
 }
 
-// Whether a child of "all" says nothing that a comparison beside it does not say, too.
+// Whether a comparison beside it implies this child of "all".
 bool is_implied(const Filter& child, const std::vector<Filter>& siblings) {
   return child.kind == Kind::kMatch && child.type_mask == kWholeNumber && child.source_mask == 0 &&
          std::ranges::any_of(siblings, [&](const Filter& sibling) {
@@ -147,8 +147,8 @@ expected<const FieldDescriptor*, std::string> find_field(EventType type, std::st
                                                          const DescriptorSource& types) {
   const EventDescriptor* descriptor = types.find(type);
   if (descriptor == nullptr) {
-    return unexpected{"nobody has told what the fields of " + in_words(type, nullptr) +
-                      " are, so '" + std::string(name) + "' is unknown"};
+    return unexpected{"no program has registered the fields of " + in_words(type, nullptr) +
+                      ", so '" + std::string(name) + "' is unknown"};
   }
   const auto found = std::ranges::find(descriptor->fields, name, &FieldDescriptor::name);
   if (found == descriptor->fields.end()) {
@@ -168,12 +168,12 @@ expected<CompiledFilter, FilterError> Compiler::compile(const Filter& filter) {
   return std::move(compiled_);
 }
 
-Compiler::Result Compiler::make(const Filter& filter, const std::string& place, std::size_t depth) {
+Compiler::Result Compiler::make(const Filter& filter, const std::string& path, std::size_t depth) {
   if (depth > kFilterDepthMax) {
-    return refuse(place, "a filter is at most " + std::to_string(kFilterDepthMax) + " deep");
+    return refuse(path, "a filter is at most " + std::to_string(kFilterDepthMax) + " deep");
   }
   if (!is_group(filter.kind) && !filter.children.empty()) {
-    return refuse(place, "it takes no children");
+    return refuse(path, "it takes no children");
   }
   Children children;
   std::size_t number = 0;
@@ -182,18 +182,18 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
       ++number;
       continue;
     }
-    const std::string child_place =
-        place + "[" + std::to_string(number++) + "]." + std::string(to_string(child.kind));
-    auto made = make(child, child_place, depth + 1);
+    const std::string child_path =
+        path + "[" + std::to_string(number++) + "]." + std::string(to_string(child.kind));
+    auto made = make(child, child_path, depth + 1);
     if (!made) return made;
     children.push_back(std::move(*made));
   }
-  // "All" of one is that one.
+  // "All" of a single child is that child.
   if (filter.kind == Kind::kAll && children.size() == 1 && !children[0].has_timeout) {
     return std::move(children[0]);
   }
   if (compiled_.nodes_.size() >= kFilterNodeCountMax) {
-    return refuse(place, "a filter has at most " + std::to_string(kFilterNodeCountMax) + " nodes");
+    return refuse(path, "a filter has at most " + std::to_string(kFilterNodeCountMax) + " nodes");
   }
   switch (filter.kind) {
     case Kind::kNull:
@@ -201,15 +201,15 @@ Compiler::Result Compiler::make(const Filter& filter, const std::string& place, 
     case Kind::kMatch:
       return make_match(filter);
     case Kind::kListed:
-      return make_listed(filter, place);
+      return make_listed(filter, path);
     case Kind::kWhere:
-      return make_where(filter, place);
+      return make_where(filter, path);
     case Kind::kOnce:
     case Kind::kEvery:
     case Kind::kSilence:
-      return make_timeout(filter, place);
+      return make_timeout(filter, path);
     default:
-      return make_group(filter, place, children);
+      return make_group(filter, path, children);
   }
 }
 
@@ -231,19 +231,19 @@ Compiler::Result Compiler::make_match(const Filter& filter) {
   return made;
 }
 
-// What the program looks up in order lies in order: matches of one type and source, matches of one
-// type; whatever is left it goes through.
-Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& place) {
+// Sorted for binary search: matches of one type and source, then matches of one type; masked ones
+// are scanned.
+Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& path) {
   if (filter.matches.size() > kMatchCountMax) {
-    return refuse(place, "a list has at most " + std::to_string(kMatchCountMax) + " matches");
+    return refuse(path, "a list has at most " + std::to_string(kMatchCountMax) + " matches");
   }
   std::vector<Match> matches = filter.matches;
   std::ranges::sort(matches, {}, [](const Match& each) {
     return std::tuple(kind_of(each), each.type, each.source, each.type_mask, each.source_mask,
                       each.hops_min);
   });
-  // Of those that differ in the hops alone the first, which asks for the fewest, says it all.
-  // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
+  // Of matches that differ in hops only, the first has the fewest and covers the others. Not
+  // std::ranges::unique: Clang 14 rejects libstdc++'s.
   const auto all_but_hops = [](const Match& each) {
     return std::tuple(each.type, each.type_mask, each.source, each.source_mask);
   };
@@ -268,14 +268,14 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
   return made;
 }
 
-Compiler::Result Compiler::make_where(const Filter& filter, const std::string& place) {
+Compiler::Result Compiler::make_where(const Filter& filter, const std::string& path) {
   const auto field = find_field(filter.type, filter.field, types_);
-  if (!field) return refuse(place, field.error());
+  if (!field) return refuse(path, field.error());
   const auto operand = operand_for((*field)->type, filter.comparison, filter.operand);
   const EventDescriptor* descriptor = types_.find(filter.type);
   if (!operand) {
-    return refuse(place, "'" + filter.field + "' of " + in_words(filter.type, descriptor) + ": " +
-                             operand.error());
+    return refuse(path, "'" + filter.field + "' of " + in_words(filter.type, descriptor) + ": " +
+                            operand.error());
   }
   CompiledFilter::Node node{.kind = Kind::kWhere};
   node.comparison = filter.comparison;
@@ -284,17 +284,17 @@ Compiler::Result Compiler::make_where(const Filter& filter, const std::string& p
   node.path = (*field)->path;
   node.schema_id = descriptor->schema_id;
   node.operand_bits = bits_of(*operand);
-  // Of the field's kind, whatever the descriptor has it in.
+  // Converted to the field's kind.
   const auto default_value =
       operand_for((*field)->type, Comparison::kEqual, (*field)->default_value);
   node.default_bits = default_value ? bits_of(*default_value) : 0;
   return Made{.index = add(node), .interests = {{.type = filter.type}}};
 }
 
-Compiler::Result Compiler::make_timeout(const Filter& filter, const std::string& place) {
+Compiler::Result Compiler::make_timeout(const Filter& filter, const std::string& path) {
   if (filter.span < kTimeoutMin || filter.span > kTimeoutMax) {
-    return refuse(place, "its time of " + in_words(filter.span) + " is not between " +
-                             in_words(kTimeoutMin) + " and " + in_words(kTimeoutMax));
+    return refuse(path, "its time of " + in_words(filter.span) + " is not between " +
+                            in_words(kTimeoutMin) + " and " + in_words(kTimeoutMax));
   }
   Made made;
   made.index = add({.kind = filter.kind});
@@ -308,14 +308,14 @@ Compiler::Result Compiler::make_timeout(const Filter& filter, const std::string&
   return made;
 }
 
-Compiler::Result Compiler::make_group(const Filter& filter, const std::string& place,
+Compiler::Result Compiler::make_group(const Filter& filter, const std::string& path,
                                       const Children& children) {
-  if (children.empty()) return refuse(place, "it has no children");
+  if (children.empty()) return refuse(path, "it has no children");
   if (filter.kind == Kind::kNot && children.size() != 1) {
-    return refuse(place, "it takes exactly one child");
+    return refuse(path, "it takes exactly one child");
   }
   if (filter.kind == Kind::kCorrelate && filter.span < Duration{0}) {
-    return refuse(place, "a skew is not negative");
+    return refuse(path, "a skew is not negative");
   }
   Made made;
   CompiledFilter::Node node{.kind = filter.kind};
@@ -331,16 +331,16 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
   }
   const bool is_all_or_not = filter.kind == Kind::kAll || filter.kind == Kind::kNot;
   if (is_all_or_not && made.has_timeout) {
-    return refuse(place, "a timeout in it never meets an event; put it beside the group");
+    return refuse(path, "a timeout in it never meets an event; put it beside the group");
   }
   made.group_size = filter.kind == Kind::kAny ? largest : filter.kind == Kind::kNot ? 1 : sum;
   if (made.group_size > kGroupSizeMax) {
-    return refuse(place,
+    return refuse(path,
                   "it may deliver more than " + std::to_string(kGroupSizeMax) + " events together");
   }
   made.interests = interests_of(filter, children);
   if (made.interests.size() > kInterestCountMax) {
-    return refuse(place,
+    return refuse(path,
                   "it names more than " + std::to_string(kInterestCountMax) + " types and sources");
   }
   made.is_decided_by_interest =
@@ -357,8 +357,8 @@ Compiler::Result Compiler::make_group(const Filter& filter, const std::string& p
   return made;
 }
 
-// Which events a group has to see: of "all" those of its choosiest child, unless a conjunction in
-// it has to see more; of "not" every one, as it lives on what its child does not want.
+// The events that a group has to see: for "all" those of its most selective child, unless it
+// contains a conjunction; for "not" all events.
 std::vector<Interest> Compiler::interests_of(const Filter& filter, const Children& children) {
   if (filter.kind == Kind::kNot) return {{}};
   const bool keeps = std::ranges::any_of(children, &Made::keeps);

@@ -16,20 +16,20 @@ namespace rtpm::events {
 [[nodiscard]] expected<const FieldDescriptor*, std::string> find_field(
     EventType type, std::string_view name, const DescriptorSource& types);
 
-/// Turns a tree into a program, node by node, children first.
+/// Compiles a tree into an array of nodes, children first.
 class Compiler {
  public:
   explicit Compiler(const DescriptorSource& types) noexcept : types_(types) {}
   [[nodiscard]] expected<CompiledFilter, FilterError> compile(const Filter& filter);
 
  private:
-  /// What the parent has to know of a node.
+  /// What a parent needs of a compiled node.
   struct Made {
     std::size_t index = 0;
-    std::size_t group_size = 1;  ///< How many events it may deliver together.
+    std::size_t group_size = 1;  ///< Maximum events of one delivery.
     std::vector<Interest> interests{};
     bool is_decided_by_interest = false;
-    bool keeps = false;        ///< A conjunction is in it,
+    bool keeps = false;        ///< It contains a conjunction,
     bool has_timeout = false;  ///< a timeout,
     /// timeouts of silence whose group is the node's parent.
     std::vector<std::size_t> silences{};
@@ -37,12 +37,12 @@ class Compiler {
   using Result = expected<Made, FilterError>;
   using Children = std::vector<Made>;
 
-  [[nodiscard]] Result make(const Filter& filter, const std::string& place, std::size_t depth);
+  [[nodiscard]] Result make(const Filter& filter, const std::string& path, std::size_t depth);
   [[nodiscard]] Result make_match(const Filter& filter);
-  [[nodiscard]] Result make_listed(const Filter& filter, const std::string& place);
-  [[nodiscard]] Result make_where(const Filter& filter, const std::string& place);
-  [[nodiscard]] Result make_timeout(const Filter& filter, const std::string& place);
-  [[nodiscard]] Result make_group(const Filter& filter, const std::string& place,
+  [[nodiscard]] Result make_listed(const Filter& filter, const std::string& path);
+  [[nodiscard]] Result make_where(const Filter& filter, const std::string& path);
+  [[nodiscard]] Result make_timeout(const Filter& filter, const std::string& path);
+  [[nodiscard]] Result make_group(const Filter& filter, const std::string& path,
                                   const Children& children);
   [[nodiscard]] static std::vector<Interest> interests_of(const Filter& filter,
                                                           const Children& children);

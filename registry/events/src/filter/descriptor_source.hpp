@@ -4,11 +4,11 @@
 
 namespace rtpm::events {
 
-/// What types of events there are; tells what the fields of predicates are.
+/// Looks up the fields of event types for the compiler.
 class DescriptorSource {
  public:
   virtual ~DescriptorSource() = default;
-  /// What is known of `type`, valid during the compilation; null if nothing is.
+  /// The descriptor of `type`, valid during the compilation; null if unknown.
   [[nodiscard]] virtual const EventDescriptor* find(EventType type) const noexcept = 0;
 };
 

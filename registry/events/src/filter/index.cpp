@@ -9,7 +9,7 @@
 namespace rtpm::events {
 namespace {
 
-// Whether two interests can both be met by one event, though neither covers the other.
+// Whether one event can match two of the interests, neither of which covers the other.
 bool may_repeat(std::span<const Interest> interests) noexcept {
   const auto has = [&](bool has_type, bool has_source) {
     return std::ranges::any_of(interests, [&](const Interest& each) {
@@ -35,13 +35,13 @@ std::size_t SubscriptionIndex::home_of(Kind kind, std::uint64_t value) const noe
   return static_cast<std::size_t>(mixed >> 32) & (keys_.size() - 1);
 }
 
-// Where the key stands, or would stand.
+// The slot of the key, or where it would be inserted.
 std::size_t SubscriptionIndex::slot_of(Kind kind, std::uint64_t value) const noexcept {
-  std::size_t place = home_of(kind, value);
-  while (keys_[place].list != kNone && (keys_[place].value != value || keys_[place].kind != kind)) {
-    place = (place + 1) & (keys_.size() - 1);
+  std::size_t slot = home_of(kind, value);
+  while (keys_[slot].list != kNone && (keys_[slot].value != value || keys_[slot].kind != kind)) {
+    slot = (slot + 1) & (keys_.size() - 1);
   }
-  return place;
+  return slot;
 }
 
 bool SubscriptionIndex::add(std::uint32_t subscription, std::span<const Interest> interests,
@@ -79,16 +79,16 @@ void SubscriptionIndex::remove(std::uint32_t subscription,
     const Kind kind = !interest.source ? kOfType : interest.type ? kExact : kOfSource;
     const std::uint64_t value =
         std::uint64_t{interest.type.value_or(0)} << 32 | interest.source.value_or(0);
-    const std::size_t place = slot_of(kind, value);
-    erase(keys_[place].list, subscription);
-    if (keys_[place].list == kNone) {
+    const std::size_t slot = slot_of(kind, value);
+    erase(keys_[slot].list, subscription);
+    if (keys_[slot].list == kNone) {
       --key_counts_[kind];
-      free_key(place);
+      free_key(slot);
     }
   }
 }
 
-// Only the first chunk of a list has free places.
+// Only the first chunk of a list has free entries.
 void SubscriptionIndex::push(std::uint32_t& list, std::uint32_t entry) noexcept {
   if (list == kNone || chunks_[list].count == kChunkCapacity) {
     const std::uint32_t chunk = first_free_;
@@ -119,13 +119,13 @@ void SubscriptionIndex::erase(std::uint32_t& list, std::uint32_t subscription) n
       return;
     }
   }
-  RTPM_ASSERT(false, "a subscription is taken away as it was added");
+  RTPM_ASSERT(false, "remove() has the interests of add()");
 }
 
-// Moves up the keys that a search would no longer reach over the free place.
-void SubscriptionIndex::free_key(std::size_t place) noexcept {
+// Backward-shift deletion: moves the keys that a search could no longer reach.
+void SubscriptionIndex::free_key(std::size_t slot) noexcept {
   const std::size_t mask = keys_.size() - 1;
-  std::size_t hole = place;
+  std::size_t hole = slot;
   for (std::size_t at = (hole + 1) & mask; keys_[at].list != kNone; at = (at + 1) & mask) {
     const std::size_t home = home_of(keys_[at].kind, keys_[at].value);
     if (((at - home) & mask) < ((at - hole) & mask)) continue;

@@ -9,28 +9,28 @@
 
 namespace rtpm::events {
 
-/// Which subscriptions an event has to be shown to, found by its type and source: what it costs
-/// grows with them, not with the subscriptions of other types.
-/// @ownership its memory, taken when built
+/// Finds the subscriptions that may accept an event by its type and source, at a cost that does not
+/// depend on other types' subscriptions.
+/// @ownership its memory, allocated when built
 /// @threads  one at a time
 /// @realtime alloc-free
 class SubscriptionIndex {
  public:
-  /// For so many interests in all.
+  /// `interest_count_max` is for all subscriptions together.
   explicit SubscriptionIndex(std::size_t interest_count_max);
 
-  /// Lets `subscription` (below 2^30) be found by `interests`; false if there is no room, and then
-  /// nothing is changed. `is_decided`: the program need not be asked.
+  /// Adds `subscription` (below 2^30) under `interests`; false and unchanged if they do not fit.
+  /// `is_decided`: its filter accepts whatever matches the interests.
   [[nodiscard]] bool add(std::uint32_t subscription, std::span<const Interest> interests,
                          bool is_decided) noexcept;
-  /// Takes away what add() put.
+  /// Undoes add().
   void remove(std::uint32_t subscription, std::span<const Interest> interests) noexcept;
   [[nodiscard]] bool has_room(std::size_t interest_count) const noexcept {
     return interest_count <= free_count_;
   }
 
-  /// Calls visit(subscription, is_decided, may_repeat) for all that may want the event.
-  /// may_repeat: it could be visited once more for the same event.
+  /// Calls visit(subscription, is_decided, may_repeat) for each candidate. may_repeat: the same
+  /// subscription may be visited twice for one event.
   template <class Visitor>
   void visit(EventType type, SourceId source, Visitor visit) const noexcept {
     const std::uint64_t both = std::uint64_t{type} << 32 | source;
@@ -47,7 +47,7 @@ class SubscriptionIndex {
   static constexpr std::uint32_t kRepeatBit = 1U << 30;
   static constexpr std::size_t kChunkCapacity = 14;
 
-  /// Entries that lie side by side: a cache line.
+  /// Adjacent entries in one cache line.
   struct alignas(64) Chunk {
     std::uint32_t next = kNone;
     std::uint32_t count = 0;
@@ -56,7 +56,7 @@ class SubscriptionIndex {
   struct Key {
     std::uint64_t value = 0;
     Kind kind = kExact;
-    std::uint32_t list = kNone;  ///< kNone: the place is free.
+    std::uint32_t list = kNone;  ///< kNone: the slot is free.
   };
 
   template <class Visitor>
@@ -77,7 +77,7 @@ class SubscriptionIndex {
   }
   void push(std::uint32_t& list, std::uint32_t entry) noexcept;
   void erase(std::uint32_t& list, std::uint32_t subscription) noexcept;
-  void free_key(std::size_t place) noexcept;
+  void free_key(std::size_t slot) noexcept;
 
   std::vector<Key> keys_;
   std::vector<Chunk> chunks_;

@@ -34,7 +34,7 @@ std::uint64_t highest(ScalarType type) noexcept {
   return is_signed(type) ? all / 2 : all;
 }
 
-// A real number that is whole, as an integer.
+// A whole real number as an integer.
 std::optional<Scalar> whole(double real) noexcept {
   if (std::trunc(real) != real) return std::nullopt;
   if (real >= -0x1p63 && real < 0x1p63) return Scalar::of(static_cast<std::int64_t>(real));
@@ -52,7 +52,7 @@ expected<Scalar, std::string> operand_for(ScalarType type, Comparison comparison
     }
     const double real = operand.as_real();
     if (std::isnan(real)) return unexpected{std::string("nothing compares with NaN")};
-    // As precise as the field is: so 0.1 equals a float of 0.1.
+    // Rounded to the field's precision, so that 0.1 equals a float of 0.1.
     return Scalar::of(type == ScalarType::kFloat ? double{static_cast<float>(real)} : real);
   }
   const bool is_order = comparison != Comparison::kEqual && comparison != Comparison::kNotEqual;

@@ -8,7 +8,7 @@
 
 namespace rtpm::events {
 
-/// The operand as a number of the field's kind, or why the field can't be compared so, in words.
+/// Converts the operand to the field's kind, or says why the comparison is invalid.
 [[nodiscard]] expected<Scalar, std::string> operand_for(ScalarType type, Comparison comparison,
                                                         const Scalar& operand);
 

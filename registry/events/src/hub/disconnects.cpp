@@ -21,11 +21,11 @@ std::string_view to_string(DisconnectReason reason) noexcept {
 
 void Disconnects::note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept {
   const std::lock_guard lock(mutex_);
-  Disconnect& place = last_[count_ % last_.size()];
-  place.number = ++count_;
-  std::swap(place.name, name);
-  place.reason = reason;
-  place.time = now;
+  Disconnect& slot = last_[count_ % last_.size()];
+  slot.number = ++count_;
+  std::swap(slot.name, name);
+  slot.reason = reason;
+  slot.time = now;
   switch (reason) {
     case DisconnectReason::kUnsubscribed:
       ++counters_.unsubscribed_count;

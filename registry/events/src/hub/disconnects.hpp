@@ -11,12 +11,12 @@
 
 namespace rtpm::events {
 
-/// The last subscriptions that ended, and how many did for each reason.
+/// The most recent disconnects, and counts by reason.
 /// @threads  any
 class Disconnects {
  public:
-  /// Takes the name.
-  /// @realtime alloc-free; frees the name that it forgets
+  /// Swaps the name in.
+  /// @realtime alloc-free; `name` becomes the evicted one, for the caller to free
   void note(std::string& name, DisconnectReason reason, MonotonicTime now) noexcept;
   [[nodiscard]] std::vector<Disconnect> after(std::uint64_t number) const;
   [[nodiscard]] DisconnectCounters counters() const noexcept;

@@ -12,11 +12,11 @@ namespace {
 
 using namespace std::chrono_literals;
 
-// How often consumers are looked at that left without a word.
+// Interval of checking for silent disconnects.
 constexpr Duration kSweepInterval = 250ms;
-// When a consumer that took no more is tried again, if no event comes sooner.
+// Retry interval of backlogged consumers.
 constexpr Duration kBacklogInterval = 1ms;
-// So many events are matched in one go; then others who wait for the hub have their turn.
+// Events matched per lock, so that concurrent suppliers get their turn.
 constexpr int kEventsPerTurn = 16;
 constexpr transport::SourceTag kDoor{transport::SourceKind{1}};
 
@@ -86,7 +86,7 @@ HubImpl::HubImpl(const HubConfig& config, std::unique_ptr<transport::WaitSet> wa
 
 expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
   if (ring_ && !wait_set_->add(ring_->door(), kDoor, transport::Trigger::kLevel)) {
-    return unexpected{rt::RealtimeError{"The hub can't wait for who reads its ring."}};
+    return unexpected{rt::RealtimeError{"The hub can't wait for readers of its ring."}};
   }
   auto thread = rt::Thread::start(
       {.name = "rtpm-hub", .priority = config.priority, .realtime = config.realtime},
@@ -103,7 +103,7 @@ HubImpl::~HubImpl() {
   thread_.join();
 }
 
-// --- what comes in ---------------------------------------------------------------------------
+// --- intake ---------------------------------------------------------------------------
 
 void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept {
   EventReader reader(events);
@@ -117,7 +117,7 @@ void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority)
       auto event = reader.next();
       has_more = event.has_value();
       if (has_more) {
-        // ev-2-2: these are the hub's to say.
+        // ev-2-2: the hub sets these.
         event->header.hub_received = now;
         event->header.hub_sent = {};
         event->header.priority = priority;
@@ -155,7 +155,7 @@ void HubImpl::take(Intake::Supplier& supplier, const EventView& event, Monotonic
   }
 }
 
-// --- what goes out ---------------------------------------------------------------------------
+// --- output ---------------------------------------------------------------------------
 
 void HubImpl::pump_ready(MonotonicTime now) noexcept {
   while (const auto number = exchange_.take_ready())
@@ -167,7 +167,7 @@ void HubImpl::pump(SubscriptionNumber number, MonotonicTime now) noexcept {
   Outlet& outlet = outlets_[number];
   if (outlet.is_dead) return;
   if (exchange_.has_failed(number)) {
-    // Behind what still waits, its end says why.
+    // The stream ends with this reason after the pending items.
     outlet.writer.fail(rpc::Refusal::kOverload);
     end(outlet, DisconnectReason::kQueueFull);
     return;
@@ -185,7 +185,7 @@ void HubImpl::end(Outlet& outlet, DisconnectReason reason) noexcept {
   has_dead_ = true;
 }
 
-// Readers of the ring are woken once for all that was written, and by nobody who holds the lock.
+// Wakes the ring's readers once for all records, after the lock is released.
 HubImpl::WakeAfter::~WakeAfter() {
   if (hub_.ring_ != nullptr) hub_.ring_->wake(hub_.wake_bits_.exchange(0));
 }
@@ -195,7 +195,7 @@ MonotonicTime HubImpl::next_time() const noexcept {
   return multicast_ ? std::min(next, multicast_->next_time()) : next;
 }
 
-// The hub's thread sleeps until what it knew of; what is due sooner by now wakes it.
+// Wakes the hub's thread if something is due before it would wake.
 void HubImpl::ring_if_needed(MonotonicTime now) noexcept {
   MonotonicTime next = next_time();
   if (has_backlog_) next = std::min(next, now + kBacklogInterval);
@@ -219,7 +219,7 @@ void HubImpl::run() noexcept {
       pump_ready(now);
       const bool is_sweep = now >= next_sweep;
       if (is_sweep) next_sweep = now + kSweepInterval;
-      look_at_all(is_sweep, now);
+      retry_backlogs(is_sweep, now);
       until = std::min(next_time(), next_sweep);
       if (has_backlog_) until = std::min(until, now + kBacklogInterval);
       sleeping_until_ = until;
@@ -232,8 +232,9 @@ void HubImpl::run() noexcept {
   }
 }
 
-// Those who took no more before; at times all, as who left without a word is seen by nothing else.
-void HubImpl::look_at_all(bool is_sweep, MonotonicTime now) noexcept {
+// Retries backlogged consumers, and periodically all of them: a silent disconnect shows only when
+// sending.
+void HubImpl::retry_backlogs(bool is_sweep, MonotonicTime now) noexcept {
   if (!has_backlog_ && !is_sweep) return;
   has_backlog_ = false;
   for (SubscriptionNumber i = 0; i < outlets_.size(); ++i) {
@@ -247,7 +248,7 @@ void HubImpl::look_at_all(bool is_sweep, MonotonicTime now) noexcept {
   }
 }
 
-// Frees the places of those who left, each for itself, so that nobody waits for the freeing.
+// Frees dead subscriptions one by one, and their memory outside the lock.
 void HubImpl::reap_dead() noexcept {
   {
     const std::lock_guard lock(mutex_);

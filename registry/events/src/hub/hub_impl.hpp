@@ -27,7 +27,7 @@
 
 namespace rtpm::events {
 
-/// The hub: an exchange behind a lock, served by lanes, with a thread that keeps its timeouts.
+/// The hub: an exchange under a lock, called by lanes, with a thread for its timeouts.
 class HubImpl final : public Hub, public HubServant, private LinkHost {
  public:
   /// `ring` and `multicast` may be null.
@@ -74,21 +74,21 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
  private:
   using Types = flatbuffers::Vector<flatbuffers::Offset<TypeEntry>>;
 
-  /// What a subscription wants, and for which hub.
+  /// The interest of a subscription, and the hub that it is for.
   struct InterestSet {
     std::vector<Match> matches{};
     std::uint64_t linking_hub = 0;
   };
-  /// What became of the events of a link.
+  /// Counters of a link's events.
   struct LinkIntake {
     QuotaMeter meter{};
     std::uint64_t taken_count = 0;
     std::uint64_t repeated_count = 0;
     std::uint64_t refused_count = 0;
-    std::uint64_t news_count = 0;
+    std::uint64_t report_count = 0;
   };
 
-  /// Made before the lock is taken, so that it ends after it.
+  /// Constructed before the lock is taken, so that it is destroyed after it.
   class WakeAfter {
    public:
     explicit WakeAfter(HubImpl& hub) noexcept : hub_(hub) {}
@@ -101,7 +101,7 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   };
 
   [[nodiscard]] HubFacts facts() const noexcept;
-  /// Empty, or why one of the types was not taken. With types_mutex_ held.
+  /// Empty, or why a type was refused. Requires types_mutex_.
   [[nodiscard]] std::string add_types(const Types* types);
   [[nodiscard]] expected<Exchange::Prepared, std::string> prepare(const FilterNode& filter,
                                                                   const DeliveryEntry& delivery,
@@ -110,17 +110,17 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
   [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
 
-  // With mutex_ held:
+  // Require mutex_:
   void take(Intake::Supplier& supplier, const EventView& event, MonotonicTime now) noexcept;
   void pump_ready(MonotonicTime now) noexcept;
   void pump(SubscriptionNumber number, MonotonicTime now) noexcept;
   void end(Outlet& outlet, DisconnectReason reason) noexcept;
   [[nodiscard]] MonotonicTime next_time() const noexcept;
   [[nodiscard]] bool receives_multicast(SubscriptionNumber number) const noexcept {
-    return multicast_ && multicast_->has_place(number);
+    return multicast_ && multicast_->has_slot(number);
   }
   void ring_if_needed(MonotonicTime now) noexcept;
-  void look_at_all(bool is_sweep, MonotonicTime now) noexcept;
+  void retry_backlogs(bool is_sweep, MonotonicTime now) noexcept;
 
   void run() noexcept;
   void reap_dead() noexcept;
@@ -143,30 +143,30 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
 
   const std::unique_ptr<RingOutlet> ring_;            ///< Null: none. Written with mutex_ held.
   const std::unique_ptr<MulticastOutlet> multicast_;  ///< Likewise.
-  Broadcasts broadcasts_;                             ///< Of both, used if there is a multicast.
-  mutable rt::PiMutex mutex_;  ///< Of all that follows. Held for no longer than some events take.
+  Broadcasts broadcasts_;                             ///< Of both; used if there is a multicast.
+  mutable rt::PiMutex mutex_;  ///< Of all that follows; held for at most kEventsPerTurn events.
   Exchange exchange_;
   std::vector<Outlet> outlets_;  ///< By the subscription's number.
   Intake intake_;
   IntakeCounters intake_counters_{};
   std::array<LinkIntake, kLinkCountMax> link_intakes_{};
-  std::unique_ptr<RepetitionGuard> guard_{};  ///< Null: no link.
+  std::unique_ptr<RepetitionGuard> guard_{};  ///< Null: no links.
   ItemBuilder builder_{};
   bool has_backlog_ = false;
   bool has_dead_ = false;
   MonotonicTime sleeping_until_ = kNever;
 
-  std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring that are to be woken.
+  std::atomic<std::uint32_t> wake_bits_{0};  ///< Readers of the ring to wake.
   Disconnects disconnects_{};
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::atomic<bool> is_stopping_{false};
   rt::Thread thread_{};
 
-  /// By the subscription's id. Held for short, and never with mutex_.
+  /// Of interest_sets_, which is keyed by the subscription's id; never held together with mutex_.
   mutable rt::PiMutex interest_mutex_;
   std::map<std::uint64_t, InterestSet> interest_sets_{};
   mutable rt::PiMutex links_mutex_;
-  std::vector<std::unique_ptr<Link>> links_{};  ///< End first.
+  std::vector<std::unique_ptr<Link>> links_{};  ///< Destroyed first.
 };
 
 }  // namespace rtpm::events

@@ -6,7 +6,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// What a hub has to do with the hubs that it is linked to.
+// The hub's part in its links.
 namespace rtpm::events {
 
 expected<void, rpc::SetupError> HubImpl::link(rpc::Node& node, const std::string& target,
@@ -14,8 +14,8 @@ expected<void, rpc::SetupError> HubImpl::link(rpc::Node& node, const std::string
   const std::lock_guard links_lock(links_mutex_);
   if (links_.size() >= kLinkCountMax) {
     return rpc::setup_error("the hub has " + std::to_string(kLinkCountMax) +
-                            " links, so it can't be linked to '" + target +
-                            "', too. Remedy: link hubs in a tree.");
+                            " links and can't be linked to '" + target +
+                            "'. Remedy: link hubs in a tree.");
   }
   auto guard = links_.empty() ? std::make_unique<RepetitionGuard>() : nullptr;
   if (guard) {
@@ -52,19 +52,18 @@ void HubImpl::take_linked(std::size_t link, const EventView& event) noexcept {
   const std::lock_guard lock(mutex_);
   const MonotonicTime now = rt::now();
   LinkIntake& intake = link_intakes_[link];
-  // ev-5.1-2: nobody counts hops for what a hub tells of itself. ev-5.4-2: the other hub may flood.
+  // ev-5.1-2: a hub's own events stay there. ev-5.4-2: the other hub has a quota.
   if (header.hops_left == 0 || header.type > kEventTypeMax ||
       !intake.meter.take(event_span(event.payload.size()), now)) {
     ++intake.refused_count;
     return;
   }
-  // ev-5.3-1 and ev-5.3-2: what was pushed here does not come back, and what came by one way does
-  // not come by another.
+  // ev-5.3-1 and ev-5.3-2: drops events pushed here and duplicates from other paths.
   if (intake_.has_tag(header.supplier_tag) || !guard_->admit(header)) {
     ++intake.repeated_count;
     return;
   }
-  // ev-5.3-3: what can't be told from its repetition goes no further.
+  // ev-5.3-3: an event whose duplicates can't be detected goes no further.
   const bool is_known = header.supplier_tag != 0 && header.sequence != 0;
   header.hops_left = is_known ? static_cast<std::uint8_t>(header.hops_left - 1) : std::uint8_t{0};
   header.hub_received = now;
@@ -86,7 +85,7 @@ void HubImpl::publish_link_report(std::size_t link, const LinkReport& report) no
   LinkIntake& intake = link_intakes_[link];
   const EventHeader header{.type = kLinkType,
                            .source = static_cast<SourceId>(link),
-                           .sequence = ++intake.news_count,
+                           .sequence = ++intake.report_count,
                            .origin = now,
                            .hub_received = now};
   if (!exchange_.publish({header, payload}, now)) ++intake_counters_.no_memory_count;
@@ -127,7 +126,7 @@ void HubImpl::change_interest_set(std::uint64_t id, std::vector<Match> matches) 
   notify_links();
 }
 
-// The links see it when they look the next time: asking for too much for a moment does no harm.
+// The links notice at their next check: excess interest is harmless for that long.
 void HubImpl::remove_interest_set(std::uint64_t id) {
   const std::lock_guard lock(interest_mutex_);
   interest_sets_.erase(id);

@@ -5,11 +5,11 @@
 #include "hub/hub_impl.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// What a hub has to do for those who receive its multicast.
+// The hub's part in its multicast.
 namespace rtpm::events {
 namespace {
 
-// Of one reply: a consumer that missed more asks again.
+// Of one reply; a consumer that misses more asks again.
 constexpr std::size_t kRepairSizeMax = std::size_t{32} * 1024;
 constexpr std::size_t kSizeSize = 4;
 

@@ -6,11 +6,11 @@
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// The hub's methods. All but push() allocate: they are set-up, on whatever lane they run.
+// The hub's methods. All but push() allocate.
 namespace rtpm::events {
 namespace {
 
-// For people, in reports and logs.
+// Escaped, for reports and logs.
 std::string name_of(const flatbuffers::String* name) {
   constexpr std::size_t kNameSizeMax = 64;
   return name == nullptr ? std::string() : printable(name->string_view(), kNameSizeMax);
@@ -85,11 +85,11 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   const rt::AllowAllocationScope is_allowed;
   const bool reads_ring = ring_ != nullptr && request.ring() == ring_->id();
   if (request.ring() != 0 && !reads_ring) {
-    return refuse(items, "The hub's ring is another: ask for it again.");
+    return refuse(items, "The hub has another ring: ask for it again.");
   }
   const bool is_multicast = multicast_ != nullptr && request.multicast() == multicast_->id();
   if (request.multicast() != 0 && !is_multicast) {
-    return refuse(items, "The hub's multicast is another: ask for it again.");
+    return refuse(items, "The hub has another multicast: ask for it again.");
   }
   // ev-5.2-5
   if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
@@ -104,18 +104,18 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   outlet.is_welcome_due = true;
   outlet.is_latest_only =
       static_cast<QueuePolicy>(request.delivery()->when_full()) == QueuePolicy::kKeepLatest;
-  // Before it is there, so that it can't end before.
+  // Added first, so that the subscription can't end before its interest is known.
   add_interest_set(id, interest_set_of(*filter_of(*request.filter())), request.linking_hub());
   {
     const WakeAfter wake_after(*this);
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
-    const auto place = exchange_.next_number();
+    const auto slot = exchange_.next_number();
     std::uint64_t position = 0;
-    if (is_multicast && place) {
-      position = multicast_->begin_slot(*place, outlet.id);
-    } else if (reads_ring && place) {
-      position = ring_->begin_slot(*place, outlet.id);
+    if (is_multicast && slot) {
+      position = multicast_->begin_slot(*slot, outlet.id);
+    } else if (reads_ring && slot) {
+      position = ring_->begin_slot(*slot, outlet.id);
     }
     if (const auto number = exchange_.subscribe(std::move(*prepared), now)) {
       outlet.welcome = Welcome(outlet.id, epoch_, to_ns(now), *number, position);
@@ -125,10 +125,10 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
       ring_if_needed(now);
       return;
     }
-    if (is_multicast && place) multicast_->end_slot(*place);
+    if (is_multicast && slot) multicast_->end_slot(*slot);
   }
   remove_interest_set(id);
-  refuse(outlet.writer, "The hub is full: it has as many subscriptions as it takes.");
+  refuse(outlet.writer, "The hub is full: it has its maximum of subscriptions.");
 }
 
 std::optional<SubscriptionNumber> HubImpl::find(std::uint64_t id) const noexcept {
@@ -156,7 +156,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
       pump_ready(now);
       ring_if_needed(now);
     } else {
-      refusal = "The hub is full: its subscriptions name as many types and sources as it takes.";
+      refusal = "The hub is full: its subscriptions have its maximum of types and sources.";
     }
   } else {
     refusal = std::move(prepared.error());
@@ -182,13 +182,13 @@ rpc::Result<void> HubImpl::control(const Control& request, const rpc::CallContex
     case Action::Resume:
       outlet.is_suspended = request.action() == Action::Suspend;
       exchange_.set_suspended(*number, outlet.is_suspended);
-      // What it missed is told at the end of a pause, not at each event of it.
+      // Losses are reported at the end of a suspension, not for each event.
       pump(*number, now);
       break;
     case Action::End:
       outlet.writer.finish();
       end(outlet, DisconnectReason::kUnsubscribed);
-      // Who reads the ring sleeps there, and is to look at its stream.
+      // A reader of the ring sleeps there; wake it to check its stream.
       wake_bits_.fetch_or(1U << (*number % 32));
       break;
     default:

@@ -11,15 +11,15 @@
 
 namespace rtpm::events {
 
-/// The suppliers of a hub: what each may push, and what became of it.
-/// @ownership its memory, taken when built
+/// The suppliers of a hub with their quotas and counters.
+/// @ownership its memory, allocated when built
 /// @threads  one at a time
 class Intake {
  public:
-  /// A supplier. Any id may be one's; tag 0: the slot is free.
+  /// Any id is valid; tag 0: the slot is free.
   struct Supplier {
     std::uint64_t id = 0;
-    std::uint32_t tag = 0;  ///< Of its events, in this life of the hub.
+    std::uint32_t tag = 0;  ///< Its supplier_tag at this hub.
     std::string name{};
     QuotaMeter meter{};
     IntakeCounters counters{};
@@ -28,8 +28,7 @@ class Intake {
   Intake(std::uint32_t supplier_count_max, const Quota& quota, std::uint64_t epoch)
       : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
-  /// The supplier with this id, which is new if nobody has heard of it: then it takes the place of
-  /// the one that was silent longest, if none is free.
+  /// The supplier with this id; a new one takes a free slot or that of the longest silent.
   /// @realtime alloc-free
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
@@ -48,7 +47,7 @@ class Intake {
     oldest->last_heard = now;
     return *oldest;
   }
-  /// Whether events with this tag are of one of these suppliers.
+  /// Whether the tag belongs to one of these suppliers.
   /// @realtime alloc-free
   [[nodiscard]] bool has_tag(std::uint32_t tag) const noexcept {
     return tag != 0 && std::ranges::find(suppliers_, tag, &Supplier::tag) != suppliers_.end();

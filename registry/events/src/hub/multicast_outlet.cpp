@@ -34,11 +34,11 @@ MulticastOutlet::MulticastOutlet(const MulticastConfig& config, transport::Multi
     : config_(config),
       sender_(std::move(sender)),
       writer_(rt::random_u64(), config.history_count),
-      places_(subscription_count_max),
+      slots_(subscription_count_max),
       encoded_(kGroupSizeMax * event_span(payload_size_max) / sizeof(std::uint64_t)) {}
 
 std::uint64_t MulticastOutlet::begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept {
-  places_[number] = {true, static_cast<std::uint32_t>(owner), 0};
+  slots_[number] = {true, static_cast<std::uint32_t>(owner), 0};
   return writer_.next_sequence();
 }
 
@@ -59,17 +59,17 @@ void MulticastOutlet::write(std::span<const SubscriptionNumber> subscriptions, C
                             std::size_t event_count) noexcept {
   std::array<std::uint32_t, kMulticastOwnerCountMax> owners{};
   for (std::size_t i = 0; i < subscriptions.size(); ++i)
-    owners[i] = places_[subscriptions[i]].owner;
+    owners[i] = slots_[subscriptions[i]].owner;
   const auto send = [this](ConstBytes datagram) {
     const bool is_held_back = config_.lose_every != 0 && ++made_count_ % config_.lose_every == 0;
-    // What the system does not take is as lost as what the network loses, and repaired likewise.
+    // A failed send is a loss like any on the network, and repaired likewise.
     if (!is_held_back) static_cast<void>(sender_.send(datagram));
   };
   const bool is_written =
       writer_.write(std::span(owners).first(subscriptions.size()), events, send);
   for (const SubscriptionNumber number : subscriptions) {
     if (is_written) {
-      places_[number].written_count += event_count;
+      slots_[number].written_count += event_count;
     } else {
       exchange_->losses(number).too_large_count += event_count;
     }
@@ -95,7 +95,7 @@ void Broadcasts::broadcast(std::span<const SubscriptionNumber> subscriptions,
   of_ring_.clear();
   of_multicast_.clear();
   for (const SubscriptionNumber number : subscriptions) {
-    (multicast_->has_place(number) ? of_multicast_ : of_ring_).push_back(number);
+    (multicast_->has_slot(number) ? of_multicast_ : of_ring_).push_back(number);
   }
   if (!of_ring_.empty()) ring_->broadcast(of_ring_, group);
   if (!of_multicast_.empty()) multicast_->broadcast(of_multicast_, group);

@@ -9,11 +9,10 @@
 namespace rtpm::events {
 namespace {
 
-// What an item holds besides its events, at most: the table, its structs, paddings, and what the
-// builder notes while it writes.
+// Maximum of an item besides its events: table, structs, padding, and the builder's scratch space.
 constexpr std::size_t kItemOverheadMax = 256;
 constexpr std::size_t kItemMemory = wire::kStreamFrameSizeMax + 2 * kItemOverheadMax;
-// A stream gives room for as many items before its consumer has taken one.
+// Items in flight before the consumer has taken one.
 constexpr std::uint32_t kWaitingMax = wire::kStreamWindow - 1;
 
 MutableBytes bytes_of(std::vector<std::uint64_t>& memory) noexcept {
@@ -72,7 +71,7 @@ void ItemBuilder::build_part(const EventPart& part, const Extras& extras,
   std::array<std::byte, kEventHeaderSize> header_bytes{};
   EventHeader header = part.event.header;
   header.hub_sent = now;
-  // Encoded without its payload, then told how large that is.
+  // Encoded without its payload; the size is patched in.
   EventWriter writer(header_bytes);
   const bool is_put = writer.put(header, {});
   RTPM_ASSERT(is_put, "a header has its size");
@@ -118,14 +117,14 @@ Outlet::Outcome Outlet::pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& 
 expected<void, rpc::StreamError> Outlet::send_once(DeliveryQueue& queue, Losses& losses,
                                                    ItemBuilder& builder,
                                                    MonotonicTime now) noexcept {
-  // In one frame, so that no event waits for the rest of others.
+  // One frame, so that no event waits for fragments of others.
   const std::size_t item_max = writer.item_frame_size_max();
   const std::size_t part_max = (item_max - std::min(item_max, kItemOverheadMax)) & ~std::size_t{15};
   const Losses total = losses;
   const ItemBuilder::Extras extras{.welcome = is_welcome_due ? &welcome : nullptr,
                                    .losses = total != reported_ ? &total : nullptr};
   if (!partial_ && !queue.empty() && event_span(queue[0].event.payload().size()) > part_max) {
-    // Held here, so that nothing takes its place in the queue while half of it is sent.
+    // Moved out of the queue, which could replace it while parts of it are sent.
     partial_ = queue[0].event;
     is_partial_continued_ = queue[0].is_continued;
     partial_offset_ = 0;

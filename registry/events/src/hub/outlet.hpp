@@ -11,14 +11,14 @@
 
 namespace rtpm::events {
 
-/// Builds the items of subscriptions, one at a time, in memory taken when built.
+/// Encodes stream items, one at a time, in memory allocated when built.
 /// @threads  one at a time
 /// @realtime alloc-free
 class ItemBuilder {
  public:
   ItemBuilder();
 
-  /// What one item is to hold besides events.
+  /// Contents of an item besides events.
   struct Extras {
     const Welcome* welcome = nullptr;
     const Losses* losses = nullptr;
@@ -29,14 +29,14 @@ class ItemBuilder {
     std::size_t offset = 0;
     std::size_t size = 0;
   };
-  /// As many events from the front of the queue as fit `size_max` bytes; how many, the builder
-  /// holds the item.
+  /// Encodes as many events from the front of the queue as fit `size_max` bytes; returns their
+  /// number.
   [[nodiscard]] std::size_t build(const DeliveryQueue& queue, const Extras& extras,
                                   std::size_t size_max, MonotonicTime now) noexcept;
   void build_part(const EventPart& part, const Extras& extras, MonotonicTime now) noexcept;
   void build_refusal(std::string_view text) noexcept;
 
-  /// The item that was built last.
+  /// The item built last.
   [[nodiscard]] const flatbuffers::FlatBufferBuilder& item() const noexcept { return builder_; }
 
  private:
@@ -49,16 +49,16 @@ class ItemBuilder {
   flatbuffers::Offset<flatbuffers::Vector<std::uint8_t>> events_{};
 };
 
-/// Where one subscription's events leave the hub: its stream, and what the consumer was told.
+/// The hub's end of a subscription: its stream and the state reported to its consumer.
 /// @threads  one at a time
 /// @realtime alloc-free
 class Outlet {
  public:
-  /// What became of a try to send.
+  /// Result of pump().
   enum class Outcome : std::uint8_t {
-    kDone,     ///< Nothing waits.
-    kBacklog,  ///< Its consumer takes no more now. Try later.
-    kGone,     ///< Its consumer is gone.
+    kDone,     ///< Everything was sent.
+    kBacklog,  ///< The consumer takes no more now.
+    kGone,     ///< The consumer is gone.
   };
 
   std::uint64_t id = 0;  ///< 0: no subscription.
@@ -70,9 +70,9 @@ class Outlet {
   bool is_suspended = false;
   bool is_backlogged = false;
   bool is_dead = false;
-  DisconnectReason reason = DisconnectReason::kLeft;  ///< Why it is dead.
+  DisconnectReason reason = DisconnectReason::kLeft;  ///< Of a dead one.
 
-  /// Sends what waits in the queue, as far as the consumer takes it.
+  /// Sends from the queue until the consumer takes no more.
   [[nodiscard]] Outcome pump(DeliveryQueue& queue, Losses& losses, ItemBuilder& builder,
                              MonotonicTime now) noexcept;
 
@@ -83,9 +83,9 @@ class Outlet {
                                                            MonotonicTime now) noexcept;
 
   Losses reported_{};
-  EventRef partial_{};  ///< The event that is being sent in parts,
+  EventRef partial_{};  ///< The large event being sent in parts,
   bool is_partial_continued_ = false;
-  std::size_t partial_offset_ = 0;  ///< and how much of it is.
+  std::size_t partial_offset_ = 0;  ///< and the bytes of it already sent.
 };
 
 }  // namespace rtpm::events

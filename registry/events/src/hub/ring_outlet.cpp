@@ -35,14 +35,14 @@ RingOutlet::RingOutlet(std::uint64_t id, transport::BroadcastMemory memory,
 
 void RingOutlet::broadcast(std::span<const SubscriptionNumber> subscriptions,
                            std::span<const EventRef> group) noexcept {
-  SlotSet places;
+  SlotSet slots;
   for (const SubscriptionNumber number : subscriptions)
-    places.add(number);
+    slots.add(number);
   const ConstBytes events =
       encode_group(group, rt::now(), std::as_writable_bytes(std::span(encoded_)));
   const auto count = static_cast<std::uint32_t>(group.size());
-  if (writer_.write(places, events, count)) {
-    wake_bits_ |= places.wake_bits();
+  if (writer_.write(slots, events, count)) {
+    wake_bits_ |= slots.wake_bits();
     return;
   }
   for (const SubscriptionNumber number : subscriptions)

@@ -12,7 +12,7 @@
 
 namespace rtpm::events {
 
-/// The ring of a hub: where the events leave that consumers on its host read.
+/// The hub's end of the ring for consumers on its host.
 /// @threads  broadcast() and take_wake_bits() with the hub's lock; wake() from any; let_in() from
 ///           one
 class RingOutlet final : public Broadcaster {
@@ -23,24 +23,24 @@ class RingOutlet final : public Broadcaster {
       std::uint32_t size, std::uint32_t payload_size_max);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
-  /// Lets the counts of losses be told: what does not fit the ring is lost for all.
+  /// Where events that do not fit the ring are counted.
   void count_losses_in(Exchange& exchange) noexcept { exchange_ = &exchange; }
 
   void broadcast(std::span<const SubscriptionNumber> subscriptions,
                  std::span<const EventRef> group) noexcept override;
-  /// Where a subscription that begins now has its first event.
+  /// Position of the first event of a subscription that begins now.
   [[nodiscard]] std::uint64_t begin_slot(SubscriptionNumber number, std::uint64_t owner) noexcept {
     writer_.begin_slot(number, owner);
     return writer_.position();
   }
   void end_slot(SubscriptionNumber number) noexcept { writer_.end_slot(number); }
-  /// For whom something was written since it was last asked.
+  /// Readers to wake for records written since the last call.
   [[nodiscard]] std::uint32_t take_wake_bits() noexcept { return std::exchange(wake_bits_, 0); }
   void wake(std::uint32_t bits) noexcept {
     if (bits != 0) memory_.bell().ring(bits);
   }
 
-  /// Readable when somebody asks for the memory; then let_in().
+  /// Readable when a reader requests the memory; then call let_in().
   [[nodiscard]] int door() const noexcept { return door_.descriptor(); }
   void let_in() noexcept { door_.let_in(memory_); }
 
@@ -52,7 +52,7 @@ class RingOutlet final : public Broadcaster {
   transport::BroadcastMemory memory_;
   transport::BroadcastDoor door_;
   RingWriter writer_;
-  std::vector<std::uint64_t> encoded_;  ///< Room for one delivery.
+  std::vector<std::uint64_t> encoded_;  ///< Buffer of one delivery.
   Exchange* exchange_ = nullptr;
   std::uint32_t wake_bits_ = 0;
 };

@@ -29,7 +29,7 @@ bool covers(const Match& wide, const Match& narrow) noexcept {
          ((wide.source ^ narrow.source) & wide.source_mask) == 0;
 }
 
-// Once each, the bits that no mask looks at being 0.
+// Clears unmasked bits and removes duplicates and covered entries.
 void sort_out(std::vector<Match>& interest) {
   for (Match& each : interest) {
     each.type &= each.type_mask;
@@ -41,7 +41,7 @@ void sort_out(std::vector<Match>& interest) {
   std::ranges::sort(interest, {}, key);
   // Not std::ranges::unique: Clang 14 does not take what GCC's library gives back.
   interest.erase(std::unique(interest.begin(), interest.end()), interest.end());
-  // What is exact covers at most its own kind, with more hops, which stands right behind it.
+  // An exact entry covers at most its twin with more hops, which follows it.
   std::vector<Match> wide;
   std::ranges::remove_copy_if(interest, std::back_inserter(wide), is_exact);
   const auto is_covered = [&](const Match& each) {
@@ -53,7 +53,7 @@ void sort_out(std::vector<Match>& interest) {
   interest.erase(std::unique(interest.begin(), interest.end(), is_twin), interest.end());
 }
 
-// How much a list lets through, roughly: for the choice between children of "all".
+// Estimates how much a list accepts, to choose between children of "all".
 std::size_t width_of(const std::vector<Match>& interest) {
   std::size_t width = interest.size();
   for (const Match& each : interest)
@@ -91,7 +91,7 @@ std::vector<Match> interest_set_of(const Filter& filter) {
     case Kind::kAll:
       break;
   }
-  // A conjunction in it sees also the events that the others don't want.
+  // A conjunction also sees events that its siblings reject.
   const bool keeps_some = std::ranges::any_of(filter.children, keeps);
   for (const Filter& child : filter.children) {
     std::vector<Match> its = interest_set_of(child);

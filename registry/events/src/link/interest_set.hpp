@@ -5,15 +5,16 @@
 
 #include "rtpm/events/filter.hpp"
 
-/// What a hub asks another for: the types and sources that its subscriptions may accept.
+/// Interest: the types and sources that subscriptions may accept, which a hub requests from
+/// another.
 namespace rtpm::events {
 
-/// A wide guess at what `filter` accepts: no event beyond these meets it. Fields are not looked at.
+/// A superset of what `filter` accepts; ignores payload fields.
 [[nodiscard]] std::vector<Match> interest_set_of(const Filter& filter);
 
-/// `interest` of this hub's subscriptions as those of a link: each one hop further, none that is
-/// beyond kLinkHopsMax or that another covers. Of more than kMatchCountMax those of single sources
-/// are widened to all of their type, then to everything.
+/// Unites the interest of a hub's subscriptions for a link: one hop more, without entries beyond
+/// kLinkHopsMax or covered by others. More than kMatchCountMax entries are widened to all sources
+/// of a type, then to everything.
 /// @source   spec/events.md#ev-5.2
 [[nodiscard]] std::vector<Match> unite_interest(std::vector<Match> interest);
 

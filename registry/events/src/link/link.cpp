@@ -134,7 +134,7 @@ void Link::attend() {
   }
   if (has_ended) {
     consumer_.reset();
-    return;  // After a pause it tries anew.
+    return;  // Retries after the interval.
   }
   if (!reach_peer()) return;
   if (consumer_ == nullptr) {
@@ -144,7 +144,7 @@ void Link::attend() {
   }
 }
 
-// Asks the other hub who it is and how its clock stands; false if it does not answer.
+// Reads the other hub's epoch and clock; false if it does not answer.
 bool Link::reach_peer() {
   const auto fail = [this](std::string why) {
     client_.reset();
@@ -189,7 +189,7 @@ void Link::subscribe() {
   wanted.name = config_.name;
   asked_ = host_.interest_set_without(status().peer_epoch);
   wanted.filter = listed(asked_);
-  // ev-5.4-1: what this hub does not take waits over there, and for a time only.
+  // ev-5.4-1: events that this hub does not take wait there, in a bounded queue.
   wanted.delivery = {.queue_capacity = config_.queue_capacity};
   wanted.priority = config_.priority;
   wanted.cpus = config_.cpus;
@@ -206,7 +206,7 @@ void Link::subscribe() {
   status_.interest_count = asked_.size();
 }
 
-// ev-5.2-1: the other hub is asked for just what is wanted by now.
+// ev-5.2-1: requests exactly the present interest.
 void Link::update_interest_set() {
   std::vector<Match> wanted = host_.interest_set_without(status().peer_epoch);
   if (wanted == asked_ || !consumer_->is_subscribed()) return;
@@ -266,7 +266,7 @@ void Link::on_notice(const Notice& notice) {
         has_ended_ = true;
         break;
       default:
-        // Losses are told by the other thread, so that they are no flood themselves.
+        // The thread reports losses, at most once per interval.
         return;
     }
     report = {status_.state, notice.has_hub_restarted, notice.gap, status_.losses.total()};

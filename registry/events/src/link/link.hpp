@@ -18,8 +18,8 @@
 
 namespace rtpm::events {
 
-/// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that looks after it:
-/// makes it, tells it what is wanted by now, and asks how the other hub's clock stands.
+/// One link: a consumer at the other hub, and a time-shared thread "rtpm-link" that creates it,
+/// updates its interest, and reads the other hub's clock.
 /// @ownership refers to its host and node, which must outlive it
 /// @threads  any
 class Link final : private EventHandler {
@@ -30,13 +30,13 @@ class Link final : private EventHandler {
   ~Link() override;
   [[nodiscard]] expected<void, rt::RealtimeError> start();
 
-  /// The host's subscriptions have changed. Returns at once.
+  /// The interest of the host has changed. Returns at once.
   void on_interest_changed();
-  /// But for the counts of what the host took.
+  /// Without the host's counters.
   [[nodiscard]] LinkStatus status() const;
 
  private:
-  /// How the other hub's clock stands to ours.
+  /// Offset of the other hub's clock.
   struct PeerTime {
     Duration offset{0};
     std::uint32_t uncertainty_ns = 0;
@@ -59,7 +59,7 @@ class Link final : private EventHandler {
   const std::string target_;
   const LinkConfig config_;
 
-  // Of the thread alone:
+  // Of the thread:
   std::optional<HubClient> client_{};
   std::vector<Match> asked_{};
   std::unique_ptr<Consumer> consumer_{};
@@ -68,9 +68,9 @@ class Link final : private EventHandler {
   mutable std::mutex mutex_;  ///< Of what follows.
   std::condition_variable changed_;
   LinkStatus status_{};
-  Losses earlier_losses_{};  ///< Of consumers before this one.
+  Losses earlier_losses_{};  ///< Of earlier consumers.
   bool has_changed_ = false;
-  bool has_ended_ = false;  ///< The consumer gave up: another is needed.
+  bool has_ended_ = false;  ///< The consumer ended: create another.
   bool is_stopping_ = false;
   rt::Thread thread_{};
 };

@@ -4,7 +4,7 @@
 
 namespace rtpm::events {
 
-// What is known to have arrived is the larger of what the hub counted and what was read.
+// Confirmed is the larger of counted and read.
 std::uint64_t PushLedger::unconfirmed() const noexcept {
   return sent_ - std::min(sent_, std::max(counted_, read_));
 }
@@ -47,7 +47,7 @@ void PushLedger::note_end(std::uint64_t frame_count) noexcept {
 }
 
 void PushLedger::note_counted(std::uint64_t hub_epoch, std::uint64_t event_count) noexcept {
-  // Of an earlier life, or of one to which nothing was sent yet.
+  // Of an earlier hub, or of one to which nothing was sent yet.
   if (hub_epoch != hub_epoch_) return;
   if (counted_base_ + event_count < counted_) counted_base_ = counted_;
   counted_ = counted_base_ + event_count;

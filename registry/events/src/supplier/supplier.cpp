@@ -20,7 +20,7 @@
 namespace rtpm::events {
 namespace {
 
-// A batch fills a frame of shared memory, with room for what stands around it.
+// A batch with its overhead fills a frame of shared memory.
 constexpr std::size_t kBatchSizeMax = 15 * 1024;
 constexpr std::size_t kRequestOverheadMax = 256;
 constexpr std::size_t kSequenceCountMax = 256;
@@ -31,26 +31,26 @@ IntakeCounters counters_of(const SupplierCounts& counts) noexcept {
           counts.no_memory()};
 }
 
-// An event that a hub received is counted once, whatever became of it.
+// The hub counts each received event in exactly one counter.
 std::uint64_t total_of(const IntakeCounters& intake) noexcept {
   return intake.taken_count + intake.over_quota_count + intake.too_large_count + intake.bad_count +
          intake.no_memory_count;
 }
 
-// Of the errors of a call that is confirmed.
+// For errors of confirmed calls.
 bool may_have_run(rpc::CallError error) noexcept {
   return error == rpc::CallError::kTimeout || error == rpc::CallError::kDisconnected ||
          error == rpc::CallError::kPeerRestarted || error == rpc::CallError::kStopped;
 }
 
-/// Events go through a channel of their own, one after the other: two channels have no order
-/// between them, and one that is shared may be taken by a call just when an event comes.
+/// Events have a channel of their own: channels have no order between them, and a call could occupy
+/// a shared one.
 struct Clients {
   HubClient asking;
   HubClient pushing;
 };
 
-/// How the hub's clock stands to ours.
+/// Offset of the hub's clock.
 struct HubClock {
   Duration offset{0};
   std::uint32_t uncertainty_ns = 0;
@@ -131,7 +131,7 @@ class Supplier::Impl {
       ledger_.note_counted(hub_->epoch(), ledger_.sent_count());
       return {};
     }
-    if (std::exchange(is_loss_untold_, false)) {
+    if (std::exchange(is_loss_unreported_, false)) {
       ledger_.note_failed(count);
       return unexpected{rpc::CallError::kMaybeLost};
     }
@@ -142,7 +142,7 @@ class Supplier::Impl {
         builder.CreateVector(reinterpret_cast<const std::uint8_t*>(events.data()), events.size());
     builder.Finish(CreatePushRequest(builder, id_, bytes));
     auto pushed = send(rpc::table_bytes(builder));
-    // The hub may have counted them all.
+    // The hub may already have counted them all.
     const std::uint64_t lost = ledger_.maybe_lost_count();
     if (!pushed && pushed.error() == rpc::CallError::kMaybeLost && note_ended_frames() &&
         ledger_.maybe_lost_count() == lost) {
@@ -192,7 +192,7 @@ class Supplier::Impl {
     request_.resize((size + kRequestOverheadMax) / sizeof(request_[0]));
   }
 
-  // More than the table holds count as 0: "not counted".
+  // Beyond the table's capacity: 0, "not counted".
   [[nodiscard]] std::uint64_t next_sequence(EventType type, SourceId source) noexcept {
     for (std::size_t i = 0; i < counter_count_; ++i) {
       if (counters_[i].type == type && counters_[i].source == source) return ++counters_[i].count;
@@ -205,8 +205,8 @@ class Supplier::Impl {
   [[nodiscard]] expected<void, rpc::CallError> send(ConstBytes request) noexcept {
     return clients_->pushing.push_encoded(request, {.priority = config_.priority});
   }
-  // What a push came to. One that does not fit a frame is confirmed (see Binding::send()), so that
-  // of a failed one nobody knows whether it arrived.
+  // Records a push. One larger than a frame is a confirmed call (see Binding::send()), whose
+  // failure leaves its arrival open.
   void note_pushed(const expected<void, rpc::CallError>& pushed, std::uint32_t count,
                    std::size_t size) noexcept {
     const rpc::Binding& binding = clients_->pushing.binding();
@@ -214,8 +214,8 @@ class Supplier::Impl {
     if (pushed) {
       const std::uint64_t lost = ledger_.maybe_lost_count();
       ledger_.note_sent(binding.server_epoch(), count);
-      // The hub is another, and no connection ended that told: as in the hub's own program.
-      is_loss_untold_ = is_loss_untold_ || ledger_.maybe_lost_count() > lost;
+      // The hub changed without the end of a connection, as in the hub's own program.
+      is_loss_unreported_ = is_loss_unreported_ || ledger_.maybe_lost_count() > lost;
       return;
     }
     const bool is_confirmed =
@@ -230,15 +230,15 @@ class Supplier::Impl {
     ledger_.note_end(lost - std::exchange(lost_frames_noted_, lost));
     return true;
   }
-  // For one that pushes nothing more: looks whether what it pushed last may be lost.
+  // For an idle supplier: checks whether its last frames may be lost.
   void check_pushed() noexcept {
     const std::lock_guard lock(mutex);
     if (ledger_.unconfirmed_count() == 0 || clients_->pushing.binding().check_oneways()) return;
     note_ended_frames();
-    is_loss_untold_ = true;
+    is_loss_unreported_ = true;
   }
 
-  // Tells of ourselves and asks how we fare; why the hub refused a type, or does not answer.
+  // Registers with the hub and reads its counters; returns why it refused, or does not answer.
   [[nodiscard]] std::string attend() {
     AttendRequestT request;
     request.supplier = id_;
@@ -278,7 +278,7 @@ class Supplier::Impl {
     std::unique_lock lock(ending_mutex_);
     while (!ending_.wait_for(lock, config_.attend_interval, [this] { return is_ending_; })) {
       lock.unlock();
-      // A type that is refused by now was told at the begin; here only the hub's life counts.
+      // A refused type was reported by create(); here only the hub's epoch matters.
       static_cast<void>(attend());
       check_pushed();
       if (!is_attended_) bind_again();
@@ -286,7 +286,7 @@ class Supplier::Impl {
     }
   }
 
-  // The name may lead elsewhere by now.
+  // The name may lead to another hub.
   void bind_again() {
     auto clients = bind();
     if (!clients) return;
@@ -294,9 +294,9 @@ class Supplier::Impl {
       const std::lock_guard lock(mutex);
       const std::uint64_t lost = ledger_.maybe_lost_count();
       static_cast<void>(clients_->pushing.binding().check_oneways());
-      // Where the connection seems to be alive, its hub does not answer.
+      // The connection is open but its hub does not answer.
       if (!note_ended_frames()) ledger_.note_end(kAllFrames);
-      is_loss_untold_ = is_loss_untold_ || ledger_.maybe_lost_count() > lost;
+      is_loss_unreported_ = is_loss_unreported_ || ledger_.maybe_lost_count() > lost;
       std::swap(*clients_, *clients);
       lost_frames_noted_ = clients_->pushing.binding().lost_oneway_count();
     }
@@ -313,7 +313,7 @@ class Supplier::Impl {
   struct alignas(16) Line {
     std::byte bytes[16];
   };
-  std::vector<Line> memory_{};        ///< What was gathered,
+  std::vector<Line> memory_{};        ///< The batch,
   std::size_t size_ = 0;              ///< in bytes,
   std::uint32_t gathered_count_ = 0;  ///< and in events.
   std::vector<Line> request_{};
@@ -321,7 +321,7 @@ class Supplier::Impl {
   std::size_t counter_count_ = 0;
   PushLedger ledger_{};
   std::uint64_t lost_frames_noted_ = 0;  ///< Of the pushing binding's lost_oneway_count().
-  bool is_loss_untold_ = false;          ///< The next flush() tells that events may be lost.
+  bool is_loss_unreported_ = false;      ///< The next flush() returns kMaybeLost.
 
   Latest<HubClock> clock_;
   Latest<IntakeCounters> intake_;
