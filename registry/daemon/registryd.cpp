@@ -68,20 +68,19 @@ int main(int argc, char** argv) {
   rtpm::rpc::ServerConfig& server = configuration.settings.server;
   server.name = "registry";
   server.port = rtpm::names::kDefaultRegistryPort;
-  // One lane that blocks: nobody asks for names in a real-time loop, so a core is worth more.
+  // One blocking lane: names are not resolved in real-time loops.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
   rtpm::options::add_server(options, configuration.settings);
-  options.add("names-max", name_count_max, "How many names it holds", kCounts);
-  options.add("names-per-server-max", name_count_per_server_max,
-              "How many of them one server may bind", kCounts);
-  options.add("names-per-host-max", name_count_per_host_max,
-              "How many of them may be bound from one other host", kCounts);
+  options.add("names-max", name_count_max, "Maximum number of names", kCounts);
+  options.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",
+              kCounts);
+  options.add("names-per-host-max", name_count_per_host_max, "Maximum names of one remote host",
+              kCounts);
   options.add("servers-per-host-max", server_count_per_host_max,
-              "For how many servers one other host may bind names", kCounts);
-  options.add("names-own-host-max", name_count_own_host_max,
-              "How many of them may be bound from this host", kCounts);
-  options.add("servers-own-host-max", server_count_own_host_max,
-              "For how many servers this host may bind names", kCounts);
+              "Maximum servers of one remote host", kCounts);
+  options.add("names-own-host-max", name_count_own_host_max, "Maximum names of this host", kCounts);
+  options.add("servers-own-host-max", server_count_own_host_max, "Maximum servers of this host",
+              kCounts);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
   limits.name_count_max = name_count_max;
   limits.name_count_per_owner_max = name_count_per_server_max;

@@ -30,7 +30,7 @@ expected<void, rpc::SetupError> Bridge::begin(rpc::Node& node, BrokerConfig brok
     for (const TopicMapping& each : config_.mappings)
       broker.subscriptions.push_back(each.topic);
   }
-  // Messages may come before, and while it ends: their handler does without broker_.
+  // Messages may arrive before broker_ is set and while it ends: on_message() does not use it.
   broker.id = id_;
   auto made = Broker::create(std::move(broker), *this);
   if (!made) return unexpected{std::move(made.error())};
@@ -50,12 +50,12 @@ expected<void, rpc::SetupError> Bridge::begin(rpc::Node& node, BrokerConfig brok
 }
 
 Bridge::~Bridge() {
-  // The consumer gives to the broker, the broker to the supplier.
+  // Ends in order: consumer, broker, supplier.
   consumer_.reset();
   broker_.reset();
 }
 
-// ev-6.2-2: a bridge is a hop, so only what may still make one. What a hub tells of itself may not.
+// ev-6.2-2: only events with hops left; a hub's own have none.
 Filter Bridge::filter() const {
   std::vector<Match> matches;
   for (const WantedOrigin& each : config_.wanted) {
@@ -82,7 +82,7 @@ void Bridge::on_events(std::span<const EventView> events) {
   }
 }
 
-// Before the first event of each life of the hub.
+// Precedes the first event after each start of the hub.
 void Bridge::on_notice(const Notice& notice) {
   const bool is_begin =
       notice.kind == NoticeKind::kSubscribed || notice.kind == NoticeKind::kResubscribed;
@@ -90,7 +90,7 @@ void Bridge::on_notice(const Notice& notice) {
 }
 
 void Bridge::on_message(const Message& message) {
-  // ev-6.2-1: a broker that knows no "no local" sends back what it got.
+  // ev-6.2-1: a broker without "no local" returns own messages.
   if (message.id == id_) {
     ++own_count_;
     return;
@@ -116,7 +116,7 @@ void Bridge::on_message(const Message& message) {
                                  .payload = message.payload,
                                  .hops = hops};
   auto pushed = supplier_->push(event);
-  // That is about earlier ones; this one was not sent.
+  // kMaybeLost concerns earlier events; this one was not sent.
   if (!pushed && pushed.error() == rpc::CallError::kMaybeLost) pushed = supplier_->push(event);
   ++(pushed ? pushed_count_ : push_failed_count_);
 }

@@ -15,40 +15,40 @@
 
 namespace rtpm::mqtt {
 
-/// Which way events go.
+/// Direction of events.
 enum class Direction : std::uint8_t { kToBroker, kFromBroker, kBoth };
 
-/// What crosses the bridge.
+/// Configures a bridge.
 struct BridgeConfig {
   std::string hub{};
-  std::string prefix = "rtpm";  ///< Of all topics of events.
+  std::string prefix = "rtpm";  ///< Of all topics.
   Direction direction = Direction::kBoth;
-  std::vector<WantedOrigin> wanted{};  ///< What goes to the broker; empty: everything.
+  std::vector<WantedOrigin> wanted{};  ///< Published to the broker; empty: everything.
   std::vector<TopicMapping> mappings{};
-  Priority priority{};    ///< Of events from the broker, and at which the hub sends to the bridge.
-  std::uint8_t hops = 0;  ///< That events of brokers' own clients may go on from the hub.
+  Priority priority{};    ///< Of events from the broker and of the hub's sends to the bridge.
+  std::uint8_t hops = 0;  ///< Of events from other clients of the broker.
   events::DeliveryPolicy delivery{.queue_capacity = events::kQueueCapacityMax};
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   Duration deadline = std::chrono::seconds{1};
 };
 
-/// What became of events, beside BrokerCounters.
+/// Counters of a bridge, besides BrokerCounters.
 struct BridgeCounters {
-  std::uint64_t to_broker_count = 0;  ///< Given to the broker's queue.
-  std::uint64_t own_count = 0;        ///< Came back from hub or broker, and were left out.
+  std::uint64_t to_broker_count = 0;  ///< Queued for the broker.
+  std::uint64_t own_count = 0;        ///< Own events returned by hub or broker, dropped.
   std::uint64_t pushed_count = 0;     ///< From the broker to the hub.
   std::uint64_t unknown_topic_count = 0;
-  std::uint64_t hops_spent_count = 0;   ///< May go no further.
-  std::uint64_t push_failed_count = 0;  ///< The hub is away, or they are too large for it.
+  std::uint64_t hops_spent_count = 0;   ///< Dropped: no hops left.
+  std::uint64_t push_failed_count = 0;  ///< Hub unreachable, or event too large.
 };
 
-/// Events of a hub as messages of a broker, and back. Crossing it is a hop, as over a link of hubs.
+/// Bridges events of a hub and messages of a broker. Counts as a hop, like a link between hubs.
 /// @ownership refers to its node
 /// @threads  any
 class Bridge final : private events::EventHandler, private Broker::Listener {
  public:
   /// @realtime set-up only; waits for the hub, not for the broker
-  /// @errors   as events::Consumer, Supplier and Broker have them
+  /// @errors   as events::Consumer, Supplier and Broker
   [[nodiscard]] static expected<std::unique_ptr<Bridge>, rpc::SetupError> create(
       rpc::Node& node, const BridgeConfig& config, BrokerConfig broker);
   Bridge(const Bridge&) = delete;
@@ -73,7 +73,7 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
   std::unique_ptr<Broker> broker_{};
   std::unique_ptr<events::Supplier> supplier_{};
   std::unique_ptr<events::Consumer> consumer_{};
-  std::atomic<std::uint32_t> own_tag_{0};  ///< Of the supplier's events in this life of the hub.
+  std::atomic<std::uint32_t> own_tag_{0};  ///< supplier_tag of the own supplier at this hub.
 
   std::atomic<std::uint64_t> to_broker_count_{0};
   std::atomic<std::uint64_t> own_count_{0};

@@ -19,8 +19,7 @@ namespace {
 using namespace std::chrono_literals;
 
 constexpr Duration kRetryFirst = 20ms;
-// How long a full connection is left alone: the wait set reports what can be read, not what can be
-// written.
+// Retry interval of a full connection: the wait set reports readability only.
 constexpr Duration kWriteInterval = 1ms;
 constexpr Duration kMiscInterval = 250ms;
 constexpr int kKeepAlive_s = 10;
@@ -29,7 +28,7 @@ constexpr const char* kSchemaName = "rtpm-schema";
 constexpr const char* kHopsName = "rtpm-hops";
 constexpr transport::SourceTag kSocket{transport::SourceKind{1}};
 
-/// libmosquitto's own memory, once for the program.
+/// libmosquitto's global state.
 struct Library {
   Library() { mosquitto_lib_init(); }
   Library(const Library&) = delete;
@@ -83,7 +82,7 @@ class Broker::Callbacks {
     if (why != 0) return broker.set_reason(mosquitto_reason_string(why));
     broker.missing_count_ = broker.config_.subscriptions.size();
     for (const std::string& each : broker.config_.subscriptions) {
-      // What this client publishes does not come back to it, nor what others left there for long.
+      // No own messages, no retained ones.
       mosquitto_subscribe_v5(client, nullptr, each.c_str(), 0,
                              MQTT_SUB_OPT_NO_LOCAL | MQTT_SUB_OPT_SEND_RETAIN_NEVER, nullptr);
     }
@@ -187,7 +186,7 @@ void Broker::publish(const std::string& topic, ConstBytes payload, std::uint64_t
       --queue_size_;
       ++counters_.overflow_count;
     }
-    // ev-6.2-3. Places keep their memory, so that soon nothing is allocated here.
+    // ev-6.2-3. Slots reuse their memory.
     Message& place = queue_[(queue_begin_ + queue_size_++) % queue_.size()];
     place.topic = topic;
     place.payload.assign(payload.begin(), payload.end());
@@ -235,7 +234,7 @@ void Broker::run() {
       continue;
     }
     talk();
-    // The client may have closed it by now.
+    // The client may have closed it.
     wait_set_->remove(socket_);
     const bool was_connected = is_connected_.exchange(false);
     pause = was_connected ? kRetryFirst : std::min(2 * pause, config_.retry_max);
@@ -276,7 +275,7 @@ void Broker::talk() {
   }
 }
 
-// As long as the connection takes them at once: what waits, waits in our queue, which is bounded.
+// While the connection takes them at once: messages wait in the bounded queue here.
 void Broker::publish_waiting() {
   Message message;
   while (!mosquitto_want_write(client_.get())) {

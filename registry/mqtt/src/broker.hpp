@@ -18,28 +18,26 @@
 
 struct mosquitto;
 
-/// A broker as the bridge sees it.
+/// The bridge's connection to a broker.
 namespace rtpm::mqtt {
 
-/// Where the broker is and how it is talked to.
+/// Configures the connection.
 struct BrokerConfig {
-  /// What its messages are marked with, and its name at the broker: another for each client. Empty:
-  /// a new one.
+  /// Marks its messages and names the client at the broker; unique. Empty: random.
   std::string id{};
   std::string host = "127.0.0.1";
   std::uint16_t port = 1883;
   std::string user{};      ///< Empty: none.
-  std::string password{};  ///< Of the user.
-  std::string ca_file{};   ///< Certificates that are trusted; empty: no TLS.
+  std::string password{};  ///< Of `user`.
+  std::string ca_file{};   ///< Trusted certificates; empty: no TLS.
   std::vector<std::string> subscriptions{};
-  std::uint32_t queue_capacity = 1024;  ///< Messages that wait for the broker at most.
+  std::uint32_t queue_capacity = 1024;  ///< Messages.
   bool retains = false;                 ///< The broker keeps the last message of each topic.
   Duration retry_max = std::chrono::seconds{2};
 };
 
-/// A message. `id` tells which bridge published it, `hops` how many further bridges or links it may
-/// cross, `schema_id` whose payload it is: user properties of MQTT 5, all absent in the messages of
-/// others.
+/// A message. `id` (publishing bridge), `hops` (further bridges or links it may cross) and
+/// `schema_id` are user properties of MQTT 5, absent in messages of other clients.
 struct Message {
   std::string topic{};
   std::vector<std::byte> payload{};
@@ -48,31 +46,31 @@ struct Message {
   std::uint8_t hops = 0;
 };
 
-/// What became of messages.
+/// Counters of messages.
 struct BrokerCounters {
   std::uint64_t published_count = 0;
-  std::uint64_t overflow_count = 0;  ///< The oldest made room: the broker is away, or too slow.
+  std::uint64_t overflow_count = 0;  ///< Dropped from the full queue.
   std::uint64_t refused_count = 0;   ///< By libmosquitto: too large for the broker.
   std::uint64_t received_count = 0;
   std::uint64_t connection_count = 0;
 };
 
-/// A name that no other client has.
+/// A random, unique name.
 [[nodiscard]] std::string make_id();
 
-/// A connection to an MQTT 5 broker that is made again by itself, with a bounded queue before it,
-/// all kept by one time-shared thread "rtpm-mqtt". What it published itself does not come back.
+/// A connection to an MQTT 5 broker with a bounded queue; the time-shared thread "rtpm-mqtt"
+/// reconnects it. Does not receive its own messages.
 /// @threads  any
 class Broker {
  public:
-  /// Takes messages; called from the broker's thread.
+  /// Receives messages on the thread "rtpm-mqtt".
   class Listener {
    public:
     virtual ~Listener() = default;
     virtual void on_message(const Message& message) = 0;
   };
   /// @realtime set-up only; does not wait for the broker
-  /// @errors   a file of certificates that can't be read, no memory
+  /// @errors   unreadable certificates; no memory
   [[nodiscard]] static expected<std::unique_ptr<Broker>, rpc::SetupError> create(
       BrokerConfig config, Listener& listener);
   Broker(const Broker&) = delete;
@@ -87,7 +85,7 @@ class Broker {
   [[nodiscard]] bool is_connected() const noexcept { return is_connected_; }
   /// Why it is not connected; empty: it is.
   [[nodiscard]] std::string reason() const;
-  /// What the messages are marked with.
+  /// See BrokerConfig::id.
   [[nodiscard]] const std::string& id() const noexcept { return id_; }
 
   class Callbacks;
@@ -112,7 +110,7 @@ class Broker {
   int socket_ = -1;  ///< In wait_set_ while connected.
   std::unique_ptr<mosquitto, Free> client_{};
 
-  std::size_t missing_count_ = 0;  ///< Subscriptions that the broker has not granted yet.
+  std::size_t missing_count_ = 0;  ///< Subscriptions not granted yet.
 
   mutable rt::PiMutex mutex_;  ///< Of what follows.
   std::vector<Message> queue_;

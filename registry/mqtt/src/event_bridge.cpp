@@ -39,29 +39,29 @@ int fail(const std::string& text) {
 void add_options(rtpm::options::Options& options, Configuration& its) {
   options.add_registry(its.registry);
   options.add("hub", its.bridge.hub, "The hub, by name or URL");
-  options.add("host", its.broker.host, "Where the broker is: a name or an address");
+  options.add("host", its.broker.host, "The broker's name or address");
   options.add("port", its.broker.port, "The broker's port", {1, 65'535});
   options.add("user", its.broker.user, "User at the broker; empty: none");
   options.add("password", its.broker.password, "The user's password; better as RTPM_PASSWORD");
-  options.add("ca-file", its.broker.ca_file, "Certificates that are trusted; empty: no TLS");
-  options.add("prefix", its.bridge.prefix, "Of topics: events are PREFIX/TYPE/SOURCE");
+  options.add("ca-file", its.broker.ca_file, "Trusted certificates; empty: no TLS");
+  options.add("prefix", its.bridge.prefix, "Prefix of topics: PREFIX/TYPE/SOURCE");
   options.add_choice("direction", its.direction, {"both", "to-broker", "from-broker"},
-                     "Which way events go");
-  options.add("events", its.events,
-              "What goes to the broker, as TYPE or TYPE/SOURCE; empty: everything");
-  options.add("map", its.mappings, "Topics of others, as TOPIC=TYPE/SOURCE: events for the hub");
+                     "Direction of events");
+  options.add("events", its.events, "Events to publish, as TYPE or TYPE/SOURCE; empty: all");
+  options.add("map", its.mappings, "Topics of other clients to receive, as TOPIC=TYPE/SOURCE");
   options.add("interval", its.bridge.delivery.interval,
-              "At most one event in so long goes to the broker, 0s: all");
-  options.add("retain", its.broker.retains, "Lets the broker keep the last message of each topic");
-  options.add("queue", its.broker.queue_capacity, "Messages that wait for the broker at most",
+              "Publishes at most one event per interval, 0s: all");
+  options.add("retain", its.broker.retains,
+              "Lets the broker retain the last message of each topic");
+  options.add("queue", its.broker.queue_capacity, "Maximum messages that wait for the broker",
               {1, 65'536});
-  options.add("hops", its.hops, "Links that messages of others may cross from the hub on", {0, 8});
+  options.add("hops", its.hops, "Links that events of other clients may cross", {0, 8});
   options.add("priority", its.bridge.priority, "Of the bridge, and of events from the broker");
   options.add_realtime(its.bridge.realtime);
-  options.add("report", its.report, "How often the counters are printed, 0s: only at the end");
+  options.add("report", its.report, "Interval of printing the counters, 0s: only at the end");
 }
 
-/// What is wrong with the options; empty: nothing.
+/// The error in the options; empty: none.
 std::string finish(Configuration& its) {
   if (!is_topic(its.bridge.prefix)) return "--prefix is no topic";
   its.bridge.hops = static_cast<std::uint8_t>(its.hops);

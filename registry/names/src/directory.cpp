@@ -49,8 +49,7 @@ class Directory::Impl {
 
   [[nodiscard]] const std::string& registry_url() const noexcept { return registry_url_; }
 
-  /// Runs `operation` with the bound client and what the call may state; what it returns is a
-  /// result or a CallError. All of it ends by `deadline`.
+  /// Runs `operation` with the bound client; ends by `deadline`.
   template <class Operation>
   auto ask(MonotonicTime deadline, Operation operation) -> expected<
       typename std::invoke_result_t<Operation, NamesClient&, const rpc::CallOptions&>::value_type,
@@ -62,7 +61,7 @@ class Directory::Impl {
     return std::move(*reply);
   }
 
-  /// When an operation that begins now ends.
+  /// Deadline of an operation that begins now.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim, bool replaces) {
@@ -91,15 +90,14 @@ class Directory::Impl {
   }
 
  private:
-  /// The client, bound on first use; once bound it stays, for its binding finds a registry that
-  /// restarted by itself. Callers that meet before that bind side by side, lest one wait for the
-  /// deadlines of others.
+  /// The client, bound on first use; its binding finds a restarted registry by itself. Concurrent
+  /// first callers bind in parallel, so that none waits for others' deadlines.
   [[nodiscard]] expected<NamesClient*, DirectoryError> bound_client(MonotonicTime deadline) {
     {
       const std::lock_guard lock(mutex_);
       if (client_) return &*client_;
     }
-    // A name could only be asked for here: without end, where the node's resolver asks us.
+    // A name would recurse into the node's resolver.
     if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
     auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
     if (!client) {
@@ -126,7 +124,7 @@ class Directory::Impl {
         break;
     }
     DirectoryError error;
-    error.text = "the registry at " + registry_url_ + " did not do it: ";
+    error.text = "the registry at " + registry_url_ + " failed: ";
     error.text.append(text);
     return error;
   }
@@ -157,7 +155,7 @@ class Directory::Impl {
   rpc::Node& node_;
   std::string registry_url_;
   Duration deadline_;
-  std::mutex mutex_;  ///< Of client_; no real-time thread comes here.
+  std::mutex mutex_;  ///< Of client_; not for real-time threads.
   std::optional<NamesClient> client_;
 };
 
@@ -249,7 +247,7 @@ expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_vie
     const std::size_t before = entries.size();
     if (page.entries() != nullptr) {
       for (const Entry* entry : *page.entries()) {
-        // Only what goes on in order is taken, so that no registry can keep this busy for ever.
+        // Only ascending names, so that no registry can make this endless.
         if (entries.empty() || entries.back().name < entry->name()->string_view()) {
           entries.push_back(entry_of(*entry));
         }

@@ -7,7 +7,7 @@
 namespace rtpm::names {
 namespace {
 
-// By hand, because <cctype> asks the locale.
+// Not <cctype>, which depends on the locale.
 constexpr bool is_letter(char character) noexcept {
   return (character >= 'a' && character <= 'z') || (character >= 'A' && character <= 'Z');
 }

@@ -9,15 +9,15 @@
 namespace rtpm::names {
 namespace {
 
-/// When this start of the program first asked. The monotonic clock tells starts on one host apart
-/// in their order, and the clock's own identity is part of the owner's id.
+/// Epoch: the time of the first call. Monotonic on one host; the clock's identity is part of the
+/// owner's id.
 std::uint64_t epoch_of_this_start() {
   static const auto epoch = static_cast<std::uint64_t>(to_ns(rt::now()));
   return epoch;
 }
 
-/// Whose clock that is; drawn at random where the system does not tell, and then nobody is taken
-/// for an earlier start of another.
+/// The clock's identity; random if unknown, so that no other owner is mistaken for an earlier
+/// start.
 std::uint64_t clock_identity() {
   static const std::uint64_t identity =
       rt::clock_domain() != 0 ? rt::clock_domain() : rt::random_u64();
@@ -27,7 +27,7 @@ std::uint64_t clock_identity() {
 }  // namespace
 
 Owner owner_of(std::string_view url) {
-  // Up to the path: all objects of one server have one owner.
+  // Without the path: all objects of one server have one owner.
   const std::size_t authority = url.find("://") == std::string_view::npos ? 0 : url.find("://") + 3;
   const std::string_view server = url.substr(0, url.find('/', authority));
   const std::uint64_t id = fnv1a_64(server, clock_identity());

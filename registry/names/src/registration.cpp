@@ -20,10 +20,10 @@ using namespace std::chrono_literals;
 constexpr Duration kHolderWaitMax = 5s;
 /// How long the registry may take to unbind at the end of a registration.
 constexpr Duration kUnbindDeadline = 200ms;
-/// How long it may take to bind at the begin.
+/// How long the first bind may take.
 constexpr Duration kBindDeadline = 1s;
 
-/// The registrations of a program share a log.
+/// Shared by the registrations of a program.
 void report_to_standard_error(std::string_view sentence) {
   static auto* const log = new rt::Log("");
   log->write(sentence);
@@ -60,11 +60,11 @@ class Registration::Impl {
     ending_.notify_all();
     thread_.join();
     if (!is_bound_) return;
-    // If nobody answers, the lease ends by itself; there is nothing else to do about it.
+    // Without an answer the lease expires by itself.
     static_cast<void>(Directory(node_, registry_url_, kUnbindDeadline).unbind(name_, owner_));
   }
 
-  /// Binds for the first time, past the lease of a holder that may be dead.
+  /// Binds for the first time, waiting for the lease of a possibly dead holder.
   [[nodiscard]] expected<void, rpc::SetupError> begin() {
     Directory directory(node_, registry_url_, kBindDeadline);
     auto bound = bind(directory);
@@ -95,18 +95,18 @@ class Registration::Impl {
     const auto granted = claim.allows_takeover ? directory.rebind(claim) : directory.bind(claim);
     if (!granted) return unexpected{granted.error()};
     first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, lease_) : lease_;
-    // Later than the registry did it: so our reckoning never runs ahead of its own.
+    // After the registry did, so that this estimate is never early.
     bound_ = rt::now();
     return {};
   }
 
-  /// How long the registry keeps the name from a renewal at `now` on.
+  /// The lease that the registry grants for a renewal at `now`.
   [[nodiscard]] Duration lease_at(MonotonicTime now) const {
     return now - bound_ < first_lease_ ? first_lease_ : lease_;
   }
 
-  /// Renews every third of the lease until the end, and gives each renewal that long: so a registry
-  /// that answers at all in that lease is heard before the name is lost.
+  /// Renews every third of the lease, with that as the deadline: two attempts may fail before the
+  /// name is lost.
   void keep() {
     Directory directory(node_, registry_url_, std::min(first_lease_ / 3, kBindDeadline));
     MonotonicTime next = rt::now();
@@ -122,12 +122,12 @@ class Registration::Impl {
 
   void keep_once(Directory& directory) {
     auto kept = directory.renew(name_, owner_, lease_);
-    // The registry answered that we don't hold the name: it restarted, our lease ended while nobody
-    // could reach it, or somebody took the name. Binding sorts these out.
+    // The registry restarted, the lease expired, or another owner took the name: bind() tells
+    // which.
     if (!kept && kept.error().outcome) kept = bind(directory);
     const bool was_bound = is_bound_.exchange(kept.has_value());
     if (was_bound && !kept) {
-      report_("the name '" + name_ + "' is lost, trying on: " + kept.error().text);
+      report_("the name '" + name_ + "' is lost, retrying: " + kept.error().text);
     } else if (!was_bound && kept) {
       report_("the name '" + name_ + "' is bound again at " + registry_url_);
     }
@@ -142,11 +142,11 @@ class Registration::Impl {
   const Duration lease_;
   const Report report_;
   const Takeover takeover_;
-  // The creating thread's until it starts the renewing one's, then that one's.
+  // Of the creating thread, then of the renewing one.
   Duration first_lease_{};
   MonotonicTime bound_{};
   std::atomic<bool> is_bound_ = false;
-  // Plain ones: only the creating thread and the time-shared renewing thread meet here.
+  // Plain: shared by the creating and the time-shared renewing thread only.
   std::mutex mutex_;
   std::condition_variable ending_;
   bool is_ending_ = false;

@@ -20,7 +20,7 @@
 namespace rtpm::names {
 namespace {
 
-/// The store's words for what came in a request.
+/// Requests in the store's types.
 std::string_view view_of(const flatbuffers::String* text) {
   return text == nullptr ? std::string_view{} : text->string_view();
 }
@@ -45,10 +45,10 @@ void report_to_standard_error(std::string_view sentence) {
   rt::print_error("rtpm-names", sentence);  // SentenceLimit limits it.
 }
 
-/// Lets one sentence through in a second and counts the others.
+/// Admits one sentence per second and counts the others.
 class SentenceLimit {
  public:
-  /// What stands behind the sentence; nothing: it is not to be said.
+  /// The sentence's suffix; nullopt: suppressed.
   [[nodiscard]] std::optional<std::string> admit(MonotonicTime now) {
     if (now < next_) {
       ++withheld_count_;
@@ -77,13 +77,13 @@ flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
   return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision);
 }
 
-// What FlatBuffers needs at most, so that a page is known to fit before it is written. Each text
-// has a length, an end and padding; a table its offset to the vtable, its fields and padding; and
-// the vector one offset for each entry.
+// Upper bounds of FlatBuffers' overhead, so that a page is known to fit before it is written: a
+// text has length, terminator and padding; a table has a vtable offset, fields and padding; the
+// vector has an offset per entry.
 constexpr std::size_t kTextOverheadMax = 4 + 1 + 3;
 constexpr std::size_t kEntryOverheadMax = 3 * kTextOverheadMax + (4 + 3 * 4 + 2 * 8 + 8) + 4;
 constexpr std::size_t kPageOverheadMax = 96;
-// The builder notes fields and vtables at the other end of the same memory while it writes.
+// The builder's scratch space at the other end of the memory.
 constexpr std::size_t kScratchSizeMax = 128;
 constexpr std::size_t kPageSizeMax = wire::kDatagramPayloadSizeMax - kScratchSizeMax;
 
@@ -94,16 +94,15 @@ std::size_t entry_size_max(const Record& record) {
 constexpr std::size_t kEntrySizeMax =
     kNameSizeMax + kUrlSizeMax + kInterfaceSizeMax + kEntryOverheadMax;
 static_assert(kPageOverheadMax + kEntrySizeMax <= kPageSizeMax,
-              "a page holds at least one entry, else a list would not come to its end");
+              "a page holds at least one entry, else list() would not end");
 
-/// As many names as any page can hold: those with texts of one byte.
+/// Upper bound of names per page.
 constexpr std::size_t kPageCountMax = kPageSizeMax / kEntryOverheadMax;
 
-/// Every method allocates, on a lane that otherwise never does: the lane of a registry is not
-/// real-time, and names are bound and resolved while programs set up. See make_servant().
+/// Every method allocates: the lane of a registry is not real-time. See make_servant().
 class RegistryServant final : public NamesServant {
  public:
-  // Revisions of two lives of a registry are not to meet.
+  // Random, so that revisions of two starts differ.
   RegistryServant(Limits limits, RegistryReport report)
       : store_(limits, rt::random_u64() >> 1 | 1),
         report_(report ? std::move(report) : report_to_standard_error) {}
@@ -200,7 +199,7 @@ class RegistryServant final : public NamesServant {
 
  private:
   using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
-  /// As many as fit a datagram, with all outcomes.
+  /// Fits a datagram together with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
 
   rpc::Result<void> bind(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,

@@ -22,8 +22,8 @@ std::size_t last_component(std::string_view name) {
   return static_cast<std::size_t>(std::count(name.begin(), name.end(), '/'));
 }
 
-/// Whether a record's holder is the very start of the very owner; the refusal if not. A later start
-/// may end what an earlier one began, but has to bind before it renews.
+/// Whether `owner` holds the record. A later start may unbind an earlier one's name, but must bind
+/// before it renews.
 expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_be_later) {
   const std::size_t last = last_component(record.name);
   if (record.owner.id != owner.id) return refuse(Outcome::kNotOwner, last, &record);
@@ -50,7 +50,7 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
                                        MonotonicTime now) {
   expire(now);
   Claim claim = from_anywhere;
-  // All of its own addresses are one host: there are 16 million of them.
+  // The 16 million loopback addresses are one host.
   if (is_own_host(claim.host)) claim.host = kOwnHost;
   if (auto checked = check_claim(claim); !checked) return unexpected{checked.error()};
   const auto place = records_.find(claim.name);
@@ -70,7 +70,7 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
   return granted;
 }
 
-// Whether the claim may have a name that is held.
+// Whether the claim may take a held name.
 expected<void, Refusal> Store::check_holder(const Claim& claim, const Record& held,
                                             bool replaces) const {
   const std::size_t last = last_component(held.name);
@@ -124,8 +124,7 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
     if (name.empty()) continue;
     if (const auto bad = first_bad_component(name)) return refuse(Outcome::kBadName, *bad);
   }
-  // What is below a directory are the names that begin with it and a '/'; a bound name is a list of
-  // itself.
+  // A directory contains the names that begin with it and a '/'; a bound name lists itself.
   std::string prefix(directory);
   const bool is_bound = records_.contains(directory);
   if (!directory.empty() && !is_bound) prefix += '/';
@@ -162,7 +161,7 @@ void Store::erase(Records::iterator place) {
   records_.erase(place);
 }
 
-// `kept`: what this start of this owner holds already.
+// `kept`: the present record of this start of the owner.
 Granted Store::put(const Claim& claim, const Record* kept, MonotonicTime now) {
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
   const std::uint64_t revision = kept != nullptr ? kept->revision : next_revision_++;
@@ -207,8 +206,7 @@ expected<void, Refusal> Store::check_place(std::string_view name) const {
   return {};
 }
 
-// Whether there is room for the claim once `held`, the record that it replaces, is gone; null:
-// none.
+// Checks limits, without `held`, the record to be replaced, if not null.
 expected<void, Refusal> Store::check_room(const Claim& claim, const Record* held) const {
   if (held == nullptr && records_.size() >= limits_.name_count_max) return refuse(Outcome::kFull);
   const auto count = count_of_owner_.find(claim.owner.id);

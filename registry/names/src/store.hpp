@@ -27,54 +27,51 @@ struct Record {
   std::string interface;
   Owner owner{};
   MonotonicTime expires{};  ///< When its lease ends, unless renewed.
-  /// Another number for each holder that the name ever had; the same for as long as one holds it.
+  /// Changes with the holder of the name.
   std::uint64_t revision = 0;
-  MonotonicTime bound{};   ///< Since when this start of its owner holds it.
-  std::uint32_t host = 0;  ///< From which it was bound, see Claim.
+  MonotonicTime bound{};   ///< When this start of its owner bound it.
+  std::uint32_t host = 0;  ///< See Claim::host.
 };
 
-/// Why the store did nothing.
+/// Why an operation was refused.
 struct Refusal {
   Outcome outcome = Outcome::kDone;
-  /// Which component of the name it is about, counted from 0.
+  /// The offending component of the name, from 0.
   std::uint8_t component = 0;
-  /// Who holds the name, for kAlreadyBound, kStaleEpoch and kNotOwner; valid until the next call.
+  /// The holder, for kAlreadyBound, kStaleEpoch and kNotOwner; valid until the next call.
   const Record* holder = nullptr;
 };
 
-/// A part of a list.
+/// A page of list().
 struct Page {
   std::vector<const Record*>
       records{};        ///< In the order of their names; valid until the next call.
-  bool is_last = true;  ///< Nothing follows them.
+  bool is_last = true;  ///< No further names.
 };
 
-/// The names that are bound, with their leases. It knows no clock and no socket: every operation is
-/// told the time, which must not run backwards, and first drops the names whose leases have ended.
-/// A lease that ends at `now` has ended.
-/// @threads  one at a time. Allocates; not for real-time threads
+/// Bound names with their leases. No clock, no socket: every operation takes the time, which must
+/// not decrease, and first drops expired names. A lease that ends at `now` has ended.
+/// @threads  one at a time
 class Store {
  public:
-  /// Revisions count from `first_revision` on; give each life of a registry another range.
+  /// Revisions count from `first_revision`; choose another range for each start of a registry.
   explicit Store(Limits limits = {}, std::uint64_t first_revision = 1);
 
-  /// Binds `claim.name`. If this start of this owner holds it, its record is replaced and its
-  /// lease begins anew; so repeating a bind does no harm. A later start of the owner takes the name
-  /// at once if it comes from the host that the name was bound from; from elsewhere it waits for
-  /// the lease to end, as anybody could claim to be it.
+  /// Binds `claim.name`. If the same start of the owner holds it, replaces record and lease. A
+  /// later start takes the name at once from the same host; from another host, which is not
+  /// trusted, only after the lease.
   /// @errors   kAlreadyBound, kStaleEpoch with the holder · kNotADirectory, kIsADirectory · kFull,
-  ///           kOwnerFull, kHostFull, kHostOwnersFull · kBadName, kBadUrl, kBadInterface, kBadOwner,
-  ///           kBadLease
+  ///           kOwnerFull, kHostFull, kHostOwnersFull · kBadName, kBadUrl, kBadInterface,
+  ///           kBadOwner, kBadLease
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
-  /// As bind(), but takes the name away from another owner, whose renew() then fails, if the
-  /// claim names that holder's revision or allows any takeover. An older start of the same owner
-  /// still gets kStaleEpoch.
-  /// @errors   as bind(), with kAlreadyBound where the claim gives no leave · kStaleRevision with
-  ///           the holder: it is another one than the claim names
+  /// As bind(), but takes the name from another owner if the claim names its revision or allows any
+  /// takeover. An older start of the same owner still gets kStaleEpoch.
+  /// @errors   as bind(), with kAlreadyBound if the claim allows no takeover · kStaleRevision with
+  ///           the holder
   [[nodiscard]] expected<Granted, Refusal> rebind(const Claim& claim, MonotonicTime now);
 
-  /// Lets the lease end `lease` from now, or first_lease_max, see Granted.
+  /// Extends the lease to `lease` from now, bounded as Granted::lease.
   /// @errors   kNotFound (bind again), kNotOwner, kStaleEpoch, kNotADirectory, kIsADirectory,
   ///           kBadLease, kBadName
   [[nodiscard]] expected<void, Refusal> renew(std::string_view name, Owner owner, Duration lease,
@@ -84,19 +81,19 @@ class Store {
   /// @errors   kNotFound, kNotADirectory, kIsADirectory, kBadName
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
-  /// Takes the name away. A later start of its owner may, too.
+  /// Unbinds the name, for its owner or a later start of it.
   /// @errors   as renew() without a lease
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
                                                MonotonicTime now);
 
-  /// Up to `count_max` records whose names are `directory` or below it (empty: all) and come after
-  /// `after` (empty: from the begin), in the order of their bytes. Nothing there is an empty page.
-  /// To go on, give the last name as `after`; names that come and go meanwhile disturb no others.
+  /// Up to `count_max` records that are `directory` or below it (empty: all) and sort after
+  /// `after`, in byte order. To continue, pass the last name as `after`; concurrent changes affect
+  /// no other names.
   /// @errors   kBadName, of either argument
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
 
-  /// How many names are bound, those included whose leases ended since the last operation.
+  /// Bound names, including those that expired since the last operation.
   [[nodiscard]] std::size_t size() const noexcept { return records_.size(); }
 
   /// What a host holds.
@@ -105,9 +102,9 @@ class Store {
     std::size_t name_count = 0;
     std::size_t owner_count = 0;
   };
-  /// Of the hosts that hold any, the `count_max` with the most names, most first.
+  /// The `count_max` hosts with the most names, most first.
   [[nodiscard]] std::vector<HostUse> hosts(std::size_t count_max) const;
-  /// How many owners hold names.
+  /// Owners of names.
   [[nodiscard]] std::size_t owner_count() const noexcept { return count_of_owner_.size(); }
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
@@ -131,8 +128,7 @@ class Store {
 
   Limits limits_;
   Records records_{};
-  /// The names by the end of their leases, so that dropping the ended ones costs nothing for
-  /// others.
+  /// By the end of the lease, so that expiry does not visit other names.
   std::set<std::pair<MonotonicTime, std::string_view>> ends_{};
   std::unordered_map<std::uint64_t, std::size_t> count_of_owner_{};
   struct Host {

@@ -8,20 +8,20 @@
 
 namespace rtpm::introspection {
 
-/// Where a server's catalog is served, so that tools find it.
+/// Path of the catalog in every server.
 inline constexpr std::string_view kPath = "rtpm/introspection";
 
-/// The objects of one server with their interfaces, as an object of that server:
+/// The objects of a server with their interfaces, as an object of that server:
 ///
 ///     Catalog catalog;
 ///     catalog.add("lab/arm0", arm);
 ///     server->add(kPath, catalog);
-/// @ownership keeps the descriptors of interfaces, which are constants, and no servant
-/// @threads  add before the server's start(); then calls from any lane
-/// @realtime none of its methods; it runs at the lowest priority whatever the caller's is
+/// @ownership refers to the constant interface descriptors, not to the servants
+/// @threads  add() before the server's start(), calls from any lane
+/// @realtime none; runs at the lowest priority
 class Catalog final : public IntrospectionServant {
  public:
-  /// Tells of `servant` under `path`; the same path again replaces it.
+  /// Adds `servant` under `path`, or replaces it.
   /// @realtime set-up only
   void add(std::string path, const rpc::Servant& servant);
 

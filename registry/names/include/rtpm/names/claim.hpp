@@ -7,33 +7,32 @@
 
 namespace rtpm::names {
 
-/// Who binds a name. The id stays the same when the owner restarts, the epoch grows with every
-/// start: so a restarted owner takes its names over at once, and nobody else does by accident.
+/// The owner of a name. A restart keeps the id and increases the epoch, so a restarted owner takes
+/// its names back at once, and no other does by accident.
 struct Owner {
   std::uint64_t id = 0;  ///< Never 0.
   std::uint64_t epoch = 0;
   friend bool operator==(const Owner&, const Owner&) = default;
 };
 
-/// What a name is to be bound to.
+/// A request to bind a name.
 struct Claim {
   std::string_view name;
   std::string_view url;
   std::string_view interface;
   Owner owner{};
   Duration lease{};
-  /// Of rebind(): whom it may take the name from. The holder with this revision, 0: none;
+  /// rebind() may take the name from the holder with this revision; 0: from none.
   std::uint64_t holder_revision = 0;
-  /// whoever holds it.
+  /// rebind() may take the name from any holder.
   bool allows_takeover = false;
-  /// The host that asks (rpc::CallerHost::ipv4), as the registry sees it.
+  /// Set by the registry: the calling host (rpc::CallerHost::ipv4).
   std::uint32_t host = 0;
 };
 
-/// What became of a bind.
+/// Result of a bind.
 struct Granted {
-  /// As asked for, or Limits::first_lease_max, which then holds for renewals, too, until the name
-  /// has been held for so long.
+  /// As requested, but at most Limits::first_lease_max until the name has been held for that long.
   Duration lease{};
   std::uint64_t revision = 0;
   bool is_takeover = false;  ///< Another owner held the name.

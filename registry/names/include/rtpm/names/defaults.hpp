@@ -5,10 +5,10 @@
 
 namespace rtpm::names {
 
-/// Where the registry is if nobody says otherwise.
+/// Where rtpm-registryd listens by default.
 inline constexpr std::string_view kDefaultRegistryUrl = "rtpm://127.0.0.1:7420/rtpm/names";
 inline constexpr std::uint16_t kDefaultRegistryPort = 7420;
-/// The path under which a server serves the registry.
+/// Path of the registry in its server.
 inline constexpr std::string_view kRegistryPath = "rtpm/names";
 
 }  // namespace rtpm::names

@@ -16,55 +16,61 @@
 
 namespace rtpm::names {
 
-/// A bound name as the registry tells it.
+/// A bound name.
 struct NameEntry {
   std::string name;
   std::string url;
   std::string interface;
-  Duration lease_left{};       ///< When the registry answered.
-  std::uint64_t revision = 0;  ///< Of its holder: what a rebind names that is to replace it.
+  Duration lease_left{};       ///< At the time of the reply.
+  std::uint64_t revision = 0;  ///< Of its holder; see Claim::holder_revision.
 };
 
 /// Why an operation on the registry failed.
 struct DirectoryError {
-  /// What the registry answered; none: it did not answer, and whether it acted is unknown.
+  /// The registry's answer; nullopt: none, and whether it acted is unknown.
   std::optional<Outcome> outcome{};
-  /// One sentence that names the thing, the cause and the remedy.
+  /// A sentence with subject, cause and remedy.
   std::string text;
-  /// Who holds the name, for kAlreadyBound, kStaleEpoch and kStaleRevision.
+  /// The holder, for kAlreadyBound, kStaleEpoch and kStaleRevision.
   std::string holder_url{};
   Duration holder_lease_left{};
   std::uint64_t holder_revision = 0;
 };
 
-/// A client of the registry: every operation asks it once. A registry that restarted is found again
-/// by the next operation.
+/// A client of the registry: one request per operation. The next operation finds a restarted
+/// registry.
 /// @ownership refers to its node, which must outlive it
-/// @threads  any, several at once. Set-up only: no operation is for real-time threads. Errors of
-///           all operations: the registry's URL is none; "no registry answers at …" within
-///           `deadline`; what the registry refused
+/// @threads  any, several at once
+/// @realtime set-up only
+/// @errors   of all operations: the registry's URL is invalid; "no registry answers at …"; a refusal
 class Directory {
  public:
-  /// `deadline` is for each operation, of which a list may take several.
+  /// `deadline` bounds each request; list() may take several.
   explicit Directory(rpc::Node& node, std::string registry_url = std::string(kDefaultRegistryUrl),
                      Duration deadline = std::chrono::seconds{1});
   Directory(Directory&&) noexcept;
   Directory& operator=(Directory&&) noexcept;
   ~Directory();
 
-  /// As Store::bind(); the registry itself sees from which host.
+  /// Binds a name, or replaces its binding by the same owner. A later start of the owner on the
+  /// same host takes the name at once; from another host it waits for the lease to end.
+  /// @errors   kAlreadyBound, kStaleEpoch: held by another · kFull and other limits
   [[nodiscard]] expected<Granted, DirectoryError> bind(const Claim& claim);
-  /// As Store::rebind(), likewise.
+  /// As bind(), but may also take the name from another holder, as the claim allows.
+  /// @errors   kStaleRevision: the holder is not the one that the claim names
   [[nodiscard]] expected<Granted, DirectoryError> rebind(const Claim& claim);
-  /// As Store::renew().
+  /// Extends the lease to `lease` from now.
+  /// @errors   kNotFound: bind again · kNotOwner, kStaleEpoch
   [[nodiscard]] expected<void, DirectoryError> renew(std::string_view name, Owner owner,
                                                      Duration lease);
-  /// As Store::resolve(). Ends by `deadline`, too.
+  /// Looks a name up. Also ends by `deadline`.
+  /// @errors   kNotFound, kNotADirectory, kIsADirectory
   [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
                                                             MonotonicTime deadline = kNever);
-  /// As Store::unbind().
+  /// Unbinds a name of this or an earlier start of the owner.
+  /// @errors   as renew()
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner);
-  /// Every name that is `directory` or below it; empty: all.
+  /// All names that are `directory` or below it; empty: all.
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});
 
@@ -75,9 +81,8 @@ class Directory {
   std::unique_ptr<Impl> impl_;
 };
 
-/// The owner for names whose objects a server serves at `url`, in this start of this program.
-/// Servers that follow each other at one address of one host are the same owner; since an address
-/// has one server at a time, no two that live are.
+/// The owner of names that a server at `url` binds. Successive servers at one address of one host
+/// are the same owner with increasing epochs.
 /// @realtime set-up only
 [[nodiscard]] Owner owner_of(std::string_view url);
 

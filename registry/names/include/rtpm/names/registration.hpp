@@ -15,39 +15,34 @@
 
 namespace rtpm::names {
 
-/// Whether a registration may begin by taking its name from another server that lives.
+/// Whether a registration may take its name from a living server.
 enum class Takeover : std::uint8_t {
   kRefused,
-  kAllowed,  ///< The registry reports it. Later, when another takes the name, it does not fight
-             ///< back.
+  kAllowed,  ///< Only in create(), not when it loses the name later.
 };
 
-/// A name that stays bound as long as this lives. A time-shared thread named "rtpm-lease" renews
-/// the lease at a third of it (at first of what the registry grants, see Granted), and binds again
-/// when the registry lost the name: because it restarted, or because nobody reached it for a lease.
-/// At its end it takes the name away.
+/// Keeps a name bound for its own lifetime. A time-shared thread "rtpm-lease" renews at a third of
+/// the granted lease, and binds again when the registry restarted or was unreachable for a lease.
 ///
-/// A server that was killed gets its name back: at once where it serves at its old address again,
-/// being a later start of the same owner (see owner_of()); else when its old lease has ended, which
-/// with the default lease is within 2 s, and for which create() waits.
+/// After a crash, a server at its old address takes its name back at once (see owner_of()). At
+/// another address create() waits for the old lease to end, by default 2 s.
 /// @ownership refers to its node, which must outlive it
 /// @threads  create and end from one thread; is_bound() from any
 class Registration {
  public:
   static constexpr Duration kDefaultLease = std::chrono::seconds{2};
 
-  /// Takes one sentence when the name is lost (no registry, somebody else has the name) and one
-  /// when it is back; called from the thread "rtpm-lease".
+  /// Receives a sentence when the name is lost and when it is bound again, on the thread
+  /// "rtpm-lease".
   using Report = std::function<void(std::string_view sentence)>;
 
-  /// Binds `name` to the object at `url` and begins to renew.
-  /// `interface` is the object's, "lab.Arm"; `lease` at least 100 ms, at most 1 h: how long the
-  /// name outlives a program that is killed. `report` none: to standard error. If another server
-  /// has the name, takes it where `takeover` says so; else waits once until that one's lease would
-  /// end, at most 5 s: one that was killed is gone then.
+  /// Binds `name` to the object at `url` and starts renewing. If another server holds the name,
+  /// takes it with Takeover::kAllowed, else waits once, at most 5 s, for its lease to end.
+  /// `interface` is qualified, such as "lab.Arm"; `lease` is 100 ms to 1 h; an empty `report`
+  /// writes to standard error.
   /// @realtime set-up only; blocks
-  /// @errors   no registry answers; a living server has the name (the text says where); a malformed
-  ///           name, URL or interface; a limit of the registry
+  /// @errors   no registry answers; a living server holds the name (the text says where); a
+  ///           malformed name, URL or interface; a limit of the registry
   [[nodiscard]] static expected<std::unique_ptr<Registration>, rpc::SetupError> create(
       rpc::Node& node, std::string registry_url, std::string name, std::string url,
       std::string interface, Duration lease = kDefaultLease, Report report = {},
@@ -55,11 +50,11 @@ class Registration {
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;
-  /// Takes the name away, if the registry answers within 200 ms; else the lease ends by itself. A
-  /// renewal that is under way is waited for, a third of the lease and 1 s at most.
+  /// Unbinds the name if the registry answers within 200 ms, else lets the lease expire. Waits for
+  /// a running renewal, at most a third of the lease and 1 s.
   ~Registration();
 
-  /// Whether the registry had the name when it was last asked.
+  /// Whether the name was bound at the last renewal.
   [[nodiscard]] bool is_bound() const noexcept;
 
  private:

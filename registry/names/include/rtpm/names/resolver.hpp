@@ -8,9 +8,9 @@
 
 namespace rtpm::names {
 
-/// Lets a node bind objects by name: `node.use(resolver)`.
-/// @ownership refers to its node, which must outlive it. At its end the node forgets it: bindings
-///            by name stay with the servers that they have
+/// Resolves a node's names at the registry: `node.use(resolver)`.
+/// @ownership refers to its node, which must outlive it; when destroyed it detaches, and bindings
+///            stay with their servers
 /// @threads  any, several at once
 /// @realtime set-up only
 class RegistryResolver final : public rpc::Resolver {
@@ -23,8 +23,8 @@ class RegistryResolver final : public rpc::Resolver {
   ~RegistryResolver() override;
 
   /// Asks the registry.
-  /// @errors   "no registry answers at …"; a name that is not bound, with the component that is
-  ///           missing
+  /// @errors   "no registry answers at …"; the name is not bound (the text names the missing
+  ///           component)
   [[nodiscard]] expected<std::string, rpc::SetupError> resolve(std::string_view name,
                                                                MonotonicTime deadline) override;
 
