@@ -22,7 +22,7 @@
 
 namespace rtpm::gvd {
 
-/// A command as a client states it.
+/// A client's command.
 struct ForceCommand {
   std::uint64_t lease = Lease::kNobody;
   std::uint32_t sequence = 0;
@@ -30,13 +30,13 @@ struct ForceCommand {
   driver::Wrench wrench{};
 };
 
-/// What the holder of the lease may ask of a device.
+/// Transitions that the lease's holder may request.
 enum class Transition : std::uint8_t {
   kActivate,
   kDeactivate,
 };
 
-/// The share of good ones among the last 100 cycles.
+/// Share of good cycles among the last 100.
 /// @ownership a value
 /// @realtime alloc-free
 class SuccessRate {
@@ -51,10 +51,10 @@ class SuccessRate {
   std::size_t good_count_ = 0;
 };
 
-/// One device's loop without its thread and clock: what happens in a cycle, and how the threads of
-/// the world outside reach it without ever waiting for it.
+/// A device's loop without thread and clock: what happens in a cycle, and wait-free access for
+/// other threads.
 /// @ownership refers to its driver, which must outlive it
-/// @threads  what stands under "device's thread" from one thread; the rest from any
+/// @threads  as grouped below
 class DeviceCycle {
  public:
   DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key);
@@ -65,29 +65,28 @@ class DeviceCycle {
   /// @realtime set-up only
   /// @errors   as the driver's
   [[nodiscard]] expected<void, driver::DriverError> begin(MonotonicTime now);
-  /// One cycle: takes the newest command through the safety filter to the device and publishes its
-  /// sample. `missed_count` cycles were left out before this one.
-  /// @realtime alloc-free, no syscall of its own; the driver's exchange() does what it does
+  /// One cycle: filters the newest command, exchanges it for a sample, and publishes that.
+  /// `missed_count` cycles were skipped before.
+  /// @realtime alloc-free, no system call but the driver's
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
-  /// True when the device is to change its state, which maintain() then does.
+  /// Whether maintain() has something to do.
   /// @realtime alloc-free
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
-  /// Activates, deactivates, or tries again to reach a lost device; may take seconds.   Set-up
-  /// only.
+  /// Activates, deactivates, or retries a lost device; may take seconds.   Set-up only.
   void maintain(MonotonicTime now);
-  /// Deactivates the device for good: no force.
+  /// Deactivates the device for good.
   /// @realtime set-up only
   void end(MonotonicTime now) noexcept;
 
   // Any thread.
 
-  /// Leaves `command`, which came at `received`, for the next cycle.
+  /// Leaves `command`, received at `received`, for the next cycle.
   /// @realtime alloc-free, no wait
   /// @errors   as the service's method `command` says in device.fbs
   [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
                                          MonotonicTime received) noexcept;
-  /// Leaves a request for the next cycle, which counts if `lease` is still held then. The last of
-  /// several in one cycle counts.
+  /// Leaves a request for the next cycle, valid if `lease` is still held then. The last one per
+  /// cycle counts.
   /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
@@ -95,14 +94,14 @@ class DeviceCycle {
   /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
-  /// Takes the lease from its holder, if there is one, for a call of `priority`: the new lease's
-  /// number. The force goes to zero before a command of the new holder counts.
+  /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
+  /// the new holder's commands count.
   /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder: the priority is below CycleConfig::operator_priority · kOverload:
   ///           the last take-over was less than LeaseConfig::take_over_interval ago
   [[nodiscard]] rpc::Result<std::uint64_t> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
-  /// The newest sample; nothing before the first cycle.
+  /// The newest sample; nullopt before the first cycle.
   /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
@@ -136,11 +135,11 @@ class DeviceCycle {
   Lease lease_;
   SafetyFilter filter_;
 
-  // Between the threads.
+  // Shared by the threads.
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
-  /// What a holder requests, with the serial of its lease, as request_of() packs them; 0: nothing.
+  /// A holder's request and lease serial, packed by request_of(); 0: none.
   std::atomic<std::uint32_t> transition_request_{0};
   std::atomic<std::uint32_t> recovery_request_{0};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
@@ -150,7 +149,7 @@ class DeviceCycle {
   std::atomic<std::uint64_t> old_command_count_{0};
   std::atomic<std::uint64_t> hasty_command_count_{0};
 
-  // The device's thread's own.
+  // Of the device's thread.
   driver::Sample sample_{};
   HeldCommand held_{};
   std::uint64_t last_holder_ = Lease::kNobody;

@@ -9,36 +9,34 @@
 
 namespace rtpm::gvd {
 
-/// The order of what one writer puts: `sequence` grows, modulo 2^32. Values of different writers
-/// have no order but that in which they were put.
+/// Orders the values of one writer by `sequence`, modulo 2^32; values of different writers by time
+/// of put().
 struct MailStamp {
   std::uint16_t writer = 0;
   std::uint32_t sequence = 0;
 };
 
-/// How a put ended.
+/// Result of put().
 enum class MailOutcome : std::uint8_t {
   kPut,
-  kOld,      ///< The newest value is this writer's and not older.
-  kRefused,  ///< The writer may not put (any more).
-  kBusy,     ///< Too many threads are putting at this very moment: drop the value or try again.
+  kOld,      ///< This writer's newest value is not older.
+  kRefused,  ///< The writer is not allowed.
+  kBusy,     ///< Too many concurrent puts: drop the value or retry.
 };
 
-/// Hands the newest value from any of several threads to one real-time thread. What was put and not
-/// taken is replaced: a state, not a queue. A thread that is preempted in the middle of a put keeps
-/// nobody from putting or taking, and what it puts late never replaces what is newer.
+/// Passes the newest value from several threads to one real-time thread: a state, not a queue. A
+/// thread preempted in put() blocks no other, and its late value never replaces a newer one.
 /// @ownership holds kSlotCount values in place
 /// @threads  put() from any, take() from one
-/// @realtime both alloc-free. take() is wait-free; put() tries again only if another put or the
-///           take came in between
+/// @realtime alloc-free; take() is wait-free, put() lock-free
 template <class T>
 requires std::is_trivially_copyable_v<T>
 class Mailbox {
  public:
-  /// One value waits and one is being taken; so many threads but two can put at once.
+  /// One slot pending, one being taken, the others for concurrent puts.
   static constexpr std::size_t kSlotCount = 16;
 
-  /// Puts `value` if `is_allowed()` says so just before, and what was put before is not newer.
+  /// Puts `value` if `is_allowed()` holds just before, and the present value is not newer.
   template <class Allowed>
   requires std::is_invocable_r_v<bool, Allowed>
   [[nodiscard]] MailOutcome put(MailStamp stamp, const T& value, Allowed is_allowed) noexcept {
@@ -50,7 +48,8 @@ class Mailbox {
     while (true) {
       outcome = is_allowed() ? outcome_of(stamp, before) : MailOutcome::kRefused;
       if (outcome != MailOutcome::kPut) break;
-      // SYNC POINT mailbox-value: the thread that takes or replaces the slot sees its value whole.
+      // SYNC POINT mailbox-value: the thread that takes or replaces the slot sees its complete
+      // value.
       if (newest_.compare_exchange_weak(before, word_of(stamp, slot), std::memory_order_acq_rel,
                                         std::memory_order_acquire)) {
         free_slot_of(before);
@@ -61,7 +60,7 @@ class Mailbox {
     return outcome;
   }
 
-  /// The newest value if one was put since the last take.
+  /// The newest value; nullopt if none was put since the last take().
   [[nodiscard]] std::optional<T> take() noexcept {
     if ((newest_.load(std::memory_order_relaxed) & kSlotMask) == 0) return std::nullopt;
     // SYNC POINT mailbox-value
@@ -96,7 +95,7 @@ class Mailbox {
 
   [[nodiscard]] std::size_t claim() noexcept {
     for (std::size_t slot = 0; slot < kSlotCount; ++slot) {
-      // SYNC POINT mailbox-slot: the thread that claims a slot comes after what its last one did.
+      // SYNC POINT mailbox-slot: the claiming thread sees what the slot's last user did.
       if (!slots_[slot].is_claimed.load(std::memory_order_relaxed) &&
           !slots_[slot].is_claimed.exchange(true, std::memory_order_acquire)) {
         return slot;

@@ -24,7 +24,7 @@ device::Lease to_wire(std::uint64_t id, const LeaseConfig& config) noexcept {
 
 rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>& reply,
                                           const rpc::CallContext&) {
-  // A client asks this once, when it binds, and not in its loop.
+  // Called once per bind, not in a loop.
   const rt::AllowAllocationScope set_up;
   const SafetyConfig& safety = cycle_.safety();
   reply.finish(to_wire(descriptor_,

@@ -54,7 +54,7 @@ expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
 
 }  // namespace
 
-// The members stand in the order in which they are made, not in the one that packs best.
+// Members are ordered by construction, not by padding.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding)
 class DeviceServer::Impl {
  public:
@@ -74,10 +74,10 @@ class DeviceServer::Impl {
     auto thread = rt::Thread::start(config_.thread, [this, &begun] {
       auto began = cycle_.begin(rt::now());
       const bool is_active = began.has_value();
-      // The first sample is there before anybody can ask for it.
+      // The first sample exists before the first caller.
       if (is_active) cycle_.run(rt::now(), 0);
       begun.set_value(std::move(began));
-      // From here on `begun` may be gone.
+      // `begun` may be gone from here on.
       if (is_active) loop();
     });
     if (!thread) return rpc::setup_error(thread.error().text);
@@ -101,8 +101,8 @@ class DeviceServer::Impl {
   [[nodiscard]] const DeviceCycle& cycle() const noexcept { return cycle_; }
 
  private:
-  /// The device's thread: one cycle per period on an absolute time line, so that a late wake-up
-  /// does not shift the ones after it.
+  /// The device's thread: one cycle per period at absolute times, so that a late wake-up does not
+  /// shift the next.
   void loop() noexcept {
     const rt::NoAllocationScope no_allocation;
     const Duration period = config_.cycle.period;
@@ -118,7 +118,7 @@ class DeviceServer::Impl {
         due = rt::now();
       }
       due += period;
-      // Cycles whose whole period is over are left out and counted, never made up for in a burst.
+      // Missed cycles are skipped and counted, never made up in a burst.
       if (const Duration behind = rt::now() - due; behind >= period) {
         const auto left_out = behind / period;
         due += left_out * period;

@@ -6,7 +6,7 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
-/// Between the driver's vocabulary and the schema's.
+/// Conversions between the driver's types and the schema's.
 namespace rtpm::gvd {
 
 [[nodiscard]] device::Vector3 to_wire(const driver::Vector3& vector) noexcept;
@@ -14,7 +14,7 @@ namespace rtpm::gvd {
 
 /// @realtime alloc-free
 [[nodiscard]] device::Sample to_wire(const driver::Sample& sample) noexcept;
-/// A lifecycle that this program does not know yet reads as kFault.
+/// An unknown lifecycle reads as kFault.
 /// @realtime alloc-free
 [[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
 

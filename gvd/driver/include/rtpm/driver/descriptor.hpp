@@ -9,7 +9,7 @@
 
 namespace rtpm::driver {
 
-/// What kind of device it is. The numbers stand on the wire and never change.
+/// Class of a device; wire numbers.
 enum class DeviceClass : std::uint8_t {
   kHaptic = 0,   ///< Measures a position and applies a force.
   kTracker = 1,  ///< Measures a pose.
@@ -19,7 +19,7 @@ inline constexpr std::uint8_t kDeviceClassCount = 3;
 /// "haptic", "tracker", "input".
 [[nodiscard]] std::string_view to_string(DeviceClass device_class) noexcept;
 
-/// One direction in which the end effector moves.
+/// A degree of freedom of the end effector.
 struct Axis {
   std::string name;          ///< "x", "y", "z" along the frame's axes, "rx", "ry", "rz" about them.
   bool is_sensed = true;     ///< Its position is in the sample's pose.
@@ -30,18 +30,18 @@ struct Axis {
 struct Analog {
   std::string name;
   std::string unit;  ///< SI, "1" for a plain ratio.
-  double low = 0;    ///< The least value.
-  double high = 1;   ///< The greatest.
+  double low = 0;    ///< Minimum.
+  double high = 1;   ///< Maximum.
 };
 
-/// What the device bears and gives. A limit of zero means that it has none of it to give.
+/// Limits of a device; 0: it has no such actuators.
 struct Limits {
-  double force_newton_max = 0;         ///< Length of the greatest force, in any direction.
+  double force_newton_max = 0;         ///< Maximum magnitude in any direction.
   double torque_newton_metre_max = 0;  ///< Likewise of the torque.
   /// The stiffest wall that stays passive when rendered in the device's own loop at `rate_hz`.
   double stiffness_newton_per_m_max = 0;
-  /// The damping that the mechanics have of themselves. It bounds what a loop further away may
-  /// render: stiffness × (period / 2 + delay) must stay below it.
+  /// The mechanics' own damping, which bounds rendering in a remote loop: stiffness × (period / 2 +
+  /// delay) must stay below it.
   double damping_newton_s_per_m = 0;
 };
 
@@ -51,20 +51,20 @@ struct Workspace {
   Vector3 high_m{};
 };
 
-/// What a device is and can, so that a program that never heard of it can use it.
-/// @ownership a value. Set-up only: holds strings
+/// Self-description of a device, for programs that do not know it.
+/// @ownership a value
 struct Descriptor {
   DeviceClass device_class = DeviceClass::kInput;
-  std::string model;   ///< As the maker calls it.
-  std::string serial;  ///< Tells two devices of one model apart; never empty.
+  std::string model;   ///< The maker's name.
+  std::string serial;  ///< Unique per model; never empty.
   std::string frame;   ///< The name of the right-handed frame of all poses and forces, "arm0/base".
   std::vector<Axis> axes{};
   std::vector<std::string> buttons{};  ///< Names, at most kButtonCountMax.
   std::vector<Analog> analogs{};       ///< At most kAnalogCountMax.
   Limits limits{};
   Workspace workspace{};
-  double rate_hz = 1000;             ///< How often exchange() wants to be called.
-  double position_resolution_m = 0;  ///< The step of the position; 0 if it has none.
+  double rate_hz = 1000;             ///< Of exchange().
+  double position_resolution_m = 0;  ///< Step of the position; 0: none.
 };
 
 }  // namespace rtpm::driver

@@ -13,7 +13,7 @@
 
 namespace rtpm::driver {
 
-/// Why a device could not be set up: one sentence that names it, the cause and the remedy.
+/// Why a device could not be set up: a sentence with device, cause and remedy.
 struct DriverError {
   std::string text;
 };
@@ -22,25 +22,24 @@ struct DriverError {
   return unexpected<DriverError>{DriverError{std::move(text)}};
 }
 
-/// How one exchange with the device ended.
+/// Result of exchange().
 enum class ExchangeStatus : std::uint8_t {
-  kOk,       ///< The sample is new and whole, the command was delivered.
-  kLate,     ///< No new data within the cycle: the sample is as it was. Go on.
-  kCorrupt,  ///< The data was unreadable and was dropped: the sample is as it was. Go on.
-  kGone,  ///< The device does not answer any more: deactivate, then configure and activate again.
+  kOk,       ///< The sample is new and complete, the command delivered.
+  kLate,     ///< No new data in this cycle; the sample is unchanged.
+  kCorrupt,  ///< Unreadable data was dropped; the sample is unchanged.
+  kGone,     ///< No answer: deactivate, then configure and activate again.
 };
 /// "ok", "late", "corrupt", "gone".
 [[nodiscard]] std::string_view to_string(ExchangeStatus status) noexcept;
 
-/// What the host tells a driver before it starts.
+/// Settings for configure().
 struct DriverConfig {
-  /// How often exchange() will be called, more or less; each Command says when exactly.
+  /// Nominal period of exchange(); Command::cycle_time is exact.
   Duration period = std::chrono::milliseconds{1};
 };
 
-/// One device: what a driver author writes, and all that RTPM knows of the hardware. The paper
-/// calls it the RT Data Access layer. It sees no network: the same driver runs under the device
-/// server and in a local loop.
+/// A device's driver: the paper's RT Data Access layer. It sees no network: the same driver runs in
+/// the device server and in a local loop.
 ///
 /// The order of calls, repeated as often as needed:
 ///
@@ -49,28 +48,27 @@ struct DriverConfig {
 ///
 /// A failed configure() or activate() leaves the driver as before it. After deactivate() comes
 /// configure() or the end.
-/// @threads  one at a time; the device server calls everything from activate() on from one thread
+/// @threads  one at a time; the device server calls from activate() on from one thread
 class Driver {
  public:
   Driver() = default;
   Driver(const Driver&) = delete;
   Driver& operator=(const Driver&) = delete;
-  /// Deactivates if need be.
+  /// Deactivates if necessary.
   virtual ~Driver() = default;
 
-  /// What the device is; the same answer every time, in every state.
+  /// The device's descriptor: constant, available in every state.
   /// @realtime set-up only
   [[nodiscard]] virtual Descriptor describe() const = 0;
 
-  /// Opens the device and gives it its settings; may take seconds, but gives up by
-  /// itself. No force yet.
+  /// Opens and configures the device; no force yet. May take seconds, but must end by itself.
   /// @realtime set-up only
-  /// @errors   not plugged in, no right to open it, wrong firmware: in words, with the remedy
+  /// @errors   in words with the remedy: not plugged in, no permission, wrong firmware
   [[nodiscard]] virtual expected<void, DriverError> configure(const DriverConfig& config) = 0;
 
-  /// Makes the device ready for exchange(); allocates all that exchange() will need.
+  /// Prepares exchange(), including all allocations.
   /// @realtime set-up only
-  /// @errors   the device refuses: in words, with the remedy
+  /// @errors   in words with the remedy
   [[nodiscard]] virtual expected<void, DriverError> activate() = 0;
 
   /// Gives the device its command and takes its newest sample: the only real-time call, once per
@@ -85,8 +83,7 @@ class Driver {
   [[nodiscard]] virtual ExchangeStatus exchange(const Command& command,
                                                 Sample& sample) noexcept = 0;
 
-  /// Takes all force away and closes the device, also one that is gone. Does nothing if it is not
-  /// active.
+  /// Sets the force to zero and closes the device, even one that is gone. No effect if not active.
   /// @realtime set-up only
   virtual void deactivate() noexcept = 0;
 };

@@ -12,32 +12,31 @@
 
 namespace rtpm::driver {
 
-/// What state a device is in. The numbers stand on the wire and never change.
+/// State of a device; wire numbers.
 enum class Lifecycle : std::uint8_t {
-  kUnconfigured = 0,  ///< Known, not yet set up: no samples.
-  kInactive = 1,      ///< Set up, at rest: the last sample stands, no force.
-  kActive = 2,        ///< Samples every cycle; force if somebody commands it.
-  kFault = 3,         ///< The device does not answer any more: no force, the server tries again.
+  kUnconfigured = 0,  ///< Not set up: no samples.
+  kInactive = 1,      ///< Set up, no force; the last sample stands.
+  kActive = 2,        ///< Samples every cycle; force on command.
+  kFault = 3,         ///< No answer: no force, the server retries.
   kFinalized = 4,     ///< Stopped for good.
 };
 inline constexpr std::uint8_t kLifecycleCount = 5;
 /// "unconfigured", "inactive", "active", "fault", "finalized".
 [[nodiscard]] std::string_view to_string(Lifecycle lifecycle) noexcept;
 
-/// What is wrong or limited, as bits of Sample::faults. The numbers stand on the wire and never
-/// change. The driver sets bits 0 to 7, the device server the others.
+/// Bits of Sample::faults; wire numbers. The driver sets bits 0 to 7, the device server the others.
 enum class Fault : std::uint32_t {
-  kDeviceLate = 1u << 0,        ///< This cycle brought no new data: the values are older.
-  kDeviceCorrupt = 1u << 1,     ///< This cycle's data was unreadable: the values are older.
-  kDeviceGone = 1u << 2,        ///< The device does not answer any more.
-  kDeviceSaturated = 1u << 3,   ///< The actuators gave less force than was asked for.
-  kOutsideWorkspace = 1u << 4,  ///< The end effector is at or beyond the workspace's edge.
+  kDeviceLate = 1u << 0,        ///< No new data in this cycle.
+  kDeviceCorrupt = 1u << 1,     ///< Unreadable data in this cycle.
+  kDeviceGone = 1u << 2,        ///< The device does not answer.
+  kDeviceSaturated = 1u << 3,   ///< Less force than commanded.
+  kOutsideWorkspace = 1u << 4,  ///< At or beyond the workspace's edge.
   kCommandNotFinite =
       1u << 8,               ///< Latched: a command had a NaN or infinity. No force till recover.
-  kCommandLost = 1u << 9,    ///< The commands stopped: the force went to zero until the next.
+  kCommandLost = 1u << 9,    ///< No live command: force went to zero.
   kForceClamped = 1u << 10,  ///< This cycle's command was above the force or torque limit.
   kForceRateLimited = 1u << 11,  ///< This cycle's command rose faster than the limit allows.
-  kSoftStart = 1u << 12,         ///< The force is still rising to what is commanded.
+  kSoftStart = 1u << 12,         ///< The force is rising to the command.
 };
 
 /// A set of faults.
@@ -65,16 +64,15 @@ class Faults {
 inline constexpr std::size_t kButtonCountMax = 16;
 inline constexpr std::size_t kAnalogCountMax = 8;
 
-/// Everything that one device says in one cycle, as one value: nobody ever sees the position of one
-/// cycle with the buttons of another.
+/// All values of a device in one cycle, as one consistent value.
 /// @ownership plain value, trivially copyable
 struct Sample {
   /// Counts the server's cycles from 1; the server sets it.
   std::uint64_t sequence = 0;
-  /// When the values were measured, on the host's clock, as near to the measurement as the driver
-  /// can tell. A driver without a stamp of its own copies Command::cycle_time.
+  /// Time of measurement on the host's clock. A driver without a timestamp copies
+  /// Command::cycle_time.
   MonotonicTime host_time{};
-  /// The same on the device's own clock, which has its own zero and rate; 0 if it has none.
+  /// The same on the device's own clock; 0: it has none.
   Duration device_time{0};
   Pose pose{};
   Twist twist{};
@@ -85,13 +83,12 @@ struct Sample {
   /// Bit i is set while button i (of Descriptor::buttons) is pressed.
   std::uint32_t buttons = 0;
   Faults faults{};
-  /// How often button i was pressed or released so far, modulo 65536: a press between two reads is
-  /// not lost.
+  /// Presses and releases of button i, modulo 65536: a press between two reads is not lost.
   std::array<std::uint16_t, kButtonCountMax> button_edges{};
-  /// The share, 0 to 1, of the last 100 cycles that were good: on time, answered by the device and,
-  /// while somebody holds the lease, with a command that had not expired. The server sets it.
+  /// Share, 0 to 1, of good cycles in the last 100: on time, answered, and with a live command
+  /// while the lease is held. Set by the server.
   float success_rate = 0;
-  /// The server sets it.
+  /// Set by the server.
   Lifecycle lifecycle = Lifecycle::kUnconfigured;
 };
 static_assert(std::is_trivially_copyable_v<Sample>);

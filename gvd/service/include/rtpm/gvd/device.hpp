@@ -12,7 +12,7 @@
 
 namespace rtpm::gvd {
 
-/// Is told, in one sentence each, what happens to a device: lost, back, not to be activated.
+/// Receives a sentence for each change of a device: lost, back, activation failed.
 /// @threads  report() runs on the device's thread, outside its real-time part
 class DeviceListener {
  public:
@@ -23,34 +23,34 @@ class DeviceListener {
   virtual void report(std::string_view text) = 0;
 };
 
-/// How a device is run.
+/// Configures a device.
 struct CycleConfig {
   Duration period = std::chrono::milliseconds{1};  ///< Of the device's loop.
-  LeaseConfig lease{};  ///< How long a client keeps the right to command.
-  /// Calls of this priority and above may take the lease over. Below the device's own thread, so
-  /// that nobody can delay it, and above its clients.
+  LeaseConfig lease{};                             ///< Of the right to command.
+  /// Minimum priority of a call that takes the lease over: below the device's thread, above its
+  /// clients.
   Priority operator_priority{28000};
-  Duration retry = std::chrono::milliseconds{500};  ///< Between tries to reach a lost device.
-  std::uint32_t bad_cycle_max = 20;  ///< So many late or corrupt cycles in a row count as gone.
-  /// What the safety filter allows; nothing: the defaults with the device's own limits.
+  Duration retry = std::chrono::milliseconds{500};  ///< Between attempts to reach a lost device.
+  std::uint32_t bad_cycle_max = 20;  ///< Consecutive late or corrupt cycles that count as gone.
+  /// Limits of the safety filter; nullopt: SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};
-  DeviceListener* listener = nullptr;  ///< If there is one, it must outlive the device's server.
+  DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
 };
 
-/// What happened so far on the device's side.
+/// Counters of a device.
 struct DeviceCounters {
   std::uint64_t cycle_count = 0;
-  std::uint64_t missed_count = 0;            ///< Cycles left out because the thread was late.
+  std::uint64_t missed_count = 0;            ///< Cycles skipped because the thread was late.
   std::uint64_t late_count = 0;              ///< Exchanges without new data.
   std::uint64_t corrupt_count = 0;           ///< Exchanges with unreadable data.
   std::uint64_t gone_count = 0;              ///< Times that the device was lost.
   std::uint64_t command_count = 0;           ///< Commands accepted.
   std::uint64_t foreign_command_count = 0;   ///< Refused: not from the lease's holder.
   std::uint64_t old_command_count = 0;       ///< Refused: older than the newest.
-  std::uint64_t hasty_command_count = 0;     ///< Refused: met many others in the same instant.
+  std::uint64_t hasty_command_count = 0;     ///< Refused: too many concurrent commands.
   std::uint64_t lease_expired_count = 0;     ///< Leases that ended because their holder was silent.
   std::uint64_t lease_idle_count = 0;        ///< Leases that ended because their holder was idle.
-  std::uint64_t lease_taken_over_count = 0;  ///< Leases that an operator took away.
+  std::uint64_t lease_taken_over_count = 0;  ///< Leases taken over by an operator.
   SafetyCounters safety{};
 };
 
