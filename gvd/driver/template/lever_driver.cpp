@@ -9,12 +9,12 @@ namespace {
 using rtpm::driver::ExchangeStatus;
 
 constexpr double kForceMaxNewton = 4.0;
-constexpr double kCountMetres = 25e-6;  // The way of one encoder count.
+constexpr double kCountMetres = 25e-6;  // Per encoder count.
 
 }  // namespace
 
-// STEP 2: say what the device is. People and programs choose by it, and the safety filter takes its
-// limits from it, so give what the maker guarantees, not what it can do for a moment.
+// STEP 2: describe the device. The safety filter uses these limits: state what the maker
+// guarantees, not short-term maxima.
 rtpm::driver::Descriptor LeverDriver::describe() const {
   rtpm::driver::Descriptor descriptor;
   descriptor.device_class = rtpm::driver::DeviceClass::kHaptic;
@@ -32,8 +32,8 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
   return descriptor;
 }
 
-// STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but gives
-// up by itself. Say in words what is wrong and what to do.
+// STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but must
+// end by itself. Return errors in words, with the remedy.
 rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::configure(
     const rtpm::driver::DriverConfig& config) {
   if (config.period <= rtpm::Duration{0}) {
@@ -42,21 +42,21 @@ rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::configure(
   return {};
 }
 
-// STEP 4: make it ready, and allocate everything that exchange() uses.
+// STEP 4: allocate everything that exchange() uses.
 rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::activate() {
   hardware_.emplace();
   return {};
 }
 
-// STEP 5: one cycle. Write the command, read the state, translate to SI units and to the frame that
-// the descriptor names. No allocation, no lock, no wait longer than a fraction of the period. What
-// the hardware says is untrusted: check lengths and ranges, and answer kCorrupt for what is wrong.
+// STEP 5: one cycle. Write the command, read the state, convert to SI units and the descriptor's
+// frame. No allocation, no lock, no wait longer than a fraction of the period. Data from the
+// hardware is untrusted: check lengths and ranges, and return kCorrupt.
 ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
                                      rtpm::driver::Sample& sample) noexcept {
   if (!hardware_ || !hardware_->is_plugged_in) return ExchangeStatus::kGone;
   const bool has_force = command.mode == rtpm::driver::CommandMode::kForce;
   const double wanted_newton = has_force ? command.wrench.force_newton.x : 0.0;
-  // The safety filter has been here before, but what drives a motor checks for itself.
+  // The safety filter has clamped it; clamp again before driving a motor.
   hardware_->motor_newton = std::isfinite(wanted_newton)
                                 ? std::clamp(wanted_newton, -kForceMaxNewton, kForceMaxNewton)
                                 : 0.0;
@@ -73,7 +73,7 @@ ExchangeStatus LeverDriver::exchange(const rtpm::driver::Command& command,
   return ExchangeStatus::kOk;
 }
 
-// STEP 6: motors off first, then close. It must work for a device that was pulled out, too.
+// STEP 6: motors off first, then close; also for an unplugged device.
 void LeverDriver::deactivate() noexcept {
   hardware_.reset();
 }

@@ -35,7 +35,7 @@ void RateGate::step(MonotonicTime now) noexcept {
 std::uint64_t Lease::next_id() noexcept {
   constexpr std::uint64_t kSerialMask = 0xffff;
   std::uint64_t id = kNobody;
-  // No lease has the random part zero: so kNobody is no lease either.
+  // The random part is never zero, so no lease equals kNobody.
   while ((id & ~kSerialMask) == 0) {
     const std::array serial{serial_.fetch_add(1, std::memory_order_relaxed)};
     id = (siphash_2_4(key_, std::as_bytes(std::span(serial))) & ~kSerialMask) |
@@ -59,7 +59,7 @@ std::optional<std::uint64_t> Lease::acquire() noexcept {
   if (holder() != kNobody || !acquire_gate_.take()) return std::nullopt;
   const std::uint64_t id = next_id();
   std::uint64_t nobody = kNobody;
-  // It fails only if the lease was taken over meanwhile: the gate lets one acquire() in at a time.
+  // Fails only after a concurrent take-over: the gate admits one acquire() at a time.
   if (!holder_.compare_exchange_strong(nobody, id, std::memory_order_acq_rel)) return std::nullopt;
   return id;
 }
@@ -111,7 +111,7 @@ std::uint64_t Lease::step(MonotonicTime now) noexcept {
   seen_holder_ = current;
   seen_renewed_count_ = renewed_count;
   seen_used_count_ = used_count;
-  // It may have been given back at this moment and acquired by another, which this leaves alone.
+  // A concurrent release() and acquire() by another is left alone.
   if (now >= expires_) {
     if (end(current, LeaseState::kSilent)) expired_count_.fetch_add(1, std::memory_order_relaxed);
   } else if (now >= idles_) {
@@ -132,7 +132,7 @@ LeaseState Lease::state_of(std::uint64_t id) const noexcept {
   if (holder() == id) return LeaseState::kHeld;
   const Record& record = records_[serial_of(id) % kRememberedCount];
   const LeaseState state = record.state.load(std::memory_order_acquire);
-  // kHeld: it ends at this very moment, and the reason is about to be noted.
+  // kHeld: it is just ending; the reason is not stored yet.
   if (record.id.load(std::memory_order_acquire) != id || state == LeaseState::kHeld) {
     return LeaseState::kUnknown;
   }

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRateMinHz = 0.1;
 constexpr double kRateMaxHz = 10000;
-/// How long stop() may wait for a consumer that sleeps.
+/// How long stop() may wait for a sleeping consumer.
 constexpr Duration kSleepMax = std::chrono::milliseconds{100};
 constexpr int kNoError = -1;
 
@@ -73,7 +73,7 @@ class DeviceConsumer::Impl {
       return;
     }
     last_error_.store(kNoError, std::memory_order_relaxed);
-    // A server that restarted counts from one again: any other number is a new sample.
+    // A restarted server counts from one again: any different number is new.
     if (sample->sequence() == last_sequence_) {
       unchanged_count_.fetch_add(1, std::memory_order_relaxed);
       return;

@@ -13,7 +13,7 @@ using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
 
-/// Whether every number in it is one.
+/// Whether every number is finite.
 bool is_whole(const driver::Sample& sample) noexcept {
   const driver::Quaternion& turn = sample.pose.orientation;
   return is_finite(sample.pose.position_m) && is_finite(sample.twist.linear_m_per_s) &&
@@ -35,8 +35,7 @@ constexpr std::uint32_t request_of(std::uint64_t lease, std::uint16_t what) noex
   return std::uint32_t{Lease::serial_of(lease)} << 16 | what;
 }
 
-/// The request that was left, if it is the holder's: that of a former holder, left just before it
-/// lost the lease, counts for nothing. 0: there is none.
+/// The pending request, if the holder left it: a former holder's is void. 0: none.
 std::uint16_t take_request(std::atomic<std::uint32_t>& request, std::uint64_t holder) noexcept {
   if (request.load(std::memory_order_relaxed) == 0) return 0;
   const std::uint32_t taken = request.exchange(0, std::memory_order_acq_rel);
@@ -86,7 +85,7 @@ std::optional<WrenchCommand> DeviceCycle::command_of(std::uint64_t holder) noexc
   if (const auto newest = mailbox_.take()) held_ = *newest;
   if (take_request(recovery_request_, holder) != 0) {
     filter_.recover();
-    // What was commanded before belongs to the fault.
+    // Commands before the recovery belong to the fault.
     held_ = {};
   }
   if (holder == Lease::kNobody || held_.lease != holder) return std::nullopt;
@@ -128,7 +127,7 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
 }
 
 ExchangeStatus DeviceCycle::exchange(const driver::Command& command) noexcept {
-  // The driver writes to a copy, so that a cycle that brought nothing changes nothing.
+  // The driver writes to a copy, so that a failed exchange changes nothing.
   driver::Sample taken = sample_;
   ExchangeStatus status = driver_.exchange(command, taken);
   if (status == ExchangeStatus::kOk && !is_whole(taken)) status = ExchangeStatus::kCorrupt;
@@ -157,7 +156,7 @@ void DeviceCycle::lose() noexcept {
   ++counters_.gone_count;
   is_to_close_ = true;
   filter_.reset();
-  // Whoever commanded knows nothing of the device that comes back: it must ask again.
+  // The holder must acquire the lease again for the returning device.
   lease_.revoke();
   lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
   sample_.faults.set(Fault::kDeviceGone);
@@ -166,7 +165,7 @@ void DeviceCycle::lose() noexcept {
 }
 
 void DeviceCycle::rest(MonotonicTime now) noexcept {
-  // The filter's time goes on, so that a latched fault shows and soft start begins from nothing.
+  // The filter keeps running, so that a latched fault shows and soft start begins at zero.
   static_cast<void>(filter_.step(now, std::nullopt));
   sample_.faults.set(filter_.faults());
   if (lifecycle() == Lifecycle::kFault) {
@@ -193,7 +192,7 @@ bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
 }
 
-// To report may take long, and nothing is exchanged meanwhile: the force is off before.
+// Reporting may take long without an exchange: the force is off before.
 bool DeviceCycle::has_lease_report() const noexcept {
   return filter_.is_off() && (lease_.taken_over_count() != reported_taken_over_count_ ||
                               lease_.idle_count() != reported_idle_count_);
@@ -239,7 +238,7 @@ void DeviceCycle::maintain(MonotonicTime now) {
     report("the device is active again");
   } else {
     lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
-    // A device that stays away is reported once, when it was lost, and not at every try.
+    // A lost device is reported once, not at every attempt.
     if (is_wanted) report(opened.error().text);
   }
 }
@@ -286,7 +285,7 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
   }
   static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
-  // The filter sees it too: it takes the force away and latches the fault.
+  // The filter sees it, too: zero force and a latched fault.
   if (!is_finite(command.wrench)) return unexpected{rpc::Refusal::kBadRequest};
   return {};
 }
@@ -302,8 +301,8 @@ rpc::Result<void> DeviceCycle::request_recovery(std::uint64_t lease) noexcept {
 rpc::Result<void> DeviceCycle::leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
                                      std::uint16_t what) noexcept {
   std::uint32_t before = request.load(std::memory_order_acquire);
-  // The lease is asked for again after every request that came in between: a thread of a former
-  // holder that stood still meanwhile replaces none of the new one's.
+  // Checks the lease again after every concurrent request: a preempted thread of a former holder
+  // must not replace the new one's.
   do {
     if (!lease_.use(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
   } while (!request.compare_exchange_weak(before, request_of(lease, what),

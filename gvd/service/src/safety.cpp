@@ -13,8 +13,8 @@ namespace {
 using driver::Fault;
 using driver::Vector3;
 
-/// A pause longer than this counts as this for rates and soft start, so that a thread that was held
-/// up does not jump to full force when it goes on.
+/// Longest elapsed time for rates and soft start, so that a delayed thread does not jump to full
+/// force.
 constexpr Duration kElapsedMax = std::chrono::milliseconds{10};
 constexpr Duration kConfigTimeMax = std::chrono::seconds{10};
 constexpr std::optional<WrenchCommand> kNoCommand{};
@@ -28,8 +28,8 @@ Vector3 sum(const Vector3& a, const Vector3& b) noexcept {
 Vector3 difference(const Vector3& a, const Vector3& b) noexcept {
   return {a.x - b.x, a.y - b.y, a.z - b.z};
 }
-/// Shortens `vector` to `length_max` and keeps its direction; true if it was longer. It never forms
-/// the square of a component, which may lie beyond the range of numbers.
+/// Shortens `vector` to `length_max`, keeping its direction; true if it was longer. Never squares a
+/// component, which could overflow.
 bool shorten(Vector3& vector, double length_max) noexcept {
   const double greatest = std::max({std::abs(vector.x), std::abs(vector.y), std::abs(vector.z)});
   if (greatest <= 0) return false;
@@ -41,7 +41,7 @@ bool shorten(Vector3& vector, double length_max) noexcept {
   return true;
 }
 
-/// Moves `from` towards `to` by at most `way_max`; true if that did not reach.
+/// Moves `from` towards `to` by at most `way_max`; true if that was not enough.
 bool approach(Vector3& from, const Vector3& to, double way_max) noexcept {
   Vector3 way = difference(to, from);
   const bool is_limited = shorten(way, way_max);
@@ -49,7 +49,7 @@ bool approach(Vector3& from, const Vector3& to, double way_max) noexcept {
   return is_limited;
 }
 
-/// `time` + `span`, or kNever where that is beyond the time line.
+/// `time` + `span`, saturating at kNever.
 MonotonicTime after(MonotonicTime time, Duration span) noexcept {
   return time > kNever - span ? kNever : time + span;
 }
@@ -114,7 +114,7 @@ driver::Wrench SafetyFilter::step(MonotonicTime now,
   // The next client's commands count in the cycle after the first one without force.
   const bool is_changing_client = is_changing_client_;
   const std::optional<WrenchCommand>& newest = is_changing_client ? kNoCommand : offered;
-  // A client that may no longer command ends its command now, even if it would have lived on.
+  // The command of a client without the lease ends now.
   const MonotonicTime ends =
       newest ? std::min(newest->deadline, after(newest->received, config_.hold_max)) : now;
   if (now < ends) {
@@ -126,7 +126,7 @@ driver::Wrench SafetyFilter::step(MonotonicTime now,
       is_lost_ = newest.has_value();
       if (is_lost_) ++counters_.lost_count;
     }
-    // A loss is over when a new command comes or nobody may command any more.
+    // A loss ends with a new command, or when no client may command.
     if (!newest) is_lost_ = false;
     zero_at_ = std::min(zero_at_, after(ends, config_.ramp));
     ramp_down(now, elapsed);
@@ -176,8 +176,8 @@ void SafetyFilter::ramp_down(MonotonicTime now, Duration elapsed) noexcept {
     gain_ = 0;
     return;
   }
-  // The ramp began at zero_at − ramp, perhaps between two steps. What is left of it shrinks in each
-  // step by the share of the rest that went by: a straight line down, from wherever it began.
+  // The ramp began at zero_at − ramp, perhaps between two steps. Each step shrinks the force by the
+  // elapsed share of the remaining time, which is linear from any start.
   const Duration rest_now = zero_at_ - now;
   const Duration rest_before = std::min(rest_now + elapsed, config_.ramp);
   const double share = std::clamp(seconds(rest_now) / seconds(rest_before), 0.0, 1.0);

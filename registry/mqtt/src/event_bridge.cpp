@@ -81,19 +81,19 @@ std::string finish(Configuration& its) {
   return {};
 }
 
-void tell_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Log& log,
-                     bool& was_connected, std::string& told) {
+void report_connection(const Bridge& bridge, rtpm::rt::Log& output, rtpm::rt::Log& log,
+                       bool& was_connected, std::string& reported) {
   const bool is_connected = bridge.broker().is_connected();
   const std::string reason = bridge.broker().reason();
   if (is_connected && !was_connected) {
     output.write("connected to the broker");
-  } else if (!is_connected && reason != told) {
+  } else if (!is_connected && reason != reported) {
     log.write("not connected to the broker: " + reason);
   }
   log.tick();
   output.tick();
   was_connected = is_connected;
-  told = is_connected ? std::string() : reason;
+  reported = is_connected ? std::string() : reason;
 }
 
 int run(const Configuration& configuration) {
@@ -105,13 +105,13 @@ int run(const Configuration& configuration) {
   if (!bridge) return fail(bridge.error().text);
   std::printf("bridging %s\n", configuration.bridge.hub.c_str());
   bool was_connected = false;
-  std::string told;
+  std::string reported;
   rtpm::rt::Log output("", {}, stdout);
   rtpm::rt::Log log("rtpm-event-bridge");
   rtpm::Duration since_report{0};
   constexpr rtpm::Duration kLook = 50ms;
   while (!stop.wait_for(kLook)) {
-    tell_connection(**bridge, output, log, was_connected, told);
+    report_connection(**bridge, output, log, was_connected, reported);
     since_report += kLook;
     if (configuration.report == rtpm::Duration{0} || since_report < configuration.report) continue;
     since_report = rtpm::Duration{0};

@@ -61,6 +61,15 @@ class Directory::Impl {
     return std::move(*reply);
   }
 
+  /// ask() for an operation on `name` that only succeeds or is refused.
+  template <class Operation>
+  [[nodiscard]] expected<void, DirectoryError> confirm(std::string_view name, Operation operation) {
+    const auto answer = ask(usual_end(), operation);
+    if (!answer) return unexpected{answer.error()};
+    if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
+    return {};
+  }
+
   /// Deadline of an operation that begins now.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
@@ -182,13 +191,9 @@ expected<void, DirectoryError> Directory::renew(std::string_view name, Owner own
   const OwnerId id = id_of(owner);
   const ConstBytes bytes =
       request.finished(CreateRenewRequest(request.builder, request.text(name), &id, ns_of(lease)));
-  const auto answer =
-      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-        return client.renew_encoded(bytes, options);
-      });
-  if (!answer) return unexpected{answer.error()};
-  if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
-  return {};
+  return impl_->confirm(name, [&](NamesClient& client, const rpc::CallOptions& options) {
+    return client.renew_encoded(bytes, options);
+  });
 }
 
 expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
@@ -217,13 +222,9 @@ expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner ow
   const OwnerId id = id_of(owner);
   const ConstBytes bytes =
       request.finished(CreateUnbindRequest(request.builder, request.text(name), &id));
-  const auto answer =
-      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-        return client.unbind_encoded(bytes, options);
-      });
-  if (!answer) return unexpected{answer.error()};
-  if (outcome_of(*answer) != Outcome::kDone) return unexpected{refused(*answer, name)};
-  return {};
+  return impl_->confirm(name, [&](NamesClient& client, const rpc::CallOptions& options) {
+    return client.unbind_encoded(bytes, options);
+  });
 }
 
 expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_view directory) {

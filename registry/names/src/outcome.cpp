@@ -80,7 +80,8 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
              " is of one more server than the registry lets one host have: end others, or start "
              "rtpm-registryd with a larger --servers-per-host-max";
     case Outcome::kStaleRevision:
-      return it + " is held by another server than the one to be replaced: look who it is";
+      return it +
+             " is held by another server than the one to be replaced: resolve the name and retry";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

@@ -190,9 +190,9 @@ TEST_P(HubRestart, IsToldToASupplierThatPushesNothingMore) {
     return;
   }
   EXPECT_TRUE(await([&] { return supplier_->counters().maybe_lost_count == 20; }));
-  const auto told = push();
-  ASSERT_FALSE(told);
-  EXPECT_EQ(told.error(), rpc::CallError::kMaybeLost);
+  const auto pushed = push();
+  ASSERT_FALSE(pushed);
+  EXPECT_EQ(pushed.error(), rpc::CallError::kMaybeLost);
   EXPECT_TRUE(push());
 }
 
@@ -206,7 +206,7 @@ TEST_P(HubRestart, CountsWhatWasRefusedWhileThereIsNoHub) {
   std::uint64_t sent = 10;
   for (int i = 0; i < 50; ++i)
     ++(push() ? sent : refused);
-  EXPECT_GT(refused, 40U) << "the end is told, not hidden";
+  EXPECT_GT(refused, 40U) << "the end is reported";
   EXPECT_EQ(supplier_->counters().sent_count, sent);
   EXPECT_EQ(supplier_->counters().failed_count, refused);
   start_hub(port);

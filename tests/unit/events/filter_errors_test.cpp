@@ -111,7 +111,7 @@ TEST(FilterErrors, PolicyOutOfBoundsIsRefused) {
   expect_words(text({.interval = -1ms}), {"interval"});
   expect_words(text({.queue_capacity = 0}), {"queue"});
   expect_words(text({.when_full = QueuePolicy::kKeepLatest, .queue_capacity = 65}), {"1 to 64"});
-  expect_words(text({.replay = 65}), {"64", "replayed"});
+  expect_words(text({.replay = 65}), {"64", "replays"});
   expect_words(text({.deadbands = {{kPose, "q", 1}}}), {"lab.Pose", "'q'"});
   expect_words(text({.deadbands = {{kPose, "x", 0}}}), {"'x'", "above 0"});
 }

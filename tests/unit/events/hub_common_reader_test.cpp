@@ -9,8 +9,8 @@
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// Consumers of one program that read a hub's ring, or receive its multicast, by one thread: none is
-// to notice the others.
+// Consumers of one program that share a thread for the hub's ring or multicast: none affects the
+// others.
 namespace rtpm::events::test {
 namespace {
 
@@ -87,7 +87,7 @@ class HubCommonReader : public testing::TestWithParam<Way> {
   std::uint64_t pushed_ = 0;
 };
 
-TEST_P(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
+TEST_P(HubCommonReader, OneThreadServesAllWithoutAnOwn) {
   Noter first;
   Noter second;
   Noter third;
@@ -101,7 +101,7 @@ TEST_P(HubCommonReader, OneThreadServesAllWhoWantNoneOfTheirOwn) {
   EXPECT_NE(apart.thread.load(), first.thread.load());
 }
 
-TEST_P(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
+TEST_P(HubCommonReader, BlockingHandlersDelayNoOther) {
   std::atomic<bool> shall_block{false};
   std::atomic<int> blocked_count{0};
   const auto block = [&] {
@@ -130,7 +130,7 @@ TEST_P(HubCommonReader, HandlersThatBlockKeepNobodyWaiting) {
   EXPECT_EQ(stuck.last, pushed_ - 99);
   shall_block = false;
   ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
-  // The quick ones share a thread again, the slow have their own for some time.
+  // Quick ones share a thread again, slow ones keep their own for some time.
   ASSERT_TRUE(await_common({&quick, &other}));
   ASSERT_TRUE(await_number({&stuck, &stuck_too}, pushed_));
   EXPECT_NE(stuck.thread.load(), quick.thread.load());
@@ -183,7 +183,7 @@ TEST_P(HubCommonReader, HandlerMayEndAnotherConsumer) {
   EXPECT_TRUE(await([&] { return has_ended.load(); }));
 }
 
-TEST_P(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
+TEST_P(HubCommonReader, NothingIsLostWhileOthersJoinAndLeave) {
   Noter first;
   Noter second;
   const auto a = join(first);
@@ -214,7 +214,7 @@ TEST_P(HubCommonReader, NothingIsLostWhileOthersComeAndGo) {
   EXPECT_EQ(a->counters().losses, Losses{});
 }
 
-TEST_P(HubCommonReader, ConsumersComeBackAfterARestartOfTheHub) {
+TEST_P(HubCommonReader, ConsumersResubscribeAfterARestartOfTheHub) {
   Noter first;
   Noter second;
   const auto a = join(first);

@@ -47,7 +47,7 @@ class HubLinks : public testing::Test {
 class HubLinkBy : public HubLinks, public testing::WithParamInterface<bool> {};
 
 // ev-5.1-2, ev-5.2-1
-TEST_P(HubLinkBy, BringsWhatAConsumerWantsAndNothingElse) {
+TEST_P(HubLinkBy, CarriesExactlyTheInterestOfConsumers) {
   ServedHub far;
   ServedHub near;
   link(near, far, GetParam());
@@ -71,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Ways, HubLinkBy, testing::Bool(), [](const auto& each) 
 });
 
 // ev-5.2-1
-TEST_F(HubLinks, AskForWhatIsWantedByNow) {
+TEST_F(HubLinks, RequestThePresentInterest) {
   ServedHub far;
   ServedHub near;
   link(near, far);
@@ -100,7 +100,7 @@ TEST_F(HubLinks, AskForWhatIsWantedByNow) {
 }
 
 // ev-5.1-2
-TEST_F(HubLinks, EventsGoAsFarAsTheirSupplierAllows) {
+TEST_F(HubLinks, ForwardEventsAsFarAsTheirHopsAllow) {
   ServedHub first;
   ServedHub second;
   ServedHub third;
@@ -127,7 +127,7 @@ TEST_F(HubLinks, EventsGoAsFarAsTheirSupplierAllows) {
 }
 
 // ev-5.2-2 and ev-5.2-4
-TEST_F(HubLinks, WhoWantsItTwoHubsOnIsAskedForAndReached) {
+TEST_F(HubLinks, ForwardInterestOverTwoHubs) {
   ServedHub first;
   ServedHub second;
   ServedHub third;
@@ -140,12 +140,12 @@ TEST_F(HubLinks, WhoWantsItTwoHubsOnIsAskedForAndReached) {
   push(*goes_one, kPose);
   push(*goes_two, kPose);
   ASSERT_TRUE(recorder_.await_deliveries(1));
-  // What can't come as far as it is wanted does not even cross the first link.
+  // An event without enough hops does not even cross the first link.
   EXPECT_EQ(second.hub().links()[0].taken_count, 1U);
 }
 
 // ev-5.3-1 and ev-5.3-2; in the end ev-5.2-3
-TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
+TEST_F(HubLinks, DeliverOnceInARing) {
   std::vector<std::unique_ptr<ServedHub>> hubs;
   std::vector<std::unique_ptr<Recorder>> recorders;
   std::vector<std::unique_ptr<Consumer>> consumers;
@@ -172,7 +172,7 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
     push(*supplier, kPose);
     push(*other, kPose);
   }
-  // What comes last comes after all repetitions, however they went.
+  // The last event follows all duplicates.
   for (const auto& each : recorders)
     ASSERT_TRUE(each->await_deliveries(2 * kCount));
   const auto repeated = [&] {
@@ -189,7 +189,7 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
     ASSERT_TRUE(each->await([](const Recorder& it) { return it.deliveries_.back() == "6.0#1"; }));
     EXPECT_EQ(each->deliveries_.size(), 2 * kCount + 1);
   }
-  // ev-5.2-2: what nobody wants any more is not asked for in circles for ever.
+  // ev-5.2-2: ended interest does not circulate.
   consumers.clear();
   for (const auto& each : hubs) {
     for (const std::size_t number : {0U, 1U})
@@ -197,8 +197,8 @@ TEST_F(HubLinks, InARingEachEventComesOnceAndNoneComesBack) {
   }
 }
 
-// Two links, one each way, are a link for both.
-TEST_F(HubLinks, BothWaysBetweenTwoEachEventComesOnceToBoth) {
+// Two links, one in each direction.
+TEST_F(HubLinks, DeliverOnceInBothDirections) {
   ServedHub left;
   ServedHub right;
   Recorder other;
@@ -214,8 +214,8 @@ TEST_F(HubLinks, BothWaysBetweenTwoEachEventComesOnceToBoth) {
   push(*from_right, kPose, 2);
   ASSERT_TRUE(recorder_.await_deliveries(2));
   ASSERT_TRUE(other.await_deliveries(2));
-  // What may go further comes back, and no further than that. It comes behind what went before, so
-  // that nothing of that can be on its way any more.
+  // An event with more hops returns once. It follows the earlier ones, so none of those is still in
+  // flight.
   const auto wanderer = supply(left, 8);
   push(*wanderer, kPose, 3);
   ASSERT_TRUE(await([&] { return left.hub().links()[0].repeated_count == 1; }));
@@ -231,7 +231,7 @@ TEST_F(HubLinks, BothWaysBetweenTwoEachEventComesOnceToBoth) {
 }
 
 // ev-5.3-2
-TEST_F(HubLinks, ByTwoWaysAnEventComesOnce) {
+TEST_F(HubLinks, DeliverOnceOverTwoPaths) {
   ServedHub source;
   ServedHub left;
   ServedHub right;
@@ -263,7 +263,7 @@ TEST_F(HubLinks, ByTwoWaysAnEventComesOnce) {
 }
 
 // ev-5.3-3
-TEST_F(HubLinks, AnEventWithoutSequenceCrossesOneLinkAlone) {
+TEST_F(HubLinks, ForwardEventsWithoutSequenceOnce) {
   ServedHub first;
   ServedHub second;
   ServedHub third;
@@ -285,7 +285,7 @@ TEST_F(HubLinks, AnEventWithoutSequenceCrossesOneLinkAlone) {
 }
 
 // ev-5.5-1
-TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndTellTheGap) {
+TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndReportTheGap) {
   ServedHub far;
   ServedHub near;
   link(near, far);
@@ -303,8 +303,9 @@ TEST_F(HubLinks, SurviveARestartOfTheOtherHubAndTellTheGap) {
   EXPECT_GT(status.last_gap, 0ns);
   EXPECT_EQ(status.peer_epoch, far.hub().epoch());
   ASSERT_TRUE(reports.await([](const Recorder& it) {
-    const auto told = read_link_report(it.last_payload_);
-    return told && told->state == LinkState::kLinked && told->has_peer_restarted && told->gap > 0ns;
+    const auto report = read_link_report(it.last_payload_);
+    return report && report->state == LinkState::kLinked && report->has_peer_restarted &&
+           report->gap > 0ns;
   }));
   const auto supplier = supply(far, 1);
   push(*supplier, kPose);
@@ -326,7 +327,7 @@ TEST_F(HubLinks, WaitForAHubThatIsNotThereYet) {
 }
 
 // ev-5.2-5
-TEST_F(HubLinks, ToItselfIsRefused) {
+TEST_F(HubLinks, RefuseALinkToTheSameHub) {
   ServedHub hub;
   link(hub, hub);
   ASSERT_TRUE(await([&] { return hub.hub().links()[0].state == LinkState::kRefused; }));
@@ -334,7 +335,7 @@ TEST_F(HubLinks, ToItselfIsRefused) {
   EXPECT_EQ(hub.hub().subscription_count(), 0U);
 }
 
-TEST_F(HubLinks, OfOneHubAreOnlySoMany) {
+TEST_F(HubLinks, AreLimitedPerHub) {
   ServedHub hub;
   for (std::size_t i = 0; i < kLinkCountMax; ++i)
     ASSERT_TRUE(hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {.deadline = 10ms}));
@@ -343,8 +344,8 @@ TEST_F(HubLinks, OfOneHubAreOnlySoMany) {
   EXPECT_NE(refused.error().text.find("16 links"), std::string::npos) << refused.error().text;
 }
 
-// ev-5.4-2: each link has a quota, as each supplier has.
-TEST_F(HubLinks, BringNoMoreThanTheQuota) {
+// ev-5.4-2: each link has a quota, like a supplier.
+TEST_F(HubLinks, KeepToTheQuota) {
   ServedHub far;
   ServedHub near({.quota = {.events_per_s = 100, .bytes_per_s = 1e6, .burst_s = 0.1}});
   link(near, far);
@@ -358,7 +359,7 @@ TEST_F(HubLinks, BringNoMoreThanTheQuota) {
 }
 
 // ev-5.1-1
-TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
+TEST_F(HubLinks, DistinguishSuppliersByTag) {
   ServedHub far;
   ServedHub near;
   link(near, far);
@@ -385,7 +386,7 @@ TEST_F(HubLinks, SuppliersAreToldApartByTheirTags) {
 }
 
 // ev-5.5-2
-TEST(LinkReport, IsReadOnlyFromWhatIsIt) {
+TEST(LinkReport, RejectsMalformedPayloads) {
   std::array<std::byte, kLinkReportSize> bytes{};
   EXPECT_TRUE(read_link_report(bytes));
   EXPECT_FALSE(read_link_report(ConstBytes(bytes).first(kLinkReportSize - 1)));

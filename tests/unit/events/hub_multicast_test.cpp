@@ -6,12 +6,12 @@
 #include "loopback_multicast.hpp"
 #include "served_hub.hpp"
 
-// Consumers that receive the hub's multicast, over loopback: they are to notice no difference, even
-// where datagrams are lost (ev-7).
+// Consumers of the hub's multicast over loopback behave as those of a stream, even with lost
+// datagrams (ev-7).
 namespace rtpm::events::test {
 namespace {
 
-// A hub that is slow, as in a checked build, is not to be pushed more than waits for it.
+// Limits the events in flight, for slow (checked) builds.
 constexpr std::size_t kPushedAtATime = 100;
 
 class HubMulticast : public testing::TestWithParam<std::uint32_t> {
@@ -101,7 +101,7 @@ TEST_P(HubMulticast, ManyConsumersGetAllInOrder) {
   }
 }
 
-TEST_P(HubMulticast, LargeEventsComeWhole) {
+TEST_P(HubMulticast, DeliversLargeEventsWhole) {
   ServedHub hub(config());
   const auto supplier = make_supplier(node_, hub);
   const auto consumer = join(hub, recorder_, of_type(kPose));
@@ -137,7 +137,7 @@ TEST_P(HubMulticast, SurvivesARestartOfTheHub) {
 }
 
 // ev-7.3-2
-TEST_P(HubMulticast, WhoSleepsLosesWhatIsNoLongerKeptAndIsTold) {
+TEST_P(HubMulticast, SleepingConsumerReportsEvictedEvents) {
   ServedHub hub(config(/*history_count=*/64));
   const auto supplier = make_supplier(node_, hub);
   Sleeper sleeper;
@@ -158,16 +158,16 @@ TEST_P(HubMulticast, WhoSleepsLosesWhatIsNoLongerKeptAndIsTold) {
   sleeper.release();
   ASSERT_TRUE(
       sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
-  const auto is_all_told = [&] {
+  const auto is_all_reported = [&] {
     const ConsumerCounters counters = slow->counters();
     return counters.event_count + counters.losses.total() == kCount;
   };
-  EXPECT_TRUE(await(is_all_told)) << slow->counters().event_count << " and "
-                                  << slow->counters().losses.total() << " lost";
+  EXPECT_TRUE(await(is_all_reported))
+      << slow->counters().event_count << " and " << slow->counters().losses.total() << " lost";
 }
 
-// The program keeps fewer datagrams than the hub does: the rest is asked for.
-TEST_P(HubMulticast, WhoFallsBehindWhatTheProgramKeepsLosesNothing) {
+// The program keeps fewer datagrams than the hub, and requests the rest.
+TEST_P(HubMulticast, SlowConsumerRepairsWhatTheProgramEvicted) {
   ServedHub hub(config());
   const auto supplier = make_supplier(node_, hub);
   Sleeper sleeper;
@@ -192,7 +192,7 @@ INSTANTIATE_TEST_SUITE_P(Losses, HubMulticast, testing::Values(0U, 3U), [](const
   return each.param == 0 ? std::string("none") : "each_" + std::to_string(each.param);
 });
 
-TEST(HubMulticastSetUp, SaysWhatIsWrongWithTheGroup) {
+TEST(HubMulticastSetUp, ReportsAnInvalidGroup) {
   for (const transport::MulticastGroup& group :
        {transport::MulticastGroup{.group = "10.0.0.1"}, transport::MulticastGroup{.group = "here"},
         transport::MulticastGroup{.interface = "eth0"}}) {

@@ -9,7 +9,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "served_hub.hpp"
 
-// Consumers that read the hub's ring: they are to notice no difference.
+// Consumers that read the hub's ring behave as those of a stream.
 namespace rtpm::events::test {
 namespace {
 
@@ -49,7 +49,7 @@ TEST_F(HubRing, EachConsumerGetsWhatItsFilterAccepts) {
   EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
 }
 
-TEST_F(HubRing, TimeoutsAndReplaysComeToo) {
+TEST_F(HubRing, DeliversTimeoutsAndReplays) {
   const auto supplier = make_supplier(node_, hub_);
   push(*supplier, kPose);
   Recorder early;
@@ -61,7 +61,7 @@ TEST_F(HubRing, TimeoutsAndReplaysComeToo) {
   EXPECT_EQ(recorder_.text(), "~5.0#1 @9");
 }
 
-TEST_F(HubRing, LargeEventsComeWhole) {
+TEST_F(HubRing, DeliversLargeEventsWhole) {
   const auto supplier = make_supplier(node_, hub_);
   const auto consumer = join(recorder_, of_type(kPose));
   std::vector<std::byte> payload(65'000);
@@ -98,7 +98,7 @@ TEST_F(HubRing, SurvivesARestartOfTheHub) {
   EXPECT_TRUE(recorder_.await_deliveries(2));
 }
 
-TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndIsToldItsLosses) {
+TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndReportsItsLosses) {
   Sleeper oldest;
   Sleeper latest;
   const auto supplier = make_supplier(node_, hub_);
@@ -125,7 +125,7 @@ TEST_F(HubRing, SleepingConsumerKeepsToItsPolicyAndIsToldItsLosses) {
   EXPECT_EQ(quick->counters().losses, Losses{});
 }
 
-TEST(HubRingLimits, ConsumerThatIsOverrunIsToldHowManyItMissed) {
+TEST(HubRingLimits, OverrunConsumerReportsItsLosses) {
   ServedHub hub({.ring_size = 64 * 1024});
   rpc::Node node;
   Sleeper sleeper;
@@ -193,9 +193,8 @@ class ChildHub {
   std::string url_{};
 };
 
-// Whoever sleeps at the ring of a hub that is killed hears it from the system, and not only by
-// missing its signs of life.
-TEST(HubRingEnd, KilledHubIsMissedAtOnce) {
+// A reader of the ring of a killed hub is notified by the system, not only by missed heartbeats.
+TEST(HubRingEnd, EndOfAKilledHubIsNoticedAtOnce) {
   using Strategy = rt::WaitStrategy;
   for (const auto& [strategy, transport] : {std::pair(Strategy::kAdaptive, rpc::Transport::kAuto),
                                             std::pair(Strategy::kBlock, rpc::Transport::kAuto),

@@ -63,7 +63,7 @@ TEST_P(HubOn, DeliversWhatTheFilterAccepts) {
   EXPECT_LE(recorder_.last_header_.hub_received, recorder_.last_header_.hub_sent);
 }
 
-// Whoever pushes them, and whatever else the supplier asks the hub meanwhile.
+// From any thread, concurrently with the supplier's other requests.
 TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
   constexpr int kThreadCount = 3;
   constexpr int kCount = 60;  // Of each: few enough for the buffer of a socket.
@@ -86,7 +86,7 @@ TEST_P(HubOn, DeliversTheEventsOfASupplierInTheirOrder) {
   EXPECT_EQ(recorder_.text(), wanted);
 }
 
-TEST_P(HubOn, TellsASupplierOfTheNextHubWhatTheFormerDidNotConfirm) {
+TEST_P(HubOn, ReportsUnconfirmedEventsOfTheFormerHub) {
   expect_told_of_the_next_hub(node_, hub_, GetParam());
 }
 
@@ -156,7 +156,7 @@ INSTANTIATE_TEST_SUITE_P(Transports, HubOn,
                          [](const auto& each) { return std::string(to_string(each.param)); });
 
 // No connection ends there.
-TEST(HubInTheProgram, TellsASupplierOfTheNextHubWhatTheFormerDidNotConfirm) {
+TEST(HubInTheProgram, ReportsUnconfirmedEventsOfTheFormerHub) {
   ServedHub hub;
   rpc::Node node;
   expect_told_of_the_next_hub(node, hub, rpc::Transport::kAuto);
@@ -181,7 +181,7 @@ TEST_F(HubTest, SupplierInTheHubsProgramNeedsNoCall) {
 }
 
 // ev-2-2
-TEST_F(HubTest, WritesItselfWhatNoSupplierMaySay) {
+TEST_F(HubTest, SetsTheFieldsThatNoSupplierMay) {
   const auto consumer = make_consumer(node_, hub_, recorder_, everything());
   alignas(16) std::array<std::byte, 3 * kEventHeaderSize> memory{};
   EventWriter writer(memory);
@@ -232,7 +232,7 @@ TEST_F(HubTest, LateJoinerGetsTheLatchedValue) {
   Recorder early;
   const auto other = make_consumer(node_, hub_, early, of_type(kButton));
   push(*supplier, kButton);
-  // What the hub sent on, it has remembered.
+  // The hub has stored what it delivered.
   ASSERT_TRUE(early.await_deliveries(1));
   const auto consumer = make_consumer(node_, hub_, recorder_, of_type(kPose), {.replay = 1});
   ASSERT_TRUE(recorder_.await_deliveries(1));
@@ -288,7 +288,7 @@ TEST_F(HubTest, SubscriptionThatIsRefusedAfterARestartEndsWithTheReason) {
       make_consumer(node_, hub_, recorder_, where(kPose, "x", Comparison::kLess, Scalar::of(1)));
   hub_.stop();
   hub_.start();
-  // Nobody has told the new hub what a pose is.
+  // The new hub does not know the type.
   ASSERT_TRUE(recorder_.await_notice(NoticeKind::kEnded));
   EXPECT_NE(recorder_.texts_.back().find("'x'"), std::string::npos) << recorder_.texts_.back();
 }
@@ -339,7 +339,7 @@ TEST_F(HubTest, HandlerThatThrowsIsCountedAndGoesOn) {
   EXPECT_EQ(consumer->counters().handler_failure_count, 1U);
 }
 
-TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
+TEST_F(HubTest, FreesTheSlotsOfDisconnectedConsumers) {
   for (int i = 0; i < 3; ++i) {
     const auto consumer = make_consumer(node_, hub_, recorder_, everything());
     EXPECT_GE(hub_.hub().subscription_count(), 1U);
@@ -348,7 +348,7 @@ TEST_F(HubTest, PlacesOfThoseWhoLeftAreFree) {
   EXPECT_EQ(hub_.hub().subscription_count(), 0U);
 }
 
-TEST_F(HubTest, WhoWentAndWhyIsCountedAndTold) {
+TEST_F(HubTest, CountsAndReportsDisconnects) {
   const auto supplier = make_supplier(node_, hub_);
   Sleeper full;
   Sleeper silent;
@@ -393,7 +393,7 @@ TEST_F(HubTest, CountOfMissedSignsOfLifeHasBounds) {
   }
 }
 
-TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {
+TEST_F(HubTest, SleepingConsumerReportsItsLosses) {
   Sleeper sleeper;
   const auto supplier = make_supplier(node_, hub_);
   const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose), {.queue_capacity = 4});
@@ -411,7 +411,7 @@ TEST_F(HubTest, ConsumerThatSleepsLosesByItselfAndIsToldHowMany) {
   EXPECT_EQ(slow->counters().event_count + slow->counters().losses.overflow_count, kCount);
 }
 
-TEST_F(HubTest, ConsumerOfTheLatestIsNotSentWhatIsOld) {
+TEST_F(HubTest, ConsumerOfTheLatestGetsNoOldEvents) {
   Sleeper sleeper;
   const auto supplier = make_supplier(node_, hub_);
   const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose),
@@ -425,12 +425,12 @@ TEST_F(HubTest, ConsumerOfTheLatestIsNotSentWhatIsOld) {
   sleeper.release();
   ASSERT_TRUE(
       sleeper.await([&](const Recorder& it) { return it.last_header_.sequence == kCount; }));
-  // What was in its hands, on the way and about to go when it fell asleep; then the newest.
+  // Events delivered or in flight when it fell asleep; then the newest.
   EXPECT_LE(sleeper.deliveries_.size(), 6U);
   EXPECT_EQ(slow->counters().event_count + slow->counters().losses.replaced_count, kCount);
 }
 
-TEST_F(HubTest, ConsumerWhosePolicyIsToDisconnectIsToldWhyAndComesBack) {
+TEST_F(HubTest, DisconnectingPolicyReportsWhyAndResubscribes) {
   Sleeper sleeper;
   const auto supplier = make_supplier(node_, hub_);
   const auto slow = make_consumer(node_, hub_, sleeper, of_type(kPose),
@@ -445,7 +445,7 @@ TEST_F(HubTest, ConsumerWhosePolicyIsToDisconnectIsToldWhyAndComesBack) {
   EXPECT_FALSE(sleeper.notice(NoticeKind::kResubscribed).has_hub_restarted);
 }
 
-TEST(HubLimits, SupplierThatFloodsHarmsOnlyItself) {
+TEST(HubLimits, FloodingSupplierAffectsNoOther) {
   ServedHub hub({.quota = {.events_per_s = 100, .bytes_per_s = 1e6, .burst_s = 0.1}});
   rpc::Node node;
   Recorder recorder;
@@ -469,7 +469,7 @@ TEST(HubLimits, EventThatIsTooLargeIsRefusedAtOnce) {
   EXPECT_EQ(supplier->push({.type = kPose, .payload = payload}).error(), rpc::CallError::kTooLarge);
 }
 
-TEST(HubLimits, HubThatIsFullSaysSo) {
+TEST(HubLimits, FullHubRefusesWithTheReason) {
   ServedHub hub({.limits = {.subscription_count_max = 1}});
   rpc::Node node;
   Recorder recorder;
@@ -479,7 +479,7 @@ TEST(HubLimits, HubThatIsFullSaysSo) {
   ASSERT_FALSE(second);
 }
 
-TEST(HubLimits, NoHubIsSaidSo) {
+TEST(HubLimits, MissingHubIsReported) {
   rpc::Node node;
   Recorder recorder;
   const auto consumer =

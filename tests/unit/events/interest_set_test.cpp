@@ -19,7 +19,7 @@ Match of(EventType type, SourceId source, std::uint8_t hops) {
 }
 using InterestSet = std::vector<Match>;
 
-TEST(InterestSet, AreOfTheTypesAndSourcesOfEachKindOfNode) {
+TEST(InterestSet, HasTheTypesAndSourcesOfEachKindOfNode) {
   const Filter pose = of_type(kPose);
   const Filter button = of_type(kButton, 2);
   const Filter held = where(kGaze, "x", Comparison::kLess, Scalar::of(1));
@@ -39,7 +39,7 @@ TEST(InterestSet, AreOfTheTypesAndSourcesOfEachKindOfNode) {
     EXPECT_EQ(interest_set_of(timeout), InterestSet{});
 }
 
-TEST(InterestSet, AreUnitedWithoutWhatAnotherCovers) {
+TEST(InterestSet, OmitsCoveredEntries) {
   EXPECT_EQ(unite_interest({}), InterestSet{});
   EXPECT_EQ(unite_interest({of(kPose, 3, 0), of(kPose), of(kPose, 4, 0)}),
             InterestSet{of(kPose, 1)});
@@ -50,16 +50,16 @@ TEST(InterestSet, AreUnitedWithoutWhatAnotherCovers) {
 }
 
 // ev-5.2-2
-TEST(InterestSet, AreOneHopFurtherAndEndAfterTheMost) {
+TEST(InterestSet, AddsOneHopUpToTheMaximum) {
   EXPECT_EQ(unite_interest({of(kPose, 2), of(kPose, 5)}), InterestSet{of(kPose, 3)});
-  // Who is near wants less than who is far: both stay where the nearer one is the narrower.
+  // An entry with fewer hops does not cover a wider one with more: both stay.
   EXPECT_EQ(unite_interest({of(kPose, 3, 0), of(kPose, 4)}),
             (InterestSet{of(kPose, 5), of(kPose, 3, 1)}));
   EXPECT_EQ(unite_interest({of(kPose, kLinkHopsMax - 1)}), InterestSet{of(kPose, kLinkHopsMax)});
   EXPECT_EQ(unite_interest({of(kPose, kLinkHopsMax), of(kGaze, 255)}), InterestSet{});
 }
 
-TEST(InterestSet, OfTooManySourcesAreWidenedToTheirTypes) {
+TEST(InterestSet, WidensTooManySourcesToTheirTypes) {
   InterestSet many;
   for (std::uint32_t i = 0; i <= kMatchCountMax; ++i)
     many.push_back(of(kPose + i % 2, i, 0));
@@ -80,14 +80,14 @@ TEST(FilterList, AcceptsWhatOneOfItsMatchesDoes) {
   EXPECT_EQ(table.got(), "5.3#1 6.9#1 74.3#1");
 }
 
-TEST(FilterList, OfNothingAcceptsNothing) {
+TEST(FilterList, EmptyAcceptsNothing) {
   Table table(listed({}));
   table.push(kPose);
   EXPECT_EQ(table.got(), "");
 }
 
 // ev-5.2-4
-TEST(FilterList, AcceptsOnlyWhatMayGoSoFar) {
+TEST(FilterList, AcceptsOnlyEventsWithEnoughHops) {
   Table table(any_of({listed({of(kPose, 2), of(kButton, 7, 1)})}));
   const auto push = [&](EventType type, SourceId source, std::uint8_t hops) {
     const EventHeader header{.type = type, .source = source, .sequence = hops, .hops_left = hops};
@@ -100,7 +100,7 @@ TEST(FilterList, AcceptsOnlyWhatMayGoSoFar) {
   EXPECT_EQ(table.got(), "5.0#2 6.7#1");
 }
 
-TEST(FilterList, OfTheMostMatchesIsTakenAndOfOneMoreRefused) {
+TEST(FilterList, RefusesMoreThanTheMaximum) {
   InterestSet many;
   for (std::uint32_t i = 0; i < kMatchCountMax; ++i)
     many.push_back(of(1 + i));
@@ -115,7 +115,7 @@ TEST(FilterList, OfTheMostMatchesIsTakenAndOfOneMoreRefused) {
   EXPECT_NE(refused.error().text.find("1024 matches"), std::string::npos) << refused.error().text;
 }
 
-TEST(FilterList, FindsAnEventOnceThoughSeveralMatchesDo) {
+TEST(FilterList, DeliversOnceThoughSeveralMatch) {
   Table table(listed({of(kPose), {.source = 3, .source_mask = kWholeNumber}, of(kPose, 3, 0)}));
   table.push(kPose, 3);
   EXPECT_EQ(table.got(), "5.3#1");

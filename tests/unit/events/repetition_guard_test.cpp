@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-// Who tells the repeated from the new (ev-5.3-2).
+// Detection of duplicates (ev-5.3-2).
 namespace rtpm::events {
 namespace {
 

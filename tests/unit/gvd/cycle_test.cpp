@@ -138,14 +138,14 @@ TEST_F(Cycle, ASilentHolderLosesTheLease) {
   const auto refused = command(1);
   ASSERT_FALSE(refused);
   EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder);
-  EXPECT_FALSE(sample().faults.has(Fault::kCommandLost)) << "nobody commands any more";
+  EXPECT_FALSE(sample().faults.has(Fault::kCommandLost)) << "no client commands";
 }
 
 TEST_F(Cycle, OnlyTheHolderCommands) {
   run();
-  const auto nobody = command(1);
-  ASSERT_FALSE(nobody);
-  EXPECT_EQ(nobody.error(), rpc::Refusal::kNotLeaseHolder);
+  const auto refused = command(1);
+  ASSERT_FALSE(refused);
+  EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder);
   acquire();
   EXPECT_TRUE(command(1));
   const std::uint64_t mine = lease_;

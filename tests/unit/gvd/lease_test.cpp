@@ -153,7 +153,7 @@ TEST(Lease, IsTakenOver) {
 TEST(Lease, IsTakenByAnOperatorWhenNobodyHasIt) {
   Lease lease{{}, {1, 2}};
   EXPECT_TRUE(lease.take_over());
-  EXPECT_EQ(lease.taken_over_count(), 0u) << "from nobody";
+  EXPECT_EQ(lease.taken_over_count(), 0u) << "it was free";
 }
 
 TEST(Lease, ChangesHandsNoFasterThanItsIntervalsSay) {
@@ -192,7 +192,7 @@ TEST(Lease, RemembersHowTheNewestEnded) {
   EXPECT_EQ(lease.state_of(*silent), LeaseState::kSilent);
   EXPECT_EQ(lease.state_of(*released), LeaseState::kReleased);
   EXPECT_EQ(lease.state_of(*lost), LeaseState::kDeviceLost);
-  EXPECT_EQ(lease.state_of(*lost ^ 0x10000), LeaseState::kUnknown) << "nobody's number";
+  EXPECT_EQ(lease.state_of(*lost ^ 0x10000), LeaseState::kUnknown) << "an unknown number";
   EXPECT_EQ(lease.state_of(Lease::kNobody), LeaseState::kUnknown);
   for (std::size_t i = 0; i < Lease::kRememberedCount; ++i) {
     static_cast<void>(lease.step(at(milliseconds{102 + static_cast<int>(i)})));

@@ -9,7 +9,7 @@
 
 namespace rtpm::test {
 
-/// A device of the test's making: it does what `script` says and remembers what it was told.
+/// A simulated device that follows `script` and records its commands.
 class ScriptedDriver final : public driver::Driver {
  public:
   using Script = std::function<driver::ExchangeStatus(const driver::Command&, driver::Sample&)>;

@@ -265,7 +265,7 @@ TEST_F(EventBridge, GoesOnWithAnotherLifeOfTheHub) {
     push(*supplier, kPose, 1);
     return client.count() > 0;
   })) << bridge->report();
-  // Its own are told from others in the new life, too.
+  // Its own events are recognized after the restart, too.
   ASSERT_TRUE(await([&] {
     publish_plainly("rtpm/6/1", "from elsewhere");
     return bridge->counters().own_count > 0;
@@ -350,7 +350,7 @@ TEST_F(EventBridgeTls, RefusesABrokerThatItCannotTrust) {
   ASSERT_TRUE(await([&] { return trusting->is_connected(); })) << trusting->reason();
   for (const std::string& wrong : {others_certificate, std::string()}) {
     const auto broker = connect(wrong);
-    // Whoever does not trust it, or speaks no TLS, tried and failed.
+    // Clients without trust or TLS have tried and failed.
     ASSERT_TRUE(await([&] { return broker->reason() != "it is being connected"; }));
     EXPECT_FALSE(broker->is_connected());
     EXPECT_EQ(broker->counters().connection_count, 0U);

@@ -358,7 +358,7 @@ TEST(Directory, LeavesRoomForOthersWhereOneHostInventsServers) {
     const auto bound = directory.bind(
         claim("n" + std::to_string(count), {100U + static_cast<unsigned>(count), 1}));
     if (bound) {
-      EXPECT_EQ(bound->lease, 10s) << "and for an hour nobody has a name that came just now";
+      EXPECT_EQ(bound->lease, 10s) << "a new name has no lease of an hour";
       continue;
     }
     EXPECT_EQ(bound.error().outcome, Outcome::kHostOwnersFull);

@@ -88,7 +88,7 @@ TEST_F(RegistrationTest, RenewsItsLease) {
   const auto registration = create(2s);
   ASSERT_TRUE(registration) << registration.error().text;
   Duration least = 2s;
-  // The time left grows only if somebody renewed.
+  // The remaining time grows only by a renewal.
   EXPECT_TRUE(test::await([&] {
     const auto entry = directory_.resolve(kName);
     if (!entry) return false;
@@ -206,7 +206,7 @@ TEST_F(RegistrationTest, SaysWhatIsWrongWithWhatItWasGiven) {
   expect_part(nowhere.error().text, "start rtpm-registryd, or give --registry URL");
 }
 
-/// A registry that does or refuses what it is told to.
+/// A registry with scripted answers.
 class WilfulRegistry final : public NamesServant {
  public:
   rpc::Result<void> bind(const BindRequest&, rpc::ReplyBuilder<BindReply>& reply,

@@ -56,7 +56,7 @@ class ServedRegistry {
   std::unique_ptr<rpc::Server> server_;
 };
 
-/// A URL at which nobody serves: its port was free a moment ago.
+/// A URL without a server: its port was free a moment ago.
 [[nodiscard]] inline std::string unserved_url() {
   ServedRegistry registry;
   registry.stop();

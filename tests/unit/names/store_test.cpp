@@ -23,7 +23,7 @@ Claim claim(std::string_view name, Owner owner = kArm, Duration lease = 2s) {
   return {name, "rtpm://127.0.0.1:4711/object", "lab.Arm", owner, lease};
 }
 
-/// The same, with leave to take the name from whoever holds it.
+/// The same, allowing any takeover.
 Claim takeover(std::string_view name, Owner owner) {
   Claim taking = claim(name, owner);
   taking.allows_takeover = true;
@@ -100,7 +100,7 @@ TEST_F(StoreTest, MayShortenALeaseByRenewing) {
   EXPECT_FALSE(store_.resolve("lab/arm0", at(1s)));
 }
 
-// Who may do what to a name that kArm holds: one row for each owner and operation.
+// Permissions on a name that kArm holds, by owner and operation.
 struct OwnershipCase {
   const char* description;
   Owner owner;
@@ -273,7 +273,7 @@ TEST(StoreTakeover, NeedsTheHoldersRevisionOrLeave) {
   EXPECT_EQ(store.resolve("lab/arm0", at(0s)).value()->owner, kArm);
   taking.holder_revision = first->revision;
   EXPECT_EQ(ending_of(store.bind(taking, at(0s))), (Ending{Outcome::kAlreadyBound, 1}))
-      << "bind takes nothing from anybody";
+      << "bind takes no name from another owner";
   const auto taken = store.rebind(taking, at(0s));
   ASSERT_TRUE(taken);
   EXPECT_TRUE(taken->is_takeover);

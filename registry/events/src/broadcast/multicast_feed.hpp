@@ -28,7 +28,6 @@ class MulticastFeed final : public ReaderSource {
   static constexpr std::uint64_t kHistoryCount = 1024;
 
   /// Joins the group; null if the system refuses.
-  /// @realtime set-up only
   [[nodiscard]] static std::shared_ptr<MulticastFeed> open(const transport::MulticastGroup& group);
 
   /// Position of the next datagram.

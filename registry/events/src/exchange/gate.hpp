@@ -19,7 +19,6 @@ namespace rtpm::events {
 class Gate {
  public:
   Gate() noexcept = default;
-  /// @realtime set-up only
   /// @errors   a value out of bounds; an unknown type or field of a deadband
   [[nodiscard]] static expected<Gate, FilterError> make(const DeliveryPolicy& policy,
                                                         const DescriptorSource& types);

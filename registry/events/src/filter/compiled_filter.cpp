@@ -99,37 +99,33 @@ bool CompiledFilter::is_where(const Node& node, const EventHeader& header,
   return value && compare(*value, node.comparison, node.operand_bits);
 }
 
+// Whether a node without state accepts the event, given what its children did.
+bool CompiledFilter::evaluate(const Node& node, Bits accepted, const EventHeader& header,
+                              ConstBytes payload) const noexcept {
+  switch (node.kind) {
+    case Filter::Kind::kNull:
+      return true;
+    case Filter::Kind::kMatch:
+      return is_match(node, header);
+    case Filter::Kind::kListed:
+      return is_listed(node, header);
+    case Filter::Kind::kWhere:
+      return is_where(node, header, payload);
+    case Filter::Kind::kAny:
+      return (accepted & node.children) != 0;
+    case Filter::Kind::kAll:
+      return (accepted & node.children) == node.children;
+    case Filter::Kind::kNot:
+      return (accepted & node.children) == 0;
+    default:
+      return false;
+  }
+}
+
 bool CompiledFilter::accepts(const EventHeader& header, ConstBytes payload) const noexcept {
   Bits accepted = 0;
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
-    const Node& node = nodes_[i];
-    bool is_accepted = false;
-    switch (node.kind) {
-      case Filter::Kind::kNull:
-        is_accepted = true;
-        break;
-      case Filter::Kind::kMatch:
-        is_accepted = is_match(node, header);
-        break;
-      case Filter::Kind::kListed:
-        is_accepted = is_listed(node, header);
-        break;
-      case Filter::Kind::kWhere:
-        is_accepted = is_where(node, header, payload);
-        break;
-      case Filter::Kind::kAny:
-        is_accepted = (accepted & node.children) != 0;
-        break;
-      case Filter::Kind::kAll:
-        is_accepted = (accepted & node.children) == node.children;
-        break;
-      case Filter::Kind::kNot:
-        is_accepted = (accepted & node.children) == 0;
-        break;
-      default:
-        break;
-    }
-    if (is_accepted) accepted |= bit(i);
+    if (evaluate(nodes_[i], accepted, header, payload)) accepted |= bit(i);
   }
   return (accepted & bit(nodes_.size() - 1)) != 0;
 }
@@ -142,38 +138,12 @@ CompiledFilter::Bits CompiledFilter::judge(const EventRef& event,
   const EventView view = event ? event.view() : EventView{};
   for (std::size_t i = 0; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
-    bool is_accepted = false;
-    switch (node.kind) {
-      case Filter::Kind::kNull:
-        is_accepted = !timer;
-        break;
-      case Filter::Kind::kMatch:
-        is_accepted = !timer && is_match(node, view.header);
-        break;
-      case Filter::Kind::kListed:
-        is_accepted = !timer && is_listed(node, view.header);
-        break;
-      case Filter::Kind::kWhere:
-        is_accepted = !timer && is_where(node, view.header, view.payload);
-        break;
-      case Filter::Kind::kAny:
-        is_accepted = (accepted & node.children) != 0;
-        break;
-      case Filter::Kind::kAll:
-        is_accepted = (accepted & node.children) == node.children;
-        break;
-      case Filter::Kind::kNot:
-        is_accepted = !timer && (accepted & node.children) == 0;
-        break;
-      case Filter::Kind::kCorrelate:
-        is_accepted = fill(node, accepted, event);
-        break;
-      case Filter::Kind::kOnce:
-      case Filter::Kind::kEvery:
-      case Filter::Kind::kSilence:
-        is_accepted = timer == i;
-        break;
-    }
+    const bool is_any_or_all = node.kind == Filter::Kind::kAny || node.kind == Filter::Kind::kAll;
+    const bool is_accepted = node.kind == Filter::Kind::kCorrelate ? fill(node, accepted, event)
+                             : timer == i                          ? true
+                             : timer && !is_any_or_all
+                                 ? false
+                                 : evaluate(node, accepted, view.header, view.payload);
     if (is_accepted) accepted |= bit(i);
   }
   return accepted;

@@ -55,7 +55,6 @@ struct Interest {
 class CompiledFilter {
  public:
   /// Compiles `filter`; its timeouts run from start().
-  /// @realtime set-up only
   /// @errors   too deep, too many nodes or events to keep; a group without children; an unknown
   ///           type or field; an operand that does not fit the field; a timeout out of bounds, or
   ///           under "all" or "not", where it can never match
@@ -142,6 +141,8 @@ class CompiledFilter {
   [[nodiscard]] bool is_listed(const Node& node, const EventHeader& header) const noexcept;
   [[nodiscard]] static bool is_where(const Node& node, const EventHeader& header,
                                      ConstBytes payload) noexcept;
+  [[nodiscard]] bool evaluate(const Node& node, Bits accepted, const EventHeader& header,
+                              ConstBytes payload) const noexcept;
   [[nodiscard]] Bits judge(const EventRef& event, std::optional<std::size_t> timer) noexcept;
   [[nodiscard]] bool fill(const Node& node, Bits accepted, const EventRef& event) noexcept;
   [[nodiscard]] bool is_complete(const Node& node) const noexcept;

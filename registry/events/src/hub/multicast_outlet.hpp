@@ -20,7 +20,6 @@ namespace rtpm::events {
 class MulticastOutlet final : public Broadcaster {
  public:
   /// For payloads of up to `payload_size_max` and `subscription_count_max` subscriptions.
-  /// @realtime set-up only
   /// @errors   as transport::MulticastSender::open()
   [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, transport::TransportError> make(
       const MulticastConfig& config, std::uint32_t payload_size_max,
