@@ -4,7 +4,6 @@
 #include <string>
 #include <utility>
 
-#include "calls/deferral.hpp"
 #include "lane/lane.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -55,11 +54,17 @@ ConstBytes Execution::run_now(Lead& lead, wire::ServerSessions& sessions,
   const MutableBytes reply = sessions.reply_buffer(request, request.received);
   CallDeferral deferral(parts_.calls.pool(), request, sessions);
   const DispatchResult result = serve(lead, request, reply, deferral);
+  RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
+  return complete(lead, sessions, request, deferral, result);
+}
+
+ConstBytes Execution::complete(Lead& lead, wire::ServerSessions& sessions,
+                               const wire::Request& request, const CallDeferral& deferral,
+                               DispatchResult result) noexcept {
   if (deferral.is_taken()) {
     ++parts_.report.counters(lead).deferred_count;
     return {};
   }
-  RTPM_ASSERT(result.reply_size <= reply.size(), "a reply stays within its buffer");
   const MonotonicTime now = rt::now();
   parts_.report.on_answered(lead, now);
   parts_.report.on_end(lead, request, result.status, now);
@@ -104,14 +109,7 @@ ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
   CallDeferral deferral(parts_.calls.pool(), request, sessions);
   DispatchResult result;
   if (target) result = run_method(lead, **target, request, reply, deferral);
-  if (deferral.is_taken()) {
-    ++parts_.report.counters(lead).deferred_count;
-    return {};
-  }
-  const MonotonicTime now = rt::now();
-  parts_.report.on_answered(lead, now);
-  parts_.report.on_end(lead, request, result.status, now);
-  return sessions.complete(request, result.status, 0, now);
+  return complete(lead, sessions, request, deferral, {result.status, 0});
 }
 
 DispatchResult Execution::serve(Lead& lead, const wire::Request& request, MutableBytes reply,

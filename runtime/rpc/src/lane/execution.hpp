@@ -2,6 +2,7 @@
 
 #include <atomic>
 
+#include "calls/deferral.hpp"
 #include "calls/dispatch.hpp"
 #include "calls/open_calls.hpp"
 #include "lane/idling.hpp"
@@ -87,6 +88,9 @@ class Execution {
                                               const wire::Request& request) noexcept;
   [[nodiscard]] ConstBytes run_confirmed(Lead&, wire::ServerSessions& sessions,
                                          const wire::Request& request) noexcept;
+  [[nodiscard]] ConstBytes complete(Lead&, wire::ServerSessions& sessions,
+                                    const wire::Request& request, const CallDeferral& deferral,
+                                    DispatchResult result) noexcept;
   [[nodiscard]] DispatchResult serve(Lead&, const wire::Request& request, MutableBytes reply,
                                      Deferral& deferral) noexcept;
 

@@ -133,15 +133,12 @@ BorrowedThread ThreadPool::lend(const BorrowRequest& request) noexcept {
   const std::uint64_t bit = std::uint64_t{1} << request.borrower_number;
   const bool is_locked = mutex_.try_lock();
   const bool is_given = is_locked && give_thread(request);
-  if (is_given) {
-    borrowers_.fetch_and(~bit, std::memory_order_relaxed);
-  } else {
-    borrowers_.fetch_or(bit, std::memory_order_release);
-  }
+  const std::uint64_t before = is_given ? borrowers_.fetch_and(~bit, std::memory_order_relaxed)
+                                        : borrowers_.fetch_or(bit, std::memory_order_release);
   if (is_locked) mutex_.unlock();
   if (is_given) return BorrowedThread::kGiven;
-  // Else a thread that is about to rest has the lock, and may have looked for borrowers before.
-  if (!is_locked) leader_.ring();
+  // The thread that has the lock may be about to rest, and have looked for borrowers before.
+  if (!is_locked && (before & bit) == 0) leader_.ring();
   const std::uint32_t spare_count =
       spare_count_.load(std::memory_order_relaxed) + coming_back_.load(std::memory_order_relaxed);
   return spare_count >= request.waiting_count ? BorrowedThread::kSoon : BorrowedThread::kNone;

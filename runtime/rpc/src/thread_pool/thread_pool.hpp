@@ -20,22 +20,21 @@ namespace rtpm::rpc {
 
 class PooledExecution;
 
-/// One thread of a thread pool. Its owner is the pool; all but `wake` and `has_ended` belongs to
-/// whoever holds the pool's lock.
+/// One thread of a pool, or room for one. Under the pool's lock but for what says otherwise.
 struct Worker {
-  rt::Semaphore wake;
+  rt::Semaphore wake;  ///< Without the lock.
   bool is_dynamic = false;
   PooledExecution* borrower = nullptr;  ///< The lane for which it runs `lent_call`; null: its own.
   PendingCall* lent_call = nullptr;
-  rt::Thread thread;        ///< Of whoever starts threads.
-  bool is_started = false;  ///< Likewise.
-  std::atomic<bool> has_ended{false};
+  rt::Thread thread;                   ///< The acceptor's.
+  bool is_started = false;             ///< The acceptor's.
+  std::atomic<bool> has_ended{false};  ///< Without the lock.
 };
 
-/// What a lane answers that is asked for a thread.
+/// The answer of a lane that is asked for a thread.
 enum class BorrowedThread : std::uint8_t {
   kGiven,  ///< It runs the call.
-  kSoon,   ///< One will be free in a moment and then look for calls of the borrower.
+  kSoon,   ///< One will be free in a moment and look for calls of the borrower.
   kNone,   ///< All are busy. The first to be free looks for calls of the borrower.
 };
 
@@ -49,25 +48,24 @@ struct BorrowRequest {
 
 /// The threads of a lane that has several, and the calls that wait for one of them.
 ///
-/// One thread leads: it alone receives. When there is a call to run it hands the lead to one that
-/// rests, runs the call itself, and answers it. So a call changes no thread between its arrival and
-/// its reply, and while every other thread runs a call, one still receives, to keep what comes in
-/// the order of its priority, or to refuse it.
-///
-/// Threads: everything but what says otherwise with the lock.   RT: alloc-free but for
-/// construction.
+/// One thread leads: it alone receives. When there is a call to run it hands the lead to a resting
+/// thread, runs the call itself, and answers it. So a call changes no thread between its arrival
+/// and its reply, and while all other threads run calls, one still receives, to order calls by
+/// priority or to refuse them.
+/// @threads  with the lock, unless stated otherwise
+/// @realtime alloc-free but for construction
 class ThreadPool final : public transport::WaitLock {
  public:
-  /// `call_count_max`: how many calls may wait, at the utmost.
-  /// `leader`: what the leader waits with.
+  /// @param call_count_max  how many calls may wait at most
+  /// @param leader          what the leader waits with
   ThreadPool(const LaneConfig& config, std::uint32_t call_count_max, transport::WaitSet& leader);
 
-  /// Whether the lane needs one at all, or is well served by a thread that does all.
+  /// Whether the lane needs a pool; else one thread does all.
   [[nodiscard]] static bool is_wanted(const LaneConfig& config, bool borrows) noexcept {
     return borrows || config.static_threads > 1 || config.dynamic_threads > 0 ||
            config.buffered_request_max > 0;
   }
-  /// The threads it begins with.
+  /// How many threads it begins with.
   [[nodiscard]] static std::uint32_t static_count(const LaneConfig& config) noexcept {
     return config.static_threads + 1;  // One receives.
   }
@@ -78,67 +76,71 @@ class ThreadPool final : public transport::WaitLock {
   /// Acquires it as the leader, after its sleep.
   void lock() noexcept override { mutex_.lock(); }
   void unlock() noexcept override { mutex_.unlock(); }
-  /// For the leader, between turns: lets followers have the lock for a moment, and wakes a resting
-  /// thread for a lane above that asked for one.
+  /// Between the leader's turns: gives followers the lock for a moment, and wakes a resting thread
+  /// for a lane above that asked for one.
   void yield_lock() noexcept;
 
-  /// Whether a call of this size may still wait or start.
+  /// Whether a call of this size may wait or start.
   [[nodiscard]] bool has_place_for(std::size_t size) const noexcept;
   void enqueue(PendingCall& call, Priority priority, std::size_t size) noexcept;
-  /// The most urgent call, if a thread may run it and still leave one to receive; or null.
+  /// The most urgent call, if a thread may run it and leave another one to receive; or null.
   [[nodiscard]] PendingCall* take_to_run() noexcept;
-  /// The most urgent call, whoever runs it; or null.
+  /// The most urgent call, or null.
   [[nodiscard]] PendingCall* take_any() noexcept;
-  /// The same, which goes on waiting; there is one.
+  /// The most urgent call, which stays in the queue.   Needs a call that waits.
   [[nodiscard]] PendingCall& first() noexcept { return *queue_.front().call; }
-  /// The call does not wait after all.
+  /// Takes a call out of the queue.
   void withdraw(const PendingCall& call) noexcept;
-  /// For who leads: whether to leave that to another and run a call, or whether none can take over.
+  /// Whether the leader is to run a call, as another thread can take the lead.
   [[nodiscard]] bool has_call_to_run() const noexcept { return !queue_.empty() && has_follower(); }
+  /// Whether a call waits and no thread is free.
   [[nodiscard]] bool has_stuck_call() const noexcept { return !queue_.empty() && !has_follower(); }
   [[nodiscard]] std::uint32_t queued_count() const noexcept {
     return static_cast<std::uint32_t>(queue_.size());
   }
-  void end_run() noexcept { --running_count_; }
   [[nodiscard]] std::uint32_t running_count() const noexcept { return running_count_; }
-  /// A thread of another lane runs a call of this one; until end_run().
+  void end_run() noexcept { --running_count_; }
+  /// A thread of a lower lane runs a call of this one, until end_run().
   void begin_borrowed_run() noexcept { ++running_count_; }
 
-  /// True if the calling thread leads from now on, as none did.
+  /// Takes the lead for the calling thread; false if another thread has it.
   [[nodiscard]] bool take_lead() noexcept;
-  /// Nobody leads now; one that rests is called to.
+  /// Gives it up, and wakes a resting thread to take it.
   void leave_lead() noexcept;
 
-  /// Rests, without the lock, until called, or for `patience`; false if nobody called.
+  /// Rests without the lock until woken; false: a dynamic thread was not, for `patience`.
   [[nodiscard]] bool rest(Worker& worker, Duration patience) noexcept;
   /// Has a resting thread run a call of a lane above and come back. What is not given is remembered
   /// per borrower, for take_borrower().
-  /// Threads: any, without the lock, for which it never waits: what the leader of this lane is busy
-  /// with must not hold up the lane above.
+  /// @threads  any, without the lock; never waits for it, so that whatever the leader of this lane
+  ///           is busy with does not delay the lane above
   [[nodiscard]] BorrowedThread lend(const BorrowRequest& request) noexcept;
   /// The most urgent lane that asked in vain, once; nothing if there is none.
   [[nodiscard]] std::optional<std::uint32_t> take_borrower() noexcept;
-  /// A thread that was lent is about to come back, so that calls may wait for it; or is back, or
-  /// stays away after all.   Threads: any.
+  /// A thread that was lent is about to come back, so that calls may wait for it.
+  /// @threads  any
   void expect_back() noexcept { coming_back_.fetch_add(1, std::memory_order_relaxed); }
+  /// It is back, or stays away after all.
+  /// @threads  any
   void end_expecting() noexcept { coming_back_.fetch_sub(1, std::memory_order_relaxed); }
 
-  /// No thread shall go on; those that rest are called.
+  /// Ends all threads: wakes those that rest.
   void end() noexcept;
   [[nodiscard]] bool is_over() const noexcept { return is_over_; }
 
-  /// Asks for one more thread, if there may be; true if that is news to whoever starts threads.
+  /// Asks for one more dynamic thread; true if the acceptor is to be rung for it.
   [[nodiscard]] bool ask_for_thread(MonotonicTime now) noexcept;
-  /// For whoever starts threads.   Threads: any.
+  /// @threads  any
   [[nodiscard]] bool is_thread_wanted() const noexcept {
     return asking_.load(std::memory_order_acquire) == Asking::kWanted;
   }
-  /// The system has none left.   Threads: any.
+  /// The system has no thread left.
+  /// @threads  any
   void refuse_thread() noexcept { asking_.store(Asking::kRefused, std::memory_order_release); }
-  /// The calling thread begins, or ends.
+  /// The calling thread begins.
   void sign_on(const Worker& worker) noexcept;
+  /// The calling thread ends.
   void sign_off(Worker& worker) noexcept;
-  [[nodiscard]] std::uint32_t dynamic_count() const noexcept { return dynamic_count_; }
   [[nodiscard]] std::deque<Worker>& workers() noexcept { return workers_; }
 
  private:
@@ -168,12 +170,12 @@ class ThreadPool final : public transport::WaitLock {
   Lead lead_;
   transport::WaitSet& leader_;
   std::atomic<std::uint32_t> follower_count_{0};  ///< Threads that wait for the lock.
-  std::deque<Worker> workers_;                    ///< Their places; sized once, never moved.
-  std::vector<Worker*> resting_;  ///< The last is the one that rests for the least time.
-  std::vector<Worker*> called_;   ///< And not yet back with the lock.
-  std::atomic<std::uint32_t> spare_count_{0};  ///< Of both, for lend() without the lock.
-  std::atomic<std::uint64_t> borrowers_{0};    ///< Lanes that asked in vain: a bit per number.
-  std::vector<Waiting> queue_;                 ///< A heap. Sized once.
+  std::deque<Worker> workers_;                    ///< Sized once, never moved.
+  std::vector<Worker*> resting_;                  ///< Newest last, but dynamic threads first.
+  std::vector<Worker*> called_;                   ///< Woken, and not yet back with the lock.
+  std::atomic<std::uint32_t> spare_count_{0};     ///< Of both, for lend() without the lock.
+  std::atomic<std::uint64_t> borrowers_{0};       ///< Lanes that asked in vain: a bit per number.
+  std::vector<Waiting> queue_;                    ///< A heap. Sized once.
   std::uint64_t serial_ = 0;
   std::size_t queued_bytes_ = 0;
   std::uint32_t buffered_request_max_;
