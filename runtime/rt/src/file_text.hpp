@@ -6,7 +6,8 @@
 namespace rtpm::rt {
 
 /// What the file at `path` holds, as far as `buffer` has room, without the line's end; empty if it
-/// can't be read.   RT: alloc-free, three syscalls.
+/// can't be read.
+/// @realtime alloc-free, three syscalls
 [[nodiscard]] std::string_view read_file(const char* path, std::span<char> buffer) noexcept;
 
 }  // namespace rtpm::rt

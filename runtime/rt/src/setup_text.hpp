@@ -6,12 +6,14 @@
 
 namespace rtpm::rt {
 
-/// What the limit means, a clause, and what can be done about it.   Set-up only.
+/// What the limit means, a clause, and what can be done about it.
+/// @realtime set-up only
 [[nodiscard]] std::string throttling_text(RealtimeLimit limit);
 [[nodiscard]] std::string throttling_remedy();
 
 /// Whether the process is in a control group without any real-time runtime, so that the system
-/// refuses real-time threads whatever the user's rights.   Set-up only.
+/// refuses real-time threads whatever the user's rights.
+/// @realtime set-up only
 [[nodiscard]] bool is_group_without_realtime() noexcept;
 
 }  // namespace rtpm::rt

@@ -11,9 +11,10 @@ namespace rtpm::rt {
 /// Tells the time between two looks at the system's clock by counting the processor's ticks, which
 /// takes a third of the time of such a look. It learns the ticks' rate from the looks, and is
 /// content only when two estimates in a row agree; so a count that jumps or changes its pace (a
-/// suspended machine) costs looks, and no wrong time beyond a window.
-/// Shapes: ticks of any fixed rate from 1 MHz to 10 GHz; nanoseconds of the system's clock.
-/// Threads: one.   RT: alloc-free, no syscall.
+/// suspended machine) costs looks, and no wrong time beyond a window. Shapes: ticks of any fixed
+/// rate from 1 MHz to 10 GHz; nanoseconds of the system's clock.
+/// @threads  one
+/// @realtime alloc-free, no syscall
 class TickClock {
  public:
   /// How long a look is relied on. An error of the rate of 20 millionths, as short estimates have,

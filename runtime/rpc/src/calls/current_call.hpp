@@ -10,7 +10,8 @@ class Lane;
 
 /// The call that the calling thread serves, so that the calls that its method makes inherit what is
 /// left of its time.
-/// Threads: each its own.   RT: alloc-free, no syscall.
+/// @threads  each its own
+/// @realtime alloc-free, no syscall
 class CurrentCall {
  public:
   CurrentCall(const CallContext& context, const Lane& lane) noexcept

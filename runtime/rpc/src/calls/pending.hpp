@@ -93,8 +93,9 @@ struct PendingCall {
 };
 
 /// The unfinished calls of one lane, a bounded number, and the list of those that have something
-/// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end. Threads:
-/// notify() and keep_deferred() any; the rest the lane's.   RT: alloc-free but for construction.
+/// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end.
+/// @threads  notify() and keep_deferred() any; the rest the lane's
+/// @realtime alloc-free but for construction
 class PendingPool {
  public:
   /// `deferred_count_max`: how many of the `count` may be those of methods that have returned.
@@ -112,7 +113,8 @@ class PendingPool {
   [[nodiscard]] PendingCall* keep(wire::ServerSessions& sessions,
                                   const wire::Request& request) noexcept;
   void give_back(PendingCall& call) noexcept;
-  /// Lets a call that has a place outlast its method; false if too many do.   Threads: any.
+  /// Lets a call that has a place outlast its method; false if too many do.
+  /// @threads  any
   [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;
   [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
     return static_cast<std::uint32_t>(&call - calls_.data()) + 1;

@@ -9,7 +9,9 @@
 namespace rtpm::rpc {
 
 /// Wakes a lane that sleeps, and costs one look at a flag while it does not. It may outlive the
-/// lane. Threads: wake() any; the others the lane's.   RT: alloc-free.
+/// lane.
+/// @threads  wake() any; the others the lane's
+/// @realtime alloc-free
 class Doorbell {
  public:
   explicit Doorbell(transport::WaitSet& bell) noexcept : bell_(&bell) {}
@@ -42,7 +44,8 @@ class Doorbell {
 
 /// Things that any thread hands to one that takes them all; linked through their `next_ready`, a
 /// std::atomic<T*>. A thing stands in it once at a time.
-/// Threads: push() any; take() one at a time.   RT: alloc-free, no lock.
+/// @threads  push() any; take() one at a time
+/// @realtime alloc-free, no lock
 template <class T>
 class ReadyList {
  public:

@@ -109,8 +109,9 @@ class Binding::Impl {
   /// make many.
   static constexpr int kRoundCountMax = 4;
 
-  /// Asks for the object. RT: alloc-free, unless the server has a version of the interface that
-  /// this binding has not met yet: then it compares the two.
+  /// Asks for the object.
+  /// @realtime alloc-free, unless the server has a version of the interface that this binding has
+  ///           not met yet: then it compares the two
   [[nodiscard]] BindOutcome ask(const Destination& at, CallChannel& channel, Priority priority,
                                 MonotonicTime deadline) noexcept;
 
@@ -134,14 +135,18 @@ class Binding::Impl {
   [[nodiscard]] bool follows() const noexcept { return !name.empty(); }
   /// What a call's failure before it was sent means: has the name asked for where its server may be
   /// gone. Gives the error for the caller: the failure itself, or why the server that the name
-  /// leads to by now can't be called.   RT: alloc-free; one syscall for the first of an outage.
+  /// leads to by now can't be called.
+  /// @realtime alloc-free; one syscall for the first of an outage
   CallError note_failure(CallError error) noexcept;
-  /// Has the node ask where the name leads.   RT: as note_failure().
+  /// Has the node ask where the name leads.
+  /// @realtime as note_failure()
   void ask_for_name() noexcept;
   /// Binds at `at_url`, to which the name leads; false if the server there does not answer, or is
-  /// not one for this binding.   Threads: the rebinder's.
+  /// not one for this binding.
+  /// @threads  the rebinder's
   [[nodiscard]] bool follow(const std::string& at_url);
-  /// The name leads nowhere.   Threads: the rebinder's.
+  /// The name leads nowhere.
+  /// @threads  the rebinder's
   void note_unresolved(std::string text);
   /// Whom a call goes to.
   enum class Target : std::uint8_t { kObject, kSession };
@@ -191,8 +196,9 @@ class Binding::Impl {
                                                                     ConstBytes request) noexcept;
   /// The priority with which a call goes out (hp-6.1-3).
   [[nodiscard]] Priority priority_of(const Plan& plan, const Bound& to) const noexcept;
-  /// Whether oneways to the server may have been lost since this last said so, and this binding
-  /// has sent some.   RT: alloc-free, no syscall.
+  /// Whether oneways to the server may have been lost since this last said so, and this binding has
+  /// sent some.
+  /// @realtime alloc-free, no syscall
   [[nodiscard]] bool has_lost_oneways() noexcept;
   /// Calls through the door; nothing if the call has to go over a transport.
   [[nodiscard]] std::optional<expected<ReplyLease, CallError>> call_locally(

@@ -47,8 +47,8 @@ struct CallOutcome {
 
 /// A transport and a session on it that carry calls for whoever has taken it: one at a time, or
 /// several if it is made for a pipeline. The calling thread sends and receives itself: no other
-/// thread stands between it and its reply. Threads: try_take() from any; everything else by the
-/// thread that took it.
+/// thread stands between it and its reply.
+/// @threads  try_take() from any; everything else by the thread that took it
 class CallChannel {
  public:
   /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
@@ -61,13 +61,15 @@ class CallChannel {
   CallChannel(const CallChannel&) = delete;
   CallChannel& operator=(const CallChannel&) = delete;
 
-  /// True if it was free and is the caller's now.   RT: alloc-free.
+  /// True if it was free and is the caller's now.
+  /// @realtime alloc-free
   [[nodiscard]] bool try_take() noexcept {
     return !is_taken_.exchange(true, std::memory_order_acquire);
   }
   void release() noexcept { is_taken_.store(false, std::memory_order_release); }
 
-  /// Whether its session serves the priority; of the last handshake.   RT: alloc-free, any thread.
+  /// Whether its session serves the priority; of the last handshake.
+  /// @realtime alloc-free, any thread
   [[nodiscard]] bool serves(Priority priority) const noexcept;
   /// No handshake has told yet which band it serves.
   [[nodiscard]] bool is_new() const noexcept {
@@ -81,25 +83,28 @@ class CallChannel {
   }
 
   /// Has a session for `priority`, with a handshake if need be.
-  /// RT: alloc-free and without a syscall if there is one; else set-up.
+  /// @realtime alloc-free and without a syscall if there is one; else set-up
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
   /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
   [[nodiscard]] const std::string& transport_error() const noexcept { return transport_error_; }
-  /// Whether it has one already.   RT: alloc-free.
+  /// Whether it has one already.
+  /// @realtime alloc-free
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority);
   }
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
-  /// RT: alloc-free.
+  /// @realtime alloc-free
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
                                  MonotonicTime now) noexcept;
   /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
-  /// stream, the memory is the channel's own.   Errors: kTooLarge, kDisconnected.
+  /// stream, the memory is the channel's own.
+  /// @errors   kTooLarge, kDisconnected
   [[nodiscard]] expected<void, CallError> begin(const wire::CallParameters& parameters,
                                                 ConstBytes request, MonotonicTime now) noexcept;
   /// Of a pipeline: begins a call and gives its index; where it is one of several, it goes out with
-  /// flush(), or before. The channel has a session and has_free_call().   Errors: as begin().
+  /// flush(), or before. The channel has a session and has_free_call().
+  /// @errors   as begin()
   [[nodiscard]] expected<wire::CallIndex, CallError> begin_held(
       const wire::CallParameters& parameters, ConstBytes request, MonotonicTime now) noexcept;
   [[nodiscard]] bool has_free_call() const noexcept { return wire_.has_free_call(); }
@@ -115,9 +120,11 @@ class CallChannel {
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// Looks whether the session has ended under oneways that nobody has confirmed; then
-  /// `lost_oneways` is raised.   RT: alloc-free, at most two syscalls and one per frame that came.
+  /// `lost_oneways` is raised.
+  /// @realtime alloc-free, at most two syscalls and one per frame that came
   void check_oneways(MonotonicTime now) noexcept;
-  /// Whether check_oneways() would look.   RT: alloc-free, any thread.
+  /// Whether check_oneways() would look.
+  /// @realtime alloc-free, any thread
   [[nodiscard]] bool has_unconfirmed() const noexcept {
     return unconfirmed_count_.load(std::memory_order_relaxed) > 0;
   }
@@ -133,7 +140,8 @@ class CallChannel {
   [[nodiscard]] const wire::Welcome& welcome() const noexcept { return wire_.welcome(); }
   /// The epoch of the server that gave the session.
   [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
-  /// What is known of the server's clock.   RT: alloc-free.
+  /// What is known of the server's clock.
+  /// @realtime alloc-free
   [[nodiscard]] std::optional<wire::PeerClock> peer_clock(MonotonicTime now) const noexcept {
     return wire_.peer_clock(now);
   }

@@ -12,7 +12,7 @@
 namespace rtpm::rpc {
 
 /// A copy of the bytes in `room`, which grows as far as it must; none if there is no memory for it.
-/// RT: alloc-free; set-up, when it grows.
+/// @realtime alloc-free; set-up, when it grows
 [[nodiscard]] inline std::optional<ConstBytes> keep_copy(rt::LazyMemory& room,
                                                          ConstBytes bytes) noexcept {
   constexpr std::size_t kSizeMin = 4096;

@@ -22,7 +22,8 @@ class PipelinePlace final : public PendingReply::State {
   [[nodiscard]] bool is_going() const noexcept {
     return is_taken_ && outcome_.kind == CallOutcome::Kind::kGoing;
   }
-  /// Begins a call here.   Errors: kTooLarge, kDisconnected: the place is free.
+  /// Begins a call here.
+  /// @errors   kTooLarge, kDisconnected: the place is free
   [[nodiscard]] expected<void, CallError> begin(Binding::Impl& binding,
                                                 const Binding::Impl::Plan& plan,
                                                 const Binding::Impl::Ready& ready,

@@ -21,7 +21,7 @@ namespace rtpm::rpc {
 /// thread "rtpm-rebind", one name after the other. The bindings of a name share one look: the first
 /// comes at once, further ones after kFirstInterval, doubled up to kLongestInterval for as long as
 /// the name leads to no server that takes the binding.
-/// Threads: wake() any; the rest by threads that are not real-time.
+/// @threads  wake() any; the rest by threads that are not real-time
 class Rebinder {
  public:
   /// A name is looked up at most so often,
@@ -42,7 +42,8 @@ class Rebinder {
   [[nodiscard]] expected<void, SetupError> add(Binding::Impl& binding);
   /// Waits until the thread is done with the binding.
   void remove(Binding::Impl& binding) noexcept;
-  /// A binding asks for its name.   RT: alloc-free, at most one syscall.
+  /// A binding asks for its name.
+  /// @realtime alloc-free, at most one syscall
   void wake() noexcept { bell_.post(); }
   /// Takes another resolver, null for none, and waits until no one asks the former.
   void use(Resolver* resolver) noexcept;

@@ -36,14 +36,16 @@ class Execution {
   Execution& operator=(const Execution&) = delete;
   virtual ~Execution() = default;
 
-  /// Starts the threads.   Set-up only.
+  /// Starts the threads.
+  /// @realtime set-up only
   /// @param keeper  keeps the CPU awake through their pauses; null: it may sleep
   /// @errors  as rt::Thread::start()
   [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
                                                         rt::CpuKeeper* keeper);
   /// After the lane's stop: waits until the threads have ended.
   virtual void join() noexcept = 0;
-  /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
+  /// Starts the dynamic thread that is wanted, and joins those that have ended.
+  /// @realtime set-up only
   virtual void maintain_threads() noexcept {}
 
   /// Runs a call that came over a wire, keeps it, or refuses it.

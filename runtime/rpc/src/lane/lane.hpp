@@ -33,7 +33,8 @@ class Lane {
   [[nodiscard]] bool has_memory() const noexcept {
     return media_.has_memory() && calls_.pool()->has_memory();
   }
-  /// Starts its threads. `keeper`: see Execution::start(); it must outlive join().   Set-up only.
+  /// Starts its threads. `keeper`: see Execution::start(); it must outlive join().
+  /// @realtime set-up only
   [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
                                                         rt::CpuKeeper* keeper) {
     return execution_->start(realtime, keeper);
@@ -41,7 +42,8 @@ class Lane {
   void stop() noexcept;
   /// After stop(): waits until its threads have ended.
   void join() noexcept { execution_->join(); }
-  /// Starts the dynamic thread that is wanted, and joins those that have ended.   Set-up only.
+  /// Starts the dynamic thread that is wanted, and joins those that have ended.
+  /// @realtime set-up only
   void maintain_threads() noexcept { execution_->maintain_threads(); }
   /// After join(): closes the sockets, so that callers see at once that nobody serves them.
   void close() noexcept;

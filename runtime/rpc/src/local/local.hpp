@@ -39,8 +39,8 @@ struct LocalCallParameters {
 /// The memory of one local call at a time. Its caller has it, then the lane, then the caller again;
 /// if the caller gives up meanwhile, the lane has it until it is done. That of a oneway is the
 /// lane's from the beginning.
-/// Threads: try_take() any; what is the lane's, the lane's; the rest by the one that took it.
-/// RT: alloc-free but for construction; at most one syscall a side, to wake or to wait.
+/// @threads  try_take() any; what is the lane's, the lane's; the rest by the one that took it
+/// @realtime alloc-free but for construction; at most one syscall a side, to wake or to wait
 class LocalChannel {
  public:
   explicit LocalChannel(std::uint32_t message_size_max);
@@ -112,8 +112,9 @@ class LocalChannel {
 };
 
 /// Where local calls enter a lane. It may outlive the lane.
-/// Threads: submit(), take_place() and open_places() any; the rest, but for is_closed(), the
-/// lane's.   RT: alloc-free but for open_places().
+/// @threads  submit(), take_place() and open_places() any; the rest, but for is_closed(), the
+///           lane's
+/// @realtime alloc-free but for open_places()
 class LocalGate {
  public:
   /// `oneway_count_max`: how many oneways may wait or run.
@@ -124,7 +125,8 @@ class LocalGate {
   ~LocalGate();
 
   void submit(LocalChannel& call, bool is_awaited) noexcept;
-  /// Makes the places for oneways, unless they are there.   Set-up only.
+  /// Makes the places for oneways, unless they are there.
+  /// @realtime set-up only
   void open_places();
   /// Whether a oneway of that size has places of its own.
   [[nodiscard]] bool has_places_for(std::size_t size) const noexcept;
@@ -169,7 +171,8 @@ class LocalGate {
 };
 
 /// A server as callers of the same program see it, found by its epoch while it runs.
-/// Threads: any.   RT: gate_of() is alloc-free; the rest is set-up only.
+/// @threads  any
+/// @realtime gate_of() is alloc-free; the rest is set-up only
 class LocalDoor {
  public:
   struct Entry {
@@ -203,7 +206,8 @@ class LocalDoor {
 };
 
 /// The local channels of a node.
-/// Threads: any.   RT: take() is alloc-free once there are as many as are used at a time.
+/// @threads  any
+/// @realtime take() is alloc-free once there are as many as are used at a time
 class LocalChannels {
  public:
   /// A number for a binding's parameters.

@@ -14,8 +14,8 @@ namespace rtpm::rpc {
 
 /// The places in which oneways of a lane's own program wait and run: a bounded number, each with
 /// room for what fits a datagram. What is larger takes a call channel of its caller.
-/// Threads: any; what its methods write into the room for replies is the lane's own thread's.
-/// RT: alloc-free, no lock, no syscall, but for construction.
+/// @threads  any; what its methods write into the room for replies is the lane's own thread's
+/// @realtime alloc-free, no lock, no syscall, but for construction
 class LocalOneways {
  public:
   static constexpr std::size_t kSizeMax = wire::kDatagramPayloadSizeMax;

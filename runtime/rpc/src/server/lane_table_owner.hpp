@@ -12,15 +12,17 @@
 /// The server's side of its table of lanes.
 namespace rtpm::rpc {
 
-/// A table with a slot for each lane of `config`, which nobody takes for one yet.   Set-up only.
-/// Errors: as rt::PublicMemory::create().
+/// A table with a slot for each lane of `config`, which nobody takes for one yet.
+/// @realtime set-up only
+/// @errors   as rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, std::string> make_lane_table(const ServerConfig& config,
                                                                       std::uint16_t port);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
 /// From here on others read it.
 void open_to_readers(const rt::PublicMemory& table) noexcept;
 
-/// Shows that the calling thread runs a method.   RT: alloc-free, two stores.
+/// Shows that the calling thread runs a method.
+/// @realtime alloc-free, two stores
 class BusyMark {
  public:
   /// Where the thread's marks are shown from now on.

@@ -25,11 +25,14 @@ class ObjectTable {
 
   [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                ObjectOptions options, Priority ceiling);
-  /// The object that a bind gave this number, or null.   RT: alloc-free.
+  /// The object that a bind gave this number, or null.
+  /// @realtime alloc-free
   [[nodiscard]] const Object* find(std::uint32_t service) const noexcept;
-  /// Answers a bind (spec/hprotocol.md#hp-6).   RT: alloc-free.
+  /// Answers a bind (spec/hprotocol.md#hp-6).
+  /// @realtime alloc-free
   [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply) const noexcept;
-  /// Answers a describe (spec/hprotocol.md#hp-6.3).   RT: alloc-free.
+  /// Answers a describe (spec/hprotocol.md#hp-6.3).
+  /// @realtime alloc-free
   [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply) const noexcept;
 
  private:

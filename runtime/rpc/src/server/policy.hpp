@@ -10,14 +10,16 @@
 
 namespace rtpm::rpc {
 
-/// Whether an object may be served so by these lanes; the table is at ObjectOptions.   Set-up only.
-/// Errors: the contradiction, in words.
+/// Whether an object may be served so by these lanes; the table is at ObjectOptions.
+/// @realtime set-up only
+/// @errors   the contradiction, in words
 [[nodiscard]] expected<void, SetupError> check_policy(std::string_view path,
                                                       const ObjectOptions& options,
                                                       std::span<const LaneConfig> lanes,
                                                       bool borrows);
 
-/// Whether a call of this priority may run on the object.   RT: alloc-free.
+/// Whether a call of this priority may run on the object.
+/// @realtime alloc-free
 [[nodiscard]] bool admits(const ObjectOptions& options, Priority priority) noexcept;
 
 }  // namespace rtpm::rpc

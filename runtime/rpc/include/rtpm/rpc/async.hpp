@@ -16,9 +16,10 @@ class ReplyLease;
 /// A call that was begun and whose reply is waited for later. No thread stands behind it: whoever
 /// holds it sends repetitions and takes the reply while it asks or waits, on a call channel that is
 /// the call's own until this ends, or its pipeline's.
-/// Ownership: move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
-/// cancelling the call.
-/// Threads: one at a time; see Pipeline for one of these.   RT: alloc-free.
+/// @ownership move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
+///           cancelling the call
+/// @threads  one at a time; see Pipeline for one of these
+/// @realtime alloc-free
 class PendingReply {
  public:
   PendingReply() noexcept;
@@ -27,11 +28,13 @@ class PendingReply {
   ~PendingReply();
 
   /// Whether take() would not wait; looks once. Call it now and then: it also repeats what got
-  /// lost. RT: at most two syscalls.
+  /// lost.
+  /// @realtime at most two syscalls
   [[nodiscard]] bool is_done() noexcept;
   /// Waits for the end, but not beyond `until`; true if it is there.
   [[nodiscard]] bool wait(MonotonicTime until) noexcept;
-  /// Waits for the end and gives the reply, once.   Errors: as CallError says.
+  /// Waits for the end and gives the reply, once.
+  /// @errors   as CallError says
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
   /// Ends the call: nobody waits for it any more. The server is told, once; it may have run, or
   /// run yet: a lane with one thread and no buffer hears nothing while it runs a call, so a call
@@ -57,8 +60,9 @@ class PendingReply {
 /// (spec/hprotocol.md#hp-5.10-7). Items may be as large as messages; what is on its way takes
 /// memory of some frames (43 KiB over UDP, 256 KiB over TCP, 64 KiB through shared memory), and an
 /// item that is larger than a frame once more its size, at most NodeConfig::message_size_max.
-/// Ownership: move-only; refers to its binding, which must outlive it. Ends by cancelling the call.
-/// Threads: one at a time.   RT: alloc-free.
+/// @ownership move-only; refers to its binding, which must outlive it. Ends by cancelling the call
+/// @threads  one at a time
+/// @realtime alloc-free
 class ItemReader {
  public:
   ItemReader() noexcept;
@@ -68,9 +72,9 @@ class ItemReader {
 
   /// The next item in order, waiting until `until` at most. It is aligned to 16 bytes and valid
   /// until the next call. Without one: the stream has ended in order.
-  /// Errors: kTimeout: none came in time, and is_open() tells whether more may; kStreamLost: the
-  /// reader was away for too long; kTooLarge: the servant had an item that is larger than caller
-  /// and server both take; others: the stream ended because of it.
+  /// @errors   kTimeout: none came in time, and is_open() tells whether more may; kStreamLost: the
+  ///           reader was away for too long; kTooLarge: the servant had an item that is larger than
+  ///           caller and server both take; others: the stream ended because of it
   [[nodiscard]] expected<std::optional<ConstBytes>, CallError> next(MonotonicTime until) noexcept;
   [[nodiscard]] bool is_open() const noexcept;
   /// Ends the stream; the server is told.

@@ -47,7 +47,7 @@ struct StreamOptions {
   std::uint32_t window = 16;
   /// A reader that waits in next() asks the server at least each half second whether it is there.
   /// How many answers in a row may be missing, kMissCountMin…kMissCountMax, until the stream ends.
-  /// Source: spec/hprotocol.md#hp-5.10-7.
+  /// @source   spec/hprotocol.md#hp-5.10-7
   std::uint32_t miss_count_max = kMissCountMax;
   /// How long the reader may do other things than call next(): what the server has not sent by then
   /// waits there. After that the server ends the stream, which next() tells as kStreamLost.
@@ -64,14 +64,15 @@ struct BindOptions {
   /// The priorities that calls will have: a channel of each band is opened now, so that the first
   /// call is as fast as the thousandth. Empty: all, up to the server's ceiling.
   std::vector<Priority> warm_up{};
-  /// The binding shares its channels with no other of the node.   Source: RT-CORBA's private
-  /// connections.
+  /// The binding shares its channels with no other of the node.
+  /// @source   RT-CORBA's private connections
   bool is_private = false;
 };
 
 /// A reply's bytes and the call channel that holds them; the channel is given back when this ends,
 /// so do not keep it.
-/// Threads: one at a time.   RT: alloc-free.
+/// @threads  one at a time
+/// @realtime alloc-free
 class ReplyLease {
  public:
   ReplyLease() noexcept = default;
@@ -136,9 +137,10 @@ struct FollowStatus {
 class Binding {
  public:
   /// Binds `target`, a URL "rtpm://host:port/path" or a name for the node's resolver, checks that
-  /// the object has `interface`, and opens the channels of `options.warm_up`.   Set-up only.
-  /// Errors: no resolver, unknown name, nobody there, refused, or an interface that differs (the
-  /// text says in which method).
+  /// the object has `interface`, and opens the channels of `options.warm_up`.
+  /// @realtime set-up only
+  /// @errors   no resolver, unknown name, nobody there, refused, or an interface that differs (the
+  ///           text says in which method)
   [[nodiscard]] static expected<Binding, SetupError> bind(Node& node, std::string_view target,
                                                           const InterfaceDescriptor& interface,
                                                           const BindOptions& options = {});
@@ -148,9 +150,9 @@ class Binding {
 
   /// Calls `method` with the encoded `request` and waits for the reply, on this thread, without any
   /// other. At most one run on the server, however often the network loses or repeats.
-  /// RT: alloc-free once the band of the priority is open; one send and one receive per try, plus
-  /// what the wait strategy needs to block.
-  /// Errors: as CallError says.
+  /// @realtime alloc-free once the band of the priority is open; one send and one receive per try,
+  ///           plus what the wait strategy needs to block
+  /// @errors   as CallError says
   [[nodiscard]] expected<ReplyLease, CallError> call(const MethodDescriptor& method,
                                                      ConstBytes request,
                                                      const CallOptions& options = {}) noexcept;
@@ -186,26 +188,28 @@ class Binding {
 
   /// Looks, without sending, whether oneways that were merely sent may not have arrived: for a
   /// caller that sends no further one. Channels that other threads use meanwhile are left out.
-  /// RT: alloc-free, at most two syscalls per channel with unconfirmed oneways.
-  /// Errors: kMaybeLost, once.
+  /// @realtime alloc-free, at most two syscalls per channel with unconfirmed oneways
+  /// @errors   kMaybeLost, once
   [[nodiscard]] expected<void, CallError> check_oneways() noexcept;
   /// How many oneways to the server were reported as sent and may not have arrived, because their
   /// session ended: of all bindings of the node that share the channels (see
   /// BindOptions::is_private). Over shared memory: those that the server had not read, and the one
   /// that it read last. Elsewhere: those since the server last answered a call over the same
-  /// channel. An upper bound always; it never falls.   RT: alloc-free, no syscall.
+  /// channel. An upper bound always; it never falls.
+  /// @realtime alloc-free, no syscall
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept;
 
-  /// Begins a call and returns; its reply is waited for later. The request is copied.
-  /// Allocates the call's state, once, unless the call is one of a pipeline, which has it.
-  /// Errors: as call(), as far as they show before the reply; kNoChannel: too many are open.
+  /// Begins a call and returns; its reply is waited for later. The request is copied. Allocates the
+  /// call's state, once, unless the call is one of a pipeline, which has it.
+  /// @errors   as call(), as far as they show before the reply; kNoChannel: too many are open
   [[nodiscard]] expected<PendingReply, CallError> begin(const MethodDescriptor& method,
                                                         ConstBytes request,
                                                         const CallOptions& options = {});
 
   /// Calls a method that answers with a stream of items. The request is copied. Allocates the
-  /// stream's state, once.   Errors: as begin(); that the method gives no stream shows at the first
-  /// item.   Source: spec/hprotocol.md#hp-5.10.
+  /// stream's state, once.
+  /// @errors   as begin(); that the method gives no stream shows at the first item
+  /// @source   spec/hprotocol.md#hp-5.10
   [[nodiscard]] expected<ItemReader, CallError> open_stream(const MethodDescriptor& method,
                                                             ConstBytes request,
                                                             const StreamOptions& options = {});
@@ -213,20 +217,27 @@ class Binding {
   /// Makes an empty call to the server itself, which shows that the path works in both directions
   /// at the call's priority, and tells how the server's clock stands to ours: by this call and
   /// those before it on the same channel. Where none of them tells, the uncertainty is
-  /// Duration::max(). RT: as call().   Errors: as call().   Source: spec/hprotocol.md#hp-6.2.
+  /// Duration::max().
+  /// @realtime as call()
+  /// @errors   as call()
+  /// @source   spec/hprotocol.md#hp-6.2
   [[nodiscard]] expected<wire::PeerClock, CallError> ping(const CallOptions& options = {}) noexcept;
 
-  /// Opens a channel of the band that serves each of `priorities`.   Set-up only.
+  /// Opens a channel of the band that serves each of `priorities`.
+  /// @realtime set-up only
   [[nodiscard]] expected<void, SetupError> warm_up(std::span<const Priority> priorities);
 
   /// The life of the server that the last call or oneway went to: another number in each.
-  /// RT: alloc-free.
+  /// @realtime alloc-free
   [[nodiscard]] std::uint64_t server_epoch() const noexcept;
-  /// Where calls go by now: "rtpm://host:port/path".   Set-up only.
+  /// Where calls go by now: "rtpm://host:port/path".
+  /// @realtime set-up only
   [[nodiscard]] std::string url() const;
-  /// Of a binding by name.   Set-up only.
+  /// Of a binding by name.
+  /// @realtime set-up only
   [[nodiscard]] FollowStatus follow_status() const;
-  /// Over what the calls go: what was asked for, or what was best.   RT: alloc-free.
+  /// Over what the calls go: what was asked for, or what was best.
+  /// @realtime alloc-free
   [[nodiscard]] Transport transport() const noexcept;
 
  private:

@@ -37,7 +37,8 @@ class Completions {
   }
 
   /// Looks at each call once and runs the callbacks of those that ended; how many ended. It also
-  /// repeats what got lost, so call it now and then.   RT: at most two syscalls a call.
+  /// repeats what got lost, so call it now and then.
+  /// @realtime at most two syscalls a call
   std::size_t poll();
   /// Waits until a call has ended, but not beyond `until`, and runs the callbacks; how many ended.
   /// With several open calls it looks at each once a millisecond. Returns at once if none is open.
@@ -101,8 +102,9 @@ class Completions {
 /// Threads: then() from any.
 class CompletionThread {
  public:
-  /// Starts the thread. Without a priority in `config` it is time-shared.   Set-up only.
-  /// Errors: as rt::Thread::start().
+  /// Starts the thread. Without a priority in `config` it is time-shared.
+  /// @realtime set-up only
+  /// @errors   as rt::Thread::start()
   [[nodiscard]] static expected<std::unique_ptr<CompletionThread>, SetupError> start(
       const rt::ThreadConfig& config);
   CompletionThread(const CompletionThread&) = delete;

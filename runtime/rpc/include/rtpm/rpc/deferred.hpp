@@ -48,9 +48,13 @@ class UnfinishedCall {
   /// False once it was ended, or moved away.
   [[nodiscard]] explicit operator bool() const noexcept { return call_ != nullptr; }
   /// False once the caller has cancelled, gone, or been told that the server stops: what is still
-  /// done for it is in vain.   RT: alloc-free.   Threads: any.
+  /// done for it is in vain.
+  /// @threads  any
+  /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept;
-  /// Why it is not awaited.   RT: alloc-free.   Threads: any.
+  /// Why it is not awaited.
+  /// @threads  any
+  /// @realtime alloc-free
   [[nodiscard]] CallEnding ending() const noexcept;
   /// After which nobody waits for the result. Of a stream: by when it had to begin.
   [[nodiscard]] MonotonicTime deadline() const noexcept;
@@ -65,10 +69,11 @@ class UnfinishedCall {
   PendingCall* call_ = nullptr;
 };
 
-/// A call whose method has returned and whose reply comes later, from whatever thread has it.
-/// The request is gone when the method returns: keep what you need of it.
-/// Ownership: move-only; outlives the server's stop() without harm.
-/// Threads: one at a time, any.   RT: alloc-free; ends with at most one syscall, to wake the lane.
+/// A call whose method has returned and whose reply comes later, from whatever thread has it. The
+/// request is gone when the method returns: keep what you need of it.
+/// @ownership move-only; outlives the server's stop() without harm
+/// @threads  one at a time, any
+/// @realtime alloc-free; ends with at most one syscall, to wake the lane
 class DeferredReply : public UnfinishedCall {
  public:
   DeferredReply() noexcept = default;
@@ -83,8 +88,9 @@ class DeferredReply : public UnfinishedCall {
 };
 
 /// A call that is answered by a stream of items, written by whatever thread has them.
-/// Ownership: move-only; outlives the server's stop() without harm.
-/// Threads: one at a time, any.   RT: alloc-free, at most one syscall per item, to wake the lane.
+/// @ownership move-only; outlives the server's stop() without harm
+/// @threads  one at a time, any
+/// @realtime alloc-free, at most one syscall per item, to wake the lane
 class ItemWriter : public UnfinishedCall {
  public:
   ItemWriter() noexcept = default;
@@ -98,8 +104,8 @@ class ItemWriter : public UnfinishedCall {
   [[nodiscard]] std::uint32_t waiting_count() const noexcept;
   /// Gives the caller one more item. It is copied; the lane sends it as soon as the caller takes
   /// more. 32 items may wait, with ServerConfig::stream_byte_max bytes together, or one that is
-  /// larger alone. Errors: as StreamError says; the item was not taken. kTooLarge also above
-  /// `size_max`.
+  /// larger alone.
+  /// @errors   as StreamError says; the item was not taken. kTooLarge also above `size_max`
   [[nodiscard]] expected<void, StreamError> write(
       ConstBytes item, std::uint32_t size_max = std::numeric_limits<std::uint32_t>::max()) noexcept;
   /// Ends the stream behind the items written so far.

@@ -30,11 +30,14 @@ inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::ma
 /// A call that was begun, whatever its reply is. See PendingReply for ownership and threads.
 class Pending {
  public:
-  /// Whether take() would not wait; looks once.   RT: alloc-free, at most two syscalls.
+  /// Whether take() would not wait; looks once.
+  /// @realtime alloc-free, at most two syscalls
   [[nodiscard]] bool is_done() noexcept { return reply_.is_done(); }
-  /// Waits for the end, but not beyond `until`; true if it is there.   RT: alloc-free.
+  /// Waits for the end, but not beyond `until`; true if it is there.
+  /// @realtime alloc-free
   [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
-  /// Ends the call: nobody waits for it any more; it may have run.   RT: alloc-free.
+  /// Ends the call: nobody waits for it any more; it may have run.
+  /// @realtime alloc-free
   void cancel() noexcept { reply_.cancel(); }
 
  protected:
@@ -47,7 +50,9 @@ class PendingNothing : public Pending {
  public:
   using Result = expected<void, CallError>;
   explicit PendingNothing(PendingReply reply) noexcept : Pending(std::move(reply)) {}
-  /// Waits for the end, once.   RT: alloc-free.   Errors: as CallError says.
+  /// Waits for the end, once.
+  /// @realtime alloc-free
+  /// @errors   as CallError says
   [[nodiscard]] Result take() noexcept { return read_nothing(reply_.take()); }
 };
 
@@ -57,7 +62,9 @@ class PendingStruct : public Pending {
  public:
   using Result = expected<T, CallError>;
   explicit PendingStruct(PendingReply reply) noexcept : Pending(std::move(reply)) {}
-  /// Waits for the end and gives the reply, once.   RT: alloc-free.   Errors: as CallError says.
+  /// Waits for the end and gives the reply, once.
+  /// @realtime alloc-free
+  /// @errors   as CallError says
   [[nodiscard]] Result take() noexcept { return read_struct<T>(reply_.take()); }
 };
 
@@ -68,7 +75,9 @@ class PendingTable : public Pending {
   using Result = expected<TableReply<T>, CallError>;
   PendingTable(PendingReply reply, TableLimits limits) noexcept
       : Pending(std::move(reply)), limits_(limits) {}
-  /// Waits for the end and gives the reply, once.   RT: alloc-free.   Errors: as CallError says.
+  /// Waits for the end and gives the reply, once.
+  /// @realtime alloc-free
+  /// @errors   as CallError says
   [[nodiscard]] Result take() noexcept { return read_table<T>(reply_.take(), limits_); }
 
  private:
@@ -90,7 +99,8 @@ template <class Handle, class... More>
 class OpenStream {
  public:
   [[nodiscard]] bool is_open() const noexcept { return reader_.is_open(); }
-  /// Ends the stream; the server is told.   RT: alloc-free.
+  /// Ends the stream; the server is told.
+  /// @realtime alloc-free
   void cancel() noexcept { reader_.cancel(); }
 
  protected:
@@ -105,8 +115,8 @@ class StructStream : public OpenStream {
   explicit StructStream(ItemReader reader) noexcept : OpenStream(std::move(reader)) {}
 
   /// The next item, waiting until `until` at most; without one: the stream has ended in order.
-  /// Errors: kTimeout: none came in time; kBadReply: an item is none; others: the stream ended.
-  /// RT: alloc-free.
+  /// @realtime alloc-free
+  /// @errors   kTimeout: none came in time; kBadReply: an item is none; others: the stream ended
   [[nodiscard]] expected<std::optional<T>, CallError> next(MonotonicTime until) noexcept {
     const auto item = reader_.next(until);
     if (!item) return unexpected{item.error()};
@@ -154,17 +164,21 @@ template <class Stream, class... More>
 // --- the servant's side --------------------------------------------------------------------------
 
 /// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
-/// kinds. Ownership: move-only; what nobody ended ends as failed. Threads: one at a time, any.
+/// kinds.
+/// @ownership move-only; what nobody ended ends as failed
+/// @threads  one at a time, any
 template <class Call>
 class DeferredAnswer {
  public:
-  /// Ends the call without an answer.   RT: alloc-free, at most one syscall.
+  /// Ends the call without an answer.
+  /// @realtime alloc-free, at most one syscall
   void fail(Refusal refusal) noexcept { end(to_status(refusal)); }
   /// False once the caller has cancelled, gone, or been told that the server stops.
-  /// RT: alloc-free.
+  /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
   [[nodiscard]] CallEnding ending() const noexcept { return call_.ending(); }
-  /// After which nobody waits for the answer.   RT: alloc-free.
+  /// After which nobody waits for the answer.
+  /// @realtime alloc-free
   [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
   /// False once it was ended, or moved away.
   [[nodiscard]] explicit operator bool() const noexcept { return static_cast<bool>(call_); }
@@ -185,7 +199,8 @@ class DeferredAnswer {
 /// Writes the items of a stream, whatever they are.
 class StreamWriter : public DeferredAnswer<ItemWriter> {
  public:
-  /// Ends the stream behind the items written so far.   RT: alloc-free, at most one syscall.
+  /// Ends the stream behind the items written so far.
+  /// @realtime alloc-free, at most one syscall
   void finish() noexcept { call_.finish(); }
   /// The most bytes of an item: what caller and server both take, of their message_size_max.
   [[nodiscard]] std::uint32_t item_size_max() const noexcept { return call_.item_size_max(); }
@@ -207,7 +222,8 @@ class StructWriter : public StreamWriter {
   StructWriter() noexcept = default;
   explicit StructWriter(ItemWriter writer) noexcept : StreamWriter(std::move(writer)) {}
 
-  /// RT: alloc-free, at most one syscall.   Errors: as StreamError says.
+  /// @realtime alloc-free, at most one syscall
+  /// @errors   as StreamError says
   [[nodiscard]] expected<void, StreamError> write(const T& item) noexcept {
     return call_.write(struct_bytes(item));
   }
@@ -221,8 +237,8 @@ class TableWriter : public StreamWriter {
   explicit TableWriter(ItemWriter writer, std::uint32_t size_max = kAnySize) noexcept
       : StreamWriter(std::move(writer)), size_max_(size_max) {}
 
-  /// RT: alloc-free, at most one syscall.   Errors: as StreamError says; kTooLarge also above the
-  /// schema's `rtpm_max_size`.
+  /// @realtime alloc-free, at most one syscall
+  /// @errors   as StreamError says; kTooLarge also above the schema's `rtpm_max_size`
   [[nodiscard]] expected<void, StreamError> write(
       const flatbuffers::FlatBufferBuilder& finished) noexcept {
     return call_.write(table_bytes(finished), size_max_);
@@ -237,7 +253,8 @@ class DeferredNothing : public DeferredAnswer<DeferredReply> {
  public:
   DeferredNothing() noexcept = default;
   explicit DeferredNothing(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
-  /// Ends the call, once.   RT: alloc-free, at most one syscall.
+  /// Ends the call, once.
+  /// @realtime alloc-free, at most one syscall
   void complete(const Result<void>& result = {}) noexcept {
     end(reply_with_nothing(result).status);
   }
@@ -249,7 +266,8 @@ class DeferredStruct : public DeferredAnswer<DeferredReply> {
  public:
   DeferredStruct() noexcept = default;
   explicit DeferredStruct(DeferredReply reply) noexcept : DeferredAnswer(std::move(reply)) {}
-  /// Ends the call, once.   RT: alloc-free, at most one syscall.
+  /// Ends the call, once.
+  /// @realtime alloc-free, at most one syscall
   void complete(const Result<T>& result) noexcept {
     const DispatchResult done = reply_with_struct(result, call_.buffer());
     call_.complete(done.status, done.reply_size);
@@ -268,7 +286,8 @@ class DeferredTable : public DeferredAnswer<DeferredReply> {
   [[nodiscard]] ReplyBuilder<T> builder() noexcept {
     return ReplyBuilder<T>{at_most(call_.buffer(), size_max_)};
   }
-  /// Ends the call, once.   RT: alloc-free, at most one syscall.
+  /// Ends the call, once.
+  /// @realtime alloc-free, at most one syscall
   void complete(ReplyBuilder<T>& builder) noexcept {
     const DispatchResult done = builder.complete();
     call_.complete(done.status, done.reply_size);

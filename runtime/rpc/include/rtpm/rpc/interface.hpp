@@ -19,7 +19,8 @@ enum class PriorityModel : std::uint8_t {
 /// Gives a call another priority than the one it carries: that at which its method runs
 /// (ServerConfig::inbound_priority), or with which it goes out (NodeConfig::outbound_priority).
 /// `path` is the object's. Runs for each call, on the thread that serves or makes it: it must not
-/// allocate, lock or throw.   Source: RT-CORBA's priority transforms.
+/// allocate, lock or throw.
+/// @source   RT-CORBA's priority transforms
 using PriorityTransform = Priority (*)(Priority priority, std::string_view path);
 
 /// What generated code says of one method.
@@ -42,7 +43,8 @@ struct InterfaceDescriptor {
   /// The service's own schema, complete, for whoever has no generated code of it.
   std::string_view schema{};
   /// What both sides must agree on, as a text in which two versions can be compared. Empty: only
-  /// equal fingerprints will do.   Source: spec/hprotocol.md#hp-12.2.
+  /// equal fingerprints will do.
+  /// @source   spec/hprotocol.md#hp-12.2
   std::string_view text{};
 };
 

@@ -84,7 +84,8 @@ struct LaneReading {
 };
 
 /// Another process's table of lanes.
-/// Threads: one at a time.   Set-up only.
+/// @threads  one at a time
+/// @realtime set-up only
 class LaneTable {
  public:
   /// The tables of all servers that the caller may look at. A table of another version is there

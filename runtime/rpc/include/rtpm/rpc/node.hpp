@@ -16,15 +16,16 @@ namespace rtpm::rpc {
 
 /// Turns a name such as "lab/arm0" into the URL of the server that has it. rtpm::names has the
 /// implementation that asks the registry.
-/// Threads: any, several at once: those that bind, and the node's own, which follows names.
+/// @threads  any, several at once: those that bind, and the node's own, which follows names
 class Resolver {
  public:
   Resolver() = default;
   Resolver(const Resolver&) = delete;
   Resolver& operator=(const Resolver&) = delete;
   virtual ~Resolver() = default;
-  /// The URL "rtpm://host:port/path" for `name`; answers by `deadline`.   Set-up only.
-  /// Errors: the registry does not answer, the name is not bound: in words, with the remedy.
+  /// The URL "rtpm://host:port/path" for `name`; answers by `deadline`.
+  /// @realtime set-up only
+  /// @errors   the registry does not answer, the name is not bound: in words, with the remedy
   [[nodiscard]] virtual expected<std::string, SetupError> resolve(std::string_view name,
                                                                   MonotonicTime deadline) = 0;
 };
@@ -62,7 +63,7 @@ struct NodeConfig {
 
 /// The calling side of a program: its identity towards servers and the channels to them. Bindings
 /// share it, so it must outlive them.
-/// Threads: bind and call from any thread; use() before the first bind.
+/// @threads  bind and call from any thread; use() before the first bind
 class Node {
  public:
   explicit Node(NodeConfig config = {});
@@ -71,10 +72,12 @@ class Node {
   ~Node();
 
   /// Lets bindings by name ask `resolver`: when they are made, and whenever their server is gone.
-  /// It must outlive the node, or forget() comes before its end.   Set-up only.
+  /// It must outlive the node, or forget() comes before its end.
+  /// @realtime set-up only
   void use(Resolver& resolver) noexcept;
   /// Nobody asks `resolver` any more when this returns, which takes as long as a question that is
-  /// under way, 1 s at most. Bindings by name stay with the servers that they have.   Set-up only.
+  /// under way, 1 s at most. Bindings by name stay with the servers that they have.
+  /// @realtime set-up only
   void forget(Resolver& resolver) noexcept;
 
   [[nodiscard]] const NodeConfig& config() const noexcept;

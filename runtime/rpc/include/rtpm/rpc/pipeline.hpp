@@ -36,9 +36,10 @@ class Pipeline {
   ~Pipeline();
 
   /// Sends the calls that were begun and wait for more to go with.
-  /// RT: alloc-free, one syscall for each session that has some.
+  /// @realtime alloc-free, one syscall for each session that has some
   void flush() noexcept;
-  /// Calls, and replies held, that are not over.   RT: alloc-free.
+  /// Calls, and replies held, that are not over.
+  /// @realtime alloc-free
   [[nodiscard]] std::size_t open_count() const noexcept;
 
  private:

@@ -25,7 +25,8 @@ struct CallerHost {
 };
 inline constexpr CallerHost kThisHost{0x7f00'0001};
 
-/// "10.0.0.1".   Set-up only.
+/// "10.0.0.1".
+/// @realtime set-up only
 [[nodiscard]] std::string to_string(CallerHost host);
 
 /// What a servant's method may know of the call it serves. Valid during the call only.
@@ -56,12 +57,13 @@ class Servant {
 
   [[nodiscard]] virtual const InterfaceDescriptor& interface() const noexcept = 0;
 
-  /// Runs the method `method_id` with `request` and writes its result at the begin of `reply`.
-  /// What it returns counts for nothing if it has taken a reply to give later
-  /// (CallContext::deferral). Generated code implements it. `request` and `reply` are aligned to 16
-  /// bytes, live until it returns and do not overlap. Threads: every lane that serves the object
-  /// calls it, so several at once where lanes differ. RT: as the method that a person wrote; what
-  /// it throws is counted and answered as kServantFailed.
+  /// Runs the method `method_id` with `request` and writes its result at the begin of `reply`. What
+  /// it returns counts for nothing if it has taken a reply to give later (CallContext::deferral).
+  /// Generated code implements it. `request` and `reply` are aligned to 16 bytes, live until it
+  /// returns and do not overlap.
+  /// @threads  every lane that serves the object calls it, so several at once where lanes differ
+  /// @realtime as the method that a person wrote; what it throws is counted and answered as
+  ///           kServantFailed
   virtual DispatchResult dispatch(std::uint16_t method_id, ConstBytes request, MutableBytes reply,
                                   const CallContext& context) = 0;
 };

@@ -124,12 +124,13 @@ struct ServerConfig {
 };
 
 /// Serves objects to callers over UDP, TCP and shared memory, each lane on a thread of its own.
-/// Threads: create, add, start and stop from one thread; counters() and url() from any.
+/// @threads  create, add, start and stop from one thread; counters() and url() from any
 class Server {
  public:
-  /// Opens the sockets; nothing is served before start().   Set-up only.
-  /// Errors: an address in use or not this host's, lanes that overlap or leave out 0, a limit that
-  /// is none of the protocol's.
+  /// Opens the sockets; nothing is served before start().
+  /// @realtime set-up only
+  /// @errors   an address in use or not this host's, lanes that overlap or leave out 0, a limit
+  ///           that is none of the protocol's
   [[nodiscard]] static expected<std::unique_ptr<Server>, SetupError> create(ServerConfig config);
 
   Server(const Server&) = delete;
@@ -138,9 +139,9 @@ class Server {
   virtual ~Server() = default;
 
   /// Serves `servant` under `path` ("lab/arm0"), without leading slash, 1…200 bytes.
-  /// Ownership: `servant` must outlive stop().   Set-up only: before start().
-  /// Errors: a path in use or malformed, too many objects, a declared priority above the ceiling,
-  /// options that contradict one another or the lanes.
+  /// @ownership `servant` must outlive stop(). Set-up only: before start()
+  /// @errors   a path in use or malformed, too many objects, a declared priority above the ceiling,
+  ///           options that contradict one another or the lanes
   [[nodiscard]] virtual expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                        ObjectOptions options) = 0;
   /// The same, with the priority model and the priority of the servant's schema.
@@ -149,8 +150,9 @@ class Server {
     return add(path, servant, {interface.priority_model, interface.priority, {}});
   }
 
-  /// Starts the lanes. From then on they allocate nothing.   Set-up only.
-  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  /// Starts the lanes. From then on they allocate nothing.
+  /// @realtime set-up only
+  /// @errors   with RealtimeMode::kRequire, a right that the process lacks
   [[nodiscard]] virtual expected<void, SetupError> start() = 0;
 
   /// Ends the lanes; calls that run are finished and answered first, those that are deferred, and
@@ -161,7 +163,8 @@ class Server {
   [[nodiscard]] virtual std::uint16_t port() const noexcept = 0;
   /// Where callers find the object: "rtpm://127.0.0.1:4711/lab/arm0".
   [[nodiscard]] virtual std::string url(std::string_view path) const = 0;
-  /// What was served and dropped so far, over all lanes.   RT: alloc-free.
+  /// What was served and dropped so far, over all lanes.
+  /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;
 
  protected:

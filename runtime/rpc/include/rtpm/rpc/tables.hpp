@@ -62,7 +62,7 @@ class LentMemory final : public flatbuffers::Allocator {
 };
 
 /// Builds a reply of table T in the lane's own buffer.
-/// RT: alloc-free while the reply fits that buffer.
+/// @realtime alloc-free while the reply fits that buffer
 template <class T>
 class ReplyBuilder {
  public:

@@ -20,14 +20,16 @@ struct RealtimeLimit {
 
 /// The limit of this process: the narrower of kernel.sched_rt_runtime_us and the cpu.rt_runtime_us
 /// of the control group it was in when this was first asked. Nothing limits where the system does
-/// not tell.   RT: alloc-free; the first call in a process reads files.
+/// not tell.
+/// @realtime alloc-free; the first call in a process reads files
 [[nodiscard]] RealtimeLimit realtime_limit() noexcept;
 
 /// Keeps account of one thread's time. Awake, it spends; asleep, it earns, at the ratio of the
 /// limit less a reserve. What is meant is all of the CPU's real-time work: while a more urgent
 /// thread runs, the one below it counts as awake. Two busy threads that share a CPU at real-time
 /// levels do not know of each other: run all but one of them time-shared.
-/// Threads: one.   RT: alloc-free, a few ns.
+/// @threads  one
+/// @realtime alloc-free, a few ns
 class RealtimeBudget {
  public:
   /// How long a sleep for the budget's sake is: long beside the cost of waking up.
@@ -48,7 +50,8 @@ class RealtimeBudget {
   }
   /// Whether to block rather than spin: for kPause, or until there is work. Where the account says
   /// so it is held against the thread's own time first, which has what blocked elsewhere: in a
-  /// method, say. For the thread itself.   RT: alloc-free, a syscall when the account says so.
+  /// method, say. For the thread itself.
+  /// @realtime alloc-free, a syscall when the account says so
   [[nodiscard]] bool must_rest(MonotonicTime now) noexcept {
     return is_spent(now) && is_spent_indeed(now);
   }
@@ -91,12 +94,13 @@ class RealtimeBudget {
 };
 
 /// The calling thread's. It has a limit while RTPM has the thread at a real-time level; a level
-/// that was set by other means is not noticed.   RT: alloc-free.
+/// that was set by other means is not noticed.
+/// @realtime alloc-free
 [[nodiscard]] RealtimeBudget& this_thread_budget() noexcept;
 
 /// Stands round whatever blocks, so that the calling thread's budget earns.
-/// RT: alloc-free, no syscall; where there is a limit it reads the clock twice, and where the
-/// budget is nearly spent, with two syscalls, the thread's own time.
+/// @realtime alloc-free, no syscall; where there is a limit it reads the clock twice, and where the
+///           budget is nearly spent, with two syscalls, the thread's own time
 class AsleepScope {
  public:
   AsleepScope() noexcept;

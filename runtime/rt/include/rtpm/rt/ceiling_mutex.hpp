@@ -15,8 +15,9 @@ namespace rtpm::rt {
 /// or above the ceiling; here the one is what the system may leave a program with, and the other a
 /// priority that a caller may send. Both are served: without being raised, but with inheritance.
 /// Works with std::lock_guard. Several are to be given back in the opposite order.
-/// Threads: any.   RT: alloc-free; two syscalls at a level below the ceiling, else as PiMutex.
-/// Source: POSIX's PTHREAD_PRIO_PROTECT; the immediate ceiling protocol.
+/// @threads  any
+/// @realtime alloc-free; two syscalls at a level below the ceiling, else as PiMutex
+/// @source   POSIX's PTHREAD_PRIO_PROTECT; the immediate ceiling protocol
 class CeilingMutex {
  public:
   /// `ceiling`: the highest priority of those that take it.

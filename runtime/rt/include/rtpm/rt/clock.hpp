@@ -7,11 +7,12 @@ namespace rtpm::rt {
 /// The time on CLOCK_MONOTONIC, to within 0.1 µs: where the kernel keeps time by the processor's
 /// ticks, they are counted between two looks at its clock, a millisecond apart at most. Never goes
 /// back on one thread; between two, only what is further apart than that has an order.
-/// RT: alloc-free, no syscall where the vDSO has the clock; the first call in a process reads a
-/// file.
+/// @realtime alloc-free, no syscall where the vDSO has the clock; the first call in a process reads
+///           a file
 [[nodiscard]] MonotonicTime now() noexcept;
 
-/// Sleeps until `time`, through signals.   RT: alloc-free, one syscall.
+/// Sleeps until `time`, through signals.
+/// @realtime alloc-free, one syscall
 void sleep_until(MonotonicTime time) noexcept;
 
 }  // namespace rtpm::rt

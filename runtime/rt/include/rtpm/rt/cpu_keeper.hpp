@@ -15,11 +15,12 @@ namespace rtpm::rt {
 /// (budget.hpp), its CPU would go to sleep for a tenth of a millisecond, and a more urgent thread
 /// that is woken just then would pay for the CPU's own waking: 20 µs and more on a virtual machine.
 /// A thread at nice 19 spins there meanwhile. It gives way to everything.
-/// Threads: keep_until() from any; the rest from the one that made it.
+/// @threads  keep_until() from any; the rest from the one that made it
 class CpuKeeper {
  public:
-  /// Starts the thread, named `name`, on `cpu`.   Set-up only.
-  /// Errors: a CPU that is not there, no thread left: go on without.
+  /// Starts the thread, named `name`, on `cpu`.
+  /// @realtime set-up only
+  /// @errors   a CPU that is not there, no thread left: go on without
   [[nodiscard]] static expected<std::unique_ptr<CpuKeeper>, RealtimeError> start(
       const std::string& name, int cpu);
   CpuKeeper(const CpuKeeper&) = delete;
@@ -28,7 +29,7 @@ class CpuKeeper {
   ~CpuKeeper();
 
   /// Keeps the CPU awake until `time`, or longer if it was told so before.
-  /// RT: alloc-free, ≤ 1 syscall.
+  /// @realtime alloc-free, ≤ 1 syscall
   void keep_until(MonotonicTime time) noexcept;
 
  private:

@@ -8,17 +8,18 @@ namespace rtpm::rt {
 
 /// Keeps the CPUs of the whole machine from sleeping so deeply that waking takes longer than a
 /// bound: a sleep of the deepest kind takes up to some hundred µs to wake from. It costs power.
-/// Ownership: the request stands as long as this lives, or the process.
-/// Threads: one at a time.   Set-up only.
-/// Source: the kernel's PM QoS interface, /dev/cpu_dma_latency.
+/// @ownership the request stands as long as this lives, or the process
+/// @threads  one at a time
+/// @realtime set-up only
+/// @source   the kernel's PM QoS interface, /dev/cpu_dma_latency
 class CpuLatencyRequest {
  public:
   /// No request.
   CpuLatencyRequest() noexcept = default;
   /// Asks for waking within `latency`, of which the kernel takes whole µs; 0: no sleep at all. With
   /// kOff nothing is asked.
-  /// Errors: with kRequire, a right that the process lacks, or a system without such requests. With
-  /// kPrefer those are warned of once.
+  /// @errors   with kRequire, a right that the process lacks, or a system without such requests.
+  ///           With kPrefer those are warned of once
   [[nodiscard]] static expected<CpuLatencyRequest, RealtimeError> open(Duration latency,
                                                                        RealtimeMode mode);
   CpuLatencyRequest(CpuLatencyRequest&& other) noexcept;

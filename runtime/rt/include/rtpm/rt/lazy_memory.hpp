@@ -7,8 +7,9 @@
 namespace rtpm::rt {
 
 /// Memory that costs nothing until it is used: pages come with their first touch and stay. For
-/// large messages, which are not what a lane's promises are about. Ownership: unmaps at its end.
-/// Threads: as any memory.   Set-up only; a first touch faults.
+/// large messages, which are not what a lane's promises are about.
+/// @ownership unmaps at its end
+/// @threads  as any memory. Set-up only; a first touch faults
 class LazyMemory {
  public:
   LazyMemory() noexcept = default;

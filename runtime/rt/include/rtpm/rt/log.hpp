@@ -11,13 +11,14 @@ namespace rtpm::rt {
 
 /// Writes "who: text" as one line to standard error, with what no terminal should get from other
 /// programs escaped (printable()). For the sentence with which a program ends: it is not limited.
-/// Set-up only.
+/// @realtime set-up only
 void print_error(std::string_view who, std::string_view text);
 
 /// The running log of a program, a line for each thing that happens: "who: text", escaped as by
 /// print_error(), and so many in a time at most. Of what is above it says only how many lines they
 /// were: "who: … and 17 more suppressed".
-/// Threads: any, not real-time ones.   Set-up only.
+/// @threads  any, not real-time ones
+/// @realtime set-up only
 class Log {
  public:
   explicit Log(std::string who, LogRate rate = {}, std::FILE* to = stderr);

@@ -9,20 +9,23 @@
 namespace rtpm::rt {
 
 /// Locks all present and future memory of the process and keeps freed heap mapped, so that no lane
-/// meets a page fault.   Set-up only.
-/// Errors: with kRequire, a memory-lock limit that is too small: also where it holds what is there
-/// now, but not 256 MiB more, since what is not locked can't be had at all then. With kPrefer such
-/// a program goes on without, and warns.
+/// meets a page fault.
+/// @realtime set-up only
+/// @errors   with kRequire, a memory-lock limit that is too small: also where it holds what is
+///           there now, but not 256 MiB more, since what is not locked can't be had at all then.
+///           With kPrefer such a program goes on without, and warns
 [[nodiscard]] expected<void, RealtimeError> lock_memory(RealtimeMode mode);
 
 /// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time
 /// thread touches it first, as memory is locked only once it is resident. Threads' stacks are made
-/// so by Thread::start.   Threads: nobody else writes there meanwhile.   Set-up only.
+/// so by Thread::start.
+/// @threads  nobody else writes there meanwhile
+/// @realtime set-up only
 void prefault(MutableBytes memory) noexcept;
 
 /// Has the heap hold `size` bytes more that are resident and free, for set-up work that comes later
 /// and shall not wait for pages; freed heap stays mapped from here on. False without memory.
-/// Set-up only.
+/// @realtime set-up only
 [[nodiscard]] bool prefault_heap(std::size_t size) noexcept;
 
 /// Says that the calling thread allocates nothing from here on. The thread itself is unchanged;
@@ -35,7 +38,8 @@ class NoAllocationScope {
   ~NoAllocationScope();
 };
 
-/// True inside a NoAllocationScope of the calling thread.   RT: alloc-free.
+/// True inside a NoAllocationScope of the calling thread.
+/// @realtime alloc-free
 [[nodiscard]] bool is_allocation_forbidden() noexcept;
 
 /// Lifts the calling thread's scope for a stretch that is set-up by nature.

@@ -7,18 +7,21 @@
 /// Times as the operating system's calls take them.
 namespace rtpm::rt {
 
-/// `duration`: not negative.   RT: alloc-free.
+/// `duration`: not negative.
+/// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(Duration duration) noexcept {
   constexpr std::int64_t kSecond = 1'000'000'000;
   return {.tv_sec = duration.count() / kSecond, .tv_nsec = duration.count() % kSecond};
 }
 
-/// As CLOCK_MONOTONIC counts.   RT: alloc-free.
+/// As CLOCK_MONOTONIC counts.
+/// @realtime alloc-free
 [[nodiscard]] constexpr timespec to_timespec(MonotonicTime time) noexcept {
   return to_timespec(time.time_since_epoch());
 }
 
-/// What a clock shows.   RT: alloc-free.
+/// What a clock shows.
+/// @realtime alloc-free
 [[nodiscard]] constexpr Duration to_duration(const timespec& time) noexcept {
   return std::chrono::seconds{time.tv_sec} + std::chrono::nanoseconds{time.tv_nsec};
 }

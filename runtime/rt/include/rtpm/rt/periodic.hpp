@@ -18,7 +18,7 @@ struct Expectation {
 
 /// Learns the period, the phase and the jitter of one caller. A caller that calls several times in
 /// a row at each turn counts as one: what matters is when it begins.
-/// RT: alloc-free, a few ns.
+/// @realtime alloc-free, a few ns
 class PeriodEstimator {
  public:
   /// Periods that are worth it: shorter ones are spun through, longer ones wake cold anyway.
@@ -56,8 +56,9 @@ class PeriodEstimator {
 };
 
 /// Foresees the calls of a few callers at once, and learns how early its owner must wake.
-/// Ownership: its own memory, bounded; a new caller takes the place of the one heard longest ago.
-/// Threads: one.   RT: alloc-free, some ten ns.
+/// @ownership its own memory, bounded; a new caller takes the place of the one heard longest ago
+/// @threads  one
+/// @realtime alloc-free, some ten ns
 class ArrivalPredictor {
  public:
   static constexpr std::size_t kCallerCountMax = 16;

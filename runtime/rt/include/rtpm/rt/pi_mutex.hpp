@@ -9,7 +9,8 @@ namespace rtpm::rt {
 /// A mutex with priority inheritance: who holds it runs at the priority of the most urgent waiter,
 /// so that a lower lane can't keep a higher one waiting behind a middle one. Works with
 /// std::lock_guard.
-/// Threads: any.   RT: alloc-free; no syscall while nobody else wants it.
+/// @threads  any
+/// @realtime alloc-free; no syscall while nobody else wants it
 class PiMutex {
  public:
   PiMutex() noexcept;

@@ -14,7 +14,8 @@ inline constexpr int kNativeLowest = 1;
 inline constexpr int kNativeHighest = 89;
 
 /// The SCHED_FIFO level of a priority: linear, 0 → 1 … 32767 → 89, rounded down.
-/// RT: alloc-free.   Source: RT-CORBA's linear mapping, level = min + (max − min) · p / 32767.
+/// @realtime alloc-free
+/// @source   RT-CORBA's linear mapping, level = min + (max − min) · p / 32767
 [[nodiscard]] constexpr int to_native(Priority priority) noexcept {
   return kNativeLowest + (kNativeHighest - kNativeLowest) * priority.value() / Priority::kHighest;
 }
@@ -23,33 +24,37 @@ inline constexpr int kNativeHighest = 89;
 using PriorityMapping = int (*)(Priority priority);
 
 /// Has all threads of the program use another mapping than to_native(); null: that one again.
-/// Levels 1 to 98 are allowed, and a higher priority must not have a lower level.
-/// Set-up only: before the first thread with a priority.   Threads: one.
-/// Errors: a level that is not allowed, with the priority that gets it; the mapping stays as it
-/// was. Source: RT-CORBA's PriorityMapping, which may be replaced.
+/// Levels 1 to 98 are allowed, and a higher priority must not have a lower level. Set-up only:
+/// before the first thread with a priority.
+/// @threads  one
+/// @errors   a level that is not allowed, with the priority that gets it; the mapping stays as it
+///           was
+/// @source   RT-CORBA's PriorityMapping, which may be replaced
 [[nodiscard]] expected<void, RealtimeError> set_priority_mapping(PriorityMapping mapping);
 
-/// The level of a priority by the mapping in force.   RT: alloc-free, as far as the mapping is.
+/// The level of a priority by the mapping in force.
+/// @realtime alloc-free, as far as the mapping is
 [[nodiscard]] int level_of(Priority priority) noexcept;
 
-/// The calling thread's priority, which its calls carry; none until it was set.   RT: alloc-free.
+/// The calling thread's priority, which its calls carry; none until it was set.
+/// @realtime alloc-free
 [[nodiscard]] std::optional<Priority> current_priority() noexcept;
 
 /// Sets the calling thread's priority for its calls and, where the system allows, its SCHED_FIFO
 /// level; false where it does not (the calls carry the priority all the same).
-/// RT: alloc-free, at most one syscall, none when the level is already right. What was set by other
-/// means than RTPM's is not noticed.
-/// Source: RT-CORBA's RTCurrent::the_priority.
+/// @realtime alloc-free, at most one syscall, none when the level is already right. What was set by
+///           other means than RTPM's is not noticed
+/// @source   RT-CORBA's RTCurrent::the_priority
 bool set_current_priority(Priority priority) noexcept;
 
 /// Lets the calling thread go on at another priority, as set_current_priority() does, but leaves a
 /// time-shared thread time-shared: its owner asked for that, or the system refused more.
-/// RT: alloc-free; no syscall where the native level stays the same, else one.
+/// @realtime alloc-free; no syscall where the native level stays the same, else one
 void adopt_priority(Priority priority) noexcept;
 
 /// Runs a stretch of the calling thread at another priority: a request at its own, inside a lane.
-/// RT: alloc-free; no syscall where the native level stays the same or the thread is time-shared,
-/// else one at each end.
+/// @realtime alloc-free; no syscall where the native level stays the same or the thread is
+///           time-shared, else one at each end
 class ScopedPriority {
  public:
   explicit ScopedPriority(Priority priority) noexcept;

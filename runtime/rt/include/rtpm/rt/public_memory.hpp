@@ -13,13 +13,15 @@ namespace rtpm::rt {
 /// Memory of this process that other processes of the same user, and root, can find by its name and
 /// read, whatever this process does: it need not answer, nor even run. It is an anonymous file that
 /// only this process holds, so that nothing is left of it however the process ends.
-/// Ownership: unmaps at its end; readers keep what they have mapped.   Threads: as any memory.
+/// @ownership unmaps at its end; readers keep what they have mapped
+/// @threads  as any memory
 class PublicMemory {
  public:
   PublicMemory() noexcept = default;
-  /// Zeros, aligned to a page, resident. Nobody else can write there or change the size.
-  /// `name`: of letters, digits and '-', the same for all memory of one kind.   Set-up only.
-  /// Errors: no descriptor or memory left: a sentence with the remedy.
+  /// Zeros, aligned to a page, resident. Nobody else can write there or change the size. `name`: of
+  /// letters, digits and '-', the same for all memory of one kind.
+  /// @realtime set-up only
+  /// @errors   no descriptor or memory left: a sentence with the remedy
   [[nodiscard]] static expected<PublicMemory, std::string> create(std::string_view name,
                                                                   std::size_t size);
   PublicMemory(PublicMemory&& other) noexcept;
@@ -34,7 +36,7 @@ class PublicMemory {
 
 /// Such memory of some process, as a reader has it. What is in it was written by the other process,
 /// which may be of any version, or hostile: it may change at any time, but stays readable.
-/// Ownership: unmaps at its end.
+/// @ownership unmaps at its end
 class PublicView {
  public:
   PublicView(PublicView&& other) noexcept;
@@ -58,7 +60,8 @@ class PublicView {
 
 /// All memory of that name that the caller may read, of processes in ascending order of their
 /// numbers, each memory once. Left out is what could shrink under its reader, and what is larger
-/// than `size_max`.   Set-up only.
+/// than `size_max`.
+/// @realtime set-up only
 [[nodiscard]] std::vector<PublicView> find_public_memory(std::string_view name,
                                                          std::size_t size_max);
 

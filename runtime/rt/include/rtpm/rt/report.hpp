@@ -33,19 +33,23 @@ struct SetupNote {
 inline constexpr std::size_t kSetupNoteCountMax = 256;
 
 /// What this process asked of the system so far: threads, memory, CPU latency. Each subject once,
-/// as it was last.   Threads: any.   Set-up only.
+/// as it was last.
+/// @threads  any
+/// @realtime set-up only
 [[nodiscard]] std::vector<SetupNote> setup_report();
 
 /// What this host would give the calling process, tried for real, and what else bounds latency
 /// here: throttling, the clock, CPU frequency, quotas. Locks the memory of the process.
-/// Set-up only.
+/// @realtime set-up only
 [[nodiscard]] std::vector<SetupNote> survey_host();
 
-/// The notes as lines, each with its remedy below.   Set-up only.
+/// The notes as lines, each with its remedy below.
+/// @realtime set-up only
 [[nodiscard]] std::string to_text(const std::vector<SetupNote>& notes);
 
 /// A warning that may be due often: it is said on standard error at once, and then at most every
-/// kInterval, with how often it was due meanwhile.   Threads: one.   Not for lanes.
+/// kInterval, with how often it was due meanwhile.
+/// @threads  one. Not for lanes
 class RepeatedWarning {
  public:
   static constexpr Duration kInterval = std::chrono::seconds{10};
@@ -57,8 +61,8 @@ class RepeatedWarning {
   std::uint64_t kept_count_ = 0;  ///< How often it was due since it was said.
 };
 
-/// Adds a note to setup_report(), in place of the one with its subject.   Threads: any. Set-up
-/// only.
+/// Adds a note to setup_report(), in place of the one with its subject.
+/// @threads  any. Set-up only
 void note_setup(SetupNote note);
 
 }  // namespace rtpm::rt

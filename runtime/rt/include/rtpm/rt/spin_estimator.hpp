@@ -9,7 +9,8 @@ namespace rtpm::rt {
 /// Learns whether a thread that ran out of work had better spin a while or block at once: spinning
 /// pays where the next work often comes within the time that it would spin for. That is known after
 /// a block as well, so it takes no trials. Pure arithmetic on times that come in.
-/// Threads: one.   RT: alloc-free, a few ns.
+/// @threads  one
+/// @realtime alloc-free, a few ns
 class SpinEstimator {
  public:
   /// Work ended, and there is none: whether to spin for up to `spin` from `now`.

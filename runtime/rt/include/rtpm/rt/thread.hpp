@@ -53,7 +53,8 @@ struct RealtimeError {
 };
 
 /// A thread that runs `body` once, joined when it ends.
-/// Threads: start and join from one thread.   Set-up only.
+/// @threads  start and join from one thread
+/// @realtime set-up only
 class Thread {
  public:
   Thread() noexcept = default;
@@ -63,8 +64,8 @@ class Thread {
   ~Thread();
 
   /// Starts `body` with its name, scheduling and affinity already in force.
-  /// Errors: with kRequire, a right that the process lacks; a CPU that is not there; no thread
-  /// left.
+  /// @errors   with kRequire, a right that the process lacks; a CPU that is not there; no thread
+  ///           left
   [[nodiscard]] static expected<Thread, RealtimeError> start(const ThreadConfig& config,
                                                              std::function<void()> body);
   void join() noexcept;
@@ -74,12 +75,14 @@ class Thread {
   std::optional<pthread_t> handle_{};
 };
 
-/// Gives the calling thread name, scheduling and affinity.   Set-up only.
+/// Gives the calling thread name, scheduling and affinity.
+/// @realtime set-up only
 [[nodiscard]] expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config);
 
 /// Says what becomes of a thread that is to spin without end. Where the kernel throttles, one at
-/// SCHED_FIFO can't: it pauses as budget.hpp says, which setup_report() tells.   Set-up only.
-/// Errors: with kRequire, the throttling, as a pause is not what was asked for.
+/// SCHED_FIFO can't: it pauses as budget.hpp says, which setup_report() tells.
+/// @realtime set-up only
+/// @errors   with kRequire, the throttling, as a pause is not what was asked for
 [[nodiscard]] expected<void, RealtimeError> check_spinning(const ThreadConfig& config);
 
 }  // namespace rtpm::rt
