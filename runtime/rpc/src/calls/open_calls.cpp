@@ -33,8 +33,7 @@ bool OpenCalls::serve_ready(Lead& lead) noexcept {
   return has_some;
 }
 
-// Goes on with the streams for which an earlier turn had no time; true if there were some. One that
-// is not done stands behind the others.
+// A stream that is not done goes behind the others.
 bool OpenCalls::serve_backlog(Lead& lead) noexcept {
   // A small call that comes now waits as long as it takes to send this.
   constexpr std::size_t kItemBytesPerTurn = std::size_t{32} * 1024;
@@ -50,7 +49,6 @@ bool OpenCalls::serve_backlog(Lead& lead) noexcept {
   return count > 0;
 }
 
-// What a frame may have changed for calls that were deferred.
 void OpenCalls::on_frame(Lead& lead, std::uint32_t credit_tag) noexcept {
   if (!has_any()) return;
   take_cancelled(lead, CallEnding::kLeft);
@@ -62,7 +60,6 @@ void OpenCalls::on_frame(Lead& lead, std::uint32_t credit_tag) noexcept {
   if (credit_tag != 0) serve(lead, pool_->tagged(credit_tag));
 }
 
-// Calls that their callers cancelled, or whose sessions ended: whoever has them may stop.
 void OpenCalls::take_cancelled(Lead& lead, CallEnding why) noexcept {
   media_.for_each([&](wire::ServerSessions& sessions) {
     while (const std::uint32_t tag = sessions.next_cancelled()) {
@@ -75,7 +72,7 @@ void OpenCalls::take_cancelled(Lead& lead, CallEnding why) noexcept {
 }
 
 void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
-  // Whoever ended it may have been slower to tell so than the lane to see it.
+  // The notice may come after the lane has seen the end and given the place back.
   if (!call.is_taken) return;
   report_.mark(lead);
   const bool is_ended = call.is_ended.load(std::memory_order_acquire);
@@ -204,7 +201,7 @@ void OpenCalls::retry_blocked(Lead& lead, MonotonicTime now) noexcept {
   });
 }
 
-// Streams of which nobody was heard for too long end by themselves.
+// Streams whose callers were silent for too long end by themselves.
 void OpenCalls::on_time(Lead& lead, MonotonicTime now) noexcept {
   media_.for_each([&](wire::ServerSessions& sessions) {
     if (sessions.next_time() > now) return;
@@ -232,7 +229,7 @@ void OpenCalls::end(Lead& lead) noexcept {
     const ConstBytes frame =
         call.sessions->complete(call.request, wire::Status::kStopping, 0, rt::now());
     if (peer) send(lead, *call.sessions, *peer, frame);
-    // Its place stays taken: whoever has it may still write there.
+    // Its place stays taken: its handle may still write there.
   });
   media_.for_each([&](wire::ServerSessions& sessions) {
     while (const auto close = sessions.close_next(rt::now())) {

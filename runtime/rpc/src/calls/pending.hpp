@@ -18,12 +18,11 @@ namespace rtpm::rpc {
 
 struct Object;
 
-/// A call that its method has not ended. One thread at a time writes (the method's), the lane
-/// reads.
+/// A call that its method has not ended. The method's thread writes, one at a time; the lane reads.
 struct PendingCall {
   static constexpr std::uint32_t kItemCountMax = wire::kStreamWindow;
 
-  // The lane's own.
+  // Under the Lead.
   wire::Request request{};
   bool is_taken = false;
   wire::ServerSessions* sessions = nullptr;  ///< Null: a call of the same program, of `local`.
@@ -35,7 +34,7 @@ struct PendingCall {
   // Of a lane with a thread pool.
   const Object* object = nullptr;
   MutableBytes request_room{};
-  bool is_running = false;      ///< Or waits for it: not to be ended yet.
+  bool is_running = false;      ///< Or waits for a thread: not to be ended yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
   bool is_deferred = false;     ///< It counts as such; of the method's thread while that runs.
 
@@ -68,7 +67,7 @@ struct PendingCall {
   // Shared.
   std::atomic<PendingCall*> next_ready{nullptr};
   std::atomic<bool> is_queued{false};
-  /// Why nobody waits for it; written before is_awaited.
+  /// Why its caller does not wait; written before is_awaited.
   std::atomic<CallEnding> ending{CallEnding::kNone};
   std::atomic<bool> is_awaited{false};
   std::atomic<bool> is_ended{false};
@@ -92,8 +91,8 @@ struct PendingCall {
   std::atomic<std::uint32_t> sent_count{0};
 };
 
-/// The unfinished calls of one lane, a bounded number, and the list of those that have something
-/// for the lane. Kept alive by whoever has not ended a call, beyond the lane's own end.
+/// The unfinished calls of one lane, a bounded number, and the list of those with items or an end
+/// for the lane to send. Handles of unfinished calls keep it alive beyond the lane's own end.
 /// @threads  notify() and keep_deferred() any; the rest the lane's
 /// @realtime alloc-free but for construction
 class PendingPool {
@@ -113,7 +112,7 @@ class PendingPool {
   [[nodiscard]] PendingCall* keep(wire::ServerSessions& sessions,
                                   const wire::Request& request) noexcept;
   void give_back(PendingCall& call) noexcept;
-  /// Lets a call that has a place outlast its method; false if too many do.
+  /// Lets a call that waited in its place outlast its method; false if too many do.
   /// @threads  any
   [[nodiscard]] bool keep_deferred(PendingCall& call) noexcept;
   [[nodiscard]] std::uint32_t tag_of(const PendingCall& call) const noexcept {
@@ -129,7 +128,7 @@ class PendingPool {
     }
   }
 
-  /// The call has items, or ended: the lane shall look.
+  /// The call has items, or has ended: wakes the lane.
   void notify(PendingCall& call) noexcept;
   [[nodiscard]] bool has_ready() const noexcept { return taken_ != nullptr || !ready_.is_empty(); }
   [[nodiscard]] bool may_sleep() const noexcept {

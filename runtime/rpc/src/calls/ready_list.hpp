@@ -8,8 +8,7 @@
 
 namespace rtpm::rpc {
 
-/// Wakes a lane that sleeps, and costs one look at a flag while it does not. It may outlive the
-/// lane.
+/// Wakes a lane that sleeps; costs a load while it does not. May outlive the lane.
 /// @threads  wake() any; the others the lane's
 /// @realtime alloc-free
 class Doorbell {

@@ -135,7 +135,7 @@ expected<void, CallError> CallChannel::make_ready(Priority priority,
     drop_transport();
     return unexpected{CallError::kUnreachable};
   }
-  // Whoever lets us in at the server may be time-shared, and need the very CPU to do it.
+  // The server's acceptor may be time-shared and need this very CPU.
   wait_for_event(begin, /*may_spin=*/false, kNever);
   switch (event_.kind) {
     case wire::ChannelEvent::Kind::kReady: {

@@ -45,9 +45,9 @@ struct CallOutcome {
   wire::CallIndex call = 0;  ///< Which of the channel's. Without a session, it ended all of them.
 };
 
-/// A transport and a session on it that carry calls for whoever has taken it: one at a time, or
-/// several if it is made for a pipeline. The calling thread sends and receives itself: no other
-/// thread stands between it and its reply.
+/// A transport and a session on it. Carries the calls of the thread that has taken it: one at a
+/// time, or several for a pipeline. The calling thread sends and receives itself: no other thread
+/// stands between it and its reply.
 /// @threads  try_take() from any; everything else by the thread that took it
 class CallChannel {
  public:

@@ -72,7 +72,7 @@ class PipelineSession {
   void note_held(bool is_first, MonotonicTime begun) noexcept;
   /// Looks at what came together with what was taken last.
   void take_buffered() noexcept;
-  /// Gives the outcome to those whom it concerns.
+  /// Gives the outcome to its call, or keeps it until that asks.
   void settle(const CallOutcome& outcome) noexcept;
   void end_all(const CallOutcome& outcome) noexcept;
 

@@ -20,7 +20,7 @@ class LaneReport {
   /// Publishes the lane's static configuration.
   LaneReport(LaneSlot& slot, const LaneConfig& config, const Band& band) noexcept;
 
-  /// Whoever asks for them changes them: the next publish() shows it.
+  /// To be changed: the next publish() shows them.
   [[nodiscard]] ServerCounters& counters(Lead&) noexcept {
     is_due_ = true;
     return counters_;

@@ -13,12 +13,12 @@
 namespace rtpm::rpc {
 namespace {
 
-// A client sends its HELLO as soon as it is connected; who has not by then holds a place in vain.
+// A client sends its HELLO as soon as it is connected. One that has not by then loses its slot.
 constexpr Duration kFirstFramePatience = std::chrono::seconds{2};
-// More wait for the next turn, behind those that have sent their first frame by then.
+// Further ones wait for the next turn, behind connections that have sent their first frame by then.
 constexpr int kAcceptsPerTurn = 16;
 
-// How long nobody is let in where no descriptor is left, not even one to turn somebody away with.
+// How long no connection is accepted after the system had no descriptor left to refuse one with.
 constexpr Duration kShortagePause = std::chrono::milliseconds{100};
 
 }  // namespace
@@ -46,14 +46,14 @@ bool Acceptor::listen() noexcept {
                                               SourceTag(kMemoryListener), Trigger::kLevel));
 }
 
-// Who waits would wake the thread again and again.
+// Connections that wait would wake the thread again and again.
 void Acceptor::pause_listening(MonotonicTime now) noexcept {
   wait_set_->remove(listener_->descriptor());
   if (memory_listener_) wait_set_->remove(memory_listener_->descriptor());
   listening_from_ = now + kShortagePause;
 }
 
-// Says that somebody could not be let in, and why.
+// Reports that a connection could not be accepted, and why.
 void Acceptor::note_shortage(int error, const char* what) noexcept {
   // There may be no memory for a string.
   std::array<char, 256> text{};

@@ -19,7 +19,7 @@ constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 
 static_assert(std::is_trivially_copyable_v<LaneSample>);
 static_assert(sizeof(LaneTableHeader) % alignof(LaneSlot) == 0, "the slots follow at once");
-// Whoever changes what is shown changes the version: readers of another would take it for theirs.
+// Another layout needs another version: readers of the old one would misread it.
 static_assert(sizeof(LaneSample) == 8 * 47 && kLaneTableVersion == 2);
 
 // What is checked is what is used: the compiler may not look a second time.

@@ -13,8 +13,8 @@ namespace rtpm::rpc {
 
 class ReplyLease;
 
-/// A call that was begun and whose reply is waited for later. No thread stands behind it: whoever
-/// holds it sends repetitions and takes the reply while it asks or waits, on a call channel that is
+/// A call that was begun and whose reply is waited for later. No thread stands behind it: its
+/// holder sends repetitions and takes the reply while it asks or waits, on a call channel that is
 /// the call's own until this ends, or its pipeline's.
 /// @ownership move-only; refers to its binding, and its pipeline, which must outlive it. Ends by
 ///           cancelling the call

@@ -173,15 +173,13 @@ class Binding {
   ///
   /// A loss is told by kMaybeLost, from the next send() of this binding or from check_oneways().
   ///
-  /// RT: as call(); kSent takes one system call more each millisecond, over shared memory each
-  /// 50 µs while the server has not read what was sent.
-  ///
-  /// Errors: as call(), but kSent of one frame was not sent if there is an error; kMaybeLost:
-  /// earlier ones may not have arrived either, see lost_oneway_count(); kOverload: the host's own
-  /// buffer is full, or over kLocal ServerConfig::local_oneway_count_max wait or run already: send
-  /// less often.
-  ///
-  /// Source: spec/hprotocol.md#hp-5.8; CORBA's SyncScope.
+  /// @realtime as call(); kSent takes one system call more each millisecond, over shared memory
+  ///           each 50 µs while the server has not read what was sent
+  /// @errors   as call(), but kSent of one frame was not sent if there is an error; kMaybeLost:
+  ///           earlier ones may not have arrived either, see lost_oneway_count(); kOverload: the
+  ///           host's own buffer is full, or over kLocal ServerConfig::local_oneway_count_max wait
+  ///           or run already: send less often
+  /// @source   spec/hprotocol.md#hp-5.8; CORBA's SyncScope
   [[nodiscard]] expected<void, CallError> send(const MethodDescriptor& method, ConstBytes request,
                                                wire::Delivery delivery,
                                                const CallOptions& options = {}) noexcept;

@@ -12,17 +12,18 @@
 
 namespace rtpm::rpc {
 
-/// Calls that were begun and what is to be done when they end, run by whoever polls:
+/// Calls that were begun, and callbacks for their ends, run by the thread that polls:
 ///
 ///     completions.then(arm.begin_get_pose(), [&](const auto& pose) { show(pose); });
 ///     while (is_running) completions.wait(next_frame);
 ///
 /// The callback is given what take() gives: the reply, or the error, also that the call could not
 /// be begun. It runs once, in poll(), wait() or the end of this, and may add more calls.
-/// Ownership: holds the calls and callbacks; refers to the bindings of the calls, which must
-/// outlive it. Its end cancels what is open: the callbacks are told kCancelled.
-/// Limits: each open call holds a call channel, so NodeConfig::channel_count_max is the limit.
-/// Threads: one at a time.   Adding allocates; waiting is alloc-free but for what callbacks do.
+/// Each open call holds a call channel, so NodeConfig::channel_count_max is the limit.
+/// @ownership holds the calls and callbacks; refers to the bindings of the calls, which must
+///           outlive it. Its end cancels what is open: the callbacks get kCancelled
+/// @threads  one at a time
+/// @realtime adding allocates; waiting is alloc-free but for what callbacks do
 class Completions {
  public:
   Completions() noexcept = default;
@@ -98,8 +99,8 @@ class Completions {
 /// them. They may add calls.
 /// Real-time class: set-up. The thread looks at open calls once a millisecond; a loop that counts
 /// microseconds holds the pending reply itself and waits for it.
-/// Ownership: as Completions; its end cancels what is open and joins the thread.
-/// Threads: then() from any.
+/// @ownership as Completions; its end cancels what is open and joins the thread
+/// @threads  then() from any
 class CompletionThread {
  public:
   /// Starts the thread. Without a priority in `config` it is time-shared.

@@ -20,7 +20,7 @@ struct PendingCall;
 /// Why an item was not taken.
 enum class StreamError : std::uint8_t {
   kFull,      ///< The caller does not keep up. Try later, or leave this item out.
-  kEnded,     ///< Nobody takes items any more. Finish the stream.
+  kEnded,     ///< The caller takes no more items. Finish the stream.
   kTooLarge,  ///< More than an item may have (item_size_max()). Leave it out or send it in parts; a
               ///< stream that is failed because of it ends with CallError::kTooLarge.
 };
@@ -28,9 +28,9 @@ enum class StreamError : std::uint8_t {
 /// "full", "ended" or "too large".
 [[nodiscard]] std::string_view to_string(StreamError error) noexcept;
 
-/// Why nobody waits for a call any more.
+/// Why the caller of a call does not wait any more.
 enum class CallEnding : std::uint8_t {
-  kNone,      ///< Somebody does.
+  kNone,      ///< It waits.
   kLeft,      ///< The caller cancelled, or its session or connection ended.
   kSilent,    ///< The caller of a stream missed as many signs of life as it may.
   kStopping,  ///< The server stops.

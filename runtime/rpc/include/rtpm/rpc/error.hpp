@@ -29,7 +29,7 @@ enum class CallError : std::uint8_t {
   kNoSuchMethod,        ///< Not run: the object lacks the method. Client and server schemas differ.
   kNoSuchObject,        ///< Not run: the object is not there (any more). Bind again.
   kBadRequest,          ///< Not run: the server could not read the request. Schemas differ.
-  kNotLeaseHolder,      ///< Not run: somebody else holds the lease. Acquire it first.
+  kNotLeaseHolder,      ///< Not run: another client holds the lease. Acquire it first.
   kServantFailed,       ///< The servant ran and failed. What its program reports says why.
   kTooLarge,            ///< The request (not run), the reply, or an item of a stream (run) exceeds
                         ///< what caller and server both take.

@@ -40,7 +40,7 @@ struct InterfaceDescriptor {
   std::span<const MethodDescriptor> methods{};
   PriorityModel priority_model = PriorityModel::kClientPropagated;  ///< `rtpm_priority_model`.
   Priority priority = 0;                                            ///< `rtpm_priority`.
-  /// The service's own schema, complete, for whoever has no generated code of it.
+  /// The service's own schema, complete, for tools without generated code of it.
   std::string_view schema{};
   /// What both sides must agree on, as a text in which two versions can be compared. Empty: only
   /// equal fingerprints will do.

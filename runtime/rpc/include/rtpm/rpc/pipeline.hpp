@@ -25,9 +25,10 @@ namespace rtpm::rpc {
 /// NodeConfig::channel_count_max of them per server and band, and over UDP up to wire::kCallWindow
 /// calls in each; a reply that is held counts. To begin the first call of a session waits for the
 /// server's handshake.
-/// Ownership: must outlive its calls and their replies; the nodes of its calls must outlive it.
-/// Threads: one at a time, together with all of its calls and their replies.
-/// RT: to begin and to take a call is alloc-free once there are as many sessions as calls need.
+/// @ownership must outlive its calls and their replies; the nodes of its calls must outlive it
+/// @threads  one at a time, together with all of its calls and their replies
+/// @realtime to begin and to take a call is alloc-free once there are as many sessions as calls
+///           need
 class Pipeline {
  public:
   Pipeline();

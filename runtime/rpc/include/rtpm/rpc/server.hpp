@@ -34,8 +34,8 @@ namespace rtpm::rpc {
 /// What is illegal in itself is refused by Server::add(), a call outside of all bands with
 /// kWrongBand. Bands in one lane need one that keeps requests
 /// (LaneConfig::buffered_request_max), as others serve calls in the order in which they come.
-/// Source: RT-CORBA's policies; here a priority need only lie within a lane's band, not be equal to
-/// its own.
+/// @source   RT-CORBA's policies; here a priority need only lie within a lane's band, not be equal
+///           to its own
 struct ObjectOptions {
   PriorityModel model = PriorityModel::kClientPropagated;
   Priority priority = 0;  ///< Declared, or the default for callers without one.

@@ -6,9 +6,9 @@
 
 namespace rtpm::rt {
 
-/// A mutex with a priority ceiling: who takes it runs at the ceiling at once, so that on one CPU
-/// none of those who want it ever has to wait behind another thread, and two of them can't lock
-/// each other out for good. It costs two system calls more than PiMutex, each time; worth it where
+/// A mutex with a priority ceiling: its holder runs at the ceiling at once, so that on one CPU no
+/// thread that wants it ever waits behind another one, and two of them can't lock each other out
+/// for good. It costs two system calls more than PiMutex, each time; worth it where
 /// the wait itself is the harm, not only its length.
 ///
 /// Below it is a PiMutex. POSIX's own (PTHREAD_PRIO_PROTECT) refuses threads that are time-shared

@@ -6,8 +6,8 @@
 
 #include "rtpm/base/time.hpp"
 
-/// ArrivalPredictor for who serves periodic callers: when the next one will come, and how much
-/// earlier to wake for it. Pure arithmetic on times that come in; whoever waits does the waiting.
+/// When a periodic caller will call next, and how much earlier to wake for it. Pure arithmetic on
+/// times that come in.
 namespace rtpm::rt {
 
 /// When something is expected: worth spinning for from `from` to `to`.

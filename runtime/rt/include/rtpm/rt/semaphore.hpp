@@ -9,7 +9,7 @@ namespace rtpm::rt {
 /// A count that one thread raises and another waits for: how a thread that rests is called. Unlike
 /// a condition variable it holds no lock of its own that could keep a more urgent thread waiting.
 /// @threads  any
-/// @realtime alloc-free; post() is one syscall where somebody waits, else none
+/// @realtime alloc-free; post() is one syscall where a thread waits, else none
 class Semaphore {
  public:
   Semaphore() noexcept;

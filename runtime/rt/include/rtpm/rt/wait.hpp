@@ -24,8 +24,8 @@ enum class WaitStrategy : std::uint8_t {
 struct WaitConfig {
   WaitStrategy strategy = WaitStrategy::kAdaptive;
   /// How long kAdaptive spins before it blocks: about what it costs to block, where a sleeping CPU
-  /// of a virtual machine takes up to 0.1 ms to come back. Whoever blocks earlier than that pays
-  /// twice for the replies that take a little longer than usual.
+  /// of a virtual machine takes up to 0.1 ms to come back. To block earlier costs
+  /// twice for replies that take a little longer than usual.
   Duration spin = std::chrono::microseconds{100};
 };
 
