@@ -129,11 +129,11 @@ struct FollowStatus {
 /// A server that restarts at its old address is found by the next call itself, with or without a
 /// name.
 ///
-/// Ownership: refers to its node, which must outlive it; by name, to the node's resolver, too. Its
-/// end waits for a bind of it that is under way, for BindOptions::deadline at most.
-/// @threads   calls from any, several at once (each takes a call channel of its own)
-/// @realtime  as each call says: looking a name up and binding again take place on "rtpm-rebind"
-///            only, never in a caller's thread; the first call of an outage makes one syscall more
+/// @ownership refers to its node, which must outlive it; by name, to the node's resolver, too. Its
+///           end waits for a bind of it that is under way, for BindOptions::deadline at most
+/// @threads  calls from any, several at once (each takes a call channel of its own)
+/// @realtime as each call says: looking a name up and binding again take place on "rtpm-rebind"
+///           only, never in a caller's thread; the first call of an outage makes one syscall more
 class Binding {
  public:
   /// Binds `target`, a URL "rtpm://host:port/path" or a name for the node's resolver, checks that
