@@ -88,7 +88,7 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
           std::to_string(counters.late_count),
           std::to_string(counters.frames.duplicate_answered_count +
                          counters.frames.dropped_for(wire::DropReason::kDuplicateRunning)),
-          std::to_string(sample.rest_count),
+          std::to_string(sample.pause_count),
           std::to_string(lane.busy_count),
           busy_ns > 0 ? time_text(busy_ns) : "-"};
 }

@@ -140,7 +140,7 @@ struct FakeBudget {
   bool is_spent = false;
   bool is_in_vain = false;
   Duration debt{0};
-  [[nodiscard]] bool must_rest(MonotonicTime) const noexcept { return is_spent; }
+  [[nodiscard]] bool must_pause(MonotonicTime) const noexcept { return is_spent; }
   [[nodiscard]] bool must_sleep(MonotonicTime) const noexcept { return is_in_vain; }
   [[nodiscard]] Duration overdue(MonotonicTime) const noexcept { return debt; }
 };

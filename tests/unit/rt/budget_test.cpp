@@ -122,33 +122,33 @@ TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
 TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
   bool was_spent = false;
-  bool must_rest = true;
+  bool must_pause = true;
   auto thread = Thread::start({.name = "blocker", .priority = 5}, [&] {
     this_thread_budget() = RealtimeBudget(kUsual, now());
     timespec pause{0, 60'000'000};
     clock_nanosleep(CLOCK_MONOTONIC, 0, &pause, nullptr);
     was_spent = this_thread_budget().is_spent(now());
-    must_rest = this_thread_budget().must_rest(now());
+    must_pause = this_thread_budget().must_pause(now());
   });
   ASSERT_TRUE(thread) << thread.error().text;
   thread->join();
   EXPECT_TRUE(was_spent) << "the account does not know better";
-  EXPECT_FALSE(must_rest);
+  EXPECT_FALSE(must_pause);
 }
 
 TEST(RealtimeBudget, IsSpentByWhatRuns) {
   if (!test::has_realtime_right()) GTEST_SKIP() << test::kNoRealtimeRight;
-  bool must_rest = false;
+  bool must_pause = false;
   auto thread = Thread::start({.name = "runner", .priority = 5}, [&] {
     this_thread_budget() = RealtimeBudget(kUsual, now());
     // It may have to go on for longer, as others of the machine take the CPU away.
     const MonotonicTime end = now() + 20s;
-    while (!must_rest && now() < end)
-      must_rest = this_thread_budget().must_rest(now());
+    while (!must_pause && now() < end)
+      must_pause = this_thread_budget().must_pause(now());
   });
   ASSERT_TRUE(thread) << thread.error().text;
   thread->join();
-  EXPECT_TRUE(must_rest);
+  EXPECT_TRUE(must_pause);
 }
 
 TEST(AsleepScope, CreditsTheThreadsSleep) {

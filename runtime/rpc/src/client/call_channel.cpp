@@ -418,7 +418,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
   int refusal_count = 0;
   // One that fills a CPU at a real-time level blocks now and then, lest the kernel stop it.
   rt::RealtimeBudget& budget = rt::this_thread_budget();
-  bool is_spinning = may_spin && !budget.must_rest(now);
+  bool is_spinning = may_spin && !budget.must_pause(now);
   const auto wake_time = [&] {
     const MonotonicTime wake = std::min(until, wire_.next_time());
     return may_spin && now < spin_end ? std::min(wake, now + rt::RealtimeBudget::kPause) : wake;
@@ -444,7 +444,7 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
       take(*frame, now);
     } else if (frame.error() == transport::IoError::kNothing) {
       set_event([&] { return wire_.on_time(now); });
-      is_spinning = may_spin && now < spin_end && !budget.must_rest(now);
+      is_spinning = may_spin && now < spin_end && !budget.must_pause(now);
     } else if (frame.error() == transport::IoError::kRefused && ++refusal_count == 1 &&
                wire_.is_ready()) {
       // It may be the answer to an earlier frame, before the server was there again: ask once more.

@@ -77,7 +77,7 @@ class CompletionThread::Impl {
   rt::Thread thread_{};
 
  private:
-  /// Waits for news if no call is open; false at the end.
+  /// Waits for a new call if none is open; false at the end.
   bool take_added(Completions& completions) {
     // What was told more often than it was waited for makes a turn for nothing, at worst.
     if (completions.open_count() == 0) news_.acquire();

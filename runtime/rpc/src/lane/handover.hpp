@@ -35,7 +35,7 @@ class Handover {
   }
 
   /// Whether some have arrived, once: take them all.
-  [[nodiscard]] bool take_news() noexcept {
+  [[nodiscard]] bool take_notice() noexcept {
     // SYNC POINT lane-arrivals
     if (!has_arrivals_.load(std::memory_order_acquire)) return false;
     // An exchange, because others could see a plain store after what the ring held before it: a

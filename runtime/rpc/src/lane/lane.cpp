@@ -116,7 +116,7 @@ void Lane::step(Lead& lead) noexcept {
 
 // Asks the sources for calls, those first that most likely have some; true if there was work.
 bool Lane::turn(Lead& lead) noexcept {
-  if (media_.handover().take_news()) {
+  if (media_.handover().take_notice()) {
     while (auto stream = media_.handover().take_arrival())
       calls_.admit(lead, std::move(stream));
   }
@@ -309,7 +309,7 @@ bool Lane::serve_connection(Lead& lead, Slot& slot) noexcept {
 
 void Lane::obey(Lead& lead, const Pause& pause) noexcept {
   if (pause.kind == Pause::Kind::kNone) return;
-  ++report_.sample(lead).rest_count;
+  ++report_.sample(lead).pause_count;
   calls_.publish(lead);
   if (pause.kind == Pause::Kind::kSleep) return execution_->sleep(lead, pause.until);
   execution_->keep_cpu_awake(pause.until);

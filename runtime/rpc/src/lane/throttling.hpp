@@ -20,7 +20,7 @@ struct Pause {
 /// Of a thread that polls in vain.
 template <class Budget>
 [[nodiscard]] Pause pause_while_polling(Budget& budget, MonotonicTime now) noexcept {
-  if (!budget.must_rest(now)) return {};
+  if (!budget.must_pause(now)) return {};
   const bool must_sleep = budget.must_sleep(now);
   return {must_sleep ? Pause::Kind::kSleep : Pause::Kind::kWait, now + rt::RealtimeBudget::kPause};
 }
@@ -32,7 +32,7 @@ template <class Budget, class Clock>
   if (budget.overdue(received) == Duration{0}) return {};
   // A call may have run since.
   const MonotonicTime now = clock();
-  if (!budget.must_rest(now)) return {};
+  if (!budget.must_pause(now)) return {};
   const Duration rest = budget.overdue(now);
   if (rest == Duration{0}) return {};
   return {Pause::Kind::kSleep, now + rest};

@@ -74,7 +74,7 @@ bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
         if (state_.load(std::memory_order_acquire) == State::kDone) return true;
       }
       now = rt::now();
-    } while (now < spin_end && !rt::this_thread_budget().must_rest(now));
+    } while (now < spin_end && !rt::this_thread_budget().must_pause(now));
   }
   State state = State::kSubmitted;
   if (!state_.compare_exchange_strong(state, State::kWaiting, std::memory_order_acq_rel)) {

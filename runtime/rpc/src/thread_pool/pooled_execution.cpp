@@ -194,7 +194,7 @@ void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
   parts_.calls.publish(lead);
   const Pause pause = pause_after_work(rt::this_thread_budget(), now, rt::now);
   if (pause.kind == Pause::Kind::kNone) return;
-  ++parts_.report.sample(lead).rest_count;
+  ++parts_.report.sample(lead).pause_count;
   sleep(lead, pause.until);
 }
 

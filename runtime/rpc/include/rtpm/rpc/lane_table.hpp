@@ -39,7 +39,7 @@ struct LaneSample {
   std::uint64_t queued_count = 0;           ///< Calls that wait for a thread, now.
   std::uint64_t open_call_count = 0;        ///< Calls that are deferred, or streams, now.
   std::uint64_t open_connection_count = 0;  ///< Over TCP and through memory, now.
-  std::uint64_t rest_count = 0;             ///< Rests for the kernel's sake, see rt/budget.hpp.
+  std::uint64_t pause_count = 0;  ///< Pauses lest the kernel throttle it, see rt/budget.hpp.
 };
 
 /// One lane. All but the atomics is written before the table can be found, and stays.

@@ -52,7 +52,7 @@ class RealtimeBudget {
   /// so it is held against the thread's own time first, which has what blocked elsewhere: in a
   /// method, say. For the thread itself.
   /// @realtime alloc-free, a syscall when the account says so
-  [[nodiscard]] bool must_rest(MonotonicTime now) noexcept {
+  [[nodiscard]] bool must_pause(MonotonicTime now) noexcept {
     return is_spent(now) && is_spent_indeed(now);
   }
   /// What the account says.
@@ -63,7 +63,7 @@ class RealtimeBudget {
   [[nodiscard]] bool must_sleep(MonotonicTime now) const noexcept {
     return is_block_in_vain_ && is_spent(now);
   }
-  /// How long to sleep although there is work, for after must_rest(); 0 for as long as pauses
+  /// How long to sleep although there is work, for after must_pause(); 0 for as long as pauses
   /// between the work will do.
   [[nodiscard]] Duration overdue(MonotonicTime now) const noexcept;
   /// Whether on_slept() is to be told the very time that the thread was off its CPU: where there is
