@@ -44,7 +44,7 @@ class World {
     if (how % 4 == 3) {
       const auto free = static_cast<std::size_t>(std::ranges::find(open_, false) - open_.begin());
       parameters.stream_window = 1U + how / 4 % kStreamWindow;
-      parameters.stream_room = {
+      parameters.stream_buffers = {
           .frames = MutableBytes(item_rooms_[free])
                         .first((parameters.stream_window + kByteWindow / kItemSize) * kItemSize),
           .frame_size = kItemSize,
@@ -121,10 +121,10 @@ class World {
 
   ChannelEvent receive(ConstBytes frame) {
     const ChannelEvent event = channel_.on_frame(frame, now_);
-    if (event.kind != ChannelEvent::Kind::kNeedRoom) return event;
-    RTPM_ASSERT(open_[event.call] && event.room_size <= kLarge,
+    if (event.kind != ChannelEvent::Kind::kNeedBuffer) return event;
+    RTPM_ASSERT(open_[event.call] && event.reply_size <= kLarge,
                 "room is asked for within the limit");
-    channel_.give_room(MutableBytes(rooms_[event.call]).first(event.room_size), event.call);
+    channel_.set_reply_buffer(MutableBytes(rooms_[event.call]).first(event.reply_size), event.call);
     return channel_.on_frame(frame, now_);
   }
 

@@ -41,7 +41,7 @@ class World {
   World(Medium medium, bool is_corrupting)
       : medium_(medium),
         is_corrupting_(is_corrupting),
-        stream_memory_(2 * stream_room_size(medium)) {
+        stream_memory_(2 * stream_buffer_size(medium)) {
     restart();
   }
 
@@ -72,10 +72,10 @@ class World {
           static_cast<std::uint32_t>(std::min<std::size_t>(frame_payload_max(medium_), kLarge));
       item_rooms_[place].resize(count * std::size_t{frame_size});
       large_items_[place].resize(kLarge);
-      parameters.stream_room = {.frames = item_rooms_[place],
-                                .frame_size = frame_size,
-                                .item = large_items_[place],
-                                .byte_window = byte_window};
+      parameters.stream_buffers = {.frames = item_rooms_[place],
+                                   .frame_size = frame_size,
+                                   .item = large_items_[place],
+                                   .byte_window = byte_window};
     }
     if (how % 8 == 2) call.payload.resize(std::min<std::size_t>(call.payload.size(), 1000));
     const auto frame = client_.call(parameters, call.payload, now_);
@@ -266,9 +266,9 @@ class World {
 
   void client_takes(const Frame& frame) {
     ChannelEvent event = client_.on_frame(frame, now_);
-    if (event.kind == ChannelEvent::Kind::kNeedRoom) {
-      rooms_[event.call].resize(event.room_size);
-      client_.give_room(rooms_[event.call], event.call);
+    if (event.kind == ChannelEvent::Kind::kNeedBuffer) {
+      rooms_[event.call].resize(event.reply_size);
+      client_.set_reply_buffer(rooms_[event.call], event.call);
       event = client_.on_frame(frame, now_);
     }
     take(event);

@@ -49,9 +49,9 @@ void put_together(fuzz::Script& script) {
     const IncomingMessage::Taken taken = message.take(header, payload);
     RTPM_ASSERT(is_good == (taken != IncomingMessage::Taken::kForeign), "it knows its own");
     if (!is_good) continue;
-    RTPM_ASSERT(is_there[header.fragment_index] == (taken == IncomingMessage::Taken::kCopy),
+    RTPM_ASSERT(is_there[header.fragment_index] == (taken == IncomingMessage::Taken::kDuplicate),
                 "a fragment is taken once");
-    if (taken == IncomingMessage::Taken::kCopy) continue;
+    if (taken == IncomingMessage::Taken::kDuplicate) continue;
     is_there[header.fragment_index] = true;
     std::ranges::copy(payload, expected.begin() + header.fragment_index * std::ptrdiff_t{size});
     const auto missing = std::ranges::find(is_there, false) - is_there.begin();

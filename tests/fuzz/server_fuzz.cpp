@@ -33,7 +33,7 @@ std::uint16_t flags_of(std::uint8_t choice) {
 class World {
  public:
   explicit World(Medium medium)
-      : stream_memory_(2 * stream_room_size(medium)),
+      : stream_memory_(2 * stream_buffer_size(medium)),
         sessions_(config(medium, large_, stream_memory_)) {}
 
   void feed(ConstBytes frame, const PeerAddress& peer, std::uint8_t how_it_ends) {
@@ -244,7 +244,7 @@ class World {
     RTPM_ASSERT(sessions_.large_message_count(now_) <= kRoomCount, "so do the rooms");
     RTPM_ASSERT(sessions_.large_message_count(now_ + kLargeMessageSilenceMax) <= running_.size(),
                 "what is silent is not held");
-    RTPM_ASSERT(sessions_.next_room_time(now_) > now_, "a room that is free is not waited for");
+    RTPM_ASSERT(sessions_.next_buffer_time(now_) > now_, "a room that is free is not waited for");
   }
 
  private:

@@ -172,10 +172,10 @@ void SimClient::begin_call(Jobs::iterator job) {
         std::size_t{wire::kDatagramPayloadSizeMax} *
         wire::stream_frame_count(wire::Medium::kDatagram, parameters.stream_window, kByteWindow));
     job->large_item.resize(kMessageSizeMax);
-    parameters.stream_room = {.frames = job->items,
-                              .frame_size = wire::kDatagramPayloadSizeMax,
-                              .item = job->large_item,
-                              .byte_window = kByteWindow};
+    parameters.stream_buffers = {.frames = job->items,
+                                 .frame_size = wire::kDatagramPayloadSizeMax,
+                                 .item = job->large_item,
+                                 .byte_window = kByteWindow};
   }
   const auto frame = channel_->call(parameters, job->payload, local_now());
   // The server said in WELCOME how much it takes.
@@ -206,9 +206,9 @@ void SimClient::send(ConstBytes frame) {
 
 void SimClient::receive(const Bytes& frame) {
   wire::ChannelEvent event = channel_->on_frame(frame, local_now());
-  if (event.kind == Kind::kNeedRoom) {
-    rooms_[event.call].resize(event.room_size);
-    channel_->give_room(rooms_[event.call], event.call);
+  if (event.kind == Kind::kNeedBuffer) {
+    rooms_[event.call].resize(event.reply_size);
+    channel_->set_reply_buffer(rooms_[event.call], event.call);
     event = channel_->on_frame(frame, local_now());
   }
   handle(event);
@@ -276,7 +276,7 @@ void SimClient::handle(const wire::ChannelEvent& event) {
       if (is_opening_) return on_no_session(event);
       return end(job_of(event.call), Outcome::kMayHaveRun, "timeout");
     case Kind::kBroken:
-    case Kind::kNeedRoom:
+    case Kind::kNeedBuffer:
       history_.note(scheduler_.now(), "FAULT: what a datagram channel does not say");
       return;
   }

@@ -25,7 +25,7 @@ void SimServer::start() {
   config.message_size_max = kMessageSizeMax;
   large_.assign(profile_.large_count * kMessageSizeMax, std::byte{0xee});
   config.large_memory = large_;
-  streams_.assign(profile_.stream_count * stream_room_size(wire::Medium::kDatagram),
+  streams_.assign(profile_.stream_count * stream_buffer_size(wire::Medium::kDatagram),
                   std::byte{0xdd});
   config.stream_memory = streams_;
   sessions_ = std::make_unique<wire::ServerSessions>(config);

@@ -100,7 +100,7 @@ class ServerSide final : public Side {
   Outputs act(const Json& step, const FreeBytes& free, MonotonicTime now) override {
     if (step.value("network_does", "") == "disconnect") {
       for (Lane& lane : lanes_)
-        lane.sessions->forget({.high = connection_number_, .port = 1});
+        lane.sessions->end_connection({.high = connection_number_, .port = 1});
       ++connection_number_;
       Outputs outputs;
       tell_cancelled(outputs);
@@ -228,7 +228,7 @@ class ServerSide final : public Side {
     for (std::size_t i = 0; i < bands_.size(); ++i) {
       Lane& lane = lanes_[i];
       lane.large_memory.resize(std::size_t{4} * config_.message_size_max);
-      lane.stream_memory.resize(4 * stream_room_size(config_.medium));
+      lane.stream_memory.resize(4 * stream_buffer_size(config_.medium));
       wire::ServerSessionsConfig config = config_;
       config.lane = static_cast<std::uint32_t>(i);
       config.band = bands_[i];
@@ -269,9 +269,9 @@ class ClientSide final : public Side {
     const wire::FrameCounters before = channel_.counters();
     const std::vector<LostCall> open = open_calls();
     ChannelEvent event = channel_.on_frame(frame, now);
-    if (event.kind == ChannelEvent::Kind::kNeedRoom) {
-      rooms_.emplace_back(event.room_size);
-      channel_.give_room(rooms_.back(), event.call);
+    if (event.kind == ChannelEvent::Kind::kNeedBuffer) {
+      rooms_.emplace_back(event.reply_size);
+      channel_.set_reply_buffer(rooms_.back(), event.call);
       event = channel_.on_frame(frame, now);
     }
     Outputs outputs = outputs_of(event);
@@ -303,7 +303,7 @@ class ClientSide final : public Side {
                                     wide_number(step.at("trace_id")), deadline};
     parameters.delivery = delivery_named(step.value("delivery", "reply"));
     parameters.stream_window = step.value("window", 0u);
-    if (parameters.stream_window > 0) give_stream_room(parameters);
+    if (parameters.stream_window > 0) give_stream_buffers(parameters);
     payloads_.push_back(bytes_of_hex(step.at("payload")));
     const auto frame = channel_.call(parameters, payloads_.back(), now);
     if (!frame) return {{{}, {{"client_sees", to_string(frame.error())}}}};
@@ -348,15 +348,15 @@ class ClientSide final : public Side {
           << new_call << " begins while " << open.call_id << " is open";
     }
   }
-  void give_stream_room(wire::CallParameters& parameters) {
+  void give_stream_buffers(wire::CallParameters& parameters) {
     constexpr std::size_t kFrameSize = wire::kDatagramPayloadSizeMax;
     const std::uint32_t byte_window = wire::stream_bytes_first(medium_);
     rooms_.emplace_back(kFrameSize *
                         wire::stream_frame_count(medium_, parameters.stream_window, byte_window));
-    parameters.stream_room = {
+    parameters.stream_buffers = {
         .frames = rooms_.back(), .frame_size = kFrameSize, .item = {}, .byte_window = byte_window};
     rooms_.emplace_back(message_size_max_);
-    parameters.stream_room.item = rooms_.back();
+    parameters.stream_buffers.item = rooms_.back();
   }
   static wire::Delivery delivery_named(const std::string& name) {
     if (name == "receipt") return wire::Delivery::kReceipt;
@@ -428,7 +428,7 @@ class ClientSide final : public Side {
         return {{{}, {{"client_sees", "lost"}}}};
       case ChannelEvent::Kind::kClosed:
         return {{{}, {{"client_sees", "closed"}}}};
-      case ChannelEvent::Kind::kNeedRoom:
+      case ChannelEvent::Kind::kNeedBuffer:
         return {{{}, {{"client_sees", "a large reply"}}}};
       case ChannelEvent::Kind::kTimeout: {
         Json step{{"client_sees", "timeout"}};

@@ -182,8 +182,8 @@ class ClientSide final : public Side {
     const auto frame = as_read(bytes, faults_);
     const std::vector<LostCall> open = open_calls();
     ChannelEvent event = channel_.on_frame(frame, monotonic_now());
-    if (event.kind == ChannelEvent::Kind::kNeedRoom) {
-      channel_.give_room(memory_.emplace_back(event.room_size), event.call);
+    if (event.kind == ChannelEvent::Kind::kNeedBuffer) {
+      channel_.set_reply_buffer(memory_.emplace_back(event.reply_size), event.call);
       event = channel_.on_frame(frame, monotonic_now());
     }
     if (event.kind == ChannelEvent::Kind::kLost) lost_ = open;
@@ -197,7 +197,7 @@ class ClientSide final : public Side {
       case ChannelEvent::Kind::kNothing:
       case ChannelEvent::Kind::kSend:
       case ChannelEvent::Kind::kItems:
-      case ChannelEvent::Kind::kNeedRoom:
+      case ChannelEvent::Kind::kNeedBuffer:
         break;
       case ChannelEvent::Kind::kReady:
         say("sees ready");
@@ -246,7 +246,7 @@ class ClientSide final : public Side {
     if (parameters.stream_window > 0) {
       const std::uint32_t byte_window = wire::stream_bytes_first(medium_);
       const auto frame_size = static_cast<std::uint32_t>(wire::frame_payload_max(medium_));
-      parameters.stream_room = {
+      parameters.stream_buffers = {
           .frames = memory_.emplace_back(
               frame_size *
               wire::stream_frame_count(medium_, parameters.stream_window, byte_window)),

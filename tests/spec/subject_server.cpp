@@ -138,7 +138,7 @@ class ServerSide final : public Side {
       Lane& lane = lanes_.emplace_back();
       lane.band = config_.band = band;
       lane.large_memory.resize(std::size_t{4} * config_.message_size_max);
-      lane.stream_memory.resize(4 * stream_room_size(medium_));
+      lane.stream_memory.resize(4 * stream_buffer_size(medium_));
       config_.large_memory = lane.large_memory;
       config_.stream_memory = lane.stream_memory;
       lane.sessions = std::make_unique<wire::ServerSessions>(config_);
@@ -209,7 +209,7 @@ class ServerSide final : public Side {
     ::close(connections_[number].socket);
     connections_.erase(number);
     for (Lane& lane : lanes_)
-      lane.sessions->forget({.high = number});
+      lane.sessions->end_connection({.high = number});
     tell_cancelled();
   }
 

@@ -57,10 +57,10 @@ class Talk {
   }
   /// With all frames of a large request.
   Bytes call(wire::CallParameters parameters, const Bytes& payload, Duration when) {
-    parameters.stream_room = {.frames = items_,
-                              .frame_size = wire::kDatagramPayloadSizeMax,
-                              .item = item_,
-                              .byte_window = wire::stream_bytes_first(medium_)};
+    parameters.stream_buffers = {.frames = items_,
+                                 .frame_size = wire::kDatagramPayloadSizeMax,
+                                 .item = item_,
+                                 .byte_window = wire::stream_bytes_first(medium_)};
     payloads_.push_back(payload);  // The call views it.
     const auto frame = client_.call(parameters, payloads_.back(), at(when));
     EXPECT_TRUE(frame);
@@ -124,7 +124,7 @@ class Talk {
   wire::Medium medium_;
   End server_end_;
   Bytes large_memory_ = Bytes(3 * 4032);
-  Bytes stream_memory_ = Bytes(stream_room_size(medium_));
+  Bytes stream_memory_ = Bytes(stream_buffer_size(medium_));
   Bytes items_ = Bytes(8 * wire::kDatagramPayloadSizeMax);
   Bytes item_ = Bytes(4000);
   std::unique_ptr<wire::ServerSessions> server_;

@@ -89,7 +89,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   }
   if (parameters.delivery == Delivery::kReceipt) call.header.flags = kFlagReplyOnReceipt;
   if (parameters.stream_window > 0) {
-    call.items.begin(parameters.stream_room, parameters.stream_window);
+    call.items.begin(parameters.stream_buffers, parameters.stream_window);
     call.header.item = call.credit_sent = parameters.stream_window;
     call.bytes_sent = stream_bytes_first(config_.medium);
     call.freed_sent = 0;
@@ -114,8 +114,8 @@ ConstBytes ClientChannel::begin_call(Call& call, MonotonicTime now) noexcept {
   return call.request.next(buffer_, budget_of(call, now), now);
 }
 
-void ClientChannel::give_room(MutableBytes room, CallIndex call) noexcept {
-  calls_[call].room = room;
+void ClientChannel::set_reply_buffer(MutableBytes buffer, CallIndex call) noexcept {
+  calls_[call].reply_buffer = buffer;
 }
 
 ConstBytes ClientChannel::next_frame(MonotonicTime now) noexcept {
@@ -262,12 +262,12 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
   if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
   if (!call.reply.is_begun()) {
     // Only now: another room would take the old one away from under a reply that has begun.
-    if (call.room.size() < header.message_size) {
-      return {.kind = ChannelEvent::Kind::kNeedRoom,
+    if (call.reply_buffer.size() < header.message_size) {
+      return {.kind = ChannelEvent::Kind::kNeedBuffer,
               .call = index_of(call),
-              .room_size = header.message_size};
+              .reply_size = header.message_size};
     }
-    call.reply.begin(header, call.room);
+    call.reply.begin(header, call.reply_buffer);
   }
   const IncomingMessage::Taken taken = call.reply.take(header, payload);
   if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
@@ -368,9 +368,9 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   if (taken == IncomingStream::Taken::kForeign) return drop(DropReason::kUnexpected);
   // hp-8-1
   if (call->items.dropped_count() != dropped_before) counters_.drop(DropReason::kUnexpected);
-  const bool is_copy = taken == IncomingStream::Taken::kCopy;
-  if (is_copy) counters_.drop(DropReason::kUnexpected);
-  if (!is_copy && (header.flags & kFlagRepeated) == 0 && header.fragment_index == 0) {
+  const bool is_duplicate = taken == IncomingStream::Taken::kDuplicate;
+  if (is_duplicate) counters_.drop(DropReason::kUnexpected);
+  if (!is_duplicate && (header.flags & kFlagRepeated) == 0 && header.fragment_index == 0) {
     // A pause is not to be remembered for long.
     const Duration gap = std::min<Duration>(now - call->item_heard, kStreamAskIntervalMax / 4);
     call->item_gap += (gap - call->item_gap) / 8;
@@ -379,7 +379,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   hear_of_items(*call, now);
   // hp-5.10-4: each gap is told once; if what is sent again gets lost, too, time tells. A CREDIT
   // for each copy, answered with all that it lacks, would bring more copies, without end.
-  if (reveals_gap && !is_copy) call->is_credit_due = true;
+  if (reveals_gap && !is_duplicate) call->is_credit_due = true;
   look_at_credit(*call);
   if (call->items.is_complete()) return end_of_stream(*call, now);
   ChannelEvent event;
@@ -399,12 +399,12 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
   const bool is_given_up = header.status == Status::kExpired ||
                            header.status == Status::kCancelled ||
                            header.status == Status::kStopping || header.status == Status::kLost;
-  const bool is_copy = call.items.is_ended();
+  const bool is_duplicate = call.items.is_ended();
   if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
   call.end_status = header.status;
   // From now on only items are progress: a server that has none of those that it counts is as good
   // as silent. They are asked for at once only once, or the two sides would do nothing else.
-  if (is_copy && !is_given_up) return {};
+  if (is_duplicate && !is_given_up) return {};
   hear_of_items(call, now);
   if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
   call.is_asking = true;

@@ -48,10 +48,10 @@ std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept {
   return ack;
 }
 
-void IncomingMessage::begin(const Header& header, MutableBytes room) noexcept {
-  RTPM_ASSERT(room.size() >= header.message_size, "the room holds the message");
+void IncomingMessage::begin(const Header& header, MutableBytes buffer) noexcept {
+  RTPM_ASSERT(buffer.size() >= header.message_size, "the buffer holds the message");
   header_ = header;
-  room_ = room.first(header.message_size);
+  buffer_ = buffer.first(header.message_size);
   fragment_size_ = fragment_size_of(header);
   arrived_.reset(header.fragment_count);
 }
@@ -59,14 +59,14 @@ void IncomingMessage::begin(const Header& header, MutableBytes room) noexcept {
 IncomingMessage::Taken IncomingMessage::take(const Header& header, ConstBytes payload) noexcept {
   // hp-5.6-9: what was judged by the first fragment is not changed by a later one.
   constexpr std::uint16_t kOfTheMessage = kFlagNoReply | kFlagReplyOnReceipt;
-  if (header.message_size != room_.size() || header.fragment_count != arrived_.count() ||
+  if (header.message_size != buffer_.size() || header.fragment_count != arrived_.count() ||
       fragment_size_of(header) != fragment_size_ || header.service != header_.service ||
       header.method != header_.method || header.priority != header_.priority ||
       header.item != header_.item || ((header.flags ^ header_.flags) & kOfTheMessage) != 0) {
     return Taken::kForeign;
   }
-  if (!arrived_.insert(header.fragment_index)) return Taken::kCopy;
-  std::memcpy(room_.data() + std::size_t{header.fragment_index} * fragment_size_, payload.data(),
+  if (!arrived_.insert(header.fragment_index)) return Taken::kDuplicate;
+  std::memcpy(buffer_.data() + std::size_t{header.fragment_index} * fragment_size_, payload.data(),
               payload.size());
   return arrived_.is_complete() ? Taken::kLast : Taken::kNew;
 }

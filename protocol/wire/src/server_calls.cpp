@@ -34,7 +34,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
 
   Slot& slot = session->slots[header.call_id % kCallWindow];
   if (slot.state != Slot::State::kEmpty) {
-    if (slot.call_id == header.call_id) return on_copy(request, slot, *session);
+    if (slot.call_id == header.call_id) return on_duplicate(request, slot, *session);
     // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
     // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
     // Of what the session left behind nobody waits any more (hp-5.2-2).
@@ -58,8 +58,8 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
 }
 
 // hp-5.2-1: a copy is never run again. How it is answered depends on how far the call is.
-ServerSessions::Answer ServerSessions::on_copy(Request& request, Slot& slot,
-                                               Session& session) noexcept {
+ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot,
+                                                    Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
   if (slot.is_evicted) return refuse(header, Status::kOverload, now);
@@ -201,8 +201,8 @@ std::uint32_t ServerSessions::reply_size_max(const Request& request) const noexc
 MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime now) noexcept {
   std::uint32_t size_max = reply_size_max(request);
   if (scratch_ != kNoLargeBuffer) {
-    if (is_short_of_rooms(request, now)) size_max = std::min(size_max, payload_size_max_);
-    return large_buffers_[scratch_].room.first(size_max);
+    if (is_short_of_buffers(request, now)) size_max = std::min(size_max, payload_size_max_);
+    return large_buffers_[scratch_].memory.first(size_max);
   }
   // What will not be sent must not be written over a reply that is kept.
   const Slot* const slot = slot_of(request);
@@ -251,7 +251,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   if (payload_size > payload_size_max_) return complete_large(request, slot, header, now);
   std::byte* frame = frame_of(request.session_index, request.slot_index);
   if (scratch_ != kNoLargeBuffer && payload_size > 0) {
-    std::memcpy(frame + kHeaderSize, large_buffers_[scratch_].room.data(), payload_size);
+    std::memcpy(frame + kHeaderSize, large_buffers_[scratch_].memory.data(), payload_size);
   }
   encode(header, frame);
   slot.frame_size = static_cast<std::uint32_t>(kHeaderSize + payload_size);

@@ -9,9 +9,9 @@ namespace rtpm::wire {
 
 // Cuts the memory for large messages in rooms. Without any the largest message is a frame's.
 void ServerSessions::make_large_buffers() {
-  const std::size_t room_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
+  const std::size_t buffer_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
   const std::size_t count =
-      std::min<std::size_t>(config_.large_memory.size() / room_size, kNoLargeBuffer);
+      std::min<std::size_t>(config_.large_memory.size() / buffer_size, kNoLargeBuffer);
   // One room is the scratch for replies, so that a single one could not take a request.
   if (config_.message_size_max <= payload_size_max_ || count < 2) {
     config_.message_size_max = std::min(config_.message_size_max, payload_size_max_);
@@ -19,7 +19,8 @@ void ServerSessions::make_large_buffers() {
   }
   large_buffers_.resize(count);
   for (std::size_t i = 0; i < count; ++i) {
-    large_buffers_[i].room = config_.large_memory.subspan(i * room_size, config_.message_size_max);
+    large_buffers_[i].memory =
+        config_.large_memory.subspan(i * buffer_size, config_.message_size_max);
   }
   scratch_ = 0;
   large_buffers_[scratch_].use = LargeBuffer::Use::kScratch;
@@ -48,7 +49,7 @@ std::uint32_t ServerSessions::large_message_count(MonotonicTime now) const noexc
       large_buffers_, [&](const LargeBuffer& large) { return is_awaited(large, now); }));
 }
 
-MonotonicTime ServerSessions::next_room_time(MonotonicTime now) const noexcept {
+MonotonicTime ServerSessions::next_buffer_time(MonotonicTime now) const noexcept {
   MonotonicTime next = kNever;
   for (const LargeBuffer& large : large_buffers_) {
     const MonotonicTime idle = idle_time(large);
@@ -118,10 +119,10 @@ void ServerSessions::free_large_buffer(Slot& slot) noexcept {
   large.outgoing.clear();
   slot.large = kNoLargeBuffer;
   --held_large_count_;
-  has_freed_room_ = true;
+  has_freed_buffer_ = true;
 }
 
-bool ServerSessions::is_short_of_rooms(const Request& request, MonotonicTime now) const noexcept {
+bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept {
   // While fewer are held than one host may hold there is a room for everybody.
   if (held_large_count_ < share_of_one_host(large_buffer_count_max())) return false;
   const Session& session = sessions_[request.session_index];
@@ -143,7 +144,7 @@ ServerSessions::Answer ServerSessions::receive_large(Request& request, Slot& slo
   if (index == kNoLargeBuffer) return refuse_call(request, Status::kOverload, request.received);
   slot.state = Slot::State::kReceiving;
   slot.large = index;
-  large_buffers_[index].incoming.begin(request.header, large_buffers_[index].room);
+  large_buffers_[index].incoming.begin(request.header, large_buffers_[index].memory);
   return on_fragment(request, slot, session);
 }
 
@@ -233,7 +234,7 @@ ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
 ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept {
   RTPM_ASSERT(
-      scratch_ != kNoLargeBuffer && header.message_size <= large_buffers_[scratch_].room.size(),
+      scratch_ != kNoLargeBuffer && header.message_size <= large_buffers_[scratch_].memory.size(),
       "a reply fits its buffer");
   const std::uint16_t next_scratch = take_large_buffer(LargeBuffer::Use::kScratch, request, now);
   RTPM_ASSERT(next_scratch != kNoLargeBuffer,
@@ -246,7 +247,7 @@ ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, co
   large.slot_index = request.slot_index;
   large.deadline = request.deadline;
   large.heard = now;
-  large.outgoing.begin(header, large.room.first(header.message_size), payload_size_max_,
+  large.outgoing.begin(header, large.memory.first(header.message_size), payload_size_max_,
                        window_of(config_.medium));
   sending_ = slot.large;
   return next_frame(now);

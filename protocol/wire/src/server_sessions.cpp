@@ -39,9 +39,9 @@ ServerSessions::ServerSessions(const ServerSessionsConfig& config)
 }
 
 void ServerSessions::make_streams() {
-  const std::size_t room_size = stream_room_size(config_.medium);
+  const std::size_t buffer_size = stream_buffer_size(config_.medium);
   const std::size_t count =
-      std::min<std::size_t>(config_.stream_memory.size() / room_size, kNoStream - 1U);
+      std::min<std::size_t>(config_.stream_memory.size() / buffer_size, kNoStream - 1U);
   streams_.resize(count);
 }
 
@@ -205,7 +205,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   // Linear, because handshakes are rare and a table of 256 is small. The copy of a HELLO whose
   // WELCOME was lost finds the session that it opened (hp-4.1-4).
   Session* best = nullptr;
-  const bool has_room = has_room_for(peer);
+  const bool has_capacity = has_capacity_for(peer);
   for (Session& session : sessions_) {
     const bool is_of_channel = is_of(session, hello, peer);
     if (is_of_channel && session.handshake_number == handshake_number) {
@@ -221,14 +221,14 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
       break;
     }
     // hp-4-7: a host that has its share replaces only its own.
-    if (!has_room && (session.id == 0 || !is_same_host(session.peer, peer))) continue;
+    if (!has_capacity && (session.id == 0 || !is_same_host(session.peer, peer))) continue;
     if (session.id == 0) {
       if (best == nullptr || best->id != 0) best = &session;
     } else if (best == nullptr || (best->id != 0 && session.last_heard < best->last_heard)) {
       best = &session;
     }
   }
-  RTPM_ASSERT(best != nullptr, "a server has room for at least one session");
+  RTPM_ASSERT(best != nullptr, "a server has a slot for at least one session");
   if (best->id != 0) {
     // hp-5.5-1: a client that still repeats a call relies on its session.
     if (now - best->last_heard < kSessionIdleMin) return nullptr;
@@ -298,7 +298,7 @@ ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const
 
 // Whether the host has fewer sessions than one host may have. Only a datagram's address names a
 // host; how many connections a host may open is the acceptor's affair.
-bool ServerSessions::has_room_for(const PeerAddress& peer) const noexcept {
+bool ServerSessions::has_capacity_for(const PeerAddress& peer) const noexcept {
   if (config_.medium == Medium::kStream) return true;
   const auto count = std::ranges::count_if(sessions_, [&](const Session& session) {
     return session.id != 0 && is_same_host(session.peer, peer);
@@ -335,7 +335,7 @@ void ServerSessions::end_session(Session& session) noexcept {
   --session_count_;
 }
 
-void ServerSessions::forget(const PeerAddress& peer) noexcept {
+void ServerSessions::end_connection(const PeerAddress& peer) noexcept {
   for (Session& session : sessions_) {
     if (session.id == 0 || !(session.peer == peer)) continue;
     end_session(session);

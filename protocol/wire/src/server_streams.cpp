@@ -12,14 +12,14 @@ ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot
       std::ranges::find_if(streams_, [](const Stream& stream) { return !stream.items.is_begun(); });
   if (found == streams_.end()) return refuse_call(request, Status::kOverload, request.received);
   const auto index = static_cast<std::size_t>(found - streams_.begin());
-  const std::size_t room_size = stream_room_size(config_.medium);
+  const std::size_t buffer_size = stream_buffer_size(config_.medium);
   const bool is_datagram = config_.medium == Medium::kDatagram;
   const Session& session = sessions_[request.session_index];
   found->session_index = request.session_index;
   found->slot_index = request.slot_index;
   found->deadline = lease_of(session, request.header, request.received);
   found->items.begin(request.header,
-                     {.memory = config_.stream_memory.subspan(index * room_size, room_size),
+                     {.memory = config_.stream_memory.subspan(index * buffer_size, buffer_size),
                       .frame_size = is_datagram ? kDatagramFrameSizeMax : kStreamFrameSizeMax,
                       .fragment_size = std::min(payload_size_max_, session.message_size_max)},
                      config_.medium);

@@ -35,13 +35,14 @@ std::optional<StreamCredit> decode_credit(ConstBytes payload) noexcept {
   return credit;
 }
 
-void OutgoingStream::begin(const Header& header, const Room& room, Medium medium,
+void OutgoingStream::begin(const Header& header, const Buffers& buffers, Medium medium,
                            std::uint32_t first) noexcept {
-  RTPM_ASSERT(room.fragment_size >= 1 && kHeaderSize + room.fragment_size <= room.frame_size,
-              "a frame has room for a fragment");
+  RTPM_ASSERT(
+      buffers.fragment_size >= 1 && kHeaderSize + buffers.fragment_size <= buffers.frame_size,
+      "a frame has room for a fragment");
   // A power of two, so that the places go on where the numbers wrap around.
-  window_ = static_cast<std::uint32_t>(
-      std::bit_floor(std::min<std::size_t>(room.memory.size() / room.frame_size, kStreamWindow)));
+  window_ = static_cast<std::uint32_t>(std::bit_floor(
+      std::min<std::size_t>(buffers.memory.size() / buffers.frame_size, kStreamWindow)));
   RTPM_ASSERT(window_ >= 1, "a stream has memory for a frame");
   header_ = header;
   header_.kind = FrameKind::kItem;
@@ -49,7 +50,7 @@ void OutgoingStream::begin(const Header& header, const Room& room, Medium medium
   header_.budget_us = 0;
   header_.fragment_index = 0;
   header_.fragment_count = 1;
-  room_ = room;
+  buffers_ = buffers;
   medium_ = medium;
   count_ = first_missing_ = first;
   item_count_ = 0;
@@ -60,20 +61,20 @@ void OutgoingStream::begin(const Header& header, const Room& room, Medium medium
 }
 
 std::byte* OutgoingStream::frame_of(std::uint32_t number) const noexcept {
-  return room_.memory.data() + (is_kept() ? number % window_ : 0) * room_.frame_size;
+  return buffers_.memory.data() + (is_kept() ? number % window_ : 0) * buffers_.frame_size;
 }
 
 ConstBytes OutgoingStream::push(ConstBytes item, MonotonicTime now) noexcept {
   // hp-5.10-2
   if (!is_begun() || (!is_midway() && ahead(item_limit_, item_count_) <= 0)) return {};
   if (is_kept() && count_ - first_missing_ >= window_) return {};
-  const std::size_t at = std::size_t{header_.fragment_index} * room_.fragment_size;
+  const std::size_t at = std::size_t{header_.fragment_index} * buffers_.fragment_size;
   RTPM_ASSERT(!is_midway() || item.size() == header_.message_size, "an item stays the same");
   const auto size =
-      static_cast<std::uint32_t>(std::min<std::size_t>(room_.fragment_size, item.size() - at));
+      static_cast<std::uint32_t>(std::min<std::size_t>(buffers_.fragment_size, item.size() - at));
   if (ahead(byte_limit_, byte_count_) < static_cast<std::int32_t>(size)) return {};
   if (!is_midway()) {
-    const std::size_t count = (item.size() + room_.fragment_size - 1) / room_.fragment_size;
+    const std::size_t count = (item.size() + buffers_.fragment_size - 1) / buffers_.fragment_size;
     RTPM_ASSERT(count <= kFragmentCountMax, "an item has a bounded count of fragments");
     header_.message_size = static_cast<std::uint32_t>(item.size());
     header_.fragment_count = static_cast<std::uint16_t>(std::max<std::size_t>(count, 1));
@@ -125,14 +126,15 @@ ConstBytes OutgoingStream::next() noexcept {
   return {frame, kHeaderSize + sizes_[number % kStreamWindow]};
 }
 
-void IncomingStream::begin(const Room& room, std::uint32_t window, std::uint32_t first) noexcept {
+void IncomingStream::begin(const Buffers& buffers, std::uint32_t window,
+                           std::uint32_t first) noexcept {
   RTPM_ASSERT(window >= 1 && window <= kStreamWindow, "a stream takes 1 to 32 items at a time");
-  RTPM_ASSERT(room.frame_size > 0 && room.frames.size() >= room.frame_size,
+  RTPM_ASSERT(buffers.frame_size > 0 && buffers.frames.size() >= buffers.frame_size,
               "a stream has memory for a frame");
   *this = IncomingStream{};
-  room_ = room;
+  buffers_ = buffers;
   place_count_ = static_cast<std::uint32_t>(
-      std::min<std::size_t>(room.frames.size() / room.frame_size, kStreamFrameCountMax));
+      std::min<std::size_t>(buffers.frames.size() / buffers.frame_size, kStreamFrameCountMax));
   window_ = window;
   freed_ = first_missing_ = first;
 }
@@ -143,13 +145,13 @@ std::uint32_t IncomingStream::place_of(std::uint32_t number) const noexcept {
 }
 
 std::byte* IncomingStream::frame_at(std::uint32_t place) const noexcept {
-  return room_.frames.data() + place * std::size_t{room_.frame_size};
+  return buffers_.frames.data() + place * std::size_t{buffers_.frame_size};
 }
 
 // Whether the frame that comes next in order goes on with the item at hand, or begins one.
 bool IncomingStream::fits(const Part& part) const noexcept {
   if (!is_midway()) {
-    return part.index == 0 && (part.count == 1 || part.message_size <= room_.item.size());
+    return part.index == 0 && (part.count == 1 || part.message_size <= buffers_.item.size());
   }
   return part.index == at_hand_.index && part.count == at_hand_.count &&
          part.message_size == at_hand_.message_size && part.fragment_size == at_hand_.fragment_size;
@@ -166,20 +168,20 @@ void IncomingStream::accept(const Part& part) noexcept {
 IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payload) noexcept {
   const std::uint32_t number = header.item;
   const std::int32_t distance = ahead(number, first_missing_);
-  if (distance < 0) return Taken::kCopy;
-  if (distance > 64 || number - freed_ >= place_count_ || payload.size() > room_.frame_size) {
+  if (distance < 0) return Taken::kDuplicate;
+  if (distance > 64 || number - freed_ >= place_count_ || payload.size() > buffers_.frame_size) {
     return Taken::kForeign;
   }
   if (is_ended_ && ahead(number, end_) >= 0) return Taken::kForeign;
   const std::uint64_t bit = distance == 0 ? 0 : std::uint64_t{1} << (distance - 1);
-  if ((present_ & bit) != 0) return Taken::kCopy;
+  if ((present_ & bit) != 0) return Taken::kDuplicate;
   const Part part{.size = static_cast<std::uint32_t>(payload.size()),
                   .message_size = header.message_size,
                   .fragment_size = header.fragment_count > 1 ? fragment_size_of(header) : 0,
                   .index = header.fragment_index,
                   .count = header.fragment_count};
   // hp-5.10-9: nothing is kept that was not granted.
-  if (kept_bytes_ + part.size > room_.byte_window || (distance == 0 && !fits(part))) {
+  if (kept_bytes_ + part.size > buffers_.byte_window || (distance == 0 && !fits(part))) {
     return Taken::kForeign;
   }
   const std::uint32_t place = place_of(number);
@@ -239,7 +241,7 @@ void IncomingStream::put_together() noexcept {
   while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
     const Part& part = parts_[freed_place_];
     if (part.count == 1) return;
-    std::memcpy(room_.item.data() + filled_, frame_at(freed_place_), part.size);
+    std::memcpy(buffers_.item.data() + filled_, frame_at(freed_place_), part.size);
     filled_ += part.size;
     is_whole_ = part.index + 1 == part.count;
     free_first();
@@ -262,14 +264,14 @@ std::optional<ConstBytes> IncomingStream::next() noexcept {
   --ready_count_;
   if (is_whole_) {
     view_ = View::kItem;
-    return ConstBytes(room_.item.data(), filled_);
+    return ConstBytes(buffers_.item.data(), filled_);
   }
   view_ = View::kFrame;
   return ConstBytes(frame_at(freed_place_), parts_[freed_place_].size);
 }
 
 StreamCredit IncomingStream::credit() const noexcept {
-  return {first_missing_, freed_bytes_ + room_.byte_window, present_};
+  return {first_missing_, freed_bytes_ + buffers_.byte_window, present_};
 }
 
 }  // namespace rtpm::wire

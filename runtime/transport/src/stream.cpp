@@ -107,7 +107,7 @@ ssize_t FrameStream::fill(int flags) noexcept {
 }
 
 // The buffer holds more, which is left to frames that may not wait.
-bool FrameStream::has_spare_room(std::size_t size) noexcept {
+bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
   int waiting = 0;
   // Of a connection that has ended the send tells.
   if (ioctl(socket_.number(), SIOCOUTQ, &waiting) != 0) return true;

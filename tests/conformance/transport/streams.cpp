@@ -280,10 +280,10 @@ class StreamsOfOneConnection : public DeferredReplies {
     Bytes& item = memory_.emplace_back(kItemSize);
     wire::CallParameters wanted{
         .service = service_, .method = kCount.id, .deadline = kNever, .stream_window = 32};
-    wanted.stream_room = {.frames = frames,
-                          .frame_size = static_cast<std::uint32_t>(frame_size),
-                          .item = item,
-                          .byte_window = byte_window};
+    wanted.stream_buffers = {.frames = frames,
+                             .frame_size = static_cast<std::uint32_t>(frame_size),
+                             .item = item,
+                             .byte_window = byte_window};
     send(*channel_.call(wanted, {}, rt::now()));
     return channel_.last_call();
   }

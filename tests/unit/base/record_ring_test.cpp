@@ -39,9 +39,9 @@ class RecordRingTest : public testing::Test {
 
   Outcome write(const Bytes& record) { return writer_.write(record); }
   expected<Bytes, RecordError> read() {
-    const auto size = reader_.read(room_);
+    const auto size = reader_.read(buffer_);
     if (!size) return unexpected{size.error()};
-    return Bytes(room_.begin(), room_.begin() + static_cast<std::ptrdiff_t>(*size));
+    return Bytes(buffer_.begin(), buffer_.begin() + static_cast<std::ptrdiff_t>(*size));
   }
   void expect_record(const Bytes& record) {
     const auto given = read();
@@ -57,7 +57,7 @@ class RecordRingTest : public testing::Test {
   std::unique_ptr<Memory> memory_ = std::make_unique<Memory>();
   RecordWriter writer_{memory_->parts()};
   RecordReader reader_{memory_->parts()};
-  std::array<std::byte, kRecordSizeMax> room_{};
+  std::array<std::byte, kRecordSizeMax> buffer_{};
 };
 
 TEST_F(RecordRingTest, GivesRecordsInTheOrderTheyCame) {
@@ -102,7 +102,7 @@ TEST_F(RecordRingTest, WhenFullItWritesNothing) {
 TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
   const Bytes record = record_of(500, 1);  // 512 bytes of the ring.
   std::size_t count = 0;
-  while (writer_.has_spare_room(record.size())) {
+  while (writer_.has_spare_capacity(record.size())) {
     ASSERT_EQ(write(record), Outcome::kWritten);
     ++count;
   }
@@ -110,10 +110,10 @@ TEST_F(RecordRingTest, SaysWhetherHalfOfItStaysFree) {
   EXPECT_EQ(write(record), Outcome::kWritten) << "there is some";
   for (std::size_t i = 0; i <= count; ++i)
     expect_record(record);
-  EXPECT_TRUE(writer_.has_spare_room(record.size()));
+  EXPECT_TRUE(writer_.has_spare_capacity(record.size()));
   memory_->control.head = 3;
   ASSERT_EQ(write(record), Outcome::kWritten);
-  EXPECT_TRUE(writer_.has_spare_room(kRingSize)) << "nonsense is for write() to tell";
+  EXPECT_TRUE(writer_.has_spare_capacity(kRingSize)) << "nonsense is for write() to tell";
 }
 
 // hp-16.2-1: the ring is for what is long, or comes while many are not read yet.
@@ -227,7 +227,7 @@ TEST_F(RecordRingTest, TakesNoImpossibleTail) {
         ~std::uint64_t{0}, ~std::uint64_t{63}, std::uint64_t{1} << 63}) {
     memory_->control.tail = tail;
     RecordReader reader(memory_->parts());
-    const auto given = reader.read(room_);
+    const auto given = reader.read(buffer_);
     ASSERT_FALSE(given) << tail;
     EXPECT_EQ(given.error(), RecordError::kBroken) << tail;
   }
@@ -269,7 +269,7 @@ TEST_F(RecordRingTest, TakesNoImpossibleSize) {
     const std::uint64_t word = RecordWord{size, 1}.value();
     std::memcpy(memory.data.data(), &word, sizeof word);
     RecordReader reader(memory.parts());
-    const auto given = reader.read(room_);
+    const auto given = reader.read(buffer_);
     ASSERT_FALSE(given) << size;
     EXPECT_EQ(given.error(), RecordError::kBroken) << size;
   }
@@ -278,7 +278,7 @@ TEST_F(RecordRingTest, TakesNoImpossibleSize) {
     const std::uint64_t word = RecordWord{size, 1}.value();
     std::memcpy(memory.slots.data() + kRecordSlotSize, &word, sizeof word);
     RecordReader reader(memory.parts());
-    const auto given = reader.read(room_);
+    const auto given = reader.read(buffer_);
     ASSERT_FALSE(given) << size;
     EXPECT_EQ(given.error(), RecordError::kBroken) << size;
   }
@@ -292,7 +292,7 @@ TEST_F(RecordRingTest, TakesNoRecordOfAnotherNumber) {
     const std::uint64_t word = RecordWord{100, number}.value();
     std::memcpy(memory.data.data(), &word, sizeof word);
     RecordReader reader(memory.parts());
-    const auto given = reader.read(room_);
+    const auto given = reader.read(buffer_);
     ASSERT_FALSE(given) << number;
     EXPECT_EQ(given.error(), RecordError::kBroken) << number;
     // What stands in a slot under another number is an earlier record, or nothing.
@@ -300,7 +300,7 @@ TEST_F(RecordRingTest, TakesNoRecordOfAnotherNumber) {
     std::memcpy(memory.slots.data() + kRecordSlotSize, &word, sizeof word);
     RecordReader other(memory.parts());
     EXPECT_FALSE(other.has_record()) << number;
-    EXPECT_EQ(other.read(room_).error(), RecordError::kEmpty) << number;
+    EXPECT_EQ(other.read(buffer_).error(), RecordError::kEmpty) << number;
   }
 }
 
@@ -332,9 +332,9 @@ TEST_F(RecordRingTest, SurvivesAnybodyWhoScribblesOverIt) {
     RecordReader reader(memory_->parts());
     for (std::uint32_t i = 0; i < 200; ++i) {
       const Outcome outcome = writer.write(record_of(1 + i % kRecordSizeMax, i));
-      const auto size = reader.read(room_);
+      const auto size = reader.read(buffer_);
       if (size) {
-        ASSERT_LE(*size, room_.size());
+        ASSERT_LE(*size, buffer_.size());
       } else if (size.error() == RecordError::kBroken || outcome == Outcome::kBroken) {
         ++broken_count;
         break;

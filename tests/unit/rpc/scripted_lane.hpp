@@ -31,7 +31,7 @@ class ScriptedConnection final : public transport::Connection {
     sent.emplace_back(frame.begin(), frame.end());
     return {};
   }
-  bool has_spare_room(std::size_t) noexcept override { return true; }
+  bool has_spare_capacity(std::size_t) noexcept override { return true; }
   expected<ConstBytes, transport::IoError> receive() noexcept override {
     const rt::AllowAllocationScope is_allowed;
     if (received.empty()) return unexpected{transport::IoError::kNothing};

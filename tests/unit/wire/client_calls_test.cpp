@@ -390,20 +390,20 @@ Bytes reply_fragment(ConstBytes call, std::uint32_t message_size, std::uint32_t 
   return frame;
 }
 
-// Another room would take the first one away from under it.
-TEST_F(ClientCalls, AskForNoOtherRoomOnceAReplyHasBegun) {
+// Another buffer would take the first one away from under it.
+TEST_F(ClientCalls, AskForNoOtherBufferOnceAReplyHasBegun) {
   const Bytes call = begin_call(at(0s));
   const Bytes first = reply_fragment(call, 2000, 1000, 0);
-  EXPECT_EQ(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedRoom);
-  Bytes room(2000);
-  channel_.give_room(room);
-  EXPECT_NE(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedRoom);
+  EXPECT_EQ(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedBuffer);
+  Bytes buffer(2000);
+  channel_.set_reply_buffer(buffer);
+  EXPECT_NE(channel_.on_frame(first, at(1ms)).kind, Kind::kNeedBuffer);
   const Bytes larger = reply_fragment(call, 2900, 1000, 0);
   EXPECT_EQ(channel_.on_frame(larger, at(1ms)).kind, Kind::kNothing);
   EXPECT_EQ(dropped(DropReason::kBadFragment), 1u);
   const ChannelEvent event = channel_.on_frame(reply_fragment(call, 2000, 1000, 1), at(1ms));
   ASSERT_EQ(event.kind, Kind::kReply);
-  EXPECT_EQ(event.payload.data(), room.data());
+  EXPECT_EQ(event.payload.data(), buffer.data());
   EXPECT_EQ(event.payload.size(), 2000u);
 }
 

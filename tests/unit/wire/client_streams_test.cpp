@@ -20,13 +20,13 @@ class ClientStreams : public ClientChannelTest {
       : ClientChannelTest(medium, 2), medium_(medium) {}
   void SetUp() override { make_ready(at(0s)); }
 
-  void give_room(CallParameters& wanted, std::uint32_t window) {
+  void set_reply_buffer(CallParameters& wanted, std::uint32_t window) {
     memory_.resize(window * kItemSize);
     wanted.stream_window = window;
-    wanted.stream_room = {.frames = memory_,
-                          .frame_size = kItemSize,
-                          .item = {},
-                          .byte_window = stream_bytes_first(medium_)};
+    wanted.stream_buffers = {.frames = memory_,
+                             .frame_size = kItemSize,
+                             .item = {},
+                             .byte_window = stream_bytes_first(medium_)};
   }
   /// Begins a call that takes `window` items at a time.
   void begin(std::uint32_t window = 4, Duration patience = 1h, Duration lease = kStreamLease,
@@ -34,16 +34,16 @@ class ClientStreams : public ClientChannelTest {
     CallParameters wanted = parameters(at(0s) + patience);
     wanted.stream_lease = lease;
     wanted.stream_silence = silence;
-    give_room(wanted, window);
+    set_reply_buffer(wanted, window);
     const auto frame = channel_.call(wanted, request_, at(0s));
     ASSERT_TRUE(frame);
     call_ = copy_of(*frame);
     index_ = channel_.last_call();
   }
-  ChannelEvent item(std::uint32_t number, MonotonicTime now, bool is_copy = false) {
+  ChannelEvent item(std::uint32_t number, MonotonicTime now, bool is_duplicate = false) {
     Header header = answer_header(call_, FrameKind::kItem);
     header.item = number;
-    header.flags = is_copy ? kFlagRepeated : std::uint16_t{0};
+    header.flags = is_duplicate ? kFlagRepeated : std::uint16_t{0};
     frame_ = frame_of(header, bytes_of("item " + std::to_string(number)));
     return channel_.on_frame(frame_, now);
   }
@@ -294,7 +294,7 @@ TEST_F(ClientStreams, PutLargeItemsTogetherAndGrantTheirBytesMeanwhile) {
   memory_.resize(std::size_t{stream_frame_count(Medium::kDatagram, 4, 2048)} * 1024);
   Bytes item_room(3000);
   wanted.stream_window = 4;
-  wanted.stream_room = {
+  wanted.stream_buffers = {
       .frames = memory_, .frame_size = 1024, .item = item_room, .byte_window = 2048};
   const auto frame = channel_.call(wanted, request_, at(0s));
   ASSERT_TRUE(frame);
@@ -523,7 +523,7 @@ TEST_F(ClientStreams, CanBeCancelled) {
 TEST_F(ClientStreams, MayHaveALargeRequest) {
   const Bytes large(1500);
   CallParameters wanted = parameters(at(1h));
-  give_room(wanted, 4);
+  set_reply_buffer(wanted, 4);
   const auto first = channel_.call(wanted, large, at(0s));
   ASSERT_TRUE(first);
   call_ = copy_of(*first);
@@ -569,8 +569,8 @@ TEST_F(ClientStreamsOnAStream, StateNoLimitWhereTheConnectionTells) {
 // hp-5.10-9: more than at first, as soon as the server has the call.
 TEST_F(ClientStreamsOnAStream, GrantTheBytesThatTheyTake) {
   CallParameters wanted = parameters(at(1h));
-  give_room(wanted, 4);
-  wanted.stream_room.byte_window = 4 * kStreamBytesFirstStream;
+  set_reply_buffer(wanted, 4);
+  wanted.stream_buffers.byte_window = 4 * kStreamBytesFirstStream;
   const auto frame = channel_.call(wanted, request_, at(0s));
   ASSERT_TRUE(frame);
   call_ = copy_of(*frame);

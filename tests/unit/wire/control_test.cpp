@@ -47,9 +47,9 @@ TEST(BindRequest, ComesBackAsItWasWritten) {
 TEST(BindRequest, IsNotEncodedWhereItDoesNotFit) {
   const BindRequest request{"lab/arm0", "lab.Arm", 1};
   const std::size_t size = encoded(request).size();
-  for (std::size_t room = 0; room < size; ++room) {
-    Bytes bytes(room);
-    EXPECT_EQ(encode(request, bytes), 0u) << room;
+  for (std::size_t buffer = 0; buffer < size; ++buffer) {
+    Bytes bytes(buffer);
+    EXPECT_EQ(encode(request, bytes), 0u) << buffer;
   }
   const std::string too_long(kPathSizeMax + 1, 'p');
   Bytes bytes(1024);

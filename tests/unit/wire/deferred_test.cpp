@@ -92,8 +92,8 @@ TEST_F(Deferred, AreOrphansOnceTheirSessionIsClosed) {
   ASSERT_EQ(theirs.action, Action::kDispatch);
   EXPECT_EQ(theirs.request.session_index, request.session_index) << "the place is reused";
 
-  const MutableBytes room = server_.reply_buffer(request, at(0s));
-  EXPECT_GE(room.size(), kDatagramPayloadSizeMax) << "a servant need not know";
+  const MutableBytes buffer = server_.reply_buffer(request, at(0s));
+  EXPECT_GE(buffer.size(), kDatagramPayloadSizeMax) << "a servant need not know";
   EXPECT_EQ(server_.item_size_max(request), 0u);
   EXPECT_TRUE(answer(server_, request, "for nobody", at(2ms)).empty());
   EXPECT_EQ(server_.counters().orphaned_count, 1u);
@@ -120,7 +120,7 @@ TEST_F(Deferred, AreOrphansOnceTheirSessionIsReplaced) {
 TEST_F(DeferredOnAStream, AreOrphansOnceTheirConnectionEnds) {
   const Request request = run(1);
   server_.set_tag(request, 9);
-  server_.forget(peer_.address);
+  server_.end_connection(peer_.address);
   EXPECT_EQ(server_.next_cancelled(), 9u);
   EXPECT_EQ(server_.peer_of(request), std::nullopt);
   EXPECT_TRUE(answer(server_, request, "late", at(1ms)).empty());
@@ -144,9 +144,9 @@ TEST_F(Deferred, MayEndWithLargeReplies) {
   std::vector<Request> requests{run(1), run(2), run(3)};
   std::vector<Header> first_frames;
   for (std::size_t i = 0; i < 2; ++i) {
-    const MutableBytes room = server_.reply_buffer(requests[i], at(0s));
-    ASSERT_EQ(room.size(), kLarge);
-    std::ranges::fill(room.first(3000), static_cast<std::byte>(i + 1));
+    const MutableBytes buffer = server_.reply_buffer(requests[i], at(0s));
+    ASSERT_EQ(buffer.size(), kLarge);
+    std::ranges::fill(buffer.first(3000), static_cast<std::byte>(i + 1));
     const ConstBytes frame = server_.complete(requests[i], Status::kOk, 3000, at(1ms));
     ASSERT_EQ(frame.size(), kDatagramFrameSizeMax);
     EXPECT_EQ(frame[kHeaderSize], static_cast<std::byte>(i + 1));
@@ -167,14 +167,14 @@ TEST_F(Deferred, ThatEndLargeAfterTheirDeadlineHarmNobody) {
   const Request request = run(1);
   for (int round = 0; round < 10; ++round) {
     const Request late = run(static_cast<std::uint32_t>(10 + kCallWindow * round));
-    const MutableBytes room = server_.reply_buffer(late, at(10s));
-    ASSERT_EQ(room.size(), kLarge);
+    const MutableBytes buffer = server_.reply_buffer(late, at(10s));
+    ASSERT_EQ(buffer.size(), kLarge);
     static_cast<void>(server_.complete(late, Status::kOk, 3000, at(10s)));
     while (!server_.next_frame(at(10s)).empty()) {
     }
   }
-  const MutableBytes room = server_.reply_buffer(request, at(10s));
-  std::ranges::fill(room.first(3000), std::byte{7});
+  const MutableBytes buffer = server_.reply_buffer(request, at(10s));
+  std::ranges::fill(buffer.first(3000), std::byte{7});
   static_cast<void>(server_.complete(request, Status::kOk, 3000, at(10s)));
 }
 

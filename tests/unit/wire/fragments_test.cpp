@@ -122,7 +122,7 @@ TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
     OutgoingMessage outgoing;
     outgoing.begin({}, message, fragment_size, kFragmentWindow);
     IncomingMessage incoming;
-    Bytes room(message.size());
+    Bytes buffer(message.size());
     std::deque<Bytes> on_the_way;
     Bytes frame(kHeaderSize + fragment_size);
     for (int idle = 0; !outgoing.is_acknowledged(); ++idle) {
@@ -141,7 +141,7 @@ TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
       const Bytes arrived = on_the_way.front();
       on_the_way.pop_front();
       const Header header = header_of(arrived);
-      if (!incoming.is_begun()) incoming.begin(header, room);
+      if (!incoming.is_begun()) incoming.begin(header, buffer);
       ASSERT_NE(incoming.take(header, ConstBytes(arrived).subspan(kHeaderSize)), Taken::kForeign);
       const bool is_answered = (header.flags & kFlagAckWanted) != 0 && random() % 10 >= 2;
       if (is_answered) outgoing.on_ack(incoming.ack());
@@ -152,11 +152,11 @@ TEST(Messages, ArriveWholeWhateverHappensOnTheWay) {
 }
 
 TEST(IncomingMessage, TakesNoFragmentOfAnother) {
-  Bytes room(1000);
+  Bytes buffer(1000);
   IncomingMessage incoming;
-  incoming.begin(part(0, 3, 100, 250), room);
+  incoming.begin(part(0, 3, 100, 250), buffer);
   EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kNew);
-  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kCopy);
+  EXPECT_EQ(incoming.take(part(0, 3, 100, 250), Bytes(100)), Taken::kDuplicate);
   EXPECT_EQ(incoming.take(part(1, 3, 100, 251), Bytes(100)), Taken::kForeign);
   EXPECT_EQ(incoming.take(part(1, 3, 99, 250), Bytes(99)), Taken::kForeign);
   EXPECT_EQ(incoming.take(part(2, 3, 50, 250), Bytes(50)), Taken::kNew);
@@ -165,9 +165,9 @@ TEST(IncomingMessage, TakesNoFragmentOfAnother) {
 
 // hp-5.6-9: what was judged by the first fragment, a priority above all, stays as it was.
 TEST(IncomingMessage, TakesNoFragmentThatSaysOtherwise) {
-  Bytes room(1000);
+  Bytes buffer(1000);
   IncomingMessage incoming;
-  incoming.begin(part(0, 3, 100, 250), room);
+  incoming.begin(part(0, 3, 100, 250), buffer);
   const auto offer = [&](auto change) {
     Header header = part(1, 3, 100, 250);
     change(header);
@@ -190,8 +190,8 @@ constexpr std::uint32_t kLarge = 64 * 1024;
 
 class LargeCalls : public testing::Test {
  protected:
-  explicit LargeCalls(std::size_t room_count = 3)
-      : large_(room_count * kLarge), server_(config()) {}
+  explicit LargeCalls(std::size_t buffer_count = 3)
+      : large_(buffer_count * kLarge), server_(config()) {}
   void SetUp() override { peer_.open(server_, at(0s)); }
 
   ServerSessionsConfig config() {
@@ -266,9 +266,9 @@ TEST_F(LargeCalls, AreAnsweredInWindowsUntilAllHasArrived) {
   const Verdict verdict = receive(peer_.call_frame(1, "small"));
   ASSERT_EQ(verdict.action, Action::kDispatch);
   const Bytes reply = pattern(kLarge);
-  const MutableBytes room = server_.reply_buffer(verdict.request, at(0s));
-  ASSERT_EQ(room.size(), kLarge);
-  std::ranges::copy(reply, room.begin());
+  const MutableBytes buffer = server_.reply_buffer(verdict.request, at(0s));
+  ASSERT_EQ(buffer.size(), kLarge);
+  std::ranges::copy(reply, buffer.begin());
   IncomingMessage incoming;
   Bytes collected(kLarge);
   const auto take = [&](ConstBytes frame) {
@@ -314,7 +314,7 @@ TEST_F(LargeCalls, AreRefusedAboveTheLimitAndWithoutRoom) {
 /// A client and a server with a large reply between them, on which some frames get lost.
 class LargeExchange : public ClientChannelTest {
  protected:
-  LargeExchange() : large_(3 * kLarge), room_(kLarge), server_(config()) {}
+  LargeExchange() : large_(3 * kLarge), buffer_(kLarge), server_(config()) {}
   void SetUp() override {
     Bytes hello = copy_of(channel_.open(120, at(1s), at(0s)));
     for (int step = 0; step < 2; ++step) {
@@ -322,7 +322,7 @@ class LargeExchange : public ClientChannelTest {
       hello = copy_of(channel_.on_frame(verdict.frame, at(0s)).frame);
     }
     ASSERT_TRUE(channel_.is_ready());
-    channel_.give_room(room_);
+    channel_.set_reply_buffer(buffer_);
   }
   ServerSessionsConfig config() {
     ServerSessionsConfig config = server_config();
@@ -344,7 +344,7 @@ class LargeExchange : public ClientChannelTest {
 
   static constexpr PeerAddress kAddress{.low = 1, .port = 2};
   Bytes large_;
-  Bytes room_;
+  Bytes buffer_;
   ServerSessions server_;
 };
 
@@ -406,10 +406,10 @@ TEST_F(LargeReplies, AskForRoomAndAreAcknowledged) {
   const Bytes message = pattern(2900);
   const std::vector<Bytes> all = reply_fragments(call, message);
   const ChannelEvent first = channel_.on_frame(all[1], at(1ms));
-  ASSERT_EQ(first.kind, Kind::kNeedRoom);
-  ASSERT_EQ(first.room_size, 2900u);
-  Bytes room(2900);
-  channel_.give_room(room);
+  ASSERT_EQ(first.kind, Kind::kNeedBuffer);
+  ASSERT_EQ(first.reply_size, 2900u);
+  Bytes buffer(2900);
+  channel_.set_reply_buffer(buffer);
   EXPECT_EQ(channel_.on_frame(all[1], at(1ms)).kind, Kind::kNothing);
   // hp-5.6-7: when nothing more comes it says how far it is.
   const ChannelEvent late = channel_.on_time(channel_.next_time());

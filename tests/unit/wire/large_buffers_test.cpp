@@ -19,8 +19,8 @@ constexpr std::uint32_t kForEver = 0xffff'ffff;
 class LargeBuffers : public testing::Test {
  protected:
   /// A server with so many rooms, besides the one where replies are written.
-  void serve(std::size_t room_count, Medium medium = Medium::kDatagram) {
-    memory_.resize((room_count + 1) * kLarge);
+  void serve(std::size_t buffer_count, Medium medium = Medium::kDatagram) {
+    memory_.resize((buffer_count + 1) * kLarge);
     medium_ = medium;
     ServerSessionsConfig config = server_config(medium);
     config.message_size_max = kLarge;
@@ -149,18 +149,18 @@ TEST_F(LargeBuffers, AreTakenFromRepliesThatNobodyFetches) {
   reply_large(small_call(fetching, 1, at(0s)), at(0s));
   // Two of the server's replies are held; a third has no room, and its caller a frame's.
   const Request third = small_call(fetching, 2, at(1s));
-  EXPECT_TRUE(server_->is_short_of_rooms(third, at(1s)));
+  EXPECT_TRUE(server_->is_short_of_buffers(third, at(1s)));
   EXPECT_EQ(server_->reply_buffer(third, at(1s)).size(), kDatagramPayloadSizeMax);
-  EXPECT_EQ(server_->next_room_time(at(1s)), at(kLargeMessageSilenceMax));
+  EXPECT_EQ(server_->next_buffer_time(at(1s)), at(kLargeMessageSilenceMax));
   // Its ACKs, and copies of its call, show that a caller is there.
   EXPECT_EQ(acknowledge(fetching, 1, 1, at(2s)).action, Action::kNothing);
-  EXPECT_FALSE(server_->is_short_of_rooms(third, at(kLargeMessageSilenceMax)));
+  EXPECT_FALSE(server_->is_short_of_buffers(third, at(kLargeMessageSilenceMax)));
   reply_large(third, at(kLargeMessageSilenceMax));
   EXPECT_EQ(acknowledge(silent, 1, 1, at(4s)).action, Action::kNothing);
   EXPECT_EQ(server_->counters().dropped_for(DropReason::kUnexpected), 1u) << "it is forgotten";
   EXPECT_EQ(acknowledge(fetching, 1, 7, at(4s)).action, Action::kNothing);
-  EXPECT_TRUE(server_->has_freed_room());
-  EXPECT_FALSE(server_->has_freed_room());
+  EXPECT_TRUE(server_->has_freed_buffer());
+  EXPECT_FALSE(server_->has_freed_buffer());
   EXPECT_EQ(server_->large_message_count(at(4s)), 1u);
 }
 
@@ -192,7 +192,7 @@ TEST_F(LargeBuffers, SufficeForTheReplyToALargeRequest) {
     EXPECT_EQ(fragment(peer, call_id, 1, at(0s)).action, Action::kSend);
     const Verdict whole = fragment(peer, call_id, 2, at(0s));
     ASSERT_EQ(whole.action, Action::kDispatch);
-    EXPECT_FALSE(server_->is_short_of_rooms(whole.request, at(0s)));
+    EXPECT_FALSE(server_->is_short_of_buffers(whole.request, at(0s)));
     reply_large(whole.request, at(0s));
   }
 }
@@ -209,7 +209,7 @@ TEST_F(LargeBuffers, AreNotMissedBySmallReplies) {
   oneway.flags = kFlagNoReply;
   const Verdict verdict = server_->on_frame(frame_of(oneway), peer.address, at(0s));
   ASSERT_EQ(verdict.action, Action::kDispatch);
-  EXPECT_FALSE(server_->is_short_of_rooms(verdict.request, at(0s)));
+  EXPECT_FALSE(server_->is_short_of_buffers(verdict.request, at(0s)));
 }
 
 }  // namespace

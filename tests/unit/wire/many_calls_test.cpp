@@ -244,11 +244,11 @@ TEST_F(ManyCalls, SendTheirFragmentsSideBySide) {
 // Each large reply needs a room of its own.
 TEST_F(ManyCalls, CollectTheirLargeRepliesSideBySide) {
   make_ready_with(8);
-  Bytes rooms[2]{Bytes(2000), Bytes(2000)};
+  Bytes buffers[2]{Bytes(2000), Bytes(2000)};
   std::vector<Bytes> calls;
-  for (Bytes& room : rooms) {
+  for (Bytes& buffer : buffers) {
     calls.push_back(begin_call(at(0s)));
-    channel_.give_room(room, channel_.last_call());
+    channel_.set_reply_buffer(buffer, channel_.last_call());
   }
   const auto fragment = [&](std::size_t call, std::uint16_t index) {
     Header header = answer_header(calls[call], FrameKind::kReply);

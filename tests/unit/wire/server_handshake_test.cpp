@@ -491,7 +491,7 @@ TEST(ServerSessionTable, ForgetsTheSessionOfAConnectionThatEnded) {
   other.address.high = 2;
   one.open(server, at(0s), Medium::kStream);
   other.open(server, at(0s), Medium::kStream);
-  server.forget(one.address);
+  server.end_connection(one.address);
   EXPECT_EQ(server.session_count(), 1u);
   const Verdict verdict = server.on_frame(one.call_frame(1), one.address, at(0s));
   EXPECT_EQ(header_of(verdict.frame).status, Status::kUnknownSession);

@@ -19,7 +19,7 @@ constexpr std::uint32_t kItemSizeMax = 300'000;
 class ServerStreams : public testing::Test {
  protected:
   explicit ServerStreams(Medium medium = Medium::kDatagram)
-      : medium_(medium), memory_(2 * stream_room_size(medium)), server_(config(medium)) {}
+      : medium_(medium), memory_(2 * stream_buffer_size(medium)), server_(config(medium)) {}
   void SetUp() override { peer_.open(server_, at(0s), medium_); }
 
   ServerSessionsConfig config(Medium medium) {
@@ -381,7 +381,7 @@ TEST_F(ServerStreamsOnAStream, LastAsLongAsTheirConnectionWhereTheirCallerSaysSo
   server_.on_time(at(10h));
   EXPECT_EQ(server_.next_cancelled(), 0u);
   EXPECT_FALSE(push(verdict.request, "item", at(10h)).empty());
-  server_.forget(peer_.address);
+  server_.end_connection(peer_.address);
   EXPECT_EQ(server_.next_cancelled(), 6u);
 }
 

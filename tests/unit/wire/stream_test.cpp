@@ -254,11 +254,11 @@ TEST(IncomingStream, GivesItemsInOrderWhateverTheirOrderWas) {
 TEST(IncomingStream, TakesEachItemOnce) {
   Sink sink(8);
   EXPECT_EQ(sink.take(0), Taken::kNew);
-  EXPECT_EQ(sink.take(0), Taken::kCopy);
+  EXPECT_EQ(sink.take(0), Taken::kDuplicate);
   EXPECT_EQ(sink.take(2), Taken::kAhead);
-  EXPECT_EQ(sink.take(2), Taken::kCopy);
+  EXPECT_EQ(sink.take(2), Taken::kDuplicate);
   EXPECT_EQ(sink.drain(), 1u);
-  EXPECT_EQ(sink.take(0), Taken::kCopy) << "when it was taken, too";
+  EXPECT_EQ(sink.take(0), Taken::kDuplicate) << "when it was taken, too";
 }
 
 // hp-5.10-2: what was not granted is not taken, so that nobody fills memory from outside.
@@ -462,7 +462,7 @@ TEST(IncomingStream, PutsFragmentsTogetherInWhateverOrderTheyCome) {
   for (const Bytes& frame : frames)
     EXPECT_NE(sink.take(frame), Taken::kForeign);
   for (const Bytes& frame : frames)
-    EXPECT_EQ(sink.take(frame), Taken::kCopy);
+    EXPECT_EQ(sink.take(frame), Taken::kDuplicate);
   auto item = sink.stream.next();
   ASSERT_TRUE(item);
   EXPECT_EQ(copy_of(*item), large);
@@ -516,7 +516,7 @@ TEST(IncomingStream, TakesNoFragmentOfAnotherItem) {
   EXPECT_EQ(sink.take(item_frames(later, Bytes(5000), 1001)[1]), Taken::kForeign);
   EXPECT_EQ(sink.take(item_frames(later, large, LargeSink::kPart)[1]), Taken::kNew);
   EXPECT_EQ(sink.take(item_frames(item_header(0), Bytes(60'001), LargeSink::kPart)[0]),
-            Taken::kCopy);
+            Taken::kDuplicate);
   LargeSink other(4);
   EXPECT_EQ(other.take(item_frames(item_header(0), Bytes(60'001), LargeSink::kPart)[0]),
             Taken::kForeign)

@@ -54,7 +54,7 @@ void OpenCalls::on_frame(Lead& lead, std::uint32_t credit_tag) noexcept {
   take_cancelled(lead, CallEnding::kLeft);
   if (waiting_reply_count_ > 0) {
     bool has_freed = false;
-    media_.for_each([&](wire::ServerSessions& each) { has_freed |= each.has_freed_room(); });
+    media_.for_each([&](wire::ServerSessions& each) { has_freed |= each.has_freed_buffer(); });
     if (has_freed) serve_waiting_replies(lead);
   }
   if (credit_tag != 0) serve(lead, pool_->tagged(credit_tag));
@@ -119,7 +119,7 @@ bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexc
   if (waiting_reply_count_ == 0) waiting_reply_due_ = kNever;
   if (waits) {
     waiting_reply_due_ =
-        std::min({waiting_reply_due_, call.request.deadline, sessions.next_room_time(now)});
+        std::min({waiting_reply_due_, call.request.deadline, sessions.next_buffer_time(now)});
   }
   return waits;
 }
@@ -169,7 +169,7 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
   const ConstBytes item = call.item(number);
   const std::size_t size_max =
       wire::kHeaderSize + std::min<std::size_t>(item.size(), call.item_frame_size_max);
-  if (slot != nullptr && !slot->stream->has_spare_room(size_max)) {
+  if (slot != nullptr && !slot->stream->has_spare_capacity(size_max)) {
     // hp-16.4-2: a reader that is slow is no reason to end the connection.
     constexpr Duration kRetryInterval = std::chrono::milliseconds{1};
     call.is_blocked = true;

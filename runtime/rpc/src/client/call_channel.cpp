@@ -329,10 +329,11 @@ bool CallChannel::make_item_room(wire::CallParameters& parameters) noexcept {
     items_ = rt::LazyMemory(size);
   }
   if (items_.bytes().size() < size) return false;
-  parameters.stream_room = {.frames = items_.bytes().first(frames_size),
-                            .frame_size = static_cast<std::uint32_t>(frame_size),
-                            .item = items_.bytes().subspan(frames_size, config_.message_size_max),
-                            .byte_window = byte_window};
+  parameters.stream_buffers = {
+      .frames = items_.bytes().first(frames_size),
+      .frame_size = static_cast<std::uint32_t>(frame_size),
+      .item = items_.bytes().subspan(frames_size, config_.message_size_max),
+      .byte_window = byte_window};
   return true;
 }
 
@@ -375,7 +376,7 @@ bool CallChannel::make_room(std::uint32_t size, wire::CallIndex call) noexcept {
   accept_batches();
   // In powers of two, so that replies that grow do not each ask anew.
   rooms_[call] = rt::LazyMemory(std::bit_ceil(std::size_t{size}));
-  wire_.give_room(rooms_[call].bytes(), call);
+  wire_.set_reply_buffer(rooms_[call].bytes(), call);
   return !rooms_[call].bytes().empty();
 }
 
@@ -468,8 +469,8 @@ void CallChannel::wait_for_event(MonotonicTime now, bool may_spin, MonotonicTime
 
 void CallChannel::take(ConstBytes frame, MonotonicTime now) noexcept {
   set_event([&] { return wire_.on_frame(frame, now); });
-  if (event_.kind == wire::ChannelEvent::Kind::kNeedRoom) {
-    if (!make_room(event_.room_size, event_.call)) {
+  if (event_.kind == wire::ChannelEvent::Kind::kNeedBuffer) {
+    if (!make_room(event_.reply_size, event_.call)) {
       event_ = {.kind = wire::ChannelEvent::Kind::kBroken};
       return;
     }

@@ -48,7 +48,7 @@ void Execution::keep_cpu_awake(MonotonicTime until) const noexcept {
 ConstBytes Execution::run_now(Lead& lead, wire::ServerSessions& sessions,
                               const wire::Request& request) noexcept {
   if (request.wants_receipt()) return run_confirmed(lead, sessions, request);
-  if (sessions.is_short_of_rooms(request, request.received)) {
+  if (sessions.is_short_of_buffers(request, request.received)) {
     return run_without_buffer(lead, sessions, request);
   }
   const MutableBytes reply = sessions.reply_buffer(request, request.received);

@@ -22,7 +22,7 @@ std::size_t message_memory(const LaneSetup& setup) noexcept {
 }
 
 std::size_t item_memory(const LaneSetup& setup, wire::Medium medium) noexcept {
-  return setup.stream_count_max * wire::stream_room_size(medium);
+  return setup.stream_count_max * wire::stream_buffer_size(medium);
 }
 
 // Each medium has a secret of its own, so that a session number of one is none of another's.
@@ -137,7 +137,7 @@ void Media::turn_away(Lead& lead, std::unique_ptr<transport::Connection> stream,
 }
 
 void Media::retire(Lead& lead, Slot& slot) noexcept {
-  sessions_of(slot).forget(slot.peer);
+  sessions_of(slot).end_connection(slot.peer);
   handover_.give_back(connections_.remove(slot));
   ++report_.counters(lead).connection_lost_count;
 }

@@ -209,7 +209,7 @@ class RecordWriter {
   }
   /// Whether half of the ring stays free behind a record of so many bytes, or it is empty. Where
   /// the shared words hold nonsense it says yes, so that write() tells of it.
-  [[nodiscard]] bool has_spare_room(std::size_t size) noexcept {
+  [[nodiscard]] bool has_spare_capacity(std::size_t size) noexcept {
     const auto is_there = [&] {
       return tail_ == head_ || tail_ + record_span(size) - head_ <= ring_.size() / 2;
     };

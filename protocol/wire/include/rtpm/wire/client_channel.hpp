@@ -57,7 +57,7 @@ struct CallParameters {
   /// Of a stream: how many items it takes at a time, up to kStreamWindow; 0: it is none.
   std::uint32_t stream_window = 0;
   /// Of a stream: where items are collected.
-  IncomingStream::Room stream_room{};
+  IncomingStream::Buffers stream_buffers{};
   /// Of a stream: how long the client goes on asking without an answer, at most kStreamSilence.
   Duration stream_silence = kStreamSilence;
   /// Of a stream: how long the server keeps it without hearing of the client; more than a budget
@@ -80,16 +80,17 @@ struct ChannelEvent {
     kRefused,  ///< The handshake was refused with `status`.
     kLost,     ///< The server does not know the session: every open call is over. Handshake again.
     kClosed,   ///< The server ended the session in order: every open call is over.
-    kNeedRoom,  ///< A reply of `room_size` bytes comes: give_room(), then on_frame() again with it.
-    kTimeout,   ///< The deadline of the handshake or call passed, or a stream's server fell silent.
-    kBroken,    ///< Stream medium only: not our protocol; end the connection. The session is gone.
+    kNeedBuffer,  ///< A reply of `reply_size` bytes comes: set_reply_buffer(), then on_frame()
+                  ///< again with it.
+    kTimeout,  ///< The deadline of the handshake or call passed, or a stream's server fell silent.
+    kBroken,   ///< Stream medium only: not our protocol; end the connection. The session is gone.
   };
   Kind kind = Kind::kNothing;
   CallIndex call = 0;  ///< Whose event it is, if a call's.
   Status status = Status::kOk;
   ConstBytes frame{};    ///< To be sent, whatever the kind, unless it is empty.
   ConstBytes payload{};  ///< Views the received frame, or the room of a large reply.
-  std::uint32_t room_size = 0;
+  std::uint32_t reply_size = 0;
 };
 
 /// The client's half of the protocol: handshake, calls, repetition, matching of replies, streams.
@@ -126,7 +127,7 @@ class ClientChannel {
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
   /// Where replies larger than a frame are collected, of this call and of later ones at the same
   /// index: it must outlive the channel's use, or another be given first.
-  void give_room(MutableBytes room, CallIndex call = 0) noexcept;
+  void set_reply_buffer(MutableBytes buffer, CallIndex call = 0) noexcept;
   /// The next item of a stream, in order, valid until the next call of this; nothing if there is
   /// none now. After the stream's kReply and the last item its index is free.
   [[nodiscard]] std::optional<ConstBytes> next_item(CallIndex call) noexcept;
@@ -177,7 +178,7 @@ class ClientChannel {
     ConstBytes payload{};
     OutgoingMessage request;  ///< Begun while the call is one in fragments.
     IncomingMessage reply;    ///< Begun when the first fragment of a reply came.
-    MutableBytes room{};
+    MutableBytes reply_buffer{};
     IncomingStream items;
     std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
     std::uint32_t bytes_sent = 0;   ///< The same for bytes,

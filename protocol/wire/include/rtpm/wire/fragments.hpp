@@ -51,21 +51,21 @@ void encode(const FragmentAck& ack, MutableBytes to) noexcept;
 /// Ownership: writes into the room it was given.   RT: alloc-free.
 class IncomingMessage {
  public:
-  enum class Taken : std::uint8_t { kNew, kCopy, kLast, kForeign };
+  enum class Taken : std::uint8_t { kNew, kDuplicate, kLast, kForeign };
 
   /// Begins with the message that `header`, of any of its fragments, describes. The room holds it.
-  void begin(const Header& header, MutableBytes room) noexcept;
+  void begin(const Header& header, MutableBytes buffer) noexcept;
   /// Takes one fragment. kLast: now all are there. kForeign: it is of another message.
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
   [[nodiscard]] FragmentAck ack() const noexcept;
-  [[nodiscard]] ConstBytes message() const noexcept { return room_; }
-  [[nodiscard]] bool is_begun() const noexcept { return !room_.empty(); }
+  [[nodiscard]] ConstBytes message() const noexcept { return buffer_; }
+  [[nodiscard]] bool is_begun() const noexcept { return !buffer_.empty(); }
   [[nodiscard]] bool is_complete() const noexcept { return is_begun() && arrived_.is_complete(); }
-  void clear() noexcept { room_ = {}; }
+  void clear() noexcept { buffer_ = {}; }
 
  private:
   Header header_{};  ///< Of the fragment that came first.
-  MutableBytes room_{};
+  MutableBytes buffer_{};
   std::uint32_t fragment_size_ = 0;
   FragmentSet arrived_;
 };

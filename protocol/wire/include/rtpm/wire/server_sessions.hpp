@@ -41,15 +41,15 @@ struct ServerSessionsConfig {
   /// written. Without, no message is larger than a frame. The caller's, aligned to 64 bytes;
   /// touched only when used.
   MutableBytes large_memory{};
-  /// Memory for streams, stream_room_size() bytes for each that runs at a time. Without, calls that
-  /// ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
+  /// Memory for streams, stream_buffer_size() bytes for each that runs at a time. Without, calls
+  /// that ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
   MutableBytes stream_memory{};
 };
 
 /// What one stream takes of ServerSessionsConfig::stream_memory: where frames may get lost, all
 /// that are on their way are kept; else one frame at a time. An item itself stays with the caller
 /// of push_item().
-[[nodiscard]] constexpr std::size_t stream_room_size(Medium medium) noexcept {
+[[nodiscard]] constexpr std::size_t stream_buffer_size(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kStreamWindow * kDatagramFrameSizeMax : kStreamFrameSizeMax;
 }
 
@@ -111,17 +111,17 @@ class ServerSessions {
 
   /// Where the reply to `request` is to be written, aligned to 16 bytes. There is room, too, when
   /// its session has ended and nobody will get what is written. Valid until the next frame is taken
-  /// or request completed. At most reply_size_max(); one frame's while is_short_of_rooms().
+  /// or request completed. At most reply_size_max(); one frame's while is_short_of_buffers().
   [[nodiscard]] MutableBytes reply_buffer(const Request& request, MonotonicTime now) noexcept;
   /// The largest reply that the session allows.
   [[nodiscard]] std::uint32_t reply_size_max(const Request& request) const noexcept;
   /// Whether a reply larger than a frame would find no room now: all are taken, or the caller's
-  /// host has its share. It may wait until has_freed_room(), or until next_room_time().
-  [[nodiscard]] bool is_short_of_rooms(const Request& request, MonotonicTime now) const noexcept;
+  /// host has its share. It may wait until has_freed_buffer(), or until next_buffer_time().
+  [[nodiscard]] bool is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept;
   /// Whether a room for a large message became free since this was asked last.
-  [[nodiscard]] bool has_freed_room() noexcept { return std::exchange(has_freed_room_, false); }
+  [[nodiscard]] bool has_freed_buffer() noexcept { return std::exchange(has_freed_buffer_, false); }
   /// When the next message after `now` may be made to give its room up. Looks at all rooms.
-  [[nodiscard]] MonotonicTime next_room_time(MonotonicTime now) const noexcept;
+  [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
 
   /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
   /// send. It is completed like any other afterwards, which then gives none.
@@ -166,7 +166,7 @@ class ServerSessions {
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
   /// Stream only: the connection `peer` is gone, and its session with it.
-  void forget(const PeerAddress& peer) noexcept;
+  void end_connection(const PeerAddress& peer) noexcept;
   /// Stream only: whether the connection `peer` has a session. Looks at all sessions.
   [[nodiscard]] bool has_session(const PeerAddress& peer) const noexcept;
   /// Stream only: the answer to the first frame of a connection for which there is no place: REFUSE
@@ -208,7 +208,7 @@ class ServerSessions {
     std::uint32_t slot_index = 0;
     MonotonicTime deadline{};  ///< Until when somebody waits for it.
     MonotonicTime heard{};     ///< When its peer showed last that it works on it.
-    MutableBytes room{};
+    MutableBytes memory{};
     IncomingMessage incoming;
     OutgoingMessage outgoing;
   };
@@ -244,7 +244,7 @@ class ServerSessions {
   [[nodiscard]] std::optional<Status> fault_of(const Header& header,
                                                const Hello& hello) const noexcept;
   [[nodiscard]] Answer on_call(Request& request, const PeerAddress& peer) noexcept;
-  [[nodiscard]] Answer on_copy(Request& request, Slot& slot, Session& session) noexcept;
+  [[nodiscard]] Answer on_duplicate(Request& request, Slot& slot, Session& session) noexcept;
   [[nodiscard]] Answer admit(Request& request, Session& session) noexcept;
   [[nodiscard]] Answer receive_large(Request& request, Slot& slot, Session& session) noexcept;
   [[nodiscard]] Answer on_fragment(Request& request, Slot& slot, Session& session) noexcept;
@@ -271,7 +271,7 @@ class ServerSessions {
   [[nodiscard]] ConstBytes write_reply(const Request& request, Slot& slot, Status status,
                                        std::uint32_t payload_size, MonotonicTime now) noexcept;
   void on_close(const Header& header, ConstBytes payload, const PeerAddress& peer) noexcept;
-  [[nodiscard]] bool has_room_for(const PeerAddress& peer) const noexcept;
+  [[nodiscard]] bool has_capacity_for(const PeerAddress& peer) const noexcept;
   void end_session(Session& session) noexcept;
   [[nodiscard]] Answer drop(DropReason reason) noexcept;
   [[nodiscard]] Answer refuse(const Header& about, Status status, MonotonicTime now) noexcept;
@@ -320,7 +320,7 @@ class ServerSessions {
   std::uint32_t item_size_max_ = 0;     ///< Of a stream.
   std::vector<LargeBuffer> large_buffers_;
   std::uint32_t held_large_count_ = 0;  ///< Those that are neither free nor the scratch.
-  bool has_freed_room_ = false;
+  bool has_freed_buffer_ = false;
   std::uint16_t scratch_ = kNoLargeBuffer;  ///< Where replies are written that may become large.
   std::uint16_t sending_ = kNoLargeBuffer;  ///< Whose window next_frame() goes on with.
   std::vector<Stream> streams_;

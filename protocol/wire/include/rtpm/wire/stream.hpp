@@ -40,17 +40,17 @@ void encode(const StreamCredit& credit, MutableBytes to) noexcept;
 class OutgoingStream {
  public:
   /// What begin() needs to know besides the call.
-  struct Room {
+  struct Buffers {
     MutableBytes memory{};            ///< Of one frame, or as many as are kept on datagrams.
     std::size_t frame_size = 0;       ///< Bytes of `memory` for each frame, header included.
     std::uint32_t fragment_size = 0;  ///< The largest payload of a frame; fits `frame_size`.
   };
   /// Begins the stream that the call `header` asks for. The first frame has the number `first`: 0
   /// on the wire (hp-5.10-1), another to test the end of the numbers.
-  void begin(const Header& header, const Room& room, Medium medium,
+  void begin(const Header& header, const Buffers& buffers, Medium medium,
              std::uint32_t first = 0) noexcept;
-  void clear() noexcept { room_ = {}; }
-  [[nodiscard]] bool is_begun() const noexcept { return !room_.memory.empty(); }
+  void clear() noexcept { buffers_ = {}; }
+  [[nodiscard]] bool is_begun() const noexcept { return !buffers_.memory.empty(); }
 
   /// Writes the next frame of `item`, which has to be the same from call to call while
   /// is_midway(), and gives it to send; empty while the caller takes no more.
@@ -71,7 +71,7 @@ class OutgoingStream {
   [[nodiscard]] std::byte* frame_of(std::uint32_t number) const noexcept;
 
   Header header_{};  ///< Of the next frame; its fragment numbers are of the item at hand.
-  Room room_{};
+  Buffers buffers_{};
   Medium medium_ = Medium::kDatagram;
   std::uint32_t window_ = 0;
   std::uint32_t count_ = 0;
@@ -91,14 +91,14 @@ class OutgoingStream {
 class IncomingStream {
  public:
   enum class Taken : std::uint8_t {
-    kNew,      ///< It is the next one in order.
-    kAhead,    ///< One before it is missing.
-    kCopy,     ///< It was there.
-    kForeign,  ///< It was not asked for, is too large, or is no part of the item at hand.
+    kNew,        ///< It is the next one in order.
+    kAhead,      ///< One before it is missing.
+    kDuplicate,  ///< It was there.
+    kForeign,    ///< It was not asked for, is too large, or is no part of the item at hand.
   };
 
   /// Where items are collected.
-  struct Room {
+  struct Buffers {
     MutableBytes frames{};          ///< See stream_frame_count().
     std::uint32_t frame_size = 0;   ///< The largest payload of a frame, a multiple of 16.
     MutableBytes item{};            ///< For one item larger than that: as large as items may be.
@@ -106,9 +106,9 @@ class IncomingStream {
   };
   /// Begins to take at most `window` (1…kStreamWindow) items at a time. The first frame has the
   /// number `first`, as in OutgoingStream.
-  void begin(const Room& room, std::uint32_t window, std::uint32_t first = 0) noexcept;
-  void clear() noexcept { room_ = {}; }
-  [[nodiscard]] bool is_begun() const noexcept { return !room_.frames.empty(); }
+  void begin(const Buffers& buffers, std::uint32_t window, std::uint32_t first = 0) noexcept;
+  void clear() noexcept { buffers_ = {}; }
+  [[nodiscard]] bool is_begun() const noexcept { return !buffers_.frames.empty(); }
 
   /// Takes the frame that `header` describes. One that was ahead and turns out to be no part of the
   /// item at hand is dropped when its turn comes: dropped_count() tells.
@@ -128,7 +128,7 @@ class IncomingStream {
   [[nodiscard]] std::uint32_t dropped_count() const noexcept { return dropped_count_; }
   /// Frames of which nothing is kept any more.
   [[nodiscard]] std::uint32_t freed_count() const noexcept { return freed_; }
-  [[nodiscard]] std::uint32_t byte_window() const noexcept { return room_.byte_window; }
+  [[nodiscard]] std::uint32_t byte_window() const noexcept { return buffers_.byte_window; }
   /// Would the frame `number` be the first to come behind one that is missing?
   [[nodiscard]] bool reveals_gap(std::uint32_t number) const noexcept;
   /// The item at hand lacks fragments.
@@ -156,7 +156,7 @@ class IncomingStream {
   void free_first() noexcept;
   void put_together() noexcept;
 
-  Room room_{};
+  Buffers buffers_{};
   std::uint32_t place_count_ = 0;
   std::uint32_t window_ = 0;
   std::uint32_t freed_ = 0;        ///< The first frame that is still kept,

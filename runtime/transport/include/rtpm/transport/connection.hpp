@@ -23,7 +23,7 @@ class Connection {
                                                      MonotonicTime until) noexcept = 0;
   /// Whether a frame of so many bytes, which may wait, has room now: frames that may not, such as
   /// replies, find as much again.   RT: alloc-free, at most one syscall.
-  [[nodiscard]] virtual bool has_spare_room(std::size_t size) noexcept = 0;
+  [[nodiscard]] virtual bool has_spare_capacity(std::size_t size) noexcept = 0;
   /// One whole frame if it has arrived; valid until the next receive(), aligned to 16
   /// bytes. Never blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;

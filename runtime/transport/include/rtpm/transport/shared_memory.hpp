@@ -67,7 +67,9 @@ class SharedMemoryConnection final : public Connection {
   /// Errors: kFailed: larger than a frame may be; kBroken and kClosed: end the connection.
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
   /// Half of the ring is for frames that may not wait.
-  bool has_spare_room(std::size_t size) noexcept override { return writer_.has_spare_room(size); }
+  bool has_spare_capacity(std::size_t size) noexcept override {
+    return writer_.has_spare_capacity(size);
+  }
   expected<ConstBytes, IoError> receive() noexcept override;
   bool has_buffered() const noexcept override { return reader_.has_record(); }
   int descriptor() const noexcept override { return socket_.number(); }

@@ -20,7 +20,7 @@ class FrameStream final : public Connection {
   FrameStream(Descriptor socket, std::uint32_t message_size_max);
 
   expected<void, IoError> send(ConstBytes frame, MonotonicTime until) noexcept override;
-  bool has_spare_room(std::size_t size) noexcept override;
+  bool has_spare_capacity(std::size_t size) noexcept override;
   /// Bytes that can't be a frame of the stated size are given as they are.
   expected<ConstBytes, IoError> receive() noexcept override;
   /// The same, but where nothing is there it waits, for about kBlockTime.
