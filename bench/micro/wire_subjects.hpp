@@ -55,7 +55,7 @@ class JoinedProtocol {
                    .session_count_max = 4,
                    .message_size_max = message_size_max,
                    .large_memory = large_}) {
-    channel_.give_room(room_);
+    channel_.set_reply_buffer(room_);
     ConstBytes frame = channel_.open(Priority{1000}, now_ + kPatience, now_);
     while (!channel_.is_ready()) {
       const wire::Verdict verdict = sessions_.on_frame(frame, peer_, now_);
