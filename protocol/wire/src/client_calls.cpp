@@ -58,7 +58,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
                                                  ConstBytes payload, MonotonicTime now) noexcept {
   const auto index = free_call();
   // hp-4-1, hp-4.3-2
-  RTPM_ASSERT(is_ready_ && index, "a channel is ready and has room for a call");
+  RTPM_ASSERT(is_ready_ && index, "a channel is ready and has a free call");
   // hp-5.1-8
   if (!welcome_.band.contains(parameters.priority)) return unexpected{Status::kWrongBand};
   const bool is_one_frame = payload.size() <= frame_payload_max_;
@@ -129,7 +129,7 @@ ConstBytes ClientChannel::next_frame(MonotonicTime now) noexcept {
   return {};
 }
 
-// hp-5.3-2: each copy states the time that is left when it is sent.
+// hp-5.3-2: each repetition states the time that is left when it is sent.
 ConstBytes ClientChannel::stamp_call(Call& call, MonotonicTime now) noexcept {
   call.header.budget_us = budget_of(call, now);
   call.header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
@@ -261,7 +261,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
   // hp-5.6-5: the limit was stated in HELLO.
   if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
   if (!call.reply.is_begun()) {
-    // Only now: another room would take the old one away from under a reply that has begun.
+    // Only now: another buffer would replace that of a reply that has begun.
     if (call.reply_buffer.size() < header.message_size) {
       return {.kind = ChannelEvent::Kind::kNeedBuffer,
               .call = index_of(call),
@@ -275,7 +275,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
   if (taken == IncomingMessage::Taken::kLast) {
     end_call(call);
     call.timer.end(now);
-    // The ACK lets the server forget the reply.
+    // The ACK lets the server release the reply.
     return {.kind = ChannelEvent::Kind::kReply,
             .call = index_of(call),
             .status = header.status,
@@ -378,7 +378,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   }
   hear_of_items(*call, now);
   // hp-5.10-4: each gap is told once; if what is sent again gets lost, too, time tells. A CREDIT
-  // for each copy, answered with all that it lacks, would bring more copies, without end.
+  // for each duplicate would bring more duplicates, without end.
   if (reveals_gap && !is_duplicate) call->is_credit_due = true;
   look_at_credit(*call);
   if (call->items.is_complete()) return end_of_stream(*call, now);
@@ -414,7 +414,7 @@ ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
 
 ChannelEvent ClientChannel::end_of_stream(Call& call, MonotonicTime now) noexcept {
   call.is_ended = true;
-  // One more CREDIT lets the server forget the items.
+  // One more CREDIT lets the server release the items.
   return {.kind = ChannelEvent::Kind::kReply,
           .call = index_of(call),
           .status = call.end_status,

@@ -36,13 +36,13 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   if (slot.state != Slot::State::kEmpty) {
     if (slot.call_id == header.call_id) return on_duplicate(request, slot, *session);
     // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
-    // told so may rely on it: a copy is not run either when there is room again (hp-5.2-3).
+    // told so may rely on it: a duplicate is not run later either (hp-5.2-3).
     // Of what the session left behind nobody waits any more (hp-5.2-2).
     const bool is_new = is_newer(header.call_id, slot.newest_call_id);
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
     // A oneway whose caller does not know how long it runs does not hold the place, nor does a call
-    // that was cancelled, unless it is still read from a room that the place names.
+    // that was cancelled, unless its buffer is still read.
     const bool is_taken =
         slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.large != kNoLargeBuffer);
     if (!is_new || is_taken) {
@@ -229,7 +229,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
     ++counters_.orphaned_count;
     return {};
   }
-  // The request's own room, if it was large: nobody reads it from here on.
+  // The request's own buffer, if it was large: not read from here on.
   free_large_buffer(*slot);
   slot->state = Slot::State::kDone;
   slot->tag = 0;

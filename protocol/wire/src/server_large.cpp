@@ -7,12 +7,12 @@
 // fragments.   Source: spec/hprotocol.md#hp-5.6.
 namespace rtpm::wire {
 
-// Cuts the memory for large messages in rooms. Without any the largest message is a frame's.
+// Divides the memory into buffers. Without any, no message is larger than a frame.
 void ServerSessions::make_large_buffers() {
   const std::size_t buffer_size = lines_for(config_.message_size_max) * sizeof(CacheLine);
   const std::size_t count =
       std::min<std::size_t>(config_.large_memory.size() / buffer_size, kNoLargeBuffer);
-  // One room is the scratch for replies, so that a single one could not take a request.
+  // One buffer is the scratch for replies, so a single one could not take a request.
   if (config_.message_size_max <= payload_size_max_ || count < 2) {
     config_.message_size_max = std::min(config_.message_size_max, payload_size_max_);
     return;
@@ -26,7 +26,7 @@ void ServerSessions::make_large_buffers() {
   large_buffers_[scratch_].use = LargeBuffer::Use::kScratch;
 }
 
-// --- rooms ---------------------------------------------------------------------------------------
+// --- buffers -------------------------------------------------------------------------------------
 
 // From when on a message must give its room to another (hp-5.6-10). One that is being served is in
 // use, however late it is.
@@ -123,13 +123,13 @@ void ServerSessions::free_large_buffer(Slot& slot) noexcept {
 }
 
 bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept {
-  // While fewer are held than one host may hold there is a room for everybody.
+  // While fewer are held than one host may hold, every host finds a buffer.
   if (held_large_count_ < share_of_one_host(large_buffer_count_max())) return false;
   const Session& session = sessions_[request.session_index];
   const Slot& slot = session.slots[request.slot_index];
   const bool is_open =
       session.id == request.header.session && slot.call_id == request.header.call_id;
-  // Nothing is kept for a call that nobody waits for; and a large request leaves its own room.
+  // A call without a waiting caller keeps nothing; a large request leaves its own buffer.
   if (!is_open || slot.is_unawaited || slot.large != kNoLargeBuffer || large_buffers_.empty())
     return false;
   return find_large_buffer(session.peer, now) == kNoLargeBuffer;
@@ -237,8 +237,7 @@ ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, co
       scratch_ != kNoLargeBuffer && header.message_size <= large_buffers_[scratch_].memory.size(),
       "a reply fits its buffer");
   const std::uint16_t next_scratch = take_large_buffer(LargeBuffer::Use::kScratch, request, now);
-  RTPM_ASSERT(next_scratch != kNoLargeBuffer,
-              "a large reply is completed where there is room for it");
+  RTPM_ASSERT(next_scratch != kNoLargeBuffer, "a large reply is completed while a buffer is free");
   slot.large = std::exchange(scratch_, next_scratch);
   slot.frame_size = 0;
   LargeBuffer& large = large_buffers_[slot.large];

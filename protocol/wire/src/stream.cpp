@@ -39,7 +39,7 @@ void OutgoingStream::begin(const Header& header, const Buffers& buffers, Medium 
                            std::uint32_t first) noexcept {
   RTPM_ASSERT(
       buffers.fragment_size >= 1 && kHeaderSize + buffers.fragment_size <= buffers.frame_size,
-      "a frame has room for a fragment");
+      "a frame holds a fragment");
   // A power of two, so that the places go on where the numbers wrap around.
   window_ = static_cast<std::uint32_t>(std::bit_floor(
       std::min<std::size_t>(buffers.memory.size() / buffers.frame_size, kStreamWindow)));

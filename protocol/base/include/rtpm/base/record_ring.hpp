@@ -326,7 +326,8 @@ class RecordReader {
            control_->tail.load(std::memory_order_relaxed) != head_;
   }
 
-  /// Copies the next record to the begin of `to`, which holds the largest allowed; gives its size.
+  /// Copies the next record to the beginning of `to`, which holds the largest allowed; gives its
+  /// size.
   [[nodiscard]] expected<std::size_t, RecordError> read(MutableBytes to) noexcept {
     // SYNC POINT slot-written
     if (has_slot(std::memory_order_acquire)) return read_slot(to);

@@ -21,7 +21,7 @@
 namespace rtpm::wire {
 
 /// Whether a call that was refused with unknown_session has certainly not run: the server is the
-/// one that gave the lost session, and would not have forgotten a session that it heard since the
+/// one that gave the lost session, and would not have dropped a session that it heard since the
 /// call was `begun` (hp-5.5-2).
 [[nodiscard]] bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now,
                                MonotonicTime begun, MonotonicTime now) noexcept;
@@ -65,7 +65,7 @@ struct CallParameters {
   Duration stream_lease = kStreamLease;
 };
 
-/// One of a channel's open calls: its place, from 0 up to open_call_max.
+/// One of a channel's open calls: its slot, from 0 up to open_call_max.
 using CallIndex = std::uint16_t;
 
 /// What happened to the channel's handshake or to one of its calls.
@@ -89,7 +89,7 @@ struct ChannelEvent {
   CallIndex call = 0;  ///< Whose event it is, if a call's.
   Status status = Status::kOk;
   ConstBytes frame{};    ///< To be sent, whatever the kind, unless it is empty.
-  ConstBytes payload{};  ///< Views the received frame, or the room of a large reply.
+  ConstBytes payload{};  ///< Views the received frame, or the buffer of a large reply.
   std::uint32_t reply_size = 0;
 };
 

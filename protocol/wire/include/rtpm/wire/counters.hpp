@@ -21,8 +21,8 @@ enum class DropReason : std::uint8_t {
   kBadCookie,         ///< A cookie that this server did not give to this address lately.
   kUnknownSession,    ///< A session that is not here; answered so that the peer can tell.
   kForeignAddress,    ///< A session used from another address than its own.
-  kStaleCall,         ///< A call that its session left behind: a late copy.
-  kDuplicateRunning,  ///< A copy of a call that still runs.
+  kStaleCall,         ///< A call that is older than its session's window.
+  kDuplicateRunning,  ///< A repetition of a call that still runs.
   kUnexpected,        ///< A well-formed frame that fits no state: a late or foreign answer.
   kRateLimited,       ///< Of no session, and its host was answered often enough (hp-4.4-5).
 };
@@ -34,7 +34,7 @@ inline constexpr std::size_t kDropReasonCount = 16;
 /// What one side of the protocol took and dropped.
 struct FrameCounters {
   std::uint64_t received_count = 0;            ///< Frames taken up, dropped ones included.
-  std::uint64_t duplicate_answered_count = 0;  ///< Copies answered from the reply cache.
+  std::uint64_t duplicate_answered_count = 0;  ///< Repeated calls answered from the reply cache.
   std::uint64_t expired_count = 0;             ///< Calls not run because their time was over.
   std::uint64_t refused_count = 0;             ///< Calls and sessions refused.
   std::uint64_t session_opened_count = 0;
@@ -43,7 +43,7 @@ struct FrameCounters {
   std::uint64_t orphaned_count =
       0;  ///< Calls that ended when nobody was there any more to be told.
   std::uint64_t large_evicted_count = 0;  ///< Silent large messages that gave way to others.
-  std::uint64_t item_count = 0;           ///< Items of streams sent, copies left out.
+  std::uint64_t item_count = 0;           ///< Items of streams sent, without repetitions.
   std::uint64_t item_repeated_count = 0;  ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
 

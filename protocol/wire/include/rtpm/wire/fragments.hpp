@@ -48,12 +48,13 @@ void encode(const FragmentAck& ack, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept;
 
 /// Collects one message from its fragments, in whatever order and how often they come.
-/// Ownership: writes into the room it was given.   RT: alloc-free.
+/// Ownership: writes into the buffer it was given.   RT: alloc-free.
 class IncomingMessage {
  public:
   enum class Taken : std::uint8_t { kNew, kDuplicate, kLast, kForeign };
 
-  /// Begins with the message that `header`, of any of its fragments, describes. The room holds it.
+  /// Begins with the message that `header`, of any of its fragments, describes. The buffer holds
+  /// it.
   void begin(const Header& header, MutableBytes buffer) noexcept;
   /// Takes one fragment. kLast: now all are there. kForeign: it is of another message.
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
@@ -78,8 +79,8 @@ class OutgoingMessage {
   /// Begins with `message` (not empty) under the header of its frames, `window` (even) at a time.
   void begin(const Header& header, ConstBytes message, std::uint32_t fragment_size,
              std::uint16_t window) noexcept;
-  /// Writes the next frame that may be sent now, with the stated budget and time, at the begin of
-  /// `to` (a header and a fragment fit); empty if the window is full or all is sent.
+  /// Writes the next frame that may be sent now, with the stated budget and time, at the beginning
+  /// of `to` (a header and a fragment fit); empty if the window is full or all is sent.
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
   /// Writes the first fragment once more, wanting an ACK: to ask what became of a message that

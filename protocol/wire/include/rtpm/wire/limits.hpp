@@ -46,8 +46,8 @@ inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
 static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
-/// A large message that is not whole, or a large reply that is not acknowledged, gives its room to
-/// another once nothing came of it for so long (hp-5.6-10): three copies at the longest interval.
+/// A large message that is not whole, or a large reply that is not acknowledged, gives its buffer
+/// to another after so long without a frame (hp-5.6-10): three repetitions at the longest interval.
 inline constexpr Duration kLargeMessageSilenceMax = std::chrono::seconds{3};
 
 /// What of a shared resource one host may hold: three quarters, rounded up.
@@ -60,8 +60,8 @@ inline constexpr std::uint32_t kStrangerAnswerBurst = 256;
 /// and then one each such span (hp-4.4-5).
 inline constexpr Duration kStrangerAnswerInterval = std::chrono::milliseconds{2};
 
-/// How many items of a stream wait to be taken at a time, and how many of its datagrams are on
-/// their way. At most 64.
+/// How many items of a stream wait to be taken at a time, and how many of its datagrams are in
+/// flight. At most 64.
 inline constexpr std::uint32_t kStreamWindow = 32;
 /// How many bytes of items a server may send before the first CREDIT: a window of datagrams,
 inline constexpr std::uint32_t kStreamBytesFirstDatagram = 32 * kDatagramPayloadSizeMax;

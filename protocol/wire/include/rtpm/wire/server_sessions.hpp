@@ -109,18 +109,18 @@ class ServerSessions {
   /// called after each on_frame() and complete() that gave a frame, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
 
-  /// Where the reply to `request` is to be written, aligned to 16 bytes. There is room, too, when
-  /// its session has ended and nobody will get what is written. Valid until the next frame is taken
+  /// Where the reply to `request` is to be written, aligned to 16 bytes. It exists even when
+  /// its session has ended and the reply will not be sent. Valid until the next frame is taken
   /// or request completed. At most reply_size_max(); one frame's while is_short_of_buffers().
   [[nodiscard]] MutableBytes reply_buffer(const Request& request, MonotonicTime now) noexcept;
   /// The largest reply that the session allows.
   [[nodiscard]] std::uint32_t reply_size_max(const Request& request) const noexcept;
-  /// Whether a reply larger than a frame would find no room now: all are taken, or the caller's
+  /// Whether a reply larger than a frame would find no buffer now: all are taken, or the caller's
   /// host has its share. It may wait until has_freed_buffer(), or until next_buffer_time().
   [[nodiscard]] bool is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept;
-  /// Whether a room for a large message became free since this was asked last.
+  /// Whether a buffer for a large message became free since the last call.
   [[nodiscard]] bool has_freed_buffer() noexcept { return std::exchange(has_freed_buffer_, false); }
-  /// When the next message after `now` may be made to give its room up. Looks at all rooms.
+  /// When the next message after `now` may be evicted. Linear in the buffers.
   [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
 
   /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
@@ -169,7 +169,7 @@ class ServerSessions {
   void end_connection(const PeerAddress& peer) noexcept;
   /// Stream only: whether the connection `peer` has a session. Looks at all sessions.
   [[nodiscard]] bool has_session(const PeerAddress& peer) const noexcept;
-  /// Stream only: the answer to the first frame of a connection for which there is no place: REFUSE
+  /// Stream only: the answer to the first frame of a connection for which no slot is free: REFUSE
   /// overload to a HELLO, nothing to anything else. Valid like a Verdict's frame.
   [[nodiscard]] ConstBytes turn_away(ConstBytes frame, MonotonicTime now) noexcept;
 
@@ -179,7 +179,7 @@ class ServerSessions {
 
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
-  /// Streams that take room now.
+  /// Open streams.
   [[nodiscard]] std::uint32_t stream_count() const noexcept { return open_stream_count_; }
   /// Large messages for which somebody may still wait, and shows it (hp-5.6-10).
   [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
@@ -200,7 +200,7 @@ class ServerSessions {
     std::uint16_t stream = kNoStream;      ///< Of items, until all have arrived.
     std::uint32_t tag = 0;                 ///< Given by set_tag() while it runs.
   };
-  /// Room for a message larger than a frame: one that comes, is served, or goes.
+  /// Holds a message larger than a frame: one being received, served or sent.
   struct LargeBuffer {
     enum class Use : std::uint8_t { kFree, kScratch, kRequest, kReply };
     Use use = Use::kFree;
