@@ -168,7 +168,7 @@ bool ClientChannel::is_stream_known(const Call& call) const noexcept {
 MonotonicTime ClientChannel::due(const Call& call) const noexcept {
   if (call.is_ended) return kNever;
   // hp-5.3-4: what goes over a connection is not repeated. hp-5.10-5: but a stream is asked after,
-  // for its server is to see that somebody is there.
+  // for its server is to see a live client.
   if (config_.medium == Medium::kStream && !is_stream_known(call)) return call.deadline;
   return std::min(call.deadline, call.timer.due());
 }
@@ -352,7 +352,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
                                     MonotonicTime now) noexcept {
   Call* const call = find(header);
   if (call == nullptr || !call->items.is_begun()) {
-    // hp-5.9-3: the server goes on with what nobody takes; an earlier CANCEL got lost.
+    // hp-5.9-3: the server goes on with a stream that has no reader; an earlier CANCEL got lost.
     ChannelEvent event = drop(DropReason::kUnexpected);
     if (!is_ready_ || header.session != session_ || call != nullptr) return event;
     event.kind = ChannelEvent::Kind::kSend;

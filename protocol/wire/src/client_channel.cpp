@@ -125,7 +125,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   if (auto read = decode_frame(frame, config_.medium, header); !read) {
     ChannelEvent event = drop(read.error());
     if (config_.medium == Medium::kStream) {
-      // hp-8-2: nobody knows where the next frame begins.
+      // hp-8-2: the next frame.s start is unknown.
       reset();
       event.kind = ChannelEvent::Kind::kBroken;
     }

@@ -68,7 +68,7 @@ bool has_good_fragment_numbers(const Header& header) noexcept {
   if (header.fragment_count == 1) {
     return header.fragment_index == 0 && header.message_size == header.payload_size;
   }
-  // hp-5.8-2: what nobody acknowledges comes in one frame.
+  // hp-5.8-2: a oneway without acknowledgement is one frame.
   return (header.kind == FrameKind::kCall || header.kind == FrameKind::kReply ||
           header.kind == FrameKind::kItem) &&
          (header.flags & kFlagNoReply) == 0 && header.message_size <= kMessageSizeCeiling &&

@@ -51,7 +51,7 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
       return (header.flags & kFlagNoReply) != 0 ? Answer{} : refusal;
     }
   }
-  // An older call whose fragments never all came, or whose reply nobody fetched, ends here.
+  // An older call whose fragments never all came, or whose reply was not fetched, ends here.
   free_stream(slot);
   free_large_buffer(slot);
   return admit(request, *session);
@@ -296,7 +296,7 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
   return {};
 }
 
-// Nobody waits for the call any more. Whoever runs it is told, if it has a name.
+// The caller gave up. The running servant is notified if the request has a tag.
 void ServerSessions::cancel(Slot& slot) noexcept {
   if (slot.state != Slot::State::kRunning || std::exchange(slot.is_unawaited, true)) return;
   if (slot.tag != 0) cancelled_.push_back(slot.tag);

@@ -28,7 +28,7 @@ void ServerSessions::make_large_buffers() {
 
 // --- buffers -------------------------------------------------------------------------------------
 
-// From when on a message must give its room to another (hp-5.6-10). One that is being served is in
+// From when on a message may be evicted (hp-5.6-10). One that is being served is in
 // use, however late it is.
 MonotonicTime ServerSessions::idle_time(const LargeBuffer& large) const noexcept {
   if (large.use == LargeBuffer::Use::kFree || large.use == LargeBuffer::Use::kScratch)
@@ -58,8 +58,8 @@ MonotonicTime ServerSessions::next_buffer_time(MonotonicTime now) const noexcept
   return next;
 }
 
-// A room for a message of that host: a free one, else that of the message that was silent longest;
-// of its own only, once the host has its share (hp-5.6-11).
+// A buffer for a message of that host: a free one, else that of the message that was silent
+// longest; of its own only, once the host has its share (hp-5.6-11).
 std::uint16_t ServerSessions::find_large_buffer(const PeerAddress& peer,
                                                 MonotonicTime now) const noexcept {
   std::uint16_t free = kNoLargeBuffer;
@@ -229,8 +229,8 @@ ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
   return {Verdict::Action::kSend, next_frame(now)};
 }
 
-// The scratch, which holds the reply, goes with it until it has arrived, and another room takes its
-// place.
+// The scratch, which holds the reply, goes with it until it has arrived, and another buffer takes
+// its place.
 ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept {
   RTPM_ASSERT(

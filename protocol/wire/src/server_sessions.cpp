@@ -72,7 +72,7 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
   Request& request = verdict.request;
   if (auto read = decode_frame(frame, config_.medium, request.header); !read) {
     static_cast<void>(drop(read.error()));
-    // hp-8-2: after a bad header nobody knows where on a stream the next frame begins.
+    // hp-8-2: after a bad header a stream.s next frame cannot be found.
     if (config_.medium == Medium::kStream) verdict.action = Verdict::Action::kHangUp;
     return verdict;
   }
@@ -251,7 +251,7 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
 }
 
 // Bits 0 to 15 find the session without a search, bits 16 to 39 hold the lane under a mask, the
-// rest is random. Nobody can guess what a secret key makes of the other bits.
+// rest is random. The other bits cannot be guessed without the key.
 std::uint64_t ServerSessions::new_session_id(std::uint64_t index) noexcept {
   std::array<std::byte, 24> seed{};
   ByteWriter writer(seed);
@@ -283,7 +283,7 @@ bool ServerSessions::is_of_another_lane(std::uint64_t id) const noexcept {
 // session that another lane serves is not lost.
 ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
-  // hp-4.4-5: nobody shall keep a lane busy by asking. A client asks again.
+  // hp-4.4-5: no host may keep a lane busy by asking. A client asks again.
   if (config_.medium == Medium::kDatagram && !stranger_answers_.admit(peer, now)) {
     return drop(DropReason::kRateLimited);
   }

@@ -91,7 +91,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   const bool is_known = slot.call_id == header.call_id && slot.state != Slot::State::kEmpty;
   const bool is_replied = is_known && slot.frame_size > 0;
   if (!is_known || (slot.stream == kNoStream && !is_replied)) {
-    // hp-5.10-7: the stream ended because nobody heard of its caller, who shall learn it.
+    // hp-5.10-7: the stream ended because its caller was silent; report it.
     return is_asked ? refuse(header, Status::kLost, now) : drop(DropReason::kUnexpected);
   }
   Answer answer;

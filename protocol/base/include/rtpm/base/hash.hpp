@@ -7,7 +7,7 @@
 
 namespace rtpm::inline base {
 
-/// FNV-1a, 64 bits: for names and fingerprints, where nobody chooses the input to do harm.
+/// FNV-1a, 64 bits: for names and fingerprints, where the input is not hostile.
 [[nodiscard]] constexpr std::uint64_t fnv1a_64(
     std::string_view text, std::uint64_t basis = 0xcbf29ce484222325ULL) noexcept {
   std::uint64_t hash = basis;
@@ -24,7 +24,7 @@ struct SipKey {
   std::uint64_t high = 0;
 };
 
-/// SipHash-2-4, 64 bits: a keyed hash that whoever lacks the key can't forge; for cookies.
+/// SipHash-2-4, 64 bits: a keyed hash that cannot be forged without the key; for cookies.
 /// RT: alloc-free, about 20 ns for 40 bytes.   Source: Aumasson and Bernstein, 2012.
 [[nodiscard]] std::uint64_t siphash_2_4(SipKey key, std::span<const std::byte> bytes) noexcept;
 

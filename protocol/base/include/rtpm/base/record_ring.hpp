@@ -14,7 +14,7 @@
 namespace rtpm::inline base {
 
 /// What the two ends of a record ring share besides the records: on cache lines by who writes them,
-/// so that a line stays with both while nobody does. Zero at first. In the order of bytes of the
+/// so that both keep the line while neither writes. Zero at first. In the order of bytes of the
 /// host, which both ends are on.   Source: spec/hprotocol.md#hp-16.2.
 struct RecordRingControl {
   /// Bytes ever written to the ring. The writer's.
@@ -74,7 +74,7 @@ struct RecordWord {
   }
 };
 
-/// The memory of the records, as words. Whoever shares it may write there at any time; so each word
+/// The memory of the records, as words. The peer may write there at any time; so each word
 /// is read once, by an atomic that orders nothing: what is read is some value, and nothing worse.
 class RecordMemory {
  public:
@@ -247,7 +247,7 @@ class RecordWriter {
     // SYNC POINT slot-written: the record is whole.
     slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // Learned before it is needed, when nobody waits for it.
+    // Learned before it is needed.
     if (number_ - taken_ > kRecordSlotCount / 2) static_cast<void>(learn_taken());
     return outcome;
   }

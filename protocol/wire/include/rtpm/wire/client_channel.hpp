@@ -131,7 +131,7 @@ class ClientChannel {
   /// The next item of a stream, in order, valid until the next call of this; nothing if there is
   /// none now. After the stream's kReply and the last item its index is free.
   [[nodiscard]] std::optional<ConstBytes> next_item(CallIndex call) noexcept;
-  /// Ends an open call: nobody waits for it any more. It may have run. Gives the frame to send,
+  /// Ends an open call, whose caller gave up. It may have run. Gives the frame to send,
   /// which may get lost.
   [[nodiscard]] ConstBytes cancel(CallIndex call, MonotonicTime now) noexcept;
 

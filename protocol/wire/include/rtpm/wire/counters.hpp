@@ -40,11 +40,10 @@ struct FrameCounters {
   std::uint64_t session_opened_count = 0;
   std::uint64_t session_evicted_count = 0;  ///< Sessions replaced by newer ones.
   std::uint64_t cancelled_count = 0;        ///< Calls that their callers cancelled in time.
-  std::uint64_t orphaned_count =
-      0;  ///< Calls that ended when nobody was there any more to be told.
-  std::uint64_t large_evicted_count = 0;  ///< Silent large messages that gave way to others.
-  std::uint64_t item_count = 0;           ///< Items of streams sent, without repetitions.
-  std::uint64_t item_repeated_count = 0;  ///< Items sent again.
+  std::uint64_t orphaned_count = 0;         ///< Calls that ended without a peer to answer.
+  std::uint64_t large_evicted_count = 0;    ///< Silent large messages that gave way to others.
+  std::uint64_t item_count = 0;             ///< Items of streams sent, without repetitions.
+  std::uint64_t item_repeated_count = 0;    ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.
 
   void drop(DropReason reason) noexcept { ++dropped[static_cast<std::size_t>(reason)]; }

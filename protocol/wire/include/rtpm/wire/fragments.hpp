@@ -72,7 +72,7 @@ class IncomingMessage {
 };
 
 /// Sends one message as fragments: a window of them at a time, those again that an ACK shows to be
-/// lost. It keeps no time: whoever drives it calls nudge() when an ACK stays out.
+/// lost. It keeps no time: its driver calls nudge() when an ACK stays out.
 /// Ownership: views the message.   RT: alloc-free.
 class OutgoingMessage {
  public:

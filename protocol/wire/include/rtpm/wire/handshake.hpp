@@ -41,7 +41,7 @@ struct Welcome {
   std::uint32_t message_size_max = 0;  ///< The largest message the server takes.
 };
 
-/// Write a payload at the begin of `to`, which must hold its kSize bytes.   RT: alloc-free.
+/// Write a payload at the beginning of `to`, which must hold its kSize bytes.   RT: alloc-free.
 void encode(const Hello& hello, MutableBytes to) noexcept;
 void encode(const Welcome& welcome, MutableBytes to) noexcept;
 

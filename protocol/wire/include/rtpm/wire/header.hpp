@@ -23,7 +23,7 @@ enum class FrameKind : std::uint8_t {
   kReply = 6,    ///< Server → client: how it ended.
   kClose = 7,    ///< Both ways: the session ends.
   kAck = 8,      ///< Both ways: how far a message in fragments has arrived.
-  kCancel = 9,   ///< Client → server: nobody waits for the call any more.
+  kCancel = 9,   ///< Client → server: the caller gave up.
   kItem = 10,    ///< Server → client: one item of a stream, or a fragment of it.
   kCredit = 11,  ///< Client → server: which frames of a stream are there, and how much may come.
 };
@@ -38,7 +38,7 @@ inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply b
 inline constexpr std::uint16_t kFlagsKnown =
     kFlagRepeated | kFlagAckWanted | kFlagNoReply | kFlagReplyOnReceipt;
 
-/// The 64 bytes at the begin of every frame.   Source: spec/hprotocol.md#hp-2.
+/// The 64 bytes at the beginning of every frame.   Source: spec/hprotocol.md#hp-2.
 struct Header {
   FrameKind kind = FrameKind::kCall;
   Priority priority{};  ///< Of the call; it steers the frame to its lane.
@@ -60,14 +60,14 @@ struct Header {
   std::uint64_t trace_id = 0;
 };
 
-/// Writes `header` in its wire form at the begin of `to`, which holds at least kHeaderSize bytes.
-/// RT: alloc-free, a few ns.
+/// Writes `header` in its wire form at the beginning of `to`, which holds at least kHeaderSize
+/// bytes. RT: alloc-free, a few ns.
 void encode(const Header& header, std::byte* to) noexcept;
 
-/// Reads and checks the header at the begin of `bytes`, which may be anything. That payload_size
-/// bytes follow is for the caller to check: datagrams carry exactly one frame, streams many.
-/// RT: alloc-free, a few ns.
-/// Errors: the reason under which the frame is to be dropped and counted.
+/// Reads and checks the header at the beginning of `bytes`, which may be anything. That
+/// payload_size bytes follow is for the caller to check: datagrams carry exactly one frame, streams
+/// many. RT: alloc-free, a few ns. Errors: the reason under which the frame is to be dropped and
+/// counted.
 [[nodiscard]] expected<Header, DropReason> decode(ConstBytes bytes) noexcept;
 
 /// As decode(), for a whole frame: exactly payload_size bytes follow the header.

@@ -95,7 +95,7 @@ inline constexpr Duration kCookieSpan = std::chrono::seconds{10};
 inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5};
 /// No repetition comes sooner: below, a busy server would be asked twice without need.
 inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
-/// The same where no frame leaves the host: then a frame was lost only if its receiver had no room
+/// The same where no frame leaves the host: then a frame was lost only if its receiver had no space
 /// for it, or has died, and a server that is late would be asked in vain. So long that who waits
 /// need not set a timer to the microsecond, which takes longer than a system call.
 inline constexpr Duration kRetransmitIntervalOnHost = std::chrono::milliseconds{30};

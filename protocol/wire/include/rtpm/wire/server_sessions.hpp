@@ -141,7 +141,7 @@ class ServerSessions {
   /// Names a request that will be completed later, by a number that is not 0, so that the lane can
   /// be told of it: by next_cancelled() and Verdict::credit_tag.
   void set_tag(const Request& request, std::uint32_t tag) noexcept;
-  /// The tag of a request for which nobody waits any more, told once; 0 if there is none. It must
+  /// The tag of a request whose caller gave up, given once; 0 if there is none. It must
   /// be completed all the same. To be called after on_frame(), on_time() and forget() until it
   /// gives 0.
   [[nodiscard]] std::uint32_t next_cancelled() noexcept;
@@ -153,13 +153,13 @@ class ServerSessions {
   [[nodiscard]] std::uint32_t item_frame_size_max(const Request& request) noexcept;
   /// Gives the next frame of `item`, which has at most item_size_max() bytes and is the same until
   /// is_item_midway() is false. The frame is to be sent before the next is asked for. Empty while
-  /// the caller takes no more, and for good once nobody waits for the stream.
+  /// the caller takes no more, and for good once its caller gave up.
   [[nodiscard]] ConstBytes push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept;
   /// A part of the item was given, and push_item() has more of it.
   [[nodiscard]] bool is_item_midway(const Request& request) noexcept;
 
-  /// Ends streams of which nobody was heard for too long.
+  /// Ends streams whose caller was silent for too long.
   void on_time(MonotonicTime now) noexcept;
   /// Before this on_time() has nothing to do. Takes no look at the streams, so it may be asked
   /// each time that a lane goes to sleep.
@@ -181,7 +181,7 @@ class ServerSessions {
   [[nodiscard]] std::uint32_t session_count() const noexcept { return session_count_; }
   /// Open streams.
   [[nodiscard]] std::uint32_t stream_count() const noexcept { return open_stream_count_; }
-  /// Large messages for which somebody may still wait, and shows it (hp-5.6-10).
+  /// Large messages whose peer was heard lately (hp-5.6-10).
   [[nodiscard]] std::uint32_t large_message_count(MonotonicTime now) const noexcept;
 
  private:
@@ -191,7 +191,7 @@ class ServerSessions {
   struct Slot {
     enum class State : std::uint8_t { kEmpty, kReceiving, kRunning, kDone };
     State state = State::kEmpty;
-    bool is_unawaited = false;  ///< It runs, and nobody waits for it: a oneway, or cancelled.
+    bool is_unawaited = false;  ///< It runs, and without a waiting caller: a oneway, or cancelled.
     bool is_evicted = false;    ///< A request that was given up before it was whole.
     std::uint32_t call_id = 0;
     std::uint32_t newest_call_id = 0;      ///< Later than call_id: it was refused, as this one ran.
@@ -206,7 +206,7 @@ class ServerSessions {
     Use use = Use::kFree;
     std::uint32_t session_index = 0;
     std::uint32_t slot_index = 0;
-    MonotonicTime deadline{};  ///< Until when somebody waits for it.
+    MonotonicTime deadline{};  ///< Until when its caller waits.
     MonotonicTime heard{};     ///< When its peer showed last that it works on it.
     MutableBytes memory{};
     IncomingMessage incoming;
@@ -338,7 +338,7 @@ class ServerSessions {
   }
   std::vector<CacheLine> frames_;
   std::vector<CacheLine> fragment_frame_;  ///< One frame of a large reply, as it is sent.
-  std::vector<CacheLine> unsent_frame_;    ///< Where replies are written that nobody wants.
+  std::vector<CacheLine> unsent_frame_;    ///< For replies that are not sent.
   alignas(64) std::array<std::byte, 256> answer_{};
   FrameCounters counters_{};
 };

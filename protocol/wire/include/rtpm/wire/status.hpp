@@ -14,7 +14,7 @@ enum class Status : std::uint16_t {
   kNoSuchMethod = 3,    ///< Not run: the object has no method of that id.
   kNoSuchObject = 4,    ///< Not run: no object has that path or number.
   kBadRequest = 5,      ///< Not run: the payload is not what the method takes.
-  kNotLeaseHolder = 6,  ///< Not run: somebody else holds the lease that the method needs.
+  kNotLeaseHolder = 6,  ///< Not run: another client holds the lease that the method needs.
   kGone = 7,            ///< Not run: the object was there and was taken away.
   kServantFailed = 8,   ///< The servant ran and ended with a fault of its own.
   kTooLarge = 9,        ///< A message or item exceeds the session's limit. On a reply: it ran.
