@@ -320,8 +320,6 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   return {.kind = ChannelEvent::Kind::kSend, .call = index_of(*call), .frame = frame};
 }
 
-// --- streams -------------------------------------------------------------------------------------
-
 // The server has the call.
 void ClientChannel::hear(Call& call) noexcept {
   call.has_answered = true;
@@ -461,8 +459,6 @@ ConstBytes ClientChannel::credit_frame(Call& call, MonotonicTime now) noexcept {
   call.is_credit_due = call.is_asking = false;
   return ConstBytes(small_frame_).first(kHeaderSize + StreamCredit::kSize);
 }
-
-// --- cancellation --------------------------------------------------------------------------------
 
 ConstBytes ClientChannel::cancel(CallIndex index, MonotonicTime now) noexcept {
   Call& call = calls_[index];

@@ -26,8 +26,6 @@ void ServerSessions::make_large_buffers() {
   large_buffers_[scratch_].use = LargeBuffer::Use::kScratch;
 }
 
-// --- buffers -------------------------------------------------------------------------------------
-
 // From when on a message may be evicted (hp-5.6-10). One that is being served is in
 // use, however late it is.
 MonotonicTime ServerSessions::idle_time(const LargeBuffer& large) const noexcept {
@@ -134,8 +132,6 @@ bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime n
     return false;
   return find_large_buffer(session.peer, now) == kNoLargeBuffer;
 }
-
-// --- fragments -----------------------------------------------------------------------------------
 
 ServerSessions::Answer ServerSessions::receive_large(Request& request, Slot& slot,
                                                      Session& session) noexcept {

@@ -155,7 +155,6 @@ class ClientChannel {
   /// What the server granted; of the last handshake.
   [[nodiscard]] const Welcome& welcome() const noexcept { return welcome_; }
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
-  /// When the call was sent first.
   [[nodiscard]] MonotonicTime call_begun(CallIndex call = 0) const noexcept {
     return calls_[call].begun;
   }

@@ -54,11 +54,8 @@ class RetransmitTimer {
   /// which copy was answered (Karn's rule), but that the round trip was no longer than all of it.
   void end(MonotonicTime now) noexcept;
 
-  /// When to repeat.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
-  /// How long the wait has become.
   [[nodiscard]] Duration current() const noexcept { return current_; }
-  /// How often the call was repeated.
   [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
 
  private:

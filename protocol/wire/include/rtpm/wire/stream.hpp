@@ -62,7 +62,6 @@ class OutgoingStream {
   /// The next frame that is to be sent again, or empty.
   [[nodiscard]] ConstBytes next() noexcept;
 
-  /// Frames sent so far.
   [[nodiscard]] std::uint32_t count() const noexcept { return count_; }
   [[nodiscard]] bool is_acknowledged() const noexcept { return first_missing_ == count_; }
 
@@ -119,7 +118,6 @@ class IncomingStream {
 
   /// The next item in order, valid until the next call; nothing if it is not there yet.
   [[nodiscard]] std::optional<ConstBytes> next() noexcept;
-  /// Has next() an item?
   [[nodiscard]] bool has_next() const noexcept { return ready_count_ > 0; }
 
   [[nodiscard]] StreamCredit credit() const noexcept;
