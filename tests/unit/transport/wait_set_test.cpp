@@ -1,0 +1,570 @@
+#include "rtpm/transport/wait_set.hpp"
+
+#include <gtest/gtest.h>
+#include <linux/filter.h>
+#include <pthread.h>
+#include <signal.h>
+#include <sys/eventfd.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <cstdlib>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <random>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "frames.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/client_transport.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/port_wait_set.hpp"
+#include "rtpm/transport/tcp.hpp"
+
+// One suite for every implementation of WaitSet, with few and many sources, with and without a
+// lock.
+namespace rtpm::transport {
+namespace {
+
+using namespace test;
+using namespace std::chrono_literals;
+
+constexpr SourceKind kPort{1};
+constexpr SourceKind kSocket{2};
+constexpr SourceKind kIdle{3};
+constexpr std::size_t kSourceCountMax = 64;
+
+enum class Kind { kPolledFew, kPolledMany, kPolledEdge, kPortAlone, kPortAndOthers };
+
+struct Way {
+  Kind kind;
+  bool is_held;
+};
+
+std::string name_of(const testing::TestParamInfo<Way>& way) {
+  const std::array names{"PolledFew", "PolledMany", "PolledEdge", "PortAlone", "PortAndOthers"};
+  return std::string(names.at(static_cast<std::size_t>(way.param.kind))) +
+         (way.param.is_held ? "WithALock" : "");
+}
+
+/// Counts how often it was freed, and by whom it is held.
+class CountingLock final : public WaitLock {
+ public:
+  void lock() noexcept override {
+    mutex_.lock();
+    is_locked = true;
+  }
+  void unlock() noexcept override {
+    ++unlock_count;
+    is_locked = false;
+    mutex_.unlock();
+  }
+
+  std::atomic<int> unlock_count = 0;
+  std::atomic<bool> is_locked = false;
+
+ private:
+  std::mutex mutex_;
+};
+
+using Tags = std::vector<std::uint64_t>;
+
+Tags tags_of(std::initializer_list<SourceTag> tags) {
+  Tags raw;
+  for (const SourceTag tag : tags)
+    raw.push_back(tag.raw());
+  std::ranges::sort(raw);
+  return raw;
+}
+
+class WaitSetTest : public testing::TestWithParam<Way> {
+ protected:
+  void SetUp() override {
+    if (has_port()) {
+      open_port();
+    } else {
+      auto opened = PolledWaitSet::open(kSourceCountMax);
+      ASSERT_TRUE(opened);
+      set_ = std::move(*opened);
+    }
+    if (GetParam().kind == Kind::kPolledMany) add_idle(12, Trigger::kLevel);
+    if (GetParam().kind == Kind::kPolledEdge) add_idle(1, Trigger::kEdge);
+    if (GetParam().kind == Kind::kPortAndOthers) add_idle(2, Trigger::kLevel);
+  }
+  void TearDown() override {
+    if (port_) set_->remove(port_->descriptor());
+  }
+
+  [[nodiscard]] static bool has_port() {
+    return GetParam().kind == Kind::kPortAlone || GetParam().kind == Kind::kPortAndOthers;
+  }
+  void open_port() {
+    const auto listener = TcpListener::open("127.0.0.1", 0);
+    ASSERT_TRUE(listener);
+    auto port = UdpPort::open({.port = listener->port()});
+    ASSERT_TRUE(port);
+    port_.emplace(std::move(*port));
+    caller_ = std::move(*open_udp_transport("127.0.0.1", listener->port(), 0));
+    auto opened = PortWaitSet::open(kSourceCountMax);
+    ASSERT_TRUE(opened);
+    ASSERT_TRUE((*opened)->add_port(*port_, buffer_, SourceTag(kPort)));
+    port_set_ = opened->get();
+    set_ = std::move(*opened);
+  }
+  void add_idle(std::uint32_t count, Trigger trigger) {
+    for (std::uint32_t i = 0; i < count; ++i) {
+      idle_.emplace_back(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+      ASSERT_TRUE(set_->add(idle_.back().number(), SourceTag(kIdle, i), trigger));
+    }
+  }
+
+  /// The tags of what is ready, sorted; at most `room` of them.
+  Tags wait(MonotonicTime until, std::size_t room = 16) {
+    std::vector<SourceTag> ready(room);
+    if (GetParam().is_held) lock_.lock();
+    const std::size_t count = set_->wait(until, ready, GetParam().is_held ? &lock_ : nullptr);
+    if (GetParam().is_held) {
+      EXPECT_TRUE(lock_.is_locked) << "the lock is back";
+      lock_.unlock();
+    }
+    Tags tags;
+    for (std::size_t i = 0; i < count; ++i)
+      tags.push_back(ready[i].raw());
+    std::ranges::sort(tags);
+    return tags;
+  }
+  Tags poll(std::size_t room = 16) { return wait(kAlready, room); }
+  /// As a lane does, which waits again where a wait ended early.
+  Tags await_some() {
+    Tags tags;
+    for (const MonotonicTime end = rt::now() + 10s; tags.empty() && rt::now() < end;)
+      tags = wait(end);
+    return tags;
+  }
+  [[nodiscard]] bool receive() { return port_->receive(buffer_).has_value(); }
+  /// Takes what datagrams are there.
+  void drain() {
+    while (port_ && receive()) {
+    }
+  }
+
+  std::optional<UdpPort> port_;
+  std::unique_ptr<ClientTransport> caller_;
+  alignas(64) std::array<std::byte, Datagrams::kSizeMax> buffer_{};
+  std::vector<Descriptor> idle_;
+  PortWaitSet* port_set_ = nullptr;
+  std::unique_ptr<WaitSet> set_;
+  CountingLock lock_;
+};
+
+class WaitSetWithALock : public WaitSetTest {};
+class WaitSetWithAPort : public WaitSetTest {};
+class WaitSetThatReceives : public WaitSetTest {};
+
+TEST_P(WaitSetTest, ReportsNothingWhereNothingIsReady) {
+  EXPECT_EQ(poll(), Tags{});
+}
+
+TEST_P(WaitSetTest, EndsNotBeforeItsTime) {
+  for (const Duration span : {1ns, 300'000ns, 3'000'000ns}) {
+    const MonotonicTime until = rt::now() + span;
+    EXPECT_EQ(wait(until), Tags{});
+    EXPECT_GE(rt::now(), until);
+  }
+  EXPECT_EQ(wait(rt::now() - 1h), Tags{});
+}
+
+TEST_P(WaitSetTest, ReportsRingsOnceHoweverMany) {
+  for (int i = 0; i < 3; ++i)
+    set_->ring();
+  EXPECT_EQ(await_some(), tags_of({kDoorbell}));
+  drain();
+  EXPECT_EQ(poll(), Tags{});
+  set_->ring();
+  EXPECT_EQ(poll(), tags_of({kDoorbell}));
+  EXPECT_EQ(poll(), Tags{});
+}
+
+TEST_P(WaitSetTest, EndsByTheRingOfAnotherThread) {
+  std::thread other([this] { set_->ring(); });
+  EXPECT_EQ(await_some(), tags_of({kDoorbell}));
+  other.join();
+}
+
+// Rings at any offset into a wait, each after the one before was heard. RTPM_RINGS: how many.
+TEST_P(WaitSetTest, HearsEachOfManyRandomRings) {
+  const char* const text = std::getenv("RTPM_RINGS");
+  const int ring_count = text == nullptr ? 3000 : std::atoi(text);
+  std::atomic<int> heard_count = 0;
+  std::thread other([&] {
+    std::minstd_rand random(7);
+    for (int i = 0; i < ring_count; ++i) {
+      const MonotonicTime begin = rt::now() + std::chrono::microseconds{random() % 60};
+      while (rt::now() < begin) {
+      }
+      if (caller_ && i % 3 == 0) {
+        EXPECT_TRUE(caller_->send(Bytes(48)));
+      }
+      set_->ring();
+      while (heard_count <= i)
+        std::this_thread::yield();
+    }
+  });
+  int lost_count = 0;
+  int overslept_count = 0;
+  const std::uint64_t rung = kDoorbell.raw();
+  while (heard_count < ring_count) {
+    const MonotonicTime begin = rt::now();
+    const Tags tags = wait(begin + 5s);
+    const Duration spent = rt::now() - begin;
+    if (spent >= 4s) ++lost_count;
+    if (spent >= kBlockTime) ++overslept_count;
+    drain();
+    if (std::ranges::find(tags, rung) != tags.end()) ++heard_count;
+  }
+  other.join();
+  EXPECT_EQ(lost_count, 0);
+  EXPECT_LT(overslept_count, ring_count / 10) << "rings were heard when a receive was over";
+}
+
+// What is pushed before a flag is read is seen: push, then look at the flag; set the flag, then
+// look at what was pushed.
+TEST_P(WaitSetTest, LosesNoPushToAWaiterThatAnnouncesItsSleep) {
+  constexpr int kCount = 20'000;
+  std::atomic<int> pushed = 0;
+  std::atomic<bool> is_asleep = false;
+  std::thread other([&] {
+    for (int i = 0; i < kCount; ++i) {
+      pushed.fetch_add(1);
+      if (is_asleep.exchange(false)) set_->ring();
+    }
+  });
+  int lost_count = 0;
+  for (int taken = 0; taken < kCount;) {
+    taken = pushed;
+    is_asleep = true;
+    if (pushed == taken && taken < kCount) {
+      const MonotonicTime end = rt::now() + 5s;
+      while (pushed == taken && rt::now() < end)
+        static_cast<void>(wait(end));
+      if (pushed == taken) ++lost_count;
+    }
+    is_asleep = false;
+    drain();
+  }
+  other.join();
+  EXPECT_EQ(lost_count, 0);
+}
+
+TEST_P(WaitSetTest, ReportsALevelSourceWhileItCanBeRead) {
+  auto [near, far] = stream_pair();
+  const SourceTag tag(kSocket, 7);
+  ASSERT_TRUE(set_->add(near.number(), tag, Trigger::kLevel));
+  EXPECT_EQ(poll(), Tags{});
+  write_all(far, Bytes(1));
+  EXPECT_EQ(await_some(), tags_of({tag}));
+  EXPECT_EQ(poll(), tags_of({tag})) << "it still can";
+  std::byte byte{};
+  ASSERT_EQ(recv(near.number(), &byte, 1, 0), 1);
+  EXPECT_EQ(poll(), Tags{});
+  set_->remove(near.number());
+}
+
+TEST_P(WaitSetTest, ReportsAnEdgeSourceOncePerSignal) {
+  const Descriptor event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+  const SourceTag tag(kSocket, 1);
+  ASSERT_EQ(eventfd_write(event.number(), 1), 0);
+  ASSERT_TRUE(set_->add(event.number(), tag, Trigger::kEdge));
+  EXPECT_EQ(await_some(), tags_of({tag})) << "of the signal before";
+  EXPECT_EQ(poll(), Tags{});
+  ASSERT_EQ(eventfd_write(event.number(), 1), 0);
+  EXPECT_EQ(poll(), tags_of({tag}));
+  EXPECT_EQ(poll(), Tags{});
+  set_->remove(event.number());
+}
+
+TEST_P(WaitSetTest, ReportsAPeerThatIsGone) {
+  auto [near, far] = stream_pair();
+  ASSERT_TRUE(set_->add(near.number(), SourceTag(kSocket), Trigger::kLevel));
+  { const Descriptor closed = std::move(far); }
+  EXPECT_EQ(await_some(), tags_of({SourceTag(kSocket)}));
+  set_->remove(near.number());
+}
+
+TEST_P(WaitSetWithAPort, ReportsItUntilItsDatagramIsReceived) {
+  ASSERT_TRUE(caller_->send(Bytes(48)));
+  EXPECT_EQ(await_some(), tags_of({SourceTag(kPort)}));
+  EXPECT_EQ(poll(), tags_of({SourceTag(kPort)}));
+  EXPECT_TRUE(receive());
+  EXPECT_FALSE(receive()) << "there was one";
+  EXPECT_EQ(poll(), Tags{});
+  set_->ring();
+  ASSERT_TRUE(caller_->send(Bytes(48)));
+  bool has_heard = false;
+  bool has_received = false;
+  while (!has_heard || !has_received) {
+    for (const std::uint64_t tag : await_some())
+      (tag == kDoorbell.raw() ? has_heard : has_received) = tag == kDoorbell.raw() || receive();
+  }
+}
+
+TEST_P(WaitSetTest, ReportsMoreThanThereIsRoomForInTurn) {
+  constexpr std::uint32_t kCount = 20;
+  constexpr std::size_t kRoom = 3;
+  std::vector<std::pair<Descriptor, Descriptor>> pairs;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    pairs.push_back(stream_pair());
+    ASSERT_TRUE(set_->add(pairs.back().first.number(), SourceTag(kSocket, i), Trigger::kLevel));
+    write_all(pairs.back().second, Bytes(1));
+  }
+  Tags seen;
+  for (std::size_t round = 0; round < (kCount + kRoom - 1) / kRoom; ++round) {
+    for (const std::uint64_t tag : poll(kRoom))
+      seen.push_back(tag);
+  }
+  std::ranges::sort(seen);
+  EXPECT_EQ(std::ranges::unique(seen).begin() - seen.begin(), kCount) << "none waits longer";
+  for (const auto& pair : pairs)
+    set_->remove(pair.first.number());
+}
+
+// One that can always be read does not keep the others from being reported.
+TEST_P(WaitSetTest, ReportsAFewEvenWhereThereIsRoomForOne) {
+  std::vector<std::pair<Descriptor, Descriptor>> pairs;
+  for (std::uint32_t i = 0; i < 3; ++i) {
+    pairs.push_back(stream_pair());
+    ASSERT_TRUE(set_->add(pairs.back().first.number(), SourceTag(kSocket, i), Trigger::kLevel));
+    write_all(pairs.back().second, Bytes(1));
+  }
+  Tags seen;
+  for (int round = 0; round < 3; ++round)
+    seen.push_back(poll(1).at(0));
+  std::ranges::sort(seen);
+  EXPECT_EQ(seen, tags_of({SourceTag(kSocket, 0), SourceTag(kSocket, 1), SourceTag(kSocket, 2)}));
+  for (const auto& pair : pairs)
+    set_->remove(pair.first.number());
+}
+
+TEST_P(WaitSetTest, ReportsNothingThatWasRemoved) {
+  auto [near, far] = stream_pair();
+  ASSERT_TRUE(set_->add(near.number(), SourceTag(kSocket, 0, 1), Trigger::kLevel));
+  write_all(far, Bytes(1));
+  set_->remove(near.number());
+  EXPECT_EQ(poll(), Tags{});
+  EXPECT_TRUE(set_->add(near.number(), SourceTag(kSocket, 0, 2), Trigger::kLevel));
+  EXPECT_EQ(poll(), tags_of({SourceTag(kSocket, 0, 2)})) << "under its new generation only";
+  set_->remove(near.number());
+}
+
+// A descriptor's number is used again at once by the next one.
+TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
+  std::optional<std::pair<Descriptor, Descriptor>> pair = stream_pair();
+  const int number = pair->first.number();
+  ASSERT_TRUE(set_->add(number, SourceTag(kSocket, 0, 1), Trigger::kLevel));
+  write_all(pair->second, Bytes(1));
+  set_->remove(number);
+  pair.reset();
+  pair = stream_pair();
+  ASSERT_EQ(pair->first.number(), number);
+  EXPECT_EQ(poll(), Tags{});
+  ASSERT_TRUE(set_->add(number, SourceTag(kSocket, 0, 2), Trigger::kLevel));
+  EXPECT_EQ(poll(), Tags{});
+  write_all(pair->second, Bytes(1));
+  EXPECT_EQ(await_some(), tags_of({SourceTag(kSocket, 0, 2)}));
+  set_->remove(number);
+}
+
+TEST_P(WaitSetWithALock, HeedsWhatIsAddedAndRemovedDuringAWait) {
+  auto [near, far] = stream_pair();
+  for (std::uint32_t generation = 1; generation <= 50; ++generation) {
+    const SourceTag tag(kSocket, 0, generation);
+    std::atomic<bool> has_begun = false;
+    Tags reported;
+    std::thread waiter([&] {
+      has_begun = true;
+      reported = await_some();
+    });
+    while (!has_begun)
+      std::this_thread::yield();
+    lock_.lock();
+    ASSERT_TRUE(set_->add(near.number(), tag, Trigger::kLevel));
+    write_all(far, Bytes(1));
+    lock_.unlock();
+    waiter.join();
+    EXPECT_EQ(reported, tags_of({tag}));
+    std::byte byte{};
+    ASSERT_EQ(recv(near.number(), &byte, 1, 0), 1);
+    lock_.lock();
+    set_->remove(near.number());
+    lock_.unlock();
+    write_all(far, Bytes(1));
+    EXPECT_EQ(poll(), Tags{});
+    ASSERT_EQ(recv(near.number(), &byte, 1, 0), 1);
+  }
+}
+
+TEST_P(WaitSetWithALock, FreesItOnlyWhereItMayBlock) {
+  const int before = lock_.unlock_count;
+  EXPECT_EQ(poll(), Tags{});
+  EXPECT_EQ(lock_.unlock_count - before, 1) << "the test's own";
+  EXPECT_EQ(wait(rt::now() + 2ms), Tags{});
+  EXPECT_EQ(lock_.unlock_count - before, 3) << "and the wait's";
+}
+
+// From one source to many and back, each time with a ring and all sources ready.
+TEST_P(WaitSetTest, KeepsWhatIsReadyWhileSourcesComeAndGo) {
+  std::vector<std::pair<Descriptor, Descriptor>> pairs;
+  const auto expect_all = [&] {
+    set_->ring();
+    Tags expected = tags_of({kDoorbell});
+    for (std::uint32_t i = 0; i < pairs.size(); ++i)
+      expected.push_back(SourceTag(kSocket, i).raw());
+    Tags seen = poll(32);
+    if (std::ranges::find(seen, SourceTag(kPort).raw()) != seen.end()) drain();
+    std::erase(seen, SourceTag(kPort).raw());
+    std::ranges::sort(expected);
+    EXPECT_EQ(seen, expected);
+  };
+  for (std::uint32_t i = 0; i < 10; ++i) {
+    if (caller_) {
+      EXPECT_TRUE(caller_->send(Bytes(48)));
+    }
+    pairs.push_back(stream_pair());
+    write_all(pairs.back().second, Bytes(1));
+    ASSERT_TRUE(set_->add(pairs.back().first.number(), SourceTag(kSocket, i), Trigger::kLevel));
+    expect_all();
+  }
+  while (!pairs.empty()) {
+    set_->remove(pairs.back().first.number());
+    pairs.pop_back();
+    expect_all();
+  }
+}
+
+TEST_P(WaitSetTest, HoldsUnderAStormOfSignals) {
+  struct sigaction action {};
+  action.sa_handler = [](int) {};
+  struct sigaction former {};
+  ASSERT_EQ(sigaction(SIGUSR1, &action, &former), 0);
+  std::atomic<bool> is_over = false;
+  const pthread_t waiter = pthread_self();
+  std::thread storm([&] {
+    while (!is_over) {
+      pthread_kill(waiter, SIGUSR1);
+      std::this_thread::yield();
+    }
+  });
+  for (int i = 0; i < 20; ++i) {
+    const MonotonicTime until = rt::now() + 300us;
+    while (rt::now() < until)
+      EXPECT_EQ(wait(until), Tags{});
+    set_->ring();
+    EXPECT_EQ(await_some(), tags_of({kDoorbell}));
+    drain();
+  }
+  is_over = true;
+  storm.join();
+  sigaction(SIGUSR1, &former, nullptr);
+}
+
+TEST_P(WaitSetTest, RefusesWhatItCannotHold) {
+  EXPECT_FALSE(set_->add(-1, SourceTag(kSocket), Trigger::kLevel)) << "no descriptor";
+  std::vector<Descriptor> events;
+  bool was_refused = false;
+  for (std::uint32_t i = 0; i <= kSourceCountMax && !was_refused; ++i) {
+    events.emplace_back(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
+    was_refused = !set_->add(events.back().number(), SourceTag(kSocket, i), Trigger::kLevel);
+  }
+  EXPECT_TRUE(was_refused) << "the set is full";
+  EXPECT_FALSE(set_->add(events.front().number(), SourceTag(kSocket), Trigger::kLevel));
+  for (const Descriptor& event : events)
+    set_->remove(event.number());
+}
+
+// A packet filter that drops the doorbell's datagrams costs one late ring, and not each.
+TEST_P(WaitSetThatReceives, OnlyPollsOnceADoorbellDatagramWasLost) {
+  std::array<sock_filter, 1> none{sock_filter{BPF_RET | BPF_K, 0, 0, 0}};
+  const sock_fprog program{static_cast<unsigned short>(none.size()), none.data()};
+  ASSERT_EQ(setsockopt(port_->descriptor(), SOL_SOCKET, SO_ATTACH_FILTER, &program, sizeof program),
+            0);
+  EXPECT_FALSE(port_set_->only_polls());
+  std::atomic<bool> is_over = false;
+  std::thread other([&] {
+    while (!is_over) {
+      set_->ring();
+      std::this_thread::yield();
+    }
+  });
+  for (const MonotonicTime end = rt::now() + 10s; !port_set_->only_polls() && rt::now() < end;)
+    static_cast<void>(wait(end));
+  is_over = true;
+  other.join();
+  EXPECT_TRUE(port_set_->only_polls());
+  static_cast<void>(poll());
+  std::thread last([this] { set_->ring(); });
+  EXPECT_EQ(await_some(), tags_of({kDoorbell}));
+  last.join();
+}
+
+std::vector<Way> ways(std::initializer_list<Kind> kinds, std::initializer_list<bool> holds) {
+  std::vector<Way> all;
+  for (const Kind kind : kinds) {
+    for (const bool is_held : holds)
+      all.push_back({kind, is_held});
+  }
+  return all;
+}
+
+const auto kAllKinds = {Kind::kPolledFew, Kind::kPolledMany, Kind::kPolledEdge, Kind::kPortAlone,
+                        Kind::kPortAndOthers};
+INSTANTIATE_TEST_SUITE_P(All, WaitSetTest, testing::ValuesIn(ways(kAllKinds, {false, true})),
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(All, WaitSetWithALock, testing::ValuesIn(ways(kAllKinds, {true})),
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(All, WaitSetWithAPort,
+                         testing::ValuesIn(ways({Kind::kPortAlone, Kind::kPortAndOthers},
+                                                {false, true})),
+                         name_of);
+INSTANTIATE_TEST_SUITE_P(All, WaitSetThatReceives,
+                         testing::ValuesIn(ways({Kind::kPortAlone}, {false})), name_of);
+
+TEST(SourceTags, KeepKindIndexAndGenerationApart) {
+  const SourceTag tag(SourceKind{15}, 0xffff'ffff, SourceTag::kGenerationMax);
+  EXPECT_EQ(tag.kind(), SourceKind{15});
+  EXPECT_EQ(tag.index(), 0xffff'ffffU);
+  EXPECT_EQ(tag.generation(), SourceTag::kGenerationMax);
+  EXPECT_EQ(SourceTag::from_raw(tag.raw()), tag);
+  EXPECT_NE(SourceTag(kSocket, 1, 1), SourceTag(kSocket, 1, 2));
+  EXPECT_EQ(kDoorbell.kind(), SourceKind::kDoorbell);
+}
+
+TEST(Descriptor, ClosesWhatItOwnsOnce) {
+  auto [near, far] = stream_pair();
+  {
+    Descriptor owner = std::move(near);
+    EXPECT_FALSE(near.is_open());
+    EXPECT_TRUE(owner.is_open());
+  }
+  std::byte byte{};
+  EXPECT_EQ(recv(far.number(), &byte, 1, 0), 0) << "the near end is closed";
+}
+
+TEST(Wait, DistinguishesReadinessFromTime) {
+  auto [near, far] = stream_pair();
+  EXPECT_FALSE(wait_readable(near.number(), rt::now()));
+  EXPECT_FALSE(wait_readable(near.number(), rt::now() - 1h));
+  const MonotonicTime until = rt::now() + 2ms;
+  EXPECT_FALSE(wait_readable(near.number(), until));
+  EXPECT_GE(rt::now(), until);
+  EXPECT_TRUE(wait_writable(near.number(), rt::now()));
+  write_all(far, Bytes(1));
+  EXPECT_TRUE(wait_readable(near.number(), kNever));
+}
+
+}  // namespace
+}  // namespace rtpm::transport
