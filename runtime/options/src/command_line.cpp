@@ -7,7 +7,7 @@
 namespace rtpm::options {
 namespace {
 
-/// A negative number or "-", which programs take for a stream, is no flag.
+/// A negative number, and "-" for a standard stream, are not flags.
 bool is_flag(std::string_view argument) {
   if (argument.size() < 2 || argument.front() != '-') return false;
   return std::string_view("0123456789.").find(argument[1]) == std::string_view::npos;

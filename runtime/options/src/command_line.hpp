@@ -11,12 +11,12 @@
 
 namespace rtpm::options {
 
-/// What is wrong with what the user gave: a clause that names it.
+/// What is wrong with the user's input: a clause that names it.
 struct UsageError {
   std::string text;
 };
 
-/// A command line taken apart, its values not yet read.
+/// A command line split into flags and positionals, its values not yet parsed.
 struct CommandLine {
   std::map<std::string, std::string, std::less<>> values;  ///< By key; a list's joined with commas.
   std::vector<std::string> positionals;
@@ -30,16 +30,17 @@ struct CommandLine {
   }
 };
 
-/// Takes the arguments after the program's name apart. `--key value`, `--key=value`, for switches
-/// `--key` too; after `--`, and without a leading `-`, stand positionals, to which negative numbers
-/// and `-` belong.   Set-up only.
-/// Errors: a flag that is in none of `settings`, lacks its value or is repeated without being a
-/// list.
+/// Splits the arguments after the program's name: `--key value`, `--key=value`, for switches also
+/// `--key`. Arguments after `--`, those without a leading `-`, negative numbers and `-` are
+/// positionals.
+/// @realtime set-up only
+/// @errors   an unknown flag, a flag without its value, a repeated flag that is no list
 [[nodiscard]] expected<CommandLine, UsageError> parse_command_line(
     const std::vector<std::string_view>& arguments, const std::vector<Setting>& settings);
 
-/// The value of a flag, given once or more often, as far as it can be told without knowing which
-/// other flags take one: for those that decide about that.   Set-up only.
+/// The value of a flag, its repetitions joined by commas, before all flags are known: for options
+/// that add others.
+/// @realtime set-up only
 [[nodiscard]] std::optional<std::string> early_flag(const std::string& flag,
                                                     const std::vector<std::string_view>& arguments);
 

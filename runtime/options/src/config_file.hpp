@@ -15,20 +15,22 @@ struct ConfigLine {
   int line = 0;  ///< Counted from 1.
 };
 
-/// Why a file is no configuration: a clause that names the file and, where there is one, the line.
+/// Why a file is not a configuration: a clause that names the file and, if known, the line.
 struct ConfigError {
   std::string text;
 };
 
-/// Longer files are refused, lest a wrong path fill the memory.
+/// Larger files are refused: a wrong path must not exhaust the memory.
 inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 
-/// The lines of the file at `path`, in their order.   Set-up only.
-/// Errors: a file that can't be read, a line that is not `key = value`.
+/// The lines of the file at `path`, in their order.
+/// @realtime set-up only
+/// @errors   an unreadable file, a line that is not `key = value`
 [[nodiscard]] expected<std::vector<ConfigLine>, ConfigError> read_config_file(
     const std::string& path);
 
-/// `value` as it stands in a file, in quotes if it needs them.   Set-up only.
+/// `value` as a file spells it, quoted if necessary.
+/// @realtime set-up only
 [[nodiscard]] std::string config_value_text(std::string_view value);
 
 }  // namespace rtpm::options

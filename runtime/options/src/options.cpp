@@ -27,7 +27,7 @@ struct Positional {
   Presence presence;
 };
 
-/// A list of names that bring options with them.
+/// A list of names, each with options of its own.
 struct Group {
   std::string key;
   std::vector<std::string>* names;
@@ -71,7 +71,7 @@ std::string help_row(std::string_view left, std::string_view right) {
   return row + "\n";
 }
 
-/// The words that an enum's values have, for an option that is one of them.
+/// An option whose values are an enum's names.
 template <class Enum, std::size_t Count>
 Setting enum_setting(Enum& value, const std::array<Enum, Count>& values) {
   std::vector<std::string> words;
@@ -116,7 +116,7 @@ struct Options::Impl {
     return found == settings.end() ? nullptr : &*found;
   }
 
-  /// Sets the variable; `origin` says in words where the text stands, `source` for --dump-config.
+  /// Sets the variable; `origin` locates the text in error messages, `source` in --dump-config.
   expected<void, UsageError> apply(Setting& setting, std::string_view text,
                                    const std::string& origin, std::string source) {
     if (!setting.read(text)) {
@@ -141,8 +141,7 @@ struct Options::Impl {
   [[nodiscard]] std::string dump_text();
 };
 
-/// What will be said of a key, before it is known which other keys there are. What is wrong with it
-/// is told later.
+/// The text of a key before all keys are known. Errors in it are reported later.
 std::optional<std::string> Options::Impl::early_text(
     const std::string& key, const std::vector<std::string_view>& arguments) const {
   if (auto text = early_flag("--" + key, arguments)) return text;
@@ -195,8 +194,7 @@ expected<void, UsageError> Options::Impl::apply_environment(const CommandLine& c
   for (Setting& setting : settings) {
     const std::string variable = variable_of(setting.key);
     const char* const text = std::getenv(variable.c_str());
-    // Another program may mean something else by the same name; a flag settles it, so a variable
-    // that does not count is not judged.
+    // The variable may belong to another program, so one that a flag overrides is not checked.
     if (text == nullptr || command_line.find(setting.key) != nullptr) continue;
     if (auto applied = apply(setting, text, variable, variable); !applied) return applied;
   }
@@ -243,7 +241,7 @@ expected<void, UsageError> Options::Impl::apply_all(const CommandLine& command_l
   return apply_flags(command_line);
 }
 
-/// The verb on the command line; null if there is none, or the program has no verbs.
+/// The verb on the command line; null without one, or if the program has no verbs.
 expected<const Verb*, UsageError> Options::Impl::verb_in(const CommandLine& command_line) const {
   if (verbs.empty() || command_line.positionals.empty()) return nullptr;
   const std::string& word = command_line.positionals.front();
@@ -255,7 +253,7 @@ expected<const Verb*, UsageError> Options::Impl::verb_in(const CommandLine& comm
   return unexpected{UsageError{"unknown verb '" + word + "'" + suggestion(word, names)}};
 }
 
-/// What --help says of the whole program, before the options.
+/// The first part of --help, before the options.
 std::string Options::Impl::usage_text() const {
   std::string usage = "Usage: " + name + " [options]";
   std::string arguments;

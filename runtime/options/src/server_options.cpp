@@ -12,16 +12,16 @@ namespace rtpm::options {
 namespace {
 
 constexpr std::string_view kLanePrefix = "lane-";
-/// Of all 15 bytes of a thread's name, what its prefix leaves.
+/// A thread's name has at most 15 bytes, the prefix included.
 constexpr std::size_t kLaneNameSizeMax = 10;
 
-/// The name by which options speak of a lane.
+/// A lane's name in options.
 std::string short_name_of(const rpc::LaneConfig& lane) {
   const std::string_view name = lane.name;
   return std::string(name.starts_with(kLanePrefix) ? name.substr(kLanePrefix.size()) : name);
 }
 
-/// The lanes of those names: with the defaults that are there, else with a lane's own.
+/// The named lanes, each with its entry in `defaults` or else LaneConfig's defaults.
 std::vector<rpc::LaneConfig> lanes_named(const std::vector<std::string>& names,
                                          const std::vector<rpc::LaneConfig>& defaults) {
   std::vector<rpc::LaneConfig> lanes;
@@ -38,20 +38,21 @@ void add_lane(Options& options, const std::string& name, rpc::LaneConfig& lane) 
   const std::string key = std::string(kLanePrefix) + name + "-";
   constexpr std::uint32_t kThreadCountMax = 64;
   options.add(key + "low", lane.low, "The lowest priority that the lane serves");
-  options.add(key + "priority", lane.priority, "At least at which it waits and receives");
-  options.add(key + "cpus", lane.cpus, "To which CPUs it is confined; none: all");
+  options.add(key + "priority", lane.priority,
+              "The lowest priority at which it waits and receives");
+  options.add(key + "cpus", lane.cpus, "The CPUs it may run on; none: all");
   options.add_wait(lane.wait, key);
   options.add_schedule(key + "schedule", lane.schedule,
                        "fifo: before all time-shared threads; time-shared: behind every real-time "
                        "thread");
-  options.add(key + "threads", lane.static_threads, "How many calls run at a time",
+  options.add(key + "threads", lane.static_threads, "How many calls run concurrently",
               {1, kThreadCountMax});
   options.add(key + "dynamic-threads", lane.dynamic_threads,
-              "How many more may, on threads that start when they are needed",
-              {0, kThreadCountMax});
-  options.add(key + "dynamic-idle", lane.dynamic_idle, "After how long such a thread ends");
+              "How many more may, on threads started on demand", {0, kThreadCountMax});
+  options.add(key + "dynamic-idle", lane.dynamic_idle,
+              "How long such a thread may be idle before it ends");
   options.add(key + "buffered-requests", lane.buffered_request_max,
-              "How many calls may wait while all threads run others", {0, 4096});
+              "How many calls may wait while all threads are busy", {0, 4096});
   options.add(key + "buffered-bytes", lane.buffered_byte_max,
               "How many bytes their requests may have together");
 }
@@ -92,10 +93,9 @@ void add_server(Options& options, ServerSettings& settings) {
               "Where the socket for that is; empty: an abstract name");
   options.add_realtime(server.realtime);
   options.add_off_or_time("cpu-latency", settings.cpu_latency,
-                          "Within which time CPUs are to wake, for the whole machine; off: as the "
-                          "system likes");
+                          "Longest wake-up of any CPU of the machine; off: the system's choice");
   options.add("setup-report", settings.shows_setup,
-              "Print on standard error what the system granted of it");
+              "Print on standard error what the system granted");
   add_limits(options, server);
   settings.lanes.clear();
   for (const rpc::LaneConfig& lane : server.lanes)

@@ -279,11 +279,11 @@ Setting setting_of_choice(const std::vector<std::string>& choices,
 }
 
 std::string nearest(std::string_view word, const std::vector<std::string>& candidates) {
-  // A slip leaves most letters in place; anything farther off would be a guess, not a help.
+  // A typing error leaves most letters in place; a more distant candidate would be a guess.
   std::size_t best = std::max<std::size_t>(1, word.size() / 3) + 1;
   std::string found;
   for (const std::string& candidate : candidates) {
-    // Longer words than any key are no slips, and the distance costs the product of the lengths.
+    // The distance costs the product of the lengths, and no key is that long.
     if (word.size() > 64) break;
     const std::size_t slips = slip_count(word, candidate);
     if (slips < best) {

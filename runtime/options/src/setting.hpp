@@ -10,7 +10,7 @@
 
 namespace rtpm::options {
 
-/// One variable of a program with all that reading, writing and explaining it takes.
+/// One variable of a program: how to parse, format and document it.
 struct Setting {
   std::string key;
   std::string help;
@@ -24,7 +24,8 @@ struct Setting {
   std::function<std::string()> write{};
 };
 
-/// The setting for each type of variable, to which it refers.   Set-up only.
+/// The setting of a variable, to which it refers.
+/// @realtime set-up only
 [[nodiscard]] Setting setting_of(std::string& value);
 [[nodiscard]] Setting setting_of(bool& value);
 [[nodiscard]] Setting setting_of(int& value, Range<int> range);
@@ -45,7 +46,8 @@ struct Setting {
                                         std::function<void(std::string_view)> read,
                                         std::function<std::string()> write);
 
-/// The candidate that most looks like `word`, if any looks like a slip of it.   Set-up only.
+/// The candidate nearest to `word`, or empty if none is close enough to be a typing error.
+/// @realtime set-up only
 [[nodiscard]] std::string nearest(std::string_view word,
                                   const std::vector<std::string>& candidates);
 

@@ -8,13 +8,14 @@
 
 namespace rtpm::options {
 
-/// The time that `text` says: a decimal number of at least 0 and a unit, "800us", "1.5ms", "2 s";
-/// units are ns, us, ms, s, min and h; "0" needs none. Rounded to the nanosecond. Nothing if it is
-/// not that, or more than a Duration holds (292 years).   Set-up only.
+/// Parses a decimal number of at least 0 with a unit, rounded to the nanosecond: "800us", "2 s".
+/// The units are ns, us, ms, s, min and h; "0" needs none.
+/// @return nothing if `text` is malformed, or exceeds a Duration (292 years)
+/// @realtime set-up only
 [[nodiscard]] std::optional<Duration> parse_duration(std::string_view text);
 
-/// `duration` (at least 0) in the largest unit that says it exactly: "800us", "2s";
-/// parse_duration() reads it back unchanged.   Set-up only.
+/// Formats `duration` (at least 0) in the largest exact unit; parse_duration() restores it.
+/// @realtime set-up only
 [[nodiscard]] std::string duration_text(Duration duration);
 
 }  // namespace rtpm::options

@@ -12,34 +12,32 @@
 
 namespace rtpm::options {
 
-/// All that can be said of a program's server, its lanes, and the process around them.
+/// The configuration of a program's server, its lanes, and the process around them.
 struct ServerSettings {
-  /// Filled with the program's defaults before add_server(). Lanes have names, by which they are
-  /// spoken of in options: "haptic", or "lane-haptic" for threads that are called so.
+  /// The program's defaults before add_server(). A lane's options use its name, without "lane-".
   rpc::ServerConfig server{};
-  std::optional<Duration> cpu_latency{};  ///< Within which CPUs are to wake; none: not asked for.
-  bool shows_setup = false;               ///< Whether to print what the system granted.
-  std::vector<std::string> lanes{};       ///< The lanes' names; add_server() fills them in.
+  std::optional<Duration> cpu_latency{};  ///< Longest wake-up of a CPU; none: no request.
+  bool shows_setup = false;               ///< Print what the system granted.
+  std::vector<std::string> lanes{};       ///< The lanes' names, set by add_server().
 };
 
-/// Adds the options of a server, one table for every program that has one: --host, --port, the
-/// limits, shared memory, real-time mode and CPU latency; --lanes, a list of the lanes' names; and
-/// for each lane, those that the user adds included, --lane-NAME-low, -priority, -cpus, -wait,
-/// -spin, -schedule, -threads, -dynamic-threads, -dynamic-idle, -buffered-requests and
-/// -buffered-bytes. A lane that has defaults in `settings` keeps what the user does not change.
-/// What lanes may not be like is for rpc::Server::create() to say.
-/// Ownership: `settings` stays where it is, and its lanes as they are, until Options::parse() has
-/// returned.   Set-up only.
+/// Adds the options of a server, the same for every program: --host, --port, limits, shared memory,
+/// real-time mode, CPU latency; --lanes, the lanes' names; and for each lane --lane-NAME-low,
+/// -priority, -cpus, -wait, -spin, -schedule, -threads, -dynamic-threads, -dynamic-idle,
+/// -buffered-requests and -buffered-bytes. A lane with defaults in `settings` keeps them unless the
+/// user changes them. rpc::Server::create() checks the lanes.
+/// @ownership `settings` must not move, nor its lanes change, until Options::parse() has returned
+/// @realtime set-up only
 void add_server(Options& options, ServerSettings& settings);
 
-/// Does for the process what the settings say besides the server: asks for the CPU latency, which
-/// stands as long as what comes back lives.   Set-up only.
-/// Errors: as rt::CpuLatencyRequest::open(), in the server's mode.
+/// Requests the configured CPU latency for the process, for the lifetime of the returned object.
+/// @realtime set-up only
+/// @errors   as rt::CpuLatencyRequest::open(), in the server's mode
 [[nodiscard]] expected<rt::CpuLatencyRequest, rt::RealtimeError> prepare(
     const ServerSettings& settings);
 
-/// Prints, if the user wants it, what the system granted so far, on standard error. For after the
-/// server's start.   Set-up only.
+/// Prints on standard error what the system granted, if so configured; call it after the start.
+/// @realtime set-up only
 void show_setup(const ServerSettings& settings);
 
 }  // namespace rtpm::options
