@@ -38,7 +38,7 @@ std::string why_not(const gvd::DeviceClient& device, rpc::CallError error) {
   return "was not taken over: " + std::string(to_string(error));
 }
 
-/// Keeps the lease until `request` says or the device ends it.
+/// Keeps the lease for the requested time, or until the device ends it.
 int hold(gvd::DeviceClient& device, const std::string& name, const Request& request,
          const options::StopSignal& stop) {
   const MonotonicTime until = request.stream_time ? rt::now() + *request.stream_time : kNever;

@@ -4,9 +4,8 @@
 
 namespace rtpm::tool {
 
-/// take-over DEVICE [TRANSITION]: takes the lease of a device as its operator, has the device make
-/// the transition, and keeps the lease until Ctrl-C, Request::stream_time is over, or the device
-/// ends it because nothing was commanded.
+/// take-over DEVICE [TRANSITION]: takes a device's lease as its operator, makes the transition, and
+/// keeps the lease until Ctrl-C, for Request::stream_time, or until the idle lease expires.
 [[nodiscard]] int take_over(const Request& request);
 
 }  // namespace rtpm::tool

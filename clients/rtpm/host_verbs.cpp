@@ -16,7 +16,7 @@
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
 
-// The verbs about this host, which call nobody.
+// Verbs about this host; they call no server.
 namespace rtpm::tool {
 namespace {
 
@@ -48,7 +48,7 @@ std::uint64_t dropped_count(const wire::FrameCounters& frames) {
   return sum;
 }
 
-/// When and how many calls a lane had run at the last look, by which the rate is told.
+/// A lane's previous call count, from which its rate follows.
 struct Earlier {
   MonotonicTime when{};
   std::uint64_t call_count = 0;
@@ -58,8 +58,8 @@ using History = std::map<std::pair<int, std::string>, Earlier>;
 std::string rate_of(const rpc::LaneTable& table, const rpc::LaneReading& lane,
                     std::uint64_t call_count, History& history) {
   const MonotonicTime now = rt::now();
-  const std::string place = std::to_string(table.port()) + "/" + lane.name;
-  Earlier& earlier = history[{table.process_id(), place}];
+  const std::string which = std::to_string(table.port()) + "/" + lane.name;
+  Earlier& earlier = history[{table.process_id(), which}];
   const Earlier before = std::exchange(earlier, {now, call_count});
   if (before.when == MonotonicTime{} || call_count < before.call_count) return "-";
   const double seconds = std::chrono::duration<double>(now - before.when).count();
@@ -93,7 +93,7 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
           busy_ns > 0 ? time_text(busy_ns) : "-"};
 }
 
-/// What a row has no room for: why frames were dropped and calls failed.
+/// Details below the table: why frames were dropped and calls failed.
 std::string remarks_of(const rpc::LaneReading& lane) {
   if (!lane.sample) return {};
   std::string text;

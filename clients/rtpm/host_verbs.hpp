@@ -4,12 +4,12 @@
 
 namespace rtpm::tool {
 
-/// lanes: what the lanes of all servers on this host do, as far as their processes are the
-/// caller's. lanes watch: again each second, until it is interrupted.
+/// lanes: the state of all lanes on this host that the user may read. lanes watch: refreshed every
+/// second until Ctrl-C.
 [[nodiscard]] int lanes(const Request& request);
 
-/// doctor: what this host gives to real-time programs of the caller, with the remedies. 1 if
-/// something is refused.
+/// doctor: what this host grants to the user's real-time programs, with remedies; 1 if it refuses
+/// something.
 [[nodiscard]] int doctor(const Request& request);
 
 }  // namespace rtpm::tool

@@ -22,10 +22,10 @@ int main(int argc, char** argv) {
   rtpm::tool::add_verbs(options);
   options.add_registry(registry);
   options.add_off_or_time("deadline", deadline,
-                          "How long a call may take; off: as its schema says, else 1s",
+                          "How long a call may take; off: the schema's deadline, else 1s",
                           {std::chrono::microseconds{1}, std::chrono::hours{1}});
   options.add("for", stream_time,
-              "How long a stream is taken or a device held; 0s: until it ends, or Ctrl-C",
+              "How long a stream is read or a device held; 0s: until it ends, or Ctrl-C",
               {rtpm::Duration{0}, std::chrono::hours{24}});
   options.add("priority", priority, "The call's priority");
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;

@@ -36,17 +36,17 @@ std::string similar_names(names::Directory& directory, const std::string& name) 
   return text;
 }
 
-// Of an object that the server's catalog does not know.
+// The error for an object that the server's catalog lacks.
 rpc::SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
-  // The server itself tells what is most like it.
+  // The server's own error lists similar objects.
   static const rpc::InterfaceDescriptor kAnything{};
   const auto bound = rpc::Binding::bind(node, url, kAnything);
   if (!bound && bound.error().cause == rpc::CallError::kNoSuchObject) return bound.error();
-  return {"the server's catalog does not tell of " + url +
+  return {"the server's catalog does not contain " + url +
           ". Remedy: add it there (rtpm::introspection::Catalog::add)."};
 }
 
-// How long a stream may be silent until the tool looks whether it is to end.
+// How often a silent stream checks whether it is to end.
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
 
 wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
@@ -154,7 +154,7 @@ expected<void, rpc::SetupError> RemoteObject::call(std::string_view method, std:
   }
   if (found->is_stream) {
     rpc::StreamOptions stream{.call = options};
-    // It is this side that ends it.
+    // The client ends the stream.
     stream.call.deadline.reset();
     auto reader = binding_->open_stream(called, *request, stream);
     if (!reader) return rpc::setup_error(std::string(to_string(reader.error())));
@@ -174,7 +174,7 @@ expected<void, rpc::SetupError> RemoteObject::take_items(const schema::Method& m
   for (bool goes_on = true; goes_on;) {
     const auto item = reader.next(std::min(end, rt::now() + kLookInterval));
     if (!item && item.error() == rpc::CallError::kTimeout) {
-      if (rt::now() >= end) break;  // As long as it was wanted.
+      if (rt::now() >= end) break;  // The requested time is over.
       if (!reader.is_open()) return rpc::setup_error(std::string(to_string(item.error())));
       goes_on = print({});
       continue;

@@ -14,13 +14,14 @@
 
 namespace rtpm::tool {
 
-/// An object of a server that tells its schema, callable without generated code.
-/// Ownership: refers to its node, which must outlive it.   Threads: one.   Set-up only.
+/// An object of a server that publishes its schema, callable without generated code.
+/// @ownership refers to its node, which must outlive it
+/// @threads  one
+/// @realtime set-up only
 class RemoteObject {
  public:
-  /// Asks the server at `url` for the schema of its object, and binds that.
-  /// Errors, in words: nobody there, a server that tells nothing of itself, another compiler's
-  /// schema.
+  /// Fetches the object's schema from the server at `url`, and binds the object.
+  /// @errors  no server, a server without a catalog, a schema of another compiler
   [[nodiscard]] static expected<std::unique_ptr<RemoteObject>, rpc::SetupError> open(
       rpc::Node& node, const std::string& url);
 
@@ -28,12 +29,12 @@ class RemoteObject {
   [[nodiscard]] const std::string& schema() const noexcept { return schema_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
 
-  /// Where the answer goes: the reply in JSON, or each item of a stream as it comes; while none
-  /// comes, now and then an empty text. False: the stream is to end.
+  /// Receives the reply, or each item of a stream, in JSON; at times an empty text while none
+  /// arrives. Returns false to end the stream.
   using Print = std::function<bool(std::string_view json)>;
 
-  /// Calls `method` with a request in JSON. A oneway has no answer; its caller waits as the schema
-  /// says. A stream goes on until it ends, `print` wants no more, or `stream_time` is over.
+  /// Calls `method` with a request in JSON. A oneway waits as its schema states. A stream lasts
+  /// until it ends, `print` returns false, or `stream_time` is over.
   [[nodiscard]] expected<void, rpc::SetupError> call(std::string_view method, std::string_view json,
                                                      const rpc::CallOptions& options,
                                                      std::optional<Duration> stream_time,
@@ -57,8 +58,8 @@ class RemoteObject {
   std::unique_ptr<rpc::Binding> binding_{};
 };
 
-/// The URL of a target that is a URL already, or a name in the registry at `registry_url`. Of a
-/// name that is not bound the error has those that are most like it.
+/// The URL of a target: a URL, or a name in the registry at `registry_url`. The error for an
+/// unbound name lists similar names.
 [[nodiscard]] expected<std::string, rpc::SetupError> url_of(rpc::Node& node,
                                                             const std::string& registry_url,
                                                             const std::string& target);

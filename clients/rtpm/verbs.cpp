@@ -25,7 +25,7 @@ int fail(const std::string& text) {
   return 1;
 }
 
-/// A line of what others say of themselves, in columns.
+/// Prints remote text in columns, escaped.
 void print_row(std::initializer_list<std::string_view> columns) {
   std::string line;
   for (const std::string_view column : columns)
@@ -76,7 +76,7 @@ int call(const Request& request) {
   const auto object = RemoteObject::open(request.node, *url);
   if (!object) return fail(object.error().text);
   const std::string json = request.arguments.size() > 2 ? request.arguments[2] : std::string{};
-  // Ctrl-C ends a stream in order, so that its server need not find out.
+  // Ctrl-C closes a stream explicitly, so that its server frees it at once.
   const bool is_stream = is_stream_of(**object, request.arguments[1]);
   const auto stop = is_stream ? std::make_unique<options::StopSignal>() : nullptr;
   const auto print = [&](std::string_view text) {

@@ -10,7 +10,7 @@
 namespace rtpm::servo {
 namespace {
 
-/// What a wall chosen here keeps away from its bound.
+/// The default wall's share of its passivity bound.
 constexpr double kShareOfBound = 0.75;
 
 std::string shown(double number) {
@@ -31,10 +31,10 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add_registry(configuration.registry);
   options.add("seconds", configuration.seconds, "How long to run; 0: until Ctrl-C", {0, 1e6});
   options.add("rate", configuration.rate_hz, "Cycles per second, in Hz", {10, 10000});
-  options.add("priority", configuration.priority, "Of the loop and its calls");
+  options.add("priority", configuration.priority, "Priority of the loop and its calls");
   options.add("stiffness", configuration.wall.stiffness_newton_per_m,
-              "Of the wall, in N/m; 0: three quarters of what is passive at this rate", {0, 1e6});
-  options.add("damping", configuration.wall.damping_newton_s_per_m, "Of the wall, in N s/m",
+              "The wall's, in N/m; 0: three quarters of what is passive at this rate", {0, 1e6});
+  options.add("damping", configuration.wall.damping_newton_s_per_m, "The wall's, in N s/m",
               {0, 1e4});
   options.add("face", configuration.wall.face_m, "Where the wall's face is, z in metre", {-1, 1});
   options.add("hold", configuration.hold, "How long each force stands without a newer one");

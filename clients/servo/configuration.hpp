@@ -14,7 +14,7 @@
 
 namespace rtpm::servo {
 
-/// Everything that can be said to rtpm-servo.
+/// The options of rtpm-servo.
 struct Configuration {
   std::string device = "lab/arm0";
   std::string registry{};
@@ -39,9 +39,9 @@ struct Configuration {
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 
-/// The wall to render on this device: as configured, or of three quarters of its bound, at most
-/// what the device says it bears, where no stiffness is given.   Set-up only. Errors: a device that
-/// gives no force along z; a stiffness above the bound: the text names it.
+/// The wall for this device; without a configured stiffness, three quarters of its bound.
+/// @realtime set-up only
+/// @errors   a device without force along z; a stiffness above the bound, which the text names
 [[nodiscard]] expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
                                                           const driver::Descriptor& device);
 

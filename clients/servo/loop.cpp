@@ -28,8 +28,8 @@ void Loop::run() noexcept {
     rt::sleep_until(due);
     run_cycle(due);
     due += period;
-    // Absolute times: a late cycle does not shift the next ones. Those whose time is over already
-    // are left out, and this one missed its deadline.
+    // Absolute times: a late cycle does not shift the next ones. This one missed its deadline, and
+    // cycles already over are skipped.
     if (const Duration behind = rt::now() - due; behind > Duration{0}) {
       const auto left_out = behind / period;
       statistics_.missed_count += static_cast<std::uint64_t>(left_out) + 1;
@@ -60,7 +60,7 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   Duration latency = done - begun;
   statistics_.cycle.record(latency);
   if (latency <= kPaperCycle) ++statistics_.cycle_within_paper_count;
-  static_cast<void>(cycles_.push(latency));  // Full: nobody looks, and only the display lacks it.
+  static_cast<void>(cycles_.push(latency));  // When full, only the display loses it.
 
   view_.sample = *sample;
   view_.force_newton = force;
@@ -84,7 +84,7 @@ void Loop::fail(rpc::CallError error, MonotonicTime now) noexcept {
   view_.failed_count = statistics_.failed_count;
   live_.write(view_);
   if (!failing_since_) failing_since_ = now;
-  // Without the lease no call will succeed any more; all else may pass.
+  // Without the lease no further call succeeds; other errors may be transient.
   const bool is_hopeless = error == rpc::CallError::kNotLeaseHolder;
   if (is_hopeless || now - *failing_since_ >= config_.patience) loss_ = error;
 }

@@ -16,20 +16,20 @@
 
 namespace rtpm::servo {
 
-/// The paper's best case: what most of its calls on one node took.
+/// The paper's best case: the latency of most of its calls on one node.
 inline constexpr Duration kPaperCall = std::chrono::microseconds{58};
 /// The paper's specification of a haptic process: 1 kHz.
 inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 
-/// What a run measured. Failed calls are counted, and are in no histogram: a call that is refused
-/// at once is not a fast one.
+/// Results of a run. Failed calls are counted but in no histogram: a call that is refused at once
+/// is not a fast one.
 struct Statistics {
-  LatencyHistogram read{};  ///< One call each: from before it until its reply.
+  LatencyHistogram read{};  ///< One call each, until its reply.
   LatencyHistogram command{};
   LatencyHistogram cycle{};         ///< Both calls and the wall between them.
-  LatencyHistogram lateness{};      ///< From when a cycle was due until it began.
+  LatencyHistogram lateness{};      ///< From a cycle's due time to its begin.
   std::uint64_t cycle_count = 0;    ///< Cycles begun.
-  std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were left out.
+  std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
   std::uint64_t contact_count = 0;  ///< Cycles inside the wall.
   std::uint64_t call_count = 0;     ///< Calls begun.
   std::uint64_t failed_count = 0;   ///< Calls that failed.
@@ -38,7 +38,7 @@ struct Statistics {
   double force_newton_max = 0;                 ///< The greatest force commanded.
 };
 
-/// What the loop does at the moment, for display.
+/// The loop's current state, for display.
 struct Live {
   driver::Sample sample{};
   driver::Vector3 force_newton{};
@@ -47,7 +47,7 @@ struct Live {
   std::uint64_t failed_count = 0;
 };
 
-/// How the loop runs.
+/// Settings of the loop.
 struct LoopConfig {
   Wall wall{};
   Duration period = std::chrono::milliseconds{1};
@@ -58,33 +58,33 @@ struct LoopConfig {
 };
 
 /// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
-/// at a steady rate on a thread of its own. The thread prints nothing and allocates nothing;
-/// another one shows what it leaves in live(). Ownership: refers to the device, which must outlive
-/// it. Some 100 KiB: not for a stack. Threads: start, join and statistics() from one thread;
-/// live(), next_cycle() from one other; stop() from any.
+/// at a steady rate on a thread of its own, which prints nothing. About 100 KiB: not for a stack.
+/// @ownership refers to the device, which must outlive it
+/// @threads  start(), join(), statistics(): one; live(), next_cycle(): one other; stop(): any
+/// @realtime the loop's thread is alloc-free
 class Loop {
  public:
   Loop(gvd::DeviceClient& device, const LoopConfig& config) noexcept
       : device_(device), config_(config) {}
 
-  /// Starts the thread.   Set-up only.
-  /// Errors: with RealtimeMode::kRequire, a right that the process lacks.
+  /// @realtime set-up only
+  /// @errors   with RealtimeMode::kRequire, a right that the process lacks
   [[nodiscard]] expected<void, rt::RealtimeError> start();
-  /// Lets the loop end after its cycle.   RT: alloc-free.
+  /// Ends the loop after its current cycle; alloc-free.
   void stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
-  /// Waits for the loop's end.   Set-up only.
+  /// Waits for the loop's end.
   void join() noexcept { thread_.join(); }
   [[nodiscard]] bool is_running() const noexcept {
     return !is_over_.load(std::memory_order_acquire);
   }
 
   [[nodiscard]] std::optional<Live> live() const noexcept { return live_.read(); }
-  /// The next cycle's latency that was not asked for yet.
+  /// The latency of the next unread cycle.
   [[nodiscard]] std::optional<Duration> next_cycle() noexcept { return cycles_.pop(); }
 
-  /// What was measured; after join().
+  /// The results; after join().
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
-  /// Why the loop gave up; nothing if it did not. After join().
+  /// The error that ended the loop early, if any; after join().
   [[nodiscard]] std::optional<rpc::CallError> loss() const noexcept { return loss_; }
 
  private:

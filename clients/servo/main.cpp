@@ -31,8 +31,8 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
-/// Shows the loop until it ends, or ends it when on request: the only place that prints while
-/// it runs, on a time-shared thread.
+/// Displays the loop until it ends, or ends it on a stop request. Nothing else prints while the
+/// loop runs; this thread is time-shared.
 void watch(Loop& loop, const options::StopSignal& stop, const std::string& live) {
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
@@ -68,10 +68,10 @@ expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
     const bool is_taken = acquired.error() == rpc::CallError::kNotLeaseHolder;
     return rpc::setup_error(
         configuration.device +
-        (is_taken
-             ? " is commanded by somebody else; end that client, take the right to command from it "
-               "(rtpm take-over), or choose another --device"
-             : " can't be commanded: " + std::string(to_string(acquired.error()))));
+        (is_taken ? " is commanded by another client; end that client, take the right to command "
+                    "from it "
+                    "(rtpm take-over), or choose another --device"
+                  : " can't be commanded: " + std::string(to_string(acquired.error()))));
   }
   if (configuration.is_recovery) {
     if (auto recovered = device->recover(); !recovered) {
@@ -82,7 +82,7 @@ expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
   return device;
 }
 
-/// Whether the device will obey: active and without a fault that holds its force back.
+/// Whether the device accepts commands: active, and without a fault that holds its force back.
 expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
                                              const Configuration& configuration) {
   const auto sample = device.read();
@@ -93,11 +93,11 @@ expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
   if (sample->lifecycle != driver::Lifecycle::kActive) {
     return rpc::setup_error(configuration.device + " is " +
                             std::string(driver::to_string(sample->lifecycle)) +
-                            ", not active; see what its rtpm-deviced says");
+                            ", not active; read the messages of its rtpm-deviced");
   }
   if (sample->faults.has(driver::Fault::kCommandNotFinite) && !configuration.is_recovery) {
     return rpc::setup_error(configuration.device +
-                            " holds its force back since a command was not finite; say --recover");
+                            " holds its force back since a command was not finite; give --recover");
   }
   return {};
 }

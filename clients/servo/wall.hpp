@@ -13,14 +13,14 @@ struct Wall {
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
 
-  /// How far inside `sample` is, in metre; 0 outside.   RT: alloc-free.
+  /// Penetration depth of `sample` in metre; 0 outside. Alloc-free.
   [[nodiscard]] double depth_m(const driver::Sample& sample) const noexcept;
-  /// The wall's force on the end effector, in newton.   RT: alloc-free.
+  /// The wall's force on the end effector, in newton. Alloc-free.
   [[nodiscard]] driver::Vector3 force_newton(const driver::Sample& sample) const noexcept;
 };
 
-/// The stiffest wall that can't feed energy back, rendered over a loop of `loop_period` to a device
-/// of `device_period` with its own damping b, by a wall of damping B:
+/// The stiffest passive wall (it feeds no energy back), rendered over a loop of `loop_period` to a
+/// device of `device_period` with its own damping b, by a wall of damping B:
 ///
 ///     K < (b − B) / (loop_period / 2 + 2 · device_period)
 ///
@@ -28,7 +28,7 @@ struct Wall {
 /// be one period of the device old, and the force may wait one for its cycle. The time of the calls
 /// themselves, some tens of µs, is small beside these. Above the bound the wall buzzes, which the
 /// hand must damp or the safety filter stop.
-/// In N/m; 0 when the wall's damping eats all that the device has.
+/// In N/m; 0 if the wall's damping is at least the device's.
 /// Source: Colgate's condition for sampled walls, b > K · (T / 2 + delay) + B.
 [[nodiscard]] double stiffness_bound(double device_damping_newton_s_per_m,
                                      double wall_damping_newton_s_per_m, Duration loop_period,
