@@ -78,8 +78,9 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
   if (configuration.settings.server.host == "0.0.0.0") {
     return options.usage_error(
-        "--host 0.0.0.0 is no address that a client could be told; give the one of this host by "
-        "which clients reach it");
+        "--host 0.0.0.0 is no address that clients can connect to; give an address of this host "
+        "that "
+        "they reach");
   }
   if (configuration.device_priority <= highest_low(configuration)) {
     return options.usage_error(

@@ -12,19 +12,19 @@
 
 namespace rtpm::deviced {
 
-/// Everything that can be said to rtpm-deviced.
+/// The options of rtpm-deviced.
 struct Configuration {
   std::string name = "lab/arm0";
   std::string device = "sim";
-  std::string hand{};    ///< A recorded hand; empty: the one that presses by itself.
-  bool is_free = false;  ///< Nobody holds the arm.
+  std::string hand{};    ///< A recorded hand; empty: PressingPath.
+  bool is_free = false;  ///< No hand holds the arm.
   std::uint64_t seed = 1;
   double rate_hz = 1000;
   options::ServerSettings settings{};  ///< Its server's.
   std::string registry{};
-  bool allows_takeover = false;  ///< Of its name, from a server that lives.
+  bool allows_takeover = false;  ///< Of its name, from a live server.
   Priority device_priority = 30000;
-  double force_max_newton = 0;  ///< 0: what the device gives.
+  double force_max_newton = 0;  ///< 0: the device's limit.
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};

@@ -20,7 +20,7 @@
 namespace rtpm::deviced {
 namespace {
 
-/// Says on standard error what happens to the device.
+/// Logs the device's events to standard error.
 class Reporter final : public gvd::DeviceListener {
  public:
   void report(std::string_view text) override { log_.write(text); }
@@ -34,7 +34,7 @@ int fail(std::string_view text) {
   return 1;
 }
 
-/// The last component of a name, for what belongs to this device alone: "arm0" of "lab/arm0".
+/// The last component of a name: "arm0" of "lab/arm0".
 std::string short_name(const std::string& name) {
   return name.substr(name.rfind('/') + 1);
 }
@@ -117,7 +117,7 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
 
   stop.wait();
-  // The name first, so that nobody finds what is about to end; then the calls, then the device.
+  // The name first, so that no client finds a server about to end; then calls, then the device.
   registration.reset();
   (*server)->stop();
   served.stop();

@@ -14,45 +14,46 @@ namespace rtpm::device_sim {
 /// The mechanics and electronics of the simulated arm. The defaults lie between the desktop arms
 /// that laboratories have.
 struct ArmConfig {
-  double mass_kg = 0.15;                ///< Of what moves, seen at the end effector.
+  double mass_kg = 0.15;                ///< Moving mass, at the end effector.
   double damping_newton_s_per_m = 2.5;  ///< Of joints and transmission.
   double force_newton_max = 9.0;        ///< Beyond it the motors saturate.
   double resolution_m = 30e-6;          ///< The step of the encoders at the end effector.
   driver::Workspace workspace{{-0.10, -0.10, -0.10}, {0.10, 0.10, 0.10}};
 };
 
-/// A point mass in three directions that motors and, if there is one, a hand push, between the
-/// stops of its workspace. It reads no clock: its time is the sum of the steps that it was given.
-/// Ownership: a value.   Threads: one at a time.   RT: alloc-free.
+/// A point mass in three directions, pushed by motors and optionally a hand, between the stops of
+/// its workspace. It reads no clock: its time is the sum of its steps.
+/// @ownership a value
+/// @threads  one at a time
+/// @realtime alloc-free
 class Arm {
  public:
-  /// The longest time that one step() moves it; of a longer pause the rest is left out, for the arm
-  /// and its hand alike.
+  /// The longest simulated time of one step(), for arm and hand; the rest of a longer step is cut.
   static constexpr Duration kStepMax = std::chrono::milliseconds{20};
 
   explicit Arm(const ArmConfig& config) noexcept : config_(config) {}
-  /// With a hand, it begins where the hand is.
+  /// Starts at the hand's position.
   Arm(const ArmConfig& config, Hand hand);
 
-  /// Moves it for `elapsed` under `command_newton`, which it first limits to what the motors give,
-  /// keeping its direction; a negative time counts as none, a command that is not finite as zero.
+  /// Moves the arm for `elapsed` under `command_newton`, saturated to the motors' force in the same
+  /// direction. A negative time counts as 0, a command that is not finite as zero.
   /// Implicit Euler in slices of at most 1 ms: stable for any step and stiffness.
   void step(const Eigen::Vector3d& command_newton, Duration elapsed) noexcept;
 
-  /// Where it really is and how fast it moves, finer than the encoders say.
+  /// The exact motion, without the encoders' quantization.
   [[nodiscard]] const Motion& motion() const noexcept { return motion_; }
-  /// What the encoders say.
+  /// The position as the encoders measure it.
   [[nodiscard]] Eigen::Vector3d measured_position_m() const noexcept;
-  /// What the motors gave in the last step, and whether that was less than commanded.
+  /// The motors' force in the last step, and whether it was less than commanded.
   [[nodiscard]] const Eigen::Vector3d& applied_newton() const noexcept { return applied_newton_; }
   [[nodiscard]] bool is_saturated() const noexcept { return is_saturated_; }
-  /// What the hand gave in the last slice.
+  /// The hand's force in the last slice.
   [[nodiscard]] const Eigen::Vector3d& hand_newton() const noexcept { return hand_newton_; }
   [[nodiscard]] bool is_at_stop() const noexcept { return is_at_stop_; }
   [[nodiscard]] bool is_button_pressed() const noexcept {
     return hand_ && hand_->is_pressing_at(time_s_);
   }
-  /// Its own time since the begin.
+  /// Simulated time since the start.
   [[nodiscard]] double time_s() const noexcept { return time_s_; }
   [[nodiscard]] const ArmConfig& config() const noexcept { return config_; }
 
@@ -70,15 +71,16 @@ class Arm {
   bool is_at_stop_ = false;
 };
 
-/// Velocity as a real device has it: from measured positions only, as the mean over the last eight
-/// steps, so that one encoder step is not mistaken for a jump.
-/// Ownership: a value.   RT: alloc-free.
+/// Velocity as a real device computes it: from measured positions, as the mean over the last eight
+/// steps, which smooths the encoders' steps.
+/// @ownership a value
+/// @realtime alloc-free
 class VelocityEstimator {
  public:
   static constexpr std::size_t kWindow = 8;
 
-  /// Takes the position measured at `time_s` and gives the velocity in m/s; zero for the first. A
-  /// time that did not grow changes nothing.
+  /// Adds the position measured at `time_s`; returns the velocity in m/s, zero for the first. A
+  /// time that has not increased changes nothing.
   Eigen::Vector3d update(const Eigen::Vector3d& position_m, double time_s) noexcept;
 
  private:

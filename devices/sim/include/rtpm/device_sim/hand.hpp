@@ -10,14 +10,14 @@
 
 namespace rtpm::device_sim {
 
-/// Where a hand wants to be when nobody recorded one: it draws a slow figure in x and y while it
-/// presses down through the plane z = 0 and comes back every two seconds, with the tremor of a
-/// person (about 10 Hz, a tenth of a millimetre) whose phases come from a seed.
-/// Ownership: a value.   RT: alloc-free.
+/// The target of a hand without a recording: a slow figure in x and y that presses through the
+/// plane z = 0 every two seconds, with a person's tremor (about 10 Hz, 0.1 mm), phased by a seed.
+/// @ownership a value
+/// @realtime alloc-free
 class PressingPath {
  public:
   explicit PressingPath(std::uint64_t seed) noexcept;
-  /// The motion `time_s` seconds after the begin; the same for the same seed and time.
+  /// The motion `time_s` seconds after the start; a function of seed and time only.
   [[nodiscard]] Motion at(double time_s) const noexcept;
 
  private:
@@ -28,12 +28,12 @@ class PressingPath {
 struct HandConfig {
   double stiffness_newton_per_m = 300;
   double damping_newton_s_per_m = 3;
-  double force_newton_max = 30;  ///< It pulls no harder, however far away it wants to be.
+  double force_newton_max = 30;  ///< Limit of the spring's and damper's force.
 };
 
-/// A hand: a spring and a damper between the end effector and the point where the hand wants to be,
-/// which moves along a path.
-/// Ownership: a value; copies share the recording, which nothing changes.   RT: alloc-free.
+/// A hand: a spring and a damper between the end effector and a target that moves along a path.
+/// @ownership a value; copies share the immutable recording
+/// @realtime alloc-free
 class Hand {
  public:
   Hand(const HandConfig& config, PressingPath path) : config_(config), path_(path) {}
@@ -41,9 +41,9 @@ class Hand {
       : config_(config), path_(std::make_shared<const Trajectory>(std::move(path))) {}
 
   [[nodiscard]] const HandConfig& config() const noexcept { return config_; }
-  /// Where it wants to be `time_s` seconds after the begin.
+  /// The target `time_s` seconds after the start.
   [[nodiscard]] Motion target_at(double time_s) const noexcept;
-  /// Whether its finger is on the button: for a fifth of a second every two, never in a recording.
+  /// Whether it presses the button: for 0.2 s every 2 s, never in a recording.
   [[nodiscard]] bool is_pressing_at(double time_s) const noexcept;
 
  private:

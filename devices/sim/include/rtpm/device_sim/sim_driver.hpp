@@ -10,32 +10,32 @@
 
 namespace rtpm::device_sim {
 
-/// What the simulated arm is and who holds it.
+/// The simulated arm and its hand.
 struct SimConfig {
   ArmConfig arm{};
   HandConfig hand{};
   bool is_held = true;      ///< False: no hand, only the motors move it.
-  std::string hand_file{};  ///< A recorded hand (Trajectory says how); empty: PressingPath.
+  std::string hand_file{};  ///< A recorded hand, see Trajectory; empty: PressingPath.
   std::uint64_t seed = 1;   ///< Of PressingPath.
   std::string serial = "sim-1";
   std::string frame = "arm0/base";
 };
 
 /// A simulated haptic arm of three degrees of freedom behind the driver interface. The same
-/// commands at the same cycle times give the same samples, bit for bit. Ownership, threads and
-/// real-time class: as driver::Driver says. exchange() never waits.
+/// commands at the same cycle times give the same samples, bit for bit. exchange() never waits;
+/// for ownership, threads and real-time class see driver::Driver.
 class SimDriver final : public driver::Driver {
  public:
-  /// Checks the settings and reads the recording.   Set-up only.
-  /// Errors: a recording that can't be used, as Trajectory::load() says; a setting that is not
-  /// finite or not above zero.
+  /// Checks the settings and reads the recording.
+  /// @realtime set-up only
+  /// @errors   as Trajectory::load(); a setting that is not finite or not above zero
   [[nodiscard]] static expected<std::unique_ptr<SimDriver>, driver::DriverError> create(
       SimConfig config);
 
   [[nodiscard]] driver::Descriptor describe() const override;
   [[nodiscard]] expected<void, driver::DriverError> configure(
       const driver::DriverConfig& config) override;
-  /// Puts the arm at its begin again: at the hand, at rest.
+  /// Resets the arm to its start: at the hand, at rest.
   [[nodiscard]] expected<void, driver::DriverError> activate() override;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override;

@@ -13,7 +13,7 @@
 
 namespace rtpm::device_sim {
 
-/// Where something is and how fast it moves, at one moment.
+/// Position and velocity at one time.
 struct Motion {
   Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d velocity_m_per_s = Eigen::Vector3d::Zero();
@@ -24,18 +24,19 @@ struct Motion {
 /// As a file it is text, one point per line, "t_s,x_m,y_m,z_m": seconds and metres, at any rate,
 /// the times growing from line to line. Spaces, empty lines and lines that begin with # are
 /// skipped. The first line may be the header "t_s,x_m,y_m,z_m"; anything else that is not four
-/// numbers is an error. At most kPointCountMax points. Ownership: a value.   Threads: reading is
-/// safe from several.
+/// numbers is an error. At most kPointCountMax points.
+/// @ownership a value
+/// @threads  any number may read
 class Trajectory {
  public:
   static constexpr std::size_t kPointCountMax = 10'000'000;
 
-  /// Reads the file at `path`; every point must lie within `workspace`.   Set-up only.
-  /// Errors: a file that can't be read, is empty, or has a line that is not as said above: the text
-  /// begins with "file:line: " and says what is wrong there.
+  /// Reads the file at `path`; every point must lie within `workspace`.
+  /// @realtime set-up only
+  /// @errors   an unreadable or empty file, a malformed line: the text begins with "file:line: "
   [[nodiscard]] static expected<Trajectory, driver::DriverError> load(
       const std::filesystem::path& path, const driver::Workspace& workspace);
-  /// Likewise from `text`; `name` stands for the file's in errors.   Set-up only.
+  /// The same from `text`; `name` replaces the file's in errors. Set-up only.
   [[nodiscard]] static expected<Trajectory, driver::DriverError> parse(
       std::istream& text, std::string_view name, const driver::Workspace& workspace);
 
@@ -45,9 +46,9 @@ class Trajectory {
   }
   [[nodiscard]] std::size_t point_count() const noexcept { return points_.size(); }
 
-  /// The motion `time_s` seconds after the first point. The recording plays there and back for
-  /// ever: after its end it goes backwards, at its begin forwards again, so that it never jumps.
-  /// RT: alloc-free; a search in the points, O(log n).
+  /// The motion `time_s` seconds after the first point. The recording plays forwards and backwards
+  /// in turn, so that it never jumps.
+  /// @realtime alloc-free; a binary search
   [[nodiscard]] Motion at(double time_s) const noexcept;
 
  private:
