@@ -11,11 +11,6 @@
 
 namespace rtpm::options {
 
-/// What is wrong with the user's input: a clause that names it.
-struct UsageError {
-  std::string text;
-};
-
 /// A command line split into flags and positionals, its values not yet parsed.
 struct CommandLine {
   std::map<std::string, std::string, std::less<>> values;  ///< By key; a list's joined with commas.

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "rtpm/base/expected.hpp"
+#include "setting.hpp"
 
 namespace rtpm::options {
 
@@ -15,18 +16,13 @@ struct ConfigLine {
   int line = 0;  ///< Counted from 1.
 };
 
-/// Why a file is not a configuration: a clause that names the file and, if known, the line.
-struct ConfigError {
-  std::string text;
-};
-
 /// Larger files are refused: a wrong path must not exhaust the memory.
 inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 
 /// The lines of the file at `path`, in their order.
 /// @realtime set-up only
 /// @errors   an unreadable file, a line that is not `key = value`
-[[nodiscard]] expected<std::vector<ConfigLine>, ConfigError> read_config_file(
+[[nodiscard]] expected<std::vector<ConfigLine>, UsageError> read_config_file(
     const std::string& path);
 
 /// `value` as a file spells it, quoted if necessary.

@@ -166,7 +166,7 @@ void Options::Impl::add_members(const std::vector<std::string_view>& arguments) 
 
 expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
   const auto lines = read_config_file(path);
-  if (!lines) return unexpected{UsageError{lines.error().text}};
+  if (!lines) return unexpected{lines.error()};
   std::vector<std::string> seen;
   for (const ConfigLine& line : *lines) {
     const std::string place = path + ":" + std::to_string(line.line);
@@ -265,7 +265,7 @@ std::string Options::Impl::usage_text() const {
   std::string text = name + ": " + description + "\n\n" + usage + "\n";
   if (!arguments.empty()) text += "\nArguments:\n" + arguments;
   if (verbs.empty()) return text;
-  text += "\nVerbs ('" + name + " VERB --help' tells more of one):\n";
+  text += "\nVerbs ('" + name + " VERB --help' explains one):\n";
   for (const Verb& verb : verbs)
     text += help_row(verb.form(), verb.help);
   return text;

@@ -10,6 +10,11 @@
 
 namespace rtpm::options {
 
+/// Why flags, environment or file are wrong: a clause that names the flag, variable or line.
+struct UsageError {
+  std::string text;
+};
+
 /// One variable of a program: how to parse, format and document it.
 struct Setting {
   std::string key;
