@@ -305,7 +305,7 @@ TEST_F(OptionsTest, NamesAWrongTypeOrRangeWithWhatWasExpected) {
   expect_error({}, {"RTPM_PORT 'http' is not a whole number"});
 }
 
-TEST_F(OptionsTest, DoesNotJudgeAVariableThatAFlagOverrules) {
+TEST_F(OptionsTest, IgnoresAVariableThatAFlagOverrides) {
   set_variable("RTPM_PORT", "http");
   EXPECT_EQ(parse({"--port", "1"}).exit_code, std::nullopt);
 }
@@ -316,7 +316,7 @@ TEST_F(OptionsTest, NamesAFlagWithoutItsValueAndAFlagGivenTwice) {
   expect_error({"--port", "1", "--port", "2"}, {"--port is given twice"});
 }
 
-TEST_F(OptionsTest, LeavesVariablesOfOtherProgramsInPeace) {
+TEST_F(OptionsTest, IgnoresVariablesOfOtherPrograms) {
   set_variable("RTPM_OTHER_PROGRAMS_KEY", "1");
   EXPECT_EQ(parse({}).exit_code, std::nullopt);
   const Outcome dump = parse({"--dump-config"});
@@ -393,7 +393,7 @@ TEST_F(OptionsTest, TakesPositionalsInOrderAndTheRestAsAList) {
             std::string::npos);
 }
 
-TEST_F(OptionsTest, TellsOfVerbsOneALineAndOfEachByItself) {
+TEST_F(OptionsTest, ListsVerbsAndExplainsEachInItsHelp) {
   std::string verb;
   std::vector<std::string> arguments;
   const auto add_verbs = [&](Options& options) {
@@ -431,7 +431,7 @@ TEST_F(OptionsTest, TellsOfVerbsOneALineAndOfEachByItself) {
   }
 }
 
-TEST_F(OptionsTest, RefusesAnArgumentThatNobodyTakes) {
+TEST_F(OptionsTest, RefusesAnUnexpectedArgument) {
   expect_error({"stray"}, {"unexpected argument 'stray'"});
 }
 

@@ -74,7 +74,7 @@ class ServerOptions : public testing::Test {
   std::string path_;
 };
 
-TEST_F(ServerOptions, LeaveTheDefaultsWhereNothingIsSaid) {
+TEST_F(ServerOptions, KeepDefaultsThatAreNotConfigured) {
   EXPECT_FALSE(parse({}));
   EXPECT_EQ(settings_.server.port, 4711);
   ASSERT_EQ(settings_.server.lanes.size(), 2u);
@@ -172,7 +172,7 @@ TEST_F(ServerOptions, SetTheServer) {
   EXPECT_TRUE(settings_.shows_setup);
 }
 
-TEST_F(ServerOptions, TakeLanesThatTheUserAdds) {
+TEST_F(ServerOptions, AddLanesOfTheUser) {
   EXPECT_FALSE(parse({"--lanes", "rest,camera,haptic", "--lane-camera-low", "5000"})) << err_;
   ASSERT_EQ(settings_.server.lanes.size(), 3u);
   EXPECT_EQ(lane(1).name, "lane-camera");
@@ -271,7 +271,7 @@ TEST_F(ServerOptions, ListTheLanesInTheHelp) {
   }
 }
 
-TEST_F(ServerOptions, AskForTheCpuLatencyOnlyIfItIsWanted) {
+TEST_F(ServerOptions, RequestTheCpuLatencyOnlyIfConfigured) {
   const auto nothing = prepare(settings_);
   ASSERT_TRUE(nothing);
   EXPECT_FALSE(nothing->is_granted());

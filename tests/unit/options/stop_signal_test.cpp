@@ -33,7 +33,7 @@ TEST(StopSignal, IsNotRequestedByItself) {
 
 class StopSignalOf : public testing::TestWithParam<int> {};
 
-TEST_P(StopSignalOf, IsSeenByEveryWaiterAndForEver) {
+TEST_P(StopSignalOf, WakesEveryWaiterAndStaysSet) {
   const int signal = GetParam();
   EXPECT_EQ(0, run_in_child([signal] {
               const StopSignal stop;
@@ -52,7 +52,7 @@ TEST_P(StopSignalOf, IsSeenByEveryWaiterAndForEver) {
 
 INSTANTIATE_TEST_SUITE_P(Signals, StopSignalOf, testing::Values(SIGINT, SIGTERM));
 
-TEST(StopSignal, LetsASecondSignalNotCutTheEndShort) {
+TEST(StopSignal, SurvivesASecondSignal) {
   EXPECT_EQ(0, run_in_child([] {
               {
                 const StopSignal stop;

@@ -70,7 +70,7 @@ double buzz(const Wall& wall, double device_damping) {
   return fastest;
 }
 
-TEST(StiffnessBound, KeepsAWallQuietAndIsExceededAtOnesPeril) {
+TEST(StiffnessBound, SeparatesPassiveWallsFromUnstableOnes) {
   const double bound = stiffness_bound(2.5, 0, milliseconds{1}, milliseconds{1});
   EXPECT_LT(buzz({.stiffness_newton_per_m = 0.75 * bound}, 2.5), 0.001);
   EXPECT_GT(buzz({.stiffness_newton_per_m = 1.5 * bound}, 2.5), 0.05)
@@ -87,7 +87,7 @@ TEST(ChooseWall, TakesThreeQuartersOfTheBound) {
       << "a slower loop renders a softer wall";
 }
 
-TEST(ChooseWall, NeverExceedsWhatTheDeviceBears) {
+TEST(ChooseWall, NeverExceedsTheDevicesLimit) {
   driver::Descriptor soft = arm();
   soft.limits.stiffness_newton_per_m_max = 100;
   EXPECT_NEAR(choose_wall({}, soft)->stiffness_newton_per_m, 75, 1e-9);

@@ -26,7 +26,7 @@ double kinetic_joule(const Arm& arm) {
   return 0.5 * arm.config().mass_kg * arm.motion().velocity_m_per_s.squaredNorm();
 }
 
-TEST(Arm, MovesAsNewtonSays) {
+TEST(Arm, ObeysNewtonsSecondLaw) {
   ArmConfig config;
   config.damping_newton_s_per_m = 0.1;
   Arm arm{config};
@@ -119,7 +119,7 @@ TEST(Arm, SaturatesAndKeepsTheDirection) {
   }
 }
 
-TEST(Arm, TakesACommandThatIsNoNumberAsNone) {
+TEST(Arm, TreatsACommandThatIsNotFiniteAsZero) {
   Arm arm{ArmConfig{}};
   for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
     arm.step({0, bad, 0}, milliseconds{1});

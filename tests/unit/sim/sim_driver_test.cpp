@@ -99,7 +99,7 @@ TEST(SimDriver, FollowsARecordedHand) {
   EXPECT_NEAR(samples[999].twist.linear_m_per_s.z, -0.02, 0.005);
 }
 
-TEST(SimDriver, SaysWhatIsWrongWithARecording) {
+TEST(SimDriver, ReportsWhatIsWrongWithARecording) {
   const std::string path = ::testing::TempDir() + "/rtpm_sim_driver_bad.csv";
   std::ofstream(path) << "0,0,0,0\n1,0,0,0.5\n";
   const auto sim = SimDriver::create({.hand_file = path});
@@ -108,7 +108,7 @@ TEST(SimDriver, SaysWhatIsWrongWithARecording) {
                                   "m; positions are in metres");
 }
 
-TEST(SimDriver, RefusesSettingsThatAreNoArm) {
+TEST(SimDriver, RefusesInvalidSettings) {
   SimConfig config;
   config.arm.mass_kg = 0;
   const auto weightless = SimDriver::create(config);

@@ -111,7 +111,7 @@ TEST(TrajectoryErrors, AreShortForLongLines) {
   EXPECT_TRUE(error.starts_with("hand.csv:1: t_s is \"xxx")) << error;
 }
 
-TEST(TrajectoryErrors, SayThatAFileIsMissing) {
+TEST(TrajectoryErrors, NameAMissingFile) {
   const auto missing = Trajectory::load("no/such/hand.csv", kWorkspace);
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().text,
