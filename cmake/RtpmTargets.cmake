@@ -14,7 +14,7 @@ endif()
 if(RTPM_SANITIZE)
   # Instrumented code leads these warnings of GCC astray, in its own <regex> for one (GCC bug 105562).
   target_compile_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE} -fno-omit-frame-pointer
-    "$<$<CXX_COMPILER_ID:GNU>:-Wno-maybe-uninitialized;-Wno-stringop-overread>")
+    "$<$<CXX_COMPILER_ID:GNU>:-Wno-free-nonheap-object;-Wno-maybe-uninitialized;-Wno-stringop-overread>")
   target_link_options(rtpm_build_flags INTERFACE -fsanitize=${RTPM_SANITIZE})
 endif()
 

@@ -39,8 +39,8 @@ template <class T>
 Setting number_setting(T& value, Range<T> range, std::string_view kind) {
   Setting setting;
   setting.placeholder = "NUMBER";
-  setting.expected =
-      std::string(kind) + " from " + number_text(range.low) + " to " + number_text(range.high);
+  setting.expected.append(kind).append(" from ").append(number_text(range.low));
+  setting.expected.append(" to ").append(number_text(range.high));
   setting.read = [&value, range](std::string_view text) {
     const std::optional<T> number = read_number(text, range);
     if (number) value = *number;
