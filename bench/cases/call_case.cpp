@@ -86,9 +86,9 @@ expected<void, std::string> measure(Duel& duel, Sides& sides, Rounds rounds,
       }
       is_rtpm_first = !is_rtpm_first;
     }
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (Samples& samples : sides.samples)
-      samples.note_fault(fault);
+      samples.note_disturbed(was_disturbed);
   }
   return {};
 }

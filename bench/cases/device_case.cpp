@@ -131,9 +131,9 @@ expected<void, std::string> measure(const Settings& settings, Duel& duel, Caller
       }
     }
     duel.end_turn();
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (Samples& each : samples)
-      each.note_fault(fault);
+      each.note_disturbed(was_disturbed);
   }
   return {};
 }

@@ -106,7 +106,7 @@ expected<void, std::string> measure_rounds(const Settings& settings, const Event
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (EventFinding& finding : fan_out.findings)
       finding.begin_round(round);
-    const RoundWatch round_watch(cpus_of(setting.placement));
+    const RoundWatch round_watch;
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
       const std::size_t count = std::min(kEventBlockSize, per_round - done);
       for (std::size_t turn = 0; turn < 2; ++turn) {
@@ -115,9 +115,9 @@ expected<void, std::string> measure_rounds(const Settings& settings, const Event
         if (!pushed) return pushed;
       }
     }
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (EventFinding& finding : fan_out.findings)
-      finding.note_fault(fault);
+      finding.note_disturbed(was_disturbed);
   }
   return {};
 }
@@ -194,7 +194,7 @@ expected<void, std::string> measure_isolation(const Settings& settings, const Ev
     for (int round = 0; round < settings.round_count; ++round) {
       for (EventFinding& finding : findings)
         finding.begin_round(round);
-      const RoundWatch round_watch(cpus_of(setting.placement));
+      const RoundWatch round_watch;
       for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
         const std::size_t count = std::min(kEventBlockSize, per_round - done);
         for (const bool is_bad : {false, true}) {
@@ -206,9 +206,9 @@ expected<void, std::string> measure_isolation(const Settings& settings, const Ev
           if (!pushed) return pushed;
         }
       }
-      const RoundFault fault = round_watch.fault();
+      const bool was_disturbed = round_watch.was_disturbed();
       for (EventFinding& finding : findings)
-        finding.note_fault(fault);
+        finding.note_disturbed(was_disturbed);
     }
     return {};
   });

@@ -133,7 +133,7 @@ expected<void, std::string> Ladder::measure() {
   for (int round = 0; round < settings_.round_count; ++round) {
     for (EventFinding& finding : findings_)
       finding.begin_round(round);
-    const RoundWatch round_watch(cpus_of(setting_.placement));
+    const RoundWatch round_watch;
     for (std::size_t done = 0; done < per_round; done += kEventBlockSize) {
       const std::size_t events = std::min(kEventBlockSize, per_round - done);
       // Who goes first changes from turn to turn, and so does who goes before whom.
@@ -146,9 +146,9 @@ expected<void, std::string> Ladder::measure() {
         if (!measured) return measured;
       }
     }
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (EventFinding& finding : findings_)
-      finding.note_fault(fault);
+      finding.note_disturbed(was_disturbed);
   }
   return {};
 }

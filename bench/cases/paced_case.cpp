@@ -78,9 +78,9 @@ expected<void, std::string> measure(Duel& duel, Contenders& contenders, double r
       std::swap(contenders[0], contenders[1]);
     }
     duel.end_turn();
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (Contender& contender : contenders)
-      contender.samples.note_fault(fault);
+      contender.samples.note_disturbed(was_disturbed);
   }
   return {};
 }

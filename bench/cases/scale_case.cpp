@@ -76,9 +76,9 @@ expected<void, std::string> measure_turns(Duel& duel, const DuelConfig& config,
         rt::sleep_until(rt::now() + (rt::now() - turn_begin) / 10);
       }
     }
-    const RoundFault fault = round_watch.fault();
+    const bool was_disturbed = round_watch.was_disturbed();
     for (Samples& each : samples)
-      each.note_fault(fault);
+      each.note_disturbed(was_disturbed);
   }
   return {};
 }

@@ -185,9 +185,9 @@ expected<void, std::string> TwoNodeRun::measure() {
       }
       is_rtpm_first = !is_rtpm_first;
     }
-    const RoundFault fault = round_watch.fault();
-    rtpm_samples_.note_fault(fault);
-    floor_samples_.note_fault(fault);
+    const bool was_disturbed = round_watch.was_disturbed();
+    rtpm_samples_.note_disturbed(was_disturbed);
+    floor_samples_.note_disturbed(was_disturbed);
   }
   return ask_server();
 }

@@ -10,7 +10,6 @@
 #include <sstream>
 #include <utility>
 
-#include "figures/shared_core.hpp"
 #include "rtpm/rt/priority.hpp"
 
 namespace rtpm::bench {
@@ -70,21 +69,15 @@ bool is_measured_thread(pid_t thread) {
 
 }  // namespace
 
-RoundWatch::RoundWatch(std::vector<int> cpus, const StallDetector* detector)
-    : cpus_(std::move(cpus)),
-      detector_(detector),
-      began_shared_(SharedCore::is_shared(cpus_)),
+RoundWatch::RoundWatch(const StallDetector* detector)
+    : detector_(detector),
       stolen_time_(detector == nullptr ? std::span<const int>{} : detector->cpus()),
       stolen_(read_cpu_time().stolen),
       stall_count_(detector == nullptr ? 0 : detector->count()) {}
 
-RoundFault RoundWatch::fault() const {
-  if (read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
-      (detector_ != nullptr && detector_->count() != stall_count_)) {
-    return RoundFault::kStill;
-  }
-  return began_shared_ || SharedCore::is_shared(cpus_) ? RoundFault::kSharedCore
-                                                       : RoundFault::kNone;
+bool RoundWatch::was_disturbed() const {
+  return read_cpu_time().stolen != stolen_ || stolen_time_.most() >= kStolenMin ||
+         (detector_ != nullptr && detector_->count() != stall_count_);
 }
 
 DisturbanceWatch::DisturbanceWatch(std::vector<pid_t> servers) {

@@ -15,25 +15,22 @@
 
 namespace rtpm::bench {
 
-/// Whether the round that was measured since this was made tells of the machine's neighbours, and
-/// not of the contenders: a hypervisor took CPU time away, a detector felt a stall, or somebody
-/// else computed on a core as the round began or ended. Set-up only: it reads /proc and runs on
-/// each CPU, so outside of timed stretches, and with nobody spinning there who is as urgent.
+/// Detects whether the machine stood still in the round measured since construction: the
+/// hypervisor took CPU time away (steal), or a detector counted a stall.
+/// @threads   one
+/// @realtime  set-up only: reads /proc, and with a detector visits its CPUs
 class RoundWatch {
  public:
   /// What matters to a p99.9 that is some tenths of a millisecond.
   static constexpr Duration kStolenMin = std::chrono::microseconds{300};
 
-  /// Sees who else is on the cores of `cpus`, and what the hypervisor accounts for in /proc/stat,
-  /// in hundredths of a second; with a detector, to which it refers, what that feels, and
-  /// kStolenMin taken from one of its CPUs.
-  explicit RoundWatch(std::vector<int> cpus, const StallDetector* detector = nullptr);
-  [[nodiscard]] RoundFault fault() const;
+  /// Reads steal from /proc/stat, in hundredths of a second. With a detector, to which it refers,
+  /// also counts that detector's stalls and kStolenMin taken from one of its CPUs.
+  explicit RoundWatch(const StallDetector* detector = nullptr);
+  [[nodiscard]] bool was_disturbed() const;
 
  private:
-  std::vector<int> cpus_;
   const StallDetector* detector_;
-  bool began_shared_;
   StolenTime stolen_time_;
   std::uint64_t stolen_;
   std::uint64_t stall_count_ = 0;

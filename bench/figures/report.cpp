@@ -145,23 +145,17 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
 void add_rounds(Result& result, const Samples& one, const Samples& other) {
   const int all = std::min(one.round_count(), other.round_count());
   const int left_out = all - static_cast<int>(rounds_that_count(one, other).size());
-  const int still = round_count_with(RoundFault::kStill, one, other);
-  const int shared = round_count_with(RoundFault::kSharedCore, one, other);
+  const int disturbed = disturbed_round_count(one, other);
   result.json.add("rounds", all);
   result.json.add("rounds_left_out", left_out);
-  result.json.add("rounds_core_shared", left_out == still + shared ? 0 : shared);
-  const auto tell = [&](const std::string& what, int count, bool is_left_out) {
-    if (count == 0) return;
-    const std::string text =
-        what + " in " + std::to_string(count) + " of " + std::to_string(all) + " rounds, ";
-    if (is_left_out) {
-      result.notes.push_back(text + "which are left out, but for p99.99 and max");
-    } else {
-      result.marks.push_back(text + "too many to be left out");
-    }
-  };
-  tell("the machine stood still", still, left_out >= still);
-  tell("somebody else computed on a core of the run", shared, left_out == still + shared);
+  if (disturbed == 0) return;
+  const std::string text = "the machine stood still in " + std::to_string(disturbed) + " of " +
+                           std::to_string(all) + " rounds, ";
+  if (left_out > 0) {
+    result.notes.push_back(text + "which are left out, but for p99.99 and max");
+  } else {
+    result.marks.push_back(text + "too many to be left out");
+  }
 }
 
 Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,

@@ -80,10 +80,8 @@ void add_distribution(JsonObject& json, std::string_view prefix, const Samples& 
 Percentiles add_ratios(JsonObject& json, const std::string& prefix, const Samples& numerator,
                        const Samples& denominator);
 
-/// How many rounds there were of what two contenders did by turns, on how many of them no figure
-/// but p99.99 and the maximum rests, and of the others, in how many somebody else computed on a
-/// core: adds "rounds", "rounds_left_out", "rounds_core_shared", notes that say why, and a mark
-/// where too many were disturbed to leave them out.
+/// Adds "rounds" and "rounds_left_out" of two interleaved contenders, with a note on the disturbed
+/// rounds, or a mark where they are too many to leave out.
 void add_rounds(Result& result, const Samples& one, const Samples& other);
 
 /// A number with three significant places or so: "9.87", "123".

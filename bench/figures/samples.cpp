@@ -32,8 +32,8 @@ Stretch all_rounds(const Samples& one, const Samples& other) {
   return all;
 }
 
-RoundFault worst_fault(const Samples& one, const Samples& other, int round) {
-  return std::max(one.fault(round), other.fault(round));
+bool is_disturbed(const Samples& one, const Samples& other, int round) {
+  return one.is_disturbed(round) || other.is_disturbed(round);
 }
 
 double percentile_of(const Samples& samples, const Stretch& stretch, double percent) {
@@ -93,7 +93,7 @@ void find_interval(Ratio& ratio, const Samples& numerator, const Samples& denomi
 
 Samples::Samples(int round_count, std::size_t count_per_round)
     : rounds_(static_cast<std::size_t>(round_count)),
-      faults_(static_cast<std::size_t>(round_count), RoundFault::kNone) {
+      disturbed_(static_cast<std::size_t>(round_count), false) {
   for (auto& round : rounds_) {
     // Touched as well as reserved: a page fault is not to be measured.
     round.resize(count_per_round);
@@ -141,17 +141,14 @@ std::vector<double> Samples::all_us() const {
 
 Stretch rounds_that_count(const Samples& one, const Samples& other) {
   Stretch all = all_rounds(one, other);
-  for (const RoundFault allowed : {RoundFault::kNone, RoundFault::kSharedCore}) {
-    Stretch rounds = all;
-    std::erase_if(rounds, [&](int round) { return worst_fault(one, other, round) > allowed; });
-    if (3 * rounds.size() >= all.size()) return rounds;
-  }
-  return all;
+  Stretch rounds = all;
+  std::erase_if(rounds, [&](int round) { return is_disturbed(one, other, round); });
+  return 3 * rounds.size() >= all.size() ? rounds : all;
 }
 
-int round_count_with(RoundFault fault, const Samples& one, const Samples& other) {
+int disturbed_round_count(const Samples& one, const Samples& other) {
   return static_cast<int>(std::ranges::count_if(
-      all_rounds(one, other), [&](int round) { return worst_fault(one, other, round) == fault; }));
+      all_rounds(one, other), [&](int round) { return is_disturbed(one, other, round); }));
 }
 
 std::vector<Stretch> stretches_of(const Samples& one, const Samples& other, double percent) {

@@ -20,13 +20,6 @@ struct Percentiles {
   double max = 0;
 };
 
-/// What the machine's neighbours did to a round, the worst last.
-enum class RoundFault : std::uint8_t {
-  kNone,
-  kSharedCore,  ///< Somebody else computed on a core of the run.
-  kStill,       ///< The machine stood still for a while.
-};
-
 /// Every latency of one contender, kept round by round. They are kept whole, not in a histogram:
 /// a ratio of 1.1 is nothing to blur by a bucket's width.
 class Samples {
@@ -37,9 +30,11 @@ class Samples {
   Samples& operator=(Samples&&) noexcept = default;
 
   void begin_round(int round) noexcept { round_ = static_cast<std::size_t>(round); }
-  /// If that was anything, no figure but the maximum rests on the round that was begun last, as
-  /// long as enough of the rounds are left.
-  void note_fault(RoundFault fault) noexcept { faults_[round_] = std::max(faults_[round_], fault); }
+  /// Marks the current round as disturbed: only p99.99 and the maximum use it, as long as a third
+  /// of the rounds is undisturbed.
+  void note_disturbed(bool was_disturbed) noexcept {
+    if (was_disturbed) disturbed_[round_] = true;
+  }
   /// RT: alloc-free within the room made.
   void add(Duration latency) { rounds_[round_].push_back(latency); }
 
@@ -54,8 +49,8 @@ class Samples {
 
   [[nodiscard]] std::size_t count() const noexcept;
   [[nodiscard]] int round_count() const noexcept { return static_cast<int>(rounds_.size()); }
-  [[nodiscard]] RoundFault fault(int round) const {
-    return faults_[static_cast<std::size_t>(round)];
+  [[nodiscard]] bool is_disturbed(int round) const {
+    return disturbed_[static_cast<std::size_t>(round)];
   }
 
   /// The latency that `percent` of each stretch's samples do not exceed, in microseconds.
@@ -68,7 +63,7 @@ class Samples {
 
  private:
   std::vector<std::vector<Duration>> rounds_;
-  std::vector<RoundFault> faults_;
+  std::vector<bool> disturbed_;
   std::size_t round_ = 0;
 };
 
@@ -77,11 +72,11 @@ class Samples {
 /// p99.9 of ten thousand samples at a time.
 using Stretch = std::vector<int>;
 
-/// The rounds of what two contenders did by turns that figures rest on: those without a fault of
-/// either, or at least of the worst kind, if that is a third of all; else all.
+/// The rounds of two interleaved contenders that figures rest on: those disturbed for neither, if
+/// they are a third of all; else all.
 [[nodiscard]] Stretch rounds_that_count(const Samples& one, const Samples& other);
-/// How many rounds of either had such a fault, and no worse one.
-[[nodiscard]] int round_count_with(RoundFault fault, const Samples& one, const Samples& other);
+/// The number of rounds that were disturbed for either contender.
+[[nodiscard]] int disturbed_round_count(const Samples& one, const Samples& other);
 
 /// The stretches of what two contenders did by turns: the same for both, of the rounds that count.
 /// One alone, if there are too few samples for several.

@@ -175,7 +175,7 @@ void Duel::end_turn() {
 
 RoundWatch Duel::watch_round() {
   end_turn();
-  return RoundWatch(cpus_of(impl_->config.placement));
+  return RoundWatch();
 }
 
 void Duel::rest_after(Duration turn, double part) {

@@ -28,9 +28,9 @@ struct EventFinding {
     each.begin_round(round);
     last.begin_round(round);
   }
-  void note_fault(RoundFault fault) noexcept {
-    each.note_fault(fault);
-    last.note_fault(fault);
+  void note_disturbed(bool was_disturbed) noexcept {
+    each.note_disturbed(was_disturbed);
+    last.note_disturbed(was_disturbed);
   }
 
   Samples each;

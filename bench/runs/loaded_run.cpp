@@ -120,16 +120,16 @@ expected<void, std::string> LoadedRun::measure_level(int caller_count, int round
     finding.high.begin_round(round);
     finding.low.begin_round(round);
   }
-  const RoundWatch round_watch(cpus_of(config_.placement), &detector_);
+  const RoundWatch round_watch(&detector_);
   // Who goes first changes from round to round.
   for (std::size_t i = 0; i < 2; ++i) {
     const Side side = kBothSides[(i + static_cast<std::size_t>(round)) % 2];
     if (auto measured = measure_turn(side, caller_count); !measured) return measured;
   }
-  const RoundFault fault = round_watch.fault();
+  const bool was_disturbed = round_watch.was_disturbed();
   for (Finding& finding : levels_.at(caller_count)) {
-    finding.high.note_fault(fault);
-    finding.low.note_fault(fault);
+    finding.high.note_disturbed(was_disturbed);
+    finding.low.note_disturbed(was_disturbed);
   }
   return {};
 }

@@ -90,13 +90,13 @@ expected<void, std::string> TurnRun::take_turn(Entrant& entrant, int low_callers
                       .count_from = plan_.count_from,
                       .low_caller_count = low_callers};
   Finding& finding = entrant.findings.at(low_callers);
-  const RoundWatch round_watch(cpus_, &*detector_);
+  const RoundWatch round_watch(&*detector_);
   const MonotonicTime begin = rt::now();
   auto taken = entrant.contender->take_turn(plan, finding.high, finding.low);
   const MonotonicTime end = rt::now();
-  const RoundFault fault = round_watch.fault();
-  finding.high.note_fault(fault);
-  finding.low.note_fault(fault);
+  const bool was_disturbed = round_watch.was_disturbed();
+  finding.high.note_disturbed(was_disturbed);
+  finding.low.note_disturbed(was_disturbed);
   rt::sleep_until(end + std::chrono::duration_cast<Duration>((end - begin) * plan_.rest_part));
   return taken;
 }
@@ -134,11 +134,11 @@ expected<void, std::string> TurnRun::measure(std::unique_ptr<Contender> rtpm,
                                              const Placement& placement, Rounds rounds) {
   entrants_[0].contender = std::move(rtpm);
   entrants_[1].contender = std::move(floor);
-  cpus_ = cpus_of(placement);
+  const std::vector<int> cpus = cpus_of(placement);
   detector_.emplace();
   // Calls that follow one another would meet its threads too often, and miss less of a stall.
   if (plan_.rate_hz > 0) {
-    if (auto started = detector_->start(cpus_); !started) return started;
+    if (auto started = detector_->start(cpus); !started) return started;
   }
   for (int round = rounds.begin; round < rounds.end; ++round) {
     for (const int low_callers : levels_) {

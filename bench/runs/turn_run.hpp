@@ -91,7 +91,6 @@ class TurnRun {
   int round_count_;
   std::set<int> levels_;  ///< Numbers of low-priority callers.
   std::uint64_t count_per_round_ = 0;
-  std::vector<int> cpus_{};
   std::vector<Entrant> entrants_{};
   std::optional<StallDetector> detector_{};  ///< Within a part: its threads are in no fork's way.
   bool has_begun_ = false;                   ///< The first part has.

@@ -100,16 +100,8 @@ def row_lines(key, found):
     return lines
 
 
-def had_its_cores(record):
-    """Whether a row's figures rest on rounds in which nobody else computed on the run's cores."""
-    return record.get("rounds_core_shared", 0) == 0
-
-
-def summary_lines(all_found, has_cores):
-    """Which figures differ beyond noise, and how well the ratios' medians agree.
-
-    `has_cores`: the keys of rows that had their cores in both runs.
-    """
+def summary_lines(all_found):
+    """Which figures differ beyond noise, and how well the ratios' medians agree."""
     sure = [(key, each) for key, found in all_found for each in found if each.is_sure]
     count = sum(len(found) for _, found in all_found)
     lines = [f"{len(sure)} of {count} figures differ beyond noise"
@@ -128,11 +120,6 @@ def summary_lines(all_found, has_cores):
         for key, each in sorted(apart, key=lambda pair: -abs(pair[1].percent)):
             lines.append(f"  {each.percent:+7.1f} %  {records.name_of(key)}: {short(each.first)} / "
                          f"{short(each.second)}" + ("" if each.is_sure else ", which may be noise"))
-        mine = [pair for pair in ratios if pair[0] in has_cores]
-        if len(mine) < len(ratios):
-            agreeing = sum(pair not in apart for pair in mine)
-            lines.append(f"Of these, {len(mine)} rest on rounds without anybody else on the cores "
-                         f"in both runs: {agreeing} of them agree.")
     return lines
 
 
@@ -152,9 +139,7 @@ def compare(first, second, takes_all):
         lines += [f"only in {who}: {records.name_of(key)}" for key in mine if key not in theirs]
     if not all_found:
         raise records.Fault("the two files have no figure in common that was told round by round")
-    has_cores = {key for key, _ in all_found
-                 if had_its_cores(one[key]) and had_its_cores(other[key])}
-    return lines + summary_lines(all_found, has_cores)
+    return lines + summary_lines(all_found)
 
 
 def main(arguments):

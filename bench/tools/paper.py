@@ -75,16 +75,15 @@ def curves(results, **wanted):
 
 
 def figures(results):
-    """What the section has: (name of the plot, title, what the paper says, its Distributions)."""
+    """What the section has: (title, what the paper says, its Distributions)."""
     return (
-        ("paper-one-node", "As the paper's Figure 6: 1000 calls of 48 bytes, one node", CALLS_TEXT,
+        ("As the paper's Figure 6: 1000 calls of 48 bytes, one node", CALLS_TEXT,
          curves(results, part="paper-calls")),
-        ("paper-two-nodes", "As the paper's Figure 7 a: 1000 calls of 48 bytes, two nodes",
+        ("As the paper's Figure 7 a: 1000 calls of 48 bytes, two nodes",
          NETWORK_TEXT, curves(results, part="paper-two-nodes")),
-        ("paper-events-one-node", "1000 events at 1 ms through a hub, one node", EVENTS_TEXT,
+        ("1000 events at 1 ms through a hub, one node", EVENTS_TEXT,
          curves(results, part="paper-events", consumers=1, hosts=None)),
-        ("paper-events-two-nodes",
-         "As the paper's Figure 7 b, c: 1000 events at 1 ms, the hub on another node", EVENTS_TEXT,
+        ("As the paper's Figure 7 b, c: 1000 events at 1 ms, the hub on another node", EVENTS_TEXT,
          curves(results, part="paper-events", consumers=1, hosts=2)),
     )
 
@@ -106,18 +105,6 @@ def added_lines(results):
             "median" for each in curves(results, part="paper-two-nodes") if each.label in one]
 
 
-def plot_of(name, title, distributions):
-    """The Plot of a figure."""
-    return plots.Plot(name, title, "microseconds", "percent of the calls or events",
-                      [plots.Series(each.label, each.bins(), _style_of(each))
-                       for each in distributions], x_is_logarithmic=True)
-
-
-def _style_of(distribution):
-    is_floor = distribution.label.startswith("floor")
-    return "fsteps linewidth 1.5 dashtype 2" if is_floor else "fsteps linewidth 2"
-
-
 def _print_figure(title, paper_text, distributions):
     print(f"\n{title}\n{paper_text}\n")
     print(f"  {SUMMARY_HEAD[0]:<28}" + "".join(f"{head:>11}" for head in SUMMARY_HEAD[1:]))
@@ -135,17 +122,17 @@ def _print_figure(title, paper_text, distributions):
 def show(results, folder):
     """Prints and plots all figures; False if one has nothing to show, which is said."""
     is_complete = True
-    for name, title, paper_text, distributions in figures(results):
+    for title, paper_text, distributions in figures(results):
         if not distributions:
             print(f"paper: not measured: {title}", file=sys.stderr)
             is_complete = False
             continue
         _print_figure(title, paper_text, distributions)
-        plots.draw(plot_of(name, title, distributions), folder)
     print("")
     for line in added_lines(results):
         print(line)
-    print(f"\nplots: {os.path.relpath(folder)}/paper-*.png and .svg")
+    plots.draw_all(results, folder)
+    print(f"\nplots: {os.path.relpath(folder)}/paper-*.svg")
     return is_complete
 
 

@@ -69,8 +69,7 @@ TARGETS = (
 
 class Verdict(NamedTuple):
     """A target and what a run says of it. `value`: None where it was not measured. `interval`: where
-    the value lies with 95 % confidence, None where that is not told. `beside_others`: of how many of
-    its rounds somebody else computed on a core, and how many rounds it has."""
+    the value lies with 95 % confidence, None where that is not told."""
 
     target: Target
     name: str
@@ -78,7 +77,6 @@ class Verdict(NamedTuple):
     is_met: bool
     is_marked: bool
     interval: tuple = None
-    beside_others: tuple = (0, 0)
 
     def may_be_met(self):
         """Whether another run may well say so."""
@@ -110,6 +108,5 @@ def judge(rows):
         named = {name: value for name, value in record.items() if value is not None}
         verdicts.append(Verdict(target, records.name_of(records.key_of(named)), value, is_met,
                                 bool(record.get("marks")),
-                                None if target.times else records.interval(record, target.figure),
-                                (record.get("rounds_core_shared", 0), record.get("rounds", 0))))
+                                None if target.times else records.interval(record, target.figure)))
     return verdicts

@@ -49,32 +49,27 @@ TEST(JsonObject, TellsEachRoundOfADistribution) {
       << "of both rounds together, as there are few samples";
 }
 
-TEST(AddRounds, SaysWhichWereLeftOutAndMarksWhatTooManyMet) {
+TEST(AddRounds, NotesWhichWereLeftOutAndMarksTooMany) {
   Samples samples(6, 1);
-  for (int round = 0; round < 6; ++round) {
-    samples.begin_round(round);
-    if (round == 0) samples.note_fault(RoundFault::kStill);
-    if (round == 1) samples.note_fault(RoundFault::kSharedCore);
-  }
+  samples.begin_round(0);
+  samples.note_disturbed(true);
   Result few;
   add_rounds(few, samples, samples);
-  EXPECT_EQ(few.json.text(), R"({"rounds": 6, "rounds_left_out": 2, "rounds_core_shared": 0})");
-  ASSERT_EQ(few.notes.size(), 2u);
+  EXPECT_EQ(few.json.text(), R"({"rounds": 6, "rounds_left_out": 1})");
+  ASSERT_EQ(few.notes.size(), 1u);
   EXPECT_EQ(few.notes[0],
             "the machine stood still in 1 of 6 rounds, which are left out, but for p99.99 and max");
   EXPECT_TRUE(few.marks.empty());
-  for (int round = 2; round < 6; ++round) {
+  for (int round = 1; round < 5; ++round) {
     samples.begin_round(round);
-    samples.note_fault(RoundFault::kSharedCore);
+    samples.note_disturbed(true);
   }
   Result many;
   add_rounds(many, samples, samples);
-  EXPECT_EQ(many.json.text(), R"({"rounds": 6, "rounds_left_out": 1, "rounds_core_shared": 5})");
-  EXPECT_EQ(many.notes.size(), 1u);
+  EXPECT_EQ(many.json.text(), R"({"rounds": 6, "rounds_left_out": 0})");
+  EXPECT_TRUE(many.notes.empty());
   ASSERT_EQ(many.marks.size(), 1u);
-  EXPECT_EQ(
-      many.marks[0],
-      "somebody else computed on a core of the run in 5 of 6 rounds, too many to be left out");
+  EXPECT_EQ(many.marks[0], "the machine stood still in 5 of 6 rounds, too many to be left out");
 }
 
 TEST(Report, PrintsOneJsonObjectALineWithMarksAndEnvironment) {

@@ -50,41 +50,14 @@ TEST(Samples, LeaveOutDisturbedRoundsAsLongAsAThirdRemains) {
   Samples samples(4, 100);
   for (int round = 0; round < 4; ++round) {
     add_round(samples, round, 100, round == 0 ? 1000 : round == 1 ? 10 : 1);
-    if (round < 2) samples.note_fault(RoundFault::kStill);
+    if (round < 2) samples.note_disturbed(true);
   }
   EXPECT_DOUBLE_EQ(samples.percentiles().p50, 50);
   EXPECT_DOUBLE_EQ(samples.percentiles().max, 100'000);
   EXPECT_EQ(rounds_that_count(samples, samples), (Stretch{2, 3}));
   samples.begin_round(2);
-  samples.note_fault(RoundFault::kStill);
+  samples.note_disturbed(true);
   EXPECT_EQ(samples.stretch_percentiles(50).size(), 4u) << "one round would be too little";
-}
-
-TEST(Samples, LeaveOutRoundsOnASharedCoreOnlyIfEnoughRemainBesides) {
-  Samples samples(6, 10);
-  for (int round = 0; round < 6; ++round) {
-    add_round(samples, round, 10, 1);
-    if (round == 0) samples.note_fault(RoundFault::kStill);
-    if (round == 1 || round == 2) samples.note_fault(RoundFault::kSharedCore);
-  }
-  EXPECT_EQ(rounds_that_count(samples, samples), (Stretch{3, 4, 5}));
-  for (int round = 3; round < 5; ++round) {
-    samples.begin_round(round);
-    samples.note_fault(RoundFault::kSharedCore);
-  }
-  EXPECT_EQ(rounds_that_count(samples, samples), (Stretch{1, 2, 3, 4, 5}))
-      << "one round without any fault would be too little, five that did not stand still are not";
-  EXPECT_EQ(round_count_with(RoundFault::kSharedCore, samples, samples), 4);
-  EXPECT_EQ(round_count_with(RoundFault::kStill, samples, samples), 1);
-}
-
-TEST(Samples, KeepARoundsWorstFault) {
-  Samples samples(1, 1);
-  samples.begin_round(0);
-  samples.note_fault(RoundFault::kStill);
-  samples.note_fault(RoundFault::kSharedCore);
-  samples.note_fault(RoundFault::kNone);
-  EXPECT_EQ(samples.fault(0), RoundFault::kStill);
 }
 
 TEST(Samples, WithoutAnyAreZero) {
@@ -133,7 +106,7 @@ TEST(Samples, OnlyRoundsThatBothKeepMakeARatio) {
   for (int round = 0; round < 2; ++round) {
     add_round(slow, round, 100, round == 0 ? 50 : 3);
     add_round(fast, round, 100, 1);
-    if (round == 0) fast.note_fault(RoundFault::kStill);
+    if (round == 0) fast.note_disturbed(true);
   }
   EXPECT_DOUBLE_EQ(ratio_at(slow, fast, 50).middle, 3);
 }

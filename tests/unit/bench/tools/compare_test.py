@@ -28,15 +28,6 @@ class Compare(unittest.TestCase):
         self.assertIn("0 of 18 figures differ beyond noise; no difference is proven.", end.output)
         self.assertIn("3 of 3 ratios agree at the median within 10 %.", end.output)
 
-    def test_tells_apart_rows_that_somebody_else_computed_beside(self):
-        shared = tool.data("slower.jsonl").read_text().replace(
-            '"rounds": 5', '"rounds": 5, "rounds_core_shared": 4', 1)
-        with tool.file(shared) as path:
-            end = tool.run("compare", tool.data("first.jsonl"), path)
-        self.assertIn("2 of 3 ratios agree at the median within 10 %, but not:", end.output)
-        self.assertIn("Of these, 2 rest on rounds without anybody else on the cores in both runs: "
-                      "2 of them agree.", end.output)
-
     def test_says_the_same_of_the_same_files(self):
         files = tool.data("first.jsonl"), tool.data("slower.jsonl")
         self.assertEqual(tool.run("compare", *files), tool.run("compare", *files))
