@@ -379,7 +379,7 @@ TEST_P(WaitSetTest, TellsADescriptorFromTheOneThatHadItsNumber) {
   set_->remove(number);
 }
 
-TEST_P(WaitSetWithALock, HeedsWhatIsAddedAndRemovedDuringAWait) {
+TEST_P(WaitSetWithALock, HeedsWhatIsAddedDuringAWait) {
   auto [near, far] = stream_pair();
   for (std::uint32_t generation = 1; generation <= 50; ++generation) {
     const SourceTag tag(kSocket, 0, generation);
@@ -405,6 +405,33 @@ TEST_P(WaitSetWithALock, HeedsWhatIsAddedAndRemovedDuringAWait) {
     write_all(far, Bytes(1));
     EXPECT_EQ(poll(), Tags{});
     ASSERT_EQ(recv(near.number(), &byte, 1, 0), 1);
+  }
+}
+
+TEST_P(WaitSetWithALock, ReportsNothingToLaterWaitsThatWasRemovedDuringOne) {
+  for (std::uint32_t generation = 1; generation <= 50; ++generation) {
+    auto [near, far] = stream_pair();
+    const SourceTag tag(kSocket, 0, generation);
+    ASSERT_TRUE(set_->add(near.number(), tag, Trigger::kLevel));
+    std::atomic<bool> has_begun = false;
+    std::thread waiter([&] {
+      has_begun = true;
+      static_cast<void>(await_some());
+    });
+    while (!has_begun)
+      std::this_thread::yield();
+    lock_.lock();
+    set_->remove(near.number());
+    lock_.unlock();
+    write_all(far, Bytes(1));
+    set_->ring();
+    waiter.join();
+    const Tags later = poll();
+    EXPECT_EQ(std::ranges::find(later, tag.raw()), later.end());
+    drain();
+    near = Descriptor{};
+    std::byte byte{};
+    EXPECT_LE(recv(far.number(), &byte, 1, 0), 0) << "the set holds no reference to it";
   }
 }
 
