@@ -21,83 +21,40 @@ Duration from_us(std::uint32_t us) noexcept {
 
 }  // namespace
 
-class DeviceClient::Impl {
- public:
-  Impl(device::DeviceClient stub, const device::Description& description, Duration hold)
-      : stub_(std::move(stub)),
-        descriptor_(from_wire(description)),
-        hold_(std::clamp(hold, Duration{0}, from_us(description.hold_us_max()))),
-        operator_priority_(std::min<int>(description.operator_priority(), Priority::kHighest)) {
+struct DeviceClient::Impl {
+  Impl(device::DeviceClient bound, const device::Description& description, Duration hold_wanted)
+      : stub(std::move(bound)),
+        descriptor(from_wire(description)),
+        hold(std::clamp(hold_wanted, Duration{0}, from_us(description.hold_us_max()))),
+        operator_priority(std::min<int>(description.operator_priority(), Priority::kHighest)) {
     const Duration period = std::chrono::duration_cast<Duration>(
-        std::chrono::duration<double>(1.0 / std::max(descriptor_.rate_hz, 1.0)));
-    force_end_ = hold_ + from_us(description.ramp_us()) + period;
+        std::chrono::duration<double>(1.0 / std::max(descriptor.rate_hz, 1.0)));
+    force_end = hold + from_us(description.ramp_us()) + period;
   }
   ~Impl() { static_cast<void>(release()); }
 
-  [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
-  [[nodiscard]] const driver::Descriptor& descriptor() const noexcept { return descriptor_; }
-  [[nodiscard]] Duration force_end() const noexcept { return force_end_; }
-  [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
   [[nodiscard]] device::Holder holder() const noexcept {
-    return device::Holder{lease_.load(std::memory_order_relaxed)};
+    return device::Holder{lease.load(std::memory_order_relaxed)};
   }
-
-  expected<void, rpc::CallError> set_wrench(const driver::Wrench& wrench,
-                                            const rpc::CallOptions& options) noexcept {
-    const auto hold_us = std::chrono::duration_cast<std::chrono::microseconds>(hold_).count();
-    const device::Command command{to_wire(wrench.force_newton), to_wire(wrench.torque_newton_metre),
-                                  lease_.load(std::memory_order_relaxed),
-                                  sequence_.fetch_add(1, std::memory_order_relaxed),
-                                  static_cast<std::uint32_t>(hold_us)};
-    return stub_.command(command, options);
-  }
-
-  expected<void, rpc::CallError> acquire(Duration patience) {
-    const MonotonicTime until = rt::now() + patience;
-    while (true) {
-      const auto lease = stub_.acquire();
-      if (lease) {
-        lease_.store(lease->id(), std::memory_order_relaxed);
-        return {};
-      }
-      const MonotonicTime next = rt::now() + kAcquireRetry;
-      if (lease.error() != rpc::CallError::kNotLeaseHolder || next > until) {
-        return unexpected{lease.error()};
-      }
-      rt::sleep_until(next);
-    }
-  }
-
-  expected<void, rpc::CallError> take_over(Priority priority) {
-    rpc::CallOptions options;
-    options.priority = priority;
-    const auto lease = stub_.take_over({}, options);
-    if (!lease) return unexpected{lease.error()};
-    lease_.store(lease->id(), std::memory_order_relaxed);
+  expected<void, rpc::CallError> hold_lease(
+      const expected<device::Lease, rpc::CallError>& granted) {
+    if (!granted) return unexpected{granted.error()};
+    lease.store(granted->id(), std::memory_order_relaxed);
     return {};
   }
-
-  expected<LeaseState, rpc::CallError> lease_state() {
-    const auto standing = stub_.lease_state(holder());
-    if (!standing) return unexpected{standing.error()};
-    return standing->state() < kLeaseStateCount ? static_cast<LeaseState>(standing->state())
-                                                : LeaseState::kUnknown;
-  }
-
   expected<void, rpc::CallError> release() {
-    const std::uint64_t lease = lease_.exchange(Lease::kNobody, std::memory_order_relaxed);
-    if (lease == Lease::kNobody) return {};
-    return stub_.release(device::Holder{lease});
+    const std::uint64_t held = lease.exchange(Lease::kNobody, std::memory_order_relaxed);
+    if (held == Lease::kNobody) return {};
+    return stub.release(device::Holder{held});
   }
 
- private:
-  device::DeviceClient stub_;
-  driver::Descriptor descriptor_;
-  Duration hold_;
-  Duration force_end_{};
-  Priority operator_priority_;
-  std::atomic<std::uint64_t> lease_{Lease::kNobody};
-  std::atomic<std::uint32_t> sequence_{1};
+  device::DeviceClient stub;
+  driver::Descriptor descriptor;
+  Duration hold;
+  Duration force_end{};
+  Priority operator_priority;
+  std::atomic<std::uint64_t> lease{Lease::kNobody};
+  std::atomic<std::uint32_t> sequence{1};
 };
 
 expected<DeviceClient, rpc::SetupError> DeviceClient::open(rpc::Node& node, std::string_view device,
@@ -124,58 +81,75 @@ DeviceClient& DeviceClient::operator=(DeviceClient&&) noexcept = default;
 DeviceClient::~DeviceClient() = default;
 
 const driver::Descriptor& DeviceClient::descriptor() const noexcept {
-  return impl_->descriptor();
+  return impl_->descriptor;
 }
 std::string DeviceClient::url() const {
-  return impl_->stub().binding().url();
+  return impl_->stub.binding().url();
 }
 Duration DeviceClient::force_end() const noexcept {
-  return impl_->force_end();
+  return impl_->force_end;
 }
 Priority DeviceClient::operator_priority() const noexcept {
-  return impl_->operator_priority();
+  return impl_->operator_priority;
 }
 
 expected<driver::Sample, rpc::CallError> DeviceClient::read(
     const rpc::CallOptions& options) noexcept {
-  const auto sample = impl_->stub().read({}, options);
+  const auto sample = impl_->stub.read({}, options);
   if (!sample) return unexpected{sample.error()};
   return from_wire(*sample);
 }
 
 expected<void, rpc::CallError> DeviceClient::set_force(const driver::Vector3& force_newton,
                                                        const rpc::CallOptions& options) noexcept {
-  return impl_->set_wrench({force_newton, {}}, options);
+  return set_wrench({force_newton, {}}, options);
 }
 
 expected<void, rpc::CallError> DeviceClient::set_wrench(const driver::Wrench& wrench,
                                                         const rpc::CallOptions& options) noexcept {
-  return impl_->set_wrench(wrench, options);
+  const auto hold_us = std::chrono::duration_cast<std::chrono::microseconds>(impl_->hold).count();
+  const device::Command command{to_wire(wrench.force_newton), to_wire(wrench.torque_newton_metre),
+                                impl_->lease.load(std::memory_order_relaxed),
+                                impl_->sequence.fetch_add(1, std::memory_order_relaxed),
+                                static_cast<std::uint32_t>(hold_us)};
+  return impl_->stub.command(command, options);
 }
 
 expected<void, rpc::CallError> DeviceClient::acquire(Duration patience) {
-  return impl_->acquire(patience);
+  const MonotonicTime until = rt::now() + patience;
+  while (true) {
+    const auto acquired = impl_->hold_lease(impl_->stub.acquire());
+    if (acquired || acquired.error() != rpc::CallError::kNotLeaseHolder) return acquired;
+    const MonotonicTime next = rt::now() + kAcquireRetry;
+    if (next > until) return acquired;
+    rt::sleep_until(next);
+  }
 }
 expected<void, rpc::CallError> DeviceClient::take_over(std::optional<Priority> priority) {
-  return impl_->take_over(priority.value_or(impl_->operator_priority()));
+  rpc::CallOptions options;
+  options.priority = priority.value_or(impl_->operator_priority);
+  return impl_->hold_lease(impl_->stub.take_over({}, options));
 }
 expected<LeaseState, rpc::CallError> DeviceClient::lease_state() {
-  return impl_->lease_state();
+  const auto standing = impl_->stub.lease_state(impl_->holder());
+  if (!standing) return unexpected{standing.error()};
+  return standing->state() < kLeaseStateCount ? static_cast<LeaseState>(standing->state())
+                                              : LeaseState::kUnknown;
 }
 expected<void, rpc::CallError> DeviceClient::renew() {
-  return impl_->stub().renew(impl_->holder());
+  return impl_->stub.renew(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::release() {
   return impl_->release();
 }
 expected<void, rpc::CallError> DeviceClient::recover() {
-  return impl_->stub().recover(impl_->holder());
+  return impl_->stub.recover(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::activate() {
-  return impl_->stub().activate(impl_->holder());
+  return impl_->stub.activate(impl_->holder());
 }
 expected<void, rpc::CallError> DeviceClient::deactivate() {
-  return impl_->stub().deactivate(impl_->holder());
+  return impl_->stub.deactivate(impl_->holder());
 }
 
 }  // namespace rtpm::gvd

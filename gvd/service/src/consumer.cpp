@@ -18,82 +18,69 @@ constexpr int kNoError = -1;
 
 }  // namespace
 
-class DeviceConsumer::Impl {
- public:
-  Impl(device::DeviceClient stub, const DeviceConsumerConfig& config, SampleSink& sink)
-      : stub_(std::move(stub)),
-        period_(std::chrono::duration_cast<Duration>(
+struct DeviceConsumer::Impl {
+  Impl(device::DeviceClient bound, const DeviceConsumerConfig& config, SampleSink& receiver)
+      : stub(std::move(bound)),
+        period(std::chrono::duration_cast<Duration>(
             std::chrono::duration<double>(1.0 / config.rate_hz))),
-        priority_(config.thread.priority.value_or(config.priority)),
-        sink_(sink) {}
+        priority(config.thread.priority.value_or(config.priority)),
+        sink(receiver) {}
   ~Impl() { stop(); }
 
   expected<void, rpc::SetupError> start(const rt::ThreadConfig& config) {
-    auto thread = rt::Thread::start(config, [this] { loop(); });
-    if (!thread) return rpc::setup_error(thread.error().text);
-    thread_ = std::move(*thread);
+    auto started = rt::Thread::start(config, [this] { loop(); });
+    if (!started) return rpc::setup_error(started.error().text);
+    thread = std::move(*started);
     return {};
   }
 
   void stop() noexcept {
-    is_stopping_.store(true, std::memory_order_relaxed);
-    if (thread_.is_running()) thread_.join();
+    is_stopping.store(true, std::memory_order_relaxed);
+    if (thread.is_running()) thread.join();
   }
 
-  [[nodiscard]] DeviceConsumerCounters counters() const noexcept {
-    return {pushed_count_.load(std::memory_order_relaxed),
-            unchanged_count_.load(std::memory_order_relaxed),
-            failed_count_.load(std::memory_order_relaxed)};
-  }
-  [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept {
-    const int error = last_error_.load(std::memory_order_relaxed);
-    if (error == kNoError) return std::nullopt;
-    return static_cast<rpc::CallError>(error);
-  }
-
- private:
   void loop() {
     MonotonicTime due = rt::now();
-    while (!is_stopping_.load(std::memory_order_relaxed)) {
-      look();
-      due = std::max(due + period_, rt::now());
-      while (!is_stopping_.load(std::memory_order_relaxed) && rt::now() < due) {
+    while (!is_stopping.load(std::memory_order_relaxed)) {
+      poll();
+      due = std::max(due + period, rt::now());
+      while (!is_stopping.load(std::memory_order_relaxed) && rt::now() < due) {
         rt::sleep_until(std::min(due, rt::now() + kSleepMax));
       }
     }
   }
 
-  void look() {
+  void poll() {
     rpc::CallOptions options;
-    options.priority = priority_;
-    const auto sample = stub_.read({}, options);
+    options.priority = priority;
+    const auto sample = stub.read({}, options);
     if (!sample) {
-      failed_count_.fetch_add(1, std::memory_order_relaxed);
-      last_error_.store(static_cast<int>(sample.error()), std::memory_order_relaxed);
+      failed_count.fetch_add(1, std::memory_order_relaxed);
+      last_error.store(static_cast<int>(sample.error()), std::memory_order_relaxed);
       return;
     }
-    last_error_.store(kNoError, std::memory_order_relaxed);
+    last_error.store(kNoError, std::memory_order_relaxed);
     // A restarted server counts from one again: any different number is new.
-    if (sample->sequence() == last_sequence_) {
-      unchanged_count_.fetch_add(1, std::memory_order_relaxed);
+    if (sample->sequence() == last_sequence) {
+      unchanged_count.fetch_add(1, std::memory_order_relaxed);
       return;
     }
-    last_sequence_ = sample->sequence();
-    pushed_count_.fetch_add(1, std::memory_order_relaxed);
-    sink_.push(from_wire(*sample));
+    last_sequence = sample->sequence();
+    pushed_count.fetch_add(1, std::memory_order_relaxed);
+    sink.push(from_wire(*sample));
   }
 
-  device::DeviceClient stub_;
-  Duration period_;
-  Priority priority_;
-  SampleSink& sink_;
-  std::uint64_t last_sequence_ = 0;
-  std::atomic<std::uint64_t> pushed_count_{0};
-  std::atomic<std::uint64_t> unchanged_count_{0};
-  std::atomic<std::uint64_t> failed_count_{0};
-  std::atomic<int> last_error_{kNoError};
-  std::atomic<bool> is_stopping_{false};
-  rt::Thread thread_{};
+  device::DeviceClient stub;
+  Duration period;
+  Priority priority;
+  SampleSink& sink;
+  std::uint64_t last_sequence = 0;
+  std::atomic<std::uint64_t> pushed_count{0};
+  std::atomic<std::uint64_t> unchanged_count{0};
+  std::atomic<std::uint64_t> failed_count{0};
+  std::atomic<int> last_error{kNoError};
+  std::atomic<bool> is_stopping{false};
+  rt::Thread thread{};
 };
 
 expected<DeviceConsumer, rpc::SetupError> DeviceConsumer::start(rpc::Node& node,
@@ -122,11 +109,15 @@ void DeviceConsumer::stop() noexcept {
 }
 
 DeviceConsumerCounters DeviceConsumer::counters() const noexcept {
-  return impl_->counters();
+  return {impl_->pushed_count.load(std::memory_order_relaxed),
+          impl_->unchanged_count.load(std::memory_order_relaxed),
+          impl_->failed_count.load(std::memory_order_relaxed)};
 }
 
 std::optional<rpc::CallError> DeviceConsumer::last_error() const noexcept {
-  return impl_->last_error();
+  const int error = impl_->last_error.load(std::memory_order_relaxed);
+  if (error == kNoError) return std::nullopt;
+  return static_cast<rpc::CallError>(error);
 }
 
 }  // namespace rtpm::gvd

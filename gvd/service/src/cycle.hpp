@@ -55,6 +55,7 @@ class SuccessRate {
 /// other threads.
 /// @ownership refers to its driver, which must outlive it
 /// @threads  as grouped below
+/// @realtime alloc-free and without a wait, but for begin(), maintain() and end(), which are set-up
 class DeviceCycle {
  public:
   DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey lease_key);
@@ -62,47 +63,39 @@ class DeviceCycle {
   // The device's thread.
 
   /// Configures and activates the device.
-  /// @realtime set-up only
   /// @errors   as the driver's
   [[nodiscard]] expected<void, driver::DriverError> begin(MonotonicTime now);
   /// One cycle: filters the newest command, exchanges it for a sample, and publishes that.
   /// `missed_count` cycles were skipped before.
-  /// @realtime alloc-free, no system call but the driver's
+  /// @realtime no system call but the driver's
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
   /// Whether maintain() has something to do.
-  /// @realtime alloc-free
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
-  /// Activates, deactivates, or retries a lost device; may take seconds.   Set-up only.
+  /// Activates, deactivates, or retries a lost device; may take seconds.
   void maintain(MonotonicTime now);
   /// Deactivates the device for good.
-  /// @realtime set-up only
   void end(MonotonicTime now) noexcept;
 
   // Any thread.
 
   /// Leaves `command`, received at `received`, for the next cycle.
-  /// @realtime alloc-free, no wait
   /// @errors   as the service's method `command` says in device.fbs
   [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
                                          MonotonicTime received) noexcept;
   /// Leaves a request for the next cycle, valid if `lease` is still held then. The last one per
   /// cycle counts.
-  /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
   /// Leaves the request to end a latched fault, likewise.
-  /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder
   [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
   /// the new holder's commands count.
-  /// @realtime alloc-free, no wait
   /// @errors   kNotLeaseHolder: the priority is below CycleConfig::operator_priority · kOverload:
   ///           the last take-over was less than LeaseConfig::take_over_interval ago
   [[nodiscard]] rpc::Result<std::uint64_t> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
-  /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }

@@ -56,26 +56,25 @@ expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
 
 // Members are ordered by construction, not by padding.
 // NOLINTNEXTLINE(clang-analyzer-optin.performance.Padding)
-class DeviceServer::Impl {
- public:
-  Impl(std::unique_ptr<driver::Driver> driver, driver::Descriptor descriptor,
-       DeviceServerConfig config)
-      : driver_(std::move(driver)),
-        descriptor_(std::move(descriptor)),
-        config_(std::move(config)),
-        cycle_(*driver_, config_.cycle, random_key()),
-        servant_(cycle_, descriptor_, config_.cycle.period) {}
+struct DeviceServer::Impl {
+  Impl(std::unique_ptr<driver::Driver> served, driver::Descriptor described,
+       DeviceServerConfig given)
+      : driver(std::move(served)),
+        descriptor(std::move(described)),
+        config(std::move(given)),
+        cycle(*driver, config.cycle, random_key()),
+        servant(cycle, descriptor, config.cycle.period) {}
 
   expected<void, rpc::SetupError> start() {
-    RTPM_ASSERT(!thread_.is_running(), "a device server starts once");
+    RTPM_ASSERT(!device_thread.is_running(), "a device server starts once");
     std::promise<expected<void, driver::DriverError>> begun;
     auto outcome = begun.get_future();
-    is_stopping_.store(false, std::memory_order_relaxed);
-    auto thread = rt::Thread::start(config_.thread, [this, &begun] {
-      auto began = cycle_.begin(rt::now());
+    is_stopping.store(false, std::memory_order_relaxed);
+    auto thread = rt::Thread::start(config.thread, [this, &begun] {
+      auto began = cycle.begin(rt::now());
       const bool is_active = began.has_value();
       // The first sample exists before the first caller.
-      if (is_active) cycle_.run(rt::now(), 0);
+      if (is_active) cycle.run(rt::now(), 0);
       begun.set_value(std::move(began));
       // `begun` may be gone from here on.
       if (is_active) loop();
@@ -86,35 +85,30 @@ class DeviceServer::Impl {
       thread->join();
       return rpc::setup_error(began.error().text);
     }
-    thread_ = std::move(*thread);
+    device_thread = std::move(*thread);
     return {};
   }
 
   void stop() noexcept {
-    if (!thread_.is_running()) return;
-    is_stopping_.store(true, std::memory_order_relaxed);
-    thread_.join();
+    if (!device_thread.is_running()) return;
+    is_stopping.store(true, std::memory_order_relaxed);
+    device_thread.join();
   }
 
-  [[nodiscard]] DeviceServant& servant() noexcept { return servant_; }
-  [[nodiscard]] const driver::Descriptor& descriptor() const noexcept { return descriptor_; }
-  [[nodiscard]] const DeviceCycle& cycle() const noexcept { return cycle_; }
-
- private:
   /// The device's thread: one cycle per period at absolute times, so that a late wake-up does not
   /// shift the next.
   void loop() noexcept {
     const rt::NoAllocationScope no_allocation;
-    const Duration period = config_.cycle.period;
+    const Duration period = config.cycle.period;
     MonotonicTime due = rt::now();
     std::uint32_t missed_count = 0;
-    while (!is_stopping_.load(std::memory_order_relaxed)) {
+    while (!is_stopping.load(std::memory_order_relaxed)) {
       rt::sleep_until(due);
       const MonotonicTime begin = rt::now();
-      cycle_.run(begin, std::exchange(missed_count, 0));
-      if (cycle_.needs_maintenance(begin)) {
+      cycle.run(begin, std::exchange(missed_count, 0));
+      if (cycle.needs_maintenance(begin)) {
         const rt::AllowAllocationScope set_up;
-        cycle_.maintain(begin);
+        cycle.maintain(begin);
         due = rt::now();
       }
       due += period;
@@ -126,16 +120,16 @@ class DeviceServer::Impl {
       }
     }
     const rt::AllowAllocationScope set_down;
-    cycle_.end(rt::now());
+    cycle.end(rt::now());
   }
 
-  std::unique_ptr<driver::Driver> driver_;
-  driver::Descriptor descriptor_;
-  DeviceServerConfig config_;
-  DeviceCycle cycle_;
-  DeviceServant servant_;
-  std::atomic<bool> is_stopping_{false};
-  rt::Thread thread_{};
+  std::unique_ptr<driver::Driver> driver;
+  driver::Descriptor descriptor;
+  DeviceServerConfig config;
+  DeviceCycle cycle;
+  DeviceServant servant;
+  std::atomic<bool> is_stopping{false};
+  rt::Thread device_thread{};
 };
 
 expected<std::unique_ptr<DeviceServer>, rpc::SetupError> DeviceServer::create(
@@ -167,16 +161,16 @@ void DeviceServer::stop() noexcept {
   impl_->stop();
 }
 rpc::Servant& DeviceServer::servant() noexcept {
-  return impl_->servant();
+  return impl_->servant;
 }
 const driver::Descriptor& DeviceServer::descriptor() const noexcept {
-  return impl_->descriptor();
+  return impl_->descriptor;
 }
 std::optional<driver::Sample> DeviceServer::newest() const noexcept {
-  return impl_->cycle().newest();
+  return impl_->cycle.newest();
 }
 DeviceCounters DeviceServer::counters() const noexcept {
-  return impl_->cycle().counters();
+  return impl_->cycle.counters();
 }
 
 }  // namespace rtpm::gvd

@@ -114,7 +114,7 @@ class DeviceClient {
   [[nodiscard]] expected<void, rpc::CallError> deactivate();
 
  private:
-  class Impl;
+  struct Impl;
   explicit DeviceClient(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };

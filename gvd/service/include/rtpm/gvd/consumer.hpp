@@ -75,7 +75,7 @@ class DeviceConsumer {
   [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept;
 
  private:
-  class Impl;
+  struct Impl;
   explicit DeviceConsumer(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };

@@ -64,7 +64,7 @@ class DeviceServer {
   [[nodiscard]] DeviceCounters counters() const noexcept;
 
  private:
-  class Impl;
+  struct Impl;
   explicit DeviceServer(std::unique_ptr<Impl> impl) noexcept;
   std::unique_ptr<Impl> impl_;
 };
