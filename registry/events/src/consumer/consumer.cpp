@@ -385,11 +385,6 @@ void Consumer::Impl::unsubscribe() {
   if (thread_.is_running()) thread_.join();
 }
 
-ConsumerCounters Consumer::Impl::counters() const {
-  const std::lock_guard lock(mutex_);
-  return counters_;
-}
-
 Consumer::Consumer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Consumer::~Consumer() = default;
 
@@ -425,13 +420,14 @@ bool Consumer::is_subscribed() const noexcept {
   return impl_->is_subscribed();
 }
 bool Consumer::receives_multicast() const noexcept {
-  return impl_->receives_multicast();
+  return impl_->receives_multicast_;
 }
 bool Consumer::reads_ring() const noexcept {
-  return impl_->reads_ring();
+  return impl_->reads_ring_;
 }
 ConsumerCounters Consumer::counters() const {
-  return impl_->counters();
+  const std::lock_guard lock(impl_->mutex_);
+  return impl_->counters_;
 }
 
 }  // namespace rtpm::events

@@ -23,6 +23,8 @@ inline constexpr std::string_view kQueueWasFull =
 
 /// A consumer: its thread subscribes, delivers, and subscribes again.
 class Consumer::Impl final : private ReaderSeat::Member {
+  friend class Consumer;
+
  public:
   Impl(rpc::Node& node, std::string target, ConsumerConfig config, EventHandler& handler);
   Impl(const Impl&) = delete;
@@ -35,9 +37,6 @@ class Consumer::Impl final : private ReaderSeat::Member {
   [[nodiscard]] expected<void, rpc::CallError> control(Action action);
   void unsubscribe();
   [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
-  [[nodiscard]] bool reads_ring() const noexcept { return reads_ring_; }
-  [[nodiscard]] bool receives_multicast() const noexcept { return receives_multicast_; }
-  [[nodiscard]] ConsumerCounters counters() const;
 
  private:
   /// A subscription to one start of the hub.

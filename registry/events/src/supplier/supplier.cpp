@@ -59,6 +59,8 @@ struct HubClock {
 }  // namespace
 
 class Supplier::Impl {
+  friend class Supplier;
+
  public:
   explicit Impl(SupplierConfig config) : config_(std::move(config)), id_(rt::random_u64()) {}
   Impl(const Impl&) = delete;
@@ -152,18 +154,7 @@ class Supplier::Impl {
     return pushed;
   }
 
-  mutable rt::PiMutex mutex;  ///< Of add() and flush().
-
-  [[nodiscard]] SupplierCounters counters() const noexcept {
-    return {ledger_.sent_count(), ledger_.failed_count(), ledger_.unconfirmed_count(),
-            ledger_.maybe_lost_count()};
-  }
-
-  [[nodiscard]] IntakeCounters intake() const noexcept {
-    return intake_.read().value_or(IntakeCounters{});
-  }
-  [[nodiscard]] bool is_attended() const noexcept { return is_attended_; }
-  [[nodiscard]] std::uint64_t id() const noexcept { return id_; }
+  rt::PiMutex mutex;  ///< Of add() and flush().
 
  private:
   struct Counter {
@@ -367,17 +358,19 @@ expected<void, rpc::CallError> Supplier::flush() noexcept {
 
 SupplierCounters Supplier::counters() const noexcept {
   const std::lock_guard lock(impl_->mutex);
-  return impl_->counters();
+  const PushLedger& ledger = impl_->ledger_;
+  return {ledger.sent_count(), ledger.failed_count(), ledger.unconfirmed_count(),
+          ledger.maybe_lost_count()};
 }
 
 IntakeCounters Supplier::intake() const noexcept {
-  return impl_->intake();
+  return impl_->intake_.read().value_or(IntakeCounters{});
 }
 std::uint64_t Supplier::id() const noexcept {
-  return impl_->id();
+  return impl_->id_;
 }
 bool Supplier::is_attended() const noexcept {
-  return impl_->is_attended();
+  return impl_->is_attended_;
 }
 
 }  // namespace rtpm::events
