@@ -223,7 +223,7 @@ std::optional<bool> settle_realtime(Settings& settings) {
       [] {});
   if (thread) return true;
   say_not_measured(settings.realtime == rt::RealtimeMode::kRequire ? "error" : "warning",
-                   thread.error().text);
+                   thread.error().text());
   if (settings.realtime == rt::RealtimeMode::kRequire) return std::nullopt;
   settings.realtime = rt::RealtimeMode::kOff;
   return false;
@@ -233,7 +233,7 @@ int run(const Arguments& arguments, Settings settings) {
   const auto is_realtime = settle_realtime(settings);
   if (!is_realtime) return 1;
   if (auto locked = rt::lock_memory(settings.realtime); !locked) {
-    say_not_measured("error", locked.error().text);
+    say_not_measured("error", locked.error().text());
     return 1;
   }
   const Environment environment = describe_environment(choose_placement(), *is_realtime);

@@ -26,7 +26,7 @@ constexpr const char* kDeviceName = "bench/arm";
 expected<ServerProcess, std::string> start_device(const DuelConfig& config) {
   return ServerProcess::start([config]() -> expected<std::string, std::string> {
     auto driver = device_sim::SimDriver::create({});
-    if (!driver) return unexpected{driver.error().text};
+    if (!driver) return unexpected{driver.error().text()};
     gvd::DeviceServerConfig device_config;
     // The other side's turn is a silence.
     device_config.cycle.lease.silence_max = std::chrono::minutes{10};
@@ -36,22 +36,22 @@ expected<ServerProcess, std::string> start_device(const DuelConfig& config) {
                             .cpus = {config.placement.server_cpu},
                             .realtime = config.realtime};
     auto device = gvd::DeviceServer::create(std::move(*driver), device_config);
-    if (!device) return unexpected{device.error().text};
+    if (!device) return unexpected{device.error().text()};
     auto server = rpc::Server::create({.name = "rtpm-bench",
                                        .lanes = {{.name = "rtpm-device",
                                                   .priority = kHighPriority,
                                                   .wait = config.wait,
                                                   .cpus = {config.placement.server_cpu}}},
                                        .realtime = config.realtime});
-    if (!server) return unexpected{server.error().text};
+    if (!server) return unexpected{server.error().text()};
     if (auto added = (*server)->add(kDeviceName, (*device)->servant()); !added) {
-      return unexpected{added.error().text};
+      return unexpected{added.error().text()};
     }
     // Both serve until the process ends.
     if (auto started = (*device).release()->start(); !started) {
-      return unexpected{started.error().text};
+      return unexpected{started.error().text()};
     }
-    if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+    if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
     return (*server).release()->url(kDeviceName);
   });
 }
@@ -95,7 +95,7 @@ class TwoEchoes final : public Caller {
 expected<std::unique_ptr<Caller>, std::string> open_device(rpc::Node& node,
                                                            const std::string& url) {
   auto arm = gvd::DeviceClient::open(node, url);
-  if (!arm) return unexpected{arm.error().text};
+  if (!arm) return unexpected{arm.error().text()};
   if (auto acquired = arm->acquire(); !acquired) {
     return unexpected{std::string(rpc::to_string(acquired.error()))};
   }

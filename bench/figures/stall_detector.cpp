@@ -16,7 +16,7 @@ expected<void, std::string> StallDetector::start(std::span<const int> cpus) {
   cpus_.assign(cpus.begin(), cpus.end());
   for (const int cpu : cpus) {
     auto thread = rt::Thread::start({.name = "bench-detector", .cpus = {cpu}}, [this] { run(); });
-    if (!thread) return unexpected{thread.error().text};
+    if (!thread) return unexpected{thread.error().text()};
     threads_.push_back(std::move(*thread));
   }
   return {};

@@ -69,7 +69,7 @@ Outcome run_on_lane_thread(const PeerSetting& setting, std::size_t index, bool i
   Outcome outcome;
   auto thread = rt::Thread::start(thread_config(setting, index, is_server),
                                   [&] { outcome = without_exceptions(body); });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   thread->join();
   return outcome;
 }
@@ -98,7 +98,7 @@ Outcome start_lane(PeerBoard& board, Peer& peer, Serve serve, std::size_t index)
           std::fprintf(stderr, "peer: a lane ended: %s\n", served.error().c_str());
         }
       });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   // It serves until the process ends.
   static_cast<void>(new rt::Thread(std::move(*thread)));
   return is_announced.get();
@@ -231,7 +231,7 @@ Outcome become(PeerBoard& board, BrokerProgram broker) {
   if (child < 0) return unexpected{std::string("no process for a broker")};
   if (child == 0) tell_of(broker);
   if (auto set = rt::configure_this_thread(thread_config(board.setting, 0, true)); !set) {
-    return unexpected{set.error().text};
+    return unexpected{set.error().text()};
   }
   const int nowhere = open("/dev/null", O_WRONLY);
   dup2(nowhere, STDOUT_FILENO);
@@ -260,7 +260,7 @@ expected<rt::Thread, std::string> start_consumer(std::function<void()> body) {
        .priority = kHighPriority,
        .realtime = is_realtime ? rt::RealtimeMode::kPrefer : rt::RealtimeMode::kOff},
       std::move(body));
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   return std::move(*thread);
 }
 
@@ -272,7 +272,7 @@ int run_peer(std::string_view role, int board_file) {
   }
   PeerBoard& shared = *board->operator->();
   if (auto locked = rt::lock_memory(shared.setting.realtime); !locked) {
-    tell(unexpected{locked.error().text});
+    tell(unexpected{locked.error().text()});
     return 1;
   }
   const auto peer = make_peer();

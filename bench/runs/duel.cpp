@@ -247,7 +247,7 @@ expected<void, std::string> run_as_caller(
                                    .cpus = {config.placement.client_cpu},
                                    .realtime = config.realtime},
                                   [&] { outcome = body(); });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   thread->join();
   return outcome;
 }

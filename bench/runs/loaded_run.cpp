@@ -37,7 +37,7 @@ expected<void, std::string> AwakeCpus::start(const Placement& placement) {
           while (!is_over_.load(std::memory_order_relaxed)) {
           }
         });
-    if (!thread) return unexpected{thread.error().text};
+    if (!thread) return unexpected{thread.error().text()};
     threads_.push_back(std::move(*thread));
   }
   return {};

@@ -121,7 +121,7 @@ class RelaySide final : public EventSide {
                                        .cpus = {setting.placement.client_cpu},
                                        .realtime = setting.realtime},
                                       [this, i, &board] { consume(sockets_[i], i, board); });
-      if (!thread) return unexpected{thread.error().text};
+      if (!thread) return unexpected{thread.error().text()};
       threads_.push_back(std::move(*thread));
     }
     return {};
@@ -176,7 +176,7 @@ expected<ServerProcess, std::string> start_event_relay(const EventSetting& setti
                                      .realtime = setting.realtime},
                                     [its = std::shared_ptr<Socket>(std::move(socket)),
                                      wait = setting.wait] { relay(*its, wait); });
-    if (!thread) return unexpected{thread.error().text};
+    if (!thread) return unexpected{thread.error().text()};
     // It relays until the process ends.
     static_cast<void>(new rt::Thread(std::move(*thread)));
     return port;

@@ -92,7 +92,7 @@ struct Consumers {
          .multicast_interface = kLoopback,
          .deadline = kSetUpPatience},
         *handlers.back());
-    if (!consumer) return unexpected{consumer.error().text};
+    if (!consumer) return unexpected{consumer.error().text()};
     consumers.push_back(std::move(*consumer));
     return {};
   }
@@ -113,7 +113,7 @@ class HubSide final : public EventSide {
                                               .priority = kHighPriority,
                                               .transport = supplier_transport_of(setting),
                                               .deadline = kSetUpPatience});
-    if (!supplier) return unexpected{supplier.error().text};
+    if (!supplier) return unexpected{supplier.error().text()};
     supplier_ = std::move(*supplier);
     type_ = setting.type;
     for (int i = 0; i < setting.consumer_count; ++i) {
@@ -202,7 +202,7 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
   config.realtime = setting.realtime;
   if (setting.is_multicast) config.multicast = multicast_config();
   auto hub = events::Hub::create(config);
-  if (!hub) return unexpected{hub.error().text};
+  if (!hub) return unexpected{hub.error().text()};
   auto server_config = events::server_config_for(config);
   server_config.realtime = setting.realtime;
   if (setting.network != nullptr) server_config.host = NetworkPair::kServerAddress;
@@ -212,11 +212,11 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
                           .cpus = {setting.has_own_hub ? setting.placement.client_cpu
                                                        : setting.placement.server_cpu}}};
   auto server = rpc::Server::create(server_config);
-  if (!server) return unexpected{server.error().text};
+  if (!server) return unexpected{server.error().text()};
   if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
-    return unexpected{added.error().text};
+    return unexpected{added.error().text()};
   }
-  if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+  if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   auto served = std::make_unique<ServedHub>();
   served->hub = std::move(*hub);
   served->server = std::move(*server);
@@ -229,7 +229,7 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
                            .realtime = setting.realtime,
                            .transport = transport_of(setting),
                            .shared_ring = setting.carrier == Carrier::kSharedMemory});
-    if (!linked) return unexpected{linked.error().text};
+    if (!linked) return unexpected{linked.error().text()};
   }
   return std::unique_ptr<EventHub>(std::move(served));
 }
@@ -280,7 +280,7 @@ expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
   auto supplier = events::Supplier::create(
       node, hub,
       {.priority = kHighPriority, .transport = transport_of(setting), .deadline = kSetUpPatience});
-  if (!supplier) return unexpected{supplier.error().text};
+  if (!supplier) return unexpected{supplier.error().text()};
   expected<EventRate, std::string> outcome;
   // Below the consumer, which so takes what is there before more is pushed.
   auto thread =
@@ -292,7 +292,7 @@ expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
                           outcome = push_bursts(**supplier, setting.type, *consumers.consumers[0],
                                                 *consumers.handlers[0]);
                         });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   thread->join();
   return outcome;
 }

@@ -223,7 +223,7 @@ expected<std::uint16_t, std::string> start_lane(Carrier carrier, const FloorLane
             ? serve_udp(handle, lane.wait, floor_frame_size(carrier, lane.payload_size))
             : serve_tcp(handle, lane);
       });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   static auto& started = *new std::vector<rt::Thread>;
   started.push_back(std::move(*thread));
   return ntohs(address.sin_port);
@@ -339,7 +339,7 @@ expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     if (!port) return unexpected{port.error()};
     ports.push_back(*port);
   }
-  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text};
+  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text()};
   return ports;
 }
 

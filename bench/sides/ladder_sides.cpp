@@ -67,7 +67,7 @@ class RelayServantImpl final : public RelayServant {
 expected<RelayClient, std::string> bind_relay(rpc::Node& node, const std::string& url) {
   auto client = RelayClient::bind(
       node, url, {.transport = node.config().transport, .warm_up = {kHighPriority}});
-  if (!client) return unexpected{client.error().text};
+  if (!client) return unexpected{client.error().text()};
   return std::move(*client);
 }
 
@@ -84,9 +84,9 @@ expected<std::string, std::string> serve_relay(const EventSetting& setting,
   auto& servant = *new RelayServantImpl(nullptr);
   auto server =
       rpc::Server::create(server_config(setting, setting.wait, setting.placement.server_cpu));
-  if (!server) return unexpected{server.error().text};
-  if (auto added = (*server)->add(kPath, servant); !added) return unexpected{added.error().text};
-  if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+  if (!server) return unexpected{server.error().text()};
+  if (auto added = (*server)->add(kPath, servant); !added) return unexpected{added.error().text()};
+  if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   auto finder = rt::Thread::start(
       {.name = "bench-finder", .realtime = rt::RealtimeMode::kOff}, [&servant, setting, call_back] {
         auto& node = *make_node(setting.carrier, kBlock).release();
@@ -96,7 +96,7 @@ expected<std::string, std::string> serve_relay(const EventSetting& setting,
           rt::sleep_until(rt::now() + 10ms);
         }
       });
-  if (!finder) return unexpected{finder.error().text};
+  if (!finder) return unexpected{finder.error().text()};
   static_cast<void>(new rt::Thread(std::move(*finder)));
   return (*server).release()->url(kPath);
 }
@@ -134,9 +134,9 @@ class CallbackChainImpl final : public CallbackChain {
     // Blocks, as consumers of events do.
     auto server =
         rpc::Server::create(server_config(setting_, kBlock, setting_.placement.client_cpu));
-    if (!server) return unexpected{server.error().text};
+    if (!server) return unexpected{server.error().text()};
     server_ = std::move(*server);
-    if (auto added = server_->add(kPath, servant_); !added) return unexpected{added.error().text};
+    if (auto added = server_->add(kPath, servant_); !added) return unexpected{added.error().text()};
     // Its socket is open, so that its address is known; it serves from connect() on.
     auto process = ServerProcess::start(
         [this, url = server_->url(kPath)] { return serve_relay(setting_, url); });
@@ -146,7 +146,7 @@ class CallbackChainImpl final : public CallbackChain {
   }
 
   expected<std::unique_ptr<EventSide>, std::string> connect() override {
-    if (auto started = server_->start(); !started) return unexpected{started.error().text};
+    if (auto started = server_->start(); !started) return unexpected{started.error().text()};
     auto node = make_node(setting_.carrier, kBlock);
     auto client = bind_relay(*node, process_->address());
     if (!client) return unexpected{client.error()};

@@ -48,7 +48,7 @@ expected<void, std::string> LowLoad::start(int caller_count) {
                                      .cpus = {placement_.client_cpu},
                                      .realtime = realtime_},
                                     [this, target = member.get()] { run(*target); });
-    if (!thread) return unexpected{thread.error().text};
+    if (!thread) return unexpected{thread.error().text()};
     member->thread = std::move(*thread);
   }
   const MonotonicTime end = rt::now() + kBeginTimeout;

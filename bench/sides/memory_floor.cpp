@@ -166,11 +166,11 @@ expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig
          .cpus = {config.cpu},
          .realtime = realtime},
         [&bed = lane.bed, paths, wait = config.wait] { serve_lane(bed, paths, wait); });
-    if (!thread) return unexpected{thread.error().text};
+    if (!thread) return unexpected{thread.error().text()};
     static auto& started = *new std::vector<rt::Thread>;
     started.push_back(std::move(*thread));
   }
-  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text};
+  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text()};
   return {};
 }
 

@@ -134,10 +134,10 @@ expected<void, std::string> MemoryLargeFloor::serve(const FloorLaneConfig& lane,
         serve_large(layout_->to_server, layout_->to_caller, layout_->buffer(0, frame_size_),
                     layout_->buffer(1, frame_size_), wait);
       });
-  if (!thread) return unexpected{thread.error().text};
+  if (!thread) return unexpected{thread.error().text()};
   // It serves until the process ends.
   static_cast<void>(new rt::Thread(std::move(*thread)));
-  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text};
+  if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text()};
   return {};
 }
 

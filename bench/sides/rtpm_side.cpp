@@ -148,7 +148,7 @@ expected<EchoClient, std::string> bind_echo(rpc::Node& node, const std::string& 
                                             Priority priority) {
   auto client =
       EchoClient::bind(node, url, {.transport = node.config().transport, .warm_up = {priority}});
-  if (!client) return unexpected{client.error().text};
+  if (!client) return unexpected{client.error().text()};
   return std::move(*client);
 }
 
@@ -171,12 +171,12 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
                                      .lanes = std::move(config.lanes),
                                      .realtime = config.realtime,
                                      .session_count_max = config.session_count_max});
-  if (!server) return unexpected{server.error().text};
+  if (!server) return unexpected{server.error().text()};
   static auto& servant = *new EchoServantImpl(config.numbered_count);
   if (auto added = (*server)->add("bench/echo", servant); !added) {
-    return unexpected{added.error().text};
+    return unexpected{added.error().text()};
   }
-  if (auto started = (*server)->start(); !started) return unexpected{started.error().text};
+  if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   // Served until the process ends, so never given back.
   return server->release()->url("bench/echo");
 }

@@ -54,13 +54,13 @@ int main(int argc, char** argv) {
   node.use(resolver);
 
   auto arm = rtpm::gvd::DeviceClient::open(node, device);  // start device
-  if (!arm) return fail(arm.error().text);
+  if (!arm) return fail(arm.error().text());
   if (auto acquired = arm->acquire(); !acquired) {
     return fail("no right to command " + device + ": " + std::string(to_string(acquired.error())));
   }
   PositionPrinter printer;
   auto consumer = rtpm::gvd::DeviceConsumer::start(node, device, {.rate_hz = 2}, printer);
-  if (!consumer) return fail(consumer.error().text);
+  if (!consumer) return fail(consumer.error().text());
 
   while (!stop.wait_for(std::chrono::milliseconds{5})) {
     const auto x = arm->read({.priority = 3});

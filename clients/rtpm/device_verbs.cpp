@@ -75,7 +75,7 @@ int take_over(const Request& request) {
   gvd::DeviceClientOptions options;
   options.bind.deadline = request.options.deadline.value_or(options.bind.deadline);
   auto device = gvd::DeviceClient::open(request.node, name, options);
-  if (!device) return fail(name, device.error().text);
+  if (!device) return fail(name, device.error().text());
   const bool has_priority = request.options.priority && *request.options.priority > Priority{0};
   const Priority priority = has_priority ? *request.options.priority : device->operator_priority();
   if (const auto taken = device->take_over(priority); !taken) {

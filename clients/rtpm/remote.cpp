@@ -13,7 +13,7 @@
 namespace rtpm::tool {
 namespace {
 
-rpc::SetupError at(const std::string& url, rpc::CallError error, const std::string& what) {
+SetupError at(const std::string& url, rpc::CallError error, const std::string& what) {
   return {what + " of " + printable(url) + ": " + std::string(to_string(error))};
 }
 
@@ -37,7 +37,7 @@ std::string similar_names(names::Directory& directory, const std::string& name) 
 }
 
 // The error for an object that the server's catalog lacks.
-rpc::SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
+SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
   // The server's own error lists similar objects.
   static const rpc::InterfaceDescriptor kAnything{};
   const auto bound = rpc::Binding::bind(node, url, kAnything);
@@ -63,15 +63,17 @@ wire::Delivery delivery_of(schema::OnewayLevel level) noexcept {
 
 }  // namespace
 
-expected<std::string, rpc::SetupError> url_of(rpc::Node& node, const std::string& registry_url,
-                                              const std::string& target) {
+expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& registry_url,
+                                         const std::string& target) {
   if (wire::is_url(target)) return target;
   names::Directory directory(node, registry_url);
   auto entry = directory.resolve(target);
   if (entry) return std::move(entry->url);
-  std::string text = std::move(entry.error().text);
-  if (entry.error().outcome == names::Outcome::kNotFound) text += similar_names(directory, target);
-  return rpc::setup_error(std::move(text));
+  SetupError error = std::move(entry.error());
+  if (entry.error().outcome == names::Outcome::kNotFound) {
+    error.what += similar_names(directory, target);
+  }
+  return unexpected{std::move(error)};
 }
 
 std::string catalog_url(const std::string& url) {
@@ -81,16 +83,16 @@ std::string catalog_url(const std::string& url) {
          std::string(introspection::kPath);
 }
 
-expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
-    rpc::Node& node, const std::string& url) {
+expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node& node,
+                                                                       const std::string& url) {
   const auto parts = wire::parse_url(url);
-  if (!parts) return rpc::setup_error('"' + url + "\" is no URL rtpm://host:port/path");
+  if (!parts) return setup_error("'" + url + "' is no URL", "", "write rtpm://host:port/path");
   auto catalog = introspection::IntrospectionClient::bind(node, catalog_url(url));
   if (!catalog) {
-    return rpc::setup_error(
-        "the server tells nothing of its objects (one that runs needs an "
-        "rtpm::introspection::Catalog for that): " +
-        catalog.error().text);
+    return setup_error(
+        "the server describes none of its objects (for that it needs an "
+        "rtpm::introspection::Catalog)",
+        catalog.error());
   }
   introspection::DescribeRequestT request;
   request.path = parts->path;
@@ -107,8 +109,9 @@ expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
   object->dynamic_ =
       schema::Dynamic::make(object->schema_, (*description)->interface()->string_view(), error);
   if (!object->dynamic_) {
-    return rpc::setup_error("the schema of " + url + ", by rtpmc " + object->compiler_version_ +
-                            ", cannot be read: " + error);
+    return setup_error(
+        "the schema of " + url + ", by rtpmc " + object->compiler_version_ + ", can't be read",
+        error);
   }
   const schema::Service& service = object->dynamic_->service();
   for (const schema::Method& method : service.methods) {
@@ -129,27 +132,28 @@ expected<std::unique_ptr<RemoteObject>, rpc::SetupError> RemoteObject::open(
   return object;
 }
 
-expected<void, rpc::SetupError> RemoteObject::call(std::string_view method, std::string_view json,
-                                                   const rpc::CallOptions& options,
-                                                   std::optional<Duration> stream_time,
-                                                   const Print& print) {
+expected<void, SetupError> RemoteObject::call(std::string_view method, std::string_view json,
+                                              const rpc::CallOptions& options,
+                                              std::optional<Duration> stream_time,
+                                              const Print& print) {
   const schema::Method* found = dynamic_->find(method);
   if (found == nullptr) {
     std::string names;
     for (const schema::Method& candidate : dynamic_->service().methods) {
       names += (names.empty() ? "" : ", ") + candidate.name;
     }
-    return rpc::setup_error(dynamic_->service().name + " has no method `" + std::string(method) +
-                            "`; it has " + names);
+    return setup_error(dynamic_->service().name + " has no method `" + std::string(method) +
+                       "`; it has " + names);
   }
   std::string error;
   const auto request = dynamic_->encode(found->request, json, error);
-  if (!request) return rpc::setup_error("the request does not fit the schema: " + error);
+  if (!request) return setup_error("the request does not fit the schema", error);
+  const std::string failed = "`" + found->name + "` gave no result";
   const rpc::MethodDescriptor& called =
       methods_[static_cast<std::size_t>(found - dynamic_->service().methods.data())];
   if (found->oneway) {
     const auto sent = binding_->send(called, *request, delivery_of(*found->oneway), options);
-    if (!sent) return rpc::setup_error(std::string(to_string(sent.error())));
+    if (!sent) return setup_error(failed, sent.error());
     return {};
   }
   if (found->is_stream) {
@@ -157,29 +161,29 @@ expected<void, rpc::SetupError> RemoteObject::call(std::string_view method, std:
     // The client ends the stream.
     stream.call.deadline.reset();
     auto reader = binding_->open_stream(called, *request, stream);
-    if (!reader) return rpc::setup_error(std::string(to_string(reader.error())));
+    if (!reader) return setup_error(failed, reader.error());
     return take_items(*found, *reader, stream_time, print);
   }
   const auto reply = binding_->call(called, *request, options);
-  if (!reply) return rpc::setup_error(std::string(to_string(reply.error())));
+  if (!reply) return setup_error(failed, reply.error());
   bool goes_on = true;
   return print_payload(found->reply, reply->bytes(), goes_on, print);
 }
 
-expected<void, rpc::SetupError> RemoteObject::take_items(const schema::Method& method,
-                                                         rpc::ItemReader& reader,
-                                                         std::optional<Duration> stream_time,
-                                                         const Print& print) {
+expected<void, SetupError> RemoteObject::take_items(const schema::Method& method,
+                                                    rpc::ItemReader& reader,
+                                                    std::optional<Duration> stream_time,
+                                                    const Print& print) {
   const MonotonicTime end = stream_time ? rt::now() + *stream_time : kNever;
   for (bool goes_on = true; goes_on;) {
     const auto item = reader.next(std::min(end, rt::now() + kLookInterval));
     if (!item && item.error() == rpc::CallError::kTimeout) {
       if (rt::now() >= end) break;  // The requested time is over.
-      if (!reader.is_open()) return rpc::setup_error(std::string(to_string(item.error())));
+      if (!reader.is_open()) return setup_error("the stream ended", item.error());
       goes_on = print({});
       continue;
     }
-    if (!item) return rpc::setup_error(std::string(to_string(item.error())));
+    if (!item) return setup_error("the stream ended", item.error());
     if (!*item) break;
     if (auto printed = print_payload(method.reply, **item, goes_on, print); !printed)
       return printed;
@@ -188,11 +192,11 @@ expected<void, rpc::SetupError> RemoteObject::take_items(const schema::Method& m
   return {};
 }
 
-expected<void, rpc::SetupError> RemoteObject::print_payload(const schema::Payload& payload,
-                                                            ConstBytes bytes, bool& goes_on,
-                                                            const Print& print) {
+expected<void, SetupError> RemoteObject::print_payload(const schema::Payload& payload,
+                                                       ConstBytes bytes, bool& goes_on,
+                                                       const Print& print) {
   const auto text = dynamic_->decode(payload, bytes);
-  if (!text) return rpc::setup_error("the reply does not fit the schema");
+  if (!text) return setup_error("the reply does not fit the schema");
   goes_on = print(*text);
   return {};
 }

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/schema/dynamic.hpp"
@@ -22,7 +22,7 @@ class RemoteObject {
  public:
   /// Fetches the object's schema from the server at `url`, and binds the object.
   /// @errors  no server, a server without a catalog, a schema of another compiler
-  [[nodiscard]] static expected<std::unique_ptr<RemoteObject>, rpc::SetupError> open(
+  [[nodiscard]] static expected<std::unique_ptr<RemoteObject>, SetupError> open(
       rpc::Node& node, const std::string& url);
 
   [[nodiscard]] schema::Dynamic& dynamic() noexcept { return *dynamic_; }
@@ -35,20 +35,20 @@ class RemoteObject {
 
   /// Calls `method` with a request in JSON. A oneway waits as its schema states. A stream lasts
   /// until it ends, `print` returns false, or `stream_time` is over.
-  [[nodiscard]] expected<void, rpc::SetupError> call(std::string_view method, std::string_view json,
-                                                     const rpc::CallOptions& options,
-                                                     std::optional<Duration> stream_time,
-                                                     const Print& print);
+  [[nodiscard]] expected<void, SetupError> call(std::string_view method, std::string_view json,
+                                                const rpc::CallOptions& options,
+                                                std::optional<Duration> stream_time,
+                                                const Print& print);
 
  private:
   RemoteObject() = default;
-  [[nodiscard]] expected<void, rpc::SetupError> take_items(const schema::Method& method,
-                                                           rpc::ItemReader& reader,
-                                                           std::optional<Duration> stream_time,
-                                                           const Print& print);
-  [[nodiscard]] expected<void, rpc::SetupError> print_payload(const schema::Payload& payload,
-                                                              ConstBytes bytes, bool& goes_on,
-                                                              const Print& print);
+  [[nodiscard]] expected<void, SetupError> take_items(const schema::Method& method,
+                                                      rpc::ItemReader& reader,
+                                                      std::optional<Duration> stream_time,
+                                                      const Print& print);
+  [[nodiscard]] expected<void, SetupError> print_payload(const schema::Payload& payload,
+                                                         ConstBytes bytes, bool& goes_on,
+                                                         const Print& print);
 
   std::string schema_{};
   std::string compiler_version_{};
@@ -60,9 +60,9 @@ class RemoteObject {
 
 /// The URL of a target: a URL, or a name in the registry at `registry_url`. The error for an
 /// unbound name lists similar names.
-[[nodiscard]] expected<std::string, rpc::SetupError> url_of(rpc::Node& node,
-                                                            const std::string& registry_url,
-                                                            const std::string& target);
+[[nodiscard]] expected<std::string, SetupError> url_of(rpc::Node& node,
+                                                       const std::string& registry_url,
+                                                       const std::string& target);
 
 /// The URL of the catalog at the server of `url`; empty if that is no URL.
 [[nodiscard]] std::string catalog_url(const std::string& url);

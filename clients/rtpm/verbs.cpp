@@ -38,16 +38,16 @@ int list(const Request& request) {
   if (request.arguments.empty()) {
     names::Directory directory(request.node, request.registry);
     const auto entries = directory.list();
-    if (!entries) return fail(entries.error().text);
+    if (!entries) return fail(entries.error().text());
     for (const names::NameEntry& entry : *entries) {
       print_row({entry.name, entry.interface, entry.url});
     }
     return 0;
   }
   const auto url = url_of(request.node, request.registry, request.arguments[0]);
-  if (!url) return fail(url.error().text);
+  if (!url) return fail(url.error().text());
   auto catalog = introspection::IntrospectionClient::bind(request.node, catalog_url(*url));
-  if (!catalog) return fail(catalog.error().text);
+  if (!catalog) return fail(catalog.error().text());
   const auto reply = catalog->list();
   if (!reply) return fail(std::string(to_string(reply.error())));
   for (const auto* object : *(*reply)->objects()) {
@@ -58,9 +58,9 @@ int list(const Request& request) {
 
 int describe(const Request& request) {
   const auto url = url_of(request.node, request.registry, request.arguments[0]);
-  if (!url) return fail(url.error().text);
+  if (!url) return fail(url.error().text());
   const auto object = RemoteObject::open(request.node, *url);
-  if (!object) return fail(object.error().text);
+  if (!object) return fail(object.error().text());
   std::fputs(printable_lines((*object)->schema()).c_str(), stdout);
   return 0;
 }
@@ -72,9 +72,9 @@ bool is_stream_of(RemoteObject& object, const std::string& method) {
 
 int call(const Request& request) {
   const auto url = url_of(request.node, request.registry, request.arguments[0]);
-  if (!url) return fail(url.error().text);
+  if (!url) return fail(url.error().text());
   const auto object = RemoteObject::open(request.node, *url);
-  if (!object) return fail(object.error().text);
+  if (!object) return fail(object.error().text());
   const std::string json = request.arguments.size() > 2 ? request.arguments[2] : std::string{};
   // Ctrl-C closes a stream explicitly, so that its server frees it at once.
   const bool is_stream = is_stream_of(**object, request.arguments[1]);
@@ -88,7 +88,7 @@ int call(const Request& request) {
   };
   const auto called =
       (*object)->call(request.arguments[1], json, request.options, request.stream_time, print);
-  if (!called) return fail(request.arguments[1] + ": " + called.error().text);
+  if (!called) return fail(request.arguments[1] + ": " + called.error().text());
   return 0;
 }
 

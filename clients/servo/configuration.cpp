@@ -50,15 +50,16 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   return options.parse(argc, argv);
 }
 
-expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
-                                            const driver::Descriptor& device) {
+expected<Wall, SetupError> choose_wall(const Configuration& configuration,
+                                       const driver::Descriptor& device) {
   const bool has_force_z =
       std::any_of(device.axes.begin(), device.axes.end(),
                   [](const driver::Axis& axis) { return axis.name == "z" && axis.is_actuated; });
   if (!has_force_z || device.limits.force_newton_max <= 0) {
-    return rpc::setup_error(configuration.device + " is a " +
-                            std::string(to_string(device.device_class)) +
-                            " device without force along z; choose a haptic device with --device");
+    return setup_error(configuration.device + " is a " +
+                           std::string(to_string(device.device_class)) +
+                           " device without force along z",
+                       "", "choose a haptic device with --device");
   }
   const auto device_period = std::chrono::duration_cast<Duration>(
       std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
@@ -68,15 +69,16 @@ expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
                                configuration.period(), device_period),
                device.limits.stiffness_newton_per_m_max);
   if (bound <= 0) {
-    return rpc::setup_error("a wall of --damping " + shown(wall.damping_newton_s_per_m) +
-                            " N s/m leaves nothing of the device's own " +
-                            shown(device.limits.damping_newton_s_per_m) +
-                            " N s/m to keep it passive; lower it");
+    return setup_error("a wall of --damping " + shown(wall.damping_newton_s_per_m) +
+                           " N s/m leaves nothing of the device's own " +
+                           shown(device.limits.damping_newton_s_per_m) +
+                           " N s/m to keep it passive",
+                       "", "lower it");
   }
   if (wall.stiffness_newton_per_m > bound) {
-    return rpc::setup_error("a wall of --stiffness " + shown(wall.stiffness_newton_per_m) +
-                            " N/m would buzz: at this rate up to " + shown(bound) +
-                            " N/m is passive; lower it, or raise --rate");
+    return setup_error(
+        "a wall of --stiffness " + shown(wall.stiffness_newton_per_m) + " N/m would buzz",
+        "at this rate up to " + shown(bound) + " N/m is passive", "lower it, or raise --rate");
   }
   if (wall.stiffness_newton_per_m <= 0) wall.stiffness_newton_per_m = kShareOfBound * bound;
   return wall;

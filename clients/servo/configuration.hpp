@@ -3,8 +3,8 @@
 #include <optional>
 #include <string>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -42,7 +42,7 @@ struct Configuration {
 /// The wall for this device; without a configured stiffness, three quarters of its bound.
 /// @realtime set-up only
 /// @errors   a device without force along z; a stiffness above the bound, which the text names
-[[nodiscard]] expected<Wall, rpc::SetupError> choose_wall(const Configuration& configuration,
-                                                          const driver::Descriptor& device);
+[[nodiscard]] expected<Wall, SetupError> choose_wall(const Configuration& configuration,
+                                                     const driver::Descriptor& device);
 
 }  // namespace rtpm::servo

@@ -9,7 +9,7 @@
 
 namespace rtpm::servo {
 
-expected<void, rt::RealtimeError> Loop::start() {
+expected<void, SetupError> Loop::start() {
   call_.priority = config_.thread.priority;
   call_.deadline = config_.deadline;
   auto thread = rt::Thread::start(config_.thread, [this] { run(); });

@@ -69,7 +69,7 @@ class Loop {
 
   /// @realtime set-up only
   /// @errors   with RealtimeMode::kRequire, a right that the process lacks
-  [[nodiscard]] expected<void, rt::RealtimeError> start();
+  [[nodiscard]] expected<void, SetupError> start();
   /// Ends the loop after its current cycle; alloc-free.
   void stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
   /// Waits for the loop's end.

@@ -57,47 +57,44 @@ void watch(Loop& loop, const options::StopSignal& stop, const std::string& live)
   if (is_rewriting) std::printf("\n");
 }
 
-expected<gvd::DeviceClient, rpc::SetupError> open_device(rpc::Node& node,
-                                                         const Configuration& configuration) {
+expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
+                                                    const Configuration& configuration) {
   gvd::DeviceClientOptions options;
   options.bind.warm_up = {configuration.priority};
   options.hold = configuration.hold;
   auto device = gvd::DeviceClient::open(node, configuration.device, options);
   if (!device) return unexpected{device.error()};
   if (auto acquired = device->acquire(); !acquired) {
-    const bool is_taken = acquired.error() == rpc::CallError::kNotLeaseHolder;
-    return rpc::setup_error(
-        configuration.device +
-        (is_taken ? " is commanded by another client; end that client, take the right to command "
-                    "from it "
-                    "(rtpm take-over), or choose another --device"
-                  : " can't be commanded: " + std::string(to_string(acquired.error()))));
+    if (acquired.error() != rpc::CallError::kNotLeaseHolder) {
+      return setup_error(configuration.device + " can't be commanded", acquired.error());
+    }
+    return setup_error(configuration.device + " is commanded by another client", "",
+                       "end that client, take the right to command from it (rtpm take-over), or "
+                       "choose another --device");
   }
   if (configuration.is_recovery) {
     if (auto recovered = device->recover(); !recovered) {
-      return rpc::setup_error(configuration.device +
-                              " does not recover: " + std::string(to_string(recovered.error())));
+      return setup_error(configuration.device + " does not recover", recovered.error());
     }
   }
   return device;
 }
 
 /// Whether the device accepts commands: active, and without a fault that holds its force back.
-expected<void, rpc::SetupError> check_device(gvd::DeviceClient& device,
-                                             const Configuration& configuration) {
+expected<void, SetupError> check_device(gvd::DeviceClient& device,
+                                        const Configuration& configuration) {
   const auto sample = device.read();
   if (!sample) {
-    return rpc::setup_error(configuration.device +
-                            " can't be read: " + std::string(to_string(sample.error())));
+    return setup_error(configuration.device + " can't be read", sample.error());
   }
   if (sample->lifecycle != driver::Lifecycle::kActive) {
-    return rpc::setup_error(configuration.device + " is " +
-                            std::string(driver::to_string(sample->lifecycle)) +
-                            ", not active; read the messages of its rtpm-deviced");
+    return setup_error(configuration.device + " is " +
+                           std::string(driver::to_string(sample->lifecycle)) + ", not active",
+                       "", "read the messages of its rtpm-deviced");
   }
   if (sample->faults.has(driver::Fault::kCommandNotFinite) && !configuration.is_recovery) {
-    return rpc::setup_error(configuration.device +
-                            " holds its force back since a command was not finite; give --recover");
+    return setup_error(configuration.device + " holds its force back", "a command was not finite",
+                       "give --recover");
   }
   return {};
 }
@@ -113,18 +110,18 @@ std::string loss_text(gvd::DeviceClient& device, rpc::CallError loss) {
 int serve(const Configuration& configuration) {
   const options::StopSignal stop;
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
-    return fail(kSetUpFailed, locked.error().text);
+    return fail(kSetUpFailed, locked.error().text());
   }
   rpc::Node node({.wait = configuration.wait});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto device = open_device(node, configuration);
-  if (!device) return fail(kSetUpFailed, device.error().text);
+  if (!device) return fail(kSetUpFailed, device.error().text());
   if (auto checked = check_device(*device, configuration); !checked) {
-    return fail(kSetUpFailed, checked.error().text);
+    return fail(kSetUpFailed, checked.error().text());
   }
   const auto wall = choose_wall(configuration, device->descriptor());
-  if (!wall) return fail(kSetUpFailed, wall.error().text);
+  if (!wall) return fail(kSetUpFailed, wall.error().text());
 
   LoopConfig config;
   config.wall = *wall;
@@ -140,7 +137,7 @@ int serve(const Configuration& configuration) {
               printable(configuration.device).c_str(), printable(device->url()).c_str(),
               wall->stiffness_newton_per_m, wall->damping_newton_s_per_m, configuration.rate_hz);
   std::fflush(stdout);
-  if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text);
+  if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text());
   watch(*loop, stop, configuration.live);
   loop->join();
   std::printf("\n%s", table_text(loop->statistics()).c_str());

@@ -39,7 +39,7 @@ std::string short_name(const std::string& name) {
   return name.substr(name.rfind('/') + 1);
 }
 
-expected<std::unique_ptr<driver::Driver>, driver::DriverError> make_driver(
+expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
     const Configuration& configuration) {
   device_sim::SimConfig sim;
   sim.is_held = !configuration.is_free;
@@ -77,29 +77,29 @@ gvd::DeviceServerConfig device_config(const Configuration& configuration,
 int serve(const Configuration& configuration) {
   const options::StopSignal stop;
   auto driver = make_driver(configuration);
-  if (!driver) return fail(driver.error().text);
+  if (!driver) return fail(driver.error().text());
   Reporter reporter;
   const driver::Descriptor descriptor = (*driver)->describe();
   auto device = gvd::DeviceServer::create(std::move(*driver),
                                           device_config(configuration, descriptor, reporter));
-  if (!device) return fail(device.error().text);
+  if (!device) return fail(device.error().text());
   const auto prepared = options::prepare(configuration.settings);
-  if (!prepared) return fail(prepared.error().text);
+  if (!prepared) return fail(prepared.error().text());
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = configuration.name;
   auto server = rpc::Server::create(std::move(server_config));
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   gvd::DeviceServer& served = **device;
   if (auto added = (*server)->add(configuration.name, served.servant()); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
   introspection::Catalog catalog;
   catalog.add(configuration.name, served.servant());
   if (auto added = (*server)->add(introspection::kPath, catalog); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
-  if (auto started = served.start(); !started) return fail(started.error().text);
-  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (auto started = served.start(); !started) return fail(started.error().text());
+  if (auto started = (*server)->start(); !started) return fail(started.error().text());
 
   rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
   const std::string url = (*server)->url(configuration.name);
@@ -109,7 +109,7 @@ int serve(const Configuration& configuration) {
         node, configuration.registry, configuration.name, url,
         std::string(served.servant().interface().name), names::Registration::kDefaultLease, {},
         configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused);
-    if (!bound) return fail(bound.error().text);
+    if (!bound) return fail(bound.error().text());
     registration = std::move(*bound);
   }
   options::show_setup(configuration.settings);

@@ -31,19 +31,19 @@ int serve(const Configuration& configuration) {
       configuration.limits,
       [](std::string_view sentence) { rtpm::rt::print_error("rtpm-registryd", sentence); });
   const auto prepared = rtpm::options::prepare(configuration.settings);
-  if (!prepared) return fail(prepared.error().text);
+  if (!prepared) return fail(prepared.error().text());
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared};
   if (const auto added = (*server)->add(rtpm::names::kRegistryPath, *registry, lowest); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
   rtpm::introspection::Catalog catalog;
   catalog.add(std::string(rtpm::names::kRegistryPath), *registry);
   if (const auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
-  if (const auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (const auto started = (*server)->start(); !started) return fail(started.error().text());
   rtpm::options::show_setup(configuration.settings);
   std::printf("registry at %s\n", (*server)->url(rtpm::names::kRegistryPath).c_str());
   std::fflush(stdout);

@@ -43,15 +43,15 @@ int serve() {
   config.realtime = rt::RealtimeMode::kOff;
   auto server = rpc::Server::create(config);
   if (!server) {
-    std::cerr << server.error().text << '\n';
+    std::cerr << server.error().text() << '\n';
     return EXIT_FAILURE;
   }
   if (const auto added = (*server)->add("lab/arm0", servant); !added) {
-    std::cerr << added.error().text << '\n';
+    std::cerr << added.error().text() << '\n';
     return EXIT_FAILURE;
   }
   if (const auto started = (*server)->start(); !started) {
-    std::cerr << started.error().text << '\n';
+    std::cerr << started.error().text() << '\n';
     return EXIT_FAILURE;
   }
   std::cout << "127.0.0.1:" << (*server)->port() << std::endl;

@@ -58,13 +58,13 @@ class Names : public Laboratory {
 
 TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
   auto arm = gvd::DeviceClient::open(node_, "lab/arm0", {.bind = {.deadline = kPatience}});
-  ASSERT_TRUE(arm) << arm.error().text;
+  ASSERT_TRUE(arm) << arm.error().text();
   ASSERT_TRUE(arm->acquire(kPatience));
   CountingSink sink;
   gvd::DeviceConsumerConfig config{.rate_hz = 100};
   config.thread.realtime = rt::RealtimeMode::kOff;
   const auto consumer = gvd::DeviceConsumer::start(node_, "lab/arm0", config, sink);
-  ASSERT_TRUE(consumer) << consumer.error().text;
+  ASSERT_TRUE(consumer) << consumer.error().text();
   ASSERT_TRUE(test::await([&] { return sink.count > 0; }));
   const std::string former = arm->url();
   kill_device();
@@ -88,12 +88,12 @@ TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
 TEST_F(Names, ComeBackAtOnceToADeviceThatIsRestartedAtItsPort) {
   const std::string port = std::to_string(device_->port());
   const auto before = directory_->resolve("lab/arm0");
-  ASSERT_TRUE(before) << before.error().text;
+  ASSERT_TRUE(before) << before.error().text();
   kill_device();
   device_ = start_daemon("rtpm-deviced", device_arguments({"--port", port}));
   ASSERT_TRUE(device_);
   const auto after = directory_->resolve("lab/arm0");
-  ASSERT_TRUE(after) << after.error().text;
+  ASSERT_TRUE(after) << after.error().text();
   EXPECT_EQ(after->url, before->url);
   EXPECT_NE(after->revision, before->revision);
 }
@@ -104,7 +104,7 @@ TEST_F(Names, AreTakenFromALivingServerOnlyOnDemandAndTheRegistryTells) {
   auto second = start_daemon("rtpm-deviced", device_arguments({"--port", "0", "--allow-takeover"}));
   ASSERT_TRUE(second);
   const auto entry = directory_->resolve("lab/arm0");
-  ASSERT_TRUE(entry) << entry.error().text;
+  ASSERT_TRUE(entry) << entry.error().text();
   EXPECT_EQ(entry->url, second->url);
   EXPECT_TRUE(device_->process.wait_for_errors("is lost", kPatience));
   const std::string told = errors_at_the_end_of(*registry_);
@@ -128,7 +128,7 @@ TEST_F(Names, OfInventedServersLeaveRoomAndAreGoneSoon) {
     if (bound) {
       ++bound_count;
     } else {
-      ASSERT_EQ(bound.error().outcome, names::Outcome::kHostOwnersFull) << bound.error().text;
+      ASSERT_EQ(bound.error().outcome, names::Outcome::kHostOwnersFull) << bound.error().text();
       ++refused_count;
     }
   }

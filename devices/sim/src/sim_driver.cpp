@@ -31,7 +31,7 @@ struct Setting {
 
 }  // namespace
 
-expected<std::unique_ptr<SimDriver>, driver::DriverError> SimDriver::create(SimConfig config) {
+expected<std::unique_ptr<SimDriver>, SetupError> SimDriver::create(SimConfig config) {
   const std::array settings{
       Setting{"mass_kg", config.arm.mass_kg},
       Setting{"damping_newton_s_per_m", config.arm.damping_newton_s_per_m},
@@ -43,8 +43,8 @@ expected<std::unique_ptr<SimDriver>, driver::DriverError> SimDriver::create(SimC
   };
   for (const Setting& setting : settings) {
     if (std::isfinite(setting.value) && setting.value > 0) continue;
-    return driver::driver_error(std::string("the simulated arm's ") + setting.name +
-                                " must be a number above zero");
+    return setup_error(std::string("the simulated arm's ") + setting.name +
+                       " is no number above zero");
   }
   std::optional<Hand> hand;
   if (config.is_held && config.hand_file.empty()) {
@@ -76,16 +76,16 @@ driver::Descriptor SimDriver::describe() const {
   return descriptor;
 }
 
-expected<void, driver::DriverError> SimDriver::configure(const driver::DriverConfig& config) {
+expected<void, SetupError> SimDriver::configure(const driver::DriverConfig& config) {
   if (config.period <= Duration{0} || config.period > Arm::kStepMax) {
-    return driver::driver_error(
-        "the simulated arm runs at 50 Hz or faster: a longer period is beyond its longest step");
+    return setup_error("the simulated arm runs at 50 Hz or faster",
+                       "a longer period is beyond its longest step");
   }
   period_ = config.period;
   return {};
 }
 
-expected<void, driver::DriverError> SimDriver::activate() {
+expected<void, SetupError> SimDriver::activate() {
   if (hand_) {
     arm_.emplace(config_.arm, *hand_);
   } else {

@@ -43,14 +43,14 @@ std::string without_spaces(std::string_view text) {
 }
 
 /// The line's four numbers, or what is wrong with it.
-expected<std::array<double, 4>, std::string> numbers_of(std::string_view line) {
+expected<std::array<double, 4>, SetupError> numbers_of(std::string_view line) {
   std::array<double, 4> numbers{};
   for (std::size_t column = 0; column < numbers.size(); ++column) {
     const std::size_t comma = line.find(',');
     const bool is_last = column + 1 == numbers.size();
     if (is_last != (comma == std::string_view::npos)) {
-      return unexpected{"expected four numbers separated by commas, " + std::string(kHeader) +
-                        (is_last ? ", and found more" : ", and found fewer")};
+      return setup_error("expected four numbers separated by commas, " + std::string(kHeader) +
+                         (is_last ? ", and found more" : ", and found fewer"));
     }
     std::string_view field = trimmed(line.substr(0, comma));
     const std::string_view whole = field;
@@ -58,12 +58,12 @@ expected<std::array<double, 4>, std::string> numbers_of(std::string_view line) {
     const auto [end, error] =
         std::from_chars(field.data(), field.data() + field.size(), numbers[column]);
     if (error == std::errc::result_out_of_range) {
-      return unexpected{std::string(kColumns[column]) + " is " + quoted(whole) +
-                        ", beyond the range of numbers"};
+      return setup_error(std::string(kColumns[column]) + " is " + quoted(whole) +
+                         ", beyond the range of numbers");
     }
     if (error != std::errc{} || end != field.data() + field.size()) {
-      return unexpected{std::string(kColumns[column]) + " is " + quoted(whole) +
-                        ", which is not a number (a decimal point, no unit)"};
+      return setup_error(std::string(kColumns[column]) + " is " + quoted(whole) +
+                         ", which is not a number (a decimal point, no unit)");
     }
     if (!std::isfinite(numbers[column])) {
       return unexpected{std::string(kColumns[column]) + " is " + quoted(whole) +
@@ -91,31 +91,29 @@ std::optional<std::string> outside(const Eigen::Vector3d& position_m,
 
 }  // namespace
 
-expected<Trajectory, driver::DriverError> Trajectory::load(const std::filesystem::path& path,
-                                                           const driver::Workspace& workspace) {
+expected<Trajectory, SetupError> Trajectory::load(const std::filesystem::path& path,
+                                                  const driver::Workspace& workspace) {
   std::error_code error;
   if (std::filesystem::is_directory(path, error)) {
-    return driver::driver_error(path.string() + ": is a folder; give a CSV file of " +
-                                std::string(kHeader));
+    return setup_error(path.string() + " is a folder", "",
+                       "give a CSV file of " + std::string(kHeader));
   }
   std::ifstream file(path);
   if (!file) {
-    return driver::driver_error(path.string() +
-                                ": cannot be read; check that the file is there and readable");
+    return setup_error(path.string() + " can't be read", "",
+                       "check that the file is there and readable");
   }
   return parse(file, path.string(), workspace);
 }
 
-expected<Trajectory, driver::DriverError> Trajectory::parse(std::istream& text,
-                                                            std::string_view name,
-                                                            const driver::Workspace& workspace) {
+expected<Trajectory, SetupError> Trajectory::parse(std::istream& text, std::string_view name,
+                                                   const driver::Workspace& workspace) {
   std::vector<Point> points;
   std::string line;
   std::size_t line_number = 0;
   bool may_be_header = true;
   const auto wrong = [&](const std::string& what) {
-    return driver::driver_error(std::string(name) + ":" + std::to_string(line_number) + ": " +
-                                what);
+    return setup_error(std::string(name) + ":" + std::to_string(line_number) + ": " + what);
   };
   while (std::getline(text, line)) {
     ++line_number;
@@ -125,7 +123,7 @@ expected<Trajectory, driver::DriverError> Trajectory::parse(std::istream& text,
     if (content.empty() || content.starts_with('#')) continue;
     if (std::exchange(may_be_header, false) && without_spaces(content) == kHeader) continue;
     const auto numbers = numbers_of(content);
-    if (!numbers) return wrong(numbers.error());
+    if (!numbers) return wrong(numbers.error().what);
     const Point point{(*numbers)[0], {(*numbers)[1], (*numbers)[2], (*numbers)[3]}};
     if (!points.empty() && point.time_s <= points.back().time_s) {
       return wrong("t_s is " + shown(point.time_s) + " after " + shown(points.back().time_s) +

@@ -34,16 +34,16 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
 
 // STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but must
 // end by itself. Return errors in words, with the remedy.
-rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::configure(
+rtpm::expected<void, rtpm::SetupError> LeverDriver::configure(
     const rtpm::driver::DriverConfig& config) {
   if (config.period <= rtpm::Duration{0}) {
-    return rtpm::driver::driver_error("the lever needs a period above zero; set --rate");
+    return rtpm::setup_error("the lever needs a period above zero", "", "set --rate");
   }
   return {};
 }
 
 // STEP 4: allocate everything that exchange() uses.
-rtpm::expected<void, rtpm::driver::DriverError> LeverDriver::activate() {
+rtpm::expected<void, rtpm::SetupError> LeverDriver::activate() {
   hardware_.emplace();
   return {};
 }

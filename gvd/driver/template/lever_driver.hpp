@@ -21,9 +21,9 @@ struct LeverHardware {
 class LeverDriver final : public rtpm::driver::Driver {
  public:
   [[nodiscard]] rtpm::driver::Descriptor describe() const override;
-  [[nodiscard]] rtpm::expected<void, rtpm::driver::DriverError> configure(
+  [[nodiscard]] rtpm::expected<void, rtpm::SetupError> configure(
       const rtpm::driver::DriverConfig& config) override;
-  [[nodiscard]] rtpm::expected<void, rtpm::driver::DriverError> activate() override;
+  [[nodiscard]] rtpm::expected<void, rtpm::SetupError> activate() override;
   [[nodiscard]] rtpm::driver::ExchangeStatus exchange(
       const rtpm::driver::Command& command, rtpm::driver::Sample& sample) noexcept override;
   void deactivate() noexcept override;

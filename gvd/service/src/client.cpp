@@ -57,8 +57,8 @@ struct DeviceClient::Impl {
   std::atomic<std::uint32_t> sequence{1};
 };
 
-expected<DeviceClient, rpc::SetupError> DeviceClient::open(rpc::Node& node, std::string_view device,
-                                                           const DeviceClientOptions& options) {
+expected<DeviceClient, SetupError> DeviceClient::open(rpc::Node& node, std::string_view device,
+                                                      const DeviceClientOptions& options) {
   auto stub = device::DeviceClient::bind(node, device, options.bind);
   if (!stub) return unexpected{stub.error()};
   rpc::CallOptions call;
@@ -67,8 +67,8 @@ expected<DeviceClient, rpc::SetupError> DeviceClient::open(rpc::Node& node, std:
   {
     const auto description = stub->describe({}, call);
     if (!description) {
-      return rpc::setup_error("device " + std::string(device) + " was found, but did not say " +
-                              "what it is: " + std::string(to_string(description.error())));
+      return setup_error("device " + std::string(device) + " was found, but not described",
+                         description.error());
     }
     impl = std::make_unique<Impl>(std::move(*stub), **description, options.hold);
   }

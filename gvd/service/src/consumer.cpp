@@ -27,9 +27,9 @@ struct DeviceConsumer::Impl {
         sink(receiver) {}
   ~Impl() { stop(); }
 
-  expected<void, rpc::SetupError> start(const rt::ThreadConfig& config) {
+  expected<void, SetupError> start(const rt::ThreadConfig& config) {
     auto started = rt::Thread::start(config, [this] { loop(); });
-    if (!started) return rpc::setup_error(started.error().text);
+    if (!started) return unexpected{std::move(started.error())};
     thread = std::move(*started);
     return {};
   }
@@ -83,12 +83,11 @@ struct DeviceConsumer::Impl {
   rt::Thread thread{};
 };
 
-expected<DeviceConsumer, rpc::SetupError> DeviceConsumer::start(rpc::Node& node,
-                                                                std::string_view device,
-                                                                const DeviceConsumerConfig& config,
-                                                                SampleSink& sink) {
+expected<DeviceConsumer, SetupError> DeviceConsumer::start(rpc::Node& node, std::string_view device,
+                                                           const DeviceConsumerConfig& config,
+                                                           SampleSink& sink) {
   if (!(config.rate_hz >= kRateMinHz && config.rate_hz <= kRateMaxHz)) {
-    return rpc::setup_error("a consumer's rate is 0.1 to 10000 Hz");
+    return setup_error("a consumer's rate is out of range", "", "choose 0.1 to 10000 Hz");
   }
   rpc::BindOptions bind;
   bind.warm_up = {config.thread.priority.value_or(config.priority)};

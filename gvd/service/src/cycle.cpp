@@ -65,12 +65,12 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
       filter_(config_.safety ? *config_.safety
                              : SafetyConfig::for_device(driver.describe().limits)) {}
 
-expected<void, driver::DriverError> DeviceCycle::begin(MonotonicTime now) {
+expected<void, SetupError> DeviceCycle::begin(MonotonicTime now) {
   retry_at_ = now;
   return open();
 }
 
-expected<void, driver::DriverError> DeviceCycle::open() {
+expected<void, SetupError> DeviceCycle::open() {
   if (auto configured = driver_.configure({.period = config_.period}); !configured) {
     return configured;
   }
@@ -239,7 +239,7 @@ void DeviceCycle::maintain(MonotonicTime now) {
   } else {
     lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
     // A lost device is reported once, not at every attempt.
-    if (is_wanted) report(opened.error().text);
+    if (is_wanted) report(opened.error().text());
   }
 }
 

@@ -10,10 +10,10 @@
 #include "command_lease.hpp"
 #include "mailbox.hpp"
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
@@ -64,7 +64,7 @@ class DeviceCycle {
 
   /// Configures and activates the device.
   /// @errors   as the driver's
-  [[nodiscard]] expected<void, driver::DriverError> begin(MonotonicTime now);
+  [[nodiscard]] expected<void, SetupError> begin(MonotonicTime now);
   /// One cycle: filters the newest command, exchanges it for a sample, and publishes that.
   /// `missed_count` cycles were skipped before.
   /// @realtime no system call but the driver's
@@ -115,7 +115,7 @@ class DeviceCycle {
   [[nodiscard]] rpc::Result<void> leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
                                         std::uint16_t what) noexcept;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
-  [[nodiscard]] expected<void, driver::DriverError> open();
+  [[nodiscard]] expected<void, SetupError> open();
   void lose() noexcept;
   void rest(MonotonicTime now) noexcept;
   void publish() noexcept;

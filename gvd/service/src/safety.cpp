@@ -67,7 +67,7 @@ SafetyConfig SafetyConfig::for_device(const driver::Limits& limits) noexcept {
   return config;
 }
 
-expected<void, rpc::SetupError> SafetyConfig::check() const {
+expected<void, SetupError> SafetyConfig::check() const {
   struct Limit {
     const char* name;
     double value;
@@ -78,8 +78,9 @@ expected<void, rpc::SetupError> SafetyConfig::check() const {
                           Limit{"torque_newton_metre_per_s_max", torque_newton_metre_per_s_max}};
   for (const Limit& limit : limits) {
     if (std::isfinite(limit.value) && limit.value >= 0) continue;
-    return rpc::setup_error(std::string("the safety limit ") + limit.name + " is " +
-                            std::to_string(limit.value) + "; it must be a number, zero or above");
+    return setup_error(
+        std::string("the safety limit ") + limit.name + " is " + std::to_string(limit.value), "",
+        "choose a number, zero or above");
   }
   struct Time {
     const char* name;
@@ -89,8 +90,9 @@ expected<void, rpc::SetupError> SafetyConfig::check() const {
                          Time{"soft_start", soft_start}};
   for (const Time& time : times) {
     if (time.value >= Duration{0} && time.value <= kConfigTimeMax) continue;
-    return rpc::setup_error(std::string("the safety time ") + time.name + " is " +
-                            std::to_string(seconds(time.value)) + " s; it must be 0 to 10 s");
+    return setup_error(std::string("the safety time ") + time.name + " is " +
+                           std::to_string(seconds(time.value)) + " s",
+                       "", "choose 0 to 10 s");
   }
   return {};
 }

@@ -23,31 +23,31 @@ SipKey random_key() {
   return {word(), word()};
 }
 
-expected<void, rpc::SetupError> check(const LeaseConfig& lease) {
+expected<void, SetupError> check(const LeaseConfig& lease) {
   constexpr Duration kNone{0};
   if (lease.silence_max > kNone && lease.idle_max > kNone && lease.acquire_interval >= kNone &&
       lease.take_over_interval >= kNone) {
     return {};
   }
-  return rpc::setup_error(
+  return setup_error(
       "the device's lease has silence_max or idle_max that is not above zero, or an interval below "
-      "it; a lease that is over at once commands nothing");
+      "it",
+      "a lease that is over at once commands nothing");
 }
 
-expected<void, rpc::SetupError> check(const driver::Descriptor& descriptor) {
+expected<void, SetupError> check(const driver::Descriptor& descriptor) {
   const std::string device = "the driver of \"" + descriptor.model + "\"";
   if (descriptor.model.empty() || descriptor.serial.empty() || descriptor.frame.empty()) {
-    return rpc::setup_error(device +
-                            " leaves model, serial or frame empty; it must name all three");
+    return setup_error(device + " leaves model, serial or frame empty", "", "name all three");
   }
   if (descriptor.buttons.size() > driver::kButtonCountMax ||
       descriptor.analogs.size() > driver::kAnalogCountMax) {
-    return rpc::setup_error(device + " has more buttons or analog inputs than a sample holds");
+    return setup_error(device + " has more buttons or analog inputs than a sample holds");
   }
   const driver::Workspace& workspace = descriptor.workspace;
   if (workspace.low_m.x > workspace.high_m.x || workspace.low_m.y > workspace.high_m.y ||
       workspace.low_m.z > workspace.high_m.z) {
-    return rpc::setup_error(device + " has a workspace whose low corner is above its high one");
+    return setup_error(device + " has a workspace whose low corner is above its high one");
   }
   return {};
 }
@@ -65,9 +65,9 @@ struct DeviceServer::Impl {
         cycle(*driver, config.cycle, random_key()),
         servant(cycle, descriptor, config.cycle.period) {}
 
-  expected<void, rpc::SetupError> start() {
+  expected<void, SetupError> start() {
     RTPM_ASSERT(!device_thread.is_running(), "a device server starts once");
-    std::promise<expected<void, driver::DriverError>> begun;
+    std::promise<expected<void, SetupError>> begun;
     auto outcome = begun.get_future();
     is_stopping.store(false, std::memory_order_relaxed);
     auto thread = rt::Thread::start(config.thread, [this, &begun] {
@@ -79,11 +79,11 @@ struct DeviceServer::Impl {
       // `begun` may be gone from here on.
       if (is_active) loop();
     });
-    if (!thread) return rpc::setup_error(thread.error().text);
+    if (!thread) return unexpected{std::move(thread.error())};
     const auto began = outcome.get();
     if (!began) {
       thread->join();
-      return rpc::setup_error(began.error().text);
+      return unexpected{std::move(began.error())};
     }
     device_thread = std::move(*thread);
     return {};
@@ -132,13 +132,13 @@ struct DeviceServer::Impl {
   rt::Thread device_thread{};
 };
 
-expected<std::unique_ptr<DeviceServer>, rpc::SetupError> DeviceServer::create(
+expected<std::unique_ptr<DeviceServer>, SetupError> DeviceServer::create(
     std::unique_ptr<driver::Driver> driver, DeviceServerConfig config) {
   RTPM_ASSERT(driver != nullptr, "a device server needs a driver");
   const Duration period = config.cycle.period;
   if (period < kPeriodMin || period > kPeriodMax) {
-    return rpc::setup_error("the device's period is " + std::to_string(period.count()) +
-                            " ns; it must be 20 µs to 100 ms (10 to 50000 Hz)");
+    return setup_error("the device's period is " + std::to_string(period.count()) + " ns", "",
+                       "choose 20 µs to 100 ms (10 to 50000 Hz)");
   }
   if (auto checked = check(config.cycle.lease); !checked) return unexpected{checked.error()};
   driver::Descriptor descriptor = driver->describe();
@@ -154,7 +154,7 @@ DeviceServer::DeviceServer(std::unique_ptr<Impl> impl) noexcept : impl_(std::mov
 DeviceServer::~DeviceServer() {
   impl_->stop();
 }
-expected<void, rpc::SetupError> DeviceServer::start() {
+expected<void, SetupError> DeviceServer::start() {
   return impl_->start();
 }
 void DeviceServer::stop() noexcept {

@@ -55,8 +55,8 @@ rtpm::events::HubConfig hub_config(const Configuration& configuration) {
   return hub;
 }
 
-rtpm::expected<void, rtpm::rpc::SetupError> link(rtpm::events::Hub& hub, rtpm::rpc::Node& node,
-                                                 const Configuration& configuration) {
+rtpm::expected<void, rtpm::SetupError> link(rtpm::events::Hub& hub, rtpm::rpc::Node& node,
+                                            const Configuration& configuration) {
   rtpm::events::LinkConfig link;
   link.priority = configuration.link_priority;
   link.realtime = configuration.settings.server.realtime;
@@ -71,23 +71,23 @@ rtpm::expected<void, rtpm::rpc::SetupError> link(rtpm::events::Hub& hub, rtpm::r
 int serve(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
   const auto prepared = rtpm::options::prepare(configuration.settings);
-  if (!prepared) return fail(prepared.error().text);
+  if (!prepared) return fail(prepared.error().text());
   rtpm::rpc::Node node;
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto hub = rtpm::events::Hub::create(hub_config(configuration));
-  if (!hub) return fail(hub.error().text);
+  if (!hub) return fail(hub.error().text());
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   if (auto added = (*server)->add(rtpm::events::kHubPath, (*hub)->servant()); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
   rtpm::introspection::Catalog catalog;
   catalog.add(std::string(rtpm::events::kHubPath), (*hub)->servant());
   if (auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
-    return fail(added.error().text);
+    return fail(added.error().text());
   }
-  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (auto started = (*server)->start(); !started) return fail(started.error().text());
   rtpm::options::show_setup(configuration.settings);
   const std::string url = (*server)->url(rtpm::events::kHubPath);
   std::unique_ptr<rtpm::names::Registration> name;
@@ -97,11 +97,11 @@ int serve(const Configuration& configuration) {
         rtpm::names::Registration::kDefaultLease, {},
         configuration.allows_takeover ? rtpm::names::Takeover::kAllowed
                                       : rtpm::names::Takeover::kRefused);
-    if (!bound) return fail(bound.error().text);
+    if (!bound) return fail(bound.error().text());
     name = std::move(*bound);
   }
   if (const auto linked = link(**hub, node, configuration); !linked) {
-    return fail(linked.error().text);
+    return fail(linked.error().text());
   }
   std::printf("events at %s\n", url.c_str());
   std::fflush(stdout);

@@ -8,9 +8,9 @@ namespace rtpm::mqtt {
 
 using namespace events;
 
-expected<std::unique_ptr<Bridge>, rpc::SetupError> Bridge::create(rpc::Node& node,
-                                                                  const BridgeConfig& config,
-                                                                  BrokerConfig broker) {
+expected<std::unique_ptr<Bridge>, SetupError> Bridge::create(rpc::Node& node,
+                                                             const BridgeConfig& config,
+                                                             BrokerConfig broker) {
   std::unique_ptr<Bridge> bridge(new Bridge(config));
   if (auto begun = bridge->begin(node, std::move(broker)); !begun) {
     return unexpected{std::move(begun.error())};
@@ -18,7 +18,7 @@ expected<std::unique_ptr<Bridge>, rpc::SetupError> Bridge::create(rpc::Node& nod
   return bridge;
 }
 
-expected<void, rpc::SetupError> Bridge::begin(rpc::Node& node, BrokerConfig broker) {
+expected<void, SetupError> Bridge::begin(rpc::Node& node, BrokerConfig broker) {
   const bool is_from_broker = config_.direction != Direction::kToBroker;
   if (is_from_broker) {
     auto supplier = Supplier::create(

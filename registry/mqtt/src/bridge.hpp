@@ -49,7 +49,7 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
  public:
   /// @realtime set-up only; waits for the hub, not for the broker
   /// @errors   as events::Consumer, Supplier and Broker
-  [[nodiscard]] static expected<std::unique_ptr<Bridge>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Bridge>, SetupError> create(
       rpc::Node& node, const BridgeConfig& config, BrokerConfig broker);
   Bridge(const Bridge&) = delete;
   Bridge& operator=(const Bridge&) = delete;
@@ -62,7 +62,7 @@ class Bridge final : private events::EventHandler, private Broker::Listener {
 
  private:
   explicit Bridge(BridgeConfig config) : config_(std::move(config)) {}
-  [[nodiscard]] expected<void, rpc::SetupError> begin(rpc::Node& node, BrokerConfig broker);
+  [[nodiscard]] expected<void, SetupError> begin(rpc::Node& node, BrokerConfig broker);
   [[nodiscard]] events::Filter filter() const;
   void on_events(std::span<const events::EventView> events) override;
   void on_notice(const events::Notice& notice) override;

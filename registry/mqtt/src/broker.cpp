@@ -133,19 +133,19 @@ Broker::Broker(BrokerConfig config, Listener& listener,
       wait_set_(std::move(wait_set)),
       queue_(std::max(config_.queue_capacity, 1U)) {}
 
-expected<std::unique_ptr<Broker>, rpc::SetupError> Broker::create(BrokerConfig config,
-                                                                  Listener& listener) {
+expected<std::unique_ptr<Broker>, SetupError> Broker::create(BrokerConfig config,
+                                                             Listener& listener) {
   auto wait_set = transport::PolledWaitSet::open(1);
-  if (!wait_set) return rpc::setup_error(std::move(wait_set.error().text));
+  if (!wait_set) return unexpected{std::move(wait_set.error())};
   std::unique_ptr<Broker> broker(new Broker(std::move(config), listener, std::move(*wait_set)));
   if (auto begun = broker->begin(); !begun) return unexpected{std::move(begun.error())};
   return broker;
 }
 
-expected<void, rpc::SetupError> Broker::begin() {
+expected<void, SetupError> Broker::begin() {
   static const Library kLibrary;
   client_.reset(mosquitto_new(id_.c_str(), /*clean_session=*/true, this));
-  if (!client_) return rpc::setup_error("libmosquitto has no memory for a client.");
+  if (!client_) return setup_error("libmosquitto has no memory for a client");
   mosquitto* const client = client_.get();
   mosquitto_int_option(client, MOSQ_OPT_PROTOCOL_VERSION, MQTT_PROTOCOL_V5);
   mosquitto_int_option(client, MOSQ_OPT_TCP_NODELAY, 1);
@@ -160,13 +160,13 @@ expected<void, rpc::SetupError> Broker::begin() {
     const int set =
         mosquitto_tls_set(client, config_.ca_file.c_str(), nullptr, nullptr, nullptr, nullptr);
     if (set != MOSQ_ERR_SUCCESS) {
-      return rpc::setup_error("the certificates in '" + config_.ca_file +
-                              "' can't be used: " + mosquitto_strerror(set) + ".");
+      return setup_error("the certificates in '" + config_.ca_file + "' can't be used",
+                         mosquitto_strerror(set));
     }
   }
   auto thread = rt::Thread::start({.name = "rtpm-mqtt", .realtime = rt::RealtimeMode::kOff},
                                   [this] { run(); });
-  if (!thread) return rpc::setup_error(std::move(thread.error().text));
+  if (!thread) return unexpected{std::move(thread.error())};
   thread_ = std::move(*thread);
   return {};
 }

@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -71,8 +71,8 @@ class Broker {
   };
   /// @realtime set-up only; does not wait for the broker
   /// @errors   unreadable certificates; no memory
-  [[nodiscard]] static expected<std::unique_ptr<Broker>, rpc::SetupError> create(
-      BrokerConfig config, Listener& listener);
+  [[nodiscard]] static expected<std::unique_ptr<Broker>, SetupError> create(BrokerConfig config,
+                                                                            Listener& listener);
   Broker(const Broker&) = delete;
   Broker& operator=(const Broker&) = delete;
   ~Broker();
@@ -95,7 +95,7 @@ class Broker {
     void operator()(mosquitto* client) const noexcept;
   };
   Broker(BrokerConfig config, Listener& listener, std::unique_ptr<transport::WaitSet> wait_set);
-  [[nodiscard]] expected<void, rpc::SetupError> begin();
+  [[nodiscard]] expected<void, SetupError> begin();
   void run();
   [[nodiscard]] bool connect();
   void talk();

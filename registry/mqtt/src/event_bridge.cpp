@@ -70,12 +70,12 @@ std::string finish(Configuration& its) {
                                                         : Direction::kFromBroker;
   for (const std::string& each : its.events) {
     const auto wanted = parse_wanted(each);
-    if (!wanted) return "--events: " + wanted.error();
+    if (!wanted) return "--events: " + wanted.error().reason();
     its.bridge.wanted.push_back(*wanted);
   }
   for (const std::string& each : its.mappings) {
     const auto mapping = parse_mapping(each);
-    if (!mapping) return "--map: " + mapping.error();
+    if (!mapping) return "--map: " + mapping.error().reason();
     its.bridge.mappings.push_back(*mapping);
   }
   return {};
@@ -102,7 +102,7 @@ int run(const Configuration& configuration) {
   rtpm::names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
   auto bridge = Bridge::create(node, configuration.bridge, configuration.broker);
-  if (!bridge) return fail(bridge.error().text);
+  if (!bridge) return fail(bridge.error().text());
   std::printf("bridging %s\n", configuration.bridge.hub.c_str());
   bool was_connected = false;
   std::string reported;

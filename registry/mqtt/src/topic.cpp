@@ -40,24 +40,24 @@ std::optional<Origin> origin_of(std::string_view prefix, std::string_view topic)
   return parse_origin(topic.substr(prefix.size() + 1));
 }
 
-expected<WantedOrigin, std::string> parse_wanted(std::string_view text) {
+expected<WantedOrigin, SetupError> parse_wanted(std::string_view text) {
   if (const auto both = parse_origin(text)) return WantedOrigin{both->type, both->source};
   const auto type = number_of(text);
   if (type && *type != 0 && *type <= events::kEventTypeMax) {
     return WantedOrigin{*type, std::nullopt};
   }
-  return unexpected{"'" + std::string(text) + "' is no type (\"5\") or type and source (\"5/2\")"};
+  return setup_error("'" + std::string(text) + "' is no type (\"5\") or type and source (\"5/2\")");
 }
 
-expected<TopicMapping, std::string> parse_mapping(std::string_view text) {
+expected<TopicMapping, SetupError> parse_mapping(std::string_view text) {
   const std::size_t equals = text.rfind('=');
   if (equals != std::string_view::npos && is_topic(text.substr(0, equals))) {
     if (const auto origin = parse_origin(text.substr(equals + 1))) {
       return TopicMapping{std::string(text.substr(0, equals)), *origin};
     }
   }
-  return unexpected{"'" + std::string(text) +
-                    "' is no topic with its type and source (\"lab/temperature=100/3\")"};
+  return setup_error("'" + std::string(text) +
+                     "' is no topic with its type and source (\"lab/temperature=100/3\")");
 }
 
 bool is_topic(std::string_view text) noexcept {

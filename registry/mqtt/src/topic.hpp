@@ -5,7 +5,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/event.hpp"
 
 /// Topics of messages and types and sources of events.
@@ -36,10 +36,10 @@ struct WantedOrigin {
   events::EventType type = 0;
   std::optional<events::SourceId> source{};
 };
-[[nodiscard]] expected<WantedOrigin, std::string> parse_wanted(std::string_view text);
+[[nodiscard]] expected<WantedOrigin, SetupError> parse_wanted(std::string_view text);
 /// Parses "lab/temperature=100/3".
 /// @errors   in words, what was expected
-[[nodiscard]] expected<TopicMapping, std::string> parse_mapping(std::string_view text);
+[[nodiscard]] expected<TopicMapping, SetupError> parse_mapping(std::string_view text);
 /// Whether messages may be published to it: not empty, no wildcard, at most 200 bytes.
 [[nodiscard]] bool is_topic(std::string_view text) noexcept;
 

@@ -23,8 +23,7 @@ NameEntry entry_of(const Entry& entry) {
 }
 
 DirectoryError refused(const Answer& answer, std::string_view name) {
-  return {.outcome = outcome_of(answer),
-          .text = outcome_text(outcome_of(answer), name, answer.component())};
+  return {{outcome_text(outcome_of(answer), name, answer.component())}, outcome_of(answer)};
 }
 
 /// One request in a builder of its own.
@@ -94,7 +93,7 @@ class Directory::Impl {
     error.holder_url = text_of(answer.holder_url());
     error.holder_lease_left = duration_of(answer.holder_lease_left_ns());
     error.holder_revision = answer.holder_revision();
-    if (!error.holder_url.empty()) error.text += " (it leads to " + error.holder_url + ")";
+    if (!error.holder_url.empty()) error.why = "it leads to " + error.holder_url;
     return unexpected{std::move(error)};
   }
 
@@ -110,9 +109,9 @@ class Directory::Impl {
     if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
     auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
     if (!client) {
-      return unexpected{client.error().cause == rpc::CallError::kNoResources
-                            ? not_asked(client.error().text)
-                            : no_answer(client.error().text)};
+      const std::string why = client.error().reason();
+      return unexpected{client.error().cause == rpc::CallError::kNoResources ? not_asked(why)
+                                                                             : no_answer(why)};
     }
     const std::lock_guard lock(mutex_);
     if (!client_) client_.emplace(std::move(*client));
@@ -120,45 +119,33 @@ class Directory::Impl {
   }
 
   [[nodiscard]] DirectoryError no_result(rpc::CallError cause) const {
-    const std::string_view text = rpc::to_string(cause);
+    const std::string why(rpc::to_string(cause));
     switch (cause) {
       case rpc::CallError::kTimeout:
       case rpc::CallError::kExpired:
       case rpc::CallError::kDisconnected:
       case rpc::CallError::kUnreachable:
-        return no_answer(text);
+        return no_answer(why);
       case rpc::CallError::kNoResources:
-        return not_asked(text);
+        return not_asked(why);
       default:
-        break;
+        return {{"the registry at " + registry_url_ + " failed", why}};
     }
-    DirectoryError error;
-    error.text = "the registry at " + registry_url_ + " failed: ";
-    error.text.append(text);
-    return error;
   }
 
   [[nodiscard]] DirectoryError no_url() const {
-    DirectoryError error;
-    error.text = "'" + registry_url_ +
-                 "' is no URL of a registry: give --registry rtpm://host:port/path, such as ";
-    error.text.append(kDefaultRegistryUrl);
-    return error;
+    return {{"'" + registry_url_ + "' is no URL of a registry",
+             {},
+             "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}};
   }
 
-  [[nodiscard]] DirectoryError not_asked(std::string_view cause) const {
-    DirectoryError error;
-    error.text = "the registry at " + registry_url_ + " was not asked: ";
-    error.text.append(cause);
-    return error;
+  [[nodiscard]] DirectoryError not_asked(const std::string& why) const {
+    return {{"the registry at " + registry_url_ + " was not asked", why}};
   }
 
-  [[nodiscard]] DirectoryError no_answer(std::string_view cause) const {
-    DirectoryError error;
-    error.text = "no registry answers at " + registry_url_ +
-                 ": start rtpm-registryd, or give --registry URL (";
-    error.text.append(cause).append(")");
-    return error;
+  [[nodiscard]] DirectoryError no_answer(const std::string& why) const {
+    return {{"no registry answers at " + registry_url_, why,
+             "start rtpm-registryd, or give --registry URL"}};
   }
 
   rpc::Node& node_;
@@ -211,8 +198,8 @@ expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
     return unexpected{refused(*found.answer(), name)};
   }
   if (found.entry() == nullptr) {
-    return unexpected{DirectoryError{.text = "the registry at " + registry_url() +
-                                             " answers without an entry: it is not an RTPM one"}};
+    return unexpected{DirectoryError{
+        {"the registry at " + registry_url() + " answers without an entry", "it is no RTPM one"}}};
   }
   return entry_of(*found.entry());
 }

@@ -65,7 +65,7 @@ class Registration::Impl {
   }
 
   /// Binds for the first time, waiting for the lease of a possibly dead holder.
-  [[nodiscard]] expected<void, rpc::SetupError> begin() {
+  [[nodiscard]] expected<void, SetupError> begin() {
     Directory directory(node_, registry_url_, kBindDeadline);
     auto bound = bind(directory);
     if (!bound && is_held_by_another(bound.error()) && takeover_ == Takeover::kAllowed) {
@@ -76,11 +76,11 @@ class Registration::Impl {
       rt::sleep_until(rt::now() + bound.error().holder_lease_left + 1ms);
       bound = bind(directory);
     }
-    if (!bound) return rpc::setup_error(std::move(bound.error().text));
+    if (!bound) return unexpected{std::move(bound.error())};
     is_bound_ = true;
     auto thread = rt::Thread::start({.name = "rtpm-lease", .realtime = rt::RealtimeMode::kOff},
                                     [this] { keep(); });
-    if (!thread) return rpc::setup_error(std::move(thread.error().text));
+    if (!thread) return unexpected{std::move(thread.error())};
     thread_ = std::move(*thread);
     return {};
   }
@@ -127,7 +127,7 @@ class Registration::Impl {
     if (!kept && kept.error().outcome) kept = bind(directory);
     const bool was_bound = is_bound_.exchange(kept.has_value());
     if (was_bound && !kept) {
-      report_("the name '" + name_ + "' is lost, retrying: " + kept.error().text);
+      report_("the name '" + name_ + "' is lost, retrying: " + kept.error().text());
     } else if (!was_bound && kept) {
       report_("the name '" + name_ + "' is bound again at " + registry_url_);
     }
@@ -153,7 +153,7 @@ class Registration::Impl {
   rt::Thread thread_;
 };
 
-expected<std::unique_ptr<Registration>, rpc::SetupError> Registration::create(
+expected<std::unique_ptr<Registration>, SetupError> Registration::create(
     rpc::Node& node, std::string registry_url, std::string name, std::string url,
     std::string interface, Duration lease, Report report, Takeover takeover) {
   auto impl = std::make_unique<Impl>(node, std::move(registry_url), std::move(name), std::move(url),

@@ -11,10 +11,10 @@ RegistryResolver::~RegistryResolver() {
   node_.forget(*this);
 }
 
-expected<std::string, rpc::SetupError> RegistryResolver::resolve(std::string_view name,
-                                                                 MonotonicTime deadline) {
+expected<std::string, SetupError> RegistryResolver::resolve(std::string_view name,
+                                                            MonotonicTime deadline) {
   auto entry = directory_.resolve(name, deadline);
-  if (!entry) return rpc::setup_error(std::move(entry.error().text));
+  if (!entry) return unexpected{std::move(entry.error())};
   return std::move(entry->url);
 }
 

@@ -18,7 +18,7 @@ class Parser {
   Parser(const std::vector<std::string_view>& arguments, const std::vector<Setting>& settings)
       : arguments_(arguments), settings_(settings) {}
 
-  expected<CommandLine, UsageError> run() {
+  expected<CommandLine, SetupError> run() {
     while (next_ < arguments_.size()) {
       const std::string_view argument = arguments_[next_++];
       if (argument == "--") break;
@@ -34,7 +34,7 @@ class Parser {
   }
 
  private:
-  expected<void, UsageError> take_flag(std::string_view argument) {
+  expected<void, SetupError> take_flag(std::string_view argument) {
     if (bool* const flag = find_flag(argument)) {
       *flag = true;
       return {};
@@ -52,16 +52,16 @@ class Parser {
       value = arguments_[next_++];
     }
     if (!value) {
-      return unexpected{UsageError{std::string(flag) + " needs a value: " + setting->expected}};
+      return unexpected{SetupError{std::string(flag) + " needs a value: " + setting->expected}};
     }
     return store(*setting, *value);
   }
 
-  expected<void, UsageError> store(const Setting& setting, std::string_view value) {
+  expected<void, SetupError> store(const Setting& setting, std::string_view value) {
     const auto [place, is_new] = result_.values.try_emplace(setting.key, value);
     if (is_new) return {};
     if (!setting.is_list) {
-      return unexpected{UsageError{"--" + setting.key + " is given twice"}};
+      return unexpected{SetupError{"--" + setting.key + " is given twice"}};
     }
     place->second.append(",").append(value);
     return {};
@@ -82,7 +82,7 @@ class Parser {
     return found == settings_.end() ? nullptr : &*found;
   }
 
-  UsageError unknown_flag(std::string_view flag) const {
+  SetupError unknown_flag(std::string_view flag) const {
     std::vector<std::string> flags{"--help", "--version", "--dump-config"};
     for (const Setting& setting : settings_)
       flags.push_back("--" + setting.key);
@@ -97,7 +97,7 @@ class Parser {
 
 }  // namespace
 
-expected<CommandLine, UsageError> parse_command_line(const std::vector<std::string_view>& arguments,
+expected<CommandLine, SetupError> parse_command_line(const std::vector<std::string_view>& arguments,
                                                      const std::vector<Setting>& settings) {
   return Parser(arguments, settings).run();
 }

@@ -6,7 +6,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "setting.hpp"
 
 namespace rtpm::options {
@@ -30,7 +30,7 @@ struct CommandLine {
 /// positionals.
 /// @realtime set-up only
 /// @errors   an unknown flag, a flag without its value, a repeated flag that is no list
-[[nodiscard]] expected<CommandLine, UsageError> parse_command_line(
+[[nodiscard]] expected<CommandLine, SetupError> parse_command_line(
     const std::vector<std::string_view>& arguments, const std::vector<Setting>& settings);
 
 /// The value of a flag, its repetitions joined by commas, before all flags are known: for options

@@ -43,7 +43,7 @@ std::optional<char> take_escaped(std::string_view& text) {
 }
 
 /// The value that begins with a quote, or what is wrong with it.
-expected<std::string, UsageError> unquoted(std::string_view text) {
+expected<std::string, SetupError> unquoted(std::string_view text) {
   text.remove_prefix(1);
   std::string value;
   while (!text.empty() && text.front() != '"') {
@@ -52,24 +52,24 @@ expected<std::string, UsageError> unquoted(std::string_view text) {
     if (character == '\\') {
       const std::optional<char> escaped = take_escaped(text);
       if (!escaped)
-        return unexpected{UsageError{R"(knows only \\, \" and \xNN after a backslash)"}};
+        return unexpected{SetupError{R"(knows only \\, \" and \xNN after a backslash)"}};
       character = *escaped;
     }
     value += character;
   }
-  if (text.empty()) return unexpected{UsageError{"has no closing quote"}};
+  if (text.empty()) return unexpected{SetupError{"has no closing quote"}};
   text.remove_prefix(1);
   if (!trimmed(without_comment(text)).empty()) {
-    return unexpected{UsageError{"goes on after the closing quote"}};
+    return unexpected{SetupError{"goes on after the closing quote"}};
   }
   return value;
 }
 
-expected<ConfigLine, UsageError> parse_line(std::string_view text, int line) {
+expected<ConfigLine, SetupError> parse_line(std::string_view text, int line) {
   const std::size_t equals = text.find('=');
   const std::string_view key = trimmed(text.substr(0, equals));
   if (equals == std::string_view::npos || key.empty()) {
-    return unexpected{UsageError{"is not 'key = value'"}};
+    return unexpected{SetupError{"is not 'key = value'"}};
   }
   const std::string_view rest = trimmed(text.substr(equals + 1));
   if (rest.starts_with('"')) {
@@ -80,9 +80,9 @@ expected<ConfigLine, UsageError> parse_line(std::string_view text, int line) {
   return ConfigLine{std::string(key), std::string(trimmed(without_comment(rest))), line};
 }
 
-expected<std::string, UsageError> read_text(const std::string& path) {
+expected<std::string, SetupError> read_text(const std::string& path) {
   const auto fail = [&](const char* cause) {
-    return unexpected{UsageError{"cannot read the configuration file '" + path + "': " + cause}};
+    return unexpected{SetupError{"cannot read the configuration file '" + path + "': " + cause}};
   };
   const std::unique_ptr<std::FILE, int (*)(std::FILE*)> file(std::fopen(path.c_str(), "re"),
                                                              &std::fclose);
@@ -99,7 +99,7 @@ expected<std::string, UsageError> read_text(const std::string& path) {
 
 }  // namespace
 
-expected<std::vector<ConfigLine>, UsageError> read_config_file(const std::string& path) {
+expected<std::vector<ConfigLine>, SetupError> read_config_file(const std::string& path) {
   const auto text = read_text(path);
   if (!text) return unexpected{text.error()};
   std::vector<ConfigLine> lines;
@@ -111,8 +111,8 @@ expected<std::vector<ConfigLine>, UsageError> read_config_file(const std::string
     if (line.empty() || line.front() == '#') continue;
     auto parsed = parse_line(line, number);
     if (!parsed) {
-      return unexpected{UsageError{path + ":" + std::to_string(number) + ": '" + std::string(line) +
-                                   "' " + parsed.error().text}};
+      return unexpected{SetupError{path + ":" + std::to_string(number) + ": '" + std::string(line) +
+                                   "' " + parsed.error().text()}};
     }
     lines.push_back(std::move(*parsed));
   }

@@ -4,7 +4,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "setting.hpp"
 
 namespace rtpm::options {
@@ -22,7 +22,7 @@ inline constexpr std::size_t kConfigSizeMax = std::size_t{1024} * 1024;
 /// The lines of the file at `path`, in their order.
 /// @realtime set-up only
 /// @errors   an unreadable file, a line that is not `key = value`
-[[nodiscard]] expected<std::vector<ConfigLine>, UsageError> read_config_file(
+[[nodiscard]] expected<std::vector<ConfigLine>, SetupError> read_config_file(
     const std::string& path);
 
 /// `value` as a file spells it, quoted if necessary.

@@ -117,11 +117,11 @@ struct Options::Impl {
   }
 
   /// Sets the variable; `origin` locates the text in error messages, `source` in --dump-config.
-  expected<void, UsageError> apply(Setting& setting, std::string_view text,
+  expected<void, SetupError> apply(Setting& setting, std::string_view text,
                                    const std::string& origin, std::string source) {
     if (!setting.read(text)) {
       return unexpected{
-          UsageError{origin + " '" + std::string(text) + "' is not " + setting.expected}};
+          SetupError{origin + " '" + std::string(text) + "' is not " + setting.expected}};
     }
     sources[static_cast<std::size_t>(&setting - settings.data())] = std::move(source);
     return {};
@@ -130,12 +130,12 @@ struct Options::Impl {
   [[nodiscard]] std::optional<std::string> early_text(
       const std::string& key, const std::vector<std::string_view>& arguments) const;
   void add_members(const std::vector<std::string_view>& arguments);
-  expected<void, UsageError> apply_file(const std::string& path);
-  expected<void, UsageError> apply_environment(const CommandLine& command_line);
-  expected<void, UsageError> apply_flags(const CommandLine& command_line);
-  expected<void, UsageError> apply_positionals(const CommandLine& command_line);
-  expected<void, UsageError> apply_all(const CommandLine& command_line);
-  [[nodiscard]] expected<const Verb*, UsageError> verb_in(const CommandLine& command_line) const;
+  expected<void, SetupError> apply_file(const std::string& path);
+  expected<void, SetupError> apply_environment(const CommandLine& command_line);
+  expected<void, SetupError> apply_flags(const CommandLine& command_line);
+  expected<void, SetupError> apply_positionals(const CommandLine& command_line);
+  expected<void, SetupError> apply_all(const CommandLine& command_line);
+  [[nodiscard]] expected<const Verb*, SetupError> verb_in(const CommandLine& command_line) const;
   [[nodiscard]] std::string usage_text() const;
   [[nodiscard]] std::string help_text(const Verb* verb) const;
   [[nodiscard]] std::string dump_text();
@@ -164,7 +164,7 @@ void Options::Impl::add_members(const std::vector<std::string_view>& arguments) 
   }
 }
 
-expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
+expected<void, SetupError> Options::Impl::apply_file(const std::string& path) {
   const auto lines = read_config_file(path);
   if (!lines) return unexpected{lines.error()};
   std::vector<std::string> seen;
@@ -177,10 +177,10 @@ expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
         if (candidate.key != kConfigKey) keys.push_back(candidate.key);
       }
       return unexpected{
-          UsageError{place + ": unknown key '" + line.key + "'" + suggestion(line.key, keys)}};
+          SetupError{place + ": unknown key '" + line.key + "'" + suggestion(line.key, keys)}};
     }
     if (std::find(seen.begin(), seen.end(), line.key) != seen.end()) {
-      return unexpected{UsageError{place + ": key '" + line.key + "' is given twice"}};
+      return unexpected{SetupError{place + ": key '" + line.key + "' is given twice"}};
     }
     seen.push_back(line.key);
     if (auto applied = apply(*setting, line.value, place + ": " + line.key, place); !applied) {
@@ -190,7 +190,7 @@ expected<void, UsageError> Options::Impl::apply_file(const std::string& path) {
   return {};
 }
 
-expected<void, UsageError> Options::Impl::apply_environment(const CommandLine& command_line) {
+expected<void, SetupError> Options::Impl::apply_environment(const CommandLine& command_line) {
   for (Setting& setting : settings) {
     const std::string variable = variable_of(setting.key);
     const char* const text = std::getenv(variable.c_str());
@@ -201,7 +201,7 @@ expected<void, UsageError> Options::Impl::apply_environment(const CommandLine& c
   return {};
 }
 
-expected<void, UsageError> Options::Impl::apply_flags(const CommandLine& command_line) {
+expected<void, SetupError> Options::Impl::apply_flags(const CommandLine& command_line) {
   for (Setting& setting : settings) {
     const std::string* const text = command_line.find(setting.key);
     if (text == nullptr) continue;
@@ -211,13 +211,13 @@ expected<void, UsageError> Options::Impl::apply_flags(const CommandLine& command
   return {};
 }
 
-expected<void, UsageError> Options::Impl::apply_positionals(const CommandLine& command_line) {
+expected<void, SetupError> Options::Impl::apply_positionals(const CommandLine& command_line) {
   const std::vector<std::string>& given = command_line.positionals;
   std::size_t next = 0;
   for (Positional& positional : positionals) {
     if (next == given.size()) {
       if (positional.presence == Presence::kOptional) continue;
-      return unexpected{UsageError{"the argument " + positional.name + " is missing"}};
+      return unexpected{SetupError{"the argument " + positional.name + " is missing"}};
     }
     // A list takes its items one by one: here commas are part of them.
     do {
@@ -225,12 +225,12 @@ expected<void, UsageError> Options::Impl::apply_positionals(const CommandLine& c
     } while (positional.setting.is_list && next < given.size());
   }
   if (next < given.size()) {
-    return unexpected{UsageError{"unexpected argument '" + given[next] + "'"}};
+    return unexpected{SetupError{"unexpected argument '" + given[next] + "'"}};
   }
   return {};
 }
 
-expected<void, UsageError> Options::Impl::apply_all(const CommandLine& command_line) {
+expected<void, SetupError> Options::Impl::apply_all(const CommandLine& command_line) {
   const char* const config_variable = std::getenv(variable_of(kConfigKey).c_str());
   const std::string* const config_flag = command_line.find(kConfigKey);
   if (config_flag != nullptr || config_variable != nullptr) {
@@ -242,7 +242,7 @@ expected<void, UsageError> Options::Impl::apply_all(const CommandLine& command_l
 }
 
 /// The verb on the command line; null without one, or if the program has no verbs.
-expected<const Verb*, UsageError> Options::Impl::verb_in(const CommandLine& command_line) const {
+expected<const Verb*, SetupError> Options::Impl::verb_in(const CommandLine& command_line) const {
   if (verbs.empty() || command_line.positionals.empty()) return nullptr;
   const std::string& word = command_line.positionals.front();
   const auto found = std::ranges::find(verbs, word, &Verb::name);
@@ -250,7 +250,7 @@ expected<const Verb*, UsageError> Options::Impl::verb_in(const CommandLine& comm
   std::vector<std::string> names;
   for (const Verb& verb : verbs)
     names.push_back(verb.name);
-  return unexpected{UsageError{"unknown verb '" + word + "'" + suggestion(word, names)}};
+  return unexpected{SetupError{"unknown verb '" + word + "'" + suggestion(word, names)}};
 }
 
 /// The first part of --help, before the options.
@@ -438,9 +438,9 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
   const std::vector<std::string_view> arguments(argv + std::min(argc, 1), argv + argc);
   impl_->add_members(arguments);
   const auto command_line = parse_command_line(arguments, impl_->settings);
-  if (!command_line) return usage_error(command_line.error().text);
+  if (!command_line) return usage_error(command_line.error().text());
   const auto verb = impl_->verb_in(*command_line);
-  if (!verb) return usage_error(verb.error().text);
+  if (!verb) return usage_error(verb.error().text());
   if (command_line->wants_help || command_line->wants_version) {
     const std::string text =
         command_line->wants_help ? impl_->help_text(*verb) : impl_->name + " " RTPM_VERSION "\n";
@@ -448,14 +448,14 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
     return 0;
   }
   if (const auto applied = impl_->apply_all(*command_line); !applied) {
-    return usage_error(applied.error().text);
+    return usage_error(applied.error().text());
   }
   if (command_line->wants_dump) {
     std::fputs(impl_->dump_text().c_str(), stdout);
     return 0;
   }
   if (const auto applied = impl_->apply_positionals(*command_line); !applied) {
-    return usage_error(applied.error().text);
+    return usage_error(applied.error().text());
   }
   return std::nullopt;
 }

@@ -109,7 +109,7 @@ void add_server(Options& options, ServerSettings& settings) {
                     });
 }
 
-expected<rt::CpuLatencyRequest, rt::RealtimeError> prepare(const ServerSettings& settings) {
+expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings) {
   if (!settings.cpu_latency) return rt::CpuLatencyRequest{};
   return rt::CpuLatencyRequest::open(*settings.cpu_latency, settings.server.realtime);
 }

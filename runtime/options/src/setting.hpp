@@ -6,14 +6,10 @@
 #include <string_view>
 #include <vector>
 
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::options {
-
-/// Why flags, environment or file are wrong: a clause that names the flag, variable or line.
-struct UsageError {
-  std::string text;
-};
 
 /// One variable of a program: how to parse, format and document it.
 struct Setting {

@@ -5,6 +5,22 @@
 #include "rtpm/rpc/servant.hpp"
 
 namespace rtpm::rpc {
+namespace {
+
+class CallErrorCategory final : public std::error_category {
+  const char* name() const noexcept override { return "call"; }
+  std::string message(int value) const override {
+    return std::string(to_string(static_cast<CallError>(value)));
+  }
+};
+
+}  // namespace
+
+// CallError's zero is an error, that of std::error_code is none.
+std::error_code make_error_code(CallError error) noexcept {
+  static const CallErrorCategory category;
+  return {static_cast<int>(error), category};
+}
 
 std::string to_string(CallerHost host) {
   std::string text;

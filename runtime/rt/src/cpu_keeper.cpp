@@ -6,8 +6,8 @@
 
 namespace rtpm::rt {
 
-expected<std::unique_ptr<CpuKeeper>, RealtimeError> CpuKeeper::start(const std::string& name,
-                                                                     int cpu) {
+expected<std::unique_ptr<CpuKeeper>, SetupError> CpuKeeper::start(const std::string& name,
+                                                                  int cpu) {
   std::unique_ptr<CpuKeeper> keeper(new CpuKeeper);
   auto thread = Thread::start({.name = name, .cpus = {cpu}, .schedule = Schedule::kTimeShared},
                               [self = keeper.get()] { self->run(); });

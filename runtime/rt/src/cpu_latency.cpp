@@ -24,8 +24,8 @@ constexpr const char* kRemedy =
 
 }  // namespace
 
-expected<CpuLatencyRequest, RealtimeError> CpuLatencyRequest::open(Duration latency,
-                                                                   RealtimeMode mode) {
+expected<CpuLatencyRequest, SetupError> CpuLatencyRequest::open(Duration latency,
+                                                                RealtimeMode mode) {
   CpuLatencyRequest request;
   if (mode == RealtimeMode::kOff) return request;
   request.file_ = ::open("/dev/cpu_dma_latency", O_WRONLY | O_CLOEXEC);
@@ -38,15 +38,17 @@ expected<CpuLatencyRequest, RealtimeError> CpuLatencyRequest::open(Duration late
                 "CPUs wake within " + std::to_string(us) + " µs, as long as this runs", ""});
     return request;
   }
-  const std::string text = "CPUs can't be kept from deep sleep (/dev/cpu_dma_latency: " +
-                           std::string(std::strerror(error)) + "): waking may take longer.";
-  if (mode == RealtimeMode::kRequire) {
-    return unexpected{RealtimeError{text + " Remedy: " + kRemedy}};
-  }
-  note_setup({kSubject, Grant::kRefused, text, kRemedy});
+  const std::error_code cause = system_error(error);
+  const SetupError refusal{"CPUs can't be kept from deep sleep (/dev/cpu_dma_latency: " +
+                               cause.message() + "): waking may take longer",
+                           {},
+                           kRemedy,
+                           cause};
+  if (mode == RealtimeMode::kRequire) return unexpected{refusal};
+  note_setup({kSubject, Grant::kRefused, refusal.what, kRemedy});
   static std::atomic<bool> is_told{false};
   if (!is_told.exchange(true)) {
-    std::fprintf(stderr, "rtpm: warning: %s Remedy: %s\n", text.c_str(), kRemedy);
+    std::fprintf(stderr, "rtpm: warning: %s\n", refusal.text().c_str());
   }
   return CpuLatencyRequest{};
 }

@@ -55,7 +55,7 @@ void touch(MutableBytes memory) noexcept {
 
 }  // namespace
 
-expected<void, RealtimeError> lock_memory(RealtimeMode mode) {
+expected<void, SetupError> lock_memory(RealtimeMode mode) {
   if (mode == RealtimeMode::kOff) {
     note_setup({kLockSubject, Grant::kNotAsked, "memory is not locked", ""});
     return {};
@@ -76,13 +76,12 @@ expected<void, RealtimeError> lock_memory(RealtimeMode mode) {
     munlockall();
     cause = "there would be no room to grow";
   }
-  const std::string text = memory_lock_text(cause);
-  const std::string sentence = text + ". Remedy: " + kLockRemedy;
-  if (mode == RealtimeMode::kRequire) return unexpected{RealtimeError{sentence}};
-  note_setup({kLockSubject, Grant::kRefused, text, kLockRemedy});
+  const SetupError refusal{memory_lock_text(cause), {}, kLockRemedy};
+  if (mode == RealtimeMode::kRequire) return unexpected{refusal};
+  note_setup({kLockSubject, Grant::kRefused, refusal.what, kLockRemedy});
   static std::atomic<bool> is_told{false};
   if (!is_told.exchange(true)) {
-    std::fprintf(stderr, "rtpm: warning: %s\n", sentence.c_str());
+    std::fprintf(stderr, "rtpm: warning: %s\n", refusal.text().c_str());
   }
   return {};
 }

@@ -21,16 +21,17 @@ thread_local int thread_level = 0;
 
 }  // namespace
 
-expected<void, RealtimeError> set_priority_mapping(PriorityMapping mapping) {
+expected<void, SetupError> set_priority_mapping(PriorityMapping mapping) {
   constexpr int kLevelMax = 98;  // The kernel's own threads keep 99.
   int previous = 1;
   for (int value = Priority::kLowest; mapping != nullptr && value <= Priority::kHighest; ++value) {
     const int level = mapping(Priority{value});
     if (level < previous || level > kLevelMax) {
-      return unexpected{RealtimeError{
-          "the priority mapping gives priority " + std::to_string(value) + " level " +
-          std::to_string(level) + ". Remedy: give each priority a level from 1 to 98, and none a " +
-          "lower one than a priority below it."}};
+      return setup_error("the priority mapping gives priority " + std::to_string(value) +
+                             " level " + std::to_string(level),
+                         "",
+                         "give each priority a level from 1 to 98, and none a lower one than a "
+                         "priority below it");
     }
     previous = level;
   }

@@ -86,7 +86,7 @@ void unmap(ConstBytes bytes) noexcept {
 
 }  // namespace
 
-expected<PublicMemory, std::string> PublicMemory::create(std::string_view name, std::size_t size) {
+expected<PublicMemory, SetupError> PublicMemory::create(std::string_view name, std::size_t size) {
   PublicMemory memory;
   const std::string full_name = std::string(kPrefix).append(name);
   memory.file_ = memfd_create(full_name.c_str(), MFD_CLOEXEC | MFD_ALLOW_SEALING);
@@ -95,8 +95,8 @@ expected<PublicMemory, std::string> PublicMemory::create(std::string_view name, 
     begin = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, memory.file_, 0);
   }
   if (begin == MAP_FAILED) {
-    return unexpected{"memory '" + full_name + "' can't be made (" + std::strerror(errno) +
-                      "). Remedy: raise the limit of open files (ulimit -n) or of memory."};
+    return setup_error("memory '" + full_name + "' can't be made", system_error(errno),
+                       "raise the limit of open files (ulimit -n) or of memory");
   }
   memory.bytes_ = {static_cast<std::byte*>(begin), size};
   prefault(memory.bytes_);

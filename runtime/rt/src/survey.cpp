@@ -39,7 +39,7 @@ SetupNote survey_scheduling() {
                                      .priority = Priority{Priority::kHighest},
                                      .realtime = RealtimeMode::kRequire},
                                     [] {});
-  if (!thread) return refused("real-time", thread.error().text);
+  if (!thread) return refused("real-time", thread.error().text());
   return {"real-time", Grant::kGranted,
           "threads may run at SCHED_FIFO up to " + std::to_string(kNativeHighest), ""};
 }
@@ -54,14 +54,14 @@ SetupNote survey_throttling() {
 
 SetupNote survey_memory() {
   if (auto locked = lock_memory(RealtimeMode::kRequire); !locked) {
-    return refused("memory lock", locked.error().text);
+    return refused("memory lock", locked.error().text());
   }
   return {"memory lock", Grant::kGranted, "all memory can be locked", ""};
 }
 
 SetupNote survey_latency() {
   const auto request = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kRequire);
-  if (!request) return refused("CPU latency", request.error().text);
+  if (!request) return refused("CPU latency", request.error().text());
   return {"CPU latency", Grant::kGranted, "CPUs can be kept from deep sleep", ""};
 }
 

@@ -38,34 +38,24 @@ constexpr std::size_t kStackPrefaultSize = std::size_t{128} * 1024;
     stack[i] = std::byte{0};
 }
 
-// A refusal, and what can be done about it.
-struct Refusal {
-  std::string text;
-  std::string remedy;
-  [[nodiscard]] std::string sentence() const { return text + ". Remedy: " + remedy; }
-};
-
 std::string subject_of(const ThreadConfig& config) {
   return "thread '" + config.name + "'";
 }
 
-Refusal scheduling_refusal(const ThreadConfig& config, int level, int error) {
+SetupError scheduling_refusal(const ThreadConfig& config, int level, int error) {
   rlimit limit{};
   getrlimit(RLIMIT_RTPRIO, &limit);
-  Refusal refusal;
-  refusal.text = subject_of(config) + " can't run at SCHED_FIFO " + std::to_string(level) + " (" +
-                 std::strerror(error) + "; the limit is " + std::to_string(limit.rlim_cur) +
-                 "): its latency is not bounded";
-  if (is_group_without_realtime()) {
-    refusal.remedy =
-        "give the control group of this process (see: /proc/self/cgroup) some cpu.rt_runtime_us, "
-        "or start it in the root group; or say --realtime off.";
-  } else {
-    refusal.remedy =
-        "give the user the right (a line '<user> - rtprio 90' in /etc/security/limits.conf, "
-        "LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), or say --realtime off.";
-  }
-  return refusal;
+  const std::error_code cause = system_error(error);
+  return {subject_of(config) + " can't run at SCHED_FIFO " + std::to_string(level) + " (" +
+              cause.message() + "; the limit is " + std::to_string(limit.rlim_cur) + ")",
+          "its latency is not bounded",
+          is_group_without_realtime()
+              ? "give the control group of this process (see: /proc/self/cgroup) some "
+                "cpu.rt_runtime_us, or start it in the root group; or say --realtime off."
+              : "give the user the right (a line '<user> - rtprio 90' in "
+                "/etc/security/limits.conf, LimitRTPRIO=90 in a systemd unit, or CAP_SYS_NICE), or "
+                "say --realtime off.",
+          cause};
 }
 
 // Which CPUs the thread has and how it is scheduled, for the report.
@@ -82,7 +72,7 @@ void warn_once(const std::string& text) {
   if (!is_told.exchange(true)) std::fprintf(stderr, "rtpm: warning: %s\n", text.c_str());
 }
 
-expected<void, RealtimeError> set_affinity(const ThreadConfig& config) {
+expected<void, SetupError> set_affinity(const ThreadConfig& config) {
   if (config.cpus.empty()) return {};
   cpu_set_t cpus;
   CPU_ZERO(&cpus);
@@ -103,10 +93,9 @@ expected<void, RealtimeError> set_affinity(const ThreadConfig& config) {
   if (error == 0) error = pthread_getaffinity_np(pthread_self(), sizeof granted, &granted);
   if (error == 0 && !CPU_EQUAL(&cpus, &granted)) error = EINVAL;
   if (error == 0) return {};
-  return unexpected{RealtimeError{"thread '" + config.name + "' can't be confined to CPU " + list +
-                                  " (" + std::strerror(error) +
-                                  "). Remedy: name CPUs that this machine has and the process may "
-                                  "use (see: nproc, taskset -p $$)."}};
+  return setup_error(subject_of(config) + " can't be confined to CPU " + list, system_error(error),
+                     "name CPUs that this machine has and the process may use (see: nproc, "
+                     "taskset -p $$)");
 }
 
 }  // namespace
@@ -146,7 +135,7 @@ std::string throttling_remedy() {
          "the CPU by itself.";
 }
 
-expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) {
+expected<void, SetupError> configure_this_thread(const ThreadConfig& config) {
   // The system takes at most 15 bytes; a longer name is cut rather than lost.
   pthread_setname_np(pthread_self(), config.name.substr(0, 15).c_str());
   if (auto confined = set_affinity(config); !confined) return confined;
@@ -166,16 +155,14 @@ expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config) 
     note_scheduling(config, Grant::kGranted, "SCHED_FIFO " + std::to_string(level), "");
     return {};
   }
-  const Refusal refusal = scheduling_refusal(config, level, error);
-  if (config.realtime == RealtimeMode::kRequire) {
-    return unexpected{RealtimeError{refusal.sentence()}};
-  }
-  note_scheduling(config, Grant::kRefused, "time-shared: " + refusal.text, refusal.remedy);
-  warn_once(refusal.sentence());
+  const SetupError refusal = scheduling_refusal(config, level, error);
+  if (config.realtime == RealtimeMode::kRequire) return unexpected{refusal};
+  note_scheduling(config, Grant::kRefused, "time-shared: " + refusal.reason(), refusal.remedy);
+  warn_once(refusal.text());
   return {};
 }
 
-expected<void, RealtimeError> check_spinning(const ThreadConfig& config) {
+expected<void, SetupError> check_spinning(const ThreadConfig& config) {
   const RealtimeLimit limit = realtime_limit();
   if (!limit.is_limited() || !config.priority || config.realtime == RealtimeMode::kOff ||
       config.schedule == Schedule::kTimeShared) {
@@ -185,8 +172,8 @@ expected<void, RealtimeError> check_spinning(const ThreadConfig& config) {
                              " Or let it wait 'adaptive' or 'periodic', or spin time-shared on a "
                              "CPU of its own.";
   if (config.realtime == RealtimeMode::kRequire) {
-    return unexpected{RealtimeError{subject_of(config) + " can't spin without end at SCHED_FIFO: " +
-                                    throttling_text(limit) + ". Remedy: " + remedy}};
+    return setup_error(subject_of(config) + " can't spin without end at SCHED_FIFO",
+                       throttling_text(limit), remedy);
   }
   const RealtimeBudget budget(limit, MonotonicTime{});
   const auto per_mille = static_cast<int>(1000 * budget.sleep_share());
@@ -205,7 +192,7 @@ namespace {
 struct Launch {
   ThreadConfig config;
   std::function<void()> body;
-  expected<void, RealtimeError> outcome{};
+  expected<void, SetupError> outcome{};
   std::binary_semaphore is_configured{0};
 };
 
@@ -225,8 +212,7 @@ void* run_thread(void* argument) {
 
 }  // namespace
 
-expected<Thread, RealtimeError> Thread::start(const ThreadConfig& config,
-                                              std::function<void()> body) {
+expected<Thread, SetupError> Thread::start(const ThreadConfig& config, std::function<void()> body) {
   Launch launch{config, std::move(body)};
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
@@ -241,10 +227,9 @@ expected<Thread, RealtimeError> Thread::start(const ThreadConfig& config,
   const int error = pthread_create(&handle, &attributes, run_thread, &launch);
   pthread_attr_destroy(&attributes);
   if (error != 0) {
-    return unexpected{RealtimeError{
-        "thread '" + config.name + "' can't be started (" + std::strerror(error) +
-        "). Remedy: raise the limit of processes (ulimit -u), of memory (ulimit -v) or of "
-        "locked memory (ulimit -l)."}};
+    return setup_error(subject_of(config) + " can't be started", system_error(error),
+                       "raise the limit of processes (ulimit -u), of memory (ulimit -v) or of "
+                       "locked memory (ulimit -l)");
   }
   launch.is_configured.acquire();
   Thread thread;

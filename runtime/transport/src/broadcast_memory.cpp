@@ -34,15 +34,14 @@ namespace {
 constexpr std::byte kHere{0x42};
 constexpr off_t kBellSize = 4096;
 
-TransportError not_made(const std::string& cause) {
-  return {"memory to broadcast in can't be made (" + cause +
-          "). Remedy: raise the limits of memory and open files (ulimit -v, ulimit -n), or do "
-          "without."};
+SetupError not_made(const std::string& cause) {
+  return {"memory to broadcast in can't be made", cause,
+          "raise the limits of memory and open files (ulimit -v, ulimit -n), or do without"};
 }
 
-TransportError not_got(const std::string& cause) {
-  return {"the memory to read from is not given (" + cause +
-          "). Remedy: see that the program that writes it runs, as the same user."};
+SetupError not_got(const std::string& cause) {
+  return {"the memory to read from is not given", cause,
+          "see that the program that writes it runs, as the same user"};
 }
 
 // "\0rtpm-broadcast/0123456789abcdef".
@@ -57,7 +56,7 @@ socklen_t to_native(std::uint64_t id, sockaddr_un& native) noexcept {
 
 }  // namespace
 
-expected<BroadcastMemory, TransportError> BroadcastMemory::make(std::size_t size) {
+expected<BroadcastMemory, SetupError> BroadcastMemory::make(std::size_t size) {
   auto bell = BroadcastBell::make();
   if (!bell) return unexpected{not_made(std::strerror(errno))};
   const Descriptor writable(memfd_create("rtpm-broadcast", MFD_CLOEXEC | MFD_ALLOW_SEALING));
@@ -89,7 +88,7 @@ BroadcastMemory::~BroadcastMemory() {
   if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
 }
 
-expected<BroadcastDoor, TransportError> BroadcastDoor::open(std::uint64_t id) {
+expected<BroadcastDoor, SetupError> BroadcastDoor::open(std::uint64_t id) {
   sockaddr_un native{};
   const socklen_t size = to_native(id, native);
   Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -115,8 +114,7 @@ void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
   }
 }
 
-expected<BroadcastView, TransportError> BroadcastView::open(std::uint64_t id,
-                                                            MonotonicTime deadline) {
+expected<BroadcastView, SetupError> BroadcastView::open(std::uint64_t id, MonotonicTime deadline) {
   sockaddr_un native{};
   const socklen_t size = to_native(id, native);
   const Descriptor socket(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));

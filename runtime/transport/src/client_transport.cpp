@@ -22,21 +22,21 @@ namespace {
 // How long a caller waits for a stream's buffer to take a frame before it gives the peer up.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
-TransportError no_socket(const std::string& host, std::uint16_t port, int error) {
+SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
   return no_descriptor("a socket to reach " + host + ":" + std::to_string(port), error);
 }
 
 // Of UDP, which asks nobody: there is no way to the host.
-TransportError not_reached(const std::string& host, std::uint16_t port, int error) {
+SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
-  return {host + ":" + std::to_string(port) + " can't be reached over UDP (" +
-          std::strerror(error) + "). Remedy: check the host, and this host's routes (ip route)."};
+  return {host + ":" + std::to_string(port) + " can't be reached over UDP", std::strerror(error),
+          "check the host, and this host's routes (ip route)", system_error(error)};
 }
 
-TransportError nobody(std::string_view protocol, const std::string& host, std::uint16_t port,
-                      int error) {
-  return {"nobody answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port) +
-          " (" + std::strerror(error) + "). Remedy: start the server, or check host and port."};
+SetupError nobody(std::string_view protocol, const std::string& host, std::uint16_t port,
+                  int error) {
+  return {"nobody answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port),
+          std::strerror(error), "start the server, or check host and port", system_error(error)};
 }
 
 // Whether a socket was given the very port that it connects to, as may happen where nobody serves a
@@ -190,8 +190,9 @@ expected<ConstBytes, IoError> ClientTransport::await(MonotonicTime until) noexce
   return receive();
 }
 
-expected<std::unique_ptr<ClientTransport>, TransportError> open_udp_transport(
-    const std::string& host, std::uint16_t port, Priority priority) {
+expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const std::string& host,
+                                                                          std::uint16_t port,
+                                                                          Priority priority) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -212,7 +213,7 @@ expected<std::unique_ptr<ClientTransport>, TransportError> open_udp_transport(
       std::make_unique<UdpTransport>(std::move(socket), stays_here));
 }
 
-expected<std::unique_ptr<ClientTransport>, TransportError> open_tcp_transport(
+expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
     const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
     MonotonicTime deadline) {
   const auto address = address_of(host, port);

@@ -17,8 +17,9 @@ std::string name_of(const MulticastGroup& group) {
   return "multicast group " + group.group + ":" + std::to_string(group.port);
 }
 
-unexpected<TransportError> failed(const MulticastGroup& group, const std::string& what) {
-  return unexpected{TransportError{name_of(group) + " can't be used: " + what + "."}};
+unexpected<SetupError> failed(const MulticastGroup& group, const std::string& why,
+                              const std::string& remedy = {}) {
+  return setup_error(name_of(group) + " can't be used", why, remedy);
 }
 
 /// A group's addresses as the system takes them.
@@ -27,22 +28,21 @@ struct Addresses {
   in_addr interface {};
 };
 
-expected<Addresses, TransportError> addresses_of(const MulticastGroup& group) {
+expected<Addresses, SetupError> addresses_of(const MulticastGroup& group) {
   Addresses addresses;
   addresses.group.sin_family = AF_INET;
   addresses.group.sin_port = htons(group.port);
   if (inet_pton(AF_INET, group.group.c_str(), &addresses.group.sin_addr) != 1 ||
       !IN_MULTICAST(ntohl(addresses.group.sin_addr.s_addr)) || group.port == 0) {
-    return failed(group,
-                  "it is none. Remedy: give an address from 224.0.0.0 to 239.255.255.255, "
-                  "best one that begins with 239, and a port");
+    return failed(group, "it is none",
+                  "give an address from 224.0.0.0 to 239.255.255.255, best one that begins with "
+                  "239, and a port");
   }
   addresses.interface.s_addr = htonl(INADDR_ANY);
   if (!group.interface.empty() &&
       inet_pton(AF_INET, group.interface.c_str(), &addresses.interface) != 1) {
-    return failed(group, "'" + group.interface +
-                             "' is no address of an interface. Remedy: give one "
-                             "that `ip -4 address` shows");
+    return failed(group, "'" + group.interface + "' is no address of an interface",
+                  "give one that `ip -4 address` shows");
   }
   return addresses;
 }
@@ -58,7 +58,7 @@ bool set(const Descriptor& socket, int level, int option, const T& value) noexce
 
 }  // namespace
 
-expected<MulticastSender, TransportError> MulticastSender::open(const MulticastGroup& group) {
+expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
   Descriptor socket = make_socket();
@@ -78,7 +78,7 @@ bool MulticastSender::send(ConstBytes datagram) noexcept {
                 sizeof to_) == static_cast<ssize_t>(datagram.size());
 }
 
-expected<MulticastReceiver, TransportError> MulticastReceiver::open(const MulticastGroup& group) {
+expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
   Descriptor socket = make_socket();

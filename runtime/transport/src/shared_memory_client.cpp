@@ -87,20 +87,18 @@ int connect_by(int socket, const sockaddr_un& native, unsigned size,
   return connect(socket, reinterpret_cast<const sockaddr*>(&native), size) == 0 ? 0 : errno;
 }
 
-TransportError not_reached(const SharedMemoryAddress& address, const std::string& cause,
-                           const std::string& remedy) {
-  return {in_words(address) + " gives no shared memory (" + cause + "). Remedy: " + remedy};
+SetupError not_reached(const SharedMemoryAddress& address, const std::string& why,
+                       const std::string& remedy, std::error_code cause = {}) {
+  return {in_words(address) + " gives no shared memory", why, remedy, cause};
 }
 
-TransportError exhausted(const SharedMemoryAddress& address, int error) {
-  TransportError text = not_reached(address, std::strerror(error), remedy_for_shortage(error));
-  text.is_exhausted = true;
-  return text;
+SetupError exhausted(const SharedMemoryAddress& address, int error) {
+  return not_reached(address, std::strerror(error), remedy_for_shortage(error),
+                     system_error(error));
 }
 
 // Why the server did not grant what was asked for.
-TransportError refused(const SharedMemoryAddress& address,
-                       const std::optional<SetupAnswer>& answer) {
+SetupError refused(const SharedMemoryAddress& address, const std::optional<SetupAnswer>& answer) {
   const SetupStatus status = answer ? answer->status : SetupStatus::kNotAllowed;
   if (status == SetupStatus::kNoMemory) {
     return not_reached(address, "the server has no memory or no descriptor left",
@@ -121,8 +119,8 @@ struct Grant {
 };
 
 // Connects, sends the request, and takes the answer.
-expected<Grant, TransportError> ask(const SharedMemoryAddress& address, const SetupRequest& request,
-                                    MonotonicTime deadline) {
+expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupRequest& request,
+                                MonotonicTime deadline) {
   sockaddr_un native{};
   const unsigned size = to_native(address, native);
   Grant grant;
@@ -180,7 +178,7 @@ bool is_shared_memory_served(const SharedMemoryAddress& address, MonotonicTime d
   return ask(address, {.priority = {}, .only_asks = true}, deadline).has_value();
 }
 
-expected<std::unique_ptr<ClientTransport>, TransportError> open_shared_memory_transport(
+expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transport(
     const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline) {
   auto grant = ask(address, {.priority = priority, .only_asks = false}, deadline);
   if (!grant) return unexpected{grant.error()};

@@ -26,9 +26,9 @@ void remove_if_dead(const std::string& file, const sockaddr_un& native, unsigned
   }
 }
 
-TransportError not_served(const SharedMemoryAddress& address, const std::string& cause,
-                          const std::string& remedy) {
-  return {in_words(address) + " can't be served (" + cause + "). Remedy: " + remedy};
+SetupError not_served(const SharedMemoryAddress& address, const std::string& cause,
+                      const std::string& remedy) {
+  return {in_words(address) + " can't be served", cause, remedy};
 }
 
 // A file of zeros in memory, without a name, whose size nobody can change: so no access to its
@@ -49,7 +49,7 @@ void refuse(int socket, SetupStatus status) {
 
 }  // namespace
 
-expected<SharedMemoryListener, TransportError> SharedMemoryListener::open(
+expected<SharedMemoryListener, SetupError> SharedMemoryListener::open(
     const SharedMemoryAddress& address) {
   sockaddr_un native{};
   const unsigned size = to_native(address, native);

@@ -74,42 +74,40 @@ std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
   return lookup;
 }
 
-constexpr const char* kResolveRemedy = "Remedy: check the name, or give a numeric address.";
+constexpr const char* kResolveRemedy = "check the name, or give a numeric address";
 
 }  // namespace
 
-expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port,
-                                                 MonotonicTime deadline) {
+expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint16_t port,
+                                             MonotonicTime deadline) {
   sockaddr_in address{};
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) == 1) return address;
   const auto lookup = begin_lookup(host);
   if (!lookup) {
-    return unexpected{TransportError{"host '" + host +
-                                     "' can't be looked up now: there is no thread for it, or too "
-                                     "many names wait for an answer. " +
-                                     kResolveRemedy}};
+    return setup_error("host '" + host + "' can't be looked up now",
+                       "there is no thread for it, or too many names wait for an answer",
+                       kResolveRemedy);
   }
   if (!lookup->done.wait_until(deadline)) {
-    return unexpected{TransportError{"host '" + host +
-                                     "' can't be looked up: no name server answered in time. " +
-                                     kResolveRemedy}};
+    return setup_error("host '" + host + "' can't be looked up", "no name server answered in time",
+                       kResolveRemedy);
   }
   if (lookup->error != 0) {
-    return unexpected{TransportError{"host '" + host + "' has no IPv4 address (" +
-                                     gai_strerror(lookup->error) + "). " + kResolveRemedy}};
+    return setup_error("host '" + host + "' has no IPv4 address", gai_strerror(lookup->error),
+                       kResolveRemedy);
   }
   address.sin_addr = lookup->address;
   return address;
 }
 
-expected<sockaddr_in, TransportError> address_of(const std::string& host, std::uint16_t port) {
+expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint16_t port) {
   return address_of(host, port, rt::now() + kResolvePatience);
 }
 
-expected<std::string, TransportError> numeric_address_of(const std::string& host,
-                                                         MonotonicTime deadline) {
+expected<std::string, SetupError> numeric_address_of(const std::string& host,
+                                                     MonotonicTime deadline) {
   const auto address = address_of(host, 0, deadline);
   if (!address) return unexpected{address.error()};
   std::array<char, INET_ADDRSTRLEN> text{};
@@ -133,11 +131,10 @@ const char* remedy_for_shortage(int error) noexcept {
   }
 }
 
-TransportError no_descriptor(const std::string& what, int error) {
+SetupError no_descriptor(const std::string& what, int error) {
   const char* const remedy =
       is_shortage(error) ? remedy_for_shortage(error) : "see which system calls are allowed here.";
-  return {what + " can't be had (" + std::strerror(error) + "). Remedy: " + remedy,
-          is_shortage(error)};
+  return {what + " can't be had", std::strerror(error), remedy, system_error(error)};
 }
 
 wire::PeerAddress host_of(int socket) noexcept {
@@ -156,13 +153,13 @@ wire::PeerAddress host_of(int socket) noexcept {
 std::string remedy_for_bind(int error) {
   switch (error) {
     case EADDRINUSE:
-      return "Remedy: end the program that has it (ss -lptun), or choose another port; 0 lets the "
+      return "end the program that has it (ss -lptun), or choose another port; 0 lets the "
              "system choose.";
     case EACCES:
-      return "Remedy: choose a port from 1024 on, or 0, which lets the system choose; lower ones "
+      return "choose a port from 1024 on, or 0, which lets the system choose; lower ones "
              "need root, or CAP_NET_BIND_SERVICE.";
     default:
-      return "Remedy: give an address of this host, such as 127.0.0.1.";
+      return "give an address of this host, such as 127.0.0.1.";
   }
 }
 

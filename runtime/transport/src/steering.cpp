@@ -23,7 +23,7 @@ sock_filter statement(int code, std::uint32_t k) noexcept {
 
 }  // namespace
 
-expected<void, TransportError> steer(const UdpPort& any_lane, std::span<const Priority> lane_lows) {
+expected<void, SetupError> steer(const UdpPort& any_lane, std::span<const Priority> lane_lows) {
   RTPM_ASSERT(!lane_lows.empty() && lane_lows.size() <= 64 && lane_lows.front() == Priority{0} &&
                   std::ranges::is_sorted(lane_lows),
               "1 to 64 lanes ascend from priority 0");
@@ -49,10 +49,9 @@ expected<void, TransportError> steer(const UdpPort& any_lane, std::span<const Pr
                  sizeof filter) == 0) {
     return {};
   }
-  return unexpected{
-      TransportError{"datagrams can't be steered to lanes by priority (SO_ATTACH_REUSEPORT_CBPF: " +
-                     std::string(std::strerror(errno)) +
-                     "). Remedy: Linux 4.5 or later is needed; serve one lane, or TCP alone."}};
+  return setup_error("datagrams can't be steered to lanes by priority (SO_ATTACH_REUSEPORT_CBPF)",
+                     system_error(errno),
+                     "Linux 4.5 or later is needed; serve one lane, or TCP alone");
 }
 
 }  // namespace rtpm::transport

@@ -34,8 +34,7 @@ std::size_t peek(int socket, MutableBytes to) noexcept {
   return size > 0 ? static_cast<std::size_t>(size) : 0;
 }
 
-expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
-                                                        std::uint16_t port) {
+expected<TcpListener, SetupError> TcpListener::open(const std::string& host, std::uint16_t port) {
   const auto address = address_of(host, port);
   if (!address) return unexpected{address.error()};
   const std::string name = host + ":" + std::to_string(port);
@@ -47,9 +46,8 @@ expected<TcpListener, TransportError> TcpListener::open(const std::string& host,
   const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
   if (bind(socket.number(), raw, sizeof *address) != 0 || listen(socket.number(), kBacklog) != 0) {
     const int error = errno;
-    const std::string remedy = remedy_for_bind(error);
-    return unexpected{TransportError{"TCP " + name + " can't be served (" + std::strerror(error) +
-                                     "). " + remedy}};
+    return setup_error("TCP " + name + " can't be served", system_error(error),
+                       remedy_for_bind(error));
   }
   sockaddr_in bound{};
   socklen_t size = sizeof bound;

@@ -65,7 +65,7 @@ IoError error_of_send(int error) noexcept {
   return is_full ? IoError::kFull : IoError::kFailed;
 }
 
-TransportError no_socket(const std::string& name) {
+SetupError no_socket(const std::string& name) {
   return no_descriptor("a UDP socket for " + name, errno);
 }
 
@@ -75,7 +75,7 @@ std::uint32_t ipv4_of(const wire::PeerAddress& peer) noexcept {
   return ntohl(static_cast<std::uint32_t>(peer.low));
 }
 
-expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
+expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
   const auto address = address_of(config.host, config.port);
   if (!address) return unexpected{address.error()};
   const std::string name = config.host + ":" + std::to_string(config.port);
@@ -96,9 +96,8 @@ expected<UdpPort, TransportError> UdpPort::open(const UdpPortConfig& config) {
   if (error == 0 && bind(socket.number(), raw, sizeof *address) != 0) error = errno;
   if (is_shortage(error)) return unexpected{no_descriptor("a UDP socket for " + name, error)};
   if (error != 0) {
-    const std::string remedy = remedy_for_bind(error);
-    return unexpected{TransportError{"UDP " + name + " can't be served (" + std::strerror(error) +
-                                     "). " + remedy}};
+    return setup_error("UDP " + name + " can't be served", system_error(error),
+                       remedy_for_bind(error));
   }
   UdpPort opened(std::move(socket), config.low);
   if (!opened.open_waker()) return unexpected{no_socket(name)};

@@ -39,9 +39,9 @@ class DriverConformance : public ::testing::TestWithParam<DriverUnderTest> {
 
   void start() {
     const auto configured = driver_->configure({.period = kPeriod});
-    ASSERT_TRUE(configured) << configured.error().text;
+    ASSERT_TRUE(configured) << configured.error().text();
     const auto activated = driver_->activate();
-    ASSERT_TRUE(activated) << activated.error().text;
+    ASSERT_TRUE(activated) << activated.error().text();
   }
   ExchangeStatus exchange(CommandMode mode, const driver::Wrench& wrench) {
     now_ += kPeriod;
@@ -102,7 +102,7 @@ TEST_P(DriverConformance, DescribesItselfTheSameInEveryState) {
 TEST_P(DriverConformance, RefusesAPeriodOfNothingInWords) {
   const auto configured = driver_->configure({.period = Duration{0}});
   ASSERT_FALSE(configured);
-  EXPECT_GT(configured.error().text.size(), 20u);
+  EXPECT_GT(configured.error().text().size(), 20u);
 }
 
 TEST_P(DriverConformance, GivesFiniteSamplesWithTimesThatGrow) {

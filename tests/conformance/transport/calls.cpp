@@ -400,7 +400,7 @@ TEST_P(TransportSuite, TellsAServantWhichHostCalls) {
   ASSERT_TRUE(server->start());
   Node node(node_config());
   auto binding = Binding::bind(node, server->url("noting"), echo::kInterface);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   const Bytes large(100'000);
   for (const ConstBytes request : {ConstBytes{}, ConstBytes(large)}) {
     servant.caller = {};

@@ -128,7 +128,7 @@ TEST_P(DeferredReplies, RunAtThePriorityOfTheirInterface) {
   ASSERT_TRUE(server->start());
   auto binding = Binding::bind(node_, server->url("declared"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   EXPECT_TRUE(binding->call(kNote, {}, {.priority = 5}));
   EXPECT_EQ(servant.seen, 777);
 }

@@ -85,13 +85,13 @@ class DeferredReplies : public TransportSuite {
  protected:
   explicit DeferredReplies(ServerConfig config = quiet_config()) {
     auto created = Server::create(std::move(config));
-    EXPECT_TRUE(created) << created.error().text;
+    EXPECT_TRUE(created) << created.error().text();
     server_ = std::move(*created);
     EXPECT_TRUE(server_->add("late", servant_));
     EXPECT_TRUE(server_->start());
     auto bound = Binding::bind(node_, server_->url("late"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
-    EXPECT_TRUE(bound) << bound.error().text;
+    EXPECT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
   }
 

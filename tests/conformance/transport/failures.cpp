@@ -130,7 +130,7 @@ TEST_P(LosslessSuite, EndsTheCallInFlightWhenTheServerIsKilled) {
   const std::string url = "rtpm://127.0.0.1:" + std::to_string(server.await_number()) + "/echo";
   Node node(node_config());
   auto binding = Binding::bind(node, url, echo::kInterface);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   ASSERT_TRUE(binding->call(echo::kEcho, {}));
   std::thread killer([&] {
     server.await_number();
@@ -147,7 +147,7 @@ TEST_P(LosslessSuite, TellsThatACallInFlightMayHaveRunWhenTheServerRestarts) {
   Node node(node_config());
   auto binding =
       Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo", echo::kInterface);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   std::optional<EchoServer> server;
   std::thread restarter([&] {
     former.await_number();
@@ -171,7 +171,7 @@ TEST_P(TransportSuite, RunsAnIdempotentCallInFlightAgainWhenTheServerRestarts) {
   Node node(node_config());
   auto binding =
       Binding::bind(node, "rtpm://127.0.0.1:" + std::to_string(port) + "/echo", echo::kInterface);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   std::optional<EchoServer> server;
   std::thread restarter([&] {
     former.await_number();
@@ -312,9 +312,8 @@ TEST_P(WireSuite, CountsGarbageByItsReasonAndGoesOn) {
   for (const std::uint64_t one : server.server->counters().frames.dropped)
     dropped_count += one;
   EXPECT_EQ(dropped_count, count) << "each under one reason";
-  EXPECT_TRUE(await([&] {
-    return server.server->counters().connection_lost_count == (is_udp() ? 0 : count);
-  }));
+  EXPECT_TRUE(await(
+      [&] { return server.server->counters().connection_lost_count == (is_udp() ? 0 : count); }));
 }
 
 TEST_P(WireSuite, RefusesCallsWithoutASession) {

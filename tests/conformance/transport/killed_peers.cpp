@@ -94,7 +94,7 @@ class KilledPeers : public TransportSuite {
     auto bound =
         Binding::bind(node_, "rtpm://127.0.0.1:" + std::to_string(port_) + "/notes", kInterface,
                       {.deadline = rtpm::test::kPatience, .warm_up = {Priority{0}}});
-    EXPECT_TRUE(bound) << bound.error().text;
+    EXPECT_TRUE(bound) << bound.error().text();
     return std::move(*bound);
   }
   static expected<void, CallError> note(Binding& binding, std::size_t size = 8) {

@@ -83,7 +83,7 @@ class NameSuite : public LosslessSuite {
   [[nodiscard]] Binding bind(BindOptions options = {}) {
     options.deadline = rtpm::test::kPatience;
     auto bound = Binding::bind(*node_, kName, echo::kInterface, options);
-    EXPECT_TRUE(bound) << bound.error().text;
+    EXPECT_TRUE(bound) << bound.error().text();
     return std::move(*bound);
   }
   /// Ends the first server; the name leads to `url` from now on.

@@ -80,14 +80,14 @@ class Oneways : public TransportSuite {
   }
   void start(ServerConfig config = quiet_config({roomy_lane()}), NodeConfig node = node_config()) {
     auto created = Server::create(std::move(config));
-    ASSERT_TRUE(created) << created.error().text;
+    ASSERT_TRUE(created) << created.error().text();
     server_ = std::move(*created);
     ASSERT_TRUE(server_->add("notes", servant_));
     ASSERT_TRUE(server_->start());
     node_.emplace(std::move(node));
     auto bound = Binding::bind(*node_, server_->url("notes"), kInterface,
                                {.deadline = rtpm::test::kPatience});
-    ASSERT_TRUE(bound) << bound.error().text;
+    ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
     // Two channels, as none could be opened while the lane is busy.
     const auto first = binding_->call(kNote, {});

@@ -132,7 +132,7 @@ TEST_P(Streams, TakeItemsAsLargeAsTheirReadersLimit) {
   Node node(config);
   auto binding = Binding::bind(node, server_->url("late"), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   auto reader = binding->open_stream(kCount, {});
   ASSERT_TRUE(reader);
   ItemWriter writer = servant_.writer();
@@ -257,7 +257,7 @@ class StreamsOfOneConnection : public DeferredReplies {
                       ? transport::open_tcp_transport("127.0.0.1", port, 0,
                                                       wire::kStreamPayloadSizeMax, soon())
                       : transport::open_shared_memory_transport({"127.0.0.1", port}, 0, soon());
-    ASSERT_TRUE(opened) << opened.error().text;
+    ASSERT_TRUE(opened) << opened.error().text();
     client_ = std::move(*opened);
     send(channel_.open(0, soon(), rt::now()));
     ASSERT_EQ(next_event().kind, Kind::kReady);
@@ -413,7 +413,7 @@ class StreamsOfAnotherProcess : public TransportSuite {
   void open(const StreamingProcess& process, std::uint32_t miss_count_max = kMissCountMin) {
     auto bound = Binding::bind(node_, process.url(), kDeferredInterface,
                                {.deadline = rtpm::test::kPatience});
-    ASSERT_TRUE(bound) << bound.error().text;
+    ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
     auto reader = binding_->open_stream(kCount, {}, {.miss_count_max = miss_count_max});
     ASSERT_TRUE(reader);

@@ -37,14 +37,14 @@ int fail(const std::string& text) {
 int main() {
   auto server = rtpm::rpc::Server::create(
       {.lanes = {{.low = 0}, {.low = 16000}}, .realtime = rtpm::rt::RealtimeMode::kOff});
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   MyArm my_arm;
-  if (auto added = (*server)->add("lab/arm0", my_arm); !added) return fail(added.error().text);
-  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (auto added = (*server)->add("lab/arm0", my_arm); !added) return fail(added.error().text());
+  if (auto started = (*server)->start(); !started) return fail(started.error().text());
 
   rtpm::rpc::Node node;
   auto arm = lab::ArmClient::bind(node, (*server)->url("lab/arm0"));
-  if (!arm) return fail(arm.error().text);
+  if (!arm) return fail(arm.error().text());
   const auto set = arm->set_force({1, 2, 3});
   if (!set) return fail(std::string(to_string(set.error())));
   const auto position = arm->get_position({}, {.priority = 24000, .deadline = 800ms});

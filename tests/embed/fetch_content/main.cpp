@@ -30,14 +30,14 @@ int fail(const std::string& text) {
 
 int main() {
   auto server = rtpm::rpc::Server::create({.realtime = rtpm::rt::RealtimeMode::kOff});
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   Valve valve;
-  if (auto added = (*server)->add("plant/valve", valve); !added) return fail(added.error().text);
-  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (auto added = (*server)->add("plant/valve", valve); !added) return fail(added.error().text());
+  if (auto started = (*server)->start(); !started) return fail(started.error().text());
 
   rtpm::rpc::Node node;
   auto remote = plant::ValveClient::bind(node, (*server)->url("plant/valve"));
-  if (!remote) return fail(remote.error().text);
+  if (!remote) return fail(remote.error().text());
   if (auto set = remote->set(plant::Opening(0.25)); !set) {
     return fail(std::string(to_string(set.error())));
   }

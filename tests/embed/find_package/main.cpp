@@ -30,14 +30,14 @@ int fail(const std::string& text) {
 
 int main() {
   auto server = rtpm::rpc::Server::create({.realtime = rtpm::rt::RealtimeMode::kOff});
-  if (!server) return fail(server.error().text);
+  if (!server) return fail(server.error().text());
   Gauge gauge;
-  if (auto added = (*server)->add("plant/gauge", gauge); !added) return fail(added.error().text);
-  if (auto started = (*server)->start(); !started) return fail(started.error().text);
+  if (auto added = (*server)->add("plant/gauge", gauge); !added) return fail(added.error().text());
+  if (auto started = (*server)->start(); !started) return fail(started.error().text());
 
   rtpm::rpc::Node node;
   auto remote = plant::GaugeClient::bind(node, (*server)->url("plant/gauge"));
-  if (!remote) return fail(remote.error().text);
+  if (!remote) return fail(remote.error().text());
   const auto reading = remote->read();
   if (!reading) return fail(std::string(to_string(reading.error())));
   std::printf("the gauge shows %.1f degree, of %u gauges\n", (*reading)->temperature()->degree(),

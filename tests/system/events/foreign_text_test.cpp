@@ -49,7 +49,7 @@ class ForeignNames : public testing::Test {
     hub_ = start_daemon("rtpm-eventd", {"--port", "0", "--name", "", "--realtime", "off"});
     ASSERT_TRUE(hub_);
     auto client = events::HubClient::bind(node_, hub_->url, {.deadline = kPatience});
-    ASSERT_TRUE(client) << client.error().text;
+    ASSERT_TRUE(client) << client.error().text();
     client_ = std::make_unique<events::HubClient>(std::move(*client));
   }
   /// Subscribes by that name, and is gone.
@@ -127,7 +127,7 @@ class ForeignObjects : public testing::Test {
     rpc::ServerConfig config;
     config.realtime = rt::RealtimeMode::kOff;
     auto server = rpc::Server::create(config);
-    ASSERT_TRUE(server) << server.error().text;
+    ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     catalog_.add(kHostile, servant_);
     catalog_.add("object", servant_);
@@ -165,8 +165,8 @@ TEST_F(ForeignObjects, AreNamedHarmlesslyInErrorsOfTheLibrary) {
   rpc::Node node;
   const auto bound = events::HubClient::bind(node, server_->url("object"));
   ASSERT_FALSE(bound);
-  expect_harmless(bound.error().text);
-  EXPECT_NE(bound.error().text.find("\\x1b[2J"), std::string::npos) << bound.error().text;
+  expect_harmless(bound.error().text());
+  EXPECT_NE(bound.error().text().find("\\x1b[2J"), std::string::npos) << bound.error().text();
 }
 
 }  // namespace

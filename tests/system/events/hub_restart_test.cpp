@@ -70,7 +70,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
     ASSERT_TRUE(hub_);
     auto supplier = events::Supplier::create(
         node_, hub_->url, {.attend_interval = 20ms, .transport = GetParam(), .deadline = 10s});
-    ASSERT_TRUE(supplier) << supplier.error().text;
+    ASSERT_TRUE(supplier) << supplier.error().text();
     supplier_ = std::move(*supplier);
     auto consumer =
         events::Consumer::create(node_, hub_->url,
@@ -80,7 +80,7 @@ class HubRestart : public testing::TestWithParam<rpc::Transport> {
                                   .shared_ring = false,
                                   .deadline = 10s},
                                  numbers_);
-    ASSERT_TRUE(consumer) << consumer.error().text;
+    ASSERT_TRUE(consumer) << consumer.error().text();
     consumer_ = std::move(*consumer);
   }
   void start_hub(std::uint16_t port) {

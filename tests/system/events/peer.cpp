@@ -55,7 +55,7 @@ int fail(const std::string& text) {
 int supply(rtpm::rpc::Node& node, const std::string& hub) {
   const rtpm::options::StopSignal stop;
   auto supplier = Supplier::create(node, hub, {.deadline = 10s});
-  if (!supplier) return fail(supplier.error().text);
+  if (!supplier) return fail(supplier.error().text());
   std::printf("supplying\n");
   std::fflush(stdout);
   std::uint64_t pushed = 0;
@@ -83,7 +83,7 @@ int consume(rtpm::rpc::Node& node, const std::string& hub, bool shared_ring) {
        .shared_ring = shared_ring,
        .deadline = 10s},
       printer);
-  if (!consumer) return fail(consumer.error().text);
+  if (!consumer) return fail(consumer.error().text());
   if ((*consumer)->reads_ring() != shared_ring) return fail("it does not read what it shall");
   stop.wait();
   return 0;

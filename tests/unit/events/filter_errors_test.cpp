@@ -12,7 +12,7 @@ std::string refusal_of(const Filter& filter) {
   const TypeCatalog catalog = pose_catalog();
   const auto program = CompiledFilter::compile(filter, catalog);
   EXPECT_FALSE(program);
-  return program ? "" : program.error().text;
+  return program ? "" : program.error().text();
 }
 
 void expect_words(const std::string& text, const std::vector<std::string>& words) {
@@ -105,7 +105,7 @@ TEST(FilterErrors, PolicyOutOfBoundsIsRefused) {
   const auto text = [&](const DeliveryPolicy& policy) {
     const auto gate = Gate::make(policy, catalog);
     EXPECT_FALSE(gate);
-    return gate ? "" : gate.error().text;
+    return gate ? "" : gate.error().text();
   };
   expect_words(text({.every_nth = 0}), {"every_nth"});
   expect_words(text({.interval = -1ms}), {"interval"});
@@ -121,7 +121,7 @@ TEST(FilterErrors, CatalogTakesOneSchemaOfAType) {
   EXPECT_TRUE(catalog.add({kPose, "lab.Pose", kPoseSchema, kPoseFields}));
   const auto other = catalog.add({kPose, "lab.Position", 0x2222, {}});
   ASSERT_FALSE(other);
-  expect_words(other.error(), {"event type 5 (lab.Position)", "lab.Pose", "schema"});
+  expect_words(other.error().text(), {"event type 5 (lab.Position)", "lab.Pose", "schema"});
   EXPECT_FALSE(catalog.add({0, "none", 1, {}}));
 }
 

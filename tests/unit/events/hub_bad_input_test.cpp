@@ -20,7 +20,7 @@ class HubBadInput : public testing::Test {
         node_, hub_.url(),
         {.filter = filter, .realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
     ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().text.find(word), std::string::npos) << refused.error().text;
+    EXPECT_NE(refused.error().text().find(word), std::string::npos) << refused.error().text();
     EXPECT_EQ(hub_.hub().subscription_count(), 0U);
   }
   ServedHub hub_{};

@@ -57,7 +57,7 @@ class HubCommonReader : public testing::TestWithParam<Way> {
                                       .multicast_interface = kLoopback,
                                       .deadline = kPatience},
                                      handler);
-    EXPECT_TRUE(consumer) << consumer.error().text;
+    EXPECT_TRUE(consumer) << consumer.error().text();
     if (!consumer) return nullptr;
     EXPECT_EQ((*consumer)->reads_ring(), GetParam() == Way::kRing);
     EXPECT_EQ((*consumer)->receives_multicast(), GetParam() != Way::kRing);

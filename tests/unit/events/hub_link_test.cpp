@@ -21,7 +21,7 @@ class HubLinks : public testing::Test {
                                         .shared_ring = shared_ring,
                                         .deadline = kPatience,
                                         .attend_interval = 20ms});
-    ASSERT_TRUE(linked) << linked.error().text;
+    ASSERT_TRUE(linked) << linked.error().text();
   }
   /// Waits until the link asks for so many types and sources.
   static void await_interest(ServedHub& hub, std::size_t count, std::size_t number = 0) {
@@ -36,7 +36,7 @@ class HubLinks : public testing::Test {
                                       .hops = hops,
                                       .transport = rpc::Transport::kSharedMemory,
                                       .deadline = kPatience});
-    EXPECT_TRUE(supplier) << supplier.error().text;
+    EXPECT_TRUE(supplier) << supplier.error().text();
     return std::move(*supplier);
   }
 
@@ -341,7 +341,7 @@ TEST_F(HubLinks, AreLimitedPerHub) {
     ASSERT_TRUE(hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {.deadline = 10ms}));
   const auto refused = hub.hub().link(node_, "rtpm://127.0.0.1:1/rtpm/events", {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text.find("16 links"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text().find("16 links"), std::string::npos) << refused.error().text();
 }
 
 // ev-5.4-2: each link has a quota, like a supplier.

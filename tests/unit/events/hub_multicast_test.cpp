@@ -38,7 +38,7 @@ class HubMulticast : public testing::TestWithParam<std::uint32_t> {
                                       .multicast_interface = kLoopback,
                                       .deadline = kPatience},
                                      handler);
-    EXPECT_TRUE(consumer) << consumer.error().text;
+    EXPECT_TRUE(consumer) << consumer.error().text();
     if (!consumer) return nullptr;
     EXPECT_TRUE((*consumer)->receives_multicast());
     return std::move(*consumer);
@@ -200,8 +200,8 @@ TEST(HubMulticastSetUp, ReportsAnInvalidGroup) {
     config.multicast = {group};
     const auto hub = Hub::create(config);
     ASSERT_FALSE(hub);
-    EXPECT_NE(hub.error().text.find("multicast group"), std::string::npos) << hub.error().text;
-    EXPECT_NE(hub.error().text.find("Remedy"), std::string::npos) << hub.error().text;
+    EXPECT_NE(hub.error().text().find("multicast group"), std::string::npos) << hub.error().text();
+    EXPECT_NE(hub.error().text().find("Remedy"), std::string::npos) << hub.error().text();
   }
 }
 
@@ -212,7 +212,7 @@ TEST(HubMulticastSetUp, ConsumersOfAHubWithoutOneGetAStream) {
   const auto consumer = Consumer::create(
       node, hub.url(),
       {.realtime = rt::RealtimeMode::kOff, .shared_ring = false, .multicast = true}, recorder);
-  ASSERT_TRUE(consumer) << consumer.error().text;
+  ASSERT_TRUE(consumer) << consumer.error().text();
   EXPECT_FALSE((*consumer)->receives_multicast());
 }
 

@@ -214,7 +214,7 @@ TEST(HubRingEnd, EndOfAKilledHubIsNoticedAtOnce) {
                                           .has_own_thread = has_own_thread,
                                           .deadline = kPatience},
                                          each);
-        ASSERT_TRUE(consumer) << consumer.error().text;
+        ASSERT_TRUE(consumer) << consumer.error().text();
         EXPECT_TRUE((*consumer)->reads_ring());
         consumers.push_back(std::move(*consumer));
       }
@@ -244,7 +244,7 @@ TEST(HubRingLimits, HubWithoutARingServesStreams) {
 TEST(HubRingLimits, RingOfAnImpossibleSizeIsRefused) {
   const auto hub = Hub::create({.realtime = rt::RealtimeMode::kOff, .ring_size = 100'000});
   ASSERT_FALSE(hub);
-  EXPECT_NE(hub.error().text.find("100000"), std::string::npos) << hub.error().text;
+  EXPECT_NE(hub.error().text().find("100000"), std::string::npos) << hub.error().text();
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ class EmbeddedHub : public testing::Test {
  protected:
   void SetUp() override {
     auto registry = rpc::Server::create({.realtime = rt::RealtimeMode::kOff});
-    ASSERT_TRUE(registry) << registry.error().text;
+    ASSERT_TRUE(registry) << registry.error().text();
     registry_ = std::move(*registry);
     ASSERT_TRUE(registry_->add("rtpm/names", *names_));
     ASSERT_TRUE(registry_->start());
@@ -42,10 +42,10 @@ class EmbeddedHub : public testing::Test {
 
 TEST_F(EmbeddedHub, IsFoundByItsName) {
   auto served = HubServer::create(node_, config("lab/events"));
-  ASSERT_TRUE(served) << served.error().text;
+  ASSERT_TRUE(served) << served.error().text();
   const auto consumer = Consumer::create(
       node_, "lab/events", {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
-  ASSERT_TRUE(consumer) << consumer.error().text;
+  ASSERT_TRUE(consumer) << consumer.error().text();
   const auto supplier = Supplier::create((*served)->hub());
   ASSERT_TRUE(supplier);
   push(**supplier, kPose);
@@ -55,7 +55,7 @@ TEST_F(EmbeddedHub, IsFoundByItsName) {
 TEST_F(EmbeddedHub, LosesItsNameWhenItEnds) {
   {
     const auto served = HubServer::create(node_, config("lab/events"));
-    ASSERT_TRUE(served) << served.error().text;
+    ASSERT_TRUE(served) << served.error().text();
     EXPECT_TRUE(resolver_->resolve("lab/events", kNever));
   }
   EXPECT_FALSE(resolver_->resolve("lab/events", kNever));
@@ -63,7 +63,7 @@ TEST_F(EmbeddedHub, LosesItsNameWhenItEnds) {
 
 TEST_F(EmbeddedHub, NeedsNoName) {
   const auto served = HubServer::create(node_, config(""));
-  ASSERT_TRUE(served) << served.error().text;
+  ASSERT_TRUE(served) << served.error().text();
   const auto consumer =
       Consumer::create(node_, (*served)->url(),
                        {.realtime = rt::RealtimeMode::kOff, .deadline = kPatience}, recorder_);
@@ -73,7 +73,7 @@ TEST_F(EmbeddedHub, NeedsNoName) {
 TEST_F(EmbeddedHub, SaysWhyItHasNotGotTheName) {
   const auto served = HubServer::create(node_, config("not//a name"));
   ASSERT_FALSE(served);
-  EXPECT_FALSE(served.error().text.empty());
+  EXPECT_FALSE(served.error().text().empty());
 }
 
 }  // namespace

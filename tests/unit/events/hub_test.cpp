@@ -19,7 +19,7 @@ using namespace std::chrono_literals;
 void expect_told_of_the_next_hub(rpc::Node& node, ServedHub& hub, rpc::Transport transport) {
   const auto supplier = Supplier::create(
       node, hub.url(), {.attend_interval = 1h, .transport = transport, .deadline = kPatience});
-  ASSERT_TRUE(supplier) << supplier.error().text;
+  ASSERT_TRUE(supplier) << supplier.error().text();
   for (int i = 0; i < 10; ++i)
     ASSERT_TRUE((*supplier)->push({.type = kPose}));
   EXPECT_EQ((*supplier)->counters().unconfirmed_count, 10U);
@@ -145,8 +145,9 @@ TEST_P(HubOn, RefusesAFilterInWords) {
                         .deadline = kPatience},
                        recorder_);
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text.find("any[0].where"), std::string::npos) << refused.error().text;
-  EXPECT_NE(refused.error().text.find("'y'"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text().find("any[0].where"), std::string::npos)
+      << refused.error().text();
+  EXPECT_NE(refused.error().text().find("'y'"), std::string::npos) << refused.error().text();
   EXPECT_EQ(hub_.hub().subscription_count(), 0U);
 }
 
@@ -250,7 +251,7 @@ TEST_F(HubTest, SubscriptionIsChangedSuspendedAndResumed) {
   ASSERT_TRUE(recorder_.await_deliveries(2));
   const auto refused = consumer->change(where(99, "z", Comparison::kLess, {}), {});
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text.find("'z'"), std::string::npos);
+  EXPECT_NE(refused.error().text().find("'z'"), std::string::npos);
   ASSERT_TRUE(consumer->suspend());
   push(*supplier, kButton);
   await_taken(hub_.hub(), 4);
@@ -363,7 +364,7 @@ TEST_F(HubTest, CountsAndReportsDisconnects) {
                                        .miss_count_max = rpc::kMissCountMin,
                                        .deadline = kPatience},
                                       silent);
-  ASSERT_TRUE(hangs) << hangs.error().text;
+  ASSERT_TRUE(hangs) << hangs.error().text();
   push(*supplier, kButton);
   ASSERT_TRUE(silent.await_deliveries(1));
   for (int i = 0; i < 1000; ++i)
@@ -389,7 +390,7 @@ TEST_F(HubTest, CountOfMissedSignsOfLifeHasBounds) {
   for (const std::uint32_t count : {rpc::kMissCountMin - 1, rpc::kMissCountMax + 1}) {
     const auto refused = Consumer::create(node_, hub_.url(), {.miss_count_max = count}, recorder_);
     ASSERT_FALSE(refused);
-    EXPECT_NE(refused.error().text.find("2 to 6"), std::string::npos) << refused.error().text;
+    EXPECT_NE(refused.error().text().find("2 to 6"), std::string::npos) << refused.error().text();
   }
 }
 
@@ -486,7 +487,8 @@ TEST(HubLimits, MissingHubIsReported) {
       Consumer::create(node, "rtpm://127.0.0.1:1/rtpm/events",
                        {.realtime = rt::RealtimeMode::kOff, .deadline = 100ms}, recorder);
   ASSERT_FALSE(consumer);
-  EXPECT_NE(consumer.error().text.find("127.0.0.1:1"), std::string::npos) << consumer.error().text;
+  EXPECT_NE(consumer.error().text().find("127.0.0.1:1"), std::string::npos)
+      << consumer.error().text();
 }
 
 }  // namespace

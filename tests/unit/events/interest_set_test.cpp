@@ -112,7 +112,8 @@ TEST(FilterList, RefusesMoreThanTheMaximum) {
   many.push_back(of(5000));
   const auto refused = CompiledFilter::compile(listed(many), table.catalog);
   ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().text.find("1024 matches"), std::string::npos) << refused.error().text;
+  EXPECT_NE(refused.error().text().find("1024 matches"), std::string::npos)
+      << refused.error().text();
 }
 
 TEST(FilterList, DeliversOnceThoughSeveralMatch) {

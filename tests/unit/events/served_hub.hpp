@@ -43,17 +43,17 @@ class ServedHub {
 
   void start() {
     auto hub = Hub::create(config_);
-    ASSERT_TRUE(hub) << hub.error().text;
+    ASSERT_TRUE(hub) << hub.error().text();
     hub_ = std::move(*hub);
     auto settings = server_config_for(config_);
     settings.port = port_;
     settings.realtime = rt::RealtimeMode::kOff;
     auto server = rpc::Server::create(settings);
-    ASSERT_TRUE(server) << server.error().text;
+    ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     ASSERT_TRUE(server_->add(kHubPath, hub_->servant()));
     const auto started = server_->start();
-    ASSERT_TRUE(started) << started.error().text;
+    ASSERT_TRUE(started) << started.error().text();
     port_ = server_->port();
   }
   void stop() {
@@ -172,7 +172,7 @@ inline std::unique_ptr<Supplier> make_supplier(
   auto supplier = Supplier::create(
       node, hub.url(),
       {.types = {&kPoseDescriptor}, .transport = transport, .deadline = kPatience});
-  EXPECT_TRUE(supplier) << supplier.error().text;
+  EXPECT_TRUE(supplier) << supplier.error().text();
   return supplier ? std::move(*supplier) : nullptr;
 }
 
@@ -189,7 +189,7 @@ inline std::unique_ptr<Consumer> make_consumer(rpc::Node& node, const ServedHub&
                                     .shared_ring = shared_ring,
                                     .deadline = kPatience},
                                    handler);
-  EXPECT_TRUE(consumer) << consumer.error().text;
+  EXPECT_TRUE(consumer) << consumer.error().text();
   return consumer ? std::move(*consumer) : nullptr;
 }
 

@@ -69,7 +69,7 @@ class Table {
 
   SubscriptionNumber subscribe(const Filter& filter, const DeliveryPolicy& policy = {}) {
     auto prepared = Exchange::prepare(filter, policy, catalog);
-    EXPECT_TRUE(prepared) << prepared.error().text;
+    EXPECT_TRUE(prepared) << prepared.error().text();
     const auto placed = exchange.subscribe(std::move(*prepared), now);
     EXPECT_TRUE(placed);
     return placed.value_or(0);

@@ -311,14 +311,14 @@ TEST(SafetyConfig, NamesWhatCantBeUsed) {
   SafetyConfig bad = config();
   bad.force_newton_max = kNan;
   ASSERT_FALSE(bad.check());
-  EXPECT_NE(bad.check().error().text.find("force_newton_max is nan"), std::string::npos);
+  EXPECT_NE(bad.check().error().text().find("force_newton_max is nan"), std::string::npos);
   bad = config();
   bad.torque_newton_metre_per_s_max = -1;
   EXPECT_FALSE(bad.check());
   bad = config();
   bad.ramp = seconds{11};
   ASSERT_FALSE(bad.check());
-  EXPECT_NE(bad.check().error().text.find("ramp"), std::string::npos);
+  EXPECT_NE(bad.check().error().text().find("ramp"), std::string::npos);
 }
 
 TEST(Safety, ADeviceWithoutForceGetsNone) {

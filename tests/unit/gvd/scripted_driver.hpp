@@ -28,13 +28,12 @@ class ScriptedDriver final : public driver::Driver {
     descriptor.position_resolution_m = 1e-5;
     return descriptor;
   }
-  [[nodiscard]] expected<void, driver::DriverError> configure(
-      const driver::DriverConfig&) override {
+  [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig&) override {
     ++configure_count;
-    if (!configure_error.empty()) return driver::driver_error(configure_error);
+    if (!configure_error.empty()) return setup_error(configure_error);
     return {};
   }
-  [[nodiscard]] expected<void, driver::DriverError> activate() override {
+  [[nodiscard]] expected<void, SetupError> activate() override {
     is_active = true;
     return {};
   }

@@ -49,16 +49,16 @@ class Served : public ::testing::Test {
  protected:
   void serve(std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = off_realtime()) {
     auto device = DeviceServer::create(std::move(driver), std::move(config));
-    ASSERT_TRUE(device) << device.error().text;
+    ASSERT_TRUE(device) << device.error().text();
     device_ = std::move(*device);
     auto server = rpc::Server::create(
         {.lanes = {{.name = "low"}, {.name = "high", .low = 16384, .priority = 16384}},
          .realtime = rt::RealtimeMode::kOff});
-    ASSERT_TRUE(server) << server.error().text;
+    ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     ASSERT_TRUE(server_->add("lab/arm0", device_->servant()));
     const auto device_started = device_->start();
-    ASSERT_TRUE(device_started) << device_started.error().text;
+    ASSERT_TRUE(device_started) << device_started.error().text();
     ASSERT_TRUE(server_->start());
     url_ = server_->url("lab/arm0");
   }
@@ -336,7 +336,7 @@ TEST(DeviceServer, SaysWhyADeviceCantBeSetUp) {
   ASSERT_TRUE(device);
   const auto started = (*device)->start();
   ASSERT_FALSE(started);
-  EXPECT_EQ(started.error().text, "the cable is out; plug it in");
+  EXPECT_EQ(started.error().text(), "the cable is out; plug it in");
 }
 
 TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
@@ -344,18 +344,18 @@ TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
   config.cycle.period = Duration{0};
   const auto timeless = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
   ASSERT_FALSE(timeless);
-  EXPECT_NE(timeless.error().text.find("period"), std::string::npos);
+  EXPECT_NE(timeless.error().text().find("period"), std::string::npos);
   config = off_realtime();
   config.cycle.safety = SafetyConfig{};
   config.cycle.safety->force_newton_max = -1;
   const auto unsafe = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
   ASSERT_FALSE(unsafe);
-  EXPECT_NE(unsafe.error().text.find("force_newton_max"), std::string::npos);
+  EXPECT_NE(unsafe.error().text().find("force_newton_max"), std::string::npos);
   config = off_realtime();
   config.cycle.lease.idle_max = Duration{0};
   const auto idle = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
   ASSERT_FALSE(idle);
-  EXPECT_NE(idle.error().text.find("idle_max"), std::string::npos);
+  EXPECT_NE(idle.error().text().find("idle_max"), std::string::npos);
 }
 
 class Collector final : public SampleSink {
@@ -374,7 +374,7 @@ TEST_F(Served, AConsumerReceivesNewSamplesAtItsOwnPace) {
   serve_sim();
   Collector collector;
   auto consumer = DeviceConsumer::start(node_, url_, {.rate_hz = 200}, collector);
-  ASSERT_TRUE(consumer) << consumer.error().text;
+  ASSERT_TRUE(consumer) << consumer.error().text();
   EXPECT_TRUE(eventually([&] { return collector.count > 10; }));
   consumer->stop();
   const int count = collector.count;
@@ -398,13 +398,13 @@ TEST_F(Served, AConsumerRefusesARateThatCantBe) {
   Collector collector;
   const auto consumer = DeviceConsumer::start(node_, "x", {.rate_hz = 0}, collector);
   ASSERT_FALSE(consumer);
-  EXPECT_EQ(consumer.error().text, "a consumer's rate is 0.1 to 10000 Hz");
+  EXPECT_EQ(consumer.error().text(), "a consumer's rate is 0.1 to 10000 Hz");
 }
 
 TEST_F(Served, ADeviceThatIsNotThereIsAnErrorInWords) {
   const auto client = DeviceClient::open(node_, "rtpm://127.0.0.1:9/lab/arm0");
   ASSERT_FALSE(client);
-  EXPECT_GT(client.error().text.size(), 20u);
+  EXPECT_GT(client.error().text().size(), 20u);
 }
 
 }  // namespace

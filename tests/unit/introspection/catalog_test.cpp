@@ -14,7 +14,7 @@ class CatalogOfARoom : public testing::Test {
  protected:
   CatalogOfARoom() {
     auto bound = IntrospectionClient::bind(node_, room_.url(kPath));
-    EXPECT_TRUE(bound) << bound.error().text;
+    EXPECT_TRUE(bound) << bound.error().text();
     client_ = std::make_unique<IntrospectionClient>(std::move(*bound));
   }
 

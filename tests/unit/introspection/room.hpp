@@ -55,7 +55,7 @@ struct Room {
     auto created =
         rpc::Server::create({.lanes = {{.low = 0, .wait = {.strategy = rt::WaitStrategy::kBlock}}},
                              .realtime = rt::RealtimeMode::kOff});
-    EXPECT_TRUE(created) << created.error().text;
+    EXPECT_TRUE(created) << created.error().text();
     server = std::move(*created);
     catalog.add("room/light", light);
     EXPECT_TRUE(server->add("room/light", light));

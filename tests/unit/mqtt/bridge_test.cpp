@@ -47,7 +47,7 @@ class Client final : public Broker::Listener {
     BrokerConfig config{.port = port};
     config.subscriptions = std::move(subscriptions);
     auto made = Broker::create(std::move(config), *this);
-    ASSERT_TRUE(made) << made.error().text;
+    ASSERT_TRUE(made) << made.error().text();
     broker = std::move(*made);
     ASSERT_TRUE(await([&] { return broker->is_connected(); })) << broker->reason();
   }
@@ -115,7 +115,7 @@ class EventBridge : public testing::Test {
     auto bridge = Bridge::create(
         node_, config,
         {.port = port_, .queue_capacity = queue_capacity, .retry_max = Duration{50ms}});
-    EXPECT_TRUE(bridge) << bridge.error().text;
+    EXPECT_TRUE(bridge) << bridge.error().text();
     if (!bridge) return nullptr;
     EXPECT_TRUE(await([&] { return (*bridge)->broker().is_connected(); }))
         << (*bridge)->broker().reason();
@@ -315,7 +315,7 @@ class EventBridgeTls : public EventBridge {
   [[nodiscard]] std::unique_ptr<Broker> connect(const std::string& ca_file) {
     auto broker =
         Broker::create({.port = port_, .ca_file = ca_file, .retry_max = Duration{50ms}}, ignored_);
-    EXPECT_TRUE(broker) << broker.error().text;
+    EXPECT_TRUE(broker) << broker.error().text();
     return broker ? std::move(*broker) : nullptr;
   }
   struct Ignorer final : Broker::Listener {
@@ -375,7 +375,8 @@ TEST_F(EventBridgeTls, RefusesACertificateOfAnotherHost) {
 TEST_F(EventBridgeTls, SaysWhichFileOfCertificatesCannotBeUsed) {
   const auto broker = Broker::create({.port = port_, .ca_file = "/nowhere/ca.pem"}, ignored_);
   ASSERT_FALSE(broker);
-  EXPECT_NE(broker.error().text.find("/nowhere/ca.pem"), std::string::npos) << broker.error().text;
+  EXPECT_NE(broker.error().text().find("/nowhere/ca.pem"), std::string::npos)
+      << broker.error().text();
 }
 
 TEST(EventBridgeProgram, SaysWhatIsWrongWithItsOptions) {

@@ -35,7 +35,7 @@ TEST(Topic, WantedIsATypeOrATypeAndASource) {
   for (const char* const text : {"", "0", "x", "5/", "5/x", "2147483648", "/2"}) {
     const auto refused = parse_wanted(text);
     ASSERT_FALSE(refused) << text;
-    EXPECT_NE(refused.error().find("'" + std::string(text) + "'"), std::string::npos);
+    EXPECT_NE(refused.error().what.find("'" + std::string(text) + "'"), std::string::npos);
   }
 }
 

@@ -55,8 +55,8 @@ void expect_part(const std::string& text, std::string_view part) {
 
 class RegistrationTest : public testing::Test {
  protected:
-  expected<std::unique_ptr<Registration>, rpc::SetupError> create(Duration lease = 300ms,
-                                                                  std::string name = kName) {
+  expected<std::unique_ptr<Registration>, SetupError> create(Duration lease = 300ms,
+                                                             std::string name = kName) {
     return Registration::create(node_, registry_.url(), std::move(name), kUrl, kInterface, lease,
                                 reports_.taker());
   }
@@ -74,10 +74,10 @@ class RegistrationTest : public testing::Test {
 TEST_F(RegistrationTest, BindsForItsLifeAndNoLonger) {
   {
     const auto registration = create(1h);
-    ASSERT_TRUE(registration) << registration.error().text;
+    ASSERT_TRUE(registration) << registration.error().text();
     EXPECT_TRUE((*registration)->is_bound());
     const auto entry = directory_.resolve(kName);
-    ASSERT_TRUE(entry) << entry.error().text;
+    ASSERT_TRUE(entry) << entry.error().text();
     EXPECT_EQ(entry->url, kUrl);
     EXPECT_EQ(entry->interface, kInterface);
   }
@@ -86,7 +86,7 @@ TEST_F(RegistrationTest, BindsForItsLifeAndNoLonger) {
 
 TEST_F(RegistrationTest, RenewsItsLease) {
   const auto registration = create(2s);
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   Duration least = 2s;
   // The remaining time grows only by a renewal.
   EXPECT_TRUE(test::await([&] {
@@ -100,7 +100,7 @@ TEST_F(RegistrationTest, RenewsItsLease) {
 
 TEST_F(RegistrationTest, BindsAgainAfterTheRegistryRestarted) {
   const auto registration = create();
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   registry_.stop();
   registry_.start();
   EXPECT_TRUE(test::await([&] { return url_of(kName) == kUrl; }));
@@ -109,7 +109,7 @@ TEST_F(RegistrationTest, BindsAgainAfterTheRegistryRestarted) {
 
 TEST_F(RegistrationTest, ReportsOnceThatNoRegistryAnswersAndOnceThatItIsBack) {
   const auto registration = create();
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   registry_.stop();
   ASSERT_EQ(reports_.await(1).size(), 1U);
   EXPECT_FALSE((*registration)->is_bound());
@@ -125,7 +125,7 @@ TEST_F(RegistrationTest, ReportsOnceThatNoRegistryAnswersAndOnceThatItIsBack) {
 
 TEST_F(RegistrationTest, ReportsWhoTookTheNameAndTakesItBackWhenItIsFree) {
   const auto registration = create();
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   ASSERT_TRUE(directory_.rebind({.name = kName,
                                  .url = kStrangersUrl,
                                  .interface = kInterface,
@@ -145,7 +145,7 @@ TEST_F(RegistrationTest, ReportsWhoTookTheNameAndTakesItBackWhenItIsFree) {
 TEST_F(RegistrationTest, LeavesANameThatAnotherOwnerTookAlone) {
   {
     const auto registration = create(1h);
-    ASSERT_TRUE(registration) << registration.error().text;
+    ASSERT_TRUE(registration) << registration.error().text();
     ASSERT_TRUE(directory_.rebind({.name = kName,
                                    .url = kStrangersUrl,
                                    .interface = kInterface,
@@ -161,24 +161,24 @@ TEST_F(RegistrationTest, TakesOverFromAnEarlierStartOfTheSameServer) {
   --earlier.epoch;
   ASSERT_TRUE(directory_.bind({kName, kUrl, kInterface, earlier, 1h}));
   const auto registration = create();
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   EXPECT_EQ(directory_.renew(kName, earlier, 1h).error().outcome, Outcome::kStaleEpoch);
 }
 
 TEST_F(RegistrationTest, WaitsForTheLeaseOfADeadHolder) {
   ASSERT_TRUE(directory_.bind({kName, kStrangersUrl, kInterface, kStranger, 200ms}));
   const auto registration = create();
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   EXPECT_EQ(url_of(kName), kUrl);
 }
 
 TEST_F(RegistrationTest, TakesANameFromALivingServerOnlyWhereThatIsAllowed) {
   const auto holder = Registration::create(node_, registry_.url(), kName, kStrangersUrl, kInterface,
                                            1s, reports_.taker());
-  ASSERT_TRUE(holder) << holder.error().text;
+  ASSERT_TRUE(holder) << holder.error().text();
   const auto taker = Registration::create(node_, registry_.url(), kName, kUrl, kInterface, 1s, {},
                                           Takeover::kAllowed);
-  ASSERT_TRUE(taker) << taker.error().text;
+  ASSERT_TRUE(taker) << taker.error().text();
   EXPECT_EQ(url_of(kName), kUrl);
   // The former holder does not fight back.
   ASSERT_EQ(reports_.await(1).size(), 1U);
@@ -189,21 +189,21 @@ TEST_F(RegistrationTest, TakesANameFromALivingServerOnlyWhereThatIsAllowed) {
 TEST_F(RegistrationTest, SaysWhoHoldsTheNameIfThatServerLives) {
   const auto holder = Registration::create(node_, registry_.url(), kName, kStrangersUrl, kInterface,
                                            600ms, reports_.taker());
-  ASSERT_TRUE(holder) << holder.error().text;
+  ASSERT_TRUE(holder) << holder.error().text();
   const auto registration = create();
   ASSERT_FALSE(registration);
-  expect_part(registration.error().text, "'lab/arm0' is held by another server");
-  expect_part(registration.error().text, kStrangersUrl);
+  expect_part(registration.error().text(), "'lab/arm0' is held by another server");
+  expect_part(registration.error().text(), kStrangersUrl);
 }
 
 TEST_F(RegistrationTest, SaysWhatIsWrongWithWhatItWasGiven) {
   const auto bad_name = create(300ms, "lab/arm 0");
   ASSERT_FALSE(bad_name);
-  expect_part(bad_name.error().text, "component 2 of the name 'lab/arm 0'");
+  expect_part(bad_name.error().text(), "component 2 of the name 'lab/arm 0'");
   EXPECT_FALSE(create(1ms));
   const auto nowhere = Registration::create(node_, unserved_url(), kName, kUrl, kInterface);
   ASSERT_FALSE(nowhere);
-  expect_part(nowhere.error().text, "start rtpm-registryd, or give --registry URL");
+  expect_part(nowhere.error().text(), "start rtpm-registryd, or give --registry URL");
 }
 
 /// A registry with scripted answers.
@@ -250,7 +250,7 @@ TEST(Registration, RenewsByTheLeaseThatItWasGranted) {
   ServedRegistry registry(servant);
   rpc::Node node;
   const auto registration = Registration::create(node, registry.url(), kName, kUrl, kInterface, 1h);
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   EXPECT_TRUE(test::await([&] { return servant.renewal_count >= 2; }));
 }
 
@@ -265,7 +265,7 @@ TEST(Registration, ReportsLossAndReturnOnceHoweverOftenItRenews) {
   Reports reports;
   const auto registration =
       Registration::create(node, registry.url(), kName, kUrl, kInterface, 100ms, reports.taker());
-  ASSERT_TRUE(registration) << registration.error().text;
+  ASSERT_TRUE(registration) << registration.error().text();
   ASSERT_TRUE(await_renewals(2));
   EXPECT_EQ(reports.await(0).size(), 0U);
   servant.is_refusing = true;

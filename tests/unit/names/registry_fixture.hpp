@@ -28,12 +28,12 @@ class ServedRegistry {
     if (other_ == nullptr) servant_ = make_servant(limits_);
     auto server = rpc::Server::create(
         {.name = "registry", .port = port_, .lanes = lanes_, .realtime = rt::RealtimeMode::kOff});
-    ASSERT_TRUE(server) << server.error().text;
+    ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     const auto added = server_->add(kRegistryPath, other_ != nullptr ? *other_ : *servant_);
-    ASSERT_TRUE(added) << added.error().text;
+    ASSERT_TRUE(added) << added.error().text();
     const auto started = server_->start();
-    ASSERT_TRUE(started) << started.error().text;
+    ASSERT_TRUE(started) << started.error().text();
     port_ = server_->port();
   }
   /// Ends the server with all its names.

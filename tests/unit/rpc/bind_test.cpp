@@ -26,7 +26,7 @@ std::string error_of(Node& node, const std::string& target,
                      const InterfaceDescriptor& interface = echo::kInterface,
                      Duration deadline = rtpm::test::kPatience) {
   const auto bound = Binding::bind(node, target, interface, {.deadline = deadline});
-  return bound ? "" : bound.error().text;
+  return bound ? "" : bound.error().text();
 }
 
 std::uint16_t free_port() {
@@ -72,7 +72,7 @@ TEST_P(BindErrors, SayThatNoDescriptorIsLeft) {
     const auto bound = Binding::bind(node_, "rtpm://127.0.0.1:4711/echo", echo::kInterface);
     if (bound) return "it is bound";
     if (bound.error().cause != CallError::kNoResources) return "another cause";
-    return bound.error().text;
+    return bound.error().text();
   });
   expect_text(child.said, {"'echo' can't be bound at rtpm://127.0.0.1:4711", "Too many open files",
                            "Remedy: raise the limit of open files"});
@@ -93,7 +93,7 @@ TEST_P(BindErrors, AreNoneForAHostName) {
 TEST_P(BindErrors, NameTheObjectsThatAreMostLikeTheOneThatIsNotThere) {
   echo::Servant servant;
   auto server = Server::create(quiet_config());
-  ASSERT_TRUE(server) << server.error().text;
+  ASSERT_TRUE(server) << server.error().text();
   for (const char* path : {"lab/arm0", "lab/arm1", "rtpm/introspection", "lab/hand", "lab/arm2"})
     ASSERT_TRUE((*server)->add(path, servant));
   ASSERT_TRUE((*server)->start());
@@ -218,7 +218,7 @@ TEST(BindByName, AsksTheResolver) {
   Node node(quiet_node());
   node.use(resolver);
   auto bound = Binding::bind(node, "lab/echo", echo::kInterface);
-  ASSERT_TRUE(bound) << bound.error().text;
+  ASSERT_TRUE(bound) << bound.error().text();
   EXPECT_EQ(bound->url(), server.url());
   EXPECT_EQ(error_of(node, "lab/other"),
             "name 'lab/other' is not bound. Remedy: start its server.");

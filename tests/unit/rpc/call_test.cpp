@@ -100,7 +100,7 @@ class FakeServer {
 Binding bind_to(Node& node, const FakeServer& server) {
   auto bound =
       Binding::bind(node, server.url(), echo::kInterface, {.deadline = rtpm::test::kPatience});
-  EXPECT_TRUE(bound) << bound.error().text;
+  EXPECT_TRUE(bound) << bound.error().text();
   return std::move(*bound);
 }
 
@@ -271,7 +271,7 @@ TEST(BindDeadline, CoversTheWarmUp) {
   const auto bound = Binding::bind(node, server.url(), echo::kInterface,
                                    {.deadline = 50ms, .warm_up = {0, 20'000}});
   ASSERT_FALSE(bound) << "the lane of 20000 is busy";
-  expect_text(bound.error().text, {"'echo'", "no reply came within the deadline"});
+  expect_text(bound.error().text(), {"'echo'", "no reply came within the deadline"});
 }
 
 }  // namespace

@@ -116,7 +116,7 @@ TEST(LaneTable, IsReadWithoutItsServersHelp) {
     Node node(quiet_node());
     const std::string url = "rtpm://127.0.0.1:" + std::to_string(port) + "/echo";
     auto binding = Binding::bind(node, url, echo::kInterface);
-    ASSERT_TRUE(binding) << binding.error().text;
+    ASSERT_TRUE(binding) << binding.error().text();
     ASSERT_TRUE(binding->call(echo::kEcho, {}));
     kill(child, SIGSTOP);
   }
@@ -145,7 +145,7 @@ class ForeignTable : public testing::Test {
   static constexpr std::size_t kSize = sizeof(LaneTableHeader) + 2 * sizeof(LaneSlot);
   void SetUp() override {
     auto made = rt::PublicMemory::create(kLaneTableName, kSize);
-    ASSERT_TRUE(made) << made.error();
+    ASSERT_TRUE(made) << made.error().text();
     memory_ = std::move(*made);
     header_ = new (memory_.bytes().data()) LaneTableHeader;
     header_->version = kLaneTableVersion;

@@ -318,7 +318,7 @@ TEST(Lane, HearsEverySourceBesideItsOnlyConnection) {
     call_often();
     Node node(quiet_node(Transport::kLocal));
     auto local = Binding::bind(node, server.server->url("echo"), echo::kInterface);
-    ASSERT_TRUE(local) << local.error().text;
+    ASSERT_TRUE(local) << local.error().text();
     ASSERT_TRUE(local->call(echo::kEcho, {}));
     call_often();
     ASSERT_TRUE(local->call(echo::kEcho, {}));

@@ -310,7 +310,7 @@ TEST(ServerSetUp, WantsABoundForLargeMessages) {
   config.large_message_count_max = 1025;
   const auto server = Server::create(config);
   ASSERT_FALSE(server);
-  expect_text(server.error().text, {"large_message_count_max is 1025", "Remedy", "0 to 1024"});
+  expect_text(server.error().text(), {"large_message_count_max is 1025", "Remedy", "0 to 1024"});
 }
 
 constexpr MethodDescriptor kLater{1, "later", 201, false, {}};

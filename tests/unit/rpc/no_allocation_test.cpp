@@ -230,7 +230,7 @@ TEST_P(NoAllocation, WithStreamsOfLargeItems) {
   Node node(node_config());
   auto binding = Binding::bind(node, server->url("echo"), echo::kInterface,
                                {.deadline = rtpm::test::kPatience});
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   auto reader = binding->open_stream(echo::kEcho, {});
   ASSERT_TRUE(reader);
   ASSERT_TRUE(await([&] { return servant.has_writer.load(); }));
@@ -266,7 +266,7 @@ TEST(NoLock, IsBrokenByAServantThatTakesOneWithoutInheritance) {
   ASSERT_TRUE(server->start());
   Node node(quiet_node());
   auto binding = Binding::bind(node, server->url("lock"), echo::kInterface);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   const rtpm::test::CountLockBreachesOnly count_only;
   const auto before = rtpm::test::lock_breach_count();
   EXPECT_TRUE(binding->call(echo::kEcho, {}));
@@ -310,7 +310,7 @@ TEST_P(NoAllocation, InCallsByNameNorInTheirOutage) {
   node.use(name);
   auto binding =
       Binding::bind(node, "lab/echo", echo::kInterface, {.deadline = rtpm::test::kPatience});
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   EXPECT_EQ(call_many(*binding, {}), 0);
   server.reset();
   name.leads = false;

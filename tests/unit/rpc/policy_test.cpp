@@ -77,7 +77,7 @@ TEST_P(PolicyTable, HoldsForARow) {
   const auto added = server->add("echo", servant, options);
   ASSERT_EQ(added.has_value(), row.runs != Runs::kIllegal);
   if (!added) {
-    expect_text(added.error().text, {"server 'test'", "object 'echo'", "model", "Remedy"});
+    expect_text(added.error().text(), {"server 'test'", "object 'echo'", "model", "Remedy"});
     return;
   }
   ASSERT_TRUE(server->start());
@@ -122,7 +122,7 @@ std::string error_of(bool has_lanes, const ObjectOptions& options, bool keeps_re
   echo::Servant servant;
   auto server = std::move(*Server::create(config));
   const auto added = server->add("echo", servant, options);
-  return added ? "" : added.error().text;
+  return added ? "" : added.error().text();
 }
 
 TEST(Policy, WantsADeclaredPriorityInABand) {

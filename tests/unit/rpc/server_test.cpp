@@ -33,7 +33,7 @@ using namespace std::chrono_literals;
 /// The text with which the set-up fails; empty if it does not.
 std::string error_of(ServerConfig config) {
   const auto server = Server::create(std::move(config));
-  return server ? "" : server.error().text;
+  return server ? "" : server.error().text();
 }
 
 TEST(ServerSetUp, ChoosesAPortForUdpAndTcp) {
@@ -51,7 +51,7 @@ TEST(ServerSetUp, ServesTheAddressOfAHostName) {
   ServerConfig config = quiet_config();
   config.host = "localhost";
   const auto server = Server::create(config);
-  ASSERT_TRUE(server) << server.error().text;
+  ASSERT_TRUE(server) << server.error().text();
   EXPECT_EQ((*server)->url("lab/arm0"),
             "rtpm://127.0.0.1:" + std::to_string((*server)->port()) + "/lab/arm0");
   config.host = "no-such-host.invalid";
@@ -175,7 +175,7 @@ class ServerObjects : public testing::Test {
   /// The text with which adding fails; empty if it does not.
   std::string error_of_adding(const std::string& path, ObjectOptions options = {}) {
     const auto added = server_->add(path, servant_, options);
-    return added ? "" : added.error().text;
+    return added ? "" : added.error().text();
   }
   static ServerConfig config() {
     ServerConfig config = quiet_config();
@@ -297,9 +297,9 @@ TEST(ServerWithoutTheRight, DoesNotStartWhenRealTimeIsRequired) {
     config.name = "strict";
     config.realtime = rt::RealtimeMode::kRequire;
     const auto server = Server::create(config);
-    if (!server) return server.error().text;
+    if (!server) return server.error().text();
     const auto started = (*server)->start();
-    return started ? "it started" : started.error().text;
+    return started ? "it started" : started.error().text();
   });
   expect_text(child.said, {"server 'strict'", "Remedy", "--realtime off"});
   EXPECT_EQ(child.status, 0) << child.errors;
@@ -318,9 +318,9 @@ TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
     lane.schedule = schedule;
     config.lanes = {lane};
     const auto server = Server::create(config);
-    if (!server) return server.error().text;
+    if (!server) return server.error().text();
     const auto started = (*server)->start();
-    return started ? "it started" : started.error().text;
+    return started ? "it started" : started.error().text();
   };
   expect_text(outcome_of(rt::RealtimeMode::kRequire, rt::Schedule::kFifo),
               {"greedy", "Remedy", "kernel.sched_rt_runtime_us=-1"});

@@ -53,7 +53,7 @@ TEST(SharedMemoryChoice, FallsOnUdpWhereTheServerHasNone) {
   Node strict(quiet_node(Transport::kSharedMemory));
   const auto none = Binding::bind(strict, server.url(), echo::kInterface);
   ASSERT_FALSE(none);
-  expect_text(none.error().text, {"'echo'", "gives no shared memory", "Remedy"});
+  expect_text(none.error().text(), {"'echo'", "gives no shared memory", "Remedy"});
 }
 
 TEST(SharedMemoryChoice, IsTheCallersToMake) {
@@ -98,7 +98,7 @@ TEST(SharedMemoryChoice, SaysWhatIsInTheWay) {
   config.port = static_cast<std::uint16_t>(server.server->port() ^ 1);
   const auto created = Server::create(config);
   ASSERT_FALSE(created);
-  expect_text(created.error().text, {"server 'test'", "Remedy"});
+  expect_text(created.error().text(), {"server 'test'", "Remedy"});
 }
 
 // hp-16.2-2

@@ -247,7 +247,7 @@ class Borrowing : public testing::Test {
     ASSERT_TRUE(server_->add("echo", servant_));
     ASSERT_TRUE(server_->start());
     auto bound = Binding::bind(node_, server_->url("echo"), echo::kInterface, options);
-    ASSERT_TRUE(bound) << bound.error().text;
+    ASSERT_TRUE(bound) << bound.error().text();
     binding_.emplace(std::move(*bound));
   }
   void TearDown() override {
@@ -391,7 +391,7 @@ TEST(ThreadPoolSetUp, RefusesNumbersOutOfRange) {
     LaneConfig lane = quiet_lane();
     change(lane);
     const auto server = Server::create(quiet_config({lane}));
-    return server ? std::string() : server.error().text;
+    return server ? std::string() : server.error().text();
   };
   expect_text(error_of([](LaneConfig& lane) { lane.static_threads = 0; }),
               {"static_threads of the lane from priority 0 is 0", "1 to 64"});

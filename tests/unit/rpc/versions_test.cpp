@@ -59,7 +59,7 @@ struct VersionServer {
     ServerConfig config = quiet_config();
     config.port = port;
     auto created = Server::create(std::move(config));
-    EXPECT_TRUE(created) << created.error().text;
+    EXPECT_TRUE(created) << created.error().text();
     server = std::move(*created);
     EXPECT_TRUE(server->add("versions", servant));
     EXPECT_TRUE(server->start());
@@ -95,7 +95,7 @@ TEST_P(Versions, ThatUnderstandEachOtherTalk) {
   for (const auto& [client, server] : {std::pair{&kOld, &kNew}, {&kNew, &kOld}, {&kNew, &kNew}}) {
     const VersionServer serving(*server);
     auto binding = bind(serving, *client);
-    ASSERT_TRUE(binding) << binding.error().text;
+    ASSERT_TRUE(binding) << binding.error().text();
     EXPECT_EQ(text_of_call(*binding, *client), "hello");
   }
 }
@@ -105,7 +105,7 @@ TEST_P(Versions, ThatDoNotAreToldWhatDiffers) {
   const VersionServer server(kOther);
   const auto binding = bind(server, kOld);
   ASSERT_FALSE(binding);
-  expect_text(binding.error().text,
+  expect_text(binding.error().text(),
               {"another test.Versions", "method 'get' (id 1)", "field 0 of `table test.Ask`",
                "`0 a: double = 0` there", "`0 a: int32 = 0` here", "Remedy"});
 }
@@ -115,7 +115,7 @@ TEST_P(Versions, WithoutATextMustBeEqual) {
   const VersionServer server(kSilent);
   const auto newer = bind(server, kNew);
   ASSERT_FALSE(newer);
-  expect_text(newer.error().text, {"method 'get' (id 1) is missing or differs there"});
+  expect_text(newer.error().text(), {"method 'get' (id 1) is missing or differs there"});
   EXPECT_TRUE(bind(server, kSilent));
   const VersionServer telling(kNew);
   EXPECT_FALSE(bind(telling, kSilent));
@@ -134,7 +134,7 @@ TEST_P(Versions, WithoutAFingerprintAreComparedByTheirMethods) {
   EXPECT_TRUE(bind(server, Version{"", 5}));
   const auto refused = bind(server, other);
   ASSERT_FALSE(refused);
-  expect_text(refused.error().text, {"method 'get' (id 1) is missing or differs there"});
+  expect_text(refused.error().text(), {"method 'get' (id 1) is missing or differs there"});
 }
 
 // hp-6.1-6
@@ -156,7 +156,7 @@ TEST_P(Versions, MayChangeWhileAClientStays) {
   auto server = std::make_unique<VersionServer>(kOld);
   const std::uint16_t port = server->server->port();
   auto binding = bind(*server, kOld);
-  ASSERT_TRUE(binding) << binding.error().text;
+  ASSERT_TRUE(binding) << binding.error().text();
   EXPECT_EQ(text_of_call(*binding, kOld), "hello");
   const auto restart = [&](const Version& version) {
     server.reset();

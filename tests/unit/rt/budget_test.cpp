@@ -104,7 +104,7 @@ TEST(RealtimeBudget, IsLimitedForThreadsAtARealtimeLevelOnly) {
     bool is_limited = false;
     auto thread = Thread::start(config, [&] { is_limited = this_thread_budget().is_limited(); });
     if (!thread) {
-      ADD_FAILURE() << thread.error().text;
+      ADD_FAILURE() << thread.error().text();
     } else {
       thread->join();
     }
@@ -130,7 +130,7 @@ TEST(RealtimeBudget, IsNotSpentByWhatBlocksWithoutAWord) {
     was_spent = this_thread_budget().is_spent(now());
     must_pause = this_thread_budget().must_pause(now());
   });
-  ASSERT_TRUE(thread) << thread.error().text;
+  ASSERT_TRUE(thread) << thread.error().text();
   thread->join();
   EXPECT_TRUE(was_spent) << "the account does not know better";
   EXPECT_FALSE(must_pause);
@@ -146,7 +146,7 @@ TEST(RealtimeBudget, IsSpentByWhatRuns) {
     while (!must_pause && now() < end)
       must_pause = this_thread_budget().must_pause(now());
   });
-  ASSERT_TRUE(thread) << thread.error().text;
+  ASSERT_TRUE(thread) << thread.error().text();
   thread->join();
   EXPECT_TRUE(must_pause);
 }
@@ -163,7 +163,7 @@ TEST(AsleepScope, CreditsTheThreadsSleep) {
     sleep_until(now() + 5ms);
     is_spent_after_sleep = this_thread_budget().is_spent(now());
   });
-  ASSERT_TRUE(thread) << thread.error().text;
+  ASSERT_TRUE(thread) << thread.error().text();
   thread->join();
   EXPECT_TRUE(was_spent);
   EXPECT_FALSE(is_spent_after_sleep);

@@ -44,7 +44,7 @@ class CeilingMutexLevels : public testing::Test {
   }
   static void run_at(Priority priority, const std::function<void()>& body) {
     auto thread = Thread::start({.name = "taker", .priority = priority}, body);
-    ASSERT_TRUE(thread) << thread.error().text;
+    ASSERT_TRUE(thread) << thread.error().text();
     thread->join();
   }
   static int level() { return test::scheduling_of_this_thread().level; }

@@ -57,7 +57,7 @@ TEST(CpuKeeper, EndsWhileItKeeps) {
 TEST(CpuKeeper, RefusesACpuThatIsNotThere) {
   const auto keeper = CpuKeeper::start("test-awake", 4000);
   ASSERT_FALSE(keeper.has_value());
-  EXPECT_NE(keeper.error().text.find("4000"), std::string::npos) << keeper.error().text;
+  EXPECT_NE(keeper.error().text().find("4000"), std::string::npos) << keeper.error().text();
 }
 
 }  // namespace

@@ -42,7 +42,7 @@ TEST(LockMemory, LocksWhatIsThereAndWhatComes) {
   if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     const auto locked = lock_memory(RealtimeMode::kRequire);
-    if (!locked) return "refused: " + locked.error().text;
+    if (!locked) return "refused: " + locked.error().text();
     const std::size_t before = locked_kib();
     // Some of it may come from what the heap has, locked, already.
     std::vector<std::byte> block(8 << 20);
@@ -62,7 +62,7 @@ TEST(LockMemory, FailsWithTheRemedyWhenRequired) {
   const test::ChildResult child = test::run_in_child([]() -> std::string {
     test::drop_realtime_rights(kTooLittle);
     const auto locked = lock_memory(RealtimeMode::kRequire);
-    return locked ? "locked" : locked.error().text;
+    return locked ? "locked" : locked.error().text();
   });
   for (const char* part :
        {"can't be locked", "64 KiB", "Remedy", "RLIMIT_MEMLOCK", "ulimit -l", "--realtime off"}) {

@@ -164,7 +164,7 @@ TEST(PriorityMapping, IsReplaceable) {
 TEST(PriorityMapping, IsRefusedIfItGivesALevelThatIsNotAllowed) {
   const auto text_of = [](PriorityMapping mapping) {
     const auto set = set_priority_mapping(mapping);
-    return set ? std::string() : set.error().text;
+    return set ? std::string() : set.error().text();
   };
   EXPECT_NE(text_of([](Priority) { return 99; }).find("priority 0 level 99"), std::string::npos);
   EXPECT_NE(text_of([](Priority) { return 0; }).find("level 0"), std::string::npos);

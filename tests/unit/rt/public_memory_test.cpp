@@ -26,7 +26,7 @@ std::string own_name() {
 
 TEST(PublicMemory, IsFoundByItsNameAndShowsWhatIsWritten) {
   auto memory = PublicMemory::create(own_name(), 4096);
-  ASSERT_TRUE(memory) << memory.error();
+  ASSERT_TRUE(memory) << memory.error().text();
   memory->bytes()[17] = std::byte{1};
   const auto found = find_public_memory(own_name(), kSizeMax);
   ASSERT_EQ(found.size(), 1u);

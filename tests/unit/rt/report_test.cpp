@@ -31,7 +31,7 @@ Grant grant_of(const std::string& subject) {
 
 void start(const ThreadConfig& config) {
   const auto thread = Thread::start(config, [] {});
-  EXPECT_TRUE(thread) << thread.error().text;
+  EXPECT_TRUE(thread) << thread.error().text();
 }
 
 TEST(SetupReport, SaysHowEachThreadRuns) {
@@ -85,7 +85,7 @@ TEST(Spinning, AtARealtimeLevelIsTakenForWhatTheKernelMakesOfIt) {
   const auto refused = check_spinning(config);
   ASSERT_FALSE(refused);
   for (const char* part : {"spinner", "Remedy", "sched_rt_runtime_us", "periodic"})
-    EXPECT_NE(refused.error().text.find(part), std::string::npos) << refused.error().text;
+    EXPECT_NE(refused.error().text().find(part), std::string::npos) << refused.error().text();
   config.realtime = RealtimeMode::kPrefer;
   EXPECT_TRUE(check_spinning(config));
   EXPECT_EQ(grant_of("spin of 'spinner'"), Grant::kPartly);
@@ -127,7 +127,7 @@ TEST(CpuLatency, IsHeldAsLongAsTheRequest) {
   ASSERT_TRUE(none);
   EXPECT_FALSE(none->is_granted());
   auto request = CpuLatencyRequest::open(std::chrono::microseconds{3}, RealtimeMode::kRequire);
-  if (!request) GTEST_SKIP() << request.error().text;
+  if (!request) GTEST_SKIP() << request.error().text();
   EXPECT_TRUE(request->is_granted());
   const CpuLatencyRequest moved = std::move(*request);
   EXPECT_TRUE(moved.is_granted());
@@ -138,7 +138,7 @@ TEST(CpuLatency, ThatIsRequiredAndRefusedIsAnError) {
   const auto child = test::run_in_child([] {
     test::drop_realtime_rights();
     const auto request = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kRequire);
-    return request ? std::string("granted") : request.error().text;
+    return request ? std::string("granted") : request.error().text();
   });
   EXPECT_NE(child.said.find("Remedy: give the user write access"), child.said.npos) << child.said;
 }

@@ -36,7 +36,7 @@ Seen look_at_this_thread() {
 Seen seen_by(const ThreadConfig& config) {
   Seen seen;
   auto thread = Thread::start(config, [&] { seen = look_at_this_thread(); });
-  EXPECT_TRUE(thread) << thread.error().text;
+  EXPECT_TRUE(thread) << thread.error().text();
   if (thread) thread->join();
   return seen;
 }
@@ -134,7 +134,7 @@ TEST(Thread, IsNotStartedOnCpusThatAreNotThere) {
     EXPECT_FALSE(thread) << "with " << cpus.back();
     EXPECT_FALSE(has_run);
     if (!thread)
-      expect_text(thread.error().text, {"'nowhere'", std::to_string(cpus.back()), "Remedy"});
+      expect_text(thread.error().text(), {"'nowhere'", std::to_string(cpus.back()), "Remedy"});
   }
 }
 
@@ -146,7 +146,7 @@ TEST(ThreadWithoutTheRight, IsTimeSharedAndWarnsOnceWhenRealTimeIsPreferred) {
       Seen seen;
       auto thread = Thread::start({.name = "urgent", .priority = 20'000},
                                   [&] { seen = look_at_this_thread(); });
-      if (!thread) return "not started: " + thread.error().text;
+      if (!thread) return "not started: " + thread.error().text();
       thread->join();
       if (seen.scheduling != kTimeShared) return "not time-shared";
       if (seen.priority != Priority{20'000}) return "without its priority";
@@ -169,7 +169,7 @@ TEST(ThreadWithoutTheRight, IsNotStartedWhenRealTimeIsRequired) {
         Thread::start({.name = "strict", .priority = 32'767, .realtime = RealtimeMode::kRequire},
                       [&] { has_run = true; });
     if (thread) return "started";
-    return has_run ? "run" : thread.error().text;
+    return has_run ? "run" : thread.error().text();
   });
   EXPECT_EQ(child.status, 0);
   EXPECT_EQ(child.errors, "") << "the error says it";
@@ -181,7 +181,7 @@ TEST(ThreadWithoutTheRight, IsQuietWhenRealTimeIsOff) {
     test::drop_realtime_rights();
     const auto thread =
         Thread::start({.name = "off", .priority = 20'000, .realtime = RealtimeMode::kOff}, [] {});
-    return thread ? "" : thread.error().text;
+    return thread ? "" : thread.error().text();
   });
   EXPECT_EQ(child.said, "");
   EXPECT_EQ(child.errors, "");

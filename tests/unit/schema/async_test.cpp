@@ -38,7 +38,7 @@ class GeneratedAsync : public testing::Test {
     node.default_deadline = kPatience;
     node_.emplace(node);
     auto client = late::FeedClient::bind(*node_, server_->url("feed"), {.deadline = kPatience});
-    EXPECT_TRUE(client) << client.error().text;
+    EXPECT_TRUE(client) << client.error().text();
     client_.emplace(std::move(*client));
   }
   ~GeneratedAsync() override { server_->stop(); }
@@ -179,7 +179,7 @@ TEST_F(GeneratedAsync, CompletionsTellTheirEndAndWhatCouldNotBegin) {
 
 TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
   auto thread = rtpm::rpc::CompletionThread::start({.name = "replies"});
-  ASSERT_TRUE(thread) << thread.error().text;
+  ASSERT_TRUE(thread) << thread.error().text();
   std::atomic<double> force{0};
   std::atomic<bool> is_cancelled{false};
   std::atomic<std::thread::id> ran_by{};

@@ -87,7 +87,7 @@ TEST_P(CameraStream, BringsPicturesWholeAndInOrder) {
   config.transport = GetParam();
   rtpm::rpc::Node node(config);
   auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
-  ASSERT_TRUE(client) << client.error().text;
+  ASSERT_TRUE(client) << client.error().text();
   camera::ShotT shot;
   shot.frame_count = 20;
   shot.picture_size = 256 * 1024;
@@ -117,7 +117,7 @@ TEST_P(CameraStream, SaysWhenAPictureIsTooLarge) {
   config.message_size_max = 100'000;
   rtpm::rpc::Node node(config);
   auto client = camera::CameraClient::bind(node, server_->url("camera"), {.deadline = kPatience});
-  ASSERT_TRUE(client) << client.error().text;
+  ASSERT_TRUE(client) << client.error().text();
   camera::ShotT shot;
   shot.frame_count = 1;
   shot.picture_size = 100'000;

@@ -98,7 +98,7 @@ class GeneratedDeferred : public testing::Test {
     EXPECT_TRUE(server_->add("feed", feed_));
     EXPECT_TRUE(server_->start());
     auto client = late::FeedClient::bind(node_, server_->url("feed"), {.deadline = 20s});
-    EXPECT_TRUE(client) << client.error().text;
+    EXPECT_TRUE(client) << client.error().text();
     client_.emplace(std::move(*client));
   }
   ~GeneratedDeferred() override {

@@ -134,7 +134,7 @@ class TypedEvents : public testing::Test {
         node_, url_, std::move(on_event), std::move(config), [&](const auto& notice) {
           is_there = is_there || notice.kind == rtpm::events::NoticeKind::kSubscribed;
         });
-    EXPECT_TRUE(consumer) << consumer.error().text;
+    EXPECT_TRUE(consumer) << consumer.error().text();
     EXPECT_TRUE(rtpm::test::await([&] { return is_there.load(); })) << "no subscription";
     return std::move(*consumer);
   }
@@ -163,8 +163,8 @@ TEST_F(TypedEvents, GoFromTheirSuppliersToTheirConsumers) {
 
   auto touches = lab::quantities::TouchedSupplier::create(node_, url_, 3);
   auto moves = lab::quantities::MovedSupplier::create(*hub_);
-  ASSERT_TRUE(touches) << touches.error().text;
-  ASSERT_TRUE(moves) << moves.error().text;
+  ASSERT_TRUE(touches) << touches.error().text();
+  ASSERT_TRUE(moves) << moves.error().text();
   ASSERT_TRUE(touches->push({1.5, 0, 0}));
   for (const auto& [distance, steps] : {std::pair{0.5, std::int16_t{100}}, {2.0, 7}}) {
     flatbuffers::FlatBufferBuilder builder;
@@ -185,7 +185,7 @@ TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndLeftOut) {
   auto touched =
       consume<lab::quantities::TouchedConsumer>([&](const auto&, const auto&) { ++count; });
   auto supplier = rtpm::events::Supplier::create(node_, url_);
-  ASSERT_TRUE(supplier) << supplier.error().text;
+  ASSERT_TRUE(supplier) << supplier.error().text();
   const lab::quantities::Force force(1, 2, 3);
   const rtpm::ConstBytes bytes = rtpm::rpc::struct_bytes(force);
   ASSERT_TRUE((*supplier)->push({.type = TouchedEvent::kType, .schema_id = 1, .payload = bytes}));

@@ -80,7 +80,7 @@ TEST(StiffnessBound, SeparatesPassiveWallsFromUnstableOnes) {
 TEST(ChooseWall, TakesThreeQuartersOfTheBound) {
   Configuration configuration;
   const auto wall = choose_wall(configuration, arm());
-  ASSERT_TRUE(wall) << wall.error().text;
+  ASSERT_TRUE(wall) << wall.error().text();
   EXPECT_NEAR(wall->stiffness_newton_per_m, 600, 1e-9);
   configuration.rate_hz = 100;
   EXPECT_LT(choose_wall(configuration, arm())->stiffness_newton_per_m, 300)
@@ -98,13 +98,13 @@ TEST(ChooseWall, RefusesAWallThatWouldBuzzAndNamesTheBound) {
   configuration.wall.stiffness_newton_per_m = 5000;
   const auto wall = choose_wall(configuration, arm());
   ASSERT_FALSE(wall);
-  EXPECT_EQ(wall.error().text,
+  EXPECT_EQ(wall.error().text(),
             "a wall of --stiffness 5000 N/m would buzz: at this rate up to 800 N/m is passive; "
             "lower it, or raise --rate");
   configuration.wall = {.stiffness_newton_per_m = 100, .damping_newton_s_per_m = 3};
   const auto damped = choose_wall(configuration, arm());
   ASSERT_FALSE(damped);
-  EXPECT_NE(damped.error().text.find("--damping 3 "), std::string::npos) << damped.error().text;
+  EXPECT_NE(damped.error().text().find("--damping 3 "), std::string::npos) << damped.error().text();
 }
 
 TEST(ChooseWall, RefusesADeviceWithoutForce) {
@@ -112,7 +112,7 @@ TEST(ChooseWall, RefusesADeviceWithoutForce) {
   tracker.device_class = driver::DeviceClass::kTracker;
   const auto wall = choose_wall({}, tracker);
   ASSERT_FALSE(wall);
-  EXPECT_EQ(wall.error().text,
+  EXPECT_EQ(wall.error().text(),
             "lab/arm0 is a tracker device without force along z; choose a haptic device with "
             "--device");
 }

@@ -36,7 +36,7 @@ std::vector<driver::Sample> run(SimDriver& sim, int cycle_count, double stiffnes
 
 std::unique_ptr<SimDriver> make(SimConfig config = {}) {
   auto sim = SimDriver::create(std::move(config));
-  EXPECT_TRUE(sim) << sim.error().text;
+  EXPECT_TRUE(sim) << sim.error().text();
   return std::move(*sim);
 }
 
@@ -104,8 +104,9 @@ TEST(SimDriver, ReportsWhatIsWrongWithARecording) {
   std::ofstream(path) << "0,0,0,0\n1,0,0,0.5\n";
   const auto sim = SimDriver::create({.hand_file = path});
   ASSERT_FALSE(sim);
-  EXPECT_EQ(sim.error().text, path + ":2: z_m is 0.5, outside the arm's workspace of -0.1 to 0.1 " +
-                                  "m; positions are in metres");
+  EXPECT_EQ(sim.error().text(), path +
+                                    ":2: z_m is 0.5, outside the arm's workspace of -0.1 to 0.1 " +
+                                    "m; positions are in metres");
 }
 
 TEST(SimDriver, RefusesInvalidSettings) {
@@ -113,7 +114,7 @@ TEST(SimDriver, RefusesInvalidSettings) {
   config.arm.mass_kg = 0;
   const auto weightless = SimDriver::create(config);
   ASSERT_FALSE(weightless);
-  EXPECT_EQ(weightless.error().text, "the simulated arm's mass_kg must be a number above zero");
+  EXPECT_EQ(weightless.error().text(), "the simulated arm's mass_kg must be a number above zero");
 }
 
 TEST(SimDriver, FallsFreeWithoutAHand) {

@@ -12,14 +12,14 @@ namespace {
 
 constexpr driver::Workspace kWorkspace{{-0.1, -0.1, -0.1}, {0.1, 0.1, 0.1}};
 
-expected<Trajectory, driver::DriverError> parse(const std::string& text) {
+expected<Trajectory, SetupError> parse(const std::string& text) {
   std::istringstream stream(text);
   return Trajectory::parse(stream, "hand.csv", kWorkspace);
 }
 
 std::string error_of(const std::string& text) {
   const auto result = parse(text);
-  return result ? "no error" : result.error().text;
+  return result ? "no error" : result.error().text();
 }
 
 TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
@@ -28,7 +28,7 @@ TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
         "\xef\xbb\xbf# by hand\r\n t_s , x_m,y_m , z_m\r\n\r\n 0, 0 ,0,0\r\n"
         "1,+0.01,2e-2,.03\r\n"}) {
     const auto trajectory = parse(text);
-    ASSERT_TRUE(trajectory) << trajectory.error().text;
+    ASSERT_TRUE(trajectory) << trajectory.error().text();
     EXPECT_EQ(trajectory->point_count(), 2u);
     EXPECT_DOUBLE_EQ(trajectory->duration_s(), 1);
     EXPECT_TRUE(trajectory->at(1).position_m.isApprox(Eigen::Vector3d(0.01, 0.02, 0.03)));
@@ -114,18 +114,18 @@ TEST(TrajectoryErrors, AreShortForLongLines) {
 TEST(TrajectoryErrors, NameAMissingFile) {
   const auto missing = Trajectory::load("no/such/hand.csv", kWorkspace);
   ASSERT_FALSE(missing);
-  EXPECT_EQ(missing.error().text,
+  EXPECT_EQ(missing.error().text(),
             "no/such/hand.csv: cannot be read; check that the file is there and readable");
   const auto folder = Trajectory::load(::testing::TempDir(), kWorkspace);
   ASSERT_FALSE(folder);
-  EXPECT_NE(folder.error().text.find("is a folder"), std::string::npos);
+  EXPECT_NE(folder.error().text().find("is a folder"), std::string::npos);
 }
 
 TEST(Trajectory, LoadsAFile) {
   const std::string path = ::testing::TempDir() + "/rtpm_trajectory_test.csv";
   std::ofstream(path) << "t_s,x_m,y_m,z_m\n0,0,0,0.01\n1,0,0,-0.01\n";
   const auto trajectory = Trajectory::load(path, kWorkspace);
-  ASSERT_TRUE(trajectory) << trajectory.error().text;
+  ASSERT_TRUE(trajectory) << trajectory.error().text();
   EXPECT_NEAR(trajectory->at(0.5).position_m.z(), 0, 1e-12);
 }
 

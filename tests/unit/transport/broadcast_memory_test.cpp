@@ -25,14 +25,14 @@ class Broadcast : public testing::Test {
  protected:
   void SetUp() override {
     auto memory = BroadcastMemory::make(kSize);
-    ASSERT_TRUE(memory) << memory.error().text;
+    ASSERT_TRUE(memory) << memory.error().text();
     memory_.emplace(std::move(*memory));
     auto door = BroadcastDoor::open(id_);
-    ASSERT_TRUE(door) << door.error().text;
+    ASSERT_TRUE(door) << door.error().text();
     door_.emplace(std::move(*door));
   }
   /// A view, with the door opened for it meanwhile.
-  expected<BroadcastView, TransportError> view() {
+  expected<BroadcastView, SetupError> view() {
     std::thread porter([this] {
       static_cast<void>(wait_readable(door_->descriptor(), rt::now() + 10s));
       door_->let_in(*memory_);
@@ -49,7 +49,7 @@ class Broadcast : public testing::Test {
 
 TEST_F(Broadcast, ReaderSeesWhatIsWritten) {
   const auto seen = view();
-  ASSERT_TRUE(seen) << seen.error().text;
+  ASSERT_TRUE(seen) << seen.error().text();
   ASSERT_EQ(seen->bytes().size(), kSize);
   memory_->bytes()[100] = std::byte{42};
   EXPECT_EQ(seen->bytes()[100], std::byte{42});
@@ -115,7 +115,7 @@ TEST_F(Broadcast, BellOfNobodyIsNone) {
 TEST(BroadcastView, SaysThatNobodyIsThere) {
   const auto none = BroadcastView::open(rt::random_u64(), rt::now() + 10ms);
   ASSERT_FALSE(none);
-  EXPECT_NE(none.error().text.find("Remedy"), std::string::npos);
+  EXPECT_NE(none.error().text().find("Remedy"), std::string::npos);
 }
 
 }  // namespace

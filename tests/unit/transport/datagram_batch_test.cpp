@@ -159,7 +159,7 @@ struct Ends {
   Ends() {
     const auto listener = TcpListener::open(kHere, 0);
     auto opened = UdpPort::open({.port = listener->port()});
-    EXPECT_TRUE(opened) << opened.error().text;
+    EXPECT_TRUE(opened) << opened.error().text();
     port.emplace(std::move(*opened));
     client = std::move(*open_udp_transport(kHere, listener->port(), 0));
   }
@@ -270,7 +270,7 @@ TEST(TcpBatch, IsFramesOneBehindTheOther) {
   auto listener = TcpListener::open(kHere, 0);
   ASSERT_TRUE(listener);
   const auto client = open_tcp_transport(kHere, listener->port(), 0, 10'000, rt::now() + 20s);
-  ASSERT_TRUE(client) << client.error().text;
+  ASSERT_TRUE(client) << client.error().text();
   ASSERT_TRUE(wait_readable(listener->descriptor(), rt::now() + 20s));
   FrameStream served(listener->accept().socket, 10'000);
   const auto frames = frames_of(5, 100, 30);

@@ -44,7 +44,7 @@ std::uint16_t free_port() {
 
 UdpPort open_udp(std::uint16_t port, bool joins = false) {
   auto opened = UdpPort::open({.port = port, .joins = joins});
-  EXPECT_TRUE(opened) << opened.error().text;
+  EXPECT_TRUE(opened) << opened.error().text();
   return std::move(*opened);
 }
 
@@ -75,7 +75,7 @@ TEST(TcpListener, SaysThatAPortIsBusyAndWhatToDo) {
   ASSERT_TRUE(first);
   const auto second = TcpListener::open(kHere, first->port());
   ASSERT_FALSE(second);
-  expect_text(second.error().text,
+  expect_text(second.error().text(),
               {"TCP 127.0.0.1:" + std::to_string(first->port()), "Address already in use",
                "Remedy: end the program that has it", "another port"});
 }
@@ -83,7 +83,7 @@ TEST(TcpListener, SaysThatAPortIsBusyAndWhatToDo) {
 TEST(TcpListener, SaysThatAnAddressIsNotThisHosts) {
   const auto listener = TcpListener::open(kNobodysAddress, 0);
   ASSERT_FALSE(listener);
-  expect_text(listener.error().text, {"TCP 192.0.2.1:0", "Remedy: give an address of this host"});
+  expect_text(listener.error().text(), {"TCP 192.0.2.1:0", "Remedy: give an address of this host"});
 }
 
 TEST(TcpListener, AcceptsWithoutWaiting) {
@@ -91,7 +91,7 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
   ASSERT_TRUE(listener);
   EXPECT_FALSE(listener->accept().socket.is_open()) << "nobody is there";
   const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
-  ASSERT_TRUE(client) << client.error().text;
+  ASSERT_TRUE(client) << client.error().text();
   ASSERT_TRUE(rtpm::test::await([&] { return wait_readable(listener->descriptor(), rt::now()); }));
   EXPECT_TRUE(listener->accept().socket.is_open());
 }
@@ -100,7 +100,7 @@ TEST(TcpListener, AcceptsWithoutWaiting) {
 TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     auto listener = TcpListener::open(kHere, 0);
-    if (!listener) return listener.error().text;
+    if (!listener) return listener.error().text();
     std::vector<std::unique_ptr<ClientTransport>> clients;
     for (int i = 0; i < 3; ++i) {
       clients.push_back(
@@ -131,9 +131,9 @@ TEST(TcpListener, TurnsConnectionsAwayWhenNoDescriptorIsLeft) {
 TEST(TcpListener, SaysThatAConnectionStillWaits) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const auto listener = TcpListener::open(kHere, 0);
-    if (!listener) return listener.error().text;
+    if (!listener) return listener.error().text();
     const auto client = open_tcp_transport(kHere, listener->port(), 0, 1000, rt::now() + 20s);
-    if (!client) return client.error().text;
+    if (!client) return client.error().text();
     const rlimit few{64, 64};
     setrlimit(RLIMIT_NOFILE, &few);
     while (dup(STDERR_FILENO) >= 0) {
@@ -153,7 +153,7 @@ TEST(UdpPort, SaysThatAPortIsBusyAndWhatToDo) {
   const UdpPort first = open_udp(number);
   const auto second = UdpPort::open({.port = number});
   ASSERT_FALSE(second) << "a second server would take half of the first one's traffic";
-  expect_text(second.error().text,
+  expect_text(second.error().text(),
               {"UDP 127.0.0.1:" + std::to_string(number), "Address already in use",
                "Remedy: end the program that has it", "another port"});
 }
@@ -195,7 +195,7 @@ TEST(UdpPort, IsWokenOnAnyAddress) {
   for (const char* host : {kHere, "0.0.0.0"}) {
     const std::uint16_t number = free_port();
     auto port = UdpPort::open({.host = host, .port = number});
-    ASSERT_TRUE(port) << port.error().text;
+    ASSERT_TRUE(port) << port.error().text();
     Bytes buffer(2000);
     port->wake();
     auto client = open_udp_transport(kHere, number, 0);
@@ -208,13 +208,13 @@ TEST(UdpPort, IsWokenOnAnyAddress) {
 TEST(UdpPort, SaysThatAnAddressIsNotThisHosts) {
   const auto port = UdpPort::open({.host = kNobodysAddress, .port = 4711});
   ASSERT_FALSE(port);
-  expect_text(port.error().text, {"UDP 192.0.2.1:4711", "Remedy: give an address of this host"});
+  expect_text(port.error().text(), {"UDP 192.0.2.1:4711", "Remedy: give an address of this host"});
 }
 
 TEST(Host, WithoutAnAddressIsNamed) {
   const auto address = address_of("", 1);
   ASSERT_FALSE(address);
-  expect_text(address.error().text, {"host ''", "Remedy"});
+  expect_text(address.error().text(), {"host ''", "Remedy"});
 }
 
 TEST(Host, HasANumericAddress) {
@@ -226,7 +226,7 @@ TEST(Host, HasANumericAddress) {
 TEST(Host, WhoseNameNobodyKnowsIsNamed) {
   const auto address = numeric_address_of("no-such-host.invalid", rt::now() + 20s);
   ASSERT_FALSE(address);
-  expect_text(address.error().text,
+  expect_text(address.error().text(),
               {"host 'no-such-host.invalid'", "Remedy: check the name, or give a numeric address"});
 }
 
@@ -234,14 +234,14 @@ TEST(Host, WhoseNameNobodyKnowsIsNamed) {
 TEST(Host, IsNotWaitedForBeyondTheDeadline) {
   const auto address = numeric_address_of("no-such-host.invalid", rt::now() - 1s);
   ASSERT_FALSE(address);
-  expect_text(address.error().text, {"host 'no-such-host.invalid'"});
+  expect_text(address.error().text(), {"host 'no-such-host.invalid'"});
 }
 
 TEST(Host, WithoutAWayToItIsNotTakenForAShortage) {
   const auto client = open_udp_transport("255.255.255.255", 4711, 0);
   ASSERT_FALSE(client);
-  expect_text(client.error().text, {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
-  EXPECT_FALSE(client.error().is_exhausted);
+  expect_text(client.error().text(), {"255.255.255.255:4711 can't be reached over UDP", "Remedy"});
+  EXPECT_FALSE(is_shortage(client.error().cause.value()));
 }
 
 // Each says so, with the remedy, instead of that nobody is there.
@@ -251,7 +251,7 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
     setrlimit(RLIMIT_NOFILE, &few);
     while (dup(STDERR_FILENO) >= 0) {
     }
-    const std::vector<TransportError> errors{
+    const std::vector<SetupError> errors{
         open_udp_transport(kHere, 4711, 0).error(),
         open_tcp_transport(kHere, 4711, 0, 1000, rt::now() + 20s).error(),
         open_shared_memory_transport({kHere, 4711, ""}, 0, rt::now() + 20s).error(),
@@ -259,11 +259,11 @@ TEST(Descriptors, ThatAreUsedUpAreNamed) {
         TcpListener::open(kHere, 0).error(),
         PolledWaitSet::open(1).error()};
     std::string wrong;
-    for (const TransportError& error : errors) {
+    for (const SetupError& error : errors) {
       const bool is_named =
-          error.text.find("Too many open files") != error.text.npos &&
-          error.text.find("Remedy: raise the limit of open files") != error.text.npos;
-      if (!is_named || !error.is_exhausted) wrong += error.text + "\n";
+          error.text().find("Too many open files") != std::string::npos &&
+          error.text().find("Remedy: raise the limit of open files") != std::string::npos;
+      if (!is_named || !is_shortage(error.cause.value())) wrong += error.text() + "\n";
     }
     return wrong;
   });
@@ -350,7 +350,7 @@ TEST(UdpTransport, KnowsWhetherItsFramesStayHere) {
   ASSERT_TRUE(another);
   EXPECT_TRUE((*another)->is_on_host());
   const auto away = open_udp_transport(kNobodysAddress, free_port(), 0);
-  if (!away) GTEST_SKIP() << "this host has no route to another: " << away.error().text;
+  if (!away) GTEST_SKIP() << "this host has no route to another: " << away.error().text();
   EXPECT_FALSE((*away)->is_on_host());
 }
 
@@ -393,8 +393,8 @@ TEST(TcpTransport, SaysThatNobodyIsThere) {
   const std::uint16_t number = free_port();
   const auto client = open_tcp_transport(kHere, number, 0, 1000, rt::now() + 20s);
   ASSERT_FALSE(client);
-  expect_text(client.error().text, {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
-                                    "Connection refused", "Remedy"});
+  expect_text(client.error().text(), {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
+                                      "Connection refused", "Remedy"});
 }
 
 // A listener that takes nobody off its queue, which holds one: further ones get no answer.
@@ -414,7 +414,7 @@ TEST(TcpTransport, GivesUpAtItsDeadline) {
   const auto client = open_tcp_transport(kHere, number, 0, 1000, deadline);
   EXPECT_GE(rt::now(), deadline);
   ASSERT_FALSE(client);
-  expect_text(client.error().text,
+  expect_text(client.error().text(),
               {"nobody answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
 }
 

@@ -43,7 +43,7 @@ struct Host {
 
   static SharedMemoryListener open(const SharedMemoryAddress& address) {
     auto opened = SharedMemoryListener::open(address);
-    EXPECT_TRUE(opened) << opened.error().text;
+    EXPECT_TRUE(opened) << opened.error().text();
     return std::move(*opened);
   }
   /// Waits for the next client's request and answers it.
@@ -66,7 +66,7 @@ struct Pair {
   explicit Pair(Host& host, Priority priority = 0) {
     std::thread opener([&] {
       auto opened = open_shared_memory_transport(host.address, priority, soon());
-      EXPECT_TRUE(opened) << opened.error().text;
+      EXPECT_TRUE(opened) << opened.error().text();
       if (opened) client = std::move(*opened);
     });
     auto welcomed = host.welcome();

@@ -145,7 +145,7 @@ TEST(SharedMemory, IsNotForOtherUsers) {
     rtpm::test::drop_realtime_rights();
     // The superuser's server is trusted; it is the server that refuses.
     const auto client = open_shared_memory_transport(host.address, 0, soon());
-    return client ? std::string("it was taken") : client.error().text;
+    return client ? std::string("it was taken") : client.error().text();
   });
   server.join();
   EXPECT_FALSE(given);
@@ -173,7 +173,7 @@ TEST(SharedMemory, TrustsNoServerOfAnotherUser) {
   EXPECT_FALSE(is_shared_memory_served(address, soon()));
   const auto client = open_shared_memory_transport(address, 0, soon());
   ASSERT_FALSE(client);
-  expect_text(client.error().text, {"another user's"});
+  expect_text(client.error().text(), {"another user's"});
   kill(child, SIGKILL);
   waitpid(child, nullptr, 0);
   close(told[0]);
@@ -238,7 +238,7 @@ TEST(SharedMemory, IsNotTakenWhereAnAccessCouldFail) {
     const auto client = open_shared_memory_transport(host.address, 0, soon());
     server.join();
     ASSERT_FALSE(client) << answer.ring_size;
-    expect_text(client.error().text, {"breaks the rules"});
+    expect_text(client.error().text(), {"breaks the rules"});
   }
 }
 
@@ -246,11 +246,11 @@ TEST(SharedMemory, SaysThatTheServerHasNoDescriptorLeft) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     const SharedMemoryAddress address = own_address();
     auto listener = SharedMemoryListener::open(address);
-    if (!listener) return listener.error().text;
+    if (!listener) return listener.error().text();
     std::string text;
     std::thread client([&] {
       const auto opened = open_shared_memory_transport(address, 0, soon());
-      text = opened ? "there was memory" : opened.error().text;
+      text = opened ? "there was memory" : opened.error().text();
     });
     static_cast<void>(wait_readable(listener->descriptor(), soon()));
     Accepted accepted = listener->accept();
@@ -271,20 +271,20 @@ TEST(SharedMemory, SaysWhyItCanNotBeHad) {
   const SharedMemoryAddress address = own_address();
   const auto nobody = open_shared_memory_transport(address, 0, soon());
   ASSERT_FALSE(nobody);
-  expect_text(nobody.error().text, {"@rtpm/test-", "refused", "start the server"});
+  expect_text(nobody.error().text(), {"@rtpm/test-", "refused", "start the server"});
   const Host host(address);
   const auto silent = open_shared_memory_transport(address, 0, rt::now() + 5ms);
   ASSERT_FALSE(silent);
-  expect_text(silent.error().text, {"does not answer"});
+  expect_text(silent.error().text(), {"does not answer"});
   const auto second = SharedMemoryListener::open(address);
   ASSERT_FALSE(second);
-  expect_text(second.error().text, {"already in use", "ss -xlp"});
+  expect_text(second.error().text(), {"already in use", "ss -xlp"});
   const auto nowhere = SharedMemoryListener::open(own_address("/nowhere/at/all"));
   ASSERT_FALSE(nowhere);
-  expect_text(nowhere.error().text, {"/nowhere/at/all/", "give a folder"});
+  expect_text(nowhere.error().text(), {"/nowhere/at/all/", "give a folder"});
   const auto too_long = SharedMemoryListener::open(own_address("/" + std::string(120, 'x')));
   ASSERT_FALSE(too_long);
-  expect_text(too_long.error().text, {"longer than 107 bytes"});
+  expect_text(too_long.error().text(), {"longer than 107 bytes"});
 }
 
 // ---- the end ------------------------------------------------------------------------------------
@@ -379,7 +379,7 @@ TEST(SharedMemory, IsGoneWithAServerThatIsKilled) {
     char word = 0;
     ASSERT_EQ(read(told[0], &word, 1), 1);
     const auto client = open_shared_memory_transport(address, 0, soon());
-    ASSERT_TRUE(client) << client.error().text;
+    ASSERT_TRUE(client) << client.error().text();
     kill(server, SIGKILL);
     EXPECT_TRUE(await([&] {
       if (is_waiting) (*client)->wait(soon());
@@ -455,7 +455,7 @@ TEST_F(SharedMemoryFile, TakesTheFileOfAKilledServerAndNoOther) {
   const Host host(address);
   const auto second = SharedMemoryListener::open(address);
   ASSERT_FALSE(second);
-  expect_text(second.error().text, {"already in use"});
+  expect_text(second.error().text(), {"already in use"});
   EXPECT_FALSE(fs::is_empty(folder_));
 }
 

@@ -23,11 +23,11 @@ class Lanes {
     number_ = listener->port();
     for (const Priority low : lows) {
       auto port = UdpPort::open({.port = number_, .low = low, .joins = !ports_.empty()});
-      EXPECT_TRUE(port) << port.error().text;
+      EXPECT_TRUE(port) << port.error().text();
       ports_.push_back(std::move(*port));
     }
     const auto steered = steer(ports_.front(), lows);
-    EXPECT_TRUE(steered) << steered.error().text;
+    EXPECT_TRUE(steered) << steered.error().text();
     transport_ = std::move(*open_udp_transport("127.0.0.1", number_, 0));
   }
 

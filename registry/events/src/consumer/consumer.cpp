@@ -55,13 +55,13 @@ Consumer::Impl::~Impl() {
   unsubscribe();
 }
 
-expected<void, rpc::SetupError> Consumer::Impl::begin() {
+expected<void, SetupError> Consumer::Impl::begin() {
   auto thread = rt::Thread::start({.name = "ev-" + config_.name,
                                    .priority = config_.priority,
                                    .cpus = config_.cpus,
                                    .realtime = config_.realtime},
                                   [this] { run(); });
-  if (!thread) return rpc::setup_error(std::move(thread.error().text));
+  if (!thread) return unexpected{std::move(thread.error())};
   thread_ = std::move(*thread);
   std::unique_lock lock(mutex_);
   changed_.wait(lock, [this] { return has_begun_; });
@@ -69,7 +69,7 @@ expected<void, rpc::SetupError> Consumer::Impl::begin() {
   return {};
 }
 
-void Consumer::Impl::report_begin(std::optional<rpc::SetupError> error) {
+void Consumer::Impl::report_begin(std::optional<SetupError> error) {
   {
     const std::lock_guard lock(mutex_);
     has_begun_ = true;
@@ -81,7 +81,7 @@ void Consumer::Impl::report_begin(std::optional<rpc::SetupError> error) {
 void Consumer::Impl::run() {
   own_thread_ = std::this_thread::get_id();
   auto session = open();
-  if (!session) return report_begin(rpc::SetupError{std::move(session.error().text)});
+  if (!session) return report_begin(std::move(session.error()));
   report_begin(std::nullopt);
   notify(NoticeKind::kSubscribed, "");
   std::string why;
@@ -117,7 +117,7 @@ bool Consumer::Impl::resubscribe(Session& session) {
       return true;
     }
     if (opened.error().is_final) {
-      notify(NoticeKind::kEnded, opened.error().text);
+      notify(NoticeKind::kEnded, opened.error().text());
       return false;
     }
   }
@@ -143,12 +143,14 @@ SubscribeRequestT Consumer::Impl::request() const {
 }
 
 Consumer::Impl::Opened Consumer::Impl::open() {
-  const auto failed = [](std::string text) { return unexpected{Failure{std::move(text)}}; };
+  const auto failed = [](rpc::CallError error) {
+    return setup_error("The hub does not serve this consumer", error);
+  };
   auto client = HubClient::bind(node_, target_,
                                 {.transport = config_.transport,
                                  .deadline = config_.deadline,
                                  .warm_up = {config_.priority}});
-  if (!client) return failed(std::move(client.error().text));
+  if (!client) return unexpected{std::move(client.error())};
   DeliveryPolicy delivery;
   {
     const std::lock_guard lock(mutex_);
@@ -168,16 +170,16 @@ Consumer::Impl::Opened Consumer::Impl::open() {
   if (ring) subscribe_request.ring = ring->id();
   if (multicast) subscribe_request.multicast = multicast->id();
   auto stream = client->subscribe(subscribe_request, options);
-  if (!stream) return failed(std::string(rpc::to_string(stream.error())));
+  if (!stream) return failed(stream.error());
   const auto first = stream->next(rt::now() + config_.deadline);
-  if (!first) return failed(std::string(rpc::to_string(first.error())));
+  if (!first) return failed(first.error());
   if (*first != nullptr && (*first)->refusal() != nullptr) {
     // With ring or multicast, the hub may just have restarted.
-    return unexpected{Failure{refusal_of(*(*first)->refusal()),
+    return unexpected{Failure{{refusal_of(*(*first)->refusal())},
                               /*is_final=*/ring == nullptr && multicast == nullptr}};
   }
   if (*first == nullptr || (*first)->welcome() == nullptr) {
-    return failed("The hub does not welcome its consumers: it is of another release.");
+    return setup_error("The hub does not welcome its consumers", "it is of another release");
   }
   const Welcome welcome = *(*first)->welcome();
   {
@@ -327,8 +329,8 @@ void Consumer::Impl::notify(NoticeKind kind, std::string_view text, Duration gap
   }
 }
 
-expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
-                                                       const DeliveryPolicy& delivery) {
+expected<void, SetupError> Consumer::Impl::change(const Filter& filter,
+                                                  const DeliveryPolicy& delivery) {
   ChangeRequestT request;
   std::shared_ptr<HubClient> client;
   {
@@ -342,10 +344,9 @@ expected<void, rpc::SetupError> Consumer::Impl::change(const Filter& filter,
   request.delivery = entry_of(delivery);
   const auto reply = client->change(request, {.priority = 0});
   if (!reply) {
-    return rpc::setup_error("The subscription was not changed: " +
-                            std::string(rpc::to_string(reply.error())));
+    return setup_error("The subscription was not changed", reply.error());
   }
-  if ((*reply)->refusal() != nullptr) return rpc::setup_error(refusal_of(*(*reply)->refusal()));
+  if ((*reply)->refusal() != nullptr) return setup_error(refusal_of(*(*reply)->refusal()));
   {
     const std::lock_guard lock(mutex_);
     config_.filter = filter;
@@ -388,23 +389,23 @@ void Consumer::Impl::unsubscribe() {
 Consumer::Consumer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Consumer::~Consumer() = default;
 
-expected<std::unique_ptr<Consumer>, rpc::SetupError> Consumer::create(rpc::Node& node,
-                                                                      const std::string& target,
-                                                                      ConsumerConfig config,
-                                                                      EventHandler& handler) {
+expected<std::unique_ptr<Consumer>, SetupError> Consumer::create(rpc::Node& node,
+                                                                 const std::string& target,
+                                                                 ConsumerConfig config,
+                                                                 EventHandler& handler) {
   if (config.miss_count_max < rpc::kMissCountMin || config.miss_count_max > rpc::kMissCountMax) {
-    return rpc::setup_error("consumer '" + config.name + "' may have missed " +
-                            std::to_string(rpc::kMissCountMin) + " to " +
-                            std::to_string(rpc::kMissCountMax) + " signs of life, not " +
-                            std::to_string(config.miss_count_max) + ".");
+    return setup_error("miss_count_max of consumer '" + config.name + "' is " +
+                           std::to_string(config.miss_count_max),
+                       "",
+                       "choose " + std::to_string(rpc::kMissCountMin) + " to " +
+                           std::to_string(rpc::kMissCountMax));
   }
   auto impl = std::make_unique<Impl>(node, target, std::move(config), handler);
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Consumer>(new Consumer(std::move(impl)));
 }
 
-expected<void, rpc::SetupError> Consumer::change(const Filter& filter,
-                                                 const DeliveryPolicy& delivery) {
+expected<void, SetupError> Consumer::change(const Filter& filter, const DeliveryPolicy& delivery) {
   return impl_->change(filter, delivery);
 }
 expected<void, rpc::CallError> Consumer::suspend() {

@@ -31,9 +31,9 @@ class Consumer::Impl final : private ReaderSeat::Member {
   Impl& operator=(const Impl&) = delete;
   ~Impl() override;
 
-  [[nodiscard]] expected<void, rpc::SetupError> begin();
-  [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
-                                                       const DeliveryPolicy& delivery);
+  [[nodiscard]] expected<void, SetupError> begin();
+  [[nodiscard]] expected<void, SetupError> change(const Filter& filter,
+                                                  const DeliveryPolicy& delivery);
   [[nodiscard]] expected<void, rpc::CallError> control(Action action);
   void unsubscribe();
   [[nodiscard]] bool is_subscribed() const noexcept { return subscription_id_ != 0; }
@@ -48,8 +48,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
     std::shared_ptr<CommonReader> reader{};         ///< Null: its own thread reads.
   };
   /// Why open() failed.
-  struct Failure {
-    std::string text;
+  struct Failure : SetupError {
     bool is_final = false;  ///< The hub refused: do not retry.
   };
   using Opened = expected<std::unique_ptr<Session>, Failure>;
@@ -74,7 +73,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   void hand_over(std::span<const EventView> events);
   void notify(NoticeKind kind, std::string_view text, Duration gap = Duration{0},
               bool has_hub_restarted = false);
-  void report_begin(std::optional<rpc::SetupError> error);
+  void report_begin(std::optional<SetupError> error);
   [[nodiscard]] bool sleep_unless_stopping(Duration span);
   /// Reads the broadcast, alternating with a common reader; returns why the stream ended.
   [[nodiscard]] std::string read_broadcast(Session& session);
@@ -97,7 +96,7 @@ class Consumer::Impl final : private ReaderSeat::Member {
   ConsumerConfig config_;  ///< Its filter and delivery change.
   std::shared_ptr<HubClient> control_client_{};
   bool has_begun_ = false;
-  std::optional<rpc::SetupError> begin_error_{};
+  std::optional<SetupError> begin_error_{};
   ConsumerCounters counters_{};
   Losses earlier_losses_{};  ///< Of earlier sessions.
 

@@ -21,10 +21,10 @@ Exchange::Exchange(const ExchangeLimits& limits, Broadcaster* broadcaster)
   broadcast_to_.reserve(subscriptions_.size());
 }
 
-expected<Exchange::Prepared, FilterError> Exchange::prepare(const Filter& filter,
-                                                            const DeliveryPolicy& policy,
-                                                            const DescriptorSource& types,
-                                                            bool is_broadcast) {
+expected<Exchange::Prepared, SetupError> Exchange::prepare(const Filter& filter,
+                                                           const DeliveryPolicy& policy,
+                                                           const DescriptorSource& types,
+                                                           bool is_broadcast) {
   auto compiled = CompiledFilter::compile(filter, types);
   if (!compiled) return unexpected{std::move(compiled.error())};
   auto gate = Gate::make(policy, types);

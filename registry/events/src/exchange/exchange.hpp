@@ -71,10 +71,10 @@ class Exchange {
   };
   /// @realtime set-up only; static, so that no lock is held meanwhile
   /// @errors   as CompiledFilter::compile() and Gate::make()
-  [[nodiscard]] static expected<Prepared, FilterError> prepare(const Filter& filter,
-                                                               const DeliveryPolicy& policy,
-                                                               const DescriptorSource& types,
-                                                               bool is_broadcast = false);
+  [[nodiscard]] static expected<Prepared, SetupError> prepare(const Filter& filter,
+                                                              const DeliveryPolicy& policy,
+                                                              const DescriptorSource& types,
+                                                              bool is_broadcast = false);
 
   /// Adds a subscription and replays its history; nullopt if there is no free slot, or too few
   /// interests are left.

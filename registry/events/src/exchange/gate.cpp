@@ -10,14 +10,13 @@
 namespace rtpm::events {
 namespace {
 
-unexpected<FilterError> refuse(const std::string& why) {
-  return unexpected{FilterError{"The delivery policy is refused: " + why + "."}};
+unexpected<SetupError> refuse(const std::string& why) {
+  return setup_error("The delivery policy is refused", why);
 }
 
 }  // namespace
 
-expected<Gate, FilterError> Gate::make(const DeliveryPolicy& policy,
-                                       const DescriptorSource& types) {
+expected<Gate, SetupError> Gate::make(const DeliveryPolicy& policy, const DescriptorSource& types) {
   if (policy.every_nth == 0) return refuse("every_nth is at least 1");
   if (policy.interval < Duration{0} || policy.interval > kTimeoutMax) {
     return refuse("an interval is not negative, and at most a day");
@@ -39,7 +38,7 @@ expected<Gate, FilterError> Gate::make(const DeliveryPolicy& policy,
   gate.is_trailing_ = policy.is_trailing;
   for (const Deadband& each : policy.deadbands) {
     const auto field = find_field(each.type, each.field, types);
-    if (!field) return refuse("deadband: " + field.error());
+    if (!field) return refuse("deadband: " + field.error().reason());
     if (!(each.threshold > 0) || std::isinf(each.threshold)) {
       return refuse("the deadband of '" + each.field + "' is not above 0");
     }

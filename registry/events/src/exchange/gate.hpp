@@ -6,7 +6,7 @@
 
 #include "event_store.hpp"
 #include "filter/compiled_filter.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/delivery.hpp"
 
@@ -20,8 +20,8 @@ class Gate {
  public:
   Gate() noexcept = default;
   /// @errors   a value out of bounds; an unknown type or field of a deadband
-  [[nodiscard]] static expected<Gate, FilterError> make(const DeliveryPolicy& policy,
-                                                        const DescriptorSource& types);
+  [[nodiscard]] static expected<Gate, SetupError> make(const DeliveryPolicy& policy,
+                                                       const DescriptorSource& types);
 
   /// Whether to deliver now. `event` is empty for a group, which deadbands ignore and intervals do
   /// not defer.

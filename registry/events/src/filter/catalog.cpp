@@ -15,31 +15,31 @@ bool is_sound(const FieldDescriptor& field, std::size_t name_size_max) {
 
 }  // namespace
 
-expected<void, std::string> TypeCatalog::add(const EventDescriptor& descriptor) {
+expected<void, SetupError> TypeCatalog::add(const EventDescriptor& descriptor) {
   const std::string what = in_words(descriptor.type, &descriptor);
   if (descriptor.type == 0 || descriptor.type > kEventTypeMax) {
-    return unexpected{what + ": a type is 1 to " + std::to_string(kEventTypeMax)};
+    return setup_error(what, "a type is 1 to " + std::to_string(kEventTypeMax));
   }
   if (const EventDescriptor* known = find(descriptor.type)) {
     if (known->schema_id == descriptor.schema_id) return {};
-    return unexpected{what + ": the hub knows this type as " + std::string(known->name) +
-                      " of another schema; give it another rtpm_event number, or build both "
-                      "programs from one schema"};
+    return setup_error(
+        what, "the hub knows this type as " + std::string(known->name) + " of another schema",
+        "give it another rtpm_event number, or build both programs from one schema");
   }
   if (descriptor.name.size() > limits_.name_size_max ||
       descriptor.fields.size() > limits_.field_count_max) {
-    return unexpected{what + ": it has too long a name, or too many fields"};
+    return setup_error(what, "it has too long a name, or too many fields");
   }
   if (types_.size() >= limits_.type_count_max) {
-    return unexpected{what + ": the hub knows " + std::to_string(types_.size()) +
-                      " types, which is its maximum"};
+    return setup_error(
+        what, "the hub knows " + std::to_string(types_.size()) + " types, which is its maximum");
   }
   auto owned = std::make_unique<Owned>();
   owned->name = descriptor.name;
   owned->field_names.reserve(descriptor.fields.size());
   for (const FieldDescriptor& field : descriptor.fields) {
     if (!is_sound(field, limits_.name_size_max)) {
-      return unexpected{what + ": '" + std::string(field.name) + "' has an invalid descriptor"};
+      return setup_error(what, "'" + std::string(field.name) + "' has an invalid descriptor");
     }
     owned->field_names.emplace_back(field.name);
     owned->fields.push_back(field);

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "filter/descriptor_source.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/scalar.hpp"
 
 namespace rtpm::events {
@@ -30,7 +30,7 @@ class TypeCatalog final : public DescriptorSource {
   /// Registers a type; repeating it changes nothing.
   /// @errors   in words: another schema of the type is registered (update the older program), an
   ///           invalid type or field path, a limit
-  [[nodiscard]] expected<void, std::string> add(const EventDescriptor& descriptor);
+  [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;
   [[nodiscard]] std::size_t size() const noexcept { return types_.size(); }

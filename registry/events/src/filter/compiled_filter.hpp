@@ -8,17 +8,12 @@
 
 #include "event_store.hpp"
 #include "filter/descriptor_source.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/filter.hpp"
 
 namespace rtpm::events {
 
 inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
-
-/// Why a filter was refused: a sentence that names the node by its path in the tree, and the field.
-struct FilterError {
-  std::string text;
-};
 
 /// The events of one delivery.
 /// @ownership holds its events
@@ -58,8 +53,8 @@ class CompiledFilter {
   /// @errors   too deep, too many nodes or events to keep; a group without children; an unknown
   ///           type or field; an operand that does not fit the field; a timeout out of bounds, or
   ///           under "all" or "not", where it can never match
-  [[nodiscard]] static expected<CompiledFilter, FilterError> compile(const Filter& filter,
-                                                                     const DescriptorSource& types);
+  [[nodiscard]] static expected<CompiledFilter, SetupError> compile(const Filter& filter,
+                                                                    const DescriptorSource& types);
 
   /// Starts the timeouts.
   void start(MonotonicTime now) noexcept;

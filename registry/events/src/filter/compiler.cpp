@@ -39,8 +39,8 @@ std::string_view to_string(Kind kind) noexcept {
   return "silence";
 }
 
-unexpected<FilterError> refuse(const std::string& path, const std::string& why) {
-  return unexpected{FilterError{"Filter node " + path + " is refused: " + why + "."}};
+unexpected<SetupError> refuse(const std::string& path, const std::string& why) {
+  return setup_error("Filter node " + path + " is refused", why);
 }
 
 bool is_group(Kind kind) noexcept {
@@ -143,21 +143,21 @@ std::string in_words(EventType type, const EventDescriptor* descriptor) {
   return text;
 }
 
-expected<const FieldDescriptor*, std::string> find_field(EventType type, std::string_view name,
-                                                         const DescriptorSource& types) {
+expected<const FieldDescriptor*, SetupError> find_field(EventType type, std::string_view name,
+                                                        const DescriptorSource& types) {
   const EventDescriptor* descriptor = types.find(type);
   if (descriptor == nullptr) {
-    return unexpected{"no program has registered the fields of " + in_words(type, nullptr) +
-                      ", so '" + std::string(name) + "' is unknown"};
+    return setup_error("no program has registered the fields of " + in_words(type, nullptr) +
+                       ", so '" + std::string(name) + "' is unknown");
   }
   const auto found = std::ranges::find(descriptor->fields, name, &FieldDescriptor::name);
   if (found == descriptor->fields.end()) {
-    return unexpected{in_words(type, descriptor) + " has no number '" + std::string(name) + "'"};
+    return setup_error(in_words(type, descriptor) + " has no number '" + std::string(name) + "'");
   }
   return &*found;
 }
 
-expected<CompiledFilter, FilterError> Compiler::compile(const Filter& filter) {
+expected<CompiledFilter, SetupError> Compiler::compile(const Filter& filter) {
   auto root = make(filter, std::string(to_string(filter.kind)), 1);
   if (!root) return unexpected{std::move(root.error())};
   for (const std::size_t timer : root->silences)
@@ -270,12 +270,12 @@ Compiler::Result Compiler::make_listed(const Filter& filter, const std::string& 
 
 Compiler::Result Compiler::make_where(const Filter& filter, const std::string& path) {
   const auto field = find_field(filter.type, filter.field, types_);
-  if (!field) return refuse(path, field.error());
+  if (!field) return refuse(path, field.error().reason());
   const auto operand = operand_for((*field)->type, filter.comparison, filter.operand);
   const EventDescriptor* descriptor = types_.find(filter.type);
   if (!operand) {
     return refuse(path, "'" + filter.field + "' of " + in_words(filter.type, descriptor) + ": " +
-                            operand.error());
+                            operand.error().reason());
   }
   CompiledFilter::Node node{.kind = Kind::kWhere};
   node.comparison = filter.comparison;
@@ -383,8 +383,8 @@ void Compiler::keep_for(CompiledFilter::Node& node, const Children& children) {
   }
 }
 
-expected<CompiledFilter, FilterError> CompiledFilter::compile(const Filter& filter,
-                                                              const DescriptorSource& types) {
+expected<CompiledFilter, SetupError> CompiledFilter::compile(const Filter& filter,
+                                                             const DescriptorSource& types) {
   return Compiler(types).compile(filter);
 }
 

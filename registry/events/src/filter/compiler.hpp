@@ -13,14 +13,14 @@ namespace rtpm::events {
 [[nodiscard]] std::string in_words(EventType type, const EventDescriptor* descriptor);
 
 /// The field, or why there is none, in words.
-[[nodiscard]] expected<const FieldDescriptor*, std::string> find_field(
+[[nodiscard]] expected<const FieldDescriptor*, SetupError> find_field(
     EventType type, std::string_view name, const DescriptorSource& types);
 
 /// Compiles a tree into an array of nodes, children first.
 class Compiler {
  public:
   explicit Compiler(const DescriptorSource& types) noexcept : types_(types) {}
-  [[nodiscard]] expected<CompiledFilter, FilterError> compile(const Filter& filter);
+  [[nodiscard]] expected<CompiledFilter, SetupError> compile(const Filter& filter);
 
  private:
   /// What a parent needs of a compiled node.
@@ -34,7 +34,7 @@ class Compiler {
     /// timeouts of silence whose group is the node's parent.
     std::vector<std::size_t> silences{};
   };
-  using Result = expected<Made, FilterError>;
+  using Result = expected<Made, SetupError>;
   using Children = std::vector<Made>;
 
   [[nodiscard]] Result make(const Filter& filter, const std::string& path, std::size_t depth);

@@ -18,9 +18,9 @@ std::string in_words(const Scalar& scalar) {
   return std::to_string(scalar.real);
 }
 
-unexpected<std::string> no_value(ScalarType type, const Scalar& operand) {
-  return unexpected{in_words(operand) + " is none of the values of " +
-                    std::string(to_string(type))};
+unexpected<SetupError> no_value(ScalarType type, const Scalar& operand) {
+  return setup_error(in_words(operand) + " is none of the values of " +
+                     std::string(to_string(type)));
 }
 
 std::int64_t lowest(ScalarType type) noexcept {
@@ -44,20 +44,20 @@ std::optional<Scalar> whole(double real) noexcept {
 
 }  // namespace
 
-expected<Scalar, std::string> operand_for(ScalarType type, Comparison comparison,
-                                          const Scalar& operand) {
+expected<Scalar, SetupError> operand_for(ScalarType type, Comparison comparison,
+                                         const Scalar& operand) {
   if (is_real(type)) {
     if (comparison == Comparison::kHasAnyBit) {
-      return unexpected{std::string(to_string(type)) + " has no bits to look at"};
+      return setup_error(std::string(to_string(type)) + " has no bits");
     }
     const double real = operand.as_real();
-    if (std::isnan(real)) return unexpected{std::string("nothing compares with NaN")};
+    if (std::isnan(real)) return setup_error("nothing compares with NaN");
     // Rounded to the field's precision, so that 0.1 equals a float of 0.1.
     return Scalar::of(type == ScalarType::kFloat ? double{static_cast<float>(real)} : real);
   }
   const bool is_order = comparison != Comparison::kEqual && comparison != Comparison::kNotEqual;
   if (type == ScalarType::kBool && is_order) {
-    return unexpected{std::string("bool is compared with == and != only")};
+    return setup_error("bool is compared with == and != only");
   }
   Scalar integer = operand;
   if (operand.kind == Scalar::Kind::kReal) {

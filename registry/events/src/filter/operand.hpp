@@ -2,14 +2,14 @@
 
 #include <string>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/filter.hpp"
 #include "rtpm/events/scalar.hpp"
 
 namespace rtpm::events {
 
 /// Converts the operand to the field's kind, or says why the comparison is invalid.
-[[nodiscard]] expected<Scalar, std::string> operand_for(ScalarType type, Comparison comparison,
-                                                        const Scalar& operand);
+[[nodiscard]] expected<Scalar, SetupError> operand_for(ScalarType type, Comparison comparison,
+                                                       const Scalar& operand);
 
 }  // namespace rtpm::events

@@ -26,29 +26,29 @@ DisconnectReason reason_of(rpc::CallEnding ending) noexcept {
 
 }  // namespace
 
-expected<std::unique_ptr<Hub>, rpc::SetupError> Hub::create(const HubConfig& config) {
+expected<std::unique_ptr<Hub>, SetupError> Hub::create(const HubConfig& config) {
   auto wait_set = transport::PolledWaitSet::open(1);
-  if (!wait_set) return rpc::setup_error(std::move(wait_set.error().text));
+  if (!wait_set) return unexpected{std::move(wait_set.error())};
   std::uint32_t payload_size_max = 0;
   for (const auto& each : config.limits.store.classes)
     payload_size_max = std::max(payload_size_max, each.payload_size_max);
   std::unique_ptr<RingOutlet> ring;
   if (config.ring_size != 0) {
     auto made = RingOutlet::make(config.ring_size, payload_size_max);
-    if (!made) return rpc::setup_error(std::move(made.error().text));
+    if (!made) return unexpected{std::move(made.error())};
     ring = std::move(*made);
   }
   std::unique_ptr<MulticastOutlet> multicast;
   if (config.multicast) {
     auto made = MulticastOutlet::make(*config.multicast, payload_size_max,
                                       config.limits.subscription_count_max);
-    if (!made) return rpc::setup_error(std::move(made.error().text));
+    if (!made) return unexpected{std::move(made.error())};
     multicast = std::move(*made);
   }
   auto hub = std::make_unique<HubImpl>(config, std::move(*wait_set), std::move(ring),
                                        std::move(multicast));
   if (auto started = hub->start(config); !started) {
-    return rpc::setup_error(std::move(started.error().text));
+    return unexpected{std::move(started.error())};
   }
   return std::unique_ptr<Hub>(std::move(hub));
 }
@@ -84,9 +84,9 @@ HubImpl::HubImpl(const HubConfig& config, std::unique_ptr<transport::WaitSet> wa
     each.meter = QuotaMeter(config.quota);
 }
 
-expected<void, rt::RealtimeError> HubImpl::start(const HubConfig& config) {
+expected<void, SetupError> HubImpl::start(const HubConfig& config) {
   if (ring_ && !wait_set_->add(ring_->door(), kDoor, transport::Trigger::kLevel)) {
-    return unexpected{rt::RealtimeError{"The hub can't wait for readers of its ring."}};
+    return setup_error("The hub can't wait for readers of its ring");
   }
   auto thread = rt::Thread::start(
       {.name = "rtpm-hub", .priority = config.priority, .realtime = config.realtime},
@@ -273,7 +273,7 @@ void HubImpl::reap_dead() noexcept {
   }
 }
 
-expected<void, std::string> HubImpl::add_type(const EventDescriptor& descriptor) {
+expected<void, SetupError> HubImpl::add_type(const EventDescriptor& descriptor) {
   const std::lock_guard lock(types_mutex_);
   return types_.add(descriptor);
 }

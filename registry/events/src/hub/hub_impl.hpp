@@ -34,17 +34,17 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   HubImpl(const HubConfig& config, std::unique_ptr<transport::WaitSet> wait_set,
           std::unique_ptr<RingOutlet> ring, std::unique_ptr<MulticastOutlet> multicast);
   ~HubImpl() override;
-  [[nodiscard]] expected<void, rt::RealtimeError> start(const HubConfig& config);
+  [[nodiscard]] expected<void, SetupError> start(const HubConfig& config);
 
   rpc::Servant& servant() noexcept override { return *this; }
   std::uint64_t epoch() const noexcept override { return epoch_; }
   void push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept override;
-  expected<void, std::string> add_type(const EventDescriptor& descriptor) override;
+  expected<void, SetupError> add_type(const EventDescriptor& descriptor) override;
   std::uint32_t payload_size_max() const noexcept override {
     return exchange_.store().payload_size_max();
   }
-  expected<void, rpc::SetupError> link(rpc::Node& node, const std::string& target,
-                                       const LinkConfig& config) override;
+  expected<void, SetupError> link(rpc::Node& node, const std::string& target,
+                                  const LinkConfig& config) override;
   std::vector<LinkStatus> links() const override;
   IntakeCounters intake() const noexcept override;
   std::size_t subscription_count() const noexcept override;
@@ -101,12 +101,12 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   };
 
   [[nodiscard]] HubFacts facts() const noexcept;
-  /// Empty, or why a type was refused. Requires types_mutex_.
-  [[nodiscard]] std::string add_types(const Types* types);
-  [[nodiscard]] expected<Exchange::Prepared, std::string> prepare(const FilterNode& filter,
-                                                                  const DeliveryEntry& delivery,
-                                                                  const Types* types,
-                                                                  bool is_broadcast = false);
+  /// Requires types_mutex_.
+  [[nodiscard]] expected<void, SetupError> add_types(const Types* types);
+  [[nodiscard]] expected<Exchange::Prepared, SetupError> prepare(const FilterNode& filter,
+                                                                 const DeliveryEntry& delivery,
+                                                                 const Types* types,
+                                                                 bool is_broadcast = false);
   void refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept;
   [[nodiscard]] std::optional<SubscriptionNumber> find(std::uint64_t id) const noexcept;
 

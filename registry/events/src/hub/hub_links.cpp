@@ -9,13 +9,13 @@
 // The hub's part in its links.
 namespace rtpm::events {
 
-expected<void, rpc::SetupError> HubImpl::link(rpc::Node& node, const std::string& target,
-                                              const LinkConfig& config) {
+expected<void, SetupError> HubImpl::link(rpc::Node& node, const std::string& target,
+                                         const LinkConfig& config) {
   const std::lock_guard links_lock(links_mutex_);
   if (links_.size() >= kLinkCountMax) {
-    return rpc::setup_error("the hub has " + std::to_string(kLinkCountMax) +
-                            " links and can't be linked to '" + target +
-                            "'. Remedy: link hubs in a tree.");
+    return setup_error("the hub has " + std::to_string(kLinkCountMax) +
+                           " links and can't be linked to '" + target + "'",
+                       "", "link hubs in a tree");
   }
   auto guard = links_.empty() ? std::make_unique<RepetitionGuard>() : nullptr;
   if (guard) {
@@ -25,7 +25,7 @@ expected<void, rpc::SetupError> HubImpl::link(rpc::Node& node, const std::string
   auto link =
       std::make_unique<Link>(static_cast<LinkHost&>(*this), links_.size(), node, target, config);
   if (auto started = link->start(); !started) {
-    return rpc::setup_error(std::move(started.error().text));
+    return unexpected{std::move(started.error())};
   }
   links_.push_back(std::move(link));
   return {};

@@ -50,27 +50,25 @@ rpc::Result<void> HubImpl::push(const PushRequest& request, const rpc::CallConte
   return {};
 }
 
-std::string HubImpl::add_types(const Types* types) {
+expected<void, SetupError> HubImpl::add_types(const Types* types) {
   if (types == nullptr) return {};
   for (const TypeEntry* each : *types) {
-    if (auto added = types_.add(descriptor_of(*each).descriptor); !added) return added.error();
+    if (auto added = types_.add(descriptor_of(*each).descriptor); !added) return added;
   }
   return {};
 }
 
-expected<Exchange::Prepared, std::string> HubImpl::prepare(const FilterNode& filter,
-                                                           const DeliveryEntry& delivery,
-                                                           const Types* types, bool is_broadcast) {
+expected<Exchange::Prepared, SetupError> HubImpl::prepare(const FilterNode& filter,
+                                                          const DeliveryEntry& delivery,
+                                                          const Types* types, bool is_broadcast) {
   const auto wanted = filter_of(filter);
   const auto policy = policy_of(delivery);
   if (!wanted || !policy) {
-    return unexpected{std::string("The filter is too large, or of a later release than the hub.")};
+    return setup_error("The filter is too large, or of a later release than the hub");
   }
   const std::lock_guard lock(types_mutex_);
-  if (std::string text = add_types(types); !text.empty()) return unexpected{std::move(text)};
-  auto prepared = Exchange::prepare(*wanted, *policy, types_, is_broadcast);
-  if (!prepared) return unexpected{std::move(prepared.error().text)};
-  return std::move(*prepared);
+  if (auto added = add_types(types); !added) return unexpected{std::move(added.error())};
+  return Exchange::prepare(*wanted, *policy, types_, is_broadcast);
 }
 
 void HubImpl::refuse(rpc::TableWriter<Batch>& items, std::string_view why) noexcept {
@@ -95,7 +93,7 @@ void HubImpl::subscribe(const SubscribeRequest& request, rpc::TableWriter<Batch>
   if (request.linking_hub() == epoch_) return refuse(items, "A hub is not linked to itself.");
   auto prepared =
       prepare(*request.filter(), *request.delivery(), request.types(), reads_ring || is_multicast);
-  if (!prepared) return refuse(items, prepared.error());
+  if (!prepared) return refuse(items, prepared.error().text());
   Outlet outlet;
   outlet.id = rt::random_u64();
   const std::uint64_t id = outlet.id;
@@ -159,7 +157,7 @@ rpc::Result<void> HubImpl::change(const ChangeRequest& request,
       refusal = "The hub is full: its subscriptions have its maximum of types and sources.";
     }
   } else {
-    refusal = std::move(prepared.error());
+    refusal = prepared.error().text();
   }
   if (is_changed) {
     change_interest_set(request.subscription(), interest_set_of(*filter_of(*request.filter())));
@@ -204,7 +202,7 @@ rpc::Result<void> HubImpl::attend(const AttendRequest& request,
   std::string refusal;
   {
     const std::lock_guard lock(types_mutex_);
-    refusal = add_types(request.types());
+    if (auto added = add_types(request.types()); !added) refusal = added.error().text();
   }
   SupplierCounts counts;
   {

@@ -6,8 +6,8 @@
 
 namespace rtpm::events {
 
-expected<std::unique_ptr<HubServer>, rpc::SetupError> HubServer::create(
-    rpc::Node& node, const HubServerConfig& config) {
+expected<std::unique_ptr<HubServer>, SetupError> HubServer::create(rpc::Node& node,
+                                                                   const HubServerConfig& config) {
   auto hub = Hub::create(config.hub);
   if (!hub) return unexpected{std::move(hub.error())};
   auto server = rpc::Server::create(config.server.value_or(server_config_for(config.hub)));
@@ -33,7 +33,7 @@ HubServer::~HubServer() {
   if (server_) server_->stop();
 }
 
-expected<std::unique_ptr<names::Registration>, rpc::SetupError> register_hub(
+expected<std::unique_ptr<names::Registration>, SetupError> register_hub(
     rpc::Node& node, const rpc::Server& server, const std::string& name,
     const std::string& registry) {
   return names::Registration::create(node, registry, name, server.url(kHubPath),

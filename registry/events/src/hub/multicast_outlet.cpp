@@ -19,7 +19,7 @@ constexpr Duration kHeartbeatMax = 500ms;
 
 }  // namespace
 
-expected<std::unique_ptr<MulticastOutlet>, transport::TransportError> MulticastOutlet::make(
+expected<std::unique_ptr<MulticastOutlet>, SetupError> MulticastOutlet::make(
     const MulticastConfig& config, std::uint32_t payload_size_max,
     std::uint32_t subscription_count_max) {
   auto sender = transport::MulticastSender::open(config.group);

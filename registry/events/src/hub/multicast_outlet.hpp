@@ -8,7 +8,7 @@
 #include "broadcast/multicast.hpp"
 #include "exchange/exchange.hpp"
 #include "hub/ring_outlet.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/transport/multicast.hpp"
 
@@ -21,7 +21,7 @@ class MulticastOutlet final : public Broadcaster {
  public:
   /// For payloads of up to `payload_size_max` and `subscription_count_max` subscriptions.
   /// @errors   as transport::MulticastSender::open()
-  [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, transport::TransportError> make(
+  [[nodiscard]] static expected<std::unique_ptr<MulticastOutlet>, SetupError> make(
       const MulticastConfig& config, std::uint32_t payload_size_max,
       std::uint32_t subscription_count_max);
 

@@ -9,12 +9,11 @@
 
 namespace rtpm::events {
 
-expected<std::unique_ptr<RingOutlet>, transport::TransportError> RingOutlet::make(
-    std::uint32_t size, std::uint32_t payload_size_max) {
+expected<std::unique_ptr<RingOutlet>, SetupError> RingOutlet::make(std::uint32_t size,
+                                                                   std::uint32_t payload_size_max) {
   if (!std::has_single_bit(size) || size < kRingSizeMin) {
-    return unexpected{transport::TransportError{
-        "a ring of " + std::to_string(size) +
-        " bytes can't be made. Remedy: give it 2^n bytes, at least 65536, or 0 for none."}};
+    return setup_error("a ring of " + std::to_string(size) + " bytes can't be made", "",
+                       "give it 2^n bytes, at least 65536, or 0 for none");
   }
   const std::uint64_t id = rt::random_u64();
   auto memory = transport::BroadcastMemory::make(ring_memory_size(size));

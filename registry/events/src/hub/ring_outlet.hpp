@@ -7,7 +7,7 @@
 
 #include "broadcast/ring.hpp"
 #include "exchange/exchange.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/transport/broadcast_memory.hpp"
 
 namespace rtpm::events {
@@ -19,7 +19,7 @@ class RingOutlet final : public Broadcaster {
  public:
   /// `size` bytes of records, for events of up to `payload_size_max`.
   /// @realtime set-up only
-  [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, transport::TransportError> make(
+  [[nodiscard]] static expected<std::unique_ptr<RingOutlet>, SetupError> make(
       std::uint32_t size, std::uint32_t payload_size_max);
 
   [[nodiscard]] std::uint64_t id() const noexcept { return id_; }

@@ -69,7 +69,7 @@ Link::Link(LinkHost& host, std::size_t number, rpc::Node& node, std::string targ
   status_.reason = "It is being made.";
 }
 
-expected<void, rt::RealtimeError> Link::start() {
+expected<void, SetupError> Link::start() {
   auto thread = rt::Thread::start({.name = "rtpm-link", .realtime = rt::RealtimeMode::kOff},
                                   [this] { run(); });
   if (!thread) return unexpected{std::move(thread.error())};
@@ -155,7 +155,7 @@ bool Link::reach_peer() {
     auto client = HubClient::bind(
         node_, target_,
         {.transport = config_.transport, .deadline = config_.deadline, .warm_up = {0}});
-    if (!client) return fail(std::move(client.error().text));
+    if (!client) return fail(std::move(client.error().text()));
     client_.emplace(std::move(*client));
   }
   const auto facts = client_->about({}, {.priority = 0, .deadline = config_.deadline});
@@ -200,7 +200,7 @@ void Link::subscribe() {
   wanted.linking_hub = host_.host_epoch();
   wanted.deadline = config_.deadline;
   auto consumer = Consumer::create(node_, target_, std::move(wanted), *this);
-  if (!consumer) return set_state(LinkState::kRefused, std::move(consumer.error().text));
+  if (!consumer) return set_state(LinkState::kRefused, std::move(consumer.error().text()));
   consumer_ = std::move(*consumer);
   const std::lock_guard lock(mutex_);
   status_.interest_count = asked_.size();
@@ -214,7 +214,7 @@ void Link::update_interest_set() {
       consumer_->change(listed(wanted), {.queue_capacity = config_.queue_capacity});
   const std::lock_guard lock(mutex_);
   if (!changed) {
-    status_.reason = changed.error().text;
+    status_.reason = changed.error().text();
     return;
   }
   asked_ = std::move(wanted);

@@ -28,7 +28,7 @@ class Link final : private EventHandler {
   Link(const Link&) = delete;
   Link& operator=(const Link&) = delete;
   ~Link() override;
-  [[nodiscard]] expected<void, rt::RealtimeError> start();
+  [[nodiscard]] expected<void, SetupError> start();
 
   /// The interest of the host has changed. Returns at once.
   void on_interest_changed();

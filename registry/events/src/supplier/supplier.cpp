@@ -75,26 +75,26 @@ class Supplier::Impl {
     thread_.join();
   }
 
-  [[nodiscard]] expected<void, rpc::SetupError> begin(rpc::Node& node, std::string target) {
+  [[nodiscard]] expected<void, SetupError> begin(rpc::Node& node, std::string target) {
     node_ = &node;
     target_ = std::move(target);
     auto clients = bind();
     if (!clients) return unexpected{std::move(clients.error())};
     clients_.emplace(std::move(*clients));
-    if (std::string refusal = attend(); !refusal.empty()) return rpc::setup_error(refusal);
+    if (std::string refusal = attend(); !refusal.empty()) return setup_error(refusal);
     const auto about = clients_->asking.about({}, {.deadline = config_.deadline});
     if (about) reserve(about->payload_size_max());
     auto thread = rt::Thread::start({.name = "rtpm-attend", .realtime = rt::RealtimeMode::kOff},
                                     [this] { keep_attending(); });
-    if (!thread) return rpc::setup_error(std::move(thread.error().text));
+    if (!thread) return unexpected{std::move(thread.error())};
     thread_ = std::move(*thread);
     return {};
   }
-  [[nodiscard]] expected<void, rpc::SetupError> begin(Hub& hub) {
+  [[nodiscard]] expected<void, SetupError> begin(Hub& hub) {
     hub_ = &hub;
     reserve(hub.payload_size_max());
     for (const EventDescriptor* each : config_.types) {
-      if (auto added = hub.add_type(*each); !added) return rpc::setup_error(added.error());
+      if (auto added = hub.add_type(*each); !added) return added;
     }
     is_attended_ = true;
     return {};
@@ -163,7 +163,7 @@ class Supplier::Impl {
     std::uint64_t count = 0;
   };
 
-  [[nodiscard]] expected<Clients, rpc::SetupError> bind() {
+  [[nodiscard]] expected<Clients, SetupError> bind() {
     auto asking = HubClient::bind(
         *node_, target_,
         {.transport = config_.transport, .deadline = config_.deadline, .warm_up = {Priority{0}}});
@@ -326,15 +326,16 @@ class Supplier::Impl {
 Supplier::Supplier(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Supplier::~Supplier() = default;
 
-expected<std::unique_ptr<Supplier>, rpc::SetupError> Supplier::create(
-    rpc::Node& node, const std::string& target, const SupplierConfig& config) {
+expected<std::unique_ptr<Supplier>, SetupError> Supplier::create(rpc::Node& node,
+                                                                 const std::string& target,
+                                                                 const SupplierConfig& config) {
   auto impl = std::make_unique<Impl>(config);
   if (auto begun = impl->begin(node, target); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Supplier>(new Supplier(std::move(impl)));
 }
 
-expected<std::unique_ptr<Supplier>, rpc::SetupError> Supplier::create(
-    Hub& hub, const SupplierConfig& config) {
+expected<std::unique_ptr<Supplier>, SetupError> Supplier::create(Hub& hub,
+                                                                 const SupplierConfig& config) {
   auto impl = std::make_unique<Impl>(config);
   if (auto begun = impl->begin(hub); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Supplier>(new Supplier(std::move(impl)));

@@ -32,38 +32,48 @@ std::string similar_paths_of(const BindOutcome& outcome) {
 }
 
 // `transport_error`: what kept from asking at all; empty: nothing, or it is in the outcome.
-std::string explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
-                    const std::string& path, const std::string& url,
-                    const std::string& transport_error = {}) {
+SetupError explain(const BindOutcome& outcome, const InterfaceDescriptor& interface,
+                   const std::string& path, const std::string& url,
+                   const SetupError& transport_error = {}) {
   const std::string server = url.substr(0, url.size() - path.size() - 1);
   const std::string interface_name(interface.name);
   if (outcome.kind == CallOutcome::Kind::kReply) {
     if (!outcome.difference.empty()) {
-      return "'" + path + "' at " + server + " has another " + interface_name +
-             " than this program: " + printable(outcome.difference, kDifferenceSizeMax) +
-             ". Remedy: generate both from the same schema, or from versions that "
-             "`rtpmc check --conform` calls compatible.";
+      return {
+          "'" + path + "' at " + server + " has another " + interface_name + " than this program",
+          printable(outcome.difference, kDifferenceSizeMax),
+          "generate both from the same schema, or from versions that `rtpmc check --conform` "
+          "calls compatible",
+          outcome.error};
     }
     if (outcome.status == wire::Status::kWrongInterface) {
-      return "'" + path + "' at " + server + " is a " + printable(outcome.other_interface.data()) +
-             ", not a " + interface_name + ". Remedy: check the name.";
+      return {"'" + path + "' at " + server + " is a " + printable(outcome.other_interface.data()) +
+                  ", not a " + interface_name,
+              {},
+              "check the name",
+              outcome.error};
     }
     if (outcome.status == wire::Status::kNoSuchObject) {
-      return "no object '" + path + "' is served at " + server + similar_paths_of(outcome) +
-             ". Remedy: check the path, and that the server added it.";
+      return {"no object '" + path + "' is served at " + server + similar_paths_of(outcome),
+              {},
+              "check the path, and that the server added it",
+              outcome.error};
     }
   }
-  return "'" + path + "' can't be bound at " + server + ": " +
-         (transport_error.empty() ? std::string(to_string(outcome.error)) + "." : transport_error);
+  const bool was_asked = transport_error.what.empty();
+  return {"'" + path + "' can't be bound at " + server,
+          was_asked ? std::string(to_string(outcome.error)) : transport_error.reason(),
+          transport_error.remedy, outcome.error};
 }
 
 expected<std::string, SetupError> url_of(Node& node, std::string_view target,
                                          MonotonicTime deadline) {
   if (wire::is_url(target)) return std::string(target);
   if (node.impl().resolver() == nullptr) {
-    return setup_error("name '" + std::string(target) +
-                       "' can't be resolved: this program uses no registry. Remedy: give a URL "
-                       "such as rtpm://127.0.0.1:4711/lab/arm0, or a resolver (Node::use).");
+    return setup_error("name '" + std::string(target) + "' can't be resolved",
+                       "this program uses no registry",
+                       "give a URL such as rtpm://127.0.0.1:4711/lab/arm0, or a resolver "
+                       "(Node::use)");
   }
   return node.impl().resolver()->resolve(target, deadline);
 }
@@ -91,8 +101,8 @@ ServerAddress address_of(const Node& node, const BindOptions& options, const std
 expected<Bound, SetupError> Binding::Impl::open_session(Destination& at,
                                                         const InterfaceDescriptor& wanted,
                                                         MonotonicTime deadline) {
-  const auto failed = [&](const BindOutcome& outcome, const std::string& transport_error = {}) {
-    return setup_error(explain(outcome, wanted, at.path, at.url, transport_error), outcome.error);
+  const auto failed = [&](const BindOutcome& outcome, const SetupError& transport_error = {}) {
+    return unexpected{explain(outcome, wanted, at.path, at.url, transport_error)};
   };
   const Priority priority = !bind_options.warm_up.empty()
                                 ? bind_options.warm_up.front()
@@ -119,13 +129,12 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
                                                                 MonotonicTime deadline) {
   const auto parts = wire::parse_url(at_url);
   if (!parts) {
-    return setup_error("'" + printable(at_url) +
-                       "' is no RTPM URL. Remedy: write rtpm://host:port/path, such as "
-                       "rtpm://127.0.0.1:4711/lab/arm0.");
+    return setup_error("'" + printable(at_url) + "' is no RTPM URL", "",
+                       "write rtpm://host:port/path, such as rtpm://127.0.0.1:4711/lab/arm0");
   }
   // A host's name is looked up here, where waiting for a name server does no harm to a call.
   const auto host = transport::numeric_address_of(parts->host, deadline);
-  if (!host) return setup_error("'" + printable(at_url) + "' can't be bound: " + host.error().text);
+  if (!host) return setup_error("'" + printable(at_url) + "' can't be bound", host.error());
   const ServerAddress address = address_of(node, bind_options, *host, parts->port, deadline);
   Opened opened{std::make_unique<Destination>(
       node, node.impl().endpoint(address, bind_options.is_private), parts->path, at_url)};
@@ -141,13 +150,12 @@ expected<Binding::Impl::Opened, SetupError> Binding::Impl::open(const std::strin
   // Calls without a priority of their own go at the object's.
   if (answer->is_server_declared) priorities = {answer->priority};
   if (at.door) at.door->open_places(priorities);
-  std::string transport_error;
+  SetupError transport_error;
   const auto warm = priorities.empty()
                         ? warm_up_all(at.endpoint, deadline, transport_error)
                         : warm_up(at.endpoint, priorities, deadline, transport_error);
   if (warm) return opened;
-  return setup_error(explain({.error = warm.error()}, interface, at.path, at.url, transport_error),
-                     warm.error());
+  return unexpected{explain({.error = warm.error()}, interface, at.path, at.url, transport_error)};
 }
 
 void Binding::Impl::settle(Opened opened) {
@@ -203,13 +211,12 @@ expected<void, SetupError> Binding::warm_up(std::span<const Priority> priorities
   const Impl::Pin pin(*impl_);
   const Destination& at = *impl_->remembered().destination;
   if (at.door && !priorities.empty()) at.door->open_places(priorities);
-  std::string transport_error;
+  SetupError transport_error;
   const auto warm = Impl::warm_up(
       at.endpoint, priorities, deadline_after(impl_->default_deadline, rt::now()), transport_error);
   if (warm) return {};
-  return setup_error(
-      explain({.error = warm.error()}, impl_->interface, at.path, at.url, transport_error),
-      warm.error());
+  return unexpected{
+      explain({.error = warm.error()}, impl_->interface, at.path, at.url, transport_error)};
 }
 
 std::string Binding::url() const {

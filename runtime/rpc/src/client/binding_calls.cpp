@@ -227,7 +227,7 @@ expected<ReplyLease, CallError> Binding::Impl::call_again(const CallOutcome& out
 expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
                                                  std::span<const Priority> priorities,
                                                  MonotonicTime deadline,
-                                                 std::string& transport_error) {
+                                                 SetupError& transport_error) {
   for (const Priority priority : priorities) {
     auto taken = endpoint.take(priority);
     if (!taken) return unexpected{taken.error()};
@@ -241,7 +241,7 @@ expected<void, CallError> Binding::Impl::warm_up(Endpoint& endpoint,
 }
 
 expected<void, CallError> Binding::Impl::warm_up_all(Endpoint& endpoint, MonotonicTime deadline,
-                                                     std::string& transport_error) {
+                                                     SetupError& transport_error) {
   for (int next = Priority::kLowest; next <= Priority::kHighest;) {
     auto taken = endpoint.take(Priority{next});
     if (!taken) return unexpected{taken.error()};

@@ -207,11 +207,11 @@ class Binding::Impl {
   [[nodiscard]] static expected<void, CallError> warm_up(Endpoint& endpoint,
                                                          std::span<const Priority> priorities,
                                                          MonotonicTime deadline,
-                                                         std::string& transport_error);
+                                                         SetupError& transport_error);
   /// The same for each band that the server has.
   [[nodiscard]] static expected<void, CallError> warm_up_all(Endpoint& endpoint,
                                                              MonotonicTime deadline,
-                                                             std::string& transport_error);
+                                                             SetupError& transport_error);
   /// Another life of the server at the destination. It counts for nothing if calls go elsewhere
   /// meanwhile.
   void remember(const Bound& value) noexcept {

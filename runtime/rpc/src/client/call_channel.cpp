@@ -113,9 +113,10 @@ expected<void, CallError> CallChannel::open_transport(Priority priority,
   const rt::AllowAllocationScope is_allowed;
   auto opened = open_any_transport(address_, priority, deadline);
   if (!opened) {
-    transport_error_ = std::move(opened.error().text);
-    return unexpected{opened.error().is_exhausted ? CallError::kNoResources
-                                                  : CallError::kUnreachable};
+    transport_error_ = std::move(opened.error());
+    return unexpected{transport::is_shortage(transport_error_.cause.value())
+                          ? CallError::kNoResources
+                          : CallError::kUnreachable};
   }
   transport_ = std::move(*opened);
   wire_.set_on_host(transport_->is_on_host());
@@ -126,7 +127,7 @@ expected<void, CallError> CallChannel::open_transport(Priority priority,
 expected<void, CallError> CallChannel::make_ready(Priority priority,
                                                   MonotonicTime deadline) noexcept {
   if (is_ready(priority)) return {};
-  transport_error_.clear();
+  transport_error_ = {};
   if (!transport_) {
     if (auto opened = open_transport(priority, deadline); !opened) return opened;
   }

@@ -87,7 +87,7 @@ class CallChannel {
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
   /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
-  [[nodiscard]] const std::string& transport_error() const noexcept { return transport_error_; }
+  [[nodiscard]] const SetupError& transport_error() const noexcept { return transport_error_; }
   /// Whether it has one already.
   /// @realtime alloc-free
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
@@ -189,7 +189,7 @@ class CallChannel {
   std::atomic<bool> is_taken_{false};
   std::atomic<std::uint32_t> band_{kNoBand};  // low << 16 | high
   std::unique_ptr<transport::ClientTransport> transport_;
-  std::string transport_error_{};  ///< Of the last make_ready().
+  SetupError transport_error_{};  ///< Of the last make_ready().
   std::vector<std::byte> buffer_;
   transport::DatagramBatch held_;      // What is to go together. Has room once it was needed.
   std::vector<rt::LazyMemory> rooms_;  // For replies larger than a frame, of each call.

@@ -100,7 +100,7 @@ expected<std::unique_ptr<CompletionThread>, SetupError> CompletionThread::start(
     const rt::ThreadConfig& config) {
   auto impl = std::make_unique<Impl>();
   auto thread = rt::Thread::start(config, [raw = impl.get()] { raw->run(); });
-  if (!thread) return setup_error(thread.error().text);
+  if (!thread) return unexpected{thread.error()};
   impl->thread_ = std::move(*thread);
   return std::unique_ptr<CompletionThread>(new CompletionThread(std::move(impl)));
 }

@@ -34,9 +34,9 @@ bool may_be_gone(CallError error) noexcept {
 }
 
 // Whether a server that was reached will not serve this binding. It takes another one to help.
-bool is_refusal(CallError error) noexcept {
-  return error == CallError::kWrongInterface || error == CallError::kNoSuchMethod ||
-         error == CallError::kNoSuchObject || error == CallError::kVersionUnsupported;
+bool is_refusal(std::error_code cause) noexcept {
+  return cause == CallError::kWrongInterface || cause == CallError::kNoSuchMethod ||
+         cause == CallError::kNoSuchObject || cause == CallError::kVersionUnsupported;
 }
 
 }  // namespace
@@ -56,13 +56,12 @@ void Binding::Impl::ask_for_name() noexcept {
 bool Binding::Impl::follow(const std::string& at_url) {
   auto opened = open(at_url, deadline_after(bind_options.deadline, rt::now()));
   if (!opened) {
-    const std::optional<CallError> cause = opened.error().cause;
-    refusal.store(cause && is_refusal(*cause) ? static_cast<int>(*cause) : kNoRefusal,
-                  std::memory_order_relaxed);
+    const std::error_code cause = opened.error().cause;
+    refusal.store(is_refusal(cause) ? cause.value() : kNoRefusal, std::memory_order_relaxed);
     const std::lock_guard lock(telling);
     ++followed.resolve_count;
     followed.trouble = "the name '" + printable(name) + "' leads to " + printable(at_url) + ": " +
-                       opened.error().text;
+                       opened.error().text();
     return false;
   }
   refusal.store(kNoRefusal, std::memory_order_relaxed);

@@ -35,7 +35,7 @@ expected<void, SetupError> Rebinder::add(Binding::Impl& binding) {
   if (!thread_.is_running()) {
     auto thread = rt::Thread::start({.name = "rtpm-rebind", .realtime = rt::RealtimeMode::kOff},
                                     [this] { run(); });
-    if (!thread) return setup_error(std::move(thread.error().text));
+    if (!thread) return unexpected{std::move(thread.error())};
     thread_ = std::move(*thread);
   }
   names_[binding.name].bindings.push_back(&binding);
@@ -111,8 +111,8 @@ void Rebinder::look_up(Lock& lock, const std::string& text) {
                       ? kFirstInterval
                       : std::min(2 * name.interval, kLongestInterval);
   Resolver* const resolver = resolver_.load(std::memory_order_acquire);
-  expected<std::string, SetupError> url =
-      setup_error("name '" + text + "' can't be resolved: this program uses no registry any more.");
+  expected<std::string, SetupError> url = setup_error("name '" + text + "' can't be resolved",
+                                                      "this program uses no registry any more");
   if (resolver != nullptr) {
     is_asking_ = true;
     {
@@ -136,7 +136,7 @@ void Rebinder::bind(Lock& lock, const std::string& text,
     if (std::ranges::find(present, binding) == present.end() || is_stopping_) continue;
     if (!binding->asks_for_name.load(std::memory_order_acquire)) continue;
     if (!url) {
-      binding->note_unresolved(url.error().text);
+      binding->note_unresolved(url.error().text());
       continue;
     }
     // A call that fails from here on asks anew.

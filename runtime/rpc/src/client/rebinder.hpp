@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"

@@ -13,8 +13,7 @@
 
 namespace rtpm::rpc {
 
-expected<void, rt::RealtimeError> Execution::start(rt::RealtimeMode realtime,
-                                                   rt::CpuKeeper* keeper) {
+expected<void, SetupError> Execution::start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
   realtime_ = realtime;
   keeper_ = keeper;
   if (parts_.config.wait.strategy == rt::WaitStrategy::kSpin) {
@@ -136,7 +135,7 @@ DispatchResult Execution::run_method(Lead& lead, const Object& object, const wir
   return ran.result;
 }
 
-expected<void, rt::RealtimeError> SoloExecution::start_threads() {
+expected<void, SetupError> SoloExecution::start_threads() {
   auto thread = rt::Thread::start(thread_config(0), [this] {
     BusyMark::show_at(&parts_.slot.busy_since_ns.front());
     const rt::NoAllocationScope no_allocation;

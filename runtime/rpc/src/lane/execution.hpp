@@ -40,8 +40,7 @@ class Execution {
   /// @realtime set-up only
   /// @param keeper  keeps the CPU awake through their pauses; null: it may sleep
   /// @errors  as rt::Thread::start()
-  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
-                                                        rt::CpuKeeper* keeper);
+  [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper);
   /// After the lane's stop: waits until the threads have ended.
   virtual void join() noexcept = 0;
   /// Starts the dynamic thread that is wanted, and joins those that have ended.
@@ -74,7 +73,7 @@ class Execution {
   virtual void end(Lead&) noexcept {}
 
  protected:
-  [[nodiscard]] virtual expected<void, rt::RealtimeError> start_threads() = 0;
+  [[nodiscard]] virtual expected<void, SetupError> start_threads() = 0;
   [[nodiscard]] rt::ThreadConfig thread_config(std::uint32_t index) const;
 
   /// Runs a call over a wire on the calling thread.
@@ -113,7 +112,7 @@ class SoloExecution final : public Execution {
   void accept(Lead&, LocalChannel& channel) noexcept override;
 
  private:
-  [[nodiscard]] expected<void, rt::RealtimeError> start_threads() override;
+  [[nodiscard]] expected<void, SetupError> start_threads() override;
 
   rt::Thread thread_;
 };

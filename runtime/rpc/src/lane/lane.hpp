@@ -35,8 +35,7 @@ class Lane {
   }
   /// Starts its threads. `keeper`: see Execution::start(); it must outlive join().
   /// @realtime set-up only
-  [[nodiscard]] expected<void, rt::RealtimeError> start(rt::RealtimeMode realtime,
-                                                        rt::CpuKeeper* keeper) {
+  [[nodiscard]] expected<void, SetupError> start(rt::RealtimeMode realtime, rt::CpuKeeper* keeper) {
     return execution_->start(realtime, keeper);
   }
   void stop() noexcept;

@@ -62,8 +62,8 @@ void Acceptor::note_shortage(int error, const char* what) noexcept {
   shortage_warning_.say(text.data(), rt::now());
 }
 
-expected<void, rt::RealtimeError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes,
-                                                  std::vector<int> cpus) {
+expected<void, SetupError> Acceptor::start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                           std::vector<int> cpus) {
   lanes_ = &lanes;
   auto thread =
       rt::Thread::start({.name = "rtpm-accept", .cpus = std::move(cpus)}, [this] { run(); });

@@ -32,8 +32,8 @@ class Acceptor {
   [[nodiscard]] transport::WaitSet& bell() noexcept { return *wait_set_; }
 
   /// `cpus`: to which it is confined; empty: the starter's.
-  [[nodiscard]] expected<void, rt::RealtimeError> start(std::vector<std::unique_ptr<Lane>>& lanes,
-                                                        std::vector<int> cpus);
+  [[nodiscard]] expected<void, SetupError> start(std::vector<std::unique_ptr<Lane>>& lanes,
+                                                 std::vector<int> cpus);
   /// Ends the thread and closes the port and the connections that no lane has yet.
   void stop() noexcept;
 

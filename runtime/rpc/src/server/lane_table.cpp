@@ -64,8 +64,8 @@ BusyMark::~BusyMark() {
   if (busy_place != nullptr) busy_place->store(0, std::memory_order_relaxed);
 }
 
-expected<rt::PublicMemory, std::string> make_lane_table(const ServerConfig& config,
-                                                        std::uint16_t port) {
+expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
+                                                       std::uint16_t port) {
   const std::size_t count = config.lanes.size();
   auto table =
       rt::PublicMemory::create(kLaneTableName, sizeof(LaneTableHeader) + count * sizeof(LaneSlot));

@@ -15,8 +15,8 @@ namespace rtpm::rpc {
 /// A table with a slot for each lane of `config`, which nobody takes for one yet.
 /// @realtime set-up only
 /// @errors   as rt::PublicMemory::create()
-[[nodiscard]] expected<rt::PublicMemory, std::string> make_lane_table(const ServerConfig& config,
-                                                                      std::uint16_t port);
+[[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,
+                                                                     std::uint16_t port);
 [[nodiscard]] LaneSlot& slot_of(const rt::PublicMemory& table, std::size_t lane) noexcept;
 /// From here on others read it.
 void open_to_readers(const rt::PublicMemory& table) noexcept;

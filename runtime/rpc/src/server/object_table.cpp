@@ -15,23 +15,24 @@ expected<void, SetupError> ObjectTable::add(std::string_view path, Servant& serv
                                             ObjectOptions options, Priority ceiling) {
   const std::string name(path);
   if (!wire::is_valid_path(path)) {
-    return setup_error("object path '" + name +
-                       "' is malformed. Remedy: 1 to 200 letters, digits, '.', '_', '-', in "
-                       "components parted by single slashes, such as lab/arm0.");
+    return setup_error("object path '" + name + "' is malformed", "",
+                       "1 to 200 letters, digits, '.', '_', '-', in components parted by single "
+                       "slashes, such as lab/arm0");
   }
   if (objects_.size() == kObjectCountMax) {
     return setup_error("object '" + name + "' is one too many for this server (limit " +
-                       std::to_string(kObjectCountMax) + "). Remedy: serve it from another.");
+                           std::to_string(kObjectCountMax) + ")",
+                       "", "serve it from another");
   }
   if (std::ranges::any_of(objects_, [&](const Object& object) { return object.path == path; })) {
-    return setup_error("object path '" + name +
-                       "' is in use on this server. Remedy: give each object a path of its own.");
+    return setup_error("object path '" + name + "' is in use on this server", "",
+                       "give each object a path of its own");
   }
   if (options.priority > ceiling) {
     return setup_error("object '" + name + "' declares priority " +
-                       std::to_string(options.priority.value()) + " above the server's ceiling " +
-                       std::to_string(ceiling.value()) +
-                       ". Remedy: declare a lower one or raise ServerConfig::ceiling.");
+                           std::to_string(options.priority.value()) +
+                           " above the server's ceiling " + std::to_string(ceiling.value()),
+                       "", "declare a lower one or raise ServerConfig::ceiling");
   }
   objects_.push_back({name, &servant, std::move(options)});
   return {};

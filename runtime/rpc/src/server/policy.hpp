@@ -3,7 +3,7 @@
 #include <span>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/wire/header.hpp"
 #include "server/object_table.hpp"

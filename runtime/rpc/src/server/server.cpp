@@ -31,28 +31,26 @@ constexpr std::uint32_t kLocalOnewayMax = 4096;
 constexpr std::uint32_t kLargeMessageMax = 1024;
 constexpr std::uint32_t kStreamByteMin = 4096;
 
-SetupError out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
-                        std::uint32_t high) {
-  return {what + " is " + std::to_string(value) + ". Remedy: choose " + std::to_string(low) +
-          " to " + std::to_string(high) + "."};
+unexpected<SetupError> out_of_range(const std::string& what, std::uint32_t value, std::uint32_t low,
+                                    std::uint32_t high) {
+  return setup_error(what + " is " + std::to_string(value), "",
+                     "choose " + std::to_string(low) + " to " + std::to_string(high));
 }
 
 expected<void, SetupError> check_threads(const LaneConfig& lane, const std::string& low) {
   const std::string name = "of the lane from priority " + low;
   if (lane.static_threads < 1 || lane.static_threads > kThreadCountMax) {
-    return unexpected{
-        out_of_range("static_threads " + name, lane.static_threads, 1, kThreadCountMax)};
+    return out_of_range("static_threads " + name, lane.static_threads, 1, kThreadCountMax);
   }
   if (lane.dynamic_threads > kThreadCountMax) {
-    return unexpected{
-        out_of_range("dynamic_threads " + name, lane.dynamic_threads, 0, kThreadCountMax)};
+    return out_of_range("dynamic_threads " + name, lane.dynamic_threads, 0, kThreadCountMax);
   }
   if (lane.dynamic_idle < Duration{0}) {
-    return setup_error("dynamic_idle " + name + " is negative. Remedy: choose 0 or more.");
+    return setup_error("dynamic_idle " + name + " is negative", "", "choose 0 or more");
   }
   if (lane.buffered_request_max > kBufferedRequestMax) {
-    return unexpected{out_of_range("buffered_request_max " + name, lane.buffered_request_max, 0,
-                                   kBufferedRequestMax)};
+    return out_of_range("buffered_request_max " + name, lane.buffered_request_max, 0,
+                        kBufferedRequestMax);
   }
   return {};
 }
@@ -61,20 +59,20 @@ expected<void, SetupError> check_threads(const LaneConfig& lane, const std::stri
 expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConfig> lanes) {
   if (lanes.empty()) lanes.push_back({});
   if (lanes.size() > kLaneCountMax) {
-    return setup_error("a server has at most " + std::to_string(kLaneCountMax) +
-                       " lanes. Remedy: give lanes wider bands.");
+    return setup_error("a server has at most " + std::to_string(kLaneCountMax) + " lanes", "",
+                       "give lanes wider bands");
   }
   std::ranges::sort(lanes, {}, &LaneConfig::low);
   if (lanes.front().low != Priority{0}) {
-    return setup_error("no lane serves the priorities below " +
-                       std::to_string(lanes.front().low.value()) +
-                       ". Remedy: let one lane begin at 0.");
+    return setup_error(
+        "no lane serves the priorities below " + std::to_string(lanes.front().low.value()), "",
+        "let one lane begin at 0");
   }
   for (std::size_t i = 0; i < lanes.size(); ++i) {
     const std::string low = std::to_string(lanes[i].low.value());
     if (i + 1 < lanes.size() && lanes[i].low == lanes[i + 1].low) {
-      return setup_error("two lanes begin at priority " + low +
-                         ". Remedy: let each lane begin at a priority of its own.");
+      return setup_error("two lanes begin at priority " + low, "",
+                         "let each lane begin at a priority of its own");
     }
     if (auto checked = check_threads(lanes[i], low); !checked) return unexpected{checked.error()};
     if (lanes[i].name.empty()) lanes[i].name = "lane-" + low;
@@ -86,26 +84,26 @@ expected<std::vector<LaneConfig>, SetupError> checked_lanes(std::vector<LaneConf
 expected<void, SetupError> check_limits(const ServerConfig& config) {
   if (config.message_size_max < wire::kMessageSizeFloor ||
       config.message_size_max > wire::kMessageSizeCeiling) {
-    return setup_error("message_size_max is " + std::to_string(config.message_size_max) +
-                       ". Remedy: choose " + std::to_string(wire::kMessageSizeFloor) + " to " +
-                       std::to_string(wire::kMessageSizeCeiling) + " bytes.");
+    return setup_error("message_size_max is " + std::to_string(config.message_size_max), "",
+                       "choose " + std::to_string(wire::kMessageSizeFloor) + " to " +
+                           std::to_string(wire::kMessageSizeCeiling) + " bytes");
   }
   if (config.session_count_max < 1 || config.session_count_max > 0xffff) {
-    return setup_error("session_count_max is " + std::to_string(config.session_count_max) +
-                       ". Remedy: choose 1 to 65535.");
+    return setup_error("session_count_max is " + std::to_string(config.session_count_max), "",
+                       "choose 1 to 65535");
   }
   if (config.large_message_count_max > kLargeMessageMax) {
-    return unexpected{out_of_range("large_message_count_max", config.large_message_count_max, 0,
-                                   kLargeMessageMax)};
+    return out_of_range("large_message_count_max", config.large_message_count_max, 0,
+                        kLargeMessageMax);
   }
   if (config.local_oneway_count_max > kLocalOnewayMax) {
-    return unexpected{
-        out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0, kLocalOnewayMax)};
+    return out_of_range("local_oneway_count_max", config.local_oneway_count_max, 0,
+                        kLocalOnewayMax);
   }
   if (config.stream_byte_max < kStreamByteMin ||
       config.stream_byte_max > wire::kMessageSizeCeiling) {
-    return unexpected{out_of_range("stream_byte_max", config.stream_byte_max, kStreamByteMin,
-                                   wire::kMessageSizeCeiling)};
+    return out_of_range("stream_byte_max", config.stream_byte_max, kStreamByteMin,
+                        wire::kMessageSizeCeiling);
   }
   return {};
 }
@@ -157,8 +155,8 @@ class ServerImpl final : public Server {
   bool is_stopped_ = false;
 };
 
-SetupError in_words(const ServerConfig& config, const std::string& text) {
-  return {"server '" + config.name + "': " + text};
+std::string subject_of(const ServerConfig& config) {
+  return "server '" + config.name + "'";
 }
 
 expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std::uint16_t port) {
@@ -166,7 +164,7 @@ expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std
   for (const LaneConfig& lane : config_.lanes) {
     auto opened = transport::UdpPort::open(
         {config_.host, port, lane.priority, lane.low, /*joins=*/!ports.empty()});
-    if (!opened) return unexpected{in_words(config_, opened.error().text)};
+    if (!opened) return setup_error(subject_of(config_), opened.error());
     ports.push_back(std::move(*opened));
   }
   return ports;
@@ -174,32 +172,30 @@ expected<std::vector<transport::UdpPort>, SetupError> ServerImpl::open_ports(std
 
 expected<void, SetupError> ServerImpl::open() {
   if (auto checked = check_limits(config_); !checked) {
-    return unexpected{in_words(config_, checked.error().text)};
+    return setup_error(subject_of(config_), checked.error());
   }
   // From here on the number stands for the name, also where callers are told of it.
   auto host = transport::numeric_address_of(config_.host, rt::now() + transport::kResolvePatience);
-  if (!host) return unexpected{in_words(config_, host.error().text)};
+  if (!host) return setup_error(subject_of(config_), host.error());
   config_.host = std::move(*host);
   if (config_.host == "0.0.0.0") {
     // Callers are told this address, and nobody can call 0.0.0.0.
-    return unexpected{in_words(config_,
-                               "host 0.0.0.0 is no address that callers could use. "
-                               "Remedy: give this host's own address on the network to "
-                               "be served (see: ip addr).")};
+    return setup_error(subject_of(config_), "host 0.0.0.0 is no address that callers could use",
+                       "give this host's own address on the network to be served (see: ip addr)");
   }
   auto lanes = checked_lanes(config_.lanes);
-  if (!lanes) return unexpected{in_words(config_, lanes.error().text)};
+  if (!lanes) return setup_error(subject_of(config_), lanes.error());
   config_.lanes = std::move(*lanes);
   // TCP and UDP share the number. Where the system chooses it for TCP, UDP may have it taken.
   constexpr int kAttemptCount = 16;
   for (int attempt = 1;; ++attempt) {
     auto listener = transport::TcpListener::open(config_.host, config_.port);
-    if (!listener) return unexpected{in_words(config_, listener.error().text)};
+    if (!listener) return setup_error(subject_of(config_), listener.error());
     auto ports = open_ports(listener->port());
     if (!ports && config_.port == 0 && attempt < kAttemptCount) continue;
     if (!ports) return unexpected{ports.error()};
     auto wait_set = transport::PolledWaitSet::open(Acceptor::kWaitSourceCount);
-    if (!wait_set) return unexpected{in_words(config_, wait_set.error().text)};
+    if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     port_ = listener->port();
     auto memory_listener = open_memory_listener();
     if (!memory_listener) return unexpected{memory_listener.error()};
@@ -217,7 +213,7 @@ ServerImpl::open_memory_listener() {
   if (!config_.shared_memory) return none;
   auto listener =
       transport::SharedMemoryListener::open({config_.host, port_, config_.shared_memory_folder});
-  if (!listener) return unexpected{in_words(config_, listener.error().text)};
+  if (!listener) return setup_error(subject_of(config_), listener.error());
   return std::optional(std::move(*listener));
 }
 
@@ -227,7 +223,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
     lows.push_back(lane.low);
   if (lows.size() > 1) {
     if (auto steered = transport::steer(ports.front(), lows); !steered) {
-      return unexpected{in_words(config_, steered.error().text)};
+      return setup_error(subject_of(config_), steered.error());
     }
   }
   LaneSetup setup;
@@ -241,7 +237,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   setup.sessions.session_count_max = config_.session_count_max;
   setup.sessions.message_size_max = config_.message_size_max;
   auto table = make_lane_table(config_, port_);
-  if (!table) return unexpected{in_words(config_, table.error())};
+  if (!table) return setup_error(subject_of(config_), table.error());
   lane_table_ = std::move(*table);
   setup.large_message_count_max = config_.large_message_count_max;
   setup.deferred_call_count_max = config_.deferred_call_count_max;
@@ -253,7 +249,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
   for (std::size_t i = 0; i < config_.lanes.size(); ++i) {
     auto wait_set =
         transport::PortWaitSet::open(wait_source_count(setup.sessions.session_count_max));
-    if (!wait_set) return unexpected{in_words(config_, wait_set.error().text)};
+    if (!wait_set) return setup_error(subject_of(config_), wait_set.error());
     const bool is_last = i + 1 == config_.lanes.size();
     setup.config = config_.lanes[i];
     setup.band = {lows[i],
@@ -264,13 +260,11 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
     lanes_.push_back(std::make_unique<Lane>(setup, std::move(ports[i]), std::move(*wait_set)));
     if (!lanes_.back()->has_memory()) {
       return setup_error(
-          "server '" + config_.name + "': the system gives no memory for lane '" +
-          setup.config.name +
-          "'. Remedy: raise the limit of the process (ulimit -v; LimitAS= of a systemd unit) or of "
-          "the host "
-          "(vm.overcommit_memory), or "
-          "lower message_size_max, large_message_count_max, deferred_call_count_max or "
-          "stream_count_max.");
+          subject_of(config_) + ": the system gives no memory for lane '" + setup.config.name + "'",
+          system_error(ENOMEM),
+          "raise the limit of the process (ulimit -v; LimitAS= of a systemd unit) or of the host "
+          "(vm.overcommit_memory), or lower message_size_max, large_message_count_max, "
+          "deferred_call_count_max or stream_count_max");
     }
     if (!config_.borrows) continue;
     setup.lower = lanes_.back().get();
@@ -285,10 +279,10 @@ expected<void, SetupError> ServerImpl::add(std::string_view path, Servant& serva
                                            ObjectOptions options) {
   RTPM_ASSERT(!is_started_, "objects are added before the server starts");
   if (auto legal = check_policy(path, options, config_.lanes, config_.borrows); !legal) {
-    return unexpected{in_words(config_, legal.error().text)};
+    return setup_error(subject_of(config_), legal.error());
   }
   auto added = objects_.add(path, servant, std::move(options), config_.ceiling);
-  if (!added) return unexpected{in_words(config_, added.error().text)};
+  if (!added) return setup_error(subject_of(config_), added.error());
   return {};
 }
 
@@ -296,18 +290,18 @@ expected<void, SetupError> ServerImpl::start() {
   RTPM_ASSERT(!is_started_ && !is_stopped_, "a server starts once, and not after its stop");
   is_started_ = true;
   if (auto locked = rt::lock_memory(config_.realtime); !locked) {
-    return unexpected{in_words(config_, locked.error().text)};
+    return setup_error(subject_of(config_), locked.error());
   }
   for (std::size_t i = 0; i < lanes_.size(); ++i) {
     rt::CpuKeeper* const keeper = keeper_of(config_.lanes[i]);
     if (auto started = lanes_[i]->start(config_.realtime, keeper); !started) {
       stop();
-      return unexpected{in_words(config_, started.error().text)};
+      return setup_error(subject_of(config_), started.error());
     }
   }
   if (auto accepting = acceptor_->start(lanes_, cpus_left_by(config_.lanes)); !accepting) {
     stop();
-    return unexpected{in_words(config_, accepting.error().text)};
+    return setup_error(subject_of(config_), accepting.error());
   }
   open_door();
   return {};

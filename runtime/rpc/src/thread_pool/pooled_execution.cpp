@@ -26,7 +26,7 @@ PooledExecution::PooledExecution(const LaneParts& parts, std::uint32_t number,
   if (lower != nullptr) lower->upper_ = this;
 }
 
-expected<void, rt::RealtimeError> PooledExecution::start_threads() {
+expected<void, SetupError> PooledExecution::start_threads() {
   for (std::uint32_t i = 0; i < ThreadPool::static_count(parts_.config); ++i) {
     auto thread = start_worker(pool_.workers()[i], i);
     if (!thread) return unexpected{thread.error()};
@@ -35,8 +35,8 @@ expected<void, rt::RealtimeError> PooledExecution::start_threads() {
   return {};
 }
 
-expected<rt::Thread, rt::RealtimeError> PooledExecution::start_worker(Worker& worker,
-                                                                      std::uint32_t index) {
+expected<rt::Thread, SetupError> PooledExecution::start_worker(Worker& worker,
+                                                               std::uint32_t index) {
   worker.is_started = true;
   worker.has_ended.store(false, std::memory_order_relaxed);
   auto thread = rt::Thread::start(thread_config(index), [this, &worker, index] {

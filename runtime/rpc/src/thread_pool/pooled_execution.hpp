@@ -28,9 +28,8 @@ class PooledExecution final : public Execution {
   void end(Lead&) noexcept override { pool_.end(); }
 
  private:
-  [[nodiscard]] expected<void, rt::RealtimeError> start_threads() override;
-  [[nodiscard]] expected<rt::Thread, rt::RealtimeError> start_worker(Worker& worker,
-                                                                     std::uint32_t index);
+  [[nodiscard]] expected<void, SetupError> start_threads() override;
+  [[nodiscard]] expected<rt::Thread, SetupError> start_worker(Worker& worker, std::uint32_t index);
   void work(Worker& me) noexcept;
   [[nodiscard]] PooledExecution* next_borrower() noexcept;
   void help(PooledExecution& borrower, PendingCall* call) noexcept;

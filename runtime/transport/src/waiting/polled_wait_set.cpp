@@ -65,14 +65,14 @@ PolledWaitSet::PolledWaitSet(std::size_t source_count_max) : source_count_max_(s
   sources_.reserve(source_count_max);
 }
 
-expected<std::unique_ptr<PolledWaitSet>, TransportError> PolledWaitSet::open(
+expected<std::unique_ptr<PolledWaitSet>, SetupError> PolledWaitSet::open(
     std::size_t source_count_max) {
   std::unique_ptr<PolledWaitSet> set(new PolledWaitSet(source_count_max));
   if (auto opened = set->open_descriptors(); !opened) return unexpected{std::move(opened.error())};
   return set;
 }
 
-expected<void, TransportError> PolledWaitSet::open_descriptors() {
+expected<void, SetupError> PolledWaitSet::open_descriptors() {
   epoll_ = Descriptor(epoll_create1(EPOLL_CLOEXEC));
   doorbell_ = Descriptor(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
   if (!epoll_.is_open() || !doorbell_.is_open() ||
@@ -83,12 +83,10 @@ expected<void, TransportError> PolledWaitSet::open_descriptors() {
   epoll_event none{};
   const timespec at_once{};
   if (epoll_pwait2(epoll_.number(), &none, 1, &at_once, nullptr) < 0 && errno != EINTR) {
-    return unexpected{
-        TransportError{"a lane can't wait for its sockets to the microsecond "
-                       "(epoll_pwait2: " +
-                       std::string(std::strerror(errno)) +
-                       "). Remedy: use Linux 5.11 or later, and in a container a "
-                       "seccomp profile that knows this system call."}};
+    return setup_error("a lane can't wait for its sockets to the microsecond (epoll_pwait2)",
+                       system_error(errno),
+                       "use Linux 5.11 or later, and in a container a seccomp profile that knows "
+                       "this system call");
   }
   return {};
 }

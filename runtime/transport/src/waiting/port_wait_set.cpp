@@ -7,8 +7,7 @@
 
 namespace rtpm::transport {
 
-expected<std::unique_ptr<PortWaitSet>, TransportError> PortWaitSet::open(
-    std::size_t source_count_max) {
+expected<std::unique_ptr<PortWaitSet>, SetupError> PortWaitSet::open(std::size_t source_count_max) {
   std::unique_ptr<PortWaitSet> set(new PortWaitSet(source_count_max));
   if (auto opened = set->open_descriptors(); !opened) return unexpected{std::move(opened.error())};
   return set;

@@ -178,7 +178,7 @@ std::string client_class(const Model& model, const Service& service) {
        "is one of them, and its text says in which method."},
       "  ");
   text += "  [[nodiscard]] static ::rtpm::expected<" + name +
-          ", ::rtpm::rpc::SetupError> bind(\n"
+          ", ::rtpm::SetupError> bind(\n"
           "      ::rtpm::rpc::Node& node, ::std::string_view target,\n"
           "      const ::rtpm::rpc::BindOptions& options = {});\n";
   for (const Method& method : service.methods)

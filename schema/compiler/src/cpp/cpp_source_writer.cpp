@@ -174,7 +174,7 @@ std::string client(const Model& model, const Service& service) {
                      "::interface() noexcept {\n  return k" + stem +
                      "Interface;\n}\n\n"
                      "::rtpm::expected<" +
-                     name + ", ::rtpm::rpc::SetupError> " + name +
+                     name + ", ::rtpm::SetupError> " + name +
                      "::bind(\n"
                      "    ::rtpm::rpc::Node& node, ::std::string_view target, const "
                      "::rtpm::rpc::BindOptions& options) {\n"

@@ -29,14 +29,14 @@ int serve() {
   rtpm::rpc::ServerConfig config;
   config.realtime = rtpm::rt::RealtimeMode::kOff;
   auto server = rtpm::rpc::Server::create(config);
-  if (!server) return std::fprintf(stderr, "%s\n", server.error().text.c_str()), 1;
+  if (!server) return std::fprintf(stderr, "%s\n", server.error().text().c_str()), 1;
   for (const Sample& sample : kSamples) {
     if (auto added = (*server)->add(sample.path, *sample.servant); !added) {
-      return std::fprintf(stderr, "%s\n", added.error().text.c_str()), 1;
+      return std::fprintf(stderr, "%s\n", added.error().text().c_str()), 1;
     }
   }
   if (auto started = (*server)->start(); !started) {
-    return std::fprintf(stderr, "%s\n", started.error().text.c_str()), 1;
+    return std::fprintf(stderr, "%s\n", started.error().text().c_str()), 1;
   }
   std::printf("port %d\n", static_cast<int>((*server)->port()));
   std::fflush(stdout);

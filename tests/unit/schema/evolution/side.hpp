@@ -74,7 +74,7 @@ template <class Client>
                                          const std::string& url) {
   auto client = Client::bind(node, url, {.deadline = kPatience});
   if (!client) {
-    record_error(sample, 0, client.error().text);
+    record_error(sample, 0, client.error().text());
     return std::nullopt;
   }
   record(sample, 0, "bound", {});

@@ -29,14 +29,12 @@ class SimDriver final : public driver::Driver {
   /// Checks the settings and reads the recording.
   /// @realtime set-up only
   /// @errors   as Trajectory::load(); a setting that is not finite or not above zero
-  [[nodiscard]] static expected<std::unique_ptr<SimDriver>, driver::DriverError> create(
-      SimConfig config);
+  [[nodiscard]] static expected<std::unique_ptr<SimDriver>, SetupError> create(SimConfig config);
 
   [[nodiscard]] driver::Descriptor describe() const override;
-  [[nodiscard]] expected<void, driver::DriverError> configure(
-      const driver::DriverConfig& config) override;
+  [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) override;
   /// Resets the arm to its start: at the hand, at rest.
-  [[nodiscard]] expected<void, driver::DriverError> activate() override;
+  [[nodiscard]] expected<void, SetupError> activate() override;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override;
   void deactivate() noexcept override;

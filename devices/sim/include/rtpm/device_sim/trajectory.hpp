@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/driver.hpp"
 
@@ -34,11 +34,12 @@ class Trajectory {
   /// Reads the file at `path`; every point must lie within `workspace`.
   /// @realtime set-up only
   /// @errors   an unreadable or empty file, a malformed line: the text begins with "file:line: "
-  [[nodiscard]] static expected<Trajectory, driver::DriverError> load(
-      const std::filesystem::path& path, const driver::Workspace& workspace);
+  [[nodiscard]] static expected<Trajectory, SetupError> load(const std::filesystem::path& path,
+                                                             const driver::Workspace& workspace);
   /// The same from `text`; `name` replaces the file's in errors. Set-up only.
-  [[nodiscard]] static expected<Trajectory, driver::DriverError> parse(
-      std::istream& text, std::string_view name, const driver::Workspace& workspace);
+  [[nodiscard]] static expected<Trajectory, SetupError> parse(std::istream& text,
+                                                              std::string_view name,
+                                                              const driver::Workspace& workspace);
 
   /// From the first point's time to the last's, in seconds; 0 for a single point.
   [[nodiscard]] double duration_s() const noexcept {

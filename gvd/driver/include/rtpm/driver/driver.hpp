@@ -5,22 +5,13 @@
 #include <string_view>
 #include <utility>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/command.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 
 namespace rtpm::driver {
-
-/// Why a device could not be set up: a sentence with device, cause and remedy.
-struct DriverError {
-  std::string text;
-};
-
-[[nodiscard]] inline unexpected<DriverError> driver_error(std::string text) {
-  return unexpected<DriverError>{DriverError{std::move(text)}};
-}
 
 /// Result of exchange().
 enum class ExchangeStatus : std::uint8_t {
@@ -64,12 +55,12 @@ class Driver {
   /// Opens and configures the device; no force yet. May take seconds, but must end by itself.
   /// @realtime set-up only
   /// @errors   in words with the remedy: not plugged in, no permission, wrong firmware
-  [[nodiscard]] virtual expected<void, DriverError> configure(const DriverConfig& config) = 0;
+  [[nodiscard]] virtual expected<void, SetupError> configure(const DriverConfig& config) = 0;
 
   /// Prepares exchange(), including all allocations.
   /// @realtime set-up only
   /// @errors   in words with the remedy
-  [[nodiscard]] virtual expected<void, DriverError> activate() = 0;
+  [[nodiscard]] virtual expected<void, SetupError> activate() = 0;
 
   /// Gives the device its command and takes its newest sample: the only real-time call, once per
   /// cycle. Waits for the hardware at most a fraction of the period. On entry `sample` holds the

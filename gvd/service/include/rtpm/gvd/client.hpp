@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
@@ -44,7 +44,7 @@ class DeviceClient {
   /// Binds `device`, a name or a URL, and reads its descriptor.
   /// @realtime set-up only
   /// @errors   as rpc::Binding::bind(); the device does not answer
-  [[nodiscard]] static expected<DeviceClient, rpc::SetupError> open(
+  [[nodiscard]] static expected<DeviceClient, SetupError> open(
       rpc::Node& node, std::string_view device, const DeviceClientOptions& options = {});
   DeviceClient(DeviceClient&&) noexcept;
   DeviceClient& operator=(DeviceClient&&) noexcept;
@@ -84,7 +84,8 @@ class DeviceClient {
   /// @errors   as CallError · kNotLeaseHolder: another client holds it
   [[nodiscard]] expected<void, rpc::CallError> acquire(Duration patience = std::chrono::seconds{2});
   /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
-  /// calls fail with kNotLeaseHolder, and its force goes to zero before this client's commands count.
+  /// calls fail with kNotLeaseHolder, and its force goes to zero before this client's commands
+  /// count.
   /// @realtime set-up only
   /// @errors   as CallError · kNotLeaseHolder: the priority is below operator_priority() ·
   ///           kOverload: the last take-over was less than a second ago

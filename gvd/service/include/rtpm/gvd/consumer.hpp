@@ -6,8 +6,8 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -55,7 +55,7 @@ class DeviceConsumer {
   /// @realtime set-up only
   /// @errors   as rpc::Binding::bind(); a rate out of range; missing real-time rights with
   ///           RealtimeMode::kRequire
-  [[nodiscard]] static expected<DeviceConsumer, rpc::SetupError> start(
+  [[nodiscard]] static expected<DeviceConsumer, SetupError> start(
       rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config,
       SampleSink& sink);
   DeviceConsumer(DeviceConsumer&&) noexcept;

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <optional>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/command.hpp"
 #include "rtpm/driver/descriptor.hpp"
@@ -28,7 +28,7 @@ struct SafetyConfig {
   /// @realtime set-up only
   /// @errors   names a limit that is negative or not finite, or a time that is negative or above 10
   ///           s
-  [[nodiscard]] expected<void, rpc::SetupError> check() const;
+  [[nodiscard]] expected<void, SetupError> check() const;
 };
 
 /// A client's command: a wrench and its life.

@@ -3,8 +3,8 @@
 #include <memory>
 #include <optional>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -36,7 +36,7 @@ class DeviceServer {
   /// @realtime set-up only
   /// @errors   a period outside 20 µs to 100 ms; lease times of zero; an invalid safety limit; an
   ///           inconsistent descriptor
-  [[nodiscard]] static expected<std::unique_ptr<DeviceServer>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<DeviceServer>, SetupError> create(
       std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = {});
 
   DeviceServer(const DeviceServer&) = delete;
@@ -48,7 +48,7 @@ class DeviceServer {
   /// to call the driver.
   /// @realtime set-up only
   /// @errors   the device can't be set up; missing real-time rights with RealtimeMode::kRequire
-  [[nodiscard]] expected<void, rpc::SetupError> start();
+  [[nodiscard]] expected<void, SetupError> start();
 
   /// Sets the force to zero, deactivates the device and ends the thread. May be repeated, before or
   /// after the rpc::Server's stop().

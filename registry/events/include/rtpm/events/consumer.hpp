@@ -8,8 +8,8 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/delivery.hpp"
 #include "rtpm/events/event.hpp"
@@ -109,7 +109,7 @@ class Consumer {
   /// @realtime set-up only
   /// @errors   no hub answers; the hub refuses the filter or policy (the text names node and
   ///           field); missing real-time rights
-  [[nodiscard]] static expected<std::unique_ptr<Consumer>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Consumer>, SetupError> create(
       rpc::Node& node, const std::string& target, ConsumerConfig config, EventHandler& handler);
   Consumer(const Consumer&) = delete;
   Consumer& operator=(const Consumer&) = delete;
@@ -120,8 +120,8 @@ class Consumer {
   /// new.
   /// @realtime set-up only
   /// @errors   as create(); then nothing changes
-  [[nodiscard]] expected<void, rpc::SetupError> change(const Filter& filter,
-                                                       const DeliveryPolicy& delivery);
+  [[nodiscard]] expected<void, SetupError> change(const Filter& filter,
+                                                  const DeliveryPolicy& delivery);
   /// Stops delivery until resume(); missed events are counted.
   /// @realtime set-up only
   [[nodiscard]] expected<void, rpc::CallError> suspend();

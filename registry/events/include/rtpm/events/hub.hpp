@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/limits.hpp"
@@ -106,7 +106,7 @@ class Hub {
   /// Allocates all memory and starts its thread.
   /// @realtime set-up only
   /// @errors   missing real-time rights with RealtimeMode::kRequire; no memory for the ring
-  [[nodiscard]] static expected<std::unique_ptr<Hub>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Hub>, SetupError> create(
       const HubConfig& config = {});
 
   Hub(const Hub&) = delete;
@@ -124,7 +124,7 @@ class Hub {
   /// @realtime set-up only
   /// @errors   in words: another schema of the type is registered, an invalid type or field, a
   /// limit
-  [[nodiscard]] virtual expected<void, std::string> add_type(const EventDescriptor& descriptor) = 0;
+  [[nodiscard]] virtual expected<void, SetupError> add_type(const EventDescriptor& descriptor) = 0;
 
   /// Links to the hub at `target`, a URL or a name: subscribes there for the interest of its own
   /// consumers. One direction; for both, link both hubs. Returns at once: the link connects when
@@ -133,9 +133,8 @@ class Hub {
   /// @realtime set-up only
   /// @errors   more than kLinkCountMax links; no thread
   /// @source   spec/events.md#ev-5
-  [[nodiscard]] virtual expected<void, rpc::SetupError> link(rpc::Node& node,
-                                                             const std::string& target,
-                                                             const LinkConfig& config) = 0;
+  [[nodiscard]] virtual expected<void, SetupError> link(rpc::Node& node, const std::string& target,
+                                                        const LinkConfig& config) = 0;
   /// State of each link, in the order of creation.
   /// @realtime set-up only
   [[nodiscard]] virtual std::vector<LinkStatus> links() const = 0;

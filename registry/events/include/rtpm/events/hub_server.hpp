@@ -4,7 +4,7 @@
 #include <optional>
 #include <string>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub.hpp"
 #include "rtpm/names/defaults.hpp"
@@ -40,7 +40,7 @@ class HubServer {
  public:
   /// @realtime set-up only; blocks
   /// @errors   as Hub::create(), rpc::Server and names::Registration; then nothing is served
-  [[nodiscard]] static expected<std::unique_ptr<HubServer>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<HubServer>, SetupError> create(
       rpc::Node& node, const HubServerConfig& config = {});
   HubServer(const HubServer&) = delete;
   HubServer& operator=(const HubServer&) = delete;
@@ -63,7 +63,7 @@ class HubServer {
 /// kHubPath.
 /// @realtime set-up only; blocks
 /// @errors   as names::Registration::create()
-[[nodiscard]] expected<std::unique_ptr<names::Registration>, rpc::SetupError> register_hub(
+[[nodiscard]] expected<std::unique_ptr<names::Registration>, SetupError> register_hub(
     rpc::Node& node, const rpc::Server& server, const std::string& name = std::string(kHubPath),
     const std::string& registry = std::string(names::kDefaultRegistryUrl));
 

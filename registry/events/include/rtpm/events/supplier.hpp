@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/hub.hpp"
@@ -68,10 +68,10 @@ class Supplier {
   /// Binds the hub at `target`, a URL or a name.
   /// @realtime set-up only; starts a time-shared thread "rtpm-attend"
   /// @errors   no hub answers; the hub knows a type by another schema
-  [[nodiscard]] static expected<std::unique_ptr<Supplier>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Supplier>, SetupError> create(
       rpc::Node& node, const std::string& target, const SupplierConfig& config = {});
   /// For a hub in this program: pushes without a call.
-  [[nodiscard]] static expected<std::unique_ptr<Supplier>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Supplier>, SetupError> create(
       Hub& hub, const SupplierConfig& config = {});
   Supplier(const Supplier&) = delete;
   Supplier& operator=(const Supplier&) = delete;

@@ -27,16 +27,15 @@ class TypedSupplier {
   /// Binds the hub at `target`, a URL or a name.
   /// @realtime set-up only
   /// @errors   as Supplier::create()
-  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> create(rpc::Node& node,
-                                                                       const std::string& target,
-                                                                       SourceId source = 0,
-                                                                       SupplierConfig config = {}) {
+  [[nodiscard]] static expected<TypedSupplier, SetupError> create(rpc::Node& node,
+                                                                  const std::string& target,
+                                                                  SourceId source = 0,
+                                                                  SupplierConfig config = {}) {
     return of(Supplier::create(node, target, with_type(std::move(config))), source);
   }
   /// The same for a hub in this program.
-  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> create(Hub& hub,
-                                                                       SourceId source = 0,
-                                                                       SupplierConfig config = {}) {
+  [[nodiscard]] static expected<TypedSupplier, SetupError> create(Hub& hub, SourceId source = 0,
+                                                                  SupplierConfig config = {}) {
     return of(Supplier::create(hub, with_type(std::move(config))), source);
   }
   /// Shares a supplier whose SupplierConfig::types contains `Event::kDescriptor`.
@@ -82,8 +81,8 @@ class TypedSupplier {
     config.types.push_back(&Event::kDescriptor);
     return config;
   }
-  [[nodiscard]] static expected<TypedSupplier, rpc::SetupError> of(
-      expected<std::unique_ptr<Supplier>, rpc::SetupError> created, SourceId source) {
+  [[nodiscard]] static expected<TypedSupplier, SetupError> of(
+      expected<std::unique_ptr<Supplier>, SetupError> created, SourceId source) {
     if (!created) return unexpected{std::move(created.error())};
     return TypedSupplier(std::move(*created), source);
   }
@@ -115,11 +114,11 @@ class TypedConsumer {
   /// `config.filter` accepts.
   /// @realtime set-up only
   /// @errors   as Consumer::create()
-  [[nodiscard]] static expected<TypedConsumer, rpc::SetupError> create(rpc::Node& node,
-                                                                       const std::string& target,
-                                                                       OnEvent on_event,
-                                                                       ConsumerConfig config = {},
-                                                                       OnNotice on_notice = {}) {
+  [[nodiscard]] static expected<TypedConsumer, SetupError> create(rpc::Node& node,
+                                                                  const std::string& target,
+                                                                  OnEvent on_event,
+                                                                  ConsumerConfig config = {},
+                                                                  OnNotice on_notice = {}) {
     config.types.push_back(&Event::kDescriptor);
     if (config.filter.kind == Filter::Kind::kNull) config.filter = of_type(Event::kType);
     auto handler = std::make_unique<Handler>(std::move(on_event), std::move(on_notice));

@@ -7,7 +7,7 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/claim.hpp"
 #include "rtpm/names/defaults.hpp"
@@ -26,11 +26,9 @@ struct NameEntry {
 };
 
 /// Why an operation on the registry failed.
-struct DirectoryError {
+struct DirectoryError : SetupError {
   /// The registry's answer; nullopt: none, and whether it acted is unknown.
   std::optional<Outcome> outcome{};
-  /// A sentence with subject, cause and remedy.
-  std::string text;
   /// The holder, for kAlreadyBound, kStaleEpoch and kStaleRevision.
   std::string holder_url{};
   Duration holder_lease_left{};
@@ -42,7 +40,8 @@ struct DirectoryError {
 /// @ownership refers to its node, which must outlive it
 /// @threads  any, several at once
 /// @realtime set-up only
-/// @errors   of all operations: the registry's URL is invalid; "no registry answers at …"; a refusal
+/// @errors   of all operations: the registry's URL is invalid; "no registry answers at …"; a
+/// refusal
 class Directory {
  public:
   /// `deadline` bounds each request; list() may take several.

@@ -7,7 +7,7 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -43,7 +43,7 @@ class Registration {
   /// @realtime set-up only; blocks
   /// @errors   no registry answers; a living server holds the name (the text says where); a
   ///           malformed name, URL or interface; a limit of the registry
-  [[nodiscard]] static expected<std::unique_ptr<Registration>, rpc::SetupError> create(
+  [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
       rpc::Node& node, std::string registry_url, std::string name, std::string url,
       std::string interface, Duration lease = kDefaultLease, Report report = {},
       Takeover takeover = Takeover::kRefused);

@@ -25,8 +25,8 @@ class RegistryResolver final : public rpc::Resolver {
   /// Asks the registry.
   /// @errors   "no registry answers at …"; the name is not bound (the text names the missing
   ///           component)
-  [[nodiscard]] expected<std::string, rpc::SetupError> resolve(std::string_view name,
-                                                               MonotonicTime deadline) override;
+  [[nodiscard]] expected<std::string, SetupError> resolve(std::string_view name,
+                                                          MonotonicTime deadline) override;
 
  private:
   rpc::Node& node_;

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -33,8 +33,7 @@ void add_server(Options& options, ServerSettings& settings);
 /// Requests the configured CPU latency for the process, for the lifetime of the returned object.
 /// @realtime set-up only
 /// @errors   as rt::CpuLatencyRequest::open(), in the server's mode
-[[nodiscard]] expected<rt::CpuLatencyRequest, rt::RealtimeError> prepare(
-    const ServerSettings& settings);
+[[nodiscard]] expected<rt::CpuLatencyRequest, SetupError> prepare(const ServerSettings& settings);
 
 /// Prints on standard error what the system granted, if so configured; call it after the start.
 /// @realtime set-up only

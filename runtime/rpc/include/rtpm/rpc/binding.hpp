@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/async.hpp"
 #include "rtpm/rpc/error.hpp"

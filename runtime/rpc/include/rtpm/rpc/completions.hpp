@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rt/thread.hpp"

@@ -1,11 +1,12 @@
 #pragma once
 
 #include <cstdint>
-#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
+#include <type_traits>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 
 namespace rtpm::rpc {
 
@@ -54,17 +55,8 @@ enum class CallError : std::uint8_t {
 /// One sentence in words for a person: the cause and the remedy.
 [[nodiscard]] std::string_view to_string(CallError error) noexcept;
 
-/// Why set-up failed: one sentence that names the thing, the cause and the remedy.
-struct SetupError {
-  std::string text;
-  /// Why a server could not be asked, where that is what failed.
-  std::optional<CallError> cause{};
-};
-
-[[nodiscard]] inline unexpected<SetupError> setup_error(
-    std::string text, std::optional<CallError> cause = std::nullopt) {
-  return unexpected<SetupError>{SetupError{std::move(text), cause}};
-}
+/// A CallError as SetupError::cause, which compares with one.
+[[nodiscard]] std::error_code make_error_code(CallError error) noexcept;
 
 /// What a servant may answer instead of a result.
 enum class Refusal : std::uint8_t {
@@ -80,3 +72,6 @@ template <class T>
 using Result = expected<T, Refusal>;
 
 }  // namespace rtpm::rpc
+
+template <>
+struct std::is_error_code_enum<rtpm::rpc::CallError> : std::true_type {};

@@ -5,8 +5,8 @@
 #include <string>
 #include <string_view>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"

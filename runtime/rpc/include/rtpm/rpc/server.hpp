@@ -6,8 +6,8 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rpc/counters.hpp"
 #include "rtpm/rpc/error.hpp"

@@ -4,7 +4,7 @@
 #include <memory>
 #include <string>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/rt/thread.hpp"
@@ -21,7 +21,7 @@ class CpuKeeper {
   /// Starts the thread, named `name`, on `cpu`.
   /// @realtime set-up only
   /// @errors   a CPU that is not there, no thread left: go on without
-  [[nodiscard]] static expected<std::unique_ptr<CpuKeeper>, RealtimeError> start(
+  [[nodiscard]] static expected<std::unique_ptr<CpuKeeper>, SetupError> start(
       const std::string& name, int cpu);
   CpuKeeper(const CpuKeeper&) = delete;
   CpuKeeper& operator=(const CpuKeeper&) = delete;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/thread.hpp"
 
@@ -20,8 +20,8 @@ class CpuLatencyRequest {
   /// kOff nothing is asked.
   /// @errors   with kRequire, a right that the process lacks, or a system without such requests.
   ///           With kPrefer those are warned of once
-  [[nodiscard]] static expected<CpuLatencyRequest, RealtimeError> open(Duration latency,
-                                                                       RealtimeMode mode);
+  [[nodiscard]] static expected<CpuLatencyRequest, SetupError> open(Duration latency,
+                                                                    RealtimeMode mode);
   CpuLatencyRequest(CpuLatencyRequest&& other) noexcept;
   CpuLatencyRequest& operator=(CpuLatencyRequest&& other) noexcept;
   ~CpuLatencyRequest();

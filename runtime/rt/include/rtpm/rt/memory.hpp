@@ -3,7 +3,7 @@
 #include <cstddef>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::rt {
@@ -14,7 +14,7 @@ namespace rtpm::rt {
 /// @errors   with kRequire, a memory-lock limit that is too small: also where it holds what is
 ///           there now, but not 256 MiB more, since what is not locked can't be had at all then.
 ///           With kPrefer such a program goes on without, and warns
-[[nodiscard]] expected<void, RealtimeError> lock_memory(RealtimeMode mode);
+[[nodiscard]] expected<void, SetupError> lock_memory(RealtimeMode mode);
 
 /// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time
 /// thread touches it first, as memory is locked only once it is resident. Threads' stacks are made

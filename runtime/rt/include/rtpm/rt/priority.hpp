@@ -2,8 +2,8 @@
 
 #include <optional>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::rt {
@@ -30,7 +30,7 @@ using PriorityMapping = int (*)(Priority priority);
 /// @errors   a level that is not allowed, with the priority that gets it; the mapping stays as it
 ///           was
 /// @source   RT-CORBA's PriorityMapping, which may be replaced
-[[nodiscard]] expected<void, RealtimeError> set_priority_mapping(PriorityMapping mapping);
+[[nodiscard]] expected<void, SetupError> set_priority_mapping(PriorityMapping mapping);
 
 /// The level of a priority by the mapping in force.
 /// @realtime alloc-free, as far as the mapping is

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 
 namespace rtpm::rt {
 
@@ -22,8 +22,8 @@ class PublicMemory {
   /// letters, digits and '-', the same for all memory of one kind.
   /// @realtime set-up only
   /// @errors   no descriptor or memory left: a sentence with the remedy
-  [[nodiscard]] static expected<PublicMemory, std::string> create(std::string_view name,
-                                                                  std::size_t size);
+  [[nodiscard]] static expected<PublicMemory, SetupError> create(std::string_view name,
+                                                                 std::size_t size);
   PublicMemory(PublicMemory&& other) noexcept;
   PublicMemory& operator=(PublicMemory&& other) noexcept;
   ~PublicMemory();

@@ -9,8 +9,8 @@
 #include <string_view>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 
 namespace rtpm::rt {
 
@@ -47,11 +47,6 @@ struct ThreadConfig {
   Schedule schedule = Schedule::kFifo;
 };
 
-/// Why the operating system did not give what was asked: one sentence with the remedy.
-struct RealtimeError {
-  std::string text;
-};
-
 /// A thread that runs `body` once, joined when it ends.
 /// @threads  start and join from one thread
 /// @realtime set-up only
@@ -66,8 +61,8 @@ class Thread {
   /// Starts `body` with its name, scheduling and affinity already in force.
   /// @errors   with kRequire, a right that the process lacks; a CPU that is not there; no thread
   ///           left
-  [[nodiscard]] static expected<Thread, RealtimeError> start(const ThreadConfig& config,
-                                                             std::function<void()> body);
+  [[nodiscard]] static expected<Thread, SetupError> start(const ThreadConfig& config,
+                                                          std::function<void()> body);
   void join() noexcept;
   [[nodiscard]] bool is_running() const noexcept { return handle_.has_value(); }
 
@@ -77,12 +72,12 @@ class Thread {
 
 /// Gives the calling thread name, scheduling and affinity.
 /// @realtime set-up only
-[[nodiscard]] expected<void, RealtimeError> configure_this_thread(const ThreadConfig& config);
+[[nodiscard]] expected<void, SetupError> configure_this_thread(const ThreadConfig& config);
 
 /// Says what becomes of a thread that is to spin without end. Where the kernel throttles, one at
 /// SCHED_FIFO can't: it pauses as budget.hpp says, which setup_report() tells.
 /// @realtime set-up only
 /// @errors   with kRequire, the throttling, as a pause is not what was asked for
-[[nodiscard]] expected<void, RealtimeError> check_spinning(const ThreadConfig& config);
+[[nodiscard]] expected<void, SetupError> check_spinning(const ThreadConfig& config);
 
 }  // namespace rtpm::rt

@@ -7,7 +7,7 @@
 #include <utility>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
@@ -59,7 +59,7 @@ class BroadcastMemory {
   /// `size` bytes of zeros, all of them in memory.
   /// Errors: no memory or descriptor left; a kernel that can't take the right to write away (before
   /// Linux 5.1).
-  [[nodiscard]] static expected<BroadcastMemory, TransportError> make(std::size_t size);
+  [[nodiscard]] static expected<BroadcastMemory, SetupError> make(std::size_t size);
   BroadcastMemory(BroadcastMemory&& other) noexcept
       : descriptor_(std::move(other.descriptor_)),
         bell_descriptor_(std::move(other.bell_descriptor_)),
@@ -92,7 +92,7 @@ class BroadcastMemory {
 class BroadcastDoor {
  public:
   /// Errors: the id is in use; no descriptor left.
-  [[nodiscard]] static expected<BroadcastDoor, TransportError> open(std::uint64_t id);
+  [[nodiscard]] static expected<BroadcastDoor, SetupError> open(std::uint64_t id);
   /// Can be read when somebody asks.
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// Gives the memory to all who ask now and are of the same user; never waits for one. Those for
@@ -111,8 +111,8 @@ class BroadcastView {
  public:
   /// Asks for the memory `id` on this host.
   /// Errors: nobody there; another user's; no answer by the deadline; no memory left.
-  [[nodiscard]] static expected<BroadcastView, TransportError> open(std::uint64_t id,
-                                                                    MonotonicTime deadline);
+  [[nodiscard]] static expected<BroadcastView, SetupError> open(std::uint64_t id,
+                                                                MonotonicTime deadline);
   BroadcastView(BroadcastView&& other) noexcept
       : bytes_(std::exchange(other.bytes_, {})), bell_(std::move(other.bell_)) {}
   BroadcastView& operator=(BroadcastView&&) = delete;

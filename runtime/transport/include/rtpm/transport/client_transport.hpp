@@ -6,8 +6,8 @@
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/error.hpp"
@@ -64,12 +64,12 @@ class ClientTransport {
 
 /// Opens a transport to host:port over UDP. Nothing is sent yet.   Set-up only.
 /// Errors: an unknown host, no descriptor left.
-[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError> open_udp_transport(
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(
     const std::string& host, std::uint16_t port, Priority priority);
 
 /// Connects to host:port over TCP by `deadline`, for messages of up to `message_size_max` bytes.
 /// Set-up only.   Errors: an unknown host, nobody there, no answer in time, no descriptor left.
-[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError> open_tcp_transport(
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
     const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
     MonotonicTime deadline);
 

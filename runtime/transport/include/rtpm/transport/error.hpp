@@ -1,7 +1,8 @@
 #pragma once
 
 #include <cstdint>
-#include <string>
+
+#include "rtpm/base/setup_error.hpp"
 
 namespace rtpm::transport {
 
@@ -13,14 +14,6 @@ enum class IoError : std::uint8_t {
   kClosed,   ///< The peer closed the stream, or it broke. Open another.
   kFailed,   ///< The system refused for another reason.
   kBroken,   ///< The memory shared with the peer holds nonsense. End the connection.
-};
-
-/// Why set-up failed: one sentence that names the thing, the cause and the remedy.
-struct TransportError {
-  std::string text;
-  /// The system has no descriptor or memory left for it: nothing was tried, and the peer may well
-  /// be there.
-  bool is_exhausted = false;
 };
 
 }  // namespace rtpm::transport

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
@@ -27,7 +27,7 @@ class MulticastSender {
  public:
   /// Programs on this host, too, receive what is sent.   Set-up only.
   /// Errors: no group, no such interface, no descriptor left.
-  [[nodiscard]] static expected<MulticastSender, TransportError> open(const MulticastGroup& group);
+  [[nodiscard]] static expected<MulticastSender, SetupError> open(const MulticastGroup& group);
   /// False if the system has no room now, or the network is gone: the datagram is lost.
   /// RT: alloc-free, one syscall.
   [[nodiscard]] bool send(ConstBytes datagram) noexcept;
@@ -44,8 +44,7 @@ class MulticastReceiver {
  public:
   /// Joins the group. Several programs of a host may.   Set-up only.
   /// Errors: no group, no such interface, the port is another's.
-  [[nodiscard]] static expected<MulticastReceiver, TransportError> open(
-      const MulticastGroup& group);
+  [[nodiscard]] static expected<MulticastReceiver, SetupError> open(const MulticastGroup& group);
   /// The next datagram, a view of `buffer`; empty: none is there.   RT: alloc-free, one syscall.
   [[nodiscard]] ConstBytes receive(MutableBytes buffer) noexcept;
   /// Can be read while there is one.

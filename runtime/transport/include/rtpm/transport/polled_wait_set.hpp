@@ -5,7 +5,7 @@
 #include <memory>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/transport/wait_set.hpp"
@@ -23,7 +23,7 @@ class PolledWaitSet : public WaitSet {
 
   /// @param source_count_max  how many sources it holds, besides the doorbell
   /// @errors  no descriptor left; the system has no epoll_pwait2
-  [[nodiscard]] static expected<std::unique_ptr<PolledWaitSet>, TransportError> open(
+  [[nodiscard]] static expected<std::unique_ptr<PolledWaitSet>, SetupError> open(
       std::size_t source_count_max);
 
   [[nodiscard]] bool add(int descriptor, SourceTag tag, Trigger trigger) noexcept override;
@@ -34,7 +34,7 @@ class PolledWaitSet : public WaitSet {
 
  protected:
   explicit PolledWaitSet(std::size_t source_count_max);
-  [[nodiscard]] expected<void, TransportError> open_descriptors();
+  [[nodiscard]] expected<void, SetupError> open_descriptors();
 
   [[nodiscard]] std::size_t source_count() const noexcept { return sources_.size(); }
   /// Whether the last wait reported the doorbell.

@@ -19,7 +19,7 @@ namespace rtpm::transport {
 /// only polls from then on.
 class PortWaitSet final : public PolledWaitSet {
  public:
-  [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, TransportError> open(
+  [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, SetupError> open(
       std::size_t source_count_max);
 
   /// Adds the port as a level-triggered source.

@@ -6,9 +6,9 @@
 #include <string>
 #include <vector>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/record_ring.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/client_transport.hpp"
 #include "rtpm/transport/connection.hpp"
@@ -111,7 +111,7 @@ class SharedMemoryConnection final : public Connection {
 class SharedMemoryListener {
  public:
   /// Errors: another program has the address; a folder that is not there or may not be written.
-  [[nodiscard]] static expected<SharedMemoryListener, TransportError> open(
+  [[nodiscard]] static expected<SharedMemoryListener, SetupError> open(
       const SharedMemoryAddress& address);
   SharedMemoryListener(SharedMemoryListener&&) noexcept = default;
   SharedMemoryListener& operator=(SharedMemoryListener&&) = delete;
@@ -147,8 +147,7 @@ struct SharedMemoryClient {
 
 /// Connects to a server on this host by `deadline`.   Set-up only.
 /// Errors: nobody there, another user's, no answer in time, no memory or descriptor left.
-[[nodiscard]] expected<std::unique_ptr<ClientTransport>, TransportError>
-open_shared_memory_transport(const SharedMemoryAddress& address, Priority priority,
-                             MonotonicTime deadline);
+[[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transport(
+    const SharedMemoryAddress& address, Priority priority, MonotonicTime deadline);
 
 }  // namespace rtpm::transport

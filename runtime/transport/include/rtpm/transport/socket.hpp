@@ -7,8 +7,8 @@
 #include <string>
 #include <utility>
 
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/transport/error.hpp"
 #include "rtpm/wire/cookie.hpp"
@@ -47,21 +47,21 @@ inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
 /// The IPv4 address of a numeric address, or of a host name, which is asked for on a thread of its
 /// own: that may outlive `deadline`, but few do at a time.   Set-up only.
 /// Errors: the name has no IPv4 address; it was not answered by `deadline`.
-[[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
-                                                               std::uint16_t port,
-                                                               MonotonicTime deadline);
+[[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
+                                                           std::uint16_t port,
+                                                           MonotonicTime deadline);
 /// By kResolvePatience from now on.
-[[nodiscard]] expected<sockaddr_in, TransportError> address_of(const std::string& host,
-                                                               std::uint16_t port);
+[[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
+                                                           std::uint16_t port);
 
 /// The numeric form of a host's IPv4 address, "127.0.0.1", so that nobody has to ask for it again.
 /// Set-up only.   Errors: as address_of().
-[[nodiscard]] expected<std::string, TransportError> numeric_address_of(const std::string& host,
-                                                                       MonotonicTime deadline);
+[[nodiscard]] expected<std::string, SetupError> numeric_address_of(const std::string& host,
+                                                                   MonotonicTime deadline);
 
 /// Why the system gave no descriptor, or no memory, for `what`, and what to do, by its error
 /// number. Set-up only.
-[[nodiscard]] TransportError no_descriptor(const std::string& what, int error);
+[[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
 /// "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
 [[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
 /// Whether it says that the system, or the process, has no descriptor or memory left.

@@ -4,7 +4,7 @@
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/transport/socket.hpp"
 
 namespace rtpm::transport {
@@ -13,8 +13,8 @@ namespace rtpm::transport {
 class TcpListener {
  public:
   /// Port 0: the system chooses. Errors: the port is taken, the address is not this host's.
-  [[nodiscard]] static expected<TcpListener, TransportError> open(const std::string& host,
-                                                                  std::uint16_t port);
+  [[nodiscard]] static expected<TcpListener, SetupError> open(const std::string& host,
+                                                              std::uint16_t port);
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
   /// The next connection, ready for FrameStream. One for which no descriptor is left is ended.

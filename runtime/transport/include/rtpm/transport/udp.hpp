@@ -6,8 +6,8 @@
 #include <string>
 
 #include "rtpm/base/bytes.hpp"
-#include "rtpm/base/expected.hpp"
 #include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
 #include "rtpm/transport/datagram_batch.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "rtpm/wire/cookie.hpp"
@@ -32,7 +32,7 @@ struct UdpPortConfig {
 class UdpPort {
  public:
   /// Set-up only.   Errors: the port is taken, the address is not this host's.
-  [[nodiscard]] static expected<UdpPort, TransportError> open(const UdpPortConfig& config);
+  [[nodiscard]] static expected<UdpPort, SetupError> open(const UdpPortConfig& config);
 
   /// A datagram, or several that came together, into `buffer`, which holds Datagrams::kSizeMax.
   /// RT: alloc-free, one syscall, never blocks.
@@ -85,7 +85,7 @@ class UdpPort {
 /// `lane_lows` are the lowest priorities of the lanes, ascending from 0, in the order in which
 /// their ports were opened; `any_lane` is one of those ports.   Set-up only. Source:
 /// SO_ATTACH_REUSEPORT_CBPF, socket(7); the priority's offset is spec/hprotocol.md#hp-2's.
-[[nodiscard]] expected<void, TransportError> steer(const UdpPort& any_lane,
-                                                   std::span<const Priority> lane_lows);
+[[nodiscard]] expected<void, SetupError> steer(const UdpPort& any_lane,
+                                               std::span<const Priority> lane_lows);
 
 }  // namespace rtpm::transport

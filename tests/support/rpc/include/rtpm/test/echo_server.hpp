@@ -74,13 +74,13 @@ inline constexpr Transport kFaultyUdp{100};
 struct EchoServer {
   explicit EchoServer(ServerConfig config = quiet_config(), ObjectOptions options = {}) {
     auto created = Server::create(std::move(config));
-    EXPECT_TRUE(created) << created.error().text;
+    EXPECT_TRUE(created) << created.error().text();
     if (!created) return;
     server = std::move(*created);
     const auto added = server->add("echo", servant, std::move(options));
-    EXPECT_TRUE(added) << added.error().text;
+    EXPECT_TRUE(added) << added.error().text();
     const auto started = server->start();
-    EXPECT_TRUE(started) << started.error().text;
+    EXPECT_TRUE(started) << started.error().text();
   }
   ~EchoServer() {
     servant.gate().open();
@@ -116,7 +116,7 @@ struct EchoServer {
                                        BindOptions options = {}) {
   if (options.deadline == BindOptions{}.deadline) options.deadline = rtpm::test::kPatience;
   auto bound = Binding::bind(node, server.url(), echo::kInterface, options);
-  EXPECT_TRUE(bound) << bound.error().text;
+  EXPECT_TRUE(bound) << bound.error().text();
   return std::move(*bound);
 }
 

@@ -28,7 +28,7 @@ class RawPeer {
   RawPeer(rpc::Transport transport, std::uint16_t port, Priority priority = 0)
       : transport_(transport), priority_(priority) {
     auto opened = open_client(transport, port, priority);
-    EXPECT_TRUE(opened) << opened.error().text;
+    EXPECT_TRUE(opened) << opened.error().text();
     if (opened) client_ = std::move(*opened);
   }
 
@@ -107,7 +107,7 @@ class RawPeer {
 
  private:
   static auto open_client(rpc::Transport transport, std::uint16_t port, Priority priority)
-      -> expected<std::unique_ptr<transport::ClientTransport>, transport::TransportError> {
+      -> expected<std::unique_ptr<transport::ClientTransport>, SetupError> {
     const MonotonicTime deadline = rt::now() + kPatience;
     switch (transport) {
       case rpc::Transport::kTcp:

@@ -1,0 +1,34 @@
+#include "rtpm/base/setup_error.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cerrno>
+
+namespace rtpm {
+namespace {
+
+SetupError error_of(const unexpected<SetupError>& failure) {
+  return failure.error;
+}
+
+TEST(SetupError, SaysWhatFailedWhyAndTheRemedy) {
+  EXPECT_EQ(error_of(setup_error("the lane is not made")).text(), "the lane is not made.");
+  EXPECT_EQ(error_of(setup_error("the lane is not made.", "", "wait.")).text(),
+            "the lane is not made. Remedy: wait.");
+  EXPECT_EQ(error_of(setup_error("port 1", system_error(EACCES), "take another")).text(),
+            "port 1: Permission denied. Remedy: take another.");
+}
+
+TEST(SetupError, KeepsRemedyAndCauseOfWhatMadeItFail) {
+  const SetupError inner = error_of(setup_error("port 1", system_error(EACCES), "take another"));
+  const SetupError outer = error_of(setup_error("server 'arm'", inner));
+  EXPECT_EQ(outer.text(), "server 'arm': port 1: Permission denied. Remedy: take another.");
+  EXPECT_EQ(outer.cause, std::errc::permission_denied);
+}
+
+TEST(SetupError, EscapesForeignText) {
+  EXPECT_EQ(error_of(setup_error("name 'a\x1b[2J\n'")).text(), "name 'a\\x1b[2J\\n'.");
+}
+
+}  // namespace
+}  // namespace rtpm
