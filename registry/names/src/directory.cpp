@@ -109,9 +109,10 @@ class Directory::Impl {
     if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
     auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
     if (!client) {
-      const std::string why = client.error().reason();
-      return unexpected{client.error().cause == rpc::CallError::kNoResources ? not_asked(why)
-                                                                             : no_answer(why)};
+      const SetupError& error = client.error();
+      return unexpected{error.cause == rpc::CallError::kNoResources
+                            ? not_asked(error.reason(), error.remedy)
+                            : no_answer(error.reason())};
     }
     const std::lock_guard lock(mutex_);
     if (!client_) client_.emplace(std::move(*client));
@@ -139,8 +140,9 @@ class Directory::Impl {
              "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}};
   }
 
-  [[nodiscard]] DirectoryError not_asked(const std::string& why) const {
-    return {{"the registry at " + registry_url_ + " was not asked", why}};
+  [[nodiscard]] DirectoryError not_asked(const std::string& why,
+                                         const std::string& remedy = {}) const {
+    return {{"the registry at " + registry_url_ + " was not asked", why, remedy}};
   }
 
   [[nodiscard]] DirectoryError no_answer(const std::string& why) const {

@@ -331,12 +331,12 @@ TEST_F(Served, StoppingTakesTheForceAway) {
 
 TEST(DeviceServer, SaysWhyADeviceCantBeSetUp) {
   auto scripted = std::make_unique<test::ScriptedDriver>();
-  scripted->configure_error = "the cable is out; plug it in";
+  scripted->configure_error = "the cable is out; plug it in.";
   auto device = DeviceServer::create(std::move(scripted), off_realtime());
   ASSERT_TRUE(device);
   const auto started = (*device)->start();
   ASSERT_FALSE(started);
-  EXPECT_EQ(started.error().text(), "the cable is out; plug it in");
+  EXPECT_EQ(started.error().text(), "the cable is out; plug it in.");
 }
 
 TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
@@ -398,7 +398,7 @@ TEST_F(Served, AConsumerRefusesARateThatCantBe) {
   Collector collector;
   const auto consumer = DeviceConsumer::start(node_, "x", {.rate_hz = 0}, collector);
   ASSERT_FALSE(consumer);
-  EXPECT_EQ(consumer.error().text(), "a consumer's rate is 0.1 to 10000 Hz");
+  EXPECT_EQ(consumer.error().remedy, "choose 0.1 to 10000 Hz");
 }
 
 TEST_F(Served, ADeviceThatIsNotThereIsAnErrorInWords) {

@@ -140,7 +140,7 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
       {{"describe", room_.url("room/lihgt")}, 1, "; most like it there: room/light, "},
       {{"call", "rtpm://127.0.0.1:1/room/light", "get"},
        1,
-       "the server tells nothing of its objects"},
+       "the server describes none of its objects"},
       {{"call", "rtpm:/nonsense", "get"}, 1, ""},
       {{"call", light_}, 2, "usage: rtpm call TARGET METHOD [JSON]; run 'rtpm call --help'"},
       {{"fly"}, 2, "unknown verb 'fly'"},

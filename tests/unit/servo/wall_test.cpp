@@ -99,8 +99,8 @@ TEST(ChooseWall, RefusesAWallThatWouldBuzzAndNamesTheBound) {
   const auto wall = choose_wall(configuration, arm());
   ASSERT_FALSE(wall);
   EXPECT_EQ(wall.error().text(),
-            "a wall of --stiffness 5000 N/m would buzz: at this rate up to 800 N/m is passive; "
-            "lower it, or raise --rate");
+            "a wall of --stiffness 5000 N/m would buzz: at this rate up to 800 N/m is passive. "
+            "Remedy: lower it, or raise --rate.");
   configuration.wall = {.stiffness_newton_per_m = 100, .damping_newton_s_per_m = 3};
   const auto damped = choose_wall(configuration, arm());
   ASSERT_FALSE(damped);
@@ -113,8 +113,8 @@ TEST(ChooseWall, RefusesADeviceWithoutForce) {
   const auto wall = choose_wall({}, tracker);
   ASSERT_FALSE(wall);
   EXPECT_EQ(wall.error().text(),
-            "lab/arm0 is a tracker device without force along z; choose a haptic device with "
-            "--device");
+            "lab/arm0 is a tracker device without force along z. Remedy: choose a haptic "
+            "device with --device.");
 }
 
 }  // namespace

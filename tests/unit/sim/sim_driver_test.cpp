@@ -106,7 +106,7 @@ TEST(SimDriver, ReportsWhatIsWrongWithARecording) {
   ASSERT_FALSE(sim);
   EXPECT_EQ(sim.error().text(), path +
                                     ":2: z_m is 0.5, outside the arm's workspace of -0.1 to 0.1 " +
-                                    "m; positions are in metres");
+                                    "m; positions are in metres.");
 }
 
 TEST(SimDriver, RefusesInvalidSettings) {
@@ -114,7 +114,7 @@ TEST(SimDriver, RefusesInvalidSettings) {
   config.arm.mass_kg = 0;
   const auto weightless = SimDriver::create(config);
   ASSERT_FALSE(weightless);
-  EXPECT_EQ(weightless.error().text(), "the simulated arm's mass_kg must be a number above zero");
+  EXPECT_EQ(weightless.error().text(), "the simulated arm's mass_kg is no number above zero.");
 }
 
 TEST(SimDriver, FallsFreeWithoutAHand) {

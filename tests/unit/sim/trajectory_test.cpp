@@ -19,7 +19,7 @@ expected<Trajectory, SetupError> parse(const std::string& text) {
 
 std::string error_of(const std::string& text) {
   const auto result = parse(text);
-  return result ? "no error" : result.error().text();
+  return result ? "no error" : result.error().reason();
 }
 
 TEST(Trajectory, ReadsWithAndWithoutHeaderCommentsAndSpaces) {
@@ -115,7 +115,7 @@ TEST(TrajectoryErrors, NameAMissingFile) {
   const auto missing = Trajectory::load("no/such/hand.csv", kWorkspace);
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().text(),
-            "no/such/hand.csv: cannot be read; check that the file is there and readable");
+            "no/such/hand.csv can't be read. Remedy: check that the file is there and readable.");
   const auto folder = Trajectory::load(::testing::TempDir(), kWorkspace);
   ASSERT_FALSE(folder);
   EXPECT_NE(folder.error().text().find("is a folder"), std::string::npos);
