@@ -2,16 +2,20 @@
 
 #include "scripted_lane.hpp"
 
-// A lane's duty cycle, turn by turn.
+// A lane's duty cycle, turn by turn, in virtual time.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
 using namespace std::chrono_literals;
 
+// What a look at the clock takes.
+constexpr Duration kLook = 100ns;
+
 // One source that has frames without end, and 63 with one each.
 TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
   for (const rt::WaitStrategy strategy : {rt::WaitStrategy::kSpin, rt::WaitStrategy::kBlock}) {
+    VirtualTime::start(kLook);
     ScriptedLane scripted(strategy);
     ScriptedConnection& hot = scripted.connect();
     std::vector<ScriptedConnection*> others;
@@ -22,12 +26,8 @@ TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
     std::vector<std::unique_ptr<ScriptedClient>> clients;
     for (ScriptedConnection* const other : others)
       clients.push_back(std::make_unique<ScriptedClient>(*other));
-    std::thread watcher([&] {
-      EXPECT_TRUE(await([&] { return scripted.lane->counters().frames.received_count >= 400; }));
-      scripted.lane->stop();
-    });
+    VirtualTime::at(rt::now() + 1ms, [&] { scripted.lane->stop(); });
     scripted.run();
-    watcher.join();
     for (const ScriptedConnection* const other : others) {
       EXPECT_EQ(other->taken_count, 1);
       EXPECT_LE(other->last_taken, 64 + static_cast<int>(Attention::kStreakMax));
@@ -38,6 +38,7 @@ TEST(LaneLoop, ServesEachOfItsSourcesHoweverBusyOneIs) {
 }
 
 TEST(LaneLoop, SleepsOnlyWhenThereIsNothingToDoAndThenForEver) {
+  VirtualTime::start(kLook);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   ScriptedConnection* connection = nullptr;
   std::vector<MonotonicTime> sleeps;
@@ -67,6 +68,7 @@ TEST(LaneLoop, SleepsOnlyWhenThereIsNothingToDoAndThenForEver) {
 }
 
 TEST(LaneLoop, HearsARingThatComesAsItGoesToSleep) {
+  VirtualTime::start(kLook);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   int sleep_count = 0;
   scripted.wait_set->on_sleep = [&](MonotonicTime) {
@@ -95,34 +97,97 @@ class Streaming final : public Servant {
   ItemWriter writer;
 };
 
-// A caller that falls silent: the lane wakes by itself when its patience ends, and not before.
-TEST(LaneLoop, SleepsNoLongerThanUntilAnOpenCallIsDue) {
+// Readers that fall silent: the lane wakes by itself when the patience of each ends, and not
+// before.
+TEST(LaneLoop, SleepsUntilTheNextOpenCallIsDue) {
+  VirtualTime::start(0ns);
   ScriptedLane scripted(rt::WaitStrategy::kBlock);
   Streaming streaming;
   scripted.add(streaming);
-  ScriptedConnection& connection = scripted.connect();
-  ScriptedClient client(connection);
+  ScriptedConnection& impatient = scripted.connect();
+  ScriptedConnection& patient = scripted.connect();
+  ScriptedClient impatient_client(impatient);
+  ScriptedClient patient_client(patient);
   std::vector<MonotonicTime> sleeps;
-  MonotonicTime begun{};
+  const MonotonicTime begun = rt::now();
   scripted.wait_set->on_sleep = [&](MonotonicTime until) {
     sleeps.push_back(until);
     if (sleeps.size() == 1) {
-      begun = rt::now();
-      client.begin(echo::kEcho.id, /*stream_window=*/4, /*budget_us=*/20'000, /*service=*/2);
-    } else if (until != kNever) {
-      EXPECT_TRUE(streaming.writer.is_awaited());
-      rt::sleep_until(until);
-    } else {
+      patient_client.begin(echo::kEcho.id, /*stream_window=*/4, /*budget_us=*/50'000, 2);
+      impatient_client.begin(echo::kEcho.id, /*stream_window=*/4, /*budget_us=*/20'000, 2);
+    } else if (until == kNever) {
       EXPECT_EQ(streaming.writer.ending(), CallEnding::kSilent);
       scripted.lane->stop();
     }
   };
   scripted.run();
-  ASSERT_EQ(sleeps.size(), 3);
-  EXPECT_EQ(sleeps.front(), kNever);
-  EXPECT_GE(sleeps[1], begun + 20ms);
-  EXPECT_LT(sleeps[1], begun + 10s);
-  EXPECT_EQ(sleeps.back(), kNever);
+  EXPECT_EQ(sleeps, (std::vector<MonotonicTime>{kNever, begun + 20ms, begun + 50ms, kNever}));
+  scripted.lane->close();
+}
+
+/// Calls one method every `period`, `count` times, and notes which calls found the lane asleep.
+class SteadyCaller {
+ public:
+  SteadyCaller(ScriptedLane& scripted, Duration period, int count)
+      : scripted_(scripted),
+        period_(period),
+        count_(count),
+        connection_(scripted.connect()),
+        client_(connection_) {
+    VirtualTime::at(rt::now() + period, [this] { call(); });
+  }
+  std::vector<bool> found_asleep;
+
+ private:
+  void call() {
+    if (static_cast<int>(found_asleep.size()) == count_) return scripted_.lane->stop();
+    found_asleep.push_back(scripted_.wait_set->is_asleep);
+    client_.begin(echo::kEcho.id);
+    VirtualTime::at(rt::now() + period_, [this] { call(); });
+  }
+
+  ScriptedLane& scripted_;
+  Duration period_;
+  int count_;
+  ScriptedConnection& connection_;
+  ScriptedClient client_;
+};
+
+// At 1 kHz: it sleeps most of the time, and is awake when the call comes.
+TEST(LaneLoop, OfAPeriodicLaneIsAwakeWhenItsCallerCalls) {
+  if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
+  VirtualTime::start(kLook);
+  ScriptedLane scripted(rt::WaitStrategy::kPeriodic);
+  constexpr int kCount = 500;
+  SteadyCaller caller(scripted, 1ms, kCount);
+  scripted.run();
+  ASSERT_EQ(caller.found_asleep.size(), kCount);
+  EXPECT_EQ(std::count(caller.found_asleep.begin() + 100, caller.found_asleep.end(), true), 0);
+  EXPECT_GT(scripted.wait_set->slept, kCount * 1ms * 0.8);
+  scripted.lane->close();
+}
+
+TEST(LaneLoop, OfAnAdaptiveLanePollsAfterACallForItsSpinTime) {
+  if (rt::usable_cpu_count() == 1) GTEST_SKIP() << "one CPU: such a lane blocks";
+  VirtualTime::start(kLook);
+  ScriptedLane scripted(rt::WaitStrategy::kAdaptive);
+  MonotonicTime called{};
+  std::vector<Duration> polled;
+  ScriptedConnection& connection = scripted.connect();
+  ScriptedClient client(connection);
+  scripted.wait_set->on_sleep = [&](MonotonicTime until) {
+    EXPECT_EQ(until, kNever);
+    if (called != MonotonicTime{}) polled.push_back(rt::now() - called);
+    if (polled.size() == 2) return scripted.lane->stop();
+    called = rt::now();
+    client.begin(echo::kEcho.id);
+  };
+  scripted.run();
+  ASSERT_EQ(polled.size(), 2);
+  for (const Duration time : polled) {
+    EXPECT_GE(time, rt::WaitConfig{}.spin);
+    EXPECT_LT(time, rt::WaitConfig{}.spin + 20us);
+  }
   scripted.lane->close();
 }
 

@@ -16,8 +16,9 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/client_channel.hpp"
+#include "virtual_time.hpp"
 
-// A lane whose sources are a script's: nothing is left to the system or to chance.
+// A lane whose sources and time are a script's: nothing is left to the system or to chance.
 namespace rtpm::rpc::test {
 
 /// One peer's connection, without a socket: the script says which frames have come.
@@ -61,7 +62,7 @@ class ScriptedConnection final : public transport::Connection {
 };
 
 /// Reports the connections that have frames, in the order in which they were added. Where a lane
-/// would sleep, `on_sleep` is asked instead, which may change everything.
+/// would sleep, `on_sleep` may change everything; then the virtual time goes on to the next event.
 class ScriptedWaitSet final : public transport::WaitSet {
  public:
   bool add(int descriptor, SourceTag tag, transport::Trigger) noexcept override {
@@ -79,7 +80,12 @@ class ScriptedWaitSet final : public transport::WaitSet {
     ++wait_count;
     std::size_t count = report(ready);
     if (count > 0 || until == transport::kAlready) return count;
-    on_sleep(until);
+    is_asleep = true;
+    if (on_sleep) on_sleep(until);
+    const MonotonicTime begin = rt::now();
+    VirtualTime::sleep(until, [&] { return is_rung_ || has_frames(); });
+    slept += rt::now() - begin;
+    is_asleep = false;
     return report(ready);
   }
   void ring() noexcept override { is_rung_ = true; }
@@ -87,8 +93,14 @@ class ScriptedWaitSet final : public transport::WaitSet {
   std::function<void(MonotonicTime until)> on_sleep;
   std::map<int, ScriptedConnection*> connections;
   int wait_count = 0;
+  bool is_asleep = false;
+  Duration slept{0};
 
  private:
+  bool has_frames() const {
+    return std::ranges::any_of(connections,
+                               [](const auto& each) { return !each.second->received.empty(); });
+  }
   std::size_t report(std::span<SourceTag> ready) {
     std::size_t count = 0;
     if (is_rung_.exchange(false)) ready[count++] = transport::kDoorbell;
@@ -177,16 +189,18 @@ class ScriptedClient {
         channel_.open(Priority{0}, rt::now() + rtpm::test::kPatience, rt::now());
     connection.received.emplace_back(hello.begin(), hello.end());
   }
-  /// Once the lane has answered.
+  /// Once the lane has answered. Each call has the next number.
   void begin(std::uint16_t method, std::uint32_t stream_window = 0,
              std::uint32_t budget_us = 60'000'000, std::uint32_t service = 1) {
-    EXPECT_FALSE(connection_.sent.empty());
-    const auto event = channel_.on_frame(connection_.sent.front(), rt::now());
-    EXPECT_EQ(event.kind, wire::ChannelEvent::Kind::kReady);
+    if (call_id_ == 0) {
+      ASSERT_FALSE(connection_.sent.empty());
+      const auto event = channel_.on_frame(connection_.sent.front(), rt::now());
+      EXPECT_EQ(event.kind, wire::ChannelEvent::Kind::kReady);
+    }
     wire::Header header;
     header.kind = wire::FrameKind::kCall;
     header.session = channel_.session();
-    header.call_id = 1;
+    header.call_id = ++call_id_;
     header.service = service;
     header.method = method;
     header.item = stream_window;
@@ -200,6 +214,7 @@ class ScriptedClient {
   ScriptedConnection& connection_;
   Bytes buffer_;
   wire::ClientChannel channel_;
+  std::uint32_t call_id_ = 0;
 };
 
 }  // namespace rtpm::rpc::test
