@@ -10,13 +10,8 @@ endfunction()
 find_package(Threads REQUIRED)
 
 include(RtpmFlatbuffers)
-if(NOT FlatBuffers_FOUND)
-  message(FATAL_ERROR "RTPM needs FlatBuffers, which was not found. Remedy: ./dev setup, "
-                      "or install the Debian package libflatbuffers-dev.")
-endif()
-if(NOT RTPM_FLATC)
-  message(FATAL_ERROR "RTPM needs flatc, which was not found. Remedy: ./dev setup, "
-                      "or install the Debian package flatbuffers-compiler.")
+if(RTPM_FLATBUFFERS_PROBLEM)
+  message(FATAL_ERROR "${RTPM_FLATBUFFERS_PROBLEM}")
 endif()
 
 if(RTPM_BUILD_PROGRAMS)

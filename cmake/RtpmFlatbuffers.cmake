@@ -1,11 +1,36 @@
 # FlatBuffers for RTPM's targets, in this tree and where RTPM is installed.
 #
-# Its exported target names differ between installations: RTPM uses rtpm_flatbuffers (the headers, for
-# generated code) and rtpm_flatbuffers_parser (the library, for rtpmc). They are imported targets, so
-# that RTPM's own can be exported without them. RTPM_FLATC is FlatBuffers' own compiler.
-find_package(FlatBuffers CONFIG NAMES FlatBuffers Flatbuffers flatbuffers QUIET GLOBAL)
-find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
-if(FlatBuffers_FOUND AND NOT TARGET rtpm_flatbuffers)
+# However it is found, RTPM uses rtpm_flatbuffers (the headers, for generated code),
+# rtpm_flatbuffers_parser (the library, for rtpmc) and RTPM_FLATC (FlatBuffers' own compiler). The two
+# are imported targets, so that RTPM's own can be exported without them. RTPM_FLATBUFFERS_PROBLEM is
+# empty, or says what is wrong with the FlatBuffers of this machine.
+set(RTPM_FLATBUFFERS_SOURCE "" CACHE PATH "A source folder of FlatBuffers, to build instead of using the installed one")
+if(RTPM_FLATBUFFERS_SOURCE)
+  if(NOT TARGET flatbuffers)
+    set(FLATBUFFERS_BUILD_TESTS OFF)
+    set(FLATBUFFERS_INSTALL OFF)
+    add_subdirectory("${RTPM_FLATBUFFERS_SOURCE}" "${CMAKE_BINARY_DIR}/flatbuffers" EXCLUDE_FROM_ALL SYSTEM)
+  endif()
+  set(RTPM_FLATC "$<TARGET_FILE:flatc>")
+  file(STRINGS "${RTPM_FLATBUFFERS_SOURCE}/include/flatbuffers/base.h" version
+    REGEX "define FLATBUFFERS_VERSION_(MAJOR|MINOR|REVISION) ")
+  string(REGEX MATCHALL "[0-9]+" version "${version}")
+  list(JOIN version . RTPM_FLATBUFFERS_VERSION)
+else()
+  find_package(FlatBuffers CONFIG NAMES FlatBuffers Flatbuffers flatbuffers QUIET GLOBAL)
+  find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
+  set(RTPM_FLATBUFFERS_VERSION "${FlatBuffers_VERSION}")
+endif()
+
+# Releases are numbered by their dates since 22.9; 2.0.8 and 25.12.19 were tried.
+set(RTPM_FLATBUFFERS_PROBLEM "")
+if(NOT RTPM_FLATBUFFERS_VERSION VERSION_GREATER_EQUAL 2.0.8 OR NOT RTPM_FLATBUFFERS_VERSION VERSION_LESS 26
+   OR NOT RTPM_FLATC)
+  set(RTPM_FLATBUFFERS_PROBLEM
+    "RTPM needs FlatBuffers from 2.0.8 to 25 with its flatc; found: version '${RTPM_FLATBUFFERS_VERSION}', \
+flatc '${RTPM_FLATC}'. Remedy: install the Debian packages libflatbuffers-dev and flatbuffers-compiler, or \
+set RTPM_FLATBUFFERS_SOURCE to the folder of FlatBuffers' sources.")
+elseif(NOT TARGET rtpm_flatbuffers)
   add_library(rtpm_flatbuffers INTERFACE IMPORTED GLOBAL)
   add_library(rtpm_flatbuffers_parser INTERFACE IMPORTED GLOBAL)
   foreach(candidate flatbuffers::flatbuffers flatbuffers flatbuffers::flatbuffers_shared flatbuffers_shared)
