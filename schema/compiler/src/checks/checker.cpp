@@ -7,17 +7,17 @@
 #include <set>
 #include <string>
 #include <utility>
-#include <vector>
 
 #include "checks/type_checker.hpp"
 #include "checks/words.hpp"
 #include "model/attribute_reader.hpp"
+#include "model/reach.hpp"
 
 namespace rtpm::schema {
 namespace {
 
-// The features of FlatBuffers 2.0.8 (fixed arrays, unions of structs, optional scalars, default
-// strings and vectors). A schema with others was made by a parser that knows more than this code.
+// The features of FlatBuffers 2.0.8 to 25: fixed arrays, unions of structs, optional scalars,
+// default strings and vectors. A schema with others was made by a newer parser.
 constexpr std::uint64_t kKnownFeatureBits = 0xF;
 
 // A payload begins at a multiple of 16 bytes, so nothing in it can be aligned to more.
@@ -56,7 +56,7 @@ class Checker {
          "use a newer rtpmc, or do without the feature", std::nullopt});
   }
 
-  /// Into the order of the text: the reflection has the services by name.
+  /// Into the order of the text: the reflection sorts by name.
   void sort_services() {
     std::map<std::string, std::size_t> places;
     for (std::size_t i = 0; i < text_.outline().services.size(); ++i)
@@ -93,7 +93,8 @@ class Checker {
     }
     if (service.priority_model == PriorityModel::kServerDeclared &&
         !seen.contains("rtpm_priority")) {
-      report(model_use->at, "service `" + service.name + "` declares its priority and states none",
+      report(model_use->at,
+             "service `" + service.name + "` is server_declared and has no rtpm_priority",
              "write it: (rtpm_priority_model: \"server_declared\", rtpm_priority: 16000)");
     }
   }
@@ -132,7 +133,7 @@ class Checker {
     if (name == "rtpm_max_size") method.max_size = static_cast<std::uint32_t>(value.number);
   }
 
-  /// What oneway, deferred, stream and the largest size demand of each other and of the payloads.
+  /// Rules between oneway, deferred, stream, the maximum size and the payloads.
   void check_manner(const Method& method, const MethodOutline& outline,
                     const std::map<std::string, const AttributeUse*>& uses) const {
     const bool has_reply = method.reply.kind != PayloadKind::kEmpty;
@@ -140,18 +141,18 @@ class Checker {
       const char* other = method.is_stream ? "rtpm_stream" : "rtpm_deferred";
       report(uses.at(other)->at,
              "method `" + method.name + "` is oneway, so it cannot have `" + other + "`",
-             "nobody waits for what a oneway method answers: remove one of the two");
+             "a oneway method has no reply to defer or to stream: remove one of the two");
     } else if (method.oneway && has_reply) {
       report(outline.reply_at,
              "oneway method `" + method.name + "` has the reply `" + outline.reply +
-                 "`, which nobody would get",
+                 "`, which is never sent",
              "write rtpm.Empty as its reply, or remove `rtpm_oneway`");
     } else if (method.is_stream && method.is_deferred) {
       report(uses.at("rtpm_deferred")->at, "`rtpm_deferred` has no effect on a stream",
-             "a stream's items may always come later: remove it");
+             "a stream's items may be written at any time: remove it");
     } else if (method.is_stream && !has_reply) {
       report(outline.reply_at, "the items of stream `" + method.name + "` have no content",
-             "the reply's type is the item's: put a table there");
+             "the reply's type is the item's: write a table");
     }
     const bool has_table =
         method.request.kind == PayloadKind::kTable || method.reply.kind == PayloadKind::kTable;
@@ -161,7 +162,7 @@ class Checker {
     }
   }
 
-  /// Of the service's methods, as far as they are well formed.
+  /// The largest well-formed id of the service's methods.
   [[nodiscard]] static std::uint32_t largest_id(const Service& service) {
     std::uint64_t largest = 0;
     for (const Method& method : service.methods) {
@@ -200,7 +201,7 @@ class Checker {
   void check_payload(const Payload& payload, Span span, const std::string& role,
                      const std::string& type) {
     const Object& object = model_.objects[payload.table];
-    // FlatBuffers' parser says so itself, but not of a struct that is defined behind the service.
+    // FlatBuffers' parser reports this itself, unless the struct is defined after the service.
     if (object.is_struct) {
       report(span, "a " + role + " must be a table, and `" + type + "` is a struct",
              wrap_struct_hint(type));
@@ -214,44 +215,28 @@ class Checker {
     }
   }
 
-  /// A struct aligned to more than a payload is, among all that is reached from `index`.
-  [[nodiscard]] const Object* find_overaligned(std::size_t index) {
-    if (is_aligned_[index]) return nullptr;
-    std::set<std::size_t> seen;
-    std::vector<std::size_t> open{index};
-    while (!open.empty()) {
-      const std::size_t at = open.back();
-      open.pop_back();
-      if (is_aligned_[at] || !seen.insert(at).second) continue;
-      const Object& object = model_.objects[at];
-      if (object.alignment > kAlignmentMax) return &object;
-      for (const Field& field : object.fields)
-        reach(field.type, open);
+  /// A struct that a payload reaches and that is aligned to more than a payload.
+  [[nodiscard]] const Object* find_overaligned(std::size_t index) const {
+    if (!has_overaligned_) return nullptr;
+    Reach reach;
+    reach.add(model_, index);
+    for (const std::size_t reached : reach.objects) {
+      if (is_overaligned(model_.objects[reached])) return &model_.objects[reached];
     }
-    // What all of them reach is aligned too, so a type is walked once however many methods use it.
-    for (const std::size_t at : seen)
-      is_aligned_[at] = true;
     return nullptr;
   }
 
-  void reach(const Type& type, std::vector<std::size_t>& open) const {
-    if (!type.index) return;
-    if (type.base == BaseType::kObject || type.element == BaseType::kObject) {
-      open.push_back(*type.index);
-      return;
-    }
-    for (const EnumValue& value : model_.enums[*type.index].values) {
-      if (value.union_type.base == BaseType::kObject) open.push_back(*value.union_type.index);
-    }
+  [[nodiscard]] static bool is_overaligned(const Object& object) {
+    return object.alignment > kAlignmentMax;
   }
 
   Model& model_;
   const SchemaText& text_;
   AttributeReader reader_;
   Diagnostics& errors_;
-  std::vector<bool> is_aligned_ = std::vector<bool>(model_.objects.size());
-  std::uint32_t largest_id_ = 0;        // In the service at hand.
-  std::uint32_t missing_id_count_ = 0;  // In the service at hand, so that each gets its own hint.
+  const bool has_overaligned_ = std::ranges::any_of(model_.objects, is_overaligned);
+  std::uint32_t largest_id_ = 0;        // In the current service.
+  std::uint32_t missing_id_count_ = 0;  // In the current service, so that each gets its own hint.
 };
 
 }  // namespace

@@ -8,9 +8,10 @@
 
 namespace rtpm::schema {
 
-/// Checks `model` against RTPM's rules, every one of them, and gives declarations what their
-/// attributes say and their places. `texts` are the compiled file, first, and all that it includes.
-/// Returns every breach; a model with breaches is not for generating.
+/// Checks `model` against all of RTPM's rules, and sets the values of its attributes and the
+/// locations of its declarations.
+/// @param texts  the compiled file first, then all that it includes
+/// @return every breach; back ends must not see a model with one
 [[nodiscard]] Diagnostics check(Model& model, const std::deque<SchemaText>& texts);
 
 }  // namespace rtpm::schema

@@ -12,11 +12,11 @@
 namespace rtpm::schema {
 namespace {
 
-/// Where types are used, by name.
+/// Which types are used where, by name.
 struct Uses {
   std::set<std::string> in_requests{};
   std::set<std::string> in_replies{};
-  std::set<std::string> elsewhere{};  ///< In events, and types of the file that nothing uses.
+  std::set<std::string> elsewhere{};  ///< In events, or own types that no method uses.
 
   void add(const Model& model) {
     Reach requests;
@@ -74,7 +74,7 @@ class Comparison {
   std::vector<Change> run() {
     compare_types(before_.objects, after_.objects);
     compare_types(before_.enums, after_.enums);
-    // Changes of types break who uses them; those of services say themselves whom they break.
+    // A change of a type breaks its users; a change of a service sets itself what it breaks.
     for (Change& change : changes_)
       judge(change);
     compare_services();
@@ -115,7 +115,7 @@ class Comparison {
         comparison.compare(*type, *now->second);
       } else if (type->declaration_file == before_.declaration_file &&
                  uses_.elsewhere.contains(name)) {
-        // Where a method of this file used it, the method tells.
+        // Where a method of this file used it, the method's change reports it.
         add(ChangeKind::kTypeRemoved, name, type->location,
             "type `" + name + "` is removed, and other schemas may use it", "keep it");
         changes_.back().reading = {.new_reads_old = false, .is_by_meaning = true};
@@ -158,7 +158,7 @@ class Comparison {
         continue;
       }
       add(ChangeKind::kServiceRemoved, name, service->location,
-          "service `" + name + "` is removed: its clients find no object of it",
+          "service `" + name + "` is removed: its clients cannot bind",
           "keep it until the last client is gone")
           .breaks_old_clients = true;
     }
@@ -172,7 +172,7 @@ class Comparison {
     service_ = after.name;
     if (before.priority_model != after.priority_model || before.priority != after.priority) {
       add(ChangeKind::kPriorityChanged, service_, after.location,
-          "service `" + service_ + "` has another priority or model of it", "");
+          "service `" + service_ + "` has another priority or priority model", "");
     }
     std::map<std::uint16_t, const Method*> old_methods;
     std::map<std::uint16_t, const Method*> new_methods;
@@ -198,7 +198,7 @@ class Comparison {
     }
   }
 
-  /// A method of the same name and another number is one change, not one removed and one new.
+  /// A method with the same name and another number is one change, not one removed and one added.
   void match_by_name(const Service& before, const Service& after,
                      std::map<std::uint16_t, const Method*>& old_methods,
                      std::map<std::uint16_t, const Method*>& new_methods) {
@@ -310,7 +310,7 @@ class Comparison {
     const std::string message =
         words + " took at most " + size_text(before) + ", and takes " + size_text(after);
     if (is_raised) {
-      // Only servers refuse: an older one does not take what a newer client may send.
+      // Only servers enforce the size: an older one refuses what a newer client may send.
       add(ChangeKind::kMaxSizeRaised, before, after, message,
           "update the servers before the clients that send more")
           .breaks_new_clients = after.request.kind == PayloadKind::kTable;
@@ -326,7 +326,7 @@ class Comparison {
   Uses uses_{};
   std::vector<Change> changes_{};
   std::string service_{};
-  std::set<std::string> kind_changes_{};  // Told once for each table.
+  std::set<std::string> kind_changes_{};  // Tables reported already.
 };
 
 }  // namespace

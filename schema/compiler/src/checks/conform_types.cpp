@@ -18,24 +18,9 @@ constexpr Reading kMeaningFails{
     .new_reads_old = false, .old_reads_new = false, .is_by_meaning = true};
 constexpr Reading kNothingFails{};
 
-bool is_many(const Type& type) noexcept {
-  return type.base == BaseType::kVector || type.base == BaseType::kArray;
-}
-
-BaseType base_of(const Type& type) noexcept {
-  return is_many(type) ? type.element : type.base;
-}
-
-/// The name of the object or enumeration that a type refers to; empty if it refers to none.
-std::string reference_of(const Model& model, const Type& type) {
-  if (!type.index) return {};
-  const bool is_object = base_of(type) == BaseType::kObject;
-  return is_object ? model.objects[*type.index].name : model.enums[*type.index].name;
-}
-
-/// A vector of a union has a field of its types beside it, and a union too; they follow the field.
+/// Whether it is the field of types that FlatBuffers adds to a union or vector of unions.
 bool is_companion(const Field& field) noexcept {
-  return base_of(field.type) == BaseType::kUnionType;
+  return field.type.innermost() == BaseType::kUnionType;
 }
 
 std::string quoted(const std::string& text) {
@@ -47,22 +32,6 @@ std::string field_words(const Object& owner, const Field& field) {
          quoted(owner.name);
 }
 
-std::string default_text(const Model& model, const Field& field) {
-  if (field.is_optional) return "null";
-  if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
-    return number_text(field.default_real);
-  }
-  if (field.type.base == BaseType::kUint64) {
-    return std::to_string(static_cast<std::uint64_t>(field.default_integer));
-  }
-  if (field.type.index) {
-    for (const EnumValue& value : model.enums[*field.type.index].values) {
-      if (value.value == field.default_integer) return value.name;
-    }
-  }
-  return std::to_string(field.default_integer);
-}
-
 std::string attribute_value(const Field& field, std::string_view name) {
   for (const Attribute& attribute : field.attributes) {
     if (attribute.name == name) return attribute.value;
@@ -70,11 +39,11 @@ std::string attribute_value(const Field& field, std::string_view name) {
   return {};
 }
 
-/// Whether the bytes of a field mean the same numbers in both versions, by whatever name.
+/// Whether a field's bytes have the same layout in both versions, apart from names.
 bool is_same_shape(const Model& before, const Type& a, const Model& after, const Type& b) {
   if (a.base != b.base || a.element != b.element || a.fixed_length != b.fixed_length) return false;
   if (!a.index || !b.index) return true;
-  if (base_of(a) != BaseType::kObject) return base_of(a) != BaseType::kUnion;
+  if (a.innermost() != BaseType::kObject) return a.innermost() != BaseType::kUnion;
   const Object& x = before.objects[*a.index];
   const Object& y = after.objects[*b.index];
   if (x.is_struct != y.is_struct || x.fields.size() != y.fields.size()) return false;
@@ -88,15 +57,6 @@ bool is_same_shape(const Model& before, const Type& a, const Model& after, const
 }
 
 }  // namespace
-
-std::string type_text(const Model& model, const Type& type) {
-  std::string text = reference_of(model, type);
-  if (text.empty()) text = spelling_of(base_of(type));
-  if (type.base == BaseType::kVector) return '[' + text + ']';
-  if (type.base == BaseType::kArray)
-    return '[' + text + ':' + std::to_string(type.fixed_length) + ']';
-  return text;
-}
 
 void TypeComparison::report(ChangeKind kind, Reading reading, const std::string& owner,
                             const Location& now, const Location& then, std::string message,
@@ -141,24 +101,23 @@ void TypeComparison::compare_structs(const Object& before, const Object& after) 
     const Field& b = after.fields[i];
     return a.offset == b.offset && a.type.base == b.type.base && a.type.element == b.type.element &&
            a.type.fixed_length == b.type.fixed_length &&
-           reference_of(before_, a.type) == reference_of(after_, b.type);
+           referred_name(before_, a.type) == referred_name(after_, b.type);
   };
   std::size_t same = 0;
   while (same < count && is_same(same))
     ++same;
   const bool is_whole = same == before.fields.size() && same == after.fields.size();
-  // Fields in another order, or names and sizes that differ: the bytes, or what they mean.
   if (!is_whole || before.byte_size != after.byte_size || before.alignment != after.alignment) {
     const bool is_after = same < after.fields.size();
     const bool is_before = same < before.fields.size();
-    // A number that took the place of padding leaves all others where they were.
+    // A field in the place of padding does not move the others.
     Reading reading = kBytesFail;
     reading.is_by_meaning = before.byte_size == after.byte_size && same == count;
     report(ChangeKind::kStructLayout, reading, after.name,
            is_after ? after.fields[same].location : after.location,
            is_before ? before.fields[same].location : before.location,
            "struct " + quoted(after.name) + " of " + std::to_string(before.byte_size) +
-               " bytes is another one, of " + std::to_string(after.byte_size) + " bytes, from " +
+               " bytes changed to one of " + std::to_string(after.byte_size) + " bytes, from " +
                (is_after ? "field " + quoted(after.fields[same].name) : std::string("its end")) +
                " on",
            "a struct cannot change: give the new one a name of its own, and a new method");
@@ -192,7 +151,7 @@ void TypeComparison::compare_tables(const Object& before, const Object& after) {
   }
 }
 
-/// Fields that have another slot than before: that is one mistake, however many moved.
+/// Whether all fields kept their slots. However many moved, that is reported as one change.
 bool TypeComparison::compare_places(const Object& before, const Object& after) {
   std::unordered_map<std::string_view, const Field*> old_fields;
   for (const Field& field : before.fields)
@@ -220,7 +179,7 @@ void TypeComparison::add_field(const Object& owner, const Field& field) {
   if (field.is_required) {
     report(ChangeKind::kFieldAddedRequired, {.new_reads_old = false}, owner.name, field.location,
            {}, field_words(owner, field) + " is new and required: older data lack it",
-           "let it be absent, and say what that means");
+           "make it optional, and document what its absence means");
     return;
   }
   report(ChangeKind::kFieldAdded, kNothingFails, owner.name, field.location, {},
@@ -229,10 +188,10 @@ void TypeComparison::add_field(const Object& owner, const Field& field) {
 
 void TypeComparison::remove_field(const Object& owner, const Field& field, const Object& now) {
   Reading reading = kMeaningFails;
-  // A newer writer leaves it out, which an older reader of a required field does not take.
+  // A newer writer omits it, and an older reader rejects a table without a required field.
   reading.is_by_meaning = !field.is_required;
   report(ChangeKind::kFieldRemoved, reading, owner.name, field.location, {},
-         field_words(owner, field) + " is removed, so its slot may come to mean something else",
+         field_words(owner, field) + " is removed, so its slot may get another meaning",
          "keep it in the schema, as " +
              quoted(field.name + ":" + type_text(before_, field.type) + " (deprecated);"));
   if (now.location.line != 0) {
@@ -253,16 +212,16 @@ void TypeComparison::compare_fields(const Object& owner, const Field& before, co
   compare_meaning(owner, before, after);
 }
 
-/// Whether the types are the same; reported if not.
+/// Whether the types are equal; reported if not.
 bool TypeComparison::compare_types(const Object& owner, const Field& before, const Field& after) {
-  const std::string old_reference = reference_of(before_, before.type);
-  const std::string new_reference = reference_of(after_, after.type);
+  const std::string old_reference = referred_name(before_, before.type);
+  const std::string new_reference = referred_name(after_, after.type);
   const bool is_same_reference = old_reference == new_reference;
-  // An enum that changed its own type is reported there.
+  // A change of an enum's own type is reported there.
   const bool is_enum = !old_reference.empty() && is_same_reference &&
-                       base_of(before.type) != BaseType::kObject &&
-                       base_of(after.type) != BaseType::kObject;
-  const bool is_same = is_same_reference && is_many(before.type) == is_many(after.type) &&
+                       before.type.innermost() != BaseType::kObject &&
+                       after.type.innermost() != BaseType::kObject;
+  const bool is_same = is_same_reference && before.type.is_many() == after.type.is_many() &&
                        before.type.fixed_length == after.type.fixed_length &&
                        (is_enum || (before.type.base == after.type.base &&
                                     before.type.element == after.type.element));
@@ -287,14 +246,15 @@ void TypeComparison::compare_presence(const Object& owner, const Field& before,
            before.location,
            words + (after.is_deprecated ? " is deprecated" : " is no longer deprecated") +
                (is_missed || is_wanted ? ", and required by the other side" : ""),
-           is_missed || is_wanted ? "a required field cannot come or go: keep it as it is" : "");
+           is_missed || is_wanted ? "a required field cannot be added or removed: keep it as it is"
+                                  : "");
     return;
   }
   if (after.is_deprecated || before.is_required == after.is_required) return;
   if (after.is_required) {
     report(ChangeKind::kFieldRequired, {.new_reads_old = false}, owner.name, after.location,
            before.location, words + " became required: older data may lack it",
-           "let it be absent, and say what that means");
+           "keep it optional, and document what its absence means");
   } else {
     report(ChangeKind::kFieldNotRequired, {.old_reads_new = false}, owner.name, after.location,
            before.location, words + " is no longer required: older readers need it",
@@ -308,14 +268,14 @@ void TypeComparison::compare_defaults(const Object& owner, const Field& before,
   if (!is_scalar || after.is_deprecated || before.is_deprecated) return;
   const std::string old_default = default_text(before_, before);
   const std::string new_default = default_text(after_, after);
-  // Of an enum, a value with another name or another number is told there.
+  // A renamed or renumbered value of an enum is reported there.
   const bool is_same_number = after.type.index && !after.is_optional && !before.is_optional &&
                               after.default_integer == before.default_integer;
   if (old_default == new_default || is_same_number) return;
   report(ChangeKind::kFieldDefault, kBytesFail, owner.name, after.location, before.location,
          field_words(owner, after) + " had the default " + quoted(old_default) + ", and has " +
              quoted(new_default),
-         "a default is never sent, each side fills in its own: keep it, or add a new field");
+         "a default is not sent, each side uses its own: keep it, or add a new field");
 }
 
 void TypeComparison::compare_meaning(const Object& owner, const Field& before, const Field& after) {
@@ -337,7 +297,7 @@ void TypeComparison::compare_meaning(const Object& owner, const Field& before, c
   if (before.frame != after.frame) {
     changed(ChangeKind::kFieldFrame, fails_if_stated(before.frame), "frame", before.frame,
             after.frame,
-            before.frame.empty() ? "" : "what is in another frame is another field: add a new one");
+            before.frame.empty() ? "" : "a value in another frame is another field: add a new one");
   }
   for (const char* encoding : {"nested_flatbuffer", "flexbuffer", "force_align"}) {
     const std::string then = attribute_value(before, encoding);
@@ -364,7 +324,7 @@ void TypeComparison::compare_meaning(const Object& owner, const Field& before, c
   changed(is_narrower ? ChangeKind::kFieldRangeNarrowed : ChangeKind::kFieldRangeWidened,
           {.new_reads_old = !is_narrower, .old_reads_new = !is_wider, .is_by_meaning = true},
           "range", range_text(before), range_text(after),
-          "the other side may send, or not take, what lies between: keep the range");
+          "one side may send values that the other refuses: keep the range");
 }
 
 void TypeComparison::compare(const Enum& before, const Enum& after) {
@@ -396,7 +356,7 @@ void TypeComparison::compare(const Enum& before, const Enum& after) {
   const auto words = [&](const EnumValue& value) {
     return "value " + quoted(value.name) + " of " + kind + ' ' + quoted(after.name);
   };
-  // One value taken from the middle moves all that stand behind it: that is one mistake.
+  // Removing a value in the middle renumbers all later ones: that is reported as one change.
   for (const EnumValue& value : before.values) {
     const auto named = new_by_name.find(value.name);
     if (named == new_by_name.end() || named->second->value == value.value) continue;
@@ -424,18 +384,18 @@ void TypeComparison::compare(const Enum& before, const Enum& after) {
     } else if (numbered != new_by_number.end() && !old_by_name.contains(numbered->second->name)) {
       report(ChangeKind::kEnumValueRenamed, kMeaningFails, after.name, numbered->second->location,
              value.location, words(*numbered->second) + " was named " + quoted(value.name),
-             "the number stays, its meaning may not: keep the name, or take a new number");
+             "the number may get another meaning: keep the name, or use a new number");
     } else {
       report(ChangeKind::kEnumValueRemoved,
              {.new_reads_old = false, .old_reads_new = true, .is_by_meaning = true}, after.name,
              value.location, {}, words(value) + " is removed, and older data may have its number",
-             "keep it, and say in its comment that it is out of use");
+             "keep it, and mark it in its comment as no longer used");
     }
   }
   for (const EnumValue& value : after.values) {
     if (old_by_name.contains(value.name) || old_by_number.contains(value.value)) continue;
     report(ChangeKind::kEnumValueAdded, kNothingFails, after.name, value.location, {},
-           words(value) + " is new: older readers meet a number that they have no name for", "");
+           words(value) + " is new: older readers have no name for its number", "");
   }
 }
 

@@ -6,8 +6,8 @@
 
 namespace rtpm::schema {
 
-/// What became different in tables, structs, enums and unions of the same name. The verdicts are
-/// still open: they depend on where the types are used.
+/// Compares tables, structs, enums and unions of the same name. Leaves the verdicts open, as they
+/// depend on where the types are used.
 class TypeComparison {
  public:
   TypeComparison(const Model& before, const Model& after, std::vector<Change>& changes)
@@ -34,8 +34,5 @@ class TypeComparison {
   const Model& after_;
   std::vector<Change>& changes_;
 };
-
-/// A type as a schema writes it: "[lab.Force]".
-[[nodiscard]] std::string type_text(const Model& model, const Type& type);
 
 }  // namespace rtpm::schema

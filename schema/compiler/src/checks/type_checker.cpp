@@ -16,7 +16,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// Both ends of "low..high"; nothing if it is no such text.
+/// Parses "low..high".
 std::optional<Range> to_range(std::string_view text) {
   const std::size_t dots = text.find("..");
   if (dots == std::string_view::npos) return std::nullopt;
@@ -32,26 +32,15 @@ std::optional<Range> to_range(std::string_view text) {
   return Range{*low, *high};
 }
 
-/// What a type's numbers are, of a vector or array those of its elements.
-BaseType number_type(const Type& type) noexcept {
-  const bool is_many = type.base == BaseType::kVector || type.base == BaseType::kArray;
-  return is_many ? type.element : type.base;
-}
-
 bool is_number(const Type& type) noexcept {
-  const BaseType base = number_type(type);
+  const BaseType base = type.innermost();
   return base >= BaseType::kInt8 && base <= BaseType::kDouble && !type.index;
 }
 
-bool is_object(const Type& type) noexcept {
-  return number_type(type) == BaseType::kObject;
-}
-
 bool is_real(const Type& type) noexcept {
-  return number_type(type) == BaseType::kFloat || number_type(type) == BaseType::kDouble;
+  return type.innermost() == BaseType::kFloat || type.innermost() == BaseType::kDouble;
 }
 
-/// The values that a whole-number type has.
 Range limits_of(BaseType type) noexcept {
   constexpr double kLimits[][2] = {{-128, 127},
                                    {0, 255},
@@ -99,7 +88,6 @@ class TypeChecker {
     std::set<std::string> seen;
     for (const AttributeUse& use : outline.attributes) {
       if (!reader.is_first(use, seen)) continue;
-      // A struct has no attribute of RTPM; the table of events is the nearest place.
       if (object.is_struct && use.name == "rtpm_event") {
         reader.report_no_effect(use, owner, "an event is a table: wrap the struct in one");
       } else if (const auto value = reader.read(use, AttributePlace::kTable, owner)) {
@@ -113,11 +101,11 @@ class TypeChecker {
     for (const MemberOutline& member : outline.members) {
       const auto field = fields.find(member.name);
       if (field == fields.end()) continue;
-      // FlatBuffers' parser lets a struct hold itself, and everybody who walks it is lost.
-      if (object.is_struct && is_object(field->second->type) &&
+      // FlatBuffers' parser accepts a struct that contains itself; walking it would not end.
+      if (object.is_struct && field->second->type.has_object() &&
           &model_.objects[*field->second->type.index] == &object) {
-        reader.report(member.at, owner + " holds itself, so it has no size",
-                      "make it a table, whose fields of its own kind may be absent");
+        reader.report(member.at, owner + " contains itself, so it has no size",
+                      "make it a table, whose fields may be absent");
       }
       check_field(*field->second, object.is_struct, owner, member, text);
     }
@@ -147,7 +135,7 @@ class TypeChecker {
       const auto value = reader.read(use, AttributePlace::kField, owner);
       if (!value) continue;
       const bool is_range = use.name == "rtpm_range";
-      if (!is_number(field.type) && (is_range || !is_object(field.type))) {
+      if (!is_number(field.type) && (is_range || !field.type.has_object())) {
         reader.report_no_effect(use, owner,
                                 is_range ? "only numbers, and vectors and arrays of them, have a "
                                            "range: remove it, or state it on the struct's fields"
@@ -168,10 +156,11 @@ class TypeChecker {
     const std::optional<Range> range = to_range(*use.value);
     if (!range) return reader.report_value(use, value_hint(use.name));
     if (range->low > range->high) {
-      return reader.report_value(use, "the low end stands first: it is larger than the high one");
+      return reader.report_value(use,
+                                 "the low end comes first, and it is larger than the high end");
     }
     if (!is_real(field.type)) {
-      const Range limits = limits_of(number_type(field.type));
+      const Range limits = limits_of(field.type.innermost());
       const bool is_whole =
           std::floor(range->low) == range->low && std::floor(range->high) == range->high;
       if (!is_whole || range->low < limits.low || range->high > limits.high) {
@@ -194,7 +183,7 @@ class TypeChecker {
     enumeration.location = text.locate(outline.at);
     check_enum_attributes(outline, text);
     for (const MemberOutline& member : outline.members) {
-      // In a union, `lab.Pose` gives the value `lab_Pose`, and `alias:lab.Pose` the value `alias`.
+      // In a union, `lab.Pose` is the value `lab_Pose`, and `alias:lab.Pose` the value `alias`.
       std::string name = member.name;
       std::replace(name.begin(), name.end(), '.', '_');
       for (EnumValue& value : enumeration.values) {

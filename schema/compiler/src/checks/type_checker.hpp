@@ -8,8 +8,8 @@
 
 namespace rtpm::schema {
 
-/// Gives tables, structs, enums and their members their places and what their attributes say, and
-/// reports what is wrong with those.
+/// Sets the locations and attributes' values of tables, structs, enums and their members, and
+/// reports wrong attributes.
 void check_types(Model& model, const std::deque<SchemaText>& texts, Diagnostics& errors);
 
 }  // namespace rtpm::schema

@@ -11,7 +11,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// Letters to add, remove or change to make one word of the other (Levenshtein's distance).
+/// Levenshtein's distance.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   for (std::size_t j = 0; j <= b.size(); ++j)
@@ -31,7 +31,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
 }  // namespace
 
 std::string most_similar(std::string_view word, std::span<const std::string_view> candidates) {
-  // A third of the letters wrong is the most that still looks like a slip of the finger.
+  // At most a third of the letters may be wrong in a typing error.
   std::size_t best = word.size() / 3 + 1;
   std::string_view found;
   for (const std::string_view candidate : candidates) {

@@ -6,18 +6,17 @@
 
 namespace rtpm::schema {
 
-/// The one of `candidates` that somebody who wrote `word` most likely meant; empty if none looks
-/// like it.
+/// The candidate most similar to `word`; empty if none is similar enough for a typing error.
 [[nodiscard]] std::string most_similar(std::string_view word,
                                        std::span<const std::string_view> candidates);
 
 /// "a table", "an enum".
 [[nodiscard]] std::string with_article(std::string_view noun);
 
-/// The shortest text that reads back as the same number, on every machine.
+/// The shortest text that parses to the same number; the same on every machine.
 [[nodiscard]] std::string number_text(double value);
 
-/// The hint for a struct that stands where a table must.
+/// The hint for a struct in the place of a table.
 [[nodiscard]] std::string wrap_struct_hint(const std::string& type);
 
 }  // namespace rtpm::schema

@@ -43,8 +43,8 @@ class CppBackEnd final : public BackEnd {
   }
 
  private:
-  /// What a service or an event becomes must not be a data type of the schema too. `what` is
-  /// "service `lab.Arm`", declared at `place`.
+  /// A class generated for a service or event must not be a data type of the schema too.
+  /// @param what  "service `lab.Arm`", declared at `place`
   static void check_class(const Model& model, const std::string& what, const std::string& remedy,
                           const Location& place, const std::string& name, Diagnostics& errors) {
     const auto report = [&](const std::string& kind, const Location& other) {
@@ -71,7 +71,7 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// Those of included files, too: a class of theirs may be named as what this file has.
+  /// Included files' events, too: their classes may have names of this file's types.
   static void check_events(const Model& model, Diagnostics& errors) {
     std::map<std::string, const Object*> classes;
     for (const Object& object : model.objects) {
@@ -82,7 +82,7 @@ class CppBackEnd final : public BackEnd {
         const std::size_t error_count = errors.size();
         check_class(model, "event `" + object.name + '`', "event", object.location, name, errors);
         const auto [other, is_new] = classes.emplace(name, &object);
-        // Two that share several names are told once.
+        // Two that share several names are reported once.
         if (!is_new && is_free) {
           errors.push_back({object.location,
                             "event `" + object.name + "` becomes the class `" + short_name(name) +
@@ -95,23 +95,23 @@ class CppBackEnd final : public BackEnd {
     }
   }
 
-  /// Two methods must not become the same member, by an underscore or by the `_encoded` form.
+  /// Two methods must not get the same member, by an underscore or by the `_encoded` form.
   static void check_members(const Service& service, Diagnostics& errors) {
     std::map<std::string, const Method*> members;
-    std::set<std::pair<const Method*, const Method*>> told;
+    std::set<std::pair<const Method*, const Method*>> reported;
     for (const Method& method : service.methods)
       members.emplace(method.name, &method);
     const auto check = [&](const Method& method, const std::string& member) {
       const auto [other, is_new] = members.emplace(member, &method);
       if (is_new || other->second == &method) return;
-      // Two that share several names are told once.
-      if (!told.insert(std::minmax({other->second, &method})).second) return;
+      // Two that share several names are reported once.
+      if (!reported.insert(std::minmax({other->second, &method})).second) return;
       errors.push_back(
           {other->second->location,
-           "method `" + other->second->name + "` is named as what `" + method.name +
-               "` becomes in C++",
+           "method `" + other->second->name + "` has the name that `" + method.name +
+               "` gets in C++",
            "rename one of the two",
-           Note{method.location, "`" + method.name + "` becomes `" + member + "` too"}});
+           Note{method.location, "`" + method.name + "` gets the name `" + member + "`, too"}});
     };
     for (const Method& method : service.methods) {
       const std::string name = method_name(service, method);

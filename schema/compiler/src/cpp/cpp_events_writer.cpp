@@ -14,12 +14,11 @@
 #include "model/verify_limits.hpp"
 #include "reading/reflection.hpp"
 
-// What generated code says of events, in a header of its own: only who deals with events links
-// rtpm::events.
+// Events have a header of their own, so that only code that uses events links rtpm::events.
 namespace rtpm::schema::cpp {
 namespace {
 
-// As far as a hub looks into a payload, and as many numbers as it takes of one.
+// The depth to which a hub reads payloads, and the number of fields it takes per event.
 constexpr std::size_t kSlotCountMax = 4;
 constexpr std::size_t kFieldCountMax = 256;
 
@@ -31,7 +30,7 @@ const char* scalar_type(BaseType base) noexcept {
   return index < kNames.size() ? kNames[index] : nullptr;
 }
 
-/// The numbers of an event's payload that stand by themselves, with the way to each.
+/// The scalars of an event's payload, outside of arrays, vectors and unions, with their paths.
 class Numbers {
  public:
   explicit Numbers(const Model& model) : model_(model) {}
@@ -96,7 +95,6 @@ class Numbers {
     lines_.push_back(text + '}');
   }
 
-  /// Of the kind that the type has.
   static std::string default_of(const Field& field) {
     if (field.type.base == BaseType::kFloat || field.type.base == BaseType::kDouble) {
       const std::string limits = "::std::numeric_limits<double>::";
@@ -114,7 +112,7 @@ class Numbers {
       return "::std::uint64_t{" +
              std::to_string(static_cast<std::uint64_t>(field.default_integer)) + "u}";
     }
-    // C++ has no literal of it.
+    // C++ has no literal for it.
     if (field.default_integer == std::numeric_limits<std::int64_t>::min()) {
       return "::std::numeric_limits<::std::int64_t>::min()";
     }

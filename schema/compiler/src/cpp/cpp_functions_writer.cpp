@@ -3,9 +3,8 @@
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
 
-// Servants made of functions, for small servers and tests: a struct of functions, one for each
-// method, and a servant that calls them. They stand in a header of their own, because the
-// instances of std::function would cost everybody who includes the main one.
+// Servants made of functions, in a header of their own: instances of std::function would slow down
+// the compilation of every file that includes the main header.
 namespace rtpm::schema::cpp {
 namespace {
 
@@ -14,7 +13,7 @@ std::string functions_struct(const Model& model, const Service& service) {
   std::string text =
       comment({"The methods of " + service.name + " as functions, which take what those of " +
                    stem + "Servant take.",
-               "A method whose function is empty is answered as one that the object lacks."},
+               "A call of a method whose function is empty fails with kNoSuchMethod."},
               "");
   text += "struct " + stem + "Functions {\n";
   for (const Method& method : service.methods) {

@@ -13,14 +13,14 @@ namespace {
 constexpr const char* kOptions = "const ::rtpm::rpc::CallOptions& options = {}";
 constexpr const char* kStreamOptions = "const ::rtpm::rpc::StreamOptions& options = {}";
 
-/// The generated data types that the services use, as flatc names their files.
+/// The includes of flatc's headers with the data types that the services use.
 std::string data_includes(const Model& model) {
   std::set<std::string> stems;
   const auto add = [&](std::size_t index) {
     stems.insert(std::filesystem::path(model.objects[index].declaration_file).stem().string());
   };
   for (const Object& object : model.objects) {
-    // flatc writes types only for a file that declares some.
+    // flatc writes types only for a file that declares any.
     if (object.declaration_file == model.declaration_file) stems.insert(model.file_stem);
   }
   for (const Enum& enumeration : model.enums) {
@@ -67,7 +67,7 @@ std::string facts(const Method& method) {
   return text + '.';
 }
 
-/// What the schema says of a method: its comment, its numbers, and what they are in.
+/// A method's comment, with units and ranges, and its attributes.
 Documentation documentation_of(const Model& model, const Method& method) {
   Documentation lines = method.documentation;
   for (const auto& [payload, role] :
@@ -92,7 +92,7 @@ std::string real_time(const Method& method) {
                           : "RT: alloc-free once a channel of the priority's band is open.";
 }
 
-/// What is said of the form that packs a table.
+/// The comment of the form that packs a table.
 std::string packing(const Method& method, const std::string& encoded) {
   if (method.is_stream) {
     return "Set-up only: it packs the request on the heap; " + encoded +
@@ -101,7 +101,7 @@ std::string packing(const Method& method, const std::string& encoded) {
   return "Set-up only: it packs the request on the heap; in real time call " + encoded + "().";
 }
 
-/// The forms that begin a call and return.
+/// The begin_…() forms.
 std::string begin_methods(const Model& model, const Service& service, const Method& method) {
   if (!can_begin(method)) return {};
   const std::string name = method_name(service, method);
@@ -123,7 +123,7 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
   return text + function(head, "  ");
 }
 
-/// What ok promises of a oneway that nobody confirms.
+/// What success means for a oneway without confirmation.
 Documentation promise(const Method& method) {
   if (method.oneway != OnewayLevel::kSent) return {};
   return {"Ok says that it was sent, not that it arrived: see ::rtpm::rpc::Binding::send().",

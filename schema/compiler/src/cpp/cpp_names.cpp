@@ -7,7 +7,7 @@
 namespace rtpm::schema::cpp {
 namespace {
 
-// Of C++20, in alphabetical order.
+// Of C++20.
 constexpr std::string_view kKeywords[] = {
     "alignas",       "alignof",     "and",
     "and_eq",        "asm",         "auto",
@@ -43,7 +43,7 @@ constexpr std::string_view kKeywords[] = {
 };
 static_assert(std::is_sorted(std::begin(kKeywords), std::end(kKeywords)));
 
-// Where flatc's list of words that it gives an underscore differs from the keywords.
+// The words to which flatc adds an underscore differ from the keywords in these.
 constexpr std::array<std::string_view, 6> kOnlyFlatcEscapes{
     "atomic_cancel", "atomic_commit", "atomic_noexcept", "import", "module", "synchronized"};
 constexpr std::array<std::string_view, 3> kFlatcLeaves{"char8_t", "consteval", "constinit"};
@@ -158,7 +158,7 @@ std::string literal(std::string_view text) {
 std::string comment(const Documentation& lines, std::string_view indent) {
   std::string text;
   for (std::string line : lines) {
-    // A backslash at the end would make the next line of code part of the comment.
+    // A backslash at the end would continue the comment on the next line.
     while (!line.empty() && (line.back() == '\\' || line.back() == ' ' || line.back() == '\t' ||
                              line.back() == '\r')) {
       line.pop_back();

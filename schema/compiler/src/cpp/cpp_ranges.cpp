@@ -10,14 +10,6 @@
 namespace rtpm::schema::cpp {
 namespace {
 
-bool is_many(const Type& type) noexcept {
-  return type.base == BaseType::kVector || type.base == BaseType::kArray;
-}
-
-BaseType base_of(const Type& type) noexcept {
-  return is_many(type) ? type.element : type.base;
-}
-
 std::string union_head(const Enum& enumeration) {
   return "bool rtpm_in_range(" + type_name(enumeration.name) + " type, const void* value) noexcept";
 }
@@ -33,7 +25,7 @@ std::size_t handled_as(const Payload& payload) {
 }  // namespace
 
 Ranges::Ranges(const Model& model) : model_(model) {
-  // Types may hold each other in a circle, so this goes on until nothing is added.
+  // Types may contain each other in cycles, so iterate until nothing is added.
   for (bool is_growing = true; is_growing;) {
     is_growing = false;
     for (std::size_t i = 0; i < model.objects.size(); ++i)
@@ -49,8 +41,8 @@ bool Ranges::are_in(const Payload& request) const {
 
 bool Ranges::are_in(const Type& type) const {
   if (!type.index) return false;
-  if (base_of(type) == BaseType::kObject) return objects_.contains(*type.index);
-  return base_of(type) == BaseType::kUnion && unions_.contains(*type.index);
+  if (type.has_object()) return objects_.contains(*type.index);
+  return type.innermost() == BaseType::kUnion && unions_.contains(*type.index);
 }
 
 bool Ranges::are_in(const Object& object) const {
@@ -65,19 +57,19 @@ bool Ranges::are_in(const Enum& enumeration) const {
                      [&](const EnumValue& value) { return are_in(value.union_type); });
 }
 
-/// The check of one field, an expression that is true if all is well.
+/// An expression that is true if the field is within its range.
 std::string Ranges::field_check(const Object& object, const Field& field) const {
   const std::string name = data_name(field.name);
   const std::string value = "value." + name + "()";
   if (field.range) {
-    return std::string("::rtpm::rpc::") + (is_many(field.type) ? "are" : "is") + "_within(" +
+    return std::string("::rtpm::rpc::") + (field.type.is_many() ? "are" : "is") + "_within(" +
            value + ", " + number_text(field.range->low) + ", " + number_text(field.range->high) +
            ')';
   }
   const std::string each = "[](const auto& item) { return rtpm_in_range(item); })";
-  if (base_of(field.type) == BaseType::kUnion) {
+  if (field.type.innermost() == BaseType::kUnion) {
     const std::string types = "value." + name + "_type()";
-    if (is_many(field.type)) {
+    if (field.type.is_many()) {
       const std::string type = type_name(model_.enums[*field.type.index].name);
       return "::rtpm::rpc::all_members_of<" + type + ">(\n             " + types + ", " + value +
              ",\n             [](" + type +
@@ -85,7 +77,7 @@ std::string Ranges::field_check(const Object& object, const Field& field) const 
     }
     return "(" + value + " == nullptr || rtpm_in_range(" + types + ", " + value + "))";
   }
-  if (is_many(field.type)) return "::rtpm::rpc::all_of(" + value + ", " + each;
+  if (field.type.is_many()) return "::rtpm::rpc::all_of(" + value + ", " + each;
   if (object.is_struct) return "rtpm_in_range(" + value + ')';
   return "(" + value + " == nullptr || rtpm_in_range(*" + value + "))";
 }

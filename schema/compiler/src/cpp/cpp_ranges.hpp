@@ -8,16 +8,16 @@
 
 namespace rtpm::schema::cpp {
 
-/// The checks of `rtpm_range`: what a skeleton looks at before a method runs.
-/// Ownership: refers to the model, which must outlive it.
+/// Generates the checks of `rtpm_range` that a skeleton runs before a method.
+/// @ownership refers to the model, which must outlive it
 class Ranges {
  public:
   explicit Ranges(const Model& model);
 
-  /// Whether a request has numbers with a range, at whatever depth.
+  /// Whether a request has numbers with a range, at any depth.
   [[nodiscard]] bool are_in(const Payload& request) const;
-  /// Functions `rtpm_in_range(value)` for each such type of all requests, in an anonymous
-  /// namespace; empty if there is none.
+  /// Functions `rtpm_in_range(value)` in an anonymous namespace, for each such type that requests
+  /// reach; empty if there is none.
   [[nodiscard]] std::string functions() const;
 
  private:

@@ -15,7 +15,7 @@ std::string status(const std::string& name) {
   return "{::rtpm::wire::Status::" + name + ", 0}";
 }
 
-/// What the descriptor says of a service that states a priority.
+/// The priority's members of a service's descriptor.
 std::string priority(const Service& service) {
   if (!service.priority) return {};
   return ",\n    .priority_model = ::rtpm::rpc::PriorityModel::" +
@@ -25,7 +25,7 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-/// A text of several lines as a literal that nothing in it can end.
+/// A raw string literal with a delimiter that does not occur in the text.
 std::string raw_literal(const std::string& text) {
   std::string mark = "rtpm";
   while (text.find(')' + mark + '"') != std::string::npos)
@@ -63,7 +63,7 @@ std::string limits(const Model& model, const Payload& payload) {
          ", .tables = " + std::to_string(limits.tables) + '}';
 }
 
-/// The call of the runtime that sends `request` and takes the kind of reply.
+/// The runtime's call that sends `request` and returns the method's kind of reply.
 std::string call(const Model& model, const Service& service, std::size_t index,
                  const std::string& request) {
   const Method& method = service.methods[index];
@@ -95,14 +95,14 @@ std::string packing(const std::string& type) {
          "::Pack(builder, &request));\n";
 }
 
-/// The refusal of a request that is larger than the schema allows.
+/// Refuses a request that is larger than the schema allows.
 std::string size_check(const Method& method) {
   if (!method.max_size || method.request.kind != PayloadKind::kTable) return {};
   return "  if (request.size() > " + std::to_string(*method.max_size) +
          ") {\n    return ::rtpm::unexpected{::rtpm::rpc::CallError::kTooLarge};\n  }\n";
 }
 
-/// The definitions of the methods that begin a call of `request`.
+/// The definitions of the begin_…() forms.
 std::string begin_methods(const Model& model, const Service& service, std::size_t index,
                           Function head, const std::string& request) {
   const Method& method = service.methods[index];
@@ -128,7 +128,8 @@ std::string begin_methods(const Model& model, const Service& service, std::size_
          (is_table ? limits(model, method.reply) : "") + ");\n}\n";
 }
 
-/// The definition of the method that sends `request`, an expression of its parameter.
+/// The definition of a client's method.
+/// @param request  an expression of the method's parameter
 std::string sending_method(const Model& model, const Service& service, std::size_t index,
                            Function head, const std::string& request) {
   const Method& method = service.methods[index];
@@ -189,7 +190,7 @@ std::string client(const Model& model, const Service& service) {
   return text;
 }
 
-/// The check of a request, before the method runs; nothing in it may be believed until then.
+/// Validates a request before any of it is read.
 std::string request_check(const Model& model, const Method& method) {
   std::string wrong = "!request.empty()";
   if (method.request.kind == PayloadKind::kStruct) {
@@ -207,7 +208,7 @@ std::string request_check(const Model& model, const Method& method) {
          ";\n      }\n";
 }
 
-/// The lines that make `argument` of the request, if the method takes one, and look at its ranges.
+/// Defines `argument`, if the method takes one, and checks its ranges.
 std::string argument(const Model& model, const Ranges& ranges, const Method& method) {
   const std::string type = payload_type(model, method.request);
   const std::string lead = "      const auto& argument = ";
@@ -226,13 +227,12 @@ std::string argument(const Model& model, const Ranges& ranges, const Method& met
   return lead + "*::flatbuffers::GetRoot<" + type + ">(request.data());\n" + range_check;
 }
 
-/// What a reply is built in.
 std::string reply_memory(const Method& method) {
   if (!method.max_size) return "reply";
   return "::rtpm::rpc::at_most(reply, " + std::to_string(*method.max_size) + ')';
 }
 
-/// What the handle of a deferred table is told of sizes, as the last argument.
+/// The maximum size of a deferred table, as the last argument.
 std::string deferred_size(const Method& method) {
   if (!method.max_size || method.reply.kind != PayloadKind::kTable) return {};
   return ", " + std::to_string(*method.max_size) + 'u';

@@ -1,7 +1,7 @@
 #include "cpp/object_split.hpp"
 
-#include <array>
 #include <cctype>
+#include <cstddef>
 #include <string>
 #include <string_view>
 
@@ -26,12 +26,15 @@ std::string_view take_name(std::string_view text) noexcept {
   return text.substr(0, size);
 }
 
-/// Whether a line begins the body of a function of the object API, in one of flatc's forms.
-bool begins_body(std::string_view line) {
-  if (!line.starts_with(kInline) || !line.ends_with('{')) {
-    // A constructor's initializers stand on the lines behind it.
-    if (!line.starts_with(kInline) || !line.ends_with(')')) return false;
-  }
+/// Whether a line begins the body of a function of the object API, in one of flatc's forms. Since
+/// 23.1 flatc writes `::flatbuffers` for `flatbuffers`.
+bool begins_body(std::string text) {
+  constexpr std::string_view kGlobal = "::flatbuffers::";
+  for (std::size_t at = 0; (at = text.find(kGlobal, at)) != std::string::npos;)
+    text.erase(at, 2);
+  std::string_view line = text;
+  // A constructor's initializers stand on the lines behind it.
+  if (!line.starts_with(kInline) || !(line.ends_with('{') || line.ends_with(')'))) return false;
   line.remove_prefix(kInline.size());
   constexpr std::string_view kOffset = "flatbuffers::Offset<";
   if (line.starts_with(kOffset)) {
@@ -68,7 +71,7 @@ SplitHeader split_objects(std::string_view text, std::string_view name) {
   while (!text.empty()) {
     const std::string_view line = take_line(text);
     const bool is_scope = line.starts_with("namespace ") || line.starts_with("}  // namespace ");
-    if (!is_moving && begins_body(line)) {
+    if (!is_moving && begins_body(std::string(line))) {
       is_moving = true;
       split.source.append(line.substr(kInline.size())).append(1, '\n');
       continue;

@@ -5,15 +5,15 @@
 
 namespace rtpm::schema {
 
-/// flatc's header of data types in two parts.
 struct SplitHeader {
-  std::string header{};  ///< Without what moved.
+  std::string header{};
   std::string source{};  ///< What moved, to be compiled once.
 };
 
-/// Moves the bodies of flatc's object API (copies of `RequestT`, Pack(), UnPack()) out of its
-/// header `name`: they are most of the time that a compiler takes to read it, and are used in few
-/// places. What is not in flatc's known form stays where it is.
+/// Moves the bodies of the object API (copies of `RequestT`, Pack(), UnPack()) out of flatc's
+/// header: compiling them takes most of the header's time, and few sources use them. Unknown forms
+/// stay.
+/// @param name  the header's, for the source's #include
 [[nodiscard]] SplitHeader split_objects(std::string_view text, std::string_view name);
 
 }  // namespace rtpm::schema

@@ -6,7 +6,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// What to do about one of RTPM's attributes that stands on the wrong `place`.
+/// The hint for one of RTPM's attributes on a wrong declaration.
 std::string move_hint(const KnownAttribute& known, AttributePlace place) {
   if (place == AttributePlace::kService && known.place == AttributePlace::kMethod) {
     return "it belongs on its methods, one by one";
@@ -34,7 +34,7 @@ bool AttributeReader::is_first(const AttributeUse& use, std::set<std::string>& s
 
 void AttributeReader::report_value(const AttributeUse& use, const std::string& hint) const {
   std::string message = "`";
-  message.append(use.value.value_or("")).append("` is no value for `").append(use.name);
+  message.append(use.value.value_or("")).append("` is not a value of `").append(use.name);
   report(use.value_at, message + '`', hint);
 }
 
@@ -45,6 +45,9 @@ std::optional<AttributeReader::Value> AttributeReader::read(const AttributeUse& 
   if (known == nullptr) {
     if (use.name.starts_with("rtpm_")) {
       report(use.at, "unknown attribute `" + use.name + "`", unknown_attribute_hint(use.name));
+    } else if (use.name == "offset64" || use.name == "vector64") {
+      report(use.at, "`" + use.name + "` makes payloads that RTPM does not carry",
+             "remove it: a payload has at most 16 MiB");
     } else if (is_flatbuffers_attribute(use.name) &&
                (place == AttributePlace::kMethod || place == AttributePlace::kService)) {
       const bool has_counterpart =

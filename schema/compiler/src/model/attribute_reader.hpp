@@ -12,10 +12,10 @@
 
 namespace rtpm::schema {
 
-/// The number that all of `text` is, in decimal digits; nothing if it is none or too large.
+/// All of `text` as a decimal number; nothing if it is none or too large.
 [[nodiscard]] std::optional<std::uint64_t> to_number(std::string_view text);
 
-/// Reads the attributes of one declaration after the other and reports what is wrong with them.
+/// Reads attributes and reports wrong ones.
 class AttributeReader {
  public:
   AttributeReader(const SchemaText& text, Diagnostics& errors) : text_(text), errors_(errors) {}
@@ -24,27 +24,27 @@ class AttributeReader {
     errors_.push_back({text_.locate(span), std::move(message), std::move(hint), std::nullopt});
   }
 
-  /// A value that is well formed: of a number the number, of a choice its index, else 1.
+  /// `number` is that of a number, the index of a choice, else 1.
   struct Value {
     std::uint64_t number = 0;
     std::string text{};
   };
 
-  /// What `use` says, on `place`; nothing, and reported, if it is unknown, belongs elsewhere or has
-  /// a value that it cannot have. Nothing, and no error, if it is an attribute of another tool.
-  /// `owner` is the declaration in words: "field `x` of table `Pose`".
+  /// The value of `use` on a declaration of the kind `place`; nothing for other tools' attributes.
+  /// @param owner  the declaration in words: "field `x` of table `Pose`"
+  /// @errors       nothing, and reported: unknown, misplaced, or with a wrong value
   [[nodiscard]] std::optional<Value> read(const AttributeUse& use, AttributePlace place,
                                           const std::string& owner) const;
 
-  /// Whether `use` is the first one of its name in `seen`; reported if not.
+  /// Whether `use` is the first of its name in `seen`; reported if not.
   bool is_first(const AttributeUse& use, std::set<std::string>& seen) const;
 
-  /// Reports an attribute of RTPM or FlatBuffers that says nothing where it stands.
+  /// Reports an attribute that has no effect on `owner`.
   void report_no_effect(const AttributeUse& use, const std::string& owner,
                         const std::string& hint) const {
     report(use.at, "`" + use.name + "` has no effect on " + owner, hint);
   }
-  /// Reports `use`'s value as one that it cannot have.
+  /// Reports a wrong value.
   void report_value(const AttributeUse& use, const std::string& hint) const;
 
  private:

@@ -38,7 +38,7 @@ constexpr std::string_view kFlatbuffersAttributes[] = {
     "private",
 };
 
-/// The attribute, RTPM's or FlatBuffers', that somebody who wrote `name` most likely meant.
+/// The most similar attribute of RTPM or FlatBuffers.
 std::string similar_attribute(std::string_view name) {
   std::vector<std::string_view> names(std::begin(kFlatbuffersAttributes),
                                       std::end(kFlatbuffersAttributes));

@@ -7,19 +7,16 @@
 
 namespace rtpm::schema {
 
-/// What an attribute may stand on.
 enum class AttributePlace : std::uint8_t { kMethod, kService, kTable, kField };
 
-/// What an attribute takes as its value.
 enum class AttributeValue : std::uint8_t {
-  kNone,    ///< Nothing: it is there or not.
+  kNone,
   kNumber,  ///< A whole number from min to max.
-  kChoice,  ///< One of the words in `choices`.
-  kText,    ///< A short text for people.
+  kChoice,  ///< One of `choices`.
+  kText,    ///< See is_plain_text().
   kRange,   ///< "low..high".
 };
 
-/// Where one of RTPM's attributes may stand, and what it takes.
 struct KnownAttribute {
   std::string_view name{};
   AttributePlace place{};
@@ -33,7 +30,7 @@ struct KnownAttribute {
 inline constexpr std::array kKnownAttributes{
     KnownAttribute{"rtpm_id", AttributePlace::kMethod, AttributeValue::kNumber, 1, 65535},
     KnownAttribute{"rtpm_idempotent", AttributePlace::kMethod, AttributeValue::kNone},
-    // A quarter of an hour: nobody waits longer for one call.
+    // A quarter of an hour.
     KnownAttribute{"rtpm_deadline_us", AttributePlace::kMethod, AttributeValue::kNumber, 1,
                    900'000'000},
     KnownAttribute{"rtpm_oneway",
@@ -54,28 +51,27 @@ inline constexpr std::array kKnownAttributes{
                    0,
                    0,
                    {"client_propagated", "server_declared"}},
-    // FlatBuffers reads no larger number in an attribute.
+    // The largest number that FlatBuffers takes in an attribute.
     KnownAttribute{"rtpm_event", AttributePlace::kTable, AttributeValue::kNumber, 1, 2147483647},
     KnownAttribute{"rtpm_unit", AttributePlace::kField, AttributeValue::kText},
     KnownAttribute{"rtpm_range", AttributePlace::kField, AttributeValue::kRange},
     KnownAttribute{"rtpm_frame", AttributePlace::kField, AttributeValue::kText},
 };
 
-/// The attribute with this name, nullptr if RTPM has none.
+/// nullptr if RTPM has no such attribute.
 [[nodiscard]] const KnownAttribute* find_attribute(std::string_view name) noexcept;
 [[nodiscard]] inline bool is_known_attribute(std::string_view name) noexcept {
   return find_attribute(name) != nullptr;
 }
-/// In words, for errors: "a method of an rpc_service".
+/// For errors: "a method of an rpc_service".
 [[nodiscard]] std::string_view words_of(AttributePlace place) noexcept;
-/// How the value of RTPM's attribute `name` is written; empty if there is no such attribute.
+/// How to write the value of RTPM's attribute `name`; empty if there is no such attribute.
 [[nodiscard]] std::string value_hint(std::string_view name);
-/// Whether `value` is a text that an attribute may have: 1 to 64 bytes, without control characters,
-/// quotation marks and backslashes, so that it can stand in any comment and any JSON.
+/// Whether an attribute may have this text: 1 to 64 bytes without control characters, quotation
+/// marks and backslashes, so that comments and JSON need no escapes.
 [[nodiscard]] bool is_plain_text(std::string_view value) noexcept;
-/// Whether `name` is one of the attributes of FlatBuffers' own language.
 [[nodiscard]] bool is_flatbuffers_attribute(std::string_view name) noexcept;
-/// The hint for an attribute that nobody knows.
+/// The hint for an unknown attribute.
 [[nodiscard]] std::string unknown_attribute_hint(std::string_view name);
 
 }  // namespace rtpm::schema

@@ -12,7 +12,8 @@
 namespace rtpm::schema {
 namespace {
 
-/// FNV-1a, 64 bits.   Source: Fowler, Noll, Vo.
+/// FNV-1a, 64 bits.
+/// @source Fowler, Noll, Vo
 std::uint64_t hash(std::string_view text) noexcept {
   std::uint64_t value = 0xcbf29ce484222325ULL;
   for (const char character : text) {
@@ -22,13 +23,13 @@ std::uint64_t hash(std::string_view text) noexcept {
   return value;
 }
 
-/// Whether an attribute of FlatBuffers changes what bytes mean.
+/// Whether an attribute of FlatBuffers changes the meaning of bytes.
 bool matters(const Attribute& attribute) noexcept {
   return attribute.name == "nested_flatbuffer" || attribute.name == "flexbuffer" ||
          attribute.name == "force_align";
 }
 
-/// Writes the types that are reached from a method, each once, by name.
+/// Writes the types reached from methods, each once, by name.
 class TypeWriter {
  public:
   explicit TypeWriter(const Model& model) : model_(model) {}
@@ -51,14 +52,11 @@ class TypeWriter {
  private:
   [[nodiscard]] std::string text_of(const Type& type) const {
     std::string text(spelling_of(type.base));
-    if (type.base == BaseType::kVector || type.base == BaseType::kArray) {
+    if (type.is_many()) {
       text += '<' + std::string(spelling_of(type.element)) + '>';
     }
     if (type.base == BaseType::kArray) text += ':' + std::to_string(type.fixed_length);
-    if (!type.index) return text;
-    const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
-    return text + ' ' +
-           (is_object ? model_.objects[*type.index].name : model_.enums[*type.index].name);
+    return type.index ? text + ' ' + referred_name(model_, type) : text;
   }
 
   [[nodiscard]] std::string text_of(const Object& object) const {
@@ -110,7 +108,6 @@ class TypeWriter {
   Reach reach_{};
 };
 
-/// What a method does besides taking a request and giving a reply.
 std::string manner_of(const Method& method) {
   std::string text;
   if (method.is_idempotent) text += " idempotent";
@@ -123,7 +120,6 @@ std::string text_of(const Model& model, const Payload& payload) {
   return std::string(spelling_of(payload.kind)) + ' ' + model.objects[payload.table].name;
 }
 
-/// The three lines before a method's types.
 std::string head_of(const Model& model, const Method& method) {
   return "method " + std::to_string(method.id) + ' ' + method.name + manner_of(method) +
          "\nrequest " + text_of(model, method.request) + "\nreply " + text_of(model, method.reply) +

@@ -12,23 +12,21 @@
 namespace rtpm::schema {
 namespace {
 
-// More would hide what a method does.
+// More would hide the method's own comment.
 constexpr std::size_t kLineMax = 40;
 
-/// Collects the lines of a payload.
 class Quantities {
  public:
   explicit Quantities(const Model& model) : model_(model) {}
 
-  /// Adds the lines of an object's fields, and of what they hold.
   void add(std::size_t index, const std::string& path) {
     if (!says_something(index)) return;
-    // A table that holds itself says everything once.
+    // A table that contains itself is described once.
     if (std::find(open_.begin(), open_.end(), index) != open_.end()) return;
     open_.push_back(index);
     for (const Field& field : model_.objects[index].fields) {
       if (field.is_deprecated) continue;
-      const std::string name = path + '.' + field.name + (is_many(field) ? "[]" : "");
+      const std::string name = path + '.' + field.name + (field.type.is_many() ? "[]" : "");
       add_line(name, field);
       if (const auto inner = object_of(field)) add(*inner, name);
       if (lines_.size() > kLineMax) break;
@@ -50,16 +48,12 @@ class Quantities {
   }
 
  private:
-  static bool is_many(const Field& field) noexcept {
-    return field.type.base == BaseType::kVector || field.type.base == BaseType::kArray;
-  }
   static std::optional<std::size_t> object_of(const Field& field) noexcept {
-    const BaseType base = is_many(field) ? field.type.element : field.type.base;
-    return base == BaseType::kObject ? field.type.index : std::nullopt;
+    return field.type.has_object() ? field.type.index : std::nullopt;
   }
 
-  /// Whether a field of an object, or of what it holds, has a unit, a range or a frame. Asked once
-  /// for each object: types that hold each other twice on every level would take forever.
+  /// Whether a field, at any depth, has a unit, a range or a frame. Cached per object: types that
+  /// refer to each other twice on every level would take exponential time.
   bool says_something(std::size_t index) {
     const auto [known, is_new] = says_something_.emplace(index, false);
     if (!is_new) return known->second;
@@ -95,7 +89,7 @@ std::string quantity(const Field& field) {
 Documentation quantities(const Model& model, const Payload& payload, const std::string& role) {
   if (payload.kind == PayloadKind::kEmpty) return {};
   Quantities lines(model);
-  // In C++ the struct itself is the request or reply; what its field says is said of it.
+  // In C++ the struct itself is the request or reply, so it gets its field's unit, range and frame.
   if (payload.struct_index) lines.add_line(role, model.objects[payload.table].fields.front());
   lines.add(payload.struct_index.value_or(payload.table), role);
   return lines.take(role);

@@ -13,7 +13,7 @@ void Reach::add(const Model& model, std::size_t index) {
     for (const Field& field : model.objects[at].fields) {
       const Type& type = field.type;
       if (!type.index) continue;
-      if (type.base == BaseType::kObject || type.element == BaseType::kObject) {
+      if (type.has_object()) {
         open.push_back(*type.index);
       } else if (enums.insert(*type.index).second) {
         for (const EnumValue& value : model.enums[*type.index].values) {

@@ -7,12 +7,12 @@
 
 namespace rtpm::schema {
 
-/// The types that are reached from one or more tables, through fields, vectors and unions.
+/// The types reached from one or more tables, through fields, vectors and unions.
 struct Reach {
   std::set<std::size_t> objects{};  ///< In Model::objects.
   std::set<std::size_t> enums{};    ///< In Model::enums.
 
-  /// Adds the object `index` and all that it reaches. Each is walked once, in whatever order.
+  /// Adds the object `index` and all that it reaches.
   void add(const Model& model, std::size_t index);
 };
 

@@ -6,13 +6,13 @@
 namespace rtpm::schema {
 namespace {
 
-// More than that is counted by the message's size instead.
+// Above this, the message's size is the bound.
 constexpr std::uint64_t kCountMax = 65536;
 
-// The verifier's own recursion must end before its stack does.
+// Bounds the verifier's recursion, and so its stack.
 constexpr std::uint32_t kDepthMax = 1024;
 
-/// Walks from table to table, each once; the limits of a table follow from those of its fields.
+/// Computes a table's limits from those of its fields, each table once.
 class LimitsWalk {
  public:
   explicit LimitsWalk(const Model& model) : model_(model) {}
@@ -45,15 +45,14 @@ class LimitsWalk {
     bool is_done = false;
   };
 
-  /// Of what a field holds; depth 0: no table.
+  /// Depth 0: no table.
   VerifyLimits limits_of(const Type& type) {
-    const BaseType base = type.base == BaseType::kVector ? type.element : type.base;
     if (!type.index) return {0, 0};
-    if (base == BaseType::kObject) {
+    if (type.has_object()) {
       return model_.objects[*type.index].is_struct ? VerifyLimits{0, 0} : walk(*type.index);
     }
     VerifyLimits largest{0, 0};
-    if (base != BaseType::kUnion) return largest;
+    if (type.innermost() != BaseType::kUnion) return largest;
     bool is_bounded = true;
     for (const EnumValue& value : model_.enums[*type.index].values) {
       const VerifyLimits one = limits_of(value.union_type);

@@ -7,14 +7,13 @@
 
 namespace rtpm::schema {
 
-/// How far the verification of a table need go, because no message of its schema goes further.
+/// Bounds that every valid message of a table keeps.
 struct VerifyLimits {
-  std::uint32_t depth = 1;  ///< Tables in each other, the root included.
-  std::uint32_t tables =
-      1;  ///< Tables in all; 0: the schema sets no bound, the message's size does.
+  std::uint32_t depth = 1;   ///< Nested tables, the root included.
+  std::uint32_t tables = 1;  ///< 0: only the message's size bounds them.
 };
 
-/// Of a table that may hold itself: nobody nests deeper on purpose.
+/// Of a table that may contain itself.
 inline constexpr std::uint32_t kRecursiveDepth = 32;
 
 /// The limits for the table `index` of Model::objects.

@@ -28,10 +28,10 @@ CompileResult failure(const std::string& file, std::string message, std::string 
   return failure({Location{.file = file}, std::move(message), std::move(hint), std::nullopt});
 }
 
-// Far more than people write; what is larger was not meant for this compiler.
+// Larger files are not schemas.
 constexpr std::size_t kSchemaSizeMax = 16 * 1024 * 1024;
 
-/// Reads the file itself; included files are read by FlatBuffers' parser.
+/// Reads the file itself; FlatBuffers' parser reads included files.
 std::optional<SourceFile> read(const std::string& file, CompileResult& failed) {
   std::error_code ignored;
   if (std::filesystem::is_directory(file, ignored)) {
@@ -41,7 +41,7 @@ std::optional<SourceFile> read(const std::string& file, CompileResult& failed) {
   auto source = SourceFile::read(file);
   if (!source) {
     failed = failure(file, std::string("cannot read the schema: ") + std::strerror(errno),
-                     "check the path and the right to read it");
+                     "check the path and the permission to read it");
     return std::nullopt;
   }
   if (source->text().size() > kSchemaSizeMax) {
@@ -51,9 +51,8 @@ std::optional<SourceFile> read(const std::string& file, CompileResult& failed) {
   return source;
 }
 
-/// What a text must not have.
 bool is_text(const SourceFile& source, CompileResult& failed) {
-  // FlatBuffers' parser ends at a zero byte and would silently leave out the rest.
+  // FlatBuffers' parser ends at a zero byte and silently ignores the rest.
   const std::size_t zero = source.text().find('\0');
   if (zero == std::string::npos) return true;
   Location location = source.locate({zero, 1});
@@ -67,7 +66,7 @@ bool is_binary_schema(const std::string& file) {
   return std::filesystem::path(file).extension() == ".bfbs";
 }
 
-/// The model of a .fbs: FlatBuffers' parser makes its reflection.
+/// The model of a .fbs, by the reflection that FlatBuffers' parser creates.
 std::optional<Model> read_text(const SourceFile& source, const CompileRequest& request,
                                std::deque<SchemaText>& texts, CompileResult& failed) {
   if (!is_text(source, failed)) return std::nullopt;
@@ -78,9 +77,8 @@ std::optional<Model> read_text(const SourceFile& source, const CompileRequest& r
   }
   auto model = read_reflection(parsed.reflection, parsed.declaration_file);
   if (!model) {
-    failed = failure(request.file, "FlatBuffers' parser gave a reflection that cannot be read",
-                     "rtpmc and the FlatBuffers library that it uses are of different versions: "
-                     "build rtpmc again");
+    failed = failure(request.file, "the schema uses a type of FlatBuffers that rtpmc does not know",
+                     "use a newer rtpmc, or do without the type");
     return std::nullopt;
   }
   model->source_files = std::move(parsed.source_files);
@@ -92,7 +90,7 @@ std::optional<Model> read_text(const SourceFile& source, const CompileRequest& r
   return model;
 }
 
-/// The model of a .bfbs, which has no places.
+/// The model of a .bfbs, which has no locations.
 std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText>& texts,
                                  CompileResult& failed) {
   const std::string& bytes = source.text();
@@ -100,8 +98,8 @@ std::optional<Model> read_binary(const SourceFile& source, std::deque<SchemaText
       static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())), bytes.size());
   auto model = read_reflection(reflection);
   constexpr const char* kHint =
-      "make it with `flatc -b --schema --bfbs-comments --bfbs-builtins --bfbs-filenames DIR` of "
-      "FlatBuffers 2.0.8, or give rtpmc the .fbs file";
+      "make it with `flatc -b --schema --bfbs-comments --bfbs-builtins --bfbs-filenames DIR`, or "
+      "give rtpmc the .fbs file";
   if (!model) {
     failed = failure(source.path(), "is not a binary schema, or one of another version", kHint);
     return std::nullopt;

@@ -29,7 +29,8 @@ int fail(const Diagnostics& errors) {
   return kSchemaError;
 }
 
-/// Tells how `model` differs from the older schema; whether programs of the two work together.
+/// Reports how `model` differs from the older schema.
+/// @return whether programs built from the two work together
 bool conforms(const Command& command, const Model& model, const Model& older) {
   const std::vector<Change> changes = compare(older, model);
   bool is_good = true;
@@ -97,8 +98,7 @@ int run(std::span<const char* const> arguments) {
   return carry_out(std::get<Command>(parsed));
 }
 
-/// `rtpmc split-objects HEADER SOURCE`, for rtpm_generate(): moves bodies of flatc's object API
-/// from its HEADER to SOURCE.
+/// `rtpmc split-objects HEADER SOURCE`, for rtpm_generate(): see split_objects().
 int split(const std::string& header, const std::string& source) {
   const auto file = SourceFile::read(header);
   if (!file) {

@@ -10,7 +10,7 @@
 namespace rtpm::schema {
 namespace {
 
-/// Takes its temporary files away again unless they were given their names.
+/// Removes its temporary files, unless they were renamed.
 class TemporaryFiles {
  public:
   TemporaryFiles() = default;
@@ -21,7 +21,7 @@ class TemporaryFiles {
       std::remove(path.c_str());
   }
 
-  /// A name beside `path`, at random: another run of the compiler may be at work beside this one.
+  /// A random name beside `path`: another rtpmc may run at the same time.
   std::string add(const std::string& path) {
     return paths_.emplace_back(path + ".tmp" + std::to_string(std::random_device{}()));
   }
@@ -32,7 +32,7 @@ class TemporaryFiles {
 
 std::string because(const std::string& what, const std::string& path, const std::string& cause) {
   return "cannot " + what + " \"" + path + "\": " + cause +
-         "; check the path, the right to write there and the space left";
+         "; check the path, the permission to write there and the free space";
 }
 
 std::optional<std::string> make_folder_of(const std::string& path) {
@@ -49,7 +49,7 @@ std::optional<std::string> write(const std::string& path, const std::string& tex
   if (file == nullptr) return because("write", path, std::strerror(errno));
   const bool is_written = std::fwrite(text.data(), 1, text.size(), file) == text.size();
   const int write_error = errno;
-  // What is buffered is written by fclose, so a full disk may show only there.
+  // fclose writes the buffer, so a full disk may show only there.
   const bool is_closed = std::fclose(file) == 0;
   if (!is_written) return because("write", path, std::strerror(write_error));
   if (!is_closed) return because("write", path, std::strerror(errno));

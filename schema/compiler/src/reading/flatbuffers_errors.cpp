@@ -1,6 +1,7 @@
-// FlatBuffers' parser says what is wrong, but its column is that of the word *behind* the wrong one
-// (it reads one word ahead) and its words are for those who know it. Here each message is put in
-// RTPM's words, at the word that it is about. A message that is not known here is shown as it is.
+// FlatBuffers' parser reads one token ahead, so its column is that of the token *after* the wrong
+// one. This file rewords each message and points at the right token; an unknown message is shown as
+// it is. The messages are those of FlatBuffers 2.0.8, by their beginnings, and of newer ones where
+// they differ.
 #include <algorithm>
 #include <cstdint>
 #include <cstdlib>
@@ -19,7 +20,7 @@ namespace rtpm::schema {
 namespace {
 
 constexpr const char* kWrapHint =
-    "wrap it in a table of its own, or use rtpm.Empty where there is nothing to say";
+    "wrap it in a table of its own, or write rtpm.Empty for no content";
 
 bool is_scalar_name(std::string_view name) {
   static constexpr std::string_view kScalars[] = {
@@ -29,67 +30,63 @@ bool is_scalar_name(std::string_view name) {
   return std::find(std::begin(kScalars), std::end(kScalars), name) != std::end(kScalars);
 }
 
-/// A message that only needs other words; `@` stands for the word at the error.
+/// The part of the statement at the error that is wrong.
+enum class Part : std::uint8_t { kToken, kType, kDefault, kAttribute, kTypeName };
+
+/// Another text for a message. `@` stands for the token at the error (Part::kToken), the type
+/// (Part::kTypeName) or the field.
 struct Wording {
-  std::string_view message{};  ///< Its begin.
-  std::string_view text{};
-  std::string_view hint{};
-};
-
-constexpr Wording kWordings[] = {
-    {"no root type set to parse json with", "expected a declaration, found @",
-     "a schema has no data in it"},
-    {"attribute name must be either identifier or string", "expected an attribute's name, found @",
-     "attributes are written (name: value, name)"},
-    {"illegal type syntax", "expected a type, found @", ""},
-    {"expecting: string constant", "expected a string, found @", "put it in quotation marks"},
-    {"must specify the underlying integer type for this enum", "the enum's integer type is missing",
-     "write `enum Name : ubyte`, or a larger type"},
-    {"Cannot assign token starting with", "@ is no value here", ""},
-};
-
-/// Which part of the statement at the error is wrong.
-enum class Part : std::uint8_t { kName, kType, kDefault, kAttribute, kTypeName };
-
-/// A message about a field of a table or struct, or about the type itself; `@` stands for the name.
-struct FieldWording {
-  std::string_view message{};  ///< Its begin.
+  std::string_view message{};  ///< Its beginning.
   Part part{};
   std::string_view text{};
   std::string_view hint{};
   std::string_view attribute{};  ///< Of Part::kAttribute.
 };
 
-constexpr FieldWording kFieldWordings[] = {
-    {"structs may contain only scalar or struct fields", Part::kType,
-     "field @ of a struct can only be a number, an array, or a struct that is defined above",
-     "make it a table, or move the inner struct up", ""},
+constexpr std::string_view kStructFieldText =
+    "field @ of a struct can only be a number, an array, or a struct that is defined above";
+constexpr std::string_view kStructFieldHint = "make it a table, or move the inner struct up";
+
+constexpr Wording kWordings[] = {
+    {"no root type set to parse json with", Part::kToken, "expected a declaration, found @",
+     "a schema contains no data"},
+    {"attribute name must be either identifier or string", Part::kToken,
+     "expected an attribute's name, found @", "attributes are written (name: value, name)"},
+    {"illegal type syntax", Part::kToken, "expected a type, found @"},
+    {"expecting: string constant", Part::kToken, "expected a string, found @",
+     "put it in quotation marks"},
+    {"must specify the underlying integer type for this enum", Part::kToken,
+     "the enum's integer type is missing", "write `enum Name : ubyte`, or a larger type"},
+    {"Cannot assign token starting with", Part::kToken, "@ is not a value"},
+    {"structs may contain only scalar or struct fields", Part::kType, kStructFieldText,
+     kStructFieldHint},
+    {"Incomplete type in struct is not allowed", Part::kType, kStructFieldText,  // Since 22.12.
+     kStructFieldHint},
     {"fixed-length array in table must be wrapped in struct", Part::kType,
-     "field @ of a table cannot be an array", "use a vector, or wrap the array in a struct", ""},
-    {"length of fixed-length array must be positive", Part::kType, "the length of array @ is none",
-     "write a whole number from 1 to 65535", ""},
+     "field @ of a table cannot be an array", "use a vector, or wrap the array in a struct"},
+    {"length of fixed-length array must be positive", Part::kType, "the length of array @ is zero",
+     "write a whole number from 1 to 65535"},
     {"nested vector types not supported", Part::kType, "field @ is a vector of vectors",
-     "wrap the inner vector in a table", ""},
+     "wrap the inner vector in a table"},
     {"default values are not supported for struct fields", Part::kDefault,
      "field @ cannot have a default",
-     "only numbers and enums of tables have one; a struct's fields are always there", ""},
-    {"default value of `", Part::kDefault, "the default of field @ is no value of its enum",
-     "write one of the enum's values, or `= null`", ""},
+     "only numbers and enums of tables have one; a struct's fields are always present"},
+    {"default value of `", Part::kDefault, "the default of field @ is not a value of its enum",
+     "write one of the enum's values, or `= null`"},
     {"only non-scalar fields in tables may be 'required'", Part::kAttribute,
      "field @ is a number, which cannot be required",
-     "a number always has a value; write `= null` to see whether it was given", "required"},
-    {"'key' field must be string or scalar type", Part::kAttribute, "field @ cannot be a key",
+     "a number always has a value; with `= null` its absence shows", "required"},
+    {"'key' field must be string", Part::kAttribute, "field @ cannot be a key",
      "a key is a number or a string", "key"},
     {"only one field may be set as 'key'", Part::kAttribute, "field @ is a second key",
      "a table is sorted by one field: remove one of the two", "key"},
-    {"unexpected force_align value", Part::kAttribute, "force_align cannot be this value",
+    {"unexpected force_align value", Part::kAttribute, "force_align cannot have this value",
      "write a power of two, from the struct's own alignment up to 16", "force_align"},
     {"either all fields or no fields must have an 'id' attribute", Part::kTypeName,
      "some fields of @ have an id, and some have none",
-     "give every field its id, in the order in which the fields were added, or none", ""},
+     "give every field its id, in the order in which the fields were added, or none"},
 };
 
-/// An error with what is needed to find its place.
 class Translation {
  public:
   Translation(const RawError& error, const SourceFile& source, const ParsedSoFar& parsed)
@@ -101,16 +98,16 @@ class Translation {
 
   Diagnostic translate() const {
     using Rule = std::optional<Diagnostic> (Translation::*)() const;
-    // The first rule that knows the message speaks; the general ones stand last.
+    // The first rule that knows the message applies; the general ones come last.
     static constexpr Rule kRules[] = {
         &Translation::unknown_attribute, &Translation::attribute_value,
         &Translation::empty_service,     &Translation::method_form,
         &Translation::not_a_table,       &Translation::undefined_type,
         &Translation::missing_include,   &Translation::already_exists,
         &Translation::text_error,        &Translation::comment_error,
-        &Translation::field_ids,         &Translation::field_rule,
-        &Translation::other_statement,   &Translation::reworded,
-        &Translation::missing_end,       &Translation::unexpected_word,
+        &Translation::field_ids,         &Translation::other_statement,
+        &Translation::reworded,          &Translation::missing_end,
+        &Translation::unexpected_token,
     };
     for (const Rule rule : kRules) {
       if (auto diagnostic = (this->*rule)()) return *std::move(diagnostic);
@@ -119,7 +116,7 @@ class Translation {
   }
 
  private:
-  /// What follows `prefix` in the message; nothing if the message does not begin so.
+  /// The rest of a message that begins with `prefix`.
   [[nodiscard]] std::optional<std::string> after(std::string_view prefix) const {
     if (!error_.message.starts_with(prefix)) return std::nullopt;
     return error_.message.substr(prefix.size());
@@ -131,18 +128,18 @@ class Translation {
   [[nodiscard]] Diagnostic here(std::string message, std::string hint) const {
     return at(tokens_[at_].span(), std::move(message), std::move(hint));
   }
-  /// The word that stands `count` words before the error's.
+  /// The token `count` tokens before the error's.
   [[nodiscard]] const Token& before(std::size_t count) const {
     return tokens_[at_ >= count ? at_ - count : 0];
   }
-  /// The last word with this text, up to the error's own; the error's own if there is none.
+  /// The last token with this text, up to the error's; the error's if there is none.
   [[nodiscard]] std::size_t find_back(std::string_view text) const {
     for (std::size_t i = at_ + 1; i-- > 0;) {
       if (tokens_[i].value() == text) return i;
     }
     return at_;
   }
-  /// The innermost bracket of this kind that is open at the word `from`.
+  /// The innermost bracket of this kind that is open at the token `from`.
   [[nodiscard]] std::optional<std::size_t> open_bracket(std::string_view open,
                                                         std::string_view close,
                                                         std::size_t from) const {
@@ -171,11 +168,11 @@ class Translation {
                     : unknown_attribute_hint(*name));
   }
 
-  /// FlatBuffers takes whole numbers below 2³¹ and strings as values of attributes.
+  /// Values of attributes are strings or whole numbers below 2³¹.
   [[nodiscard]] std::optional<Diagnostic> attribute_value() const {
     const bool is_kind = after("Cannot assign token starting with").has_value();
     if (!is_kind && !after("invalid number: ")) return std::nullopt;
-    // A number that is too large is noticed one word later, at the comma or parenthesis.
+    // A too large number is noticed one token later, at the comma or parenthesis.
     const bool is_behind = !is_kind && tokens_[at_].kind == TokenKind::kPunctuation && at_ > 0;
     const std::size_t value = is_behind ? at_ - 1 : at_;
     const auto parenthesis = open_bracket("(", ")", value > 0 ? value - 1 : 0);
@@ -185,7 +182,7 @@ class Translation {
     const std::string name(tokens_[value - 2].value());
     const std::string hint = value_hint(name);
     return at(tokens_[value].span(),
-              '`' + std::string(tokens_[value].text) + "` is no value for `" + name + '`',
+              '`' + std::string(tokens_[value].text) + "` is not a value of `" + name + '`',
               hint.empty() ? "a value is a string or a whole number below 2147483648" : hint);
   }
 
@@ -193,7 +190,7 @@ class Translation {
     if (!is("expecting: identifier instead got: }") || !before(1).is("{") || at_ < 2) {
       return std::nullopt;
     }
-    // Behind the service's name there may be attributes, so look back to the statement's begin.
+    // Attributes may follow the service's name, so search back to the statement's beginning.
     for (std::size_t i = at_ - 1; i-- > 0 && !tokens_[i].is(";") && !tokens_[i].is("}");) {
       if (!tokens_[i].is("rpc_service")) continue;
       return at(tokens_[i + 1].span(),
@@ -203,12 +200,12 @@ class Translation {
     return std::nullopt;
   }
 
-  /// A method is `name(Request):Reply (attributes);`, and people try other forms.
+  /// Common mistakes in `name(Request):Reply (attributes);`.
   [[nodiscard]] std::optional<Diagnostic> method_form() const {
     if (!is_in_service()) return std::nullopt;
     if (is("expecting: identifier instead got: )") && before(1).is("(")) {
       return here("a method has exactly one request, and there is none",
-                  "write rtpm.Empty where there is nothing to say");
+                  "write rtpm.Empty for a request without content");
     }
     if (is("expecting: ) instead got: ,")) {
       return here("a method has exactly one request, and there are more",
@@ -216,7 +213,7 @@ class Translation {
     }
     if (is("expecting: : instead got: ;") || is("expecting: : instead got: (")) {
       return here("a method has a reply, and there is none",
-                  "write `:rtpm.Empty` if it says nothing");
+                  "write `:rtpm.Empty` for a reply without content");
     }
     if (is("expecting: identifier instead got: [")) {
       return here("a request or reply must be a table, not a vector", kWrapHint);
@@ -224,7 +221,7 @@ class Translation {
     return std::nullopt;
   }
 
-  /// The parser has read `name(Request):Reply` and one word more.
+  /// The parser has read `name(Request):Reply` and one token more.
   [[nodiscard]] std::optional<Diagnostic> not_a_table() const {
     if (!is("rpc request and response types must be tables")) return std::nullopt;
     std::size_t colon = at_;
@@ -243,7 +240,7 @@ class Translation {
                                           const std::string& type, const std::string& kind) const {
     return at(span,
               "a " + role + " must be a table, and `" + type + "` is " +
-                  (kind.empty() ? "none" : with_article(kind)),
+                  (kind.empty() ? "not one" : with_article(kind)),
               kind == "struct" ? wrap_struct_hint(type) : kWrapHint);
   }
 
@@ -259,7 +256,7 @@ class Translation {
     return {name, {offset, end > begin ? tokens_[end - 1].end() - offset : 0}};
   }
 
-  /// Found at the end of all files; the message says in which one and on which line it is used.
+  /// Detected after all files were read; the message has the file and line of the use.
   [[nodiscard]] std::optional<Diagnostic> undefined_type() const {
     const auto rest = after("type referenced but not defined (check namespace): ");
     if (!rest) return std::nullopt;
@@ -278,7 +275,7 @@ class Translation {
       return Diagnostic{location, "a request or reply must be a table, not `" + name + '`',
                         kWrapHint, std::nullopt};
     }
-    // The parser takes tables and structs in any order, enums and unions not.
+    // The parser accepts tables and structs in any order, but not enums and unions.
     if (const std::string kind = parsed_.kind_of(name); kind == "enum" || kind == "union") {
       return Diagnostic{location, kind + " `" + name + "` is used before it is defined",
                         "move the " + kind + " above its first use", std::nullopt};
@@ -292,8 +289,8 @@ class Translation {
     return Diagnostic{location, "type `" + name + "` is not defined", hint, std::nullopt};
   }
 
-  /// Where `name` is used on `line` of `file`, or last before: having read one word ahead, the
-  /// parser may have been a line further on.
+  /// Where `name` is used on `line` of `file`, or last before: reading one token ahead, the parser
+  /// may have been on a later line.
   [[nodiscard]] Location place_of_type(const std::string& name, const std::string& file,
                                        std::size_t line) const {
     const auto other = file == source_.path() ? std::nullopt : SourceFile::read(file);
@@ -331,14 +328,13 @@ class Translation {
       if (!name) continue;
       const std::string last = name->substr(name->rfind('.') + 1);
       return at(tokens_[find_definition(last, kind)].span(),
-                std::string(word) + " `" + last + "` is there twice",
+                std::string(word) + " `" + last + "` is defined twice",
                 "rename or remove one of the two");
     }
     return std::nullopt;
   }
 
-  /// The last definition of `name` before the error: of a data type, a use inside its own braces
-  /// must not be taken for it.
+  /// The last definition of `name` before the error. A data type may be used inside its own braces.
   [[nodiscard]] std::size_t find_definition(std::string_view name, std::string_view kind) const {
     if (kind != "datatype" && kind != "enum") return find_back(name);
     for (std::size_t i = at_ + 1; i-- > 1;) {
@@ -351,7 +347,7 @@ class Translation {
     return find_back(name);
   }
 
-  /// What cannot even be cut into words.
+  /// Errors of the text itself.
   [[nodiscard]] std::optional<Diagnostic> text_error() const {
     if (is("input file is empty")) {
       return Diagnostic{Location{.file = source_.path()}, "the schema is empty",
@@ -362,18 +358,18 @@ class Translation {
       return here("the string does not end on its line", "close it with a quotation mark");
     }
     if (!after("illegal character: ")) return std::nullopt;
-    // The parser has gone behind the byte, which may be the first of several of a character.
+    // The parser is past the byte, which may be the first of several of a character.
     const std::size_t cursor = source_.offset_of(error_.line, error_.column_byte);
     const std::size_t begin = cursor > 0 ? cursor - 1 : 0;
     std::size_t end = cursor;
     while (end < source_.text().size() && (source_.text()[end] & 0xC0) == 0x80)
       ++end;
     return at({begin, end - begin},
-              "`" + source_.text().substr(begin, end - begin) + "` cannot stand here",
-              "a name is made of the letters a to z and A to Z, digits and `_`");
+              "`" + source_.text().substr(begin, end - begin) + "` is not allowed here",
+              "a name has the letters a to z and A to Z, digits and `_`");
   }
 
-  /// Comments are no words, so their places are found in the text.
+  /// Comments are not tokens, so their places are found in the text.
   [[nodiscard]] std::optional<Diagnostic> comment_error() const {
     const std::size_t cursor = source_.offset_of(error_.line, error_.column_byte);
     if (is("end of file in comment")) {
@@ -388,7 +384,7 @@ class Translation {
     return std::nullopt;
   }
 
-  /// The first word of the field's or value's statement at the error.
+  /// The first token of the field's or value's statement at the error.
   [[nodiscard]] std::size_t statement_begin() const {
     std::size_t begin = at_;
     while (begin > 0 && !tokens_[begin - 1].is(";") && !tokens_[begin - 1].is("{"))
@@ -396,8 +392,8 @@ class Translation {
     return begin;
   }
 
-  /// The words from `begin` up to one of `ends`, of the statement.
-  [[nodiscard]] Span words_until(std::size_t begin, std::string_view ends) const {
+  /// The statement's tokens from `begin` up to one of `ends`.
+  [[nodiscard]] Span tokens_until(std::size_t begin, std::string_view ends) const {
     std::size_t end = begin;
     while (end + 1 < tokens_.size() && ends.find(tokens_[end].text) == ends.npos)
       ++end;
@@ -405,38 +401,42 @@ class Translation {
     return {tokens_[begin].offset, tokens_[end - 1].end() - tokens_[begin].offset};
   }
 
-  [[nodiscard]] Span span_of(const FieldWording& wording, std::size_t begin) const {
+  /// Where `wording` points; `subject` is the token that its `@` stands for.
+  [[nodiscard]] Span span_of(const Wording& wording, std::size_t subject) const {
     switch (wording.part) {
       case Part::kType:
-        return begin + 2 < tokens_.size() ? words_until(begin + 2, "=;(") : tokens_[at_].span();
+        return subject + 2 < tokens_.size() ? tokens_until(subject + 2, "=;(")
+                                            : tokens_[at_].span();
       case Part::kDefault:
-        for (std::size_t i = begin; i + 1 < tokens_.size() && i <= at_; ++i) {
+        for (std::size_t i = subject; i + 1 < tokens_.size() && i <= at_; ++i) {
           if (tokens_[i].is("=")) return tokens_[i + 1].span();
         }
         return tokens_[at_].span();
       case Part::kAttribute:
         return tokens_[find_back(wording.attribute)].span();
-      case Part::kName:
+      case Part::kToken:
       case Part::kTypeName:
         break;
     }
-    return tokens_[begin].span();
+    return tokens_[subject].span();
   }
 
-  /// What is wrong with a field, at the part of it that is wrong.
-  [[nodiscard]] std::optional<Diagnostic> field_rule() const {
-    for (const FieldWording& wording : kFieldWordings) {
-      if (!error_.message.starts_with(wording.message)) continue;
-      std::size_t begin = statement_begin();
-      if (wording.part == Part::kTypeName) {
-        const auto brace = open_bracket("{", "}", at_ > 0 ? at_ - 1 : 0);
-        begin = brace && *brace > 0 ? *brace - 1 : at_;
-      }
+  [[nodiscard]] std::size_t subject_of(const Wording& wording) const {
+    if (wording.part == Part::kToken) return at_;
+    if (wording.part != Part::kTypeName) return statement_begin();
+    const auto brace = open_bracket("{", "}", at_ > 0 ? at_ - 1 : 0);
+    return brace && *brace > 0 ? *brace - 1 : at_;
+  }
+
+  [[nodiscard]] std::optional<Diagnostic> reworded() const {
+    for (const Wording& wording : kWordings) {
+      if (!after(wording.message)) continue;
+      const std::size_t subject = subject_of(wording);
       std::string text(wording.text);
       if (const std::size_t mark = text.find('@'); mark != std::string::npos) {
-        text.replace(mark, 1, '`' + std::string(tokens_[begin].text) + '`');
+        text.replace(mark, 1, '`' + std::string(tokens_[subject].text) + '`');
       }
-      return at(span_of(wording, begin), std::move(text), std::string(wording.hint));
+      return at(span_of(wording, subject), std::move(text), std::string(wording.hint));
     }
     return std::nullopt;
   }
@@ -451,13 +451,12 @@ class Translation {
     const std::size_t name_at = begin + kField.size();
     const std::string name = rest->substr(name_at, rest->find(',', name_at) - name_at);
     return at(tokens_[find_back(name)].span(),
-              "the ids of the table leave out " + rest->substr(0, rest->find(' ')) +
-                  ", or have a number twice, at field `" + name + '`',
+              "the field ids of the table skip " + rest->substr(0, rest->find(' ')) +
+                  ", or repeat a number, at field `" + name + '`',
               "ids are 0, 1, 2 and so on, without a gap; a union takes two, of which it names the "
               "second");
   }
 
-  /// What is wrong outside of types and services.
   [[nodiscard]] std::optional<Diagnostic> other_statement() const {
     if (const auto name = after("unknown root type: ")) {
       const std::string similar = parsed_.similar_type(*name);
@@ -470,20 +469,8 @@ class Translation {
     }
     if (const auto rest = after("enum value does not fit, \"")) {
       const std::string value = rest->substr(0, rest->find('"'));
-      return at(tokens_[find_back(value)].span(), '`' + value + "` is no value of the enum's type",
-                "take a larger type: `enum Name : ushort`");
-    }
-    return std::nullopt;
-  }
-
-  [[nodiscard]] std::optional<Diagnostic> reworded() const {
-    for (const Wording& wording : kWordings) {
-      if (!error_.message.starts_with(wording.message)) continue;
-      std::string text(wording.text);
-      if (const std::size_t mark = text.find('@'); mark != std::string::npos) {
-        text.replace(mark, 1, '`' + std::string(tokens_[at_].text) + '`');
-      }
-      return here(std::move(text), std::string(wording.hint));
+      return at(tokens_[find_back(value)].span(), '`' + value + "` does not fit the enum's type",
+                "use a larger type: `enum Name : ushort`");
     }
     return std::nullopt;
   }
@@ -493,17 +480,16 @@ class Translation {
     if (is("expecting: ; instead got: end of file") || !error_.message.ends_with("end of file")) {
       if (!after("expecting: ; instead got: ")) return std::nullopt;
       const Token& last = error_.message.ends_with("end of file") ? before(0) : before(1);
-      return at({last.end(), 0}, "expected `;` behind `" + std::string(last.text) + '`', "");
+      return at({last.end(), 0}, "expected `;` after `" + std::string(last.text) + '`', "");
     }
-    Diagnostic diagnostic =
-        at({before(0).end(), 0}, "the file ends in the middle of something", "");
+    Diagnostic diagnostic = at({before(0).end(), 0}, "the file ends inside a declaration", "");
     if (const auto brace = open_bracket("{", "}", at_)) {
       diagnostic.note = Note{source_.locate(tokens_[*brace].span()), "this `{` is not closed"};
     }
     return diagnostic;
   }
 
-  [[nodiscard]] std::optional<Diagnostic> unexpected_word() const {
+  [[nodiscard]] std::optional<Diagnostic> unexpected_token() const {
     const std::string found = '`' + std::string(tokens_[at_].text) + '`';
     if (is("declaration expected")) {
       static constexpr std::string_view kDeclarations[] = {
@@ -523,8 +509,7 @@ class Translation {
   }
 
   [[nodiscard]] Diagnostic as_it_is() const {
-    // Many messages name what they are about, in quotes or at the end: point at it if it was just
-    // read.
+    // Many messages name their subject, in quotes or at the end: point at it if it was just read.
     const std::string& message = error_.message;
     std::string name;
     if (const std::size_t quote = message.find('"'); quote != std::string::npos) {
@@ -540,7 +525,7 @@ class Translation {
   const SourceFile& source_;
   const ParsedSoFar& parsed_;
   std::vector<Token> tokens_;
-  std::size_t at_ = 0;  // The word that the parser read last.
+  std::size_t at_ = 0;  // The last token that the parser read.
 };
 
 }  // namespace

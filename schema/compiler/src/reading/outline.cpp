@@ -8,7 +8,6 @@
 namespace rtpm::schema {
 namespace {
 
-/// Walks the words of a schema and notes where declarations stand.
 class OutlineReader {
  public:
   explicit OutlineReader(std::vector<Token> tokens) : tokens_(std::move(tokens)) {}
@@ -40,7 +39,7 @@ class OutlineReader {
     next();
     return true;
   }
-  /// Up to the next `what`, which is taken too, or to the end.
+  /// Skips the next `what`, too, if there is one.
   void skip_past(std::string_view what) {
     while (token().kind != TokenKind::kEnd && !token().is(what))
       next();
@@ -122,7 +121,6 @@ class OutlineReader {
     outline_.services.push_back(std::move(service));
   }
 
-  /// The keyword and the name of a type.
   TypeOutline read_type_head() {
     TypeOutline type{.kind = std::string(token().text)};
     next();
@@ -132,7 +130,7 @@ class OutlineReader {
     return type;
   }
 
-  /// `table` or `struct`, and what stands in its braces: `name : type = default (attributes);`.
+  /// `table` or `struct`, with fields `name : type = default (attributes);`.
   void read_object() {
     TypeOutline type = read_type_head();
     type.attributes = read_attributes();

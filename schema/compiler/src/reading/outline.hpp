@@ -10,11 +10,11 @@
 #include "rtpm/schema/model.hpp"
 #include "rtpm/schema/source.hpp"
 
-/// Where things stand in a schema's text. FlatBuffers' reflection has no positions, so they are
-/// found in the words of the text. Only made of a text that FlatBuffers' parser took.
+/// Positions of declarations in a schema's text, which FlatBuffers' reflection lacks. The text must
+/// be one that FlatBuffers' parser accepted.
 namespace rtpm::schema {
 
-/// An attribute as written: `rtpm_id: 3`, or `required` without a value.
+/// An attribute as written: `rtpm_id: 3`, or `required`.
 struct AttributeUse {
   std::string name{};
   Span at{};
@@ -55,7 +55,7 @@ struct TypeOutline {
   std::vector<MemberOutline> members{};
 };
 
-/// One name of a namespace statement.
+/// One component of a namespace statement.
 struct NamespaceOutline {
   std::string name{};
   Span at{};
@@ -69,10 +69,10 @@ struct Outline {
 
 [[nodiscard]] Outline outline(const SourceFile& source);
 
-/// The same of a model that came without a text; nothing in it has a place.
+/// Of a model without a text; nothing has a position.
 [[nodiscard]] Outline outline(const Model& model);
 
-/// A schema file as a person wrote it, or only its name where there is no text, as for a .bfbs.
+/// A schema file's text and outline; for a .bfbs, which has no text, only its name and outline.
 class SchemaText {
  public:
   explicit SchemaText(SourceFile source)

@@ -19,11 +19,11 @@ flatbuffers::IDLOptions parser_options() {
   flatbuffers::IDLOptions options;
   options.binary_schema_comments = true;
   options.binary_schema_builtins = true;
-  // With a root the reflection says which file declares what; with this one, by absolute path.
+  // With a root the reflection has each declaration's file; with this one, by absolute path.
   options.project_root = "/";
-  // The language decides which features the parser lets pass: the same as flatc --cpp.
+  // The language decides which features the parser accepts: the same as flatc --cpp.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
-  // flatc warns when it makes the data types of the same schema; saying it twice helps nobody.
+  // flatc prints the same warnings when it generates the data types.
   options.no_warnings = true;
   return options;
 }
@@ -37,7 +37,7 @@ class FailedParser final : public ParsedSoFar {
   explicit FailedParser(const flatbuffers::Parser& parser) : parser_(parser) {}
 
   [[nodiscard]] std::string kind_of(const std::string& type) const override {
-    // A name is looked up in the namespace at the error, then outwards, as the parser does.
+    // As the parser, search the namespace at the error, then outwards.
     std::string scope;
     if (parser_.current_namespace_ != nullptr) {
       scope = parser_.current_namespace_->GetFullyQualifiedName("");
@@ -77,8 +77,7 @@ std::size_t take_number(std::string_view& text) {
   return value;
 }
 
-/// Takes "<absolute path>:<line>: <column>: error: <message>" apart, which is how the parser says
-/// it.
+/// Parses "<absolute path>:<line>: <column>: error: <message>".
 RawError take_apart(const flatbuffers::Parser& parser) {
   std::string_view text = parser.error_;
   const std::string path = flatbuffers::AbsolutePath(parser.file_being_parsed_) + ':';
@@ -93,7 +92,7 @@ RawError take_apart(const flatbuffers::Parser& parser) {
   return error;
 }
 
-/// Where the file that the error is in was included.
+/// Where `file` was included.
 std::optional<Note> place_of_include(const flatbuffers::Parser& parser, const std::string& file) {
   for (const auto& [includer, included_files] : parser.files_included_per_file_) {
     for (const flatbuffers::IncludedFile& included : included_files) {

@@ -10,41 +10,40 @@
 
 namespace rtpm::schema {
 
-/// What FlatBuffers' parser made of a schema.
+/// Either `error` or the other members are set.
 struct ParseResult {
   std::vector<std::uint8_t> reflection{};   ///< A serialized reflection::Schema.
-  std::string declaration_file{};           ///< How the reflection names the file itself.
+  std::string declaration_file{};           ///< The file's name in the reflection.
   std::vector<std::string> source_files{};  ///< The file and all included ones.
-  std::optional<Diagnostic> error{};        ///< If there: nothing else is.
+  std::optional<Diagnostic> error{};
 };
 
-/// Parses `source` with FlatBuffers' own parser, in this process. It stops at the first error,
-/// which is given in RTPM's words and with its exact place.
+/// Parses `source` with FlatBuffers' parser, which stops at the first error.
 [[nodiscard]] ParseResult parse(const SourceFile& source, const CompileRequest& request);
 
 /// A FlatBuffers error as its parser reports it.
 struct RawError {
   std::size_t line = 0;         ///< From 1.
-  std::size_t column_byte = 0;  ///< From 0: behind the last word that the parser read.
+  std::size_t column_byte = 0;  ///< From 0: after the last token that the parser read.
   std::string message{};
 };
 
-/// What the translation must ask of the failed parser.
+/// The types that the failed parser knows.
 class ParsedSoFar {
  public:
   ParsedSoFar() = default;
   ParsedSoFar(const ParsedSoFar&) = delete;
   ParsedSoFar& operator=(const ParsedSoFar&) = delete;
   virtual ~ParsedSoFar() = default;
-  /// "table", "struct", "enum" or "union" for a type's name as written at the error, empty if
-  /// there is none.
+  /// "table", "struct", "enum" or "union"; empty if there is no such type.
+  /// @param type  its name as written at the error
   [[nodiscard]] virtual std::string kind_of(const std::string& type) const = 0;
-  /// The defined type that somebody who wrote `type` most likely meant, empty if none looks like
-  /// it.
+  /// The defined type with the most similar name; empty if none is similar.
   [[nodiscard]] virtual std::string similar_type(const std::string& type) const = 0;
 };
 
-/// Says FlatBuffers' error in RTPM's words, points at the word that is wrong, and adds a hint.
+/// FlatBuffers' error in RTPM's words, at the wrong token, with a hint; an unknown message as it
+/// is.
 [[nodiscard]] Diagnostic translate(const RawError& error, const SourceFile& source,
                                    const ParsedSoFar& parsed);
 

@@ -9,7 +9,7 @@
 namespace rtpm::schema {
 namespace {
 
-// The model numbers the kinds as the reflection does, so that a cast is the conversion.
+// The model numbers types as the reflection does, so that a cast is the conversion.
 static_assert(static_cast<int>(BaseType::kUnionType) == reflection::UType);
 static_assert(static_cast<int>(BaseType::kUint64) == reflection::ULong);
 static_assert(static_cast<int>(BaseType::kDouble) == reflection::Double);
@@ -38,11 +38,14 @@ std::vector<Attribute> read_attributes(
   return attributes;
 }
 
-/// The kind in a type's slot `slot`, read as the number that it is: in bytes from elsewhere it may
-/// be none of the enumeration, which the reflection's own accessor must not be asked for.
+/// A type in `slot`, read as a number: in untrusted bytes it may be outside of the enumeration, for
+/// which the reflection's own accessor is undefined.
 BaseType read_base_type(const reflection::Type& type, flatbuffers::voffset_t slot) {
   const auto* table = reinterpret_cast<const flatbuffers::Table*>(&type);
-  return static_cast<BaseType>(table->GetField<std::uint8_t>(slot, reflection::None));
+  const auto number = table->GetField<std::uint8_t>(slot, reflection::None);
+  // Since 23.5.26: a vector with a 64-bit size. AttributeReader refuses its attribute.
+  constexpr std::uint8_t kVector64 = 18;
+  return number == kVector64 ? BaseType::kVector : static_cast<BaseType>(number);
 }
 
 Type read_type(const reflection::Type* type) {
@@ -86,9 +89,13 @@ Object read_object(const reflection::Object& object) {
                 .documentation = read_documentation(object.documentation()),
                 .declaration_file = to_text(object.declaration_file()),
                 .location = {}};
-  for (const auto* field : *object.fields())
+  for (const auto* field : *object.fields()) {
     result.fields.push_back(read_field(*field));
-  // The reflection has them by name, for its own search.
+    // Before 22.10 FlatBuffers calls a struct's arrays optional; a struct's fields are always
+    // there.
+    result.fields.back().is_optional &= !result.is_struct;
+  }
+  // The reflection sorts them by name.
   std::sort(result.fields.begin(), result.fields.end(),
             [](const Field& a, const Field& b) { return a.id < b.id; });
   return result;
@@ -115,7 +122,7 @@ Enum read_enum(const reflection::Enum& enumeration) {
 /// Finds tables by name, for the requests and replies of methods.
 using ObjectIndex = std::unordered_map<std::string, std::size_t>;
 
-/// Nothing if a method's request or reply is not among `objects`.
+/// @errors nothing: a method's request or reply is not among `objects`
 std::optional<Service> read_service(const reflection::Service& service,
                                     const ObjectIndex& objects) {
   Service result{.name = to_text(service.name()),
@@ -144,12 +151,12 @@ std::optional<Service> read_service(const reflection::Service& service,
 
 bool is_valid(const Type& type, const Model& model) {
   if (type.base > BaseType::kArray || type.element > BaseType::kArray) return false;
-  const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
-  if (!type.index) return !is_object;
-  return *type.index < (is_object ? model.objects.size() : model.enums.size());
+  if (!type.is_many() && type.element != BaseType::kNone) return false;
+  if (!type.index) return !type.has_object();
+  return *type.index < (type.has_object() ? model.objects.size() : model.enums.size());
 }
 
-/// Whether every type refers to something that is there: later code relies on it.
+/// Whether all types are valid and refer to existing ones; later code relies on it.
 bool is_closed(const Model& model) {
   for (const Object& object : model.objects) {
     for (const Field& field : object.fields) {
@@ -164,7 +171,7 @@ bool is_closed(const Model& model) {
   return true;
 }
 
-/// The file that a .bfbs was most likely made of. FlatBuffers' own compiler writes no root.
+/// The file that a .bfbs was most likely compiled from; flatc does not write it.
 std::string main_file(const reflection::Schema& schema) {
   if (schema.services() != nullptr && schema.services()->size() != 0) {
     return to_text(schema.services()->Get(0)->declaration_file());
@@ -173,10 +180,10 @@ std::string main_file(const reflection::Schema& schema) {
                                        : to_text(schema.objects()->Get(0)->declaration_file());
 }
 
-/// `declaration_file` nullptr: all services, and the main file is what main_file() says.
+/// @param declaration_file  nullptr: all services, and main_file() is the compiled file
 std::optional<Model> read_schema(std::span<const std::uint8_t> bytes,
                                  const std::string* declaration_file) {
-  // Generous limits: a type is visited once for every method that takes it.
+  // Generous: a type is visited once for every method that uses it.
   flatbuffers::Verifier verifier(bytes.data(), bytes.size(), /*max_depth=*/64,
                                  /*max_tables=*/1'000'000'000);
   if (!reflection::VerifySchemaBuffer(verifier)) return std::nullopt;

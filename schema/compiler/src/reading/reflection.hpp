@@ -9,18 +9,18 @@
 
 namespace rtpm::schema {
 
-/// Reads FlatBuffers' reflection (the content of a .bfbs file), the only form in which this
-/// compiler knows a schema. Of the services, only those that `declaration_file` declares are taken.
-/// Method ids and other attributes are kept as text: the checker gives them their meaning. Returns
-/// nothing if the bytes are no such reflection.
+/// Reads FlatBuffers' reflection, the content of a .bfbs. Attributes stay texts, which the checker
+/// interprets.
+/// @param declaration_file  only services that this file declares are taken
+/// @errors                  nothing: not a reflection, or with unknown types
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes,
                                                    const std::string& declaration_file);
 
-/// The same of bytes that do not say which file is the compiled one: all services are taken, and
-/// the file of the first one is it, or of the first type if there is no service.
+/// As above with all services. The compiled file is taken to be that of the first service, or of
+/// the first type if there is no service.
 [[nodiscard]] std::optional<Model> read_reflection(std::span<const std::uint8_t> bytes);
 
-/// The payload rule: the kind of a table as a request or reply.
+/// How a table is encoded as a request or reply.
 [[nodiscard]] Payload payload_of(const Model& model, std::size_t table);
 
 }  // namespace rtpm::schema

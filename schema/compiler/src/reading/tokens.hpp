@@ -10,7 +10,7 @@ namespace rtpm::schema {
 
 enum class TokenKind : std::uint8_t { kIdentifier, kNumber, kString, kPunctuation, kEnd };
 
-/// A word of a schema. `text` views the source file's text.
+/// @ownership `text` views the source file's text
 struct Token {
   TokenKind kind = TokenKind::kEnd;
   std::string_view text{};  ///< A string with its quotes.
@@ -20,13 +20,13 @@ struct Token {
   [[nodiscard]] bool is_identifier() const noexcept { return kind == TokenKind::kIdentifier; }
   [[nodiscard]] std::size_t end() const noexcept { return offset + text.size(); }
   [[nodiscard]] Span span() const noexcept { return {offset, text.size()}; }
-  /// A string without its quotes, any other token as it is.
+  /// The text, of a string without its quotes.
   [[nodiscard]] std::string_view value() const noexcept;
 };
 
-/// The words of a schema without its comments, the last one of kind kEnd. It takes any text: what
-/// no schema has becomes punctuation, because FlatBuffers' parser is the judge of that. Ownership:
-/// the result views `source`.
+/// The tokens of a schema without its comments, the last one of kind kEnd. Unknown characters
+/// become punctuation: FlatBuffers' parser rejects them.
+/// @ownership the result views `source`
 [[nodiscard]] std::vector<Token> tokenize(const SourceFile& source);
 
 }  // namespace rtpm::schema

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <cstring>
+#include <type_traits>
 #include <utility>
 
 #include "rtpm/schema/compile.hpp"
@@ -21,14 +21,10 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   options.strict_json = false;
   options.indent_step = -1;
   options.output_default_scalars_in_json = true;
-  // The language decides which features the parser lets pass: the same as the compiler's.
+  // The language decides which features the parser accepts: the same as the compiler's.
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   auto parser = std::make_unique<flatbuffers::Parser>(options);
   return parser->Parse(text.c_str(), nullptr, kFileName) ? std::move(parser) : nullptr;
-}
-
-std::string quoted(const std::string& name) {
-  return '"' + name + '"';
 }
 
 }  // namespace
@@ -38,7 +34,7 @@ class Dynamic::Impl {
   Model model{};
   std::size_t service = 0;
   std::unique_ptr<flatbuffers::Parser> parser{};
-  std::string reflection{};  // A serialized schema, for verifying.
+  std::string reflection{};  // A serialized schema, for verification.
 
   /// The reflection's view of a table.
   [[nodiscard]] const reflection::Object& object(const Payload& payload) const {
@@ -132,7 +128,7 @@ std::optional<std::string> Dynamic::decode(const Payload& payload,
   flatbuffers::FlatBufferBuilder builder;
   const bool is_struct = payload.kind == PayloadKind::kStruct;
   if (is_struct) {
-    // A struct alone cannot be printed: it goes back into its table, aligned as it must be.
+    // FlatBuffers prints no struct alone: put it into its table, aligned.
     const Object& object = impl_->model.objects[*payload.struct_index];
     if (bytes.size() != object.byte_size) return std::nullopt;
     const auto start = builder.StartTable();
@@ -142,7 +138,7 @@ std::optional<std::string> Dynamic::decode(const Payload& payload,
     builder.AddStructOffset(impl_->object(payload).fields()->Get(0)->offset(), builder.GetSize());
     builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(start)));
   } else {
-    // The bytes of somebody else may lie anywhere; a vector of theirs is aligned.
+    // The verifier needs aligned bytes.
     const std::vector<std::byte> copy(bytes.begin(), bytes.end());
     const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
     const auto& schema = *reflection::GetSchema(impl_->reflection.data());
@@ -160,12 +156,14 @@ std::optional<std::string> Dynamic::print(const Payload& payload, const std::uin
   if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str())) return std::nullopt;
   parser.opts.strict_json = true;
   std::string text;
-  const bool is_printed = flatbuffers::GenerateText(parser, data, &text);
+  // It returns whether it worked or, since 23.5.8, the error's text.
+  const auto result = flatbuffers::GenerateText(parser, data, &text);
   parser.opts.strict_json = false;
-  if (!is_printed) return std::nullopt;
+  if (static_cast<bool>(result) != std::is_same_v<decltype(result), const bool>)
+    return std::nullopt;
   if (payload.kind != PayloadKind::kStruct) return text;
   // Of `{"field": {…}}` only the struct.
-  const std::size_t begin = text.find(':', quoted(impl_->only_field(payload).name).size());
+  const std::size_t begin = text.find(':', impl_->only_field(payload).name.size() + 2);
   if (begin == std::string::npos || text.size() < begin + 2) return std::nullopt;
   const std::size_t first = text.find_first_not_of(' ', begin + 1);
   return text.substr(first, text.rfind('}') - first);

@@ -51,7 +51,7 @@ class TextWriter {
       reach.add(model_, method.request.table);
       reach.add(model_, method.reply.table);
     }
-    // FlatBuffers wants enums, unions and structs above their use; tables may stand anywhere.
+    // FlatBuffers needs enums, unions and structs before their use; tables may come in any order.
     for (const bool is_union : {false, true}) {
       for (const std::size_t index : reach.enums) {
         if (model_.enums[index].is_union == is_union) write_enum(model_.enums[index]);
@@ -82,13 +82,11 @@ class TextWriter {
     scope_ = scope;
   }
 
-  /// A struct behind those that it holds.
+  /// Writes a struct after those that it contains.
   void write_struct(std::size_t index) {
     if (!written_.insert(index).second) return;
     for (const Field& field : model_.objects[index].fields) {
-      const bool is_object =
-          field.type.base == BaseType::kObject || field.type.element == BaseType::kObject;
-      if (is_object) write_struct(*field.type.index);
+      if (field.type.has_object()) write_struct(*field.type.index);
     }
     write_object(model_.objects[index]);
   }
@@ -105,9 +103,8 @@ class TextWriter {
     text_ += comment(object.documentation, "") + (object.is_struct ? "struct " : "table ") +
              short_name(object.name) + attributes.str() + " {\n";
     for (const Field& field : object.fields) {
-      // A union's type stands in a slot of its own, which the union brings with it.
-      const Type& type = field.type;
-      if (type.base == BaseType::kUnionType || type.element == BaseType::kUnionType) continue;
+      // The union adds the field of its type itself.
+      if (field.type.innermost() == BaseType::kUnionType) continue;
       write_field(object, field);
     }
     text_ += "}\n";
@@ -129,42 +126,18 @@ class TextWriter {
         attributes.number(true, attribute.name, std::stoull(attribute.value));
       }
     }
-    text_ += comment(field.documentation, "  ") + "  " + field.name + ':' + type_text(field.type) +
-             (object.is_struct ? "" : default_text(field)) + attributes.str() + ";\n";
+    text_ += comment(field.documentation, "  ") + "  " + field.name + ':' +
+             type_text(model_, field.type) + (object.is_struct ? "" : default_of(field)) +
+             attributes.str() + ";\n";
   }
 
-  [[nodiscard]] std::string type_text(const Type& type) const {
-    const bool is_many = type.base == BaseType::kVector || type.base == BaseType::kArray;
-    const BaseType base = is_many ? type.element : type.base;
-    std::string text(spelling_of(base));
-    if (type.index) {
-      text = base == BaseType::kObject ? model_.objects[*type.index].name
-                                       : model_.enums[*type.index].name;
-    }
-    if (!is_many) return text;
-    if (type.base == BaseType::kVector) return '[' + text + ']';
-    return '[' + text + ':' + std::to_string(type.fixed_length) + ']';
-  }
-
-  [[nodiscard]] std::string default_text(const Field& field) const {
-    const BaseType base = field.type.base;
-    if (base > BaseType::kDouble) return {};
-    if (field.is_optional) return " = null";
-    if (base == BaseType::kFloat || base == BaseType::kDouble) {
-      const std::string number = number_text(field.default_real);
-      return number == "0" ? "" : " = " + number;
-    }
-    if (field.default_integer == 0 && !field.type.index) return {};
-    if (base == BaseType::kBool) return " = true";
-    if (field.type.index) {
-      for (const EnumValue& value : model_.enums[*field.type.index].values) {
-        if (value.value == field.default_integer) return " = " + value.name;
-      }
-    }
-    if (base == BaseType::kUint64) {
-      return " = " + std::to_string(static_cast<std::uint64_t>(field.default_integer));
-    }
-    return " = " + std::to_string(field.default_integer);
+  /// Nothing for a default that the language has by itself.
+  [[nodiscard]] std::string default_of(const Field& field) const {
+    if (field.type.base > BaseType::kDouble) return {};
+    const std::string text = default_text(model_, field);
+    if (field.type.index || field.is_optional) return " = " + text;
+    if (text == "0") return {};
+    return field.type.base == BaseType::kBool ? " = true" : " = " + text;
   }
 
   void write_enum(const Enum& enumeration) {
@@ -176,10 +149,10 @@ class TextWriter {
     }
     text_ += " {\n";
     for (const EnumValue& value : enumeration.values) {
-      // Every union has NONE by itself.
+      // FlatBuffers adds NONE to every union.
       if (enumeration.is_union && value.union_type.base == BaseType::kNone) continue;
       text_ += comment(value.documentation, "  ") + "  " + value.name;
-      text_ += enumeration.is_union ? ':' + type_text(value.union_type) + ",\n"
+      text_ += enumeration.is_union ? ':' + type_text(model_, value.union_type) + ",\n"
                                     : " = " + std::to_string(value.value) + ",\n";
     }
     text_ += "}\n";
@@ -211,7 +184,7 @@ class TextWriter {
 
   const Model& model_;
   std::set<std::size_t> written_{};
-  std::string scope_{};  // In force at the end of the text.
+  std::string scope_{};  // The namespace at the end of the text.
   std::string text_{};
 };
 

@@ -9,26 +9,27 @@
 
 namespace rtpm::schema {
 
-/// What to compile.
 struct CompileRequest {
-  std::string file{};  ///< The .fbs file.
-  std::vector<std::string>
-      include_paths{};  ///< Searched for `include`, after the file's own folder.
+  std::string file{};  ///< A .fbs or .bfbs.
+  /// Searched for `include` after the file's own folder.
+  std::vector<std::string> include_paths{};
 };
 
-/// A model, or why there is none: exactly one of the two is there.
+/// Either a model or errors.
 struct CompileResult {
   std::optional<Model> model{};
   Diagnostics errors{};
 };
 
-/// Reads a schema, checks it against RTPM's rules and gives its model with fingerprints.
-/// FlatBuffers' parser stops at its first error, so that one stands alone; of RTPM's own rules,
-/// every breach is reported.
-/// Threads: any, one call does not know of another.   Set-up only.
+/// Reads a schema, checks it against RTPM's rules and returns its model with fingerprints.
+/// @threads  any, concurrently
+/// @realtime set-up only
+/// @errors   FlatBuffers' parser stops at its first error; of RTPM's rules, every breach is
+/// reported
 [[nodiscard]] CompileResult compile(const CompileRequest& request);
 
-/// The same of a text that is in no file, and may include none; errors name it `name`.
+/// As compile(), of a text without includes.
+/// @param name  the file name in errors
 [[nodiscard]] CompileResult compile_text(const std::string& text, const std::string& name);
 
 }  // namespace rtpm::schema

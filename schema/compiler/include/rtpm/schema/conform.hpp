@@ -7,11 +7,10 @@
 #include "rtpm/schema/diagnostic.hpp"
 #include "rtpm/schema/model.hpp"
 
-/// What became different between two versions of a schema, and who of those that were built from
-/// the two still understand each other.
+/// Differences between two versions of a schema, and which programs built from them can still
+/// communicate.
 namespace rtpm::schema {
 
-/// Every kind of change.
 enum class ChangeKind : std::uint8_t {
   kServiceAdded,
   kServiceRemoved,
@@ -21,20 +20,20 @@ enum class ChangeKind : std::uint8_t {
   kMethodRenamed,     ///< The number stays.
   kMethodRenumbered,  ///< The name stays.
   kPayloadReplaced,   ///< The request or reply is another table.
-  kPayloadKind,       ///< It is encoded in another way: bare struct, FlatBuffer, nothing.
+  kPayloadKind,       ///< Its encoding changed: bare struct, FlatBuffer, nothing.
   kIdempotentAdded,
   kIdempotentRemoved,
-  kMannerChanged,  ///< Oneway, its level, or stream.
+  kMannerChanged,  ///< Oneway, oneway level, or stream.
   kDeferredChanged,
   kDeadlineChanged,
   kMaxSizeRaised,
   kMaxSizeLowered,
   kTypeAdded,
   kTypeRemoved,
-  kTypeKind,      ///< A table became a struct, an enum a union, or the like.
-  kStructLayout,  ///< A struct's fields are others, or stand elsewhere.
+  kTypeKind,      ///< For example, a table became a struct.
+  kStructLayout,  ///< A struct's fields or their offsets changed.
   kEventAdded,
-  kEventChanged,  ///< A table is another event than it was, or none.
+  kEventChanged,  ///< The event number changed or was removed.
   kFieldAdded,
   kFieldAddedRequired,
   kFieldRemoved,
@@ -65,20 +64,18 @@ enum class ChangeKind : std::uint8_t {
 
 /// What a change does to data.
 struct Reading {
-  bool new_reads_old = true;  ///< A newer reader takes an older writer's data for what it was.
-  bool old_reads_new = true;  ///< The other way round.
-  /// A reading that fails does so by meaning alone: the bytes pass, and say something else.
+  bool new_reads_old = true;  ///< A newer reader understands an older writer's data.
+  bool old_reads_new = true;  ///< An older reader understands a newer writer's data.
+  /// Where that fails, the bytes still pass verification, with another meaning.
   bool is_by_meaning = false;
 };
 
-/// How bad a change is.
 enum class Verdict : std::uint8_t {
-  kCompatible,    ///< Old and new understand each other in every combination.
-  kServersFirst,  ///< Old clients work with new servers, not the other way round.
-  kIncompatible,  ///< Old clients do not work with new servers, or what is not a call breaks.
+  kCompatible,    ///< Every combination of old and new works.
+  kServersFirst,  ///< Old clients work with new servers; new clients fail with old servers.
+  kIncompatible,  ///< Old clients fail with new servers, or a type used outside of calls breaks.
 };
 
-/// One change.
 struct Change {
   ChangeKind kind{};
   Verdict verdict = Verdict::kCompatible;
@@ -86,18 +83,17 @@ struct Change {
   bool breaks_new_clients = false;  ///< With an old server.
   Reading reading{};                ///< Of changes to types.
   std::string owner{};              ///< The type or service, fully qualified.
-  Diagnostic diagnostic{};          ///< Where and what; the hint says how to do without it.
+  Diagnostic diagnostic{};          ///< Its hint says how to avoid the change.
 };
 
 /// All changes from `before` to `after`, which may be of different files.
 ///
-/// A type counts as far as it is in a request, a reply or an event: in a request, old clients are
-/// the writers and servers the readers, in a reply it is the other way round. In an event, and in
-/// a type of the file that nothing in it uses, every failed reading is incompatible.
+/// Clients write requests and read replies, servers the reverse. In an event, and in a type of the
+/// file that no method uses, a failure in either direction is incompatible.
 [[nodiscard]] std::vector<Change> compare(const Model& before, const Model& after);
 
-/// The changes for a person: the incompatible ones as errors, then those that need the servers to
-/// be updated first as warnings, then the compatible ones, a line each.
+/// The changes as text: incompatible ones as errors, then "servers first" ones as warnings, then
+/// compatible ones in a line each.
 [[nodiscard]] std::string render(const std::vector<Change>& changes);
 
 }  // namespace rtpm::schema

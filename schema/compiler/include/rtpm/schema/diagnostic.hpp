@@ -8,23 +8,23 @@
 
 namespace rtpm::schema {
 
-/// A second place that an error is about, such as the method that has the number already.
+/// A second place that an error refers to, such as the first method with the same number.
 struct Note {
   Location location{};
   std::string text{};
 };
 
-/// One cause why a schema is refused: where, what, and what to do about it.
+/// One reason why a schema is refused.
 struct Diagnostic {
   Location location{};
-  std::string message{};  ///< One sentence without its end: "method `a` has no rtpm_id".
+  std::string message{};  ///< One sentence without its full stop: "method `a` has no rtpm_id".
   std::string hint{};     ///< The remedy; may be empty.
   std::optional<Note> note{};
 };
 
 using Diagnostics = std::vector<Diagnostic>;
 
-/// The text that a person reads, ending with a new line:
+/// The diagnostic as text, ending with a newline:
 ///
 ///     arm.fbs:12:3: error: method `stop` of service `lab.Arm` has no rtpm_id
 ///        12 |   stop(rtpm.Empty):rtpm.Empty;
@@ -32,7 +32,7 @@ using Diagnostics = std::vector<Diagnostic>;
 ///     hint: give it a number …
 [[nodiscard]] std::string render(const Diagnostic& diagnostic);
 
-/// All of them in the order of their places, at most 20, and how many were left out.
+/// At most 20 in the order of their places, and how many more there are.
 [[nodiscard]] std::string render(Diagnostics diagnostics);
 
 }  // namespace rtpm::schema

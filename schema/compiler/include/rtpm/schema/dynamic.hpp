@@ -13,16 +13,17 @@
 
 namespace rtpm::schema {
 
-/// Requests and replies of one service as JSON, without generated code: for tools.
+/// Converts requests and replies of one service to and from JSON, for tools without generated code.
 ///
-/// A request or reply is written as the table of the schema; where the table stands for one bare
-/// struct, as that struct: `{x: 1, y: 2}`. Names need no quotation marks, and what is left out of a
-/// table has its default.
-/// Ownership: holds all it needs.   Threads: one at a time.   Set-up only.
+/// The JSON is an object of the table's fields or, for a payload that is a bare struct, of the
+/// struct's: `{x: 1, y: 2}`. Names need no quotation marks; absent fields have their defaults.
+/// @ownership holds all it needs
+/// @threads  one at a time
+/// @realtime set-up only
 class Dynamic {
  public:
-  /// Of the service `name` in `schema`, a text that includes nothing, such as schema_text() gives.
-  /// Nothing, and `error` says why, if the text is no schema or the service is not in it.
+  /// For the service `name` of `schema`, a text without includes, such as schema_text() returns.
+  /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
   Dynamic(const Dynamic&) = delete;
@@ -31,15 +32,16 @@ class Dynamic {
 
   [[nodiscard]] const Model& model() const noexcept;
   [[nodiscard]] const Service& service() const noexcept;
-  /// The method with this name; nullptr if there is none.
+  /// nullptr if there is no such method.
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
-  /// The bytes of a payload on the wire; nothing, and `error` says why, if `json` is none.
+  /// The bytes on the wire.
+  /// @errors nothing and the reason in `error`: `json` does not match the schema
   [[nodiscard]] std::optional<std::vector<std::byte>> encode(const Payload& payload,
                                                              std::string_view json,
                                                              std::string& error);
-  /// The payload as strict JSON in one line; nothing if the bytes are none, or hold what this
-  /// schema has no name for.
+  /// Strict JSON in one line.
+  /// @errors nothing: the bytes do not match, or have values that the schema has no name for
   [[nodiscard]] std::optional<std::string> decode(const Payload& payload,
                                                   std::span<const std::byte> bytes);
 

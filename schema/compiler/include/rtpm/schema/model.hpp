@@ -8,18 +8,18 @@
 
 #include "rtpm/schema/source.hpp"
 
-/// What a schema says, free of FlatBuffers and of any language that code is generated in. Back ends
-/// read nothing else. All members are plain values; indices refer to the vectors of the same Model.
+/// A schema's content, independent of FlatBuffers and of target languages; back ends read nothing
+/// else. Plain values; indices refer to the vectors of the same Model.
 namespace rtpm::schema {
 
 using Documentation = std::vector<std::string>;  ///< The lines of the `///` comment, as written.
 
 struct Attribute {
   std::string name{};
-  std::string value{};  ///< "0" for an attribute without a value: so FlatBuffers has it.
+  std::string value{};  ///< "0" for an attribute without a value, as in FlatBuffers.
 };
 
-/// The kinds of a field's type; FlatBuffers' own, numbered as in its reflection.
+/// Numbered as in FlatBuffers' reflection.
 enum class BaseType : std::uint8_t {
   kNone,
   kUnionType,
@@ -41,16 +41,23 @@ enum class BaseType : std::uint8_t {
   kArray,
 };
 
-/// A type, in a field or as a union's alternative.
+/// The type of a field, or of a union's member.
 struct Type {
   BaseType base = BaseType::kNone;
   BaseType element = BaseType::kNone;  ///< Of a vector or array.
-  /// Of an object (table or struct) in Model::objects, else of an enumeration in Model::enums.
+  /// In Model::objects for a table or struct, else in Model::enums.
   std::optional<std::size_t> index{};
   std::uint16_t fixed_length = 0;  ///< Elements of an array.
+
+  [[nodiscard]] bool is_many() const noexcept {
+    return base == BaseType::kVector || base == BaseType::kArray;
+  }
+  /// Of a vector or array the type of its elements, else the type itself.
+  [[nodiscard]] BaseType innermost() const noexcept { return is_many() ? element : base; }
+  [[nodiscard]] bool has_object() const noexcept { return innermost() == BaseType::kObject; }
 };
 
-/// From the lowest to the highest value, both included.
+/// Both ends are included.
 struct Range {
   double low = 0;
   double high = 0;
@@ -60,7 +67,7 @@ struct Field {
   std::string name{};
   Type type{};
   std::uint16_t id = 0;      ///< In tables: the slot. In structs: the position.
-  std::uint16_t offset = 0;  ///< In structs: bytes from the begin.
+  std::uint16_t offset = 0;  ///< In structs: bytes from the start.
   std::int64_t default_integer = 0;
   double default_real = 0;
   bool is_required = false;
@@ -72,7 +79,7 @@ struct Field {
   std::optional<Range> range{};  ///< `rtpm_range`.
   std::vector<Attribute> attributes{};
   Documentation documentation{};
-  Location location{};  ///< Its name. As all places: line 0 if the model came from a .bfbs.
+  Location location{};  ///< Of the name. All locations have line 0 if the model is from a .bfbs.
 };
 
 /// A table or a struct.
@@ -87,7 +94,7 @@ struct Object {
   std::vector<Attribute> attributes{};
   Documentation documentation{};
   std::string declaration_file{};  ///< Absolute, links resolved.
-  Location location{};             ///< Its name.
+  Location location{};             ///< Of the name.
 };
 
 struct EnumValue {
@@ -106,10 +113,10 @@ struct Enum {
   std::vector<EnumValue> values{};  ///< By value.
   Documentation documentation{};
   std::string declaration_file{};
-  Location location{};  ///< Its name.
+  Location location{};  ///< Of the name.
 };
 
-/// How a request or reply stands on the wire.
+/// How a request or reply is encoded.
 enum class PayloadKind : std::uint8_t {
   kEmpty,   ///< `rtpm.Empty`: no bytes.
   kStruct,  ///< A table whose only field is one required struct: the bare struct.
@@ -123,17 +130,17 @@ struct Payload {
   std::optional<std::size_t> struct_index{};  ///< In Model::objects, of kStruct.
 };
 
-/// How far a oneway request must have come until the caller goes on.
+/// What a caller of a oneway method waits for.
 enum class OnewayLevel : std::uint8_t {
-  kSent,      ///< "sent": handed to the caller's own system; it may not arrive.
-  kReceived,  ///< "received": the server has it.
+  kSent,      ///< "sent": the caller's system has the request; it may get lost.
+  kReceived,  ///< "received": the server has the request.
   kDone,      ///< "done": the servant's method has returned.
 };
 
-/// Who decides at which priority a service's methods run.
+/// The priority at which a service's methods run.
 enum class PriorityModel : std::uint8_t {
-  kClientPropagated,  ///< The caller, and the service's priority where the caller states none.
-  kServerDeclared,    ///< Always the service's priority.
+  kClientPropagated,  ///< The caller's, or the service's if the caller states none.
+  kServerDeclared,    ///< The service's.
 };
 
 struct Method {
@@ -164,7 +171,7 @@ struct Service {
   Location location{};
 };
 
-/// One name of the `namespace` statements of the compiled file, such as `lab` of `lab.arms`.
+/// One component of a `namespace` statement of the compiled file, such as `lab` of `lab.arms`.
 struct NamespaceName {
   std::string name{};
   Location location{};
@@ -172,16 +179,16 @@ struct NamespaceName {
 
 /// A compiled schema file.
 struct Model {
-  std::string file{};       ///< As the person named it.
+  std::string file{};       ///< As named on the command line.
   std::string file_stem{};  ///< "haptic" of "dir/haptic.fbs".
-  std::string
-      declaration_file{};         ///< Absolute, links resolved: what Object::declaration_file says.
-  std::vector<Object> objects{};  ///< Tables and structs, included files' too.
-  std::vector<Enum> enums{};      ///< Enumerations and unions, included files' too.
-  std::vector<Service> services{};  ///< Only the ones that the file itself declares, as declared.
+  /// The file as in Object::declaration_file: absolute, links resolved.
+  std::string declaration_file{};
+  std::vector<Object> objects{};    ///< Tables and structs, included files' too.
+  std::vector<Enum> enums{};        ///< Enumerations and unions, included files' too.
+  std::vector<Service> services{};  ///< Those that the file itself declares, in its order.
   std::vector<NamespaceName> namespaces{};
   std::uint64_t feature_bits = 0;  ///< FlatBuffers' `advanced_features`.
-  /// The file and all that it includes, as they were found: what output depends on.
+  /// The file and all that it includes, by the paths they were found at.
   std::vector<std::string> source_files{};
 };
 
@@ -189,5 +196,7 @@ struct Model {
 [[nodiscard]] std::string short_name(const std::string& qualified_name);
 /// "lab" of "lab.Arm", empty for a name of the global namespace.
 [[nodiscard]] std::string namespace_of(const std::string& qualified_name);
+/// The name of the object or enumeration that `type` refers to, empty if it refers to none.
+[[nodiscard]] std::string referred_name(const Model& model, const Type& type);
 
 }  // namespace rtpm::schema

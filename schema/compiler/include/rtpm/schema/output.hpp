@@ -8,19 +8,18 @@
 
 namespace rtpm::schema {
 
-/// A file with the whole path to write it to.
+/// The full path and the text of a file to write.
 struct OutputFile {
   std::string path{};
   std::string text{};
 };
 
-/// Writes all of `files` or none: each goes to a temporary file beside its place first, and only
-/// when all are complete are they renamed. Folders that lack are made.
-/// Returns nothing on success, else one sentence with the cause and the remedy; files that were
-/// there before are then still as they were.
+/// Writes all of `files` or none: writes temporary files beside them, then renames those. Makes
+/// missing folders.
+/// @errors one sentence with the cause and the remedy; older files are unchanged
 [[nodiscard]] std::optional<std::string> write_all(const std::vector<OutputFile>& files);
 
-/// The dependency file that Make and Ninja read: `targets` depend on `sources`.
+/// A dependency file for Make and Ninja: `targets` depend on `sources`.
 [[nodiscard]] std::string dependency_text(const std::vector<std::string>& targets,
                                           const std::vector<std::string>& sources);
 

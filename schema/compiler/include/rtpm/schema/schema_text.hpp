@@ -6,9 +6,8 @@
 
 namespace rtpm::schema {
 
-/// A schema with one service and all that it needs, and nothing to include: what a server tells of
-/// its objects to whoever has no generated code. Comments, units and all that is part of
-/// fingerprints is in it, so the service has the same fingerprint when the text is compiled again.
+/// A schema with one service and all types that it needs, without includes, for tools that have no
+/// generated code. Compiled again, the service has the same fingerprint, comments and units.
 /// Attributes of other tools are left out.
 [[nodiscard]] std::string schema_text(const Model& model, const Service& service);
 

@@ -7,38 +7,39 @@
 
 namespace rtpm::schema {
 
-/// A place in a schema, with all that is needed to show it: it outlives the text it came from.
-/// `line` and `column` count from 1, columns in characters; line 0 means the file as a whole.
+/// A place in a schema, with the text of its line. `line` and `column` count from 1, columns in
+/// characters; line 0 means the whole file.
 struct Location {
-  std::string file{};  ///< As the person named it.
+  std::string file{};  ///< As named on the command line.
   std::size_t line = 0;
   std::size_t column = 0;
-  std::size_t length = 0;   ///< In characters, for the underline; never past the end of the line.
-  std::string line_text{};  ///< The whole line, without its end.
+  std::size_t length = 0;   ///< In characters, for the underline; ends with the line.
+  std::string line_text{};  ///< Without the newline.
 };
 
-/// A part of a file's text: `length` bytes from the byte `offset` on.
+/// A part of a file's text, in bytes.
 struct Span {
   std::size_t offset = 0;
   std::size_t length = 0;
 };
 
-/// One schema file's text, with the positions of its lines.
-/// Ownership: holds its text.   Threads: as any plain value.
+/// A schema file's text, with the positions of its lines.
+/// @ownership holds its text
 class SourceFile {
  public:
   SourceFile(std::string path, std::string text);
 
-  /// Reads the file `path`; nothing if it cannot be read (errno then says why).
+  /// Reads the file `path`.
+  /// @errors nothing, and errno is set
   [[nodiscard]] static std::optional<SourceFile> read(const std::string& path);
 
   [[nodiscard]] const std::string& path() const noexcept { return path_; }
   [[nodiscard]] const std::string& text() const noexcept { return text_; }
 
-  /// Where `span` stands; an offset past the end is taken as the end.
+  /// The place of `span`; an offset past the end counts as the end.
   [[nodiscard]] Location locate(Span span) const;
 
-  /// The offset of the byte `column_byte` (from 0) of `line` (from 1), at most the text's size.
+  /// The offset of byte `column_byte` (from 0) of `line` (from 1), at most the text's size.
   [[nodiscard]] std::size_t offset_of(std::size_t line, std::size_t column_byte) const noexcept;
 
  private:
