@@ -138,7 +138,7 @@ std::string event(const Model& model, std::size_t index) {
                   "; its payload is " +
                   (payload.kind == PayloadKind::kStruct ? "the bare struct." : "a FlatBuffer."));
   std::string text = comment(lines, "") + "struct " + name + " {\n";
-  text += "  /// As suppliers write it and consumers read it.\n  using Payload = " + type + ";\n";
+  text += "  using Payload = " + type + ";\n";
   text += "  static constexpr bool kIsStruct = " +
           std::string(payload.kind == PayloadKind::kStruct ? "true" : "false") + ";\n";
   text +=
@@ -147,12 +147,12 @@ std::string event(const Model& model, std::size_t index) {
   text += "  static constexpr ::std::uint64_t kSchemaId = " +
           hexadecimal(object.event_fingerprint, 16) + ";\n";
   text +=
-      "  /// How far a payload's verification goes.\n"
+      "  /// Bounds of a payload's verification.\n"
       "  static constexpr ::rtpm::rpc::TableLimits kLimits{.depth = " +
       std::to_string(limits.depth) + ", .tables = " + std::to_string(limits.tables) + "};\n";
   if (!numbers.empty()) {
     text +=
-        "  /// The numbers that filters may look at.\n"
+        "  /// The numbers that filters can read.\n"
         "  static constexpr ::rtpm::events::FieldDescriptor kFields[] = {\n";
     for (const std::string& number : numbers)
       text += "      " + number + ",\n";

@@ -73,8 +73,8 @@ std::string servant(const Model& model, const Service& service) {
   std::string text =
       comment({"A servant made of functions: " + stem + "FunctionServant arm({." +
                    method_name(service, service.methods.front()) + " = [&](auto&&...) { ... }});",
-               "RT: as the functions are; calling them does not allocate.",
-               "Threads: as " + stem + "Servant."},
+               "@realtime as the functions; calling them does not allocate",
+               "@threads  as " + stem + "Servant"},
               "");
   text += "class " + name + " final : public " + stem +
           "Servant {\n public:\n"

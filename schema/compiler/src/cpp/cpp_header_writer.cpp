@@ -43,9 +43,9 @@ std::string data_includes(const Model& model) {
 std::string waiting_of(OnewayLevel level) {
   switch (level) {
     case OnewayLevel::kSent:
-      return "waits for nothing";
+      return "does not wait";
     case OnewayLevel::kReceived:
-      return "waits until the server is about to run it";
+      return "waits until the server has it";
     case OnewayLevel::kDone:
       break;
   }
@@ -56,13 +56,13 @@ std::string facts(const Method& method) {
   std::string text = "Method " + std::to_string(method.id);
   if (method.is_idempotent) text += ", idempotent";
   if (method.deadline_us) {
-    text += ", waits " + std::to_string(*method.deadline_us) + " us if no deadline is given";
+    text += ", default deadline " + std::to_string(*method.deadline_us) + " us";
   }
   if (method.oneway) text += ", oneway: its caller " + waiting_of(*method.oneway);
-  if (method.is_deferred) text += ", answered later";
-  if (method.is_stream) text += ", answered by a stream";
+  if (method.is_deferred) text += ", deferred reply";
+  if (method.is_stream) text += ", stream of replies";
   if (method.max_size) {
-    text += ", request and reply of " + std::to_string(*method.max_size) + " bytes at most";
+    text += ", request and reply of at most " + std::to_string(*method.max_size) + " bytes";
   }
   return text + '.';
 }
@@ -83,22 +83,23 @@ std::string priority_facts(const Service& service) {
   if (!service.priority) return {};
   const std::string number = std::to_string(*service.priority);
   return service.priority_model == PriorityModel::kServerDeclared
-             ? "Its methods run at priority " + number + ", whatever the caller's is."
+             ? "Its methods run at priority " + number + ", independent of the caller's."
              : "Calls without a priority run at " + number + '.';
 }
 
 std::string real_time(const Method& method) {
-  return method.is_stream ? "Opening allocates, taking items does not."
-                          : "RT: alloc-free once a channel of the priority's band is open.";
+  return method.is_stream ? "@realtime opening allocates, taking items does not"
+                          : "@realtime alloc-free once a channel of the priority's band is open";
 }
 
 /// The comment of the form that packs a table.
 std::string packing(const Method& method, const std::string& encoded) {
   if (method.is_stream) {
-    return "Set-up only: it packs the request on the heap; " + encoded +
-           "() takes one that you built.";
+    return "@realtime set-up only: packs the request on the heap; " + encoded +
+           "() takes a packed one";
   }
-  return "Set-up only: it packs the request on the heap; in real time call " + encoded + "().";
+  return "@realtime set-up only: packs the request on the heap; in real time call " + encoded +
+         "()";
 }
 
 /// The begin_…() forms.
@@ -114,7 +115,7 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
                 .tail = ";"};
   if (method.request.kind == PayloadKind::kEmpty) head.parameters.front() += " = {}";
   std::string text = comment({"Begins " + name + "() and returns; take the reply later.",
-                              "Allocates the call's state; waiting for it and taking it do not."},
+                              "@realtime allocates the call's state; waiting and taking do not"},
                              "  ") +
                      function(head, "  ");
   if (!is_table) return text;
@@ -126,9 +127,8 @@ std::string begin_methods(const Model& model, const Service& service, const Meth
 /// What success means for a oneway without confirmation.
 Documentation promise(const Method& method) {
   if (method.oneway != OnewayLevel::kSent) return {};
-  return {"Ok says that it was sent, not that it arrived: see ::rtpm::rpc::Binding::send().",
-          "kMaybeLost tells that earlier ones may not have arrived; other errors, that this one",
-          "was not sent."};
+  return {"@return ok: sent, and may still get lost; see ::rtpm::rpc::Binding::send()",
+          "@errors kMaybeLost: earlier ones may be lost · others: this one was not sent"};
 }
 
 std::string client_method(const Model& model, const Service& service, const Method& method) {
@@ -152,7 +152,7 @@ std::string client_method(const Model& model, const Service& service, const Meth
   head.parameters.front() = "const " + table + "T& request";
   head.tail = ";";
   return docs + comment({packing(method, encoded.name)}, "  ") + function(head, "  ") +
-         comment({"As " + head.name + "(), with a finished FlatBuffer of " + table.substr(2) + '.',
+         comment({"As " + head.name + "(), of a finished FlatBuffer of " + table.substr(2) + '.',
                   real_time(method)},
                  "  ") +
          function(encoded, "  ") + begin_methods(model, service, method);
@@ -163,19 +163,20 @@ std::string client_class(const Model& model, const Service& service) {
   std::string text = comment(service.documentation, "");
   if (!service.documentation.empty()) text += "///\n";
   text += comment(
-      {"The calling side of " + service.name + "; its calls fail as ::rtpm::rpc::CallError says.",
-       "Ownership: refers to the node it was bound with, which must outlive it.",
-       "Threads: calls from any thread, several at once."},
+      {"The client side of " + service.name + '.',
+       "@ownership refers to the node it was bound with, which must outlive it",
+       "@threads  any, several calls at once", "@errors   of calls: ::rtpm::rpc::CallError"},
       "");
   if (service.priority) text += comment({priority_facts(service)}, "");
   text += "class " + name + " {\n public:\n";
   text +=
-      "  /// What the calls assume of the object.\n"
+      "  /// The interface that the calls expect of the object.\n"
       "  [[nodiscard]] static const ::rtpm::rpc::InterfaceDescriptor& interface() noexcept;\n\n";
   text += comment(
-      {"Binds `target`, a URL \"rtpm://host:port/path\" or a name for the node's resolver.",
-       "Set-up only.   Errors: in words, with the remedy; that the object has another interface",
-       "is one of them, and its text says in which method."},
+      {"Binds to an object.",
+       "@param target  a URL \"rtpm://host:port/path\", or a name for the node's resolver",
+       "@realtime set-up only",
+       "@errors   a text with the remedy; if the interface differs, with the method that does"},
       "  ");
   text += "  [[nodiscard]] static ::rtpm::expected<" + name +
           ", ::rtpm::SetupError> bind(\n"
@@ -184,7 +185,7 @@ std::string client_class(const Model& model, const Service& service) {
   for (const Method& method : service.methods)
     text += '\n' + client_method(model, service, method);
   text +=
-      "\n  /// What the calls go through: to open more channels, or to ask where the object is.\n"
+      "\n  /// For opening more channels, and for the object's address.\n"
       "  [[nodiscard]] ::rtpm::rpc::Binding& binding() noexcept { return rtpm_binding_; }\n\n"
       " private:\n"
       "  explicit " +
@@ -209,7 +210,7 @@ std::string servant_method(const Model& model, const Service& service, const Met
   } else if (method.is_deferred) {
     lines.push_back("Keep `reply` and complete it later, on any thread.");
   } else if (method.reply.kind == PayloadKind::kTable) {
-    lines.push_back("Build the answer in `reply` and finish it once.");
+    lines.push_back("Build the reply in `reply` and finish it once.");
   }
   return comment(lines, "  ") + function(head, "  ");
 }
@@ -218,13 +219,12 @@ std::string servant_class(const Model& model, const Service& service) {
   const std::string name = short_name(service.name) + "Servant";
   std::string text = comment(service.documentation, "");
   if (!service.documentation.empty()) text += "///\n";
-  text +=
-      comment({"The serving side of " + service.name + ": derive from it and write the methods.",
-               "A request is valid during the call only, and was checked against the schema.",
-               "RT: as the methods are written; a lane's thread runs them.",
-               "Threads: every lane that serves the object calls it, so several at once where "
-               "lanes differ."},
-              "");
+  text += comment({"The server side of " + service.name + ": derive from it and write the methods.",
+                   "A request was checked against the schema.",
+                   "@ownership a request is valid during the call only",
+                   "@realtime as the methods; a lane's thread runs them",
+                   "@threads  those of every lane that serves the object, concurrently"},
+                  "");
   if (service.priority) text += comment({priority_facts(service)}, "");
   text += "class " + name + " : public ::rtpm::rpc::Servant {\n public:\n";
   for (const Method& method : service.methods)
@@ -232,7 +232,7 @@ std::string servant_class(const Model& model, const Service& service) {
   text +=
       "  [[nodiscard]] const ::rtpm::rpc::InterfaceDescriptor& interface() const noexcept "
       "final;\n\n"
-      "  /// Runs the method with the number `method_id`; the server calls it.\n"
+      "  /// Runs the method `method_id`; the server calls it.\n"
       "  ::rtpm::rpc::DispatchResult dispatch(\n"
       "      ::std::uint16_t method_id, ::rtpm::ConstBytes request, ::rtpm::MutableBytes reply,\n"
       "      const ::rtpm::rpc::CallContext& context) override;\n};\n";
@@ -240,7 +240,7 @@ std::string servant_class(const Model& model, const Service& service) {
 }
 
 std::string method_ids(const Service& service) {
-  std::string text = "/// The numbers of the methods of " + service.name + " on the wire.\n";
+  std::string text = "/// The methods' numbers on the wire.\n";
   text += "enum class " + short_name(service.name) + "MethodId : ::std::uint16_t {\n";
   for (const Method& method : service.methods) {
     text += "  " + method_name(service, method) + " = " + std::to_string(method.id) + ",\n";
@@ -349,8 +349,9 @@ std::string header(const Model& model, const std::string& compiler_version) {
   text +=
       "#include \"rtpm/rpc/generated.hpp\"\n\n"
       "static_assert(::rtpm::rpc::kGeneratedForm == 1,\n"
-      "              \"this is by an rtpmc of another version than RTPM's headers: generate " +
-      model.file_stem + ".rtpm.hpp anew\");\n";
+      "              \"generated by an rtpmc of another version than RTPM's headers: run it again "
+      "for " +
+      model.file_stem + ".fbs\");\n";
   for (const Service& service : model.services) {
     const std::string scope = namespace_name(namespace_of(service.name));
     text += '\n';

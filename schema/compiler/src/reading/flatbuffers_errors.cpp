@@ -64,7 +64,7 @@ constexpr Wording kWordings[] = {
      kStructFieldHint},
     {"fixed-length array in table must be wrapped in struct", Part::kType,
      "field @ of a table cannot be an array", "use a vector, or wrap the array in a struct"},
-    {"length of fixed-length array must be positive", Part::kType, "the length of array @ is zero",
+    {"length of fixed-length array must be positive", Part::kType, "array @ has a wrong length",
      "write a whole number from 1 to 65535"},
     {"nested vector types not supported", Part::kType, "field @ is a vector of vectors",
      "wrap the inner vector in a table"},
