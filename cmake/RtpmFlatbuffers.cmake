@@ -7,9 +7,12 @@
 set(RTPM_FLATBUFFERS_SOURCE "" CACHE PATH "A source folder of FlatBuffers, to build instead of using the installed one")
 if(RTPM_FLATBUFFERS_SOURCE)
   if(NOT TARGET flatbuffers)
-    set(FLATBUFFERS_BUILD_TESTS OFF)
-    set(FLATBUFFERS_INSTALL OFF)
-    add_subdirectory("${RTPM_FLATBUFFERS_SOURCE}" "${CMAKE_BINARY_DIR}/flatbuffers" EXCLUDE_FROM_ALL SYSTEM)
+    block()
+      set(FLATBUFFERS_BUILD_TESTS OFF)
+      set(FLATBUFFERS_INSTALL OFF)
+      set(CMAKE_UNITY_BUILD OFF)  # flatc does not compile with it.
+      add_subdirectory("${RTPM_FLATBUFFERS_SOURCE}" "${CMAKE_BINARY_DIR}/flatbuffers" EXCLUDE_FROM_ALL SYSTEM)
+    endblock()
   endif()
   set(RTPM_FLATC "$<TARGET_FILE:flatc>")
   file(STRINGS "${RTPM_FLATBUFFERS_SOURCE}/include/flatbuffers/base.h" version

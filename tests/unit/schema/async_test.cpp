@@ -15,7 +15,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// Calls that are begun and end later, with generated code, over a real server.
+// Asynchronous calls with generated code, over a real server.
 namespace {
 
 using namespace std::chrono_literals;
@@ -25,7 +25,7 @@ using rtpm::rt::now;
 
 constexpr auto kPatience = 20s;
 
-/// A feed whose answers wait until somebody asks for them.
+/// A feed whose replies wait until the test releases them.
 class GeneratedAsync : public testing::Test {
  protected:
   GeneratedAsync() {
@@ -48,7 +48,7 @@ class GeneratedAsync : public testing::Test {
     note.text = text;
     return note;
   }
-  /// Answers the call that came first of those that wait.
+  /// Replies to the oldest waiting call.
   void answer(double force) {
     const auto end = now() + kPatience;
     while (now() < end) {
@@ -81,7 +81,7 @@ class GeneratedAsync : public testing::Test {
              const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             auto builder = reply.builder();
-            // As long as the request says.
+            // As long as requested.
             const std::string text(std::stoul(request.text()->str()), 'x');
             builder.finish(late::CreateNoteDirect(builder.builder(), text.c_str()));
             reply.complete(builder);
@@ -148,7 +148,7 @@ TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
   completions.then(client_->begin_describe(note("1")), [&](const auto& text) {
     ASSERT_TRUE(text);
     others += (*text)->text()->size();
-    // A callback may go on.
+    // A callback may begin further calls.
     completions.then(client_->begin_rest(late::Sample{1, 0}),
                      [&](const auto& done) { others += done ? 10U : 0U; });
   });
@@ -164,7 +164,7 @@ TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
   EXPECT_EQ(forces.size(), 2u);
 }
 
-TEST_F(GeneratedAsync, CompletionsTellTheirEndAndWhatCouldNotBegin) {
+TEST_F(GeneratedAsync, CompletionsReportTheirEndAndFailedBegins) {
   std::vector<CallError> errors;
   const auto keep = [&](const auto& result) { errors.push_back(result.error()); };
   {
@@ -200,7 +200,7 @@ TEST_F(GeneratedAsync, ACompletionThreadRunsCallbacksByItself) {
   EXPECT_TRUE(is_cancelled);
 }
 
-TEST_F(GeneratedAsync, RequestsThatAreNoneAreCounted) {
+TEST_F(GeneratedAsync, MalformedRequestsAreCounted) {
   const rtpm::rpc::MethodDescriptor mark{.id = 2, .name = "mark"};
   const std::array<std::byte, 3> garbage{};
   EXPECT_EQ(client_->binding().call(mark, garbage).error(), CallError::kBadRequest);
@@ -211,8 +211,8 @@ TEST_F(GeneratedAsync, RequestsThatAreNoneAreCounted) {
   EXPECT_EQ(server_->counters().bad_request_count, 1u);
 }
 
-// rtpm_max_size holds for what comes later, too.
-TEST_F(GeneratedAsync, DeferredRepliesAndItemsHaveTheirLargestSize) {
+// rtpm_max_size applies to deferred replies and items, too.
+TEST_F(GeneratedAsync, DeferredRepliesAndItemsHaveAMaximumSize) {
   EXPECT_TRUE(client_->describe(note("200")));
   EXPECT_EQ(client_->describe(note("256")).error(), CallError::kTooLarge);
   auto fits = client_->log(note("64"));

@@ -7,7 +7,7 @@
 #include "rtpm/schema/fingerprint.hpp"
 #include "scratch_folder.hpp"
 
-// What the attributes of a schema become in the model.
+// Attributes of a schema in the model.
 namespace rtpm::schema {
 namespace {
 
@@ -79,7 +79,7 @@ TEST(Attributes, OfIncludedFilesAreReadToo) {
   EXPECT_EQ(object_of(*result.model, "Base").fields[0].unit, "volt");
 }
 
-TEST(Attributes, WhatBothSidesMustAgreeOnIsInTheFingerprint) {
+TEST(Attributes, TheFingerprintHasWhatBothSidesMustAgreeOn) {
   const Service before = test::model_of(kSchema).services[0];
   for (const auto& [what, instead] :
        {std::pair{"\"metre\"", "\"millimetre\""}, {"\"base\"", "\"world\""}}) {
@@ -90,7 +90,7 @@ TEST(Attributes, WhatBothSidesMustAgreeOnIsInTheFingerprint) {
             test::model_of(with("\"received\"", "\"done\"")).services[0].methods[0].fingerprint);
   EXPECT_NE(before.methods[2].fingerprint,
             test::model_of(with(", rtpm_stream", "")).services[0].methods[2].fingerprint);
-  // What each side decides for itself, and limits.
+  // What each side decides alone, and limits.
   for (const auto& [what, instead] :
        {std::pair{"-0.5..0.5", "-1..1"}, {"rtpm_deferred, ", ""}, {"256", "512"}, {"24000", "1"}}) {
     EXPECT_EQ(before.fingerprint, test::model_of(with(what, instead)).services[0].fingerprint)
@@ -141,7 +141,7 @@ TEST(VerifyLimits, FollowFromTheSchema) {
   }
 }
 
-// Types that hold the next one twice have 2^40 paths through them.
+// Types that contain the next one twice have 2^40 paths through them.
 TEST(VerifyLimits, DeepSchemasAreWalkedOnce) {
   std::string types = "include \"rtpm.fbs\"; table L0 { x:int (rtpm_unit: \"volt\"); }\n";
   for (int i = 1; i <= 40; ++i) {

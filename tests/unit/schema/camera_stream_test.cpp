@@ -15,7 +15,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 
-// A camera's pictures as items of a stream, with generated code, over each transport.
+// A camera's pictures as stream items, with generated code, over each transport.
 namespace {
 
 using namespace std::chrono_literals;
@@ -45,7 +45,7 @@ class CameraStream : public testing::TestWithParam<Transport> {
     server_->stop();
   }
 
-  /// Sends the pictures as the caller takes them.
+  /// Sends pictures as fast as the caller takes them.
   static void film(rtpm::rpc::TableWriter<camera::Frame> frames, std::uint32_t count,
                    std::uint32_t size) {
     flatbuffers::FlatBufferBuilder builder;
@@ -82,7 +82,7 @@ class CameraStream : public testing::TestWithParam<Transport> {
 };
 
 // hp-5.10-9
-TEST_P(CameraStream, BringsPicturesWholeAndInOrder) {
+TEST_P(CameraStream, DeliversPicturesCompleteAndInOrder) {
   rtpm::rpc::NodeConfig config;
   config.transport = GetParam();
   rtpm::rpc::Node node(config);
@@ -111,7 +111,7 @@ TEST_P(CameraStream, BringsPicturesWholeAndInOrder) {
 }
 
 // hp-5.10-10
-TEST_P(CameraStream, SaysWhenAPictureIsTooLarge) {
+TEST_P(CameraStream, ReportsAPictureThatIsTooLarge) {
   rtpm::rpc::NodeConfig config;
   config.transport = GetParam();
   config.message_size_max = 100'000;

@@ -9,8 +9,8 @@
 
 #include "rtpmc_program.hpp"
 
-// What rtpmc says of what is wrong around a schema, with the reviewed text of each case; what is
-// wrong in one is in goldens/errors.
+// rtpmc's errors about command lines, files and folders, with reviewed texts in goldens/commands.
+// Those about a schema's content are in goldens/errors.
 namespace rtpm::schema {
 namespace {
 
@@ -30,7 +30,7 @@ constexpr std::string_view kBad =
     "include \"rtpm.fbs\";\nnamespace lab;\n"
     "rpc_service Arm { stop(rtpm.Empty):rtpm.Empty; }\n";
 
-/// A case: the error is the reviewed one, the exit code that of an error, and nothing is written.
+/// Expects the reviewed error, its exit code, and no output file.
 void expect_error(const ScratchFolder& folder, const std::string& name,
                   const std::string& arguments, int exit_code = 1) {
   SCOPED_TRACE(name);
@@ -69,7 +69,7 @@ TEST(RtpmcErrors, OfSchemasThatCannotBeRead) {
   expect_error(folder, "path_with_spaces", kGenerate + "'my schemas/the arm.fbs'");
 }
 
-/// Makes arm.bfbs of arm.fbs as flatc does it.
+/// Compiles arm.fbs to arm.bfbs with flatc.
 void make_binary(const ScratchFolder& folder, const std::string& flags) {
   const std::string command = "cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_FLATC) +
                               " -b --schema --bfbs-comments --bfbs-builtins " + flags + " -I " +
@@ -86,7 +86,7 @@ TEST(RtpmcErrors, OfBinarySchemasOfOtherCompilers) {
   std::string bytes = read_file(folder.path() / "arm.bfbs");
   folder.write("cut.bfbs", std::string_view(bytes).substr(0, 100));
   expect_error(folder, "binary_of_another_version", kGenerate + "cut.bfbs");
-  // A feature of a later FlatBuffers; the schema has one already, so the field is there.
+  // A feature of a newer FlatBuffers; the schema has one already, so the field is present.
   auto* const features = const_cast<std::uint8_t*>(
       reinterpret_cast<const flatbuffers::Table*>(reflection::GetSchema(bytes.data()))
           ->GetAddressOf(reflection::Schema::VT_ADVANCED_FEATURES));
@@ -101,7 +101,7 @@ TEST(RtpmcErrors, OfOutputThatCannotBeWritten) {
   folder.write("arm.fbs", kGood);
   folder.write("file", "a file where a folder should be");
   expect_error(folder, "folder_is_a_file", idl_flag() + "--cpp -o file arm.fbs");
-  // The last of the files cannot be written: then the others are not there either.
+  // The last file cannot be written, so none is.
   fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
   expect_error(folder, "file_is_a_folder", idl_flag() + "--cpp -o half arm.fbs");
   EXPECT_EQ(names_in(folder.path() / "half"), std::vector<std::string>{"arm.rtpm.cpp"});
@@ -120,7 +120,7 @@ TEST(RtpmcErrors, OfCommandLines) {
                "check " + idl_flag() + "--conform none.fbs arm.fbs");
 }
 
-// Code of another rtpmc meets this RTPM's headers, or the other way round.
+// Generated code and RTPM's headers of different versions.
 TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);

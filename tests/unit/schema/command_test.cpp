@@ -14,7 +14,7 @@
 #include "rtpmc_program.hpp"
 #include "scratch_folder.hpp"
 
-// rtpmc as a program: what it takes, writes, says and ends with.
+// rtpmc as a program: command line, output, messages and exit codes.
 namespace rtpm::schema {
 namespace {
 
@@ -47,7 +47,7 @@ TEST(Rtpmc, WritesItsFilesIntoANewFolderWithSpaces) {
             std::string::npos);
 }
 
-TEST(Rtpmc, SchemaErrorIsOneAndLeavesNoFile) {
+TEST(Rtpmc, SchemaErrorExitsWithOneAndWritesNoFile) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kBad);
   const Outcome result = run(folder, idl_flag() + "--cpp -o out --depfile out/arm.d arm.fbs");
@@ -56,7 +56,7 @@ TEST(Rtpmc, SchemaErrorIsOneAndLeavesNoFile) {
   EXPECT_TRUE(names_in(folder.path() / "out").empty());
 }
 
-TEST(Rtpmc, SchemaErrorLeavesTheOldFilesAsTheyWere) {
+TEST(Rtpmc, SchemaErrorKeepsTheOldFiles) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   ASSERT_EQ(run(folder, idl_flag() + "--cpp -o out arm.fbs").exit_code, 0);
@@ -77,7 +77,7 @@ TEST(Rtpmc, MissingSchemaIsNamed) {
   EXPECT_NE(run(folder, "--cpp -o out folder.fbs").errors.find("is a folder"), std::string::npos);
 }
 
-TEST(Rtpmc, UnwritableOutputLeavesNothingBehind) {
+TEST(Rtpmc, UnwritableOutputLeavesNoFile) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   folder.write("out", "a file where a folder should be");
@@ -85,14 +85,14 @@ TEST(Rtpmc, UnwritableOutputLeavesNothingBehind) {
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_TRUE(result.errors.starts_with("rtpmc: error: cannot")) << result.errors;
 
-  // The second of the two files cannot be written: then the first is not there either.
+  // The second file cannot be written, so none is.
   fs::create_directories(folder.path() / "half/arm.rtpm.cpp");
   result = run(folder, idl_flag() + "--cpp -o half arm.fbs");
   EXPECT_EQ(result.exit_code, 1);
   EXPECT_EQ(names_in(folder.path() / "half"), std::vector<std::string>{"arm.rtpm.cpp"});
 }
 
-TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
+TEST(Rtpmc, DependencyFileHasIncludedFiles) {
   const ScratchFolder folder;
   folder.write("in c/base.fbs", "namespace lab; table Base { x:int; }");
   folder.write("arm.fbs", "include \"base.fbs\";\n" + std::string(kGood));
@@ -108,12 +108,12 @@ TEST(Rtpmc, DependencyFileNamesWhatIsIncluded) {
   EXPECT_NE(text.find("rtpm.fbs"), std::string::npos) << text;
 }
 
-TEST(Rtpmc, DependencyFileEscapesWhatMakeWouldRead) {
+TEST(Rtpmc, DependencyFileEscapesForMake) {
   EXPECT_EQ(dependency_text({"a b", "c"}, {"$x", "#y", "d\\e"}),
             "a\\ b c: \\\n  $$x \\\n  \\#y \\\n  d\\\\e\n");
 }
 
-TEST(Rtpmc, HelpAndVersionAnswer) {
+TEST(Rtpmc, PrintsHelpAndVersion) {
   const ScratchFolder folder;
   const Outcome help = run(folder, "--help");
   EXPECT_EQ(help.exit_code, 0);
@@ -126,7 +126,7 @@ TEST(Rtpmc, HelpAndVersionAnswer) {
   EXPECT_EQ(version.output, std::string("rtpmc ") + RTPM_VERSION + '\n');
 }
 
-TEST(Rtpmc, WrongCommandLineIsOneSentenceAndTwo) {
+TEST(Rtpmc, WrongCommandLineIsOneSentenceAndExitCodeTwo) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   const std::vector<std::pair<std::string, std::string>> wrong{
@@ -170,8 +170,8 @@ TEST(Rtpmc, PrintsTheModelOrWritesIt) {
   EXPECT_EQ(names_in(folder.path() / "out").size(), 5u);
 }
 
-// What no comment may break: quotation marks, backslashes and bytes below 32.
-TEST(Rtpmc, JsonTakesAnyComment) {
+// With quotation marks, backslashes and control characters.
+TEST(Rtpmc, JsonEscapesAnyComment) {
   const ScratchFolder folder;
   folder.write("arm.fbs", "/// a \"quoted\" back\\slash\tand \x01\ntable T { x:double = inf; }\n");
   const Outcome printed = run(folder, "--emit json arm.fbs");
@@ -180,7 +180,7 @@ TEST(Rtpmc, JsonTakesAnyComment) {
   EXPECT_EQ(model["objects"][0]["fields"][0]["default"], "inf");
 }
 
-/// Makes the binary schema of arm.fbs as flatc does it.
+/// Compiles the binary schema of arm.fbs with flatc.
 int make_binary(const ScratchFolder& folder, const std::string& flags = "--bfbs-filenames .") {
   return std::system(("cd " + quoted(folder.path().string()) + " && " + quoted(RTPM_FLATC) +
                       " -b --schema --bfbs-comments --bfbs-builtins " + flags + " -I " +
@@ -188,7 +188,7 @@ int make_binary(const ScratchFolder& folder, const std::string& flags = "--bfbs-
                          .c_str());
 }
 
-TEST(Rtpmc, TakesABinarySchema) {
+TEST(Rtpmc, AcceptsABinarySchema) {
   const ScratchFolder folder;
   folder.write("arm.fbs", kGood);
   ASSERT_EQ(make_binary(folder), 0);
@@ -238,7 +238,7 @@ TEST(Rtpmc, ChecksASchemaAndWritesNothing) {
   EXPECT_EQ(run(folder, "check " + idl_flag() + "arm.fbs").exit_code, 1);
 }
 
-TEST(Rtpmc, SaysWhetherASchemaConforms) {
+TEST(Rtpmc, ReportsWhetherASchemaConforms) {
   const ScratchFolder folder;
   const std::string good(kGood);
   folder.write("old.fbs", good);
@@ -282,7 +282,7 @@ TEST(Rtpmc, HugeSchemaIsRefused) {
       << result.errors;
 }
 
-TEST(Rtpmc, IncludeFlagMayStandAlone) {
+TEST(Rtpmc, IncludeFlagMayBeSeparate) {
   const char* const arguments[] = {"-Ia", "-I",        "b", "--cpp", "-o",
                                    "out", "--depfile", "d", "x.fbs"};
   const auto parsed = read_command_line(arguments, "1");

@@ -11,7 +11,7 @@
 
 #include "scratch_folder.hpp"
 
-// Every kind of change, what it is called, whom it breaks, and what is said of it.
+// Every kind of change: its name, what it breaks, and its message.
 namespace rtpm::schema {
 namespace {
 
@@ -122,7 +122,7 @@ std::string with(const Case& c) {
   return text.replace(at, std::string(c.what).size(), c.instead);
 }
 
-/// Compares two texts as files of the names old.fbs and new.fbs.
+/// Compares two texts as the files old.fbs and new.fbs.
 std::vector<Change> changes_between(const std::string& before, const std::string& after) {
   const test::ScratchFolder folder;
   const auto compile_as = [&](const char* name, const std::string& text) {
@@ -137,7 +137,7 @@ std::vector<Change> changes_between(const std::string& before, const std::string
   return compare(compile_as("old.fbs", before), compile_as("new.fbs", after));
 }
 
-TEST(Conform, EveryKindOfChangeIsKnownAndJudged) {
+TEST(Conform, EveryKindOfChangeHasItsVerdict) {
   std::set<ChangeKind> seen;
   for (const Case& c : kCases) {
     const std::vector<Change> changes = changes_between(std::string(kSchema), with(c));
@@ -155,7 +155,7 @@ TEST(Conform, EveryKindOfChangeIsKnownAndJudged) {
 
 TEST(Conform, NoChangeIsNoChange) {
   EXPECT_EQ(render(changes_between(std::string(kSchema), std::string(kSchema))), "");
-  // Comments, the order of declarations and other tools' attributes are nobody's affair.
+  // Comments, the order of declarations and other tools' attributes do not matter.
   std::string text = "/* A comment. */ " + std::string(kSchema);
   const std::string alone = "table Alone { x:int; }\n";
   text.erase(text.find(alone), alone.size());
@@ -163,12 +163,12 @@ TEST(Conform, NoChangeIsNoChange) {
   EXPECT_EQ(render(changes_between(std::string(kSchema), text)), "");
 }
 
-// One cause is told once, however many fields and methods it reaches.
+// One cause is reported once, however many fields and methods it affects.
 TEST(Conform, OneCauseIsOneChange) {
   for (const Case& c : kCases) {
     if (c.kind == Kind::kServiceAdded || c.kind == Kind::kPayloadKind ||
         c.kind == Kind::kTypeRemoved) {
-      continue;  // A new method is with a new service, a new field with a table of another kind.
+      continue;  // A new service has a new method, a table of another kind a new field.
     }
     EXPECT_EQ(changes_between(std::string(kSchema), with(c)).size(), 1u)
         << name_of(c.kind) << '\n'
@@ -176,7 +176,7 @@ TEST(Conform, OneCauseIsOneChange) {
   }
 }
 
-// In a request the old client writes, in a reply it reads.
+// Clients write requests and read replies.
 TEST(Conform, DirectionDependsOnTheRole) {
   const auto verdict = [](const char* what, const char* instead) {
     const auto changes = changes_between(std::string(kSchema), with({what, instead, {}, {}}));

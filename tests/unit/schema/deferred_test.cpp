@@ -15,7 +15,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/test/os.hpp"
 
-// Generated code of methods that answer later, with streams, or not at all, over a real server.
+// Generated code of deferred methods, streams and oneways, over a real server.
 namespace {
 
 using namespace std::chrono_literals;
@@ -121,7 +121,7 @@ class GeneratedDeferred : public testing::Test {
   std::optional<late::FeedClient> client_;
 };
 
-TEST_F(GeneratedDeferred, OnewaysGoAsFarAsTheirSchemaSays) {
+TEST_F(GeneratedDeferred, OnewaysWaitForTheirLevel) {
   ASSERT_TRUE(client_->nudge(late::Sample{17, 0}));
   EXPECT_TRUE(rtpm::test::await([&] { return feed_.nudged == 17; }));
   ASSERT_TRUE(client_->mark(note("here")));
@@ -133,7 +133,7 @@ TEST_F(GeneratedDeferred, OnewaysGoAsFarAsTheirSchemaSays) {
   EXPECT_TRUE(feed_.is_settled) << "its caller goes on when it ran";
 }
 
-TEST_F(GeneratedDeferred, RepliesComeLater) {
+TEST_F(GeneratedDeferred, RepliesAreDeferred) {
   const auto sample = client_->wait();
   ASSERT_TRUE(sample) << to_string(sample.error());
   EXPECT_EQ(sample->number(), 4u);
@@ -144,7 +144,7 @@ TEST_F(GeneratedDeferred, RepliesComeLater) {
   EXPECT_EQ((*text)->text()->str(), "about it");
 }
 
-TEST_F(GeneratedDeferred, StreamsOfStructsComeInOrder) {
+TEST_F(GeneratedDeferred, StreamsOfStructsArriveInOrder) {
   auto samples = client_->watch();
   ASSERT_TRUE(samples) << to_string(samples.error());
   for (std::uint64_t i = 0; i < 100; ++i) {
@@ -170,7 +170,7 @@ TEST_F(GeneratedDeferred, StreamsOfTablesMayEndWithARefusal) {
   EXPECT_EQ(notes->next(rtpm::rt::now() + 20s).error(), CallError::kNoSuchObject);
 }
 
-TEST_F(GeneratedDeferred, StreamsAreNotForOrdinaryCalls) {
+TEST_F(GeneratedDeferred, StreamMethodsRefuseOrdinaryCalls) {
   const rtpm::rpc::MethodDescriptor watch{7, "watch", 0, false, {}};
   EXPECT_EQ(client_->binding().call(watch, {}).error(), CallError::kOverload);
 }

@@ -15,7 +15,7 @@
 #include "rtpm/schema/schema_text.hpp"
 #include "scratch_folder.hpp"
 
-// A service's own schema, and payloads as JSON, against the generated code of the same schema.
+// A service's schema text, and payloads as JSON, against generated code of the same schema.
 namespace rtpm::schema {
 namespace {
 
@@ -28,7 +28,7 @@ std::unique_ptr<Dynamic> make(const rpc::InterfaceDescriptor& interface) {
   return dynamic;
 }
 
-// A tool that reads the text must be able to bind: the fingerprints are those of generated code.
+// So a tool that compiles the text can bind.
 TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
   std::size_t count = 0;
   for (const fs::path folder : {RTPM_GOLDEN_FOLDER, RTPM_IDL_FOLDER}) {
@@ -51,7 +51,7 @@ TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
   EXPECT_GE(count, 9u);
 }
 
-TEST(SchemaText, KeepsManners) {
+TEST(SchemaText, KeepsAttributesAndDefaults) {
   const Model model = test::model_of(R"(include "rtpm.fbs"; namespace lab;
     enum Mode : byte { Low = -3, High = 3 }
     table T { k:string (key); m:Mode = High; n:[ubyte] (nested_flatbuffer: "T"); f:float = -0.25; big:ulong = 18446744073709551615; b:bool = true; }
@@ -117,7 +117,7 @@ TEST(Dynamic, ReadsATableAsGeneratedCodeWritesIt) {
       "{\"title\": \"take \\\"1\\\"\",\"positions\": [{\"x_m\": 1.0,\"y_m\": 2.0,\"z_m\": 3.0}]}");
 }
 
-TEST(Dynamic, NothingIsNothing) {
+TEST(Dynamic, EmptyPayloadsHaveNoBytes) {
   const auto arm = make(lab::ArmClient::interface());
   std::string error;
   const Method& release = *arm->find("release");
@@ -128,7 +128,7 @@ TEST(Dynamic, NothingIsNothing) {
   EXPECT_EQ(arm->decode(release.reply, {}), "{}");
 }
 
-TEST(Dynamic, WhatDoesNotFitIsRefusedWithAReason) {
+TEST(Dynamic, MismatchesAreRefusedWithAReason) {
   const auto arm = make(lab::ArmClient::interface());
   const std::pair<const char*, const char*> wrong[] = {
       {"set_force", "{x_newton: 1}"}, {"set_force", "{colour: 1}"}, {"set_force", "nonsense"},
@@ -145,7 +145,7 @@ TEST(Dynamic, WhatDoesNotFitIsRefusedWithAReason) {
   EXPECT_EQ(arm->find("fly"), nullptr);
 }
 
-TEST(Dynamic, TextThatIsNoSchemaIsRefused) {
+TEST(Dynamic, TextOtherThanASchemaIsRefused) {
   std::string error;
   EXPECT_EQ(Dynamic::make("table {", "lab.Arm", error), nullptr);
   EXPECT_TRUE(error.starts_with("schema:1:7: error: ")) << error;
@@ -154,7 +154,7 @@ TEST(Dynamic, TextThatIsNoSchemaIsRefused) {
   EXPECT_EQ(error, "the schema has no service lab.Leg");
 }
 
-TEST(Dynamic, UnionsAndOptionalsGoBothWays) {
+TEST(Dynamic, ConvertsUnionsAndOptionalsBothWays) {
   const auto scene = make(lab::quantities::SceneClient::interface());
   std::string error;
   const std::string json =

@@ -17,7 +17,7 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/test/os.hpp"
 
-// What generated code says of events, against payloads that its data types write.
+// Generated descriptors of events, against payloads written by the data types.
 namespace {
 
 using lab::quantities::MovedEvent;
@@ -25,7 +25,7 @@ using lab::quantities::TouchedEvent;
 using rtpm::events::read_scalar;
 using rtpm::events::Scalar;
 
-/// Every number of a payload that its descriptor finds.
+/// All numbers of a payload by its descriptor.
 std::map<std::string, Scalar> numbers(const rtpm::events::EventDescriptor& event,
                                       rtpm::ConstBytes payload) {
   std::map<std::string, Scalar> found;
@@ -37,7 +37,7 @@ std::map<std::string, Scalar> numbers(const rtpm::events::EventDescriptor& event
   return found;
 }
 
-TEST(GeneratedEvents, OfAStructAreTheBareStruct) {
+TEST(GeneratedEvents, StructEventsAreTheBareStruct) {
   static_assert(TouchedEvent::kIsStruct && TouchedEvent::kType == 4711);
   const TouchedEvent::Payload force(1, -2, 0.5);
   const auto found = numbers(TouchedEvent::kDescriptor, rtpm::rpc::struct_bytes(force));
@@ -47,7 +47,7 @@ TEST(GeneratedEvents, OfAStructAreTheBareStruct) {
   EXPECT_NE(TouchedEvent::kSchemaId, 0u);
 }
 
-TEST(GeneratedEvents, OfATableThatIsCalledAnEventAreNotCalledSoTwice) {
+TEST(GeneratedEvents, TablesNamedEventGetNoSecondSuffix) {
   using lab::quantities::LeftEventTraits;
   EXPECT_EQ(LeftEventTraits::kDescriptor.name, "lab.quantities.LeftEvent");
   static_assert(
@@ -62,7 +62,7 @@ std::map<std::string, Scalar> numbers_of(const lab::quantities::MovedT& moved) {
   return numbers(MovedEvent::kDescriptor, rtpm::rpc::table_bytes(builder));
 }
 
-TEST(GeneratedEvents, OfATableSayWhereEachNumberStands) {
+TEST(GeneratedEvents, TableEventsHaveThePathOfEachNumber) {
   static_assert(!MovedEvent::kIsStruct && MovedEvent::kType == 4712);
   lab::quantities::MovedT moved;
   moved.plane = std::make_unique<lab::quantities::PlaneT>();
@@ -94,7 +94,7 @@ TEST(GeneratedEvents, OfATableSayWhereEachNumberStands) {
   EXPECT_EQ(numbers_of(moved), expected);
 }
 
-TEST(GeneratedEvents, HaveDefaultsWhereThePayloadLeavesThemOut) {
+TEST(GeneratedEvents, NumbersMissingInThePayloadHaveDefaults) {
   const auto found = numbers_of({});
   EXPECT_EQ(found.at("distance_m"), Scalar::of(0.5));
   EXPECT_EQ(found.at("step"), Scalar::of(-3));
@@ -125,7 +125,7 @@ class TypedEvents : public testing::Test {
   }
   ~TypedEvents() override { server_->stop(); }
 
-  /// The settings of a consumer that tells when it is there.
+  /// Options of a consumer that reports its subscription.
   template <class Consumer>
   Consumer consume(typename Consumer::OnEvent on_event, rtpm::events::ConsumerConfig config = {}) {
     config.realtime = rtpm::rt::RealtimeMode::kOff;
@@ -146,7 +146,7 @@ class TypedEvents : public testing::Test {
   std::deque<std::atomic<bool>> is_there_;
 };
 
-TEST_F(TypedEvents, GoFromTheirSuppliersToTheirConsumers) {
+TEST_F(TypedEvents, ReachTheirConsumers) {
   std::atomic<double> touched_x{0};
   std::atomic<std::uint32_t> touched_by{0};
   std::atomic<int> step{0};
@@ -180,7 +180,7 @@ TEST_F(TypedEvents, GoFromTheirSuppliersToTheirConsumers) {
   EXPECT_EQ(step, 7) << "what is near was filtered by the hub";
 }
 
-TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndLeftOut) {
+TEST_F(TypedEvents, OfAnotherSchemaAreCountedAndDropped) {
   std::atomic<int> count{0};
   auto touched =
       consume<lab::quantities::TouchedConsumer>([&](const auto&, const auto&) { ++count; });

@@ -16,20 +16,20 @@
 #include "evolution_samples.hpp"
 #include "scratch_folder.hpp"
 
-// One edit of each kind with code that is really generated and built: a program has all old
-// versions, another all new ones; each serves, and the other calls.
+// One edit of each kind with generated and built code: one program has all old versions, another
+// all new ones; each serves while the other calls.
 namespace rtpm::schema {
 namespace {
 
 using test::EvolutionSample;
 using test::Side;
 
-/// What a program told of one method of one sample; method 0 is the bind.
-struct Told {
+/// A program's report on one method of one sample; method 0 is the bind.
+struct Entry {
   std::string what{};  ///< "bound", "request", "reply" or "error".
   std::string rest{};  ///< Bytes, or the error's text.
 };
-using Report = std::map<std::pair<int, int>, Told>;
+using Report = std::map<std::pair<int, int>, Entry>;
 
 Report parse(const std::string& text) {
   Report report;
@@ -38,16 +38,16 @@ Report parse(const std::string& text) {
     std::istringstream words(line);
     int sample = 0;
     int method = 0;
-    Told told;
-    if (!(words >> sample >> method >> told.what)) continue;
-    std::getline(words >> std::ws, told.rest);
-    if (told.what != "error") {
+    Entry entry;
+    if (!(words >> sample >> method >> entry.what)) continue;
+    std::getline(words >> std::ws, entry.rest);
+    if (entry.what != "error") {
       std::string bytes;
-      for (std::size_t i = 0; i + 1 < told.rest.size(); i += 2)
-        bytes += static_cast<char>(std::stoi(told.rest.substr(i, 2), nullptr, 16));
-      told.rest = bytes;
+      for (std::size_t i = 0; i + 1 < entry.rest.size(); i += 2)
+        bytes += static_cast<char>(std::stoi(entry.rest.substr(i, 2), nullptr, 16));
+      entry.rest = bytes;
     }
-    report[{sample, method}] = told;
+    report[{sample, method}] = entry;
   }
   return report;
 }
@@ -84,7 +84,7 @@ Exchange exchange(const std::string& client, const std::string& server) {
   return {parse(test::read_file(called)), parse(test::read_file(served))};
 }
 
-/// Code that packs a vector without elements, or an empty text, leaves it out.
+/// Packing omits empty vectors and texts.
 nlohmann::json packed(nlohmann::json value) {
   if (value.is_array() && value.empty()) return nullptr;
   if (value.is_structured()) {
@@ -94,7 +94,7 @@ nlohmann::json packed(nlohmann::json value) {
   return value;
 }
 
-/// Whether what `writer` wrote is what `reader` made of it.
+/// Whether `reader` read what `writer` wrote.
 bool arrived(const Side& writer, const Payload& sent, const std::string& bytes, const Side& reader,
              const Payload& expected, const std::string& repacked) {
   const auto name = [](const Side& side, const Payload& payload) {
@@ -108,7 +108,7 @@ bool arrived(const Side& writer, const Payload& sent, const std::string& bytes, 
   return is_good;
 }
 
-/// Whether all methods of a sample were called and understood.
+/// Whether all methods of a sample were called and all payloads understood.
 bool is_understood_throughout(int sample, Side& client, Side& server, const Exchange& exchange) {
   for (const Method& method : client.model().services.front().methods) {
     const auto& methods = server.model().services.front().methods;
@@ -134,36 +134,37 @@ bool is_understood_throughout(int sample, Side& client, Side& server, const Exch
 }
 
 /// Every sample, with clients of one version and servers of the other.
-int expect_as_said(const std::vector<EvolutionSample>& samples, bool are_clients_old) {
+int expect_as_reported(const std::vector<EvolutionSample>& samples, bool are_clients_old) {
   const std::string before = RTPM_EVOLUTION_PEER "before";
   const std::string after = RTPM_EVOLUTION_PEER "after";
-  const Exchange told = are_clients_old ? exchange(before, after) : exchange(after, before);
+  const Exchange exchanged = are_clients_old ? exchange(before, after) : exchange(after, before);
   int bound_count = 0;
   for (std::size_t i = 0; i < samples.size(); ++i) {
     const auto number = static_cast<int>(i);
     Side old_side(samples[i].before);
     Side new_side(samples[i].after);
-    bool is_said_to_break = false;
+    bool is_reported_to_break = false;
     bool is_limit = false;
     for (const Change& change : compare(old_side.model(), new_side.model())) {
-      is_said_to_break |= are_clients_old ? change.breaks_old_clients : change.breaks_new_clients;
+      is_reported_to_break |=
+          are_clients_old ? change.breaks_old_clients : change.breaks_new_clients;
       is_limit |= change.kind == ChangeKind::kFieldRangeNarrowed ||
                   change.kind == ChangeKind::kFieldRangeWidened ||
                   ((change.kind == ChangeKind::kFieldRemoved ||
                     change.kind == ChangeKind::kEnumValueRemoved) &&
                    change.reading.is_by_meaning);
     }
-    const auto bind = told.client.find({number, 0});
-    if (bind == told.client.end()) {
-      ADD_FAILURE() << "the client told nothing of sample " << i;
+    const auto bind = exchanged.client.find({number, 0});
+    if (bind == exchanged.client.end()) {
+      ADD_FAILURE() << "no report on sample " << i;
       continue;
     }
     const bool is_bound = bind->second.what == "bound";
     const std::string words = "sample " + std::to_string(i) + ", " +
                               std::string(name_of(samples[i].kind)) + ": " + bind->second.rest;
-    // What a bind cannot tell is judged by the calls alone.
+    // What a bind cannot detect is judged by the calls alone.
     if (!is_limit) {
-      EXPECT_EQ(is_bound, !is_said_to_break) << words;
+      EXPECT_EQ(is_bound, !is_reported_to_break) << words;
     }
     if (!is_bound) {
       EXPECT_NE(bind->second.rest.find("has another lab"), std::string::npos) << words;
@@ -172,16 +173,16 @@ int expect_as_said(const std::vector<EvolutionSample>& samples, bool are_clients
     ++bound_count;
     Side& client = are_clients_old ? old_side : new_side;
     Side& server = are_clients_old ? new_side : old_side;
-    EXPECT_TRUE(is_understood_throughout(number, client, server, told)) << words;
+    EXPECT_TRUE(is_understood_throughout(number, client, server, exchanged)) << words;
   }
   return bound_count;
 }
 
-TEST(EvolutionBuilt, OldAndNewProgramsTalkWhereItWasSaid) {
+TEST(EvolutionBuilt, OldAndNewProgramsInteroperateAsReported) {
   const std::vector<EvolutionSample> samples = test::evolution_samples();
   EXPECT_GE(samples.size(), 28u);
-  const int old_clients = expect_as_said(samples, true);
-  const int new_clients = expect_as_said(samples, false);
+  const int old_clients = expect_as_reported(samples, true);
+  const int new_clients = expect_as_reported(samples, false);
   RecordProperty("samples", static_cast<int>(samples.size()));
   RecordProperty("old clients bound", old_clients);
   RecordProperty("new clients bound", new_clients);

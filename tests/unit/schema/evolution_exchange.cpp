@@ -15,7 +15,7 @@ namespace {
 
 using nlohmann::json;
 
-// Of each method; a change of the bytes shows in the first few.
+// Calls of each method; a change of the bytes shows in the first few.
 constexpr int kCallCount = 30;
 
 std::string random_number(const std::string& type, Random& random) {
@@ -59,7 +59,7 @@ class ValueWriter {
       return lead + "_type\": \"" + chosen.name + "\", " + lead +
              "\": " + object(*schema_.find(chosen.type));
     }
-    // Servers refuse what is outside its range.
+    // Servers refuse numbers outside their ranges.
     if (!field.range.empty()) return lead + "\": " + (below(random_, 2) == 0 ? "0" : "7");
     return lead + "\": " + value(field.type);
   }
@@ -104,7 +104,7 @@ class ValueReader {
     return members;
   }
 
-  /// Whether what was read so far lacked nothing that is required.
+  /// Whether no required member was missing so far.
   [[nodiscard]] bool has_all_required() const noexcept { return has_all_required_; }
 
   json structure(const reflection::Object& object, const std::uint8_t* data) const {
@@ -116,7 +116,7 @@ class ValueReader {
   }
 
  private:
-  /// What a member is, and whether it is there: a number always is, unless it is optional.
+  /// A member's value and whether it is present: a number always is, unless optional.
   json member(const reflection::Object& object, const reflection::Field& field,
               const flatbuffers::Table& table) const {
     const auto base = field.type()->base_type();
@@ -126,7 +126,7 @@ class ValueReader {
       if (field.optional()) return {{"value", nullptr}, {"is_set", false}};
       return {{"value", default_of(field)}, {"is_set", false}};
     }
-    // Generated code refuses the message then; the reflection's own verifier does not look.
+    // Generated code refuses the message then; the reflection's verifier does not check it.
     if (address == nullptr) has_all_required_ &= !field.required();
     if (address == nullptr) return {{"value", lost_union(object, field, table)}, {"is_set", false}};
     if (base == reflection::Union) {
@@ -135,8 +135,8 @@ class ValueReader {
     return {{"value", value(*field.type(), address)}, {"is_set", true}};
   }
 
-  /// Code that unpacks and packs again keeps the number of a member that it does not know, and
-  /// loses the member; nothing if it is not so.
+  /// Unpacking and packing keeps the number of an unknown member of a union and loses the member;
+  /// nothing for a known one.
   json lost_union(const reflection::Object& object, const reflection::Field& field,
                   const flatbuffers::Table& table) const {
     if (field.type()->base_type() != reflection::Union) return nullptr;
@@ -172,7 +172,7 @@ class ValueReader {
     return named(*field.type(), field.default_integer());
   }
 
-  /// A number without a name here, and the names that there are.
+  /// A number without a name, and the existing names.
   template <class Values>
   static json unknown(const Values& values) {
     json names = json::array();
@@ -181,7 +181,7 @@ class ValueReader {
     return {{"unknown", names}};
   }
 
-  /// The name of an enum's value, where it has one.
+  /// The name of an enum's value, if it has one.
   json named(const reflection::Type& type, std::int64_t number) const {
     if (type.index() < 0) return number;
     const auto* values =
@@ -265,7 +265,7 @@ bool arrives(Side& writer, const Payload& sent, Side& reader, const Payload& exp
   std::vector<std::size_t> union_types;
   const auto written = writer.read(name(writer, sent), sent.kind, bytes, bytes, &union_types);
   EXPECT_TRUE(written) << "a side does not read what it wrote itself\n" << writer.schema().text();
-  // Generated code lets a union's member pass that it does not know, the reflection's verifier not.
+  // Generated code accepts an unknown member of a union, the reflection's verifier does not.
   std::string verified = bytes;
   const TypeText* choice = reader.schema().find("Choice");
   for (const std::size_t place : union_types) {
@@ -289,7 +289,7 @@ Side::Side(const SchemaText& schema) : schema_(schema), model_(model_of(schema.t
   options.strict_json = true;
   parser_ = std::make_unique<flatbuffers::Parser>(options);
   const char* folders[] = {RTPM_IDL_FOLDER, nullptr};
-  // Code that flatc generates does not know deprecated fields; the parser would ask for them.
+  // Code by flatc ignores deprecated fields; the parser would require them.
   SchemaText as_generated = schema;
   for (TypeText& type : as_generated.types) {
     for (FieldText& field : type.fields)
@@ -355,7 +355,7 @@ std::optional<json> Side::read(const std::string& table, PayloadKind kind, const
 }
 
 bool is_understood(const json& written, const json& read) {
-  // A number without a name is no misunderstanding, unless the reader has the name under another.
+  // A number without a name is not misread, unless the reader has its name under another number.
   if (read.is_object() && read.contains("unknown")) {
     const json& name =
         written.is_object() && written.contains("member") ? written["member"] : written;

@@ -12,11 +12,11 @@
 #include "evolution_schema.hpp"
 #include "rtpm/schema/model.hpp"
 
-/// Two sides that were built from schemas, without their code: FlatBuffers' parser writes values as
-/// a schema says, its reflection verifies and reads them.
+/// Two sides of an exchange without generated code: FlatBuffers' parser writes values of a schema,
+/// its reflection verifies and reads them.
 namespace rtpm::schema::test {
 
-/// One version of a schema, with the right to write and to read.
+/// A writer and reader of one version of a schema.
 class Side {
  public:
   explicit Side(const SchemaText& schema);
@@ -24,13 +24,13 @@ class Side {
   [[nodiscard]] const Model& model() const noexcept { return model_; }
   [[nodiscard]] const SchemaText& schema() const noexcept { return schema_; }
 
-  /// A message of `table`, as `kind` says, with values at random.
+  /// A message of `table` with random values.
   [[nodiscard]] std::string write(const std::string& table, PayloadKind kind, Random& random);
 
-  /// What this side reads in the bytes, member by member; nothing if it does not take `verified`,
-  /// which is the same but for what the verifier of the reflection and that of generated code judge
-  /// differently; empty: the bytes are believed. Adds the places of unions' types to `union_types`,
-  /// if given.
+  /// What this side reads in the bytes, member by member; nothing if it rejects `verified`.
+  /// @param verified     the bytes without what generated code's verifier judges differently from
+  ///                     the reflection's; empty: no verification
+  /// @param union_types  if given, gets the positions of unions' types
   [[nodiscard]] std::optional<nlohmann::json> read(
       const std::string& table, PayloadKind kind, const std::string& bytes,
       const std::string& verified, std::vector<std::size_t>* union_types = nullptr) const;
@@ -42,12 +42,12 @@ class Side {
   std::string reflection_{};
 };
 
-/// Whether a reader that got `read` understood what the writer meant by `written`: every member
-/// that both know is the same, and what the writer does not know is as if it was not sent.
+/// Whether a reader that got `read` understood `written`: members that both know are equal, and
+/// members that the writer does not know are absent.
 [[nodiscard]] bool is_understood(const nlohmann::json& written, const nlohmann::json& read);
 
-/// Whether clients built from one schema and servers built from the other understand each other, as
-/// far as some calls of each method with values at random show.
+/// Whether clients of one schema and servers of the other understand each other in some calls of
+/// each method with random values.
 [[nodiscard]] bool can_call(Side& client, Side& server, Random& random);
 
 }  // namespace rtpm::schema::test

@@ -7,7 +7,7 @@
 #include "evolution_exchange.hpp"
 #include "evolution_schema.hpp"
 
-/// A sample of the random edits, of which both sides are generated, built and run.
+/// A random edit of which both sides are generated, built and run.
 namespace rtpm::schema::test {
 
 struct EvolutionSample {
@@ -16,10 +16,10 @@ struct EvolutionSample {
   SchemaText after{};
 };
 
-/// One edit of each kind, the same ones in every program.
+/// One edit of each kind; the same in every program.
 [[nodiscard]] std::vector<EvolutionSample> evolution_samples();
 
-/// What `side` writes for a method's request or reply, the same in every program.
+/// What `side` writes as a method's request or reply; the same in every program.
 [[nodiscard]] std::string sample_message(Side& side, const Payload& payload, std::uint16_t method,
                                          bool is_request);
 

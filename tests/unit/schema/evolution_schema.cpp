@@ -18,7 +18,8 @@ bool is_number(const std::string& type) {
   return std::find(std::begin(kNumbers), std::end(kNumbers), type) != std::end(kNumbers);
 }
 
-/// A field of a table, of any kind; `tables` are the ones that stand above it.
+/// A field of a table, of any kind.
+/// @param tables  those defined before it
 FieldText random_field(Random& random, const std::string& name,
                        const std::vector<std::string>& tables) {
   FieldText field{.name = name};
@@ -126,7 +127,7 @@ std::string text_of(const MethodText& method) {
   return text + ");\n";
 }
 
-/// The schema and the dice that an edit needs.
+/// A schema and a random generator for its edit.
 struct Edit {
   SchemaText& schema;
   Random& random;
@@ -169,7 +170,7 @@ Outcome append_required(const Edit& edit) {
 }
 Outcome remove_last_field(const Edit& edit) {
   TypeText& table = edit.table();
-  // What still has fields, and none of them is the last of its kind.
+  // The table must keep several fields.
   if (table.fields.size() < 3) return std::nullopt;
   table.fields.pop_back();
   return Kind::kFieldRemoved;
@@ -317,7 +318,7 @@ Outcome add_method(const Edit& edit) {
   return Kind::kMethodAdded;
 }
 Outcome remove_method(const Edit& edit) {
-  // The one whose types other methods use too.
+  // A method whose types other methods use, too.
   edit.schema.methods.pop_back();
   return Kind::kMethodRemoved;
 }
@@ -409,7 +410,7 @@ SchemaText random_schema(Random& random) {
   schema.types.push_back({.kind = "table",
                           .name = "Twig",
                           .fields = {{.name = "t", .type = "int", .default_value = "3"}}});
-  // A union in what a union holds would go round in circles.
+  // A union inside of a union would be recursive.
   TypeText leaf = random_table(random, "Leaf", {});
   for (FieldText& field : leaf.fields) {
     if (field.type == "Choice") field.type = "string";

@@ -8,7 +8,7 @@
 
 #include "rtpm/schema/conform.hpp"
 
-/// Schemas made at random, and edits of them, for the test that old and new understand each other.
+/// Random schemas and edits of them, for testing the compatibility of versions.
 namespace rtpm::schema::test {
 
 using Random = std::mt19937;
@@ -59,11 +59,10 @@ struct SchemaText {
   [[nodiscard]] const TypeText* find(const std::string& name) const;
 };
 
-/// A schema with every kind of type, in which everything is reached from a method.
+/// A schema with every kind of type, all reached from methods.
 [[nodiscard]] SchemaText random_schema(Random& random);
 
-/// Changes `schema` in one way, chosen at random, and says what that is; nothing if the chosen edit
-/// does not fit the schema.
+/// Applies a random edit to `schema` and describes it; nothing if the edit does not fit the schema.
 [[nodiscard]] std::optional<ChangeKind> edit(SchemaText& schema, Random& random);
 
 }  // namespace rtpm::schema::test

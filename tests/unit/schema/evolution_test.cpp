@@ -11,8 +11,8 @@
 #include "rtpm/wire/interface_text.hpp"
 #include "scratch_folder.hpp"
 
-// The proof of `rtpmc check --conform`: schemas are edited at random, old and new sides exchange
-// messages, and what they understand is compared with what was said of the edit.
+// Tests `rtpmc check --conform`: edits random schemas, lets old and new sides exchange messages,
+// and compares what they understand with the verdict on the edit.
 namespace rtpm::schema {
 namespace {
 
@@ -22,10 +22,10 @@ using test::Side;
 struct Prediction {
   bool breaks_old_clients = false;
   bool breaks_new_clients = false;
-  bool is_by_meaning = false;  ///< Bytes need not show it.
+  bool is_by_meaning = false;  ///< Need not show in bytes.
 };
 
-/// What an exchange of bytes cannot show: promises, and what a number means.
+/// Changes that an exchange of bytes cannot show: promises, and the meaning of numbers.
 bool is_promise(const Change& change) {
   switch (change.kind) {
     case ChangeKind::kIdempotentAdded:
@@ -48,9 +48,9 @@ Prediction predict(const std::vector<Change>& changes) {
   return prediction;
 }
 
-/// What a bind cannot tell: what is gone looks as if the other side were the older one, and limits
-/// are no part of what is compared.
-bool is_passed_over_at_bind(const Change& change) {
+/// Changes that a bind cannot detect: a removed declaration looks as if the other side were older,
+/// and limits are not compared.
+bool is_undetected_at_bind(const Change& change) {
   switch (change.kind) {
     case ChangeKind::kFieldRemoved:
       return change.reading.is_by_meaning;
@@ -73,22 +73,22 @@ bool can_bind(const Side& client, const Side& server) {
   return !wire::find_obstacle(text(client), text(server));
 }
 
-/// What binds is just what was said to be compatible, and nothing that is misread.
-void expect_bind(const char* who, bool binds, bool is_said_to_break, bool is_passed_over,
+/// Expects that exactly compatible versions bind, and nothing is misread.
+void expect_bind(const char* clients, bool binds, bool is_reported_to_break, bool is_undetected,
                  bool is_understood) {
-  if (is_said_to_break && !is_passed_over) {
-    EXPECT_FALSE(binds) << who << " bind";
+  if (is_reported_to_break && !is_undetected) {
+    EXPECT_FALSE(binds) << clients << " bind";
   }
-  if (!is_said_to_break) {
-    EXPECT_TRUE(binds) << who << " do not bind";
+  if (!is_reported_to_break) {
+    EXPECT_TRUE(binds) << clients << " do not bind";
   }
   if (!is_understood) {
-    EXPECT_FALSE(binds) << who << " bind, and do not understand";
+    EXPECT_FALSE(binds) << clients << " bind, and do not understand";
   }
 }
 
 std::string describe(const Side& before, const Side& after, const std::vector<Change>& changes) {
-  return "said:\n" + render(changes) + "before:\n" + before.schema().text() + "after:\n" +
+  return "verdict:\n" + render(changes) + "before:\n" + before.schema().text() + "after:\n" +
          after.schema().text();
 }
 
@@ -100,7 +100,7 @@ bool has_kind(const std::vector<Change>& changes, ChangeKind kind) {
 // Each seed is a schema and one edit of it.
 constexpr unsigned kEditCount = 400;
 
-TEST(Evolution, EveryEditIsJudgedAsOldAndNewUnderstandEachOther) {
+TEST(Evolution, VerdictsMatchWhatOldAndNewUnderstand) {
   std::map<ChangeKind, int> edits;
   std::map<ChangeKind, int> shown;
   unsigned count = 0;
@@ -115,31 +115,31 @@ TEST(Evolution, EveryEditIsJudgedAsOldAndNewUnderstandEachOther) {
     Side before(old_schema);
     Side after(new_schema);
     const std::vector<Change> changes = compare(before.model(), after.model());
-    const Prediction said = predict(changes);
+    const Prediction predicted = predict(changes);
     const std::string what = "seed " + std::to_string(seed) + ", ";
-    ASSERT_TRUE(has_kind(changes, *kind)) << what << name_of(*kind) << " is not told\n"
+    ASSERT_TRUE(has_kind(changes, *kind)) << what << name_of(*kind) << " is not reported\n"
                                           << describe(before, after, changes);
 
     const bool old_clients_work = can_call(before, after, random);
     const bool new_clients_work = can_call(after, before, random);
-    // What is called compatible is so.
-    ASSERT_TRUE(said.breaks_old_clients || old_clients_work)
+    // A compatible edit is understood.
+    ASSERT_TRUE(predicted.breaks_old_clients || old_clients_work)
         << what << "old clients do not understand new servers\n"
         << describe(before, after, changes);
-    ASSERT_TRUE(said.breaks_new_clients || new_clients_work)
+    ASSERT_TRUE(predicted.breaks_new_clients || new_clients_work)
         << what << "new clients do not understand old servers\n"
         << describe(before, after, changes);
-    // What is called incompatible by its bytes is shown by bytes.
-    if (!said.is_by_meaning) {
-      ASSERT_EQ(said.breaks_old_clients || said.breaks_new_clients,
+    // An edit that is incompatible by its bytes shows in bytes.
+    if (!predicted.is_by_meaning) {
+      ASSERT_EQ(predicted.breaks_old_clients || predicted.breaks_new_clients,
                 !old_clients_work || !new_clients_work)
           << what << "nothing shows the break\n"
           << describe(before, after, changes);
     }
-    const bool is_passed_over = std::any_of(changes.begin(), changes.end(), is_passed_over_at_bind);
-    expect_bind("old clients", can_bind(before, after), said.breaks_old_clients, is_passed_over,
+    const bool is_undetected = std::any_of(changes.begin(), changes.end(), is_undetected_at_bind);
+    expect_bind("old clients", can_bind(before, after), predicted.breaks_old_clients, is_undetected,
                 old_clients_work);
-    expect_bind("new clients", can_bind(after, before), said.breaks_new_clients, is_passed_over,
+    expect_bind("new clients", can_bind(after, before), predicted.breaks_new_clients, is_undetected,
                 new_clients_work);
     ASSERT_FALSE(HasFailure()) << what << describe(before, after, changes);
     ++edits[*kind];
@@ -153,8 +153,8 @@ TEST(Evolution, EveryEditIsJudgedAsOldAndNewUnderstandEachOther) {
   }
 }
 
-// Several edits at once hide nothing: if none of them is told to break, nothing breaks.
-TEST(Evolution, SeveralEditsAtOnceAreAsGoodAsTheWorst) {
+// Edits do not hide each other: if none is reported to break, nothing breaks.
+TEST(Evolution, SeveralEditsAreAsCompatibleAsTheWorst) {
   unsigned compatible = 0;
   for (unsigned seed = 10'000; seed < 10'150; ++seed) {
     Random random(seed);
@@ -163,22 +163,22 @@ TEST(Evolution, SeveralEditsAtOnceAreAsGoodAsTheWorst) {
     for (int i = 0; i < 3; ++i)
       (void)test::edit(new_schema, random);
     const CompileResult compiled = test::compile_text(new_schema.text());
-    // Two edits of one declaration may make no schema.
+    // Two edits of one declaration may not give a valid schema.
     if (!compiled.model) continue;
     Side before(old_schema);
     Side after(new_schema);
     const std::vector<Change> changes = compare(before.model(), after.model());
-    const Prediction said = predict(changes);
-    compatible += !said.breaks_old_clients || !said.breaks_new_clients ? 1U : 0U;
-    ASSERT_TRUE(said.breaks_old_clients || can_call(before, after, random))
+    const Prediction predicted = predict(changes);
+    compatible += !predicted.breaks_old_clients || !predicted.breaks_new_clients ? 1U : 0U;
+    ASSERT_TRUE(predicted.breaks_old_clients || can_call(before, after, random))
         << "seed " << seed << '\n'
         << describe(before, after, changes);
-    ASSERT_TRUE(said.breaks_new_clients || can_call(after, before, random))
+    ASSERT_TRUE(predicted.breaks_new_clients || can_call(after, before, random))
         << "seed " << seed << '\n'
         << describe(before, after, changes);
-    ASSERT_TRUE(said.breaks_old_clients || can_bind(before, after)) << "seed " << seed;
-    ASSERT_TRUE(said.breaks_new_clients || can_bind(after, before)) << "seed " << seed;
-    // What binds in spite of what is said is understood as far as bytes show.
+    ASSERT_TRUE(predicted.breaks_old_clients || can_bind(before, after)) << "seed " << seed;
+    ASSERT_TRUE(predicted.breaks_new_clients || can_bind(after, before)) << "seed " << seed;
+    // What binds despite the verdict is understood as far as bytes show.
     ASSERT_TRUE(!can_bind(before, after) || can_call(before, after, random))
         << "seed " << seed << '\n'
         << describe(before, after, changes);

@@ -46,7 +46,7 @@ Service service_of(std::string_view text) {
   return model.services.empty() ? Service{} : model.services.front();
 }
 
-/// A change of the schema: what stands in it and what instead.
+/// A change of the schema's text.
 struct Change {
   const char* what;
   const char* instead;
@@ -145,7 +145,7 @@ TEST(Fingerprint, DoesNotDependOnWhichFileDeclaresAType) {
 }
 
 TEST(Fingerprint, IsTheSameOnEveryMachine) {
-  // A change of these numbers parts every old program from every new one: see that it is meant.
+  // Old and new programs cannot bind to each other if these numbers change.
   const Service service = service_of(kSchema);
   EXPECT_EQ(service.fingerprint, 4551446719405322146u);
   EXPECT_EQ(service.methods[0].fingerprint, 2138556786u);

@@ -9,7 +9,7 @@
 #include "arm.rtpm.functions.hpp"
 #include "quantities.rtpm.functions.hpp"
 
-// Servants made of functions, and with them what a skeleton checks before a method runs.
+// Servants made of functions, and the checks of a skeleton before a method runs.
 namespace {
 
 using lab::quantities::Force;
@@ -40,7 +40,7 @@ struct Dispatch {
   }
 };
 
-TEST(FunctionServant, CallsItsFunctionsAndLacksTheOthers) {
+TEST(FunctionServant, CallsItsFunctionsAndRefusesTheOthers) {
   int count = 0;
   SceneFunctionServant scene({.push = [&](const Force& force, const CallContext&) -> Result<Force> {
     ++count;
@@ -57,7 +57,7 @@ TEST(FunctionServant, CallsItsFunctionsAndLacksTheOthers) {
   EXPECT_EQ(scene.interface().name, "lab.quantities.Scene");
 }
 
-/// A scene that counts what got past the checks.
+/// A scene that counts the calls that passed the checks.
 class Ranges : public testing::Test {
  protected:
   Status push(const Force& force) {

@@ -15,7 +15,7 @@
 #include "shared.rtpm.hpp"
 #include "types_only.rtpm.hpp"
 
-// Code that rtpmc generated, at work: requests go into dispatch() as a lane would hand them over.
+// Generated skeletons: the test passes requests to dispatch() as a lane does.
 namespace {
 
 using rtpm::ConstBytes;
@@ -27,7 +27,7 @@ using rtpm::rpc::ReplyBuilder;
 using rtpm::rpc::Result;
 using rtpm::wire::Status;
 
-/// An arm that remembers what it was told and answers with what can be recognised.
+/// An arm that records requests and returns recognisable values.
 class TestArm final : public lab::ArmServant {
  public:
   Result<void> release(const CallContext&) override { return note("release"); }
@@ -109,7 +109,7 @@ class TestArm final : public lab::ArmServant {
   }
 };
 
-/// A servant and the buffers that a lane would lend it.
+/// A servant with the buffers that a lane provides.
 class Generated : public testing::Test {
  protected:
   DispatchResult call(lab::ArmMethodId method, ConstBytes request = {}) {
@@ -206,7 +206,7 @@ TEST_F(Generated, TableRequestTableReply) {
   EXPECT_EQ(recording(result).title()->str(), "again");
 }
 
-TEST_F(Generated, NamesThatCppHasTakenRun) {
+TEST_F(Generated, MethodsWithNamesTakenInCppRun) {
   const std::pair<lab::ArmMethodId, const char*> empty[] = {
       {lab::ArmMethodId::delete_, "delete"},   {lab::ArmMethodId::interface_, "interface"},
       {lab::ArmMethodId::binding_, "binding"}, {lab::ArmMethodId::context, "context"},
@@ -223,7 +223,7 @@ TEST_F(Generated, NamesThatCppHasTakenRun) {
   EXPECT_EQ(arm_.ran, "dispatch");
 }
 
-TEST_F(Generated, UnknownMethodIsAnswered) {
+TEST_F(Generated, UnknownMethodIsRefused) {
   for (const int id : {0, 10, 100, 111, 65534}) {
     const DispatchResult result = call(static_cast<lab::ArmMethodId>(id));
     EXPECT_EQ(result.status, Status::kNoSuchMethod) << id;
@@ -242,7 +242,7 @@ TEST_F(Generated, RequestOfAWrongSizeDoesNotRun) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
+TEST_F(Generated, MalformedTableDoesNotRun) {
   std::array<std::byte, 32> garbage;
   garbage.fill(std::byte{0xEE});
   for (const std::size_t size : {0u, 3u, 4u, 32u}) {
@@ -251,7 +251,7 @@ TEST_F(Generated, RequestThatIsNoTableDoesNotRun) {
   EXPECT_EQ(arm_.ran, "");
 }
 
-TEST_F(Generated, RefusalsBecomeTheirStatus) {
+TEST_F(Generated, RefusalsHaveTheirStatus) {
   const std::pair<Refusal, Status> refusals[] = {
       {Refusal::kOverload, Status::kOverload},
       {Refusal::kBadRequest, Status::kBadRequest},
@@ -268,19 +268,19 @@ TEST_F(Generated, RefusalsBecomeTheirStatus) {
   }
 }
 
-TEST_F(Generated, ReplyThatWasNotFinishedIsAFailure) {
+TEST_F(Generated, UnfinishedReplyIsAFailure) {
   arm_.is_answering = false;
   EXPECT_EQ(call(lab::ArmMethodId::replay, make_request("x")).status, Status::kServantFailed);
 }
 
-TEST_F(Generated, ReplyThatIsTooLargeIsSaidSo) {
+TEST_F(Generated, TooLargeReplyIsReported) {
   arm_.answer_size = 4096;
   EXPECT_EQ(call(lab::ArmMethodId::last_recording).status, Status::kTooLarge);
   alignas(16) std::array<std::byte, 16> small{};
   EXPECT_EQ(arm_.dispatch(2, {}, small, context()).status, Status::kTooLarge);
 }
 
-TEST(GeneratedDescriptor, SaysWhatTheSchemaSays) {
+TEST(GeneratedDescriptor, MatchesTheSchema) {
   const auto& interface = lab::ArmClient::interface();
   EXPECT_EQ(interface.name, "lab.Arm");
   EXPECT_EQ(interface.compiler_version, RTPM_VERSION);
@@ -295,14 +295,14 @@ TEST(GeneratedDescriptor, SaysWhatTheSchemaSays) {
   EXPECT_EQ(&TestArm{}.interface(), &interface);
 }
 
-TEST(GeneratedDescriptor, ServicesInNamespacesOfTheirOwnAreThere) {
+TEST(GeneratedDescriptor, ServicesInNamespacesHaveDescriptors) {
   EXPECT_EQ(lab::safety::BrakeClient::interface().name, "lab.safety.Brake");
   EXPECT_EQ(lab::safety::log::ArchiveClient::interface().name, "lab.safety.log.Archive");
   EXPECT_EQ(HouseClient::interface().name, "House");
   EXPECT_EQ(static_cast<int>(HouseMethodId::look), 1);
 }
 
-// The client's side, as people write it: these are the types that a call has.
+// The types of a client's calls.
 using lab::ArmClient;
 template <class T>
 using Reply = rtpm::expected<T, CallError>;

@@ -13,9 +13,9 @@
 #include "rtpm/schema/compile.hpp"
 #include "scratch_folder.hpp"
 
-// What rtpmc writes and says is compared with files that people review: schema/goldens holds the
-// generated code, schema/goldens/errors the texts of the errors. After a wanted change, write them
-// anew with RTPM_UPDATE_GOLDENS=1 and review the difference.
+// Compares generated code with the reviewed files in schema/goldens, and errors with those in
+// schema/goldens/errors. After an intended change, write them with RTPM_UPDATE_GOLDENS=1 and review
+// the difference.
 namespace rtpm::schema {
 namespace {
 
@@ -23,8 +23,8 @@ namespace fs = std::filesystem;
 
 constexpr const char* kUpdate = "RTPM_UPDATE_GOLDENS";
 
-/// Schemas are named without folder, as a person would name them: so the texts are the same
-/// wherever the project lies.
+/// Changes the current folder, so that schemas are named without folder and errors do not depend on
+/// where the project is.
 class InFolder {
  public:
   explicit InFolder(const fs::path& folder) : before_(fs::current_path()) {
@@ -75,7 +75,7 @@ void expect_golden(const fs::path& golden, const std::string& now) {
   }
   const std::string before = test::read_file(golden);
   EXPECT_TRUE(before == now) << golden.filename().string() << " (-) is not what rtpmc gives (+):\n"
-                             << difference(before, now) << "If the change is wanted, run `"
+                             << difference(before, now) << "If the change is intended, run `"
                              << kUpdate
                              << "=1 bin/schema_test --gtest_filter='Golden*'` and review the files "
                                 "that git shows as changed.";
@@ -102,7 +102,7 @@ TEST(Golden, GeneratedCodeIsAsReviewed) {
   }
 }
 
-// One model is enough to review: it has every kind of type, and all attributes that C++ takes.
+// One model is enough: it has every kind of type and all attributes.
 TEST(Golden, JsonIsAsReviewed) {
   const InFolder folder(RTPM_GOLDEN_FOLDER);
   const CompileResult result = compile_here("quantities.fbs");
@@ -112,7 +112,7 @@ TEST(Golden, JsonIsAsReviewed) {
   }
 }
 
-TEST(Golden, ErrorsSayWhatWasReviewed) {
+TEST(Golden, ErrorsAreAsReviewed) {
   const InFolder folder(fs::path(RTPM_GOLDEN_FOLDER) / "errors");
   const std::vector<std::string> schemas = schemas_in(".");
   ASSERT_GE(schemas.size(), 40u);
@@ -123,10 +123,10 @@ TEST(Golden, ErrorsSayWhatWasReviewed) {
   }
 }
 
-TEST(Golden, NoFileIsLeftOver) {
+TEST(Golden, EveryFileHasItsSchema) {
   for (const auto& entry : fs::recursive_directory_iterator(RTPM_GOLDEN_FOLDER)) {
     fs::path path = entry.path();
-    // Those of these have their schemas in tests.
+    // Their schemas are in tests.
     const std::string folder = path.parent_path().filename().string();
     if (folder == "conform" || folder == "commands") continue;
     if (path.extension() == ".golden") {
@@ -138,7 +138,6 @@ TEST(Golden, NoFileIsLeftOver) {
   }
 }
 
-// The promise of the format, without which a caret would point anywhere.
 TEST(Golden, EveryErrorOfALineMarksIt) {
   const InFolder folder(fs::path(RTPM_GOLDEN_FOLDER) / "errors");
   for (const std::string& schema : schemas_in(".")) {

@@ -12,12 +12,12 @@ namespace {
 using test::errors_of;
 using test::model_of;
 
-/// A schema that begins as most do.
+/// A schema with the usual beginning.
 std::string in_lab(const std::string& text) {
   return "include \"rtpm.fbs\";\nnamespace lab;\n" + text;
 }
 
-/// The kind of the request of a service's only method.
+/// The kind of the request of the only method.
 PayloadKind kind_of(const std::string& types, const std::string& request = "Request") {
   const Model model = model_of(
       in_lab(types + "rpc_service Arm { call(" + request + "):rtpm.Empty (rtpm_id: 1); }"));
@@ -96,7 +96,7 @@ TEST(Model, FindsIncludedFilesByALinkToo) {
   EXPECT_EQ(result.model->services.size(), 1u);
 }
 
-TEST(Model, KnowsWhatAttributesSay) {
+TEST(Model, HasAttributes) {
   const Model model = model_of(in_lab(R"(
 rpc_service Arm {
   a(rtpm.Empty):rtpm.Empty (rtpm_id: 65535, rtpm_idempotent, rtpm_deadline_us: 800);
@@ -125,7 +125,7 @@ TEST(Model, HasDocumentationAndPlaces) {
   EXPECT_EQ(service.methods.at(0).location.column, 3u);
 }
 
-TEST(Model, KnowsWhatItDependsOn) {
+TEST(Model, HasItsDependencies) {
   const test::ScratchFolder folder;
   folder.write("deep.fbs", "namespace lab; table Deep { x:int; }");
   folder.write("base.fbs", "include \"deep.fbs\";\nnamespace lab; table Base { d:Deep; }");
@@ -137,7 +137,7 @@ TEST(Model, KnowsWhatItDependsOn) {
   EXPECT_EQ(result.model->source_files[0], file);
 }
 
-// Comments, strings and odd spacing must not lead the search for positions astray.
+// Comments, strings and odd spacing must not confuse the search for positions.
 TEST(Checker, FindsPlacesInOddText) {
   const std::string errors = errors_of(
       "\xEF\xBB\xBF/* rpc_service Wrong { */ include \"rtpm.fbs\"; namespace lab . arms ;\n"
@@ -151,7 +151,7 @@ TEST(Checker, FindsPlacesInOddText) {
       << errors;
 }
 
-TEST(Checker, ReportsEveryBreachButNoMoreThanTwenty) {
+TEST(Checker, ReportsEveryBreachUpToTwenty) {
   std::string text = in_lab("rpc_service Arm {\n");
   for (int i = 0; i < 25; ++i)
     text += "  m" + std::to_string(i) + "(rtpm.Empty):rtpm.Empty;\n";
@@ -167,7 +167,7 @@ TEST(Checker, RefusesAZeroByte) {
   EXPECT_NE(errors.find("arm.fbs:3:1: error: a zero byte"), std::string::npos) << errors;
 }
 
-TEST(Checker, TakesRecursiveTypes) {
+TEST(Checker, AcceptsRecursiveTypes) {
   const Model model =
       model_of(in_lab("union Any { Tree }\n"
                       "table Tree { left:Tree; right:Tree; any:Any; others:[Tree]; }\n"
@@ -175,7 +175,7 @@ TEST(Checker, TakesRecursiveTypes) {
   EXPECT_EQ(model.services.size(), 1u);
 }
 
-TEST(Checker, TakesALargeSchema) {
+TEST(Checker, AcceptsALargeSchema) {
   std::string text = in_lab("");
   for (int s = 0; s < 200; ++s) {
     const std::string n = std::to_string(s);

@@ -11,7 +11,7 @@
 
 #include "quantities.rtpm.hpp"
 
-// Generated code with every kind of field, limits from the schema, and a priority.
+// Generated code with every kind of field, limits and a priority.
 namespace {
 
 namespace q = lab::quantities;
@@ -22,7 +22,7 @@ using rtpm::rpc::ReplyBuilder;
 using rtpm::rpc::Result;
 using rtpm::wire::Status;
 
-/// Gives back what it gets.
+/// Returns its requests.
 class EchoScene final : public q::SceneServant {
  public:
   Result<q::Force> push(const q::Force& request, const CallContext&) override { return request; }
@@ -74,7 +74,7 @@ q::EverythingT make_everything() {
   all.unsigned_16 = 999;
   all.signed_64 = -5'000'000'000;
   all.real = 0.25F;
-  all.maybe = 0;  // There, although it is the number that an absent one might have.
+  all.maybe = 0;  // Present, although zero.
   all.maybe_flag = false;
   all.text = "text";
   all.bytes = {1, 2, 3};
@@ -126,7 +126,7 @@ TEST_F(Quantities, EveryKindOfFieldArrives) {
   EXPECT_EQ(all.shapes()->GetAs<q::Force>(0)->y(), 8);
 }
 
-TEST_F(Quantities, RequestAboveItsLargestSizeDoesNotRun) {
+TEST_F(Quantities, RequestAboveItsMaximumSizeDoesNotRun) {
   q::PartT part;
   part.name = std::string(4000, 'x');
   EXPECT_EQ(call_table<q::Part>(q::SceneMethodId::add, part).status, Status::kOk);
@@ -138,7 +138,7 @@ TEST_F(Quantities, RequestAboveItsLargestSizeDoesNotRun) {
 }
 
 // 20 references of 4 bytes each in the request become 20 tables in the reply.
-TEST_F(Quantities, ReplyAboveItsLargestSizeIsTooLarge) {
+TEST_F(Quantities, ReplyAboveItsMaximumSizeIsTooLarge) {
   flatbuffers::FlatBufferBuilder builder;
   const auto text = builder.CreateString(std::string(200, 'x'));
   q::InnerBuilder inner(builder);
@@ -154,7 +154,7 @@ TEST_F(Quantities, ReplyAboveItsLargestSizeIsTooLarge) {
             Status::kTooLarge);
 }
 
-/// A part that holds parts, `depth` deep.
+/// A part with nested parts, `depth` deep.
 std::unique_ptr<q::PartT> make_parts(int depth) {
   auto part = std::make_unique<q::PartT>();
   part->name = "p";
@@ -168,7 +168,7 @@ TEST_F(Quantities, DepthOfARecursiveTableIsBounded) {
             Status::kBadRequest);
 }
 
-/// A part with `count` references to one and the same part.
+/// A part with `count` references to one part.
 flatbuffers::Offset<q::Part> share(flatbuffers::FlatBufferBuilder& builder,
                                    flatbuffers::Offset<q::Part> part, std::size_t count) {
   const auto name = builder.CreateString("p");
@@ -191,7 +191,7 @@ TEST_F(Quantities, SharedTablesDoNotMultiplyTheWork) {
   EXPECT_EQ(call(q::SceneMethodId::add, rtpm::rpc::table_bytes(builder)).status,
             Status::kBadRequest);
 
-  // Shared once is fine.
+  // Sharing one table is accepted.
   builder.Clear();
   builder.Finish(share(builder, share(builder, 0, 0), 100));
   EXPECT_EQ(call(q::SceneMethodId::add, rtpm::rpc::table_bytes(builder)).status, Status::kOk);

@@ -29,7 +29,6 @@ std::vector<std::uint8_t> reflection_bytes() {
   return {bytes, bytes + parser.builder_.GetSize()};
 }
 
-/// The declaration file's name as FlatBuffers states it.
 constexpr const char* kFile = "//lab/arm.fbs";
 
 TEST(Reflection, IsRead) {
@@ -45,7 +44,7 @@ TEST(Reflection, ServicesOfOtherFilesAreLeftOut) {
   EXPECT_TRUE(model->services.empty());
 }
 
-TEST(Reflection, FeaturesThatNobodyKnowsAreRefused) {
+TEST(Reflection, UnknownFeaturesAreRefused) {
   std::vector<std::uint8_t> bytes = reflection_bytes();
   auto model = read_reflection(bytes, kFile);
   ASSERT_TRUE(model);
@@ -58,7 +57,7 @@ TEST(Reflection, FeaturesThatNobodyKnowsAreRefused) {
             std::string::npos);
 }
 
-// A .bfbs may come from anywhere: whatever is in it, reading ends with an answer.
+// A .bfbs is untrusted: whatever its content, reading ends without a crash.
 TEST(Reflection, DamagedBytesAreRefusedOrRead) {
   const std::vector<std::uint8_t> good = reflection_bytes();
   int refused = 0;

@@ -9,7 +9,7 @@
 
 #include "scratch_folder.hpp"
 
-/// rtpmc as a program.
+/// Runs rtpmc as a program.
 namespace rtpm::schema::test {
 
 struct Outcome {
@@ -22,7 +22,7 @@ struct Outcome {
   return '\'' + text + '\'';
 }
 
-/// Runs rtpmc in `folder` with `arguments`, which a shell reads.
+/// Runs rtpmc in `folder` with `arguments`, which a shell parses.
 [[nodiscard]] inline Outcome run(const ScratchFolder& folder, const std::string& arguments) {
   const std::string output = (folder.path() / "stdout.txt").string();
   const std::string errors = (folder.path() / "stderr.txt").string();

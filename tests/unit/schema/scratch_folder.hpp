@@ -8,7 +8,7 @@
 
 namespace rtpm::schema::test {
 
-/// A new empty folder, deleted with all it holds when this ends.
+/// A new empty folder, deleted with its content at the end.
 class ScratchFolder {
  public:
   ScratchFolder();
@@ -17,7 +17,7 @@ class ScratchFolder {
   ~ScratchFolder();
 
   [[nodiscard]] std::filesystem::path path() const { return path_; }
-  /// Writes the file `name` and gives its path.
+  /// Writes the file `name` and returns its path.
   std::string write(std::string_view name, std::string_view text) const;
 
  private:
@@ -26,7 +26,7 @@ class ScratchFolder {
 
 [[nodiscard]] std::string read_file(const std::filesystem::path& path);
 
-/// Compiles `text` as the schema arm.fbs, with RTPM's own schemas to include.
+/// Compiles `text` as the schema arm.fbs, which may include RTPM's own schemas.
 [[nodiscard]] CompileResult compile_text(std::string_view text);
 /// The model of `text`; the test fails if there is none.
 [[nodiscard]] Model model_of(std::string_view text);

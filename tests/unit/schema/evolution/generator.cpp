@@ -11,8 +11,8 @@
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
 
-// Writes the code of all sampled schemas of one version, and of a program that serves and calls
-// them:   generator before|after FLATC IDL-FOLDER OUT-FOLDER
+// Generates the code of all sampled schemas of one version, and a program that serves and calls
+// them: generator before|after FLATC IDL-FOLDER OUT-FOLDER
 namespace rtpm::schema {
 namespace {
 
@@ -32,7 +32,7 @@ std::string bytes_literal(const std::string& bytes) {
   return text + "\", " + std::to_string(bytes.size()) + ")";
 }
 
-/// The statements with which a servant's method answers.
+/// The body of a servant's method.
 std::string answer(const Model& model, const Method& method, const std::string& bytes) {
   const std::string type = cpp::payload_type(model, method.reply);
   const std::string end = method.is_deferred ? "    reply.complete(" : "    return ";

@@ -5,8 +5,8 @@
 
 #include "rtpm/rt/memory.hpp"
 
-// serve:   serves all samples until its input ends; first it prints "port N".
-// call HOST:PORT:   calls every method of all samples there.
+// serve:   prints "port N", then serves all samples until its input ends.
+// call HOST:PORT:   calls every method of all samples.
 namespace evolution {
 
 void record(int sample, int method, const char* what, const std::string& bytes) {

@@ -13,8 +13,8 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 
-/// What the generated programs of the evolution test have in common: a servant tells what it read,
-/// a client what it was answered, as the bytes that its own code packs again.
+/// The common part of the generated programs of the evolution test: servants print the requests and
+/// clients the replies that they read, as bytes packed again by their own code.
 namespace evolution {
 
 struct Sample {
@@ -27,7 +27,8 @@ extern const std::vector<Sample> kSamples;
 inline constexpr auto kPatience = std::chrono::seconds{20};
 inline const rtpm::rpc::CallOptions kOptions{.deadline = kPatience};
 
-/// Prints "SAMPLE METHOD WHAT HEX".   Threads: any.
+/// Prints "SAMPLE METHOD WHAT HEX".
+/// @threads  any
 void record(int sample, int method, const char* what, const std::string& bytes);
 void record_error(int sample, int method, std::string_view text);
 
@@ -56,7 +57,7 @@ template <class T>
   return value;
 }
 
-/// Answers with the table in `bytes`.
+/// Replies with the table in `bytes`.
 template <class T>
 void fill(rtpm::rpc::ReplyBuilder<T>& reply, std::string_view bytes) {
   const std::vector<std::uint64_t> aligned = [&] {
