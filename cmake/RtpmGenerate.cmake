@@ -1,13 +1,14 @@
 # rtpm_generate(TARGET name SCHEMAS a.fbs … [INCLUDE dirs…] [LINK targets…] [CONFORM dir])
 #
-# Makes the static library <name> from schemas: for each a.fbs, rtpmc generates the stubs and
-# skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and what is known of its
-# events (a.rtpm.events.hpp, for whoever links rtpm::events), and flatc the data types (a_generated.h).
-# Users link <name> and include <a.rtpm.hpp>. Whatever a schema includes is tracked by a dependency
-# file, so an edit there regenerates. INCLUDE: further folders for `include` in schemas; RTPM's own
-# folder of schemas is always searched. An included schema must itself be among SCHEMAS, or in a
-# library that LINK names; RTPM's own, rtpm::idl, is always linked. CONFORM: a folder with older
-# versions of the schemas; one that has the same file name there must conform to it, or the build stops.
+# Builds the static library <name> from schemas. For each a.fbs, rtpmc generates the stubs and
+# skeletons of its rpc_services (a.rtpm.hpp, a.rtpm.functions.hpp, a.rtpm.cpp) and its events
+# (a.rtpm.events.hpp, for users of rtpm::events), and flatc the data types (a_generated.h). Users link
+# <name> and include <a.rtpm.hpp>. A dependency file tracks included schemas.
+#
+#   INCLUDE  further folders for `include` in schemas, besides RTPM's own folder of schemas
+#   LINK     libraries with included schemas that are not in SCHEMAS; rtpm::idl is always linked
+#   CONFORM  a folder with older versions of the schemas, by file name; the build stops where a schema
+#            does not conform
 #
 # When cross-compiling, RTPM_HOST_RTPMC names an rtpmc that runs on the building machine.
 if(RTPM_INSTALLED_IDL_DIR)
@@ -18,7 +19,7 @@ else()
   unset(rtpm_idl_dir)
 endif()
 
-# The command that runs rtpmc, and what a rule that runs it depends on.
+# The command that runs rtpmc, and the dependency of a rule that uses it.
 function(rtpm_find_rtpmc command dependency)
   if(RTPM_HOST_RTPMC)
     if(NOT EXISTS "${RTPM_HOST_RTPMC}")
@@ -62,9 +63,9 @@ function(rtpm_generate)
     endif()
     set(files "${out}/${stem}.rtpm.hpp" "${out}/${stem}.rtpm.functions.hpp" "${out}/${stem}.rtpm.events.hpp"
       "${out}/${stem}.rtpm.cpp" "${out}/${stem}_generated.h" "${out}/${stem}_generated.cpp")
-    # rtpmc comes first because its errors are the better ones. flatc writes no file for a schema
-    # that declares no types of its own: the touch makes the one that CMake was promised. What is
-    # slow to read of flatc's header, and seldom used, is compiled once, in a file of its own.
+    # rtpmc comes first because its errors are better. flatc writes no file for a schema without types
+    # of its own: the touch creates the promised output. The last command moves the part of flatc's
+    # header that is slow to compile and rarely used to a source file.
     add_custom_command(
       OUTPUT ${files}
       COMMAND "${rtpmc}" ${include_flags} --cpp ${conform} --depfile "${out}/${stem}.d" -o "${out}" "${schema}"
@@ -75,7 +76,7 @@ function(rtpm_generate)
       DEPFILE "${out}/${stem}.d"
       COMMENT "rtpmc ${stem}.fbs"
       COMMAND_EXPAND_LISTS VERBATIM)
-    # Its warnings are flatc's.
+    # flatc's code has warnings.
     set_source_files_properties("${out}/${stem}_generated.cpp" PROPERTIES COMPILE_OPTIONS -w)
     list(APPEND generated ${files})
   endforeach()
@@ -87,7 +88,7 @@ function(rtpm_generate)
     target_link_libraries(${A_TARGET} PUBLIC rtpm::idl)
   endif()
   set_target_properties(${A_TARGET} PROPERTIES CXX_EXTENSIONS OFF POSITION_INDEPENDENT_CODE ON)
-  # RTPM's own are installed with it.
+  # RTPM's own libraries are installed with it.
   if(A_TARGET MATCHES "^rtpm_(.*idl)$" AND COMMAND rtpm_install_library)
     set_target_properties(${A_TARGET} PROPERTIES EXPORT_NAME "${CMAKE_MATCH_1}")
     add_library(rtpm::${CMAKE_MATCH_1} ALIAS ${A_TARGET})

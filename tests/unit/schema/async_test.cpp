@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "late.rtpm.functions.hpp"
+#include "deferred.rtpm.functions.hpp"
 #include "rtpm/rpc/completions.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -37,14 +37,14 @@ class GeneratedAsync : public testing::Test {
     rtpm::rpc::NodeConfig node;
     node.default_deadline = kPatience;
     node_.emplace(node);
-    auto client = late::FeedClient::bind(*node_, server_->url("feed"), {.deadline = kPatience});
+    auto client = deferred::FeedClient::bind(*node_, server_->url("feed"), {.deadline = kPatience});
     EXPECT_TRUE(client) << client.error().text();
     client_.emplace(std::move(*client));
   }
   ~GeneratedAsync() override { server_->stop(); }
 
-  [[nodiscard]] static late::NoteT note(const std::string& text) {
-    late::NoteT note;
+  [[nodiscard]] static deferred::NoteT note(const std::string& text) {
+    deferred::NoteT note;
     note.text = text;
     return note;
   }
@@ -54,7 +54,7 @@ class GeneratedAsync : public testing::Test {
     while (now() < end) {
       const std::lock_guard lock(mutex_);
       if (waiting_.empty()) continue;
-      waiting_.front().complete(late::Sample{1, force});
+      waiting_.front().complete(deferred::Sample{1, force});
       waiting_.erase(waiting_.begin());
       return;
     }
@@ -62,37 +62,37 @@ class GeneratedAsync : public testing::Test {
   }
 
   std::mutex mutex_;
-  std::vector<rtpm::rpc::DeferredStruct<late::Sample>> waiting_;
-  late::FeedFunctionServant feed_{{
-      .mark = [](const late::Note&, const CallContext&) -> rtpm::rpc::Result<void> { return {}; },
+  std::vector<rtpm::rpc::DeferredStruct<deferred::Sample>> waiting_;
+  deferred::FeedFunctionServant feed_{{
+      .mark = [](const deferred::Note&, const CallContext&) -> rtpm::rpc::Result<void> { return {}; },
       .wait =
-          [this](rtpm::rpc::DeferredStruct<late::Sample> reply, const CallContext&) {
+          [this](rtpm::rpc::DeferredStruct<deferred::Sample> reply, const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             const std::lock_guard lock(mutex_);
             waiting_.push_back(std::move(reply));
           },
       .rest =
-          [](const late::Sample& request, rtpm::rpc::DeferredNothing reply, const CallContext&) {
+          [](const deferred::Sample& request, rtpm::rpc::DeferredNothing reply, const CallContext&) {
             if (request.number() == 0) return reply.fail(rtpm::rpc::Refusal::kGone);
             reply.complete();
           },
       .describe =
-          [](const late::Note& request, rtpm::rpc::DeferredTable<late::Note> reply,
+          [](const deferred::Note& request, rtpm::rpc::DeferredTable<deferred::Note> reply,
              const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             auto builder = reply.builder();
             // As long as requested.
             const std::string text(std::stoul(request.text()->str()), 'x');
-            builder.finish(late::CreateNoteDirect(builder.builder(), text.c_str()));
+            builder.finish(deferred::CreateNoteDirect(builder.builder(), text.c_str()));
             reply.complete(builder);
           },
       .log =
-          [](const late::Note& request, rtpm::rpc::TableWriter<late::Note> items,
+          [](const deferred::Note& request, rtpm::rpc::TableWriter<deferred::Note> items,
              const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
             flatbuffers::FlatBufferBuilder builder;
             const std::string text(std::stoul(request.text()->str()), 'x');
-            builder.Finish(late::CreateNoteDirect(builder, text.c_str()));
+            builder.Finish(deferred::CreateNoteDirect(builder, text.c_str()));
             const auto written = items.write(builder);
             if (written) return items.finish();
             EXPECT_EQ(written.error(), rtpm::rpc::StreamError::kTooLarge);
@@ -101,14 +101,14 @@ class GeneratedAsync : public testing::Test {
   }};
   std::unique_ptr<rtpm::rpc::Server> server_;
   std::optional<rtpm::rpc::Node> node_;
-  std::optional<late::FeedClient> client_;
+  std::optional<deferred::FeedClient> client_;
 };
 
 TEST_F(GeneratedAsync, HandlesWaitForTheirReplies) {
   auto first = client_->begin_wait();
   auto second = client_->begin_wait();
-  auto nothing = client_->begin_rest(late::Sample{1, 0});
-  auto refused = client_->begin_rest(late::Sample{0, 0});
+  auto nothing = client_->begin_rest(deferred::Sample{1, 0});
+  auto refused = client_->begin_rest(deferred::Sample{0, 0});
   auto table = client_->begin_describe(note("3"));
   ASSERT_TRUE(first && second && nothing && refused && table);
   EXPECT_FALSE(first->is_done());
@@ -139,7 +139,7 @@ TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
   rtpm::rpc::Completions completions;
   std::vector<double> forces;
   std::size_t others = 0;
-  const auto keep = [&](const rtpm::expected<late::Sample, CallError>& sample) {
+  const auto keep = [&](const rtpm::expected<deferred::Sample, CallError>& sample) {
     ASSERT_TRUE(sample);
     forces.push_back(sample->force_newton());
   };
@@ -149,7 +149,7 @@ TEST_F(GeneratedAsync, CompletionsRunCallbacksWhereTheyArePolled) {
     ASSERT_TRUE(text);
     others += (*text)->text()->size();
     // A callback may begin further calls.
-    completions.then(client_->begin_rest(late::Sample{1, 0}),
+    completions.then(client_->begin_rest(deferred::Sample{1, 0}),
                      [&](const auto& done) { others += done ? 10U : 0U; });
   });
   while (others < 11)

@@ -8,7 +8,7 @@
 #include <thread>
 #include <vector>
 
-#include "late.rtpm.hpp"
+#include "deferred.rtpm.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -23,13 +23,13 @@ using rtpm::rpc::CallContext;
 using rtpm::rpc::CallError;
 using rtpm::rpc::Result;
 
-class TestFeed final : public late::FeedServant {
+class TestFeed final : public deferred::FeedServant {
  public:
-  Result<void> nudge(const late::Sample& request, const CallContext&) override {
+  Result<void> nudge(const deferred::Sample& request, const CallContext&) override {
     nudged = request.number();
     return {};
   }
-  Result<void> mark(const late::Note& request, const CallContext&) override {
+  Result<void> mark(const deferred::Note& request, const CallContext&) override {
     const rtpm::rt::AllowAllocationScope is_allowed;
     const std::lock_guard lock(mutex);
     marks.push_back(request.text()->str());
@@ -39,28 +39,28 @@ class TestFeed final : public late::FeedServant {
     is_settled = true;
     return {};
   }
-  void wait(rtpm::rpc::DeferredStruct<late::Sample> reply, const CallContext&) override {
-    reply.complete(late::Sample{4, 0.5});
+  void wait(rtpm::rpc::DeferredStruct<deferred::Sample> reply, const CallContext&) override {
+    reply.complete(deferred::Sample{4, 0.5});
   }
-  void rest(const late::Sample& request, rtpm::rpc::DeferredNothing reply,
+  void rest(const deferred::Sample& request, rtpm::rpc::DeferredNothing reply,
             const CallContext&) override {
     if (request.number() == 0) {
       return reply.complete(rtpm::unexpected{rtpm::rpc::Refusal::kBadRequest});
     }
     reply.complete();
   }
-  void describe(const late::Note& request, rtpm::rpc::DeferredTable<late::Note> reply,
+  void describe(const deferred::Note& request, rtpm::rpc::DeferredTable<deferred::Note> reply,
                 const CallContext&) override {
     auto builder = reply.builder();
     const auto text = builder.builder().CreateString("about " + request.text()->str());
-    builder.finish(late::CreateNote(builder.builder(), text));
+    builder.finish(deferred::CreateNote(builder.builder(), text));
     reply.complete(builder);
   }
-  void watch(rtpm::rpc::StructWriter<late::Sample> items, const CallContext&) override {
+  void watch(rtpm::rpc::StructWriter<deferred::Sample> items, const CallContext&) override {
     const rtpm::rt::AllowAllocationScope is_allowed;
     worker = std::thread([items = std::move(items)]() mutable {
       for (std::uint64_t i = 0; i < 100;) {
-        if (items.write(late::Sample{i, 0.1 * static_cast<double>(i)})) {
+        if (items.write(deferred::Sample{i, 0.1 * static_cast<double>(i)})) {
           ++i;
         } else if (!items.is_awaited()) {
           break;
@@ -71,12 +71,12 @@ class TestFeed final : public late::FeedServant {
       items.finish();
     });
   }
-  void log(const late::Note& request, rtpm::rpc::TableWriter<late::Note> items,
+  void log(const deferred::Note& request, rtpm::rpc::TableWriter<deferred::Note> items,
            const CallContext&) override {
     const rtpm::rt::AllowAllocationScope is_allowed;
     for (const char* end : {" one", " two"}) {
       flatbuffers::FlatBufferBuilder builder;
-      builder.Finish(late::CreateNoteDirect(builder, (request.text()->str() + end).c_str()));
+      builder.Finish(deferred::CreateNoteDirect(builder, (request.text()->str() + end).c_str()));
       EXPECT_TRUE(items.write(builder));
     }
     items.fail(rtpm::rpc::Refusal::kGone);
@@ -97,7 +97,7 @@ class GeneratedDeferred : public testing::Test {
     server_ = *rtpm::rpc::Server::create(config);
     EXPECT_TRUE(server_->add("feed", feed_));
     EXPECT_TRUE(server_->start());
-    auto client = late::FeedClient::bind(node_, server_->url("feed"), {.deadline = 20s});
+    auto client = deferred::FeedClient::bind(node_, server_->url("feed"), {.deadline = 20s});
     EXPECT_TRUE(client) << client.error().text();
     client_.emplace(std::move(*client));
   }
@@ -105,8 +105,8 @@ class GeneratedDeferred : public testing::Test {
     server_->stop();
     if (feed_.worker.joinable()) feed_.worker.join();
   }
-  [[nodiscard]] static late::NoteT note(const std::string& text) {
-    late::NoteT note;
+  [[nodiscard]] static deferred::NoteT note(const std::string& text) {
+    deferred::NoteT note;
     note.text = text;
     return note;
   }
@@ -118,11 +118,11 @@ class GeneratedDeferred : public testing::Test {
     config.default_deadline = 20s;
     return config;
   }()};
-  std::optional<late::FeedClient> client_;
+  std::optional<deferred::FeedClient> client_;
 };
 
 TEST_F(GeneratedDeferred, OnewaysWaitForTheirLevel) {
-  ASSERT_TRUE(client_->nudge(late::Sample{17, 0}));
+  ASSERT_TRUE(client_->nudge(deferred::Sample{17, 0}));
   EXPECT_TRUE(rtpm::test::await([&] { return feed_.nudged == 17; }));
   ASSERT_TRUE(client_->mark(note("here")));
   EXPECT_TRUE(rtpm::test::await([&] {
@@ -137,8 +137,8 @@ TEST_F(GeneratedDeferred, RepliesAreDeferred) {
   const auto sample = client_->wait();
   ASSERT_TRUE(sample) << to_string(sample.error());
   EXPECT_EQ(sample->number(), 4u);
-  EXPECT_TRUE(client_->rest(late::Sample{1, 0}));
-  EXPECT_EQ(client_->rest(late::Sample{0, 0}).error(), CallError::kBadRequest);
+  EXPECT_TRUE(client_->rest(deferred::Sample{1, 0}));
+  EXPECT_EQ(client_->rest(deferred::Sample{0, 0}).error(), CallError::kBadRequest);
   const auto text = client_->describe(note("it"));
   ASSERT_TRUE(text) << to_string(text.error());
   EXPECT_EQ((*text)->text()->str(), "about it");
