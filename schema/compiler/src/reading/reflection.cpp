@@ -91,8 +91,7 @@ Object read_object(const reflection::Object& object) {
                 .location = {}};
   for (const auto* field : *object.fields()) {
     result.fields.push_back(read_field(*field));
-    // Before 22.10 FlatBuffers calls a struct's arrays optional; a struct's fields are always
-    // there.
+    // 2.0.8 calls an array of a struct optional; a struct's fields are always present.
     result.fields.back().is_optional &= !result.is_struct;
   }
   // The reflection sorts them by name.

@@ -156,8 +156,12 @@ std::optional<std::string> Dynamic::print(const Payload& payload, const std::uin
   if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str())) return std::nullopt;
   parser.opts.strict_json = true;
   std::string text;
-  // It returns whether it worked or, since 23.5.8, the error's text.
+  // Returns whether it worked or, since 23.5.8, the error's text.
+#if FLATBUFFERS_VERSION_MAJOR == 23 && FLATBUFFERS_VERSION_REVISION == 26
+  const auto result = flatbuffers::GenText(parser, data, &text);  // 23.5.26 has no other name.
+#else
   const auto result = flatbuffers::GenerateText(parser, data, &text);
+#endif
   parser.opts.strict_json = false;
   if (static_cast<bool>(result) != std::is_same_v<decltype(result), const bool>)
     return std::nullopt;
