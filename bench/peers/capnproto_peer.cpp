@@ -16,19 +16,32 @@ class EchoServant final : public ::Echo::Server {
  protected:
   kj::Promise<void> call(CallContext context) override {
     const auto request = context.getParams().getRequest();
-    answer({.work_ns = request.getWorkNs()});
+    answer(request.getWorkNs());
     context.getResults(capnp::MessageSize{16, 0}).setReply(request);
     return kj::READY_NOW;
   }
 };
 
-class CapnprotoCaller final : public PeerCaller {
- public:
-  explicit CapnprotoCaller(std::string address) : address_(std::move(address)) {}
+Outcome serve(const PeerLane& lane, const Announce& announce) {
+  const bool is_unix = lane.transport == "unix";
+  const std::string end = is_unix ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
+  capnp::EzRpcServer server(kj::heap<EchoServant>(), end);
+  auto& scope = server.getWaitScope();
+  const auto port = server.getPort().wait(scope);
+  announce(is_unix ? end : "127.0.0.1:" + std::to_string(port));
+  kj::NEVER_DONE.wait(scope);
+}
 
- protected:
-  expected<void, std::string> exchange(const PeerMessage& request, PeerMessage& reply) override {
-    thread_local Connection connection(address_);
+struct Connection {
+  explicit Connection(const std::string& address)
+      : client(address), echo(client.getMain<::Echo>()) {}
+  capnp::EzRpcClient client;
+  ::Echo::Client echo;
+};
+
+expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+  return [address](const PeerMessage& request, PeerMessage& reply) -> Outcome {
+    thread_local Connection connection(address);
     auto call = connection.echo.callRequest(capnp::MessageSize{16, 0});
     auto sent = call.initRequest();
     sent.setWorkNs(request.work_ns);
@@ -39,44 +52,13 @@ class CapnprotoCaller final : public PeerCaller {
     sent.setE(request.values[4]);
     const auto response = call.send().wait(connection.client.getWaitScope());
     const auto got = response.getReply();
-    reply.work_ns = got.getWorkNs();
-    reply.values = {got.getA(), got.getB(), got.getC(), got.getD(), got.getE()};
+    reply = {got.getWorkNs(), {got.getA(), got.getB(), got.getC(), got.getD(), got.getE()}};
     return {};
-  }
-
- private:
-  struct Connection {
-    explicit Connection(const std::string& address)
-        : client(address), echo(client.getMain<::Echo>()) {}
-    capnp::EzRpcClient client;
-    ::Echo::Client echo;
   };
-  std::string address_;
-};
-
-class CapnprotoPeer final : public Peer {
- public:
-  expected<void, std::string> serve(const PeerLane& lane,
-                                    const Announce& publish_link_report) override {
-    const std::string end =
-        lane.transport == "unix" ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
-    capnp::EzRpcServer server(kj::heap<EchoServant>(), end);
-    auto& scope = server.getWaitScope();
-    const auto port = server.getPort().wait(scope);
-    publish_link_report(lane.transport == "unix" ? end : "127.0.0.1:" + std::to_string(port));
-    kj::NEVER_DONE.wait(scope);
-  }
-
-  expected<std::unique_ptr<Caller>, std::string> connect(const PeerLane&,
-                                                         const std::string& address) override {
-    return std::unique_ptr<Caller>(std::make_unique<CapnprotoCaller>(address));
-  }
-};
+}
 
 }  // namespace
 
-std::unique_ptr<Peer> make_peer() {
-  return std::make_unique<CapnprotoPeer>();
-}
+const Peer kPeer{.serve = serve, .connect = connect};
 
 }  // namespace rtpm::bench

@@ -1,7 +1,6 @@
 #include <grpcpp/grpcpp.h>
 
 #include <peer.grpc.pb.h>
-#include <vector>
 
 #include "peer.hpp"
 
@@ -24,12 +23,8 @@ class ServedCall {
   }
   /// The queue has something for it: a request, or that the answer is on its way.
   void go_on() {
-    if (has_answered_) {
-      wait_for_request();
-      return;
-    }
-    answer({.work_ns = request_.work_ns()});
-    has_answered_ = true;
+    if (std::exchange(has_answered_, true)) return wait_for_request();
+    answer(request_.work_ns());
     writer_->Finish(request_, grpc::Status::OK, this);
   }
 
@@ -50,73 +45,65 @@ class ServedCall {
   std::unique_ptr<grpc::ServerAsyncResponseWriter<::peer::Message>> writer_{};
 };
 
-class GrpcCaller final : public PeerCaller {
- public:
+Outcome serve(const PeerLane& lane, const Announce& announce) {
+  const bool is_unix = lane.transport == "unix";
+  const std::string end = is_unix ? "unix:" + lane.socket_path() : std::string("127.0.0.1:0");
+  ::peer::Echo::AsyncService service;
+  grpc::ServerBuilder builder;
+  int port = 0;
+  builder.AddListeningPort(end, grpc::InsecureServerCredentials(), &port);
+  builder.RegisterService(&service);
+  const auto queue = builder.AddCompletionQueue();
+  const auto server = builder.BuildAndStart();
+  if (!server) return failure_of("gRPC", "start");
+  std::vector<std::unique_ptr<ServedCall>> calls;
+  for (int i = 0; i < lane.connection_count + 1; ++i)
+    calls.push_back(std::make_unique<ServedCall>(service, *queue));
+  announce(is_unix ? end : "127.0.0.1:" + std::to_string(port));
+  void* tag = nullptr;
+  for (bool is_well = false; queue->Next(&tag, &is_well);)
+    static_cast<ServedCall*>(tag)->go_on();
+  return failure_of("gRPC", "server");
+}
+
+struct GrpcCaller {
   explicit GrpcCaller(const std::string& address) {
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    stub_ = ::peer::Echo::NewStub(
+    stub = ::peer::Echo::NewStub(
         grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
   }
 
- protected:
-  expected<void, std::string> exchange(const PeerMessage& request, PeerMessage& reply) override {
+  [[nodiscard]] Outcome exchange(const PeerMessage& request, PeerMessage& reply) {
     grpc::ClientContext context;
     context.set_deadline(
         gpr_time_add(gpr_now(GPR_CLOCK_MONOTONIC), gpr_time_from_seconds(5, GPR_TIMESPAN)));
-    sent_.set_work_ns(request.work_ns);
-    sent_.mutable_values()->Assign(request.values.begin(), request.values.end());
-    const grpc::Status status = stub_->Call(&context, sent_, &got_);
-    if (!status.ok()) return unexpected{"gRPC: " + status.error_message()};
-    if (static_cast<std::size_t>(got_.values_size()) != reply.values.size()) {
+    sent.set_work_ns(request.work_ns);
+    sent.mutable_values()->Assign(request.values.begin(), request.values.end());
+    const grpc::Status status = stub->Call(&context, sent, &got);
+    if (!status.ok()) return failure_of("gRPC", "call", status.error_message().c_str());
+    if (static_cast<std::size_t>(got.values_size()) != reply.values.size()) {
       return unexpected{std::string("gRPC: the reply has another size")};
     }
-    reply.work_ns = got_.work_ns();
-    std::copy(got_.values().begin(), got_.values().end(), reply.values.begin());
+    reply.work_ns = got.work_ns();
+    std::copy(got.values().begin(), got.values().end(), reply.values.begin());
     return {};
   }
 
- private:
-  std::unique_ptr<::peer::Echo::Stub> stub_{};
-  ::peer::Message sent_{};
-  ::peer::Message got_{};
+  std::unique_ptr<::peer::Echo::Stub> stub{};
+  ::peer::Message sent{};
+  ::peer::Message got{};
 };
 
-class GrpcPeer final : public Peer {
- public:
-  expected<void, std::string> serve(const PeerLane& lane,
-                                    const Announce& publish_link_report) override {
-    const bool is_unix = lane.transport == "unix";
-    ::peer::Echo::AsyncService service;
-    grpc::ServerBuilder builder;
-    int port = 0;
-    builder.AddListeningPort(is_unix ? "unix:" + lane.socket_path() : "127.0.0.1:0",
-                             grpc::InsecureServerCredentials(), &port);
-    builder.RegisterService(&service);
-    const auto queue = builder.AddCompletionQueue();
-    const auto server = builder.BuildAndStart();
-    if (!server) return unexpected{std::string("gRPC can't start its server")};
-    std::vector<std::unique_ptr<ServedCall>> calls;
-    for (int i = 0; i < lane.connection_count + 1; ++i)
-      calls.push_back(std::make_unique<ServedCall>(service, *queue));
-    publish_link_report(is_unix ? "unix:" + lane.socket_path()
-                                : "127.0.0.1:" + std::to_string(port));
-    void* tag = nullptr;
-    for (bool is_well = false; queue->Next(&tag, &is_well);)
-      static_cast<ServedCall*>(tag)->go_on();
-    return unexpected{std::string("gRPC's server ended")};
-  }
-
-  expected<std::unique_ptr<Caller>, std::string> connect(const PeerLane&,
-                                                         const std::string& address) override {
-    return std::unique_ptr<Caller>(std::make_unique<GrpcCaller>(address));
-  }
-};
+expected<Exchange, std::string> connect(const PeerLane&, const std::string& address) {
+  return [caller = std::make_shared<GrpcCaller>(address)](const PeerMessage& request,
+                                                          PeerMessage& reply) {
+    return caller->exchange(request, reply);
+  };
+}
 
 }  // namespace
 
-std::unique_ptr<Peer> make_peer() {
-  return std::make_unique<GrpcPeer>();
-}
+const Peer kPeer{.serve = serve, .connect = connect};
 
 }  // namespace rtpm::bench

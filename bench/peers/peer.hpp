@@ -3,170 +3,118 @@
 #include <array>
 #include <cstdint>
 #include <functional>
-#include <memory>
-#include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "rtpm/base/expected.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "runs/peer_board.hpp"
 #include "sides/caller.hpp"
 #include "sides/event_board.hpp"
-#include "sides/event_sides.hpp"
 
-/// What each peer's program does in its own way. peer_main.cpp does the rest: processes,
-/// priorities, CPUs and measuring.
+/// What each peer's program does in its own way. peer_main.cpp does the rest: processes, threads,
+/// priorities, CPUs and measuring. What a peer makes lives until its process ends.
 namespace rtpm::bench {
+
+using Outcome = expected<void, std::string>;
+
+/// "LIBRARY's WHAT failed: REASON".
+[[nodiscard]] inline unexpected<std::string> failure_of(const char* library, const char* what,
+                                                        const char* reason = "no reason told") {
+  return unexpected{std::string(library) + ": " + what + " failed: " + reason};
+}
 
 /// The payload of a call there and back: as many bytes as the paper's six doubles.
 struct PeerMessage {
-  std::uint64_t work_ns = 0;  ///< For how long the server shall compute first.
+  std::uint64_t work_ns = 0;  ///< For how long the server computes first.
   std::array<double, 5> values{};
 };
 static_assert(sizeof(PeerMessage) == kPayloadSize);
 
 /// What every peer's server does with a request.
-inline void answer(const PeerMessage& request) noexcept {
-  if (request.work_ns != 0) compute_for(Duration{static_cast<Duration::rep>(request.work_ns)});
+inline void answer(std::uint64_t work_ns) noexcept {
+  if (work_ns != 0) compute_for(Duration{static_cast<Duration::rep>(work_ns)});
 }
 
-/// One of a server's ends: for the measured caller, or for those of low priority.
+/// One of a server's ends: for the measured caller, or for the callers of low priority.
 struct PeerLane {
   std::size_t index = 0;
   std::string transport{};
   std::string folder{};      ///< Where sockets with names go.
   int connection_count = 1;  ///< How many callers will connect.
+  int caller = 0;            ///< Which of them connects.
   Priority priority{};       ///< Of the thread that serves it or calls it.
   [[nodiscard]] std::string socket_path() const { return folder + "/lane" + std::to_string(index); }
 };
 
-/// A caller whose calls carry a PeerMessage.
-class PeerCaller : public Caller {
- public:
-  expected<void, std::string> echo() final { return call(Duration{0}); }
-  expected<void, std::string> work(Duration duration) final { return call(duration); }
-
- protected:
-  /// One call and its answer; a failure is due a second after the call at the latest.
-  [[nodiscard]] virtual expected<void, std::string> exchange(const PeerMessage& request,
-                                                             PeerMessage& reply) = 0;
-
- private:
-  expected<void, std::string> call(Duration duration) {
-    const PeerMessage request{static_cast<std::uint64_t>(duration.count()), {1, -2, 3, -4, 5}};
-    PeerMessage reply;
-    if (auto done = exchange(request, reply); !done) return done;
-    if (reply.work_ns != request.work_ns || reply.values != request.values) {
-      return unexpected{std::string("the echo differs")};
-    }
-    return {};
-  }
-};
-
 /// Says where a lane is reached, from when it answers.
 using Announce = std::function<void(const std::string& address)>;
+/// One call and its reply. Fails a second after the call at the latest.
+using Exchange = std::function<Outcome(const PeerMessage& request, PeerMessage& reply)>;
+/// Sends an event.
+using Push = std::function<Outcome(const EventStamp& stamp)>;
+/// What a consumer's thread does; empty where the library's own threads deliver.
+using Consume = std::function<void()>;
 
-/// A broker that is not part of a library. It takes the place of the peer's program.
+/// Where one consumer notes what reaches it.
+struct Note {
+  void operator()(const void* bytes, std::size_t size) const noexcept {
+    board->note(number, {static_cast<const std::byte*>(bytes), size}, rt::now());
+  }
+  EventBoard* board;
+  std::size_t number;
+};
+
+/// A broker that is not part of a library. It replaces the peer's program.
 struct BrokerProgram {
   std::vector<std::string> command;  ///< With its path first.
-  std::string address;               ///< For connect_events().
+  std::string address;               ///< For connect_supplier() and connect_consumer().
   std::uint16_t port = 0;            ///< It serves once this accepts connections,
   std::string path{};                ///< or, if not empty, the socket of this name.
 };
 
-/// A peer's server and client, of calls, of events, or of both. All functions run on threads that
-/// have the lane's policy, priority and CPU already; what threads the library starts there inherit
-/// them. An exception of the library is caught outside and told.
-class Peer {
- public:
-  virtual ~Peer() = default;
+/// A peer: calls, events, or both; null is what it lacks. All run on threads that have the lane's
+/// policy, priority and CPU already; threads that the library starts there inherit them.
+/// Exceptions of the library are caught outside.
+struct Peer {
   /// Serves a lane. Announces once; then either serves on this thread without end, or returns while
-  /// threads of the library serve. Lanes are served at the same time, each from a thread of its
-  /// own.
-  [[nodiscard]] virtual expected<void, std::string> serve(const PeerLane& lane,
-                                                          const Announce& publish_link_report) {
-    static_cast<void>(lane);
-    static_cast<void>(publish_link_report);
-    return unexpected{std::string("this peer makes no calls")};
-  }
+  /// threads of the library serve. Lanes are served at the same time, each from its own thread.
+  Outcome (*serve)(const PeerLane& lane, const Announce& announce) = nullptr;
   /// Connects one caller, which one thread uses: this one, or one of the same priority.
-  [[nodiscard]] virtual expected<std::unique_ptr<Caller>, std::string> connect(
-      const PeerLane& lane, const std::string& address) {
-    static_cast<void>(lane);
-    static_cast<void>(address);
-    return unexpected{std::string("this peer makes no calls")};
-  }
-  /// Whether callers of low priority, too, are connected on a thread of high priority, because the
+  expected<Exchange, std::string> (*connect)(const PeerLane& lane,
+                                             const std::string& address) = nullptr;
+  /// Whether callers of low priority, too, connect on a thread of high priority, because the
   /// library can't connect otherwise.
-  [[nodiscard]] virtual bool connects_at_high_priority() const { return false; }
+  bool connects_at_high_priority = false;
 
-  /// The broker between supplier and consumers, if it is a program of its own; else serve_events()
-  /// is it.
-  [[nodiscard]] virtual std::optional<BrokerProgram> broker_program(const PeerLane& lane) {
-    static_cast<void>(lane);
-    return std::nullopt;
-  }
-  /// As serve().
-  [[nodiscard]] virtual expected<void, std::string> serve_events(
-      const PeerLane& lane, const Announce& publish_link_report) {
-    static_cast<void>(lane);
-    static_cast<void>(publish_link_report);
-    return unexpected{std::string("this peer has no events")};
-  }
-  /// Connects a supplier and so many consumers, which note on the board what reaches them.
-  /// Consumers may not have joined yet when it returns.
-  [[nodiscard]] virtual expected<std::unique_ptr<EventSide>, std::string> connect_events(
-      const PeerLane& lane, const std::string& address, int consumer_count, EventBoard& board) {
-    static_cast<void>(lane);
-    static_cast<void>(address);
-    static_cast<void>(consumer_count);
-    static_cast<void>(board);
-    return unexpected{std::string("this peer has no events")};
-  }
+  /// The broker between supplier and consumers: a program, or as serve(). Neither: there is none.
+  BrokerProgram (*broker_program)(const PeerLane& lane) = nullptr;
+  Outcome (*serve_events)(const PeerLane& lane, const Announce& announce) = nullptr;
+  /// `address`: the broker's. Of two words, the first is the supplier's, the second the consumers'.
+  expected<Push, std::string> (*connect_supplier)(const PeerLane& lane,
+                                                  const std::string& address) = nullptr;
+  /// The consumer may join later. `note` outlives it.
+  expected<Consume, std::string> (*connect_consumer)(const PeerLane& lane,
+                                                     const std::string& address,
+                                                     Note& note) = nullptr;
+
+  /// The text of the exception that is being handled, if it is no std::exception.
+  std::string (*exception_text)() = nullptr;
 };
-
-/// A peer whose supplier sends straight to the consumers: there is nothing in between to serve.
-class BrokerlessPeer : public Peer {
- public:
-  expected<void, std::string> serve_events(const PeerLane&,
-                                           const Announce& publish_link_report) final {
-    publish_link_report("none");
-    return {};
-  }
-};
-
-/// A side whose consumers are never slow on purpose, and are told of no losses.
-class PeerEventSide : public EventSide {
- public:
-  void set_slow(int) final {}
-  [[nodiscard]] std::uint64_t lost_count() const final { return 0; }
-};
-
-/// A `Side` of which begin() took the arguments, or the error that it told.
-template <class Side, class... Arguments>
-[[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> begin_side(
-    Arguments&&... arguments) {
-  auto side = std::make_unique<Side>();
-  auto begun = side->begin(std::forward<Arguments>(arguments)...);
-  if (!begun) return unexpected{begun.error()};
-  return std::unique_ptr<EventSide>(std::move(side));
-}
-
-/// A caller, connected by its connect(), or the error that it told.
-template <class Connecting>
-[[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_caller(
-    const std::string& address) {
-  auto caller = std::make_unique<Connecting>();
-  if (auto connected = caller->connect(address); !connected) return unexpected{connected.error()};
-  return std::unique_ptr<Caller>(std::move(caller));
-}
-
-/// A thread of a consumer, with the scheduling of the thread that starts it.
-[[nodiscard]] expected<rt::Thread, std::string> start_consumer(std::function<void()> body);
 
 /// The peer of this program: each program defines it once.
-[[nodiscard]] std::unique_ptr<Peer> make_peer();
+extern const Peer kPeer;
+
+/// Events that a queue holds before it loses some, where a peer lets us choose.
+inline constexpr int kEventQueueMax = 1024;
+
+/// A TCP port of this host that nobody uses, for servers that are to be told one.
+[[nodiscard]] std::uint16_t free_port();
+/// Replaces this program, which has no other thread yet, by the broker. `tell` is called in a
+/// process of its own, as soon as the broker serves or ten seconds passed.
+/// @return only if it fails
+[[nodiscard]] Outcome become_broker(BrokerProgram broker, const rt::ThreadConfig& config,
+                                    void (*tell)(const Outcome&));
 
 }  // namespace rtpm::bench

@@ -1,19 +1,16 @@
-#include <fcntl.h>
 #include <sched.h>
 #include <signal.h>
 #include <unistd.h>
 
 #include <cstdio>
+#include <deque>
 #include <exception>
 #include <future>
 #include <mutex>
 #include <string_view>
 #include <utility>
-#include <vector>
 
 #include "peer.hpp"
-#include "peer_port.hpp"
-#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "runs/event_run.hpp"
@@ -23,8 +20,6 @@
 // two ends of calls, broker and events those of events.
 namespace rtpm::bench {
 namespace {
-
-using Outcome = expected<void, std::string>;
 
 /// Tells rtpm-bench that all is well, or why not; the first word counts.
 void tell(const Outcome& outcome) {
@@ -44,16 +39,23 @@ auto without_exceptions(const Body& body) -> decltype(body()) {
   } catch (const std::exception& error) {
     return unexpected{std::string(error.what())};
   } catch (...) {
-    return unexpected{std::string("an exception of the library's own kind")};
+    return unexpected{kPeer.exception_text == nullptr
+                          ? std::string("an exception of the library's own kind")
+                          : kPeer.exception_text()};
   }
 }
 
-PeerLane lane_of(const PeerSetting& setting, std::size_t index) {
+PeerLane lane_of(const PeerSetting& setting, std::size_t index, int caller = 0) {
   return {.index = index,
           .transport = std::string(setting.transport.get()),
           .folder = std::string(setting.folder.get()),
           .connection_count = index == 0 ? 1 : setting.low_caller_count,
+          .caller = caller,
           .priority = index == 0 ? kHighPriority : kLowPriority};
+}
+
+std::string address_of(const PeerSetting& setting, std::size_t index) {
+  return std::string(setting.addresses[index].get());
 }
 
 rt::ThreadConfig thread_config(const PeerSetting& setting, std::size_t index, bool is_server) {
@@ -63,11 +65,19 @@ rt::ThreadConfig thread_config(const PeerSetting& setting, std::size_t index, bo
           .realtime = setting.realtime};
 }
 
-/// Runs `body` on a thread of a lane's kind, to its end.
-Outcome run_on_lane_thread(const PeerSetting& setting, std::size_t index, bool is_server,
-                           const std::function<Outcome()>& body) {
+/// Starts a thread that lives until the process ends.
+Outcome start_thread(const rt::ThreadConfig& config, std::function<void()> body) {
+  auto thread = rt::Thread::start(config, std::move(body));
+  if (!thread) return unexpected{thread.error().text()};
+  static_cast<void>(new rt::Thread(std::move(*thread)));
+  return {};
+}
+
+/// Runs `body` on a thread as a lane's callers have it, to its end.
+Outcome run_as_caller(const PeerSetting& setting, std::size_t index,
+                      const std::function<Outcome()>& body) {
   Outcome outcome;
-  auto thread = rt::Thread::start(thread_config(setting, index, is_server),
+  auto thread = rt::Thread::start(thread_config(setting, index, false),
                                   [&] { outcome = without_exceptions(body); });
   if (!thread) return unexpected{thread.error().text()};
   thread->join();
@@ -76,20 +86,20 @@ Outcome run_on_lane_thread(const PeerSetting& setting, std::size_t index, bool i
 
 // ---- the server ---------------------------------------------------------------------------------
 
-using Serve = Outcome (Peer::*)(const PeerLane&, const Announce&);
+using Serve = Outcome (*)(const PeerLane&, const Announce&);
 
 /// Starts a lane's thread and waits until the lane can be called.
-Outcome start_lane(PeerBoard& board, Peer& peer, Serve serve, std::size_t index) {
+Outcome start_lane(PeerBoard& board, Serve serve, std::size_t index) {
   auto announced = std::make_shared<std::promise<Outcome>>();
   auto is_announced = announced->get_future();
-  auto thread = rt::Thread::start(
-      thread_config(board.setting, index, true), [announced, index, serve, &board, &peer] {
-        const Announce publish_link_report = [&](const std::string& address) {
+  const auto started =
+      start_thread(thread_config(board.setting, index, true), [announced, index, serve, &board] {
+        const Announce announce = [&](const std::string& address) {
           board.setting.addresses[index].set(address);
           announced->set_value({});
         };
-        const auto served = without_exceptions(
-            [&] { return (peer.*serve)(lane_of(board.setting, index), publish_link_report); });
+        const auto served =
+            without_exceptions([&] { return serve(lane_of(board.setting, index), announce); });
         if (served) return;
         // If it was announced before, its callers' deadlines tell that it serves no longer.
         try {
@@ -98,16 +108,13 @@ Outcome start_lane(PeerBoard& board, Peer& peer, Serve serve, std::size_t index)
           std::fprintf(stderr, "peer: a lane ended: %s\n", served.error().c_str());
         }
       });
-  if (!thread) return unexpected{thread.error().text()};
-  // It serves until the process ends.
-  static_cast<void>(new rt::Thread(std::move(*thread)));
-  return is_announced.get();
+  return started ? is_announced.get() : started;
 }
 
-Outcome serve(PeerBoard& board, Peer& peer, Serve serve) {
+Outcome serve(PeerBoard& board, Serve serve) {
   const std::size_t lane_count = board.setting.low_caller_count > 0 ? 2 : 1;
   for (std::size_t index = 0; index < lane_count; ++index) {
-    if (auto started = start_lane(board, peer, serve, index); !started) return started;
+    if (auto started = start_lane(board, serve, index); !started) return started;
   }
   tell({});
   for (;;)
@@ -116,21 +123,38 @@ Outcome serve(PeerBoard& board, Peer& peer, Serve serve) {
 
 // ---- the client ---------------------------------------------------------------------------------
 
-expected<std::unique_ptr<LowLoad>, std::string> connect_load(PeerBoard& board, Peer& peer) {
-  const PeerSetting& setting = board.setting;
+class PeerCaller final : public Caller {
+ public:
+  explicit PeerCaller(Exchange exchange) : exchange_(std::move(exchange)) {}
+  Outcome echo() override { return work(Duration{0}); }
+  Outcome work(Duration duration) override {
+    const PeerMessage request{static_cast<std::uint64_t>(duration.count()), {1, -2, 3, -4, 5}};
+    PeerMessage reply;
+    if (auto done = exchange_(request, reply); !done) return done;
+    if (reply.work_ns != request.work_ns || reply.values != request.values) {
+      return unexpected{std::string("the echo differs")};
+    }
+    return {};
+  }
+
+ private:
+  Exchange exchange_;
+};
+
+expected<std::unique_ptr<LowLoad>, std::string> connect_load(const PeerSetting& setting) {
   std::vector<Job> jobs;
   for (int i = 0; i < setting.low_caller_count; ++i) {
-    const auto connected = run_on_lane_thread(
-        setting, peer.connects_at_high_priority() ? 0 : 1, false, [&]() -> Outcome {
-          auto caller = peer.connect(lane_of(setting, 1), std::string(setting.addresses[1].get()));
-          if (!caller) return unexpected{caller.error()};
-          // Shared, because a job is copied.
-          jobs.emplace_back([held = std::shared_ptr<Caller>(std::move(*caller)),
-                             work = Duration{setting.work_ns}] {
-            return without_exceptions([&] { return held->work(work); });
-          });
-          return {};
-        });
+    const std::size_t connecting = kPeer.connects_at_high_priority ? 0 : 1;
+    const auto connected = run_as_caller(setting, connecting, [&]() -> Outcome {
+      auto exchange = kPeer.connect(lane_of(setting, 1, i), address_of(setting, 1));
+      if (!exchange) return unexpected{exchange.error()};
+      // Shared, because a job is copied.
+      jobs.emplace_back([caller = std::make_shared<PeerCaller>(std::move(*exchange)),
+                         work = Duration{setting.work_ns}] {
+        return without_exceptions([&] { return caller->work(work); });
+      });
+      return {};
+    });
     if (!connected) return unexpected{connected.error()};
   }
   if (jobs.empty()) return std::unique_ptr<LowLoad>();
@@ -145,35 +169,70 @@ void put(const Samples& samples, std::array<std::int64_t, kPeerSampleMax>& to,
   count = latencies.size();
 }
 
-Outcome call(PeerBoard& board, Peer& peer) {
-  return run_on_lane_thread(board.setting, 0, false, [&]() -> Outcome {
-    auto caller =
-        peer.connect(lane_of(board.setting, 0), std::string(board.setting.addresses[0].get()));
-    if (!caller) return unexpected{caller.error()};
-    // One call, so that what connects at the first one has connected.
-    if (auto called = (*caller)->echo(); !called) return called;
-    // Only now: threads that a library has for the whole process are started by the first use of
-    // it, and so have the measured caller's priority.
-    auto load = connect_load(board, peer);
-    if (!load) return unexpected{load.error()};
-    tell({});
-    Samples high(1, kPeerSampleMax);
-    Samples low(1, kPeerSampleMax);
-    for (;;) {
-      board.wait_for_plan();
-      high.clear();
-      low.clear();
-      const auto taken = without_exceptions(
-          [&] { return run_turn(board.plan, **caller, load->get(), high, low); });
-      board.error.set(taken ? std::string() : taken.error());
-      put(high, board.high_ns, board.high_count);
-      put(low, board.low_ns, board.low_count);
-      sem_post(&board.answered);
-    }
+/// Says that the client is there; then runs each plan that rtpm-bench asks for, without end.
+/// `measure` fills the samples of high and low priority, or of each delivery and the last ones.
+[[noreturn]] void run_plans(PeerBoard& board,
+                            const std::function<Outcome(Samples& high, Samples& low)>& measure) {
+  tell({});
+  Samples high(1, kPeerSampleMax);
+  Samples low(1, kPeerSampleMax);
+  for (;;) {
+    board.wait_for_plan();
+    high.clear();
+    low.clear();
+    const auto measured = without_exceptions([&] { return measure(high, low); });
+    board.error.set(measured ? std::string() : measured.error());
+    put(high, board.high_ns, board.high_count);
+    put(low, board.low_ns, board.low_count);
+    sem_post(&board.answered);
+  }
+}
+
+Outcome call(PeerBoard& board) {
+  auto exchange = kPeer.connect(lane_of(board.setting, 0), address_of(board.setting, 0));
+  if (!exchange) return unexpected{exchange.error()};
+  PeerCaller caller(std::move(*exchange));
+  // One call, so that what connects at the first one has connected.
+  if (auto called = caller.echo(); !called) return called;
+  // Only now: threads that a library has for the whole process are started by the first use of it,
+  // and so have the measured caller's priority.
+  const auto load = connect_load(board.setting);
+  if (!load) return unexpected{load.error()};
+  run_plans(board, [&](Samples& high, Samples& low) {
+    return run_turn(board.plan, caller, load->get(), high, low);
   });
 }
 
 // ---- events -------------------------------------------------------------------------------------
+
+/// A supplier and its consumers, which are never slow on purpose and are told of no losses.
+class PeerEvents final : public EventSide {
+ public:
+  [[nodiscard]] Outcome connect(const PeerSetting& setting, EventBoard& board) {
+    const PeerLane lane = lane_of(setting, 0);
+    const std::string address = address_of(setting, 0);
+    auto push = kPeer.connect_supplier(lane, address.substr(0, address.find(' ')));
+    if (!push) return unexpected{push.error()};
+    push_ = std::move(*push);
+    auto config = thread_config(setting, 0, false);
+    config.name = "peer-consumer";
+    for (int i = 0; i < setting.consumer_count; ++i) {
+      Note& note = notes_.emplace_back(Note{&board, static_cast<std::size_t>(i)});
+      auto consume = kPeer.connect_consumer(lane, address.substr(address.rfind(' ') + 1), note);
+      if (!consume) return unexpected{consume.error()};
+      if (!*consume) continue;
+      if (auto started = start_thread(config, std::move(*consume)); !started) return started;
+    }
+    return {};
+  }
+  Outcome push(const EventStamp& stamp) override { return push_(stamp); }
+  void set_slow(int) override {}
+  std::uint64_t lost_count() const override { return 0; }
+
+ private:
+  Push push_{};
+  std::deque<Note> notes_{};
+};
 
 /// Pushes until an event has reached every consumer; they join in their own time.
 Outcome wait_for_consumers(EventSide& side, EventBoard& board, int consumer_count) {
@@ -188,110 +247,68 @@ Outcome wait_for_consumers(EventSide& side, EventBoard& board, int consumer_coun
   return unexpected{std::string("no event reached all consumers within 8 s")};
 }
 
-Outcome take_events(PeerBoard& board, Peer& peer) {
+Outcome take_events(PeerBoard& board) {
+  if (kPeer.connect_supplier == nullptr) return unexpected{std::string("this peer has no events")};
   const int consumer_count = board.setting.consumer_count;
-  return run_on_lane_thread(board.setting, 0, false, [&]() -> Outcome {
-    EventBoard events(static_cast<std::size_t>(consumer_count), kEventBlockSize);
-    auto side =
-        peer.connect_events(lane_of(board.setting, 0),
-                            std::string(board.setting.addresses[0].get()), consumer_count, events);
-    if (!side) return unexpected{side.error()};
-    if (auto joined = wait_for_consumers(**side, events, consumer_count); !joined) return joined;
-    tell({});
-    // Above those of the set-up.
-    for (std::uint32_t block = 1'000'000;; ++block) {
-      board.wait_for_plan();
-      EventFinding finding(1, kEventBlockSize, consumer_count);
-      const auto measured = without_exceptions([&] {
-        return measure_events(Duration{board.plan.period_ns},
-                              static_cast<std::size_t>(board.plan.count), **side, events, block,
-                              consumer_count, finding);
-      });
-      board.error.set(measured ? std::string() : measured.error());
-      put(finding.each, board.high_ns, board.high_count);
-      put(finding.last, board.low_ns, board.low_count);
-      board.missing_count = finding.missing_count;
-      sem_post(&board.answered);
-    }
+  // Both stay: consumers note what comes until the process ends.
+  auto& events = *new EventBoard(static_cast<std::size_t>(consumer_count), kEventBlockSize);
+  auto& side = *new PeerEvents;
+  if (auto connected = side.connect(board.setting, events); !connected) return connected;
+  if (auto joined = wait_for_consumers(side, events, consumer_count); !joined) return joined;
+  // Above those of the set-up.
+  run_plans(board, [&, block = 1'000'000U](Samples& high, Samples& low) mutable {
+    EventFinding finding(1, kEventBlockSize, consumer_count);
+    auto measured =
+        measure_events(Duration{board.plan.period_ns}, static_cast<std::size_t>(board.plan.count),
+                       side, events, block++, consumer_count, finding);
+    high = std::move(finding.each);
+    low = std::move(finding.last);
+    board.missing_count = finding.missing_count;
+    return measured;
   });
 }
 
-// Of the child that stays while its parent becomes a broker: says that the broker serves.
-[[noreturn]] void tell_of(const BrokerProgram& broker) {
-  const bool is_there =
-      broker.path.empty() ? wait_for_port(broker.port) : wait_for_socket(broker.path);
-  tell(is_there ? Outcome() : unexpected{std::string("the broker does not serve after 10 s")});
-  _exit(0);
-}
-
-// Replaces this program, which has no other thread yet.
-Outcome become(PeerBoard& board, BrokerProgram broker) {
-  board.setting.addresses[0].set(broker.address);
-  const pid_t child = fork();
-  if (child < 0) return unexpected{std::string("no process for a broker")};
-  if (child == 0) tell_of(broker);
-  if (auto set = rt::configure_this_thread(thread_config(board.setting, 0, true)); !set) {
-    return unexpected{set.error().text()};
+Outcome serve_events(PeerBoard& board) {
+  if (kPeer.broker_program == nullptr) {
+    return serve(
+        board, kPeer.serve_events != nullptr ? kPeer.serve_events
+                                             : [](const PeerLane&, const Announce& announce) {
+                                                 announce("none");
+                                                 return Outcome();
+                                               });
   }
-  const int nowhere = open("/dev/null", O_WRONLY);
-  dup2(nowhere, STDOUT_FILENO);
-  dup2(nowhere, STDERR_FILENO);
-  std::vector<char*> arguments;
-  for (std::string& argument : broker.command)
-    arguments.push_back(argument.data());
-  arguments.push_back(nullptr);
-  execv(arguments[0], arguments.data());
-  _exit(1);
+  BrokerProgram broker = kPeer.broker_program(lane_of(board.setting, 0));
+  board.setting.addresses[0].set(broker.address);
+  return become_broker(std::move(broker), thread_config(board.setting, 0, true), tell);
 }
 
-Outcome serve_events(PeerBoard& board, Peer& peer) {
-  auto broker = peer.broker_program(lane_of(board.setting, 0));
-  if (broker) return become(board, std::move(*broker));
-  return serve(board, peer, &Peer::serve_events);
+Outcome run_role(std::string_view role, PeerBoard& board) {
+  if (auto locked = rt::lock_memory(board.setting.realtime); !locked) {
+    return unexpected{locked.error().text()};
+  }
+  if (role == "broker") return serve_events(board);
+  if (role == "events") return run_as_caller(board.setting, 0, [&] { return take_events(board); });
+  if (kPeer.serve == nullptr) return unexpected{std::string("this peer makes no calls")};
+  if (role == "serve") return serve(board, kPeer.serve);
+  return run_as_caller(board.setting, 0, [&] { return call(board); });
 }
 
 }  // namespace
-
-expected<rt::Thread, std::string> start_consumer(std::function<void()> body) {
-  // Of its starter it inherits only the CPU.
-  const bool is_realtime = sched_getscheduler(0) == SCHED_FIFO;
-  auto thread = rt::Thread::start(
-      {.name = "peer-consumer",
-       .priority = kHighPriority,
-       .realtime = is_realtime ? rt::RealtimeMode::kPrefer : rt::RealtimeMode::kOff},
-      std::move(body));
-  if (!thread) return unexpected{thread.error().text()};
-  return std::move(*thread);
-}
-
-int run_peer(std::string_view role, int board_file) {
-  auto board = SharedBoard::open(board_file);
-  if (!board) {
-    std::fprintf(stderr, "rtpm-peer: %s\n", board.error().c_str());
-    return 2;
-  }
-  PeerBoard& shared = *board->operator->();
-  if (auto locked = rt::lock_memory(shared.setting.realtime); !locked) {
-    tell(unexpected{locked.error().text()});
-    return 1;
-  }
-  const auto peer = make_peer();
-  Outcome outcome;
-  if (role == "serve") outcome = serve(shared, *peer, &Peer::serve);
-  if (role == "broker") outcome = serve_events(shared, *peer);
-  if (role == "call") outcome = call(shared, *peer);
-  if (role == "events") outcome = take_events(shared, *peer);
-  tell(outcome);
-  return 1;
-}
-
 }  // namespace rtpm::bench
 
 int main(int argc, char** argv) {
+  using namespace rtpm::bench;
   const std::string_view role = argc == 3 ? argv[1] : "";
   if (role != "serve" && role != "call" && role != "broker" && role != "events") {
     std::fprintf(stderr, "rtpm-peer: rtpm-bench starts this program; see rtpm-bench --peers\n");
     return 2;
   }
-  return rtpm::bench::run_peer(role, std::atoi(argv[2]));
+  auto board = SharedBoard::open(std::atoi(argv[2]));
+  if (!board) {
+    std::fprintf(stderr, "rtpm-peer: %s\n", board.error().c_str());
+    return 2;
+  }
+  tell(run_role(role, *board->operator->()));
+  // Not exit(): threads of the library still run.
+  _exit(1);
 }
