@@ -205,7 +205,7 @@ Outcome call(PeerBoard& board) {
 
 // ---- events -------------------------------------------------------------------------------------
 
-/// A supplier and its consumers, which are never slow on purpose and are told of no losses.
+/// A supplier and its consumers.
 class PeerEvents final : public EventSide {
  public:
   [[nodiscard]] Outcome connect(const PeerSetting& setting, EventBoard& board) {
@@ -226,8 +226,6 @@ class PeerEvents final : public EventSide {
     return {};
   }
   Outcome push(const EventStamp& stamp) override { return push_(stamp); }
-  void set_slow(int) override {}
-  std::uint64_t lost_count() const override { return 0; }
 
  private:
   Push push_{};

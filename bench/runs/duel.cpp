@@ -11,7 +11,6 @@
 #include "rtpm/wire/url.hpp"
 #include "sides/floor.hpp"
 #include "sides/memory_floor.hpp"
-#include "sides/memory_large_floor.hpp"
 #include "sides/standalone.hpp"
 
 namespace rtpm::bench {
@@ -25,8 +24,7 @@ Carrier floor_carrier_of(const DuelConfig& config) {
   return config.floor_carrier.value_or(config.carrier);
 }
 
-expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory,
-                                                MemoryLargeFloor* memory_large) {
+expected<std::string, std::string> set_up_floor(const DuelConfig& config, MemoryFloor* memory) {
   std::vector<FloorLaneConfig> lanes{{.name = "floor-high",
                                       .priority = kHighPriority,
                                       .wait = config.wait,
@@ -40,12 +38,6 @@ expected<std::string, std::string> set_up_floor(const DuelConfig& config, Memory
                      .cpu = config.placement.server_cpu,
                      .connection_count = config.low_caller_count,
                      .host = config.host});
-  }
-  if (memory_large != nullptr) {
-    if (auto served = memory_large->serve(lanes.front(), config.realtime); !served) {
-      return unexpected{served.error()};
-    }
-    return std::string("0 0");
   }
   if (memory != nullptr) {
     if (auto served = memory->serve(lanes, config.realtime); !served) {
@@ -94,8 +86,7 @@ expected<ServerProcess, std::string> start_server(const DuelConfig& config,
 
 struct Duel::Impl {
   DuelConfig config;
-  std::unique_ptr<MemoryFloor> memory_floor;             ///< Of shared memory only,
-  std::unique_ptr<MemoryLargeFloor> memory_large_floor;  ///< for other payloads than the usual.
+  std::unique_ptr<MemoryFloor> memory_floor;  ///< Of shared memory only.
   ServerProcess floor_server;
   ServerProcess rtpm_server;
   std::uint16_t floor_high_port = 0;
@@ -120,19 +111,13 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   // Each is stopped before the other starts: a spinning server would not let the other's threads on
   // their CPU.
   std::unique_ptr<MemoryFloor> memory_floor;
-  std::unique_ptr<MemoryLargeFloor> memory_large_floor;
-  const bool is_floor_memory = floor_carrier_of(config) == Carrier::kSharedMemory;
-  if (is_floor_memory && config.payload_size != kPayloadSize) {
-    auto created = MemoryLargeFloor::create(config.payload_size);
-    if (!created) return unexpected{created.error()};
-    memory_large_floor = std::move(*created);
-  } else if (is_floor_memory) {
-    auto created = MemoryFloor::create({1, config.low_caller_count});
+  if (floor_carrier_of(config) == Carrier::kSharedMemory) {
+    auto created = MemoryFloor::create({1, config.low_caller_count}, config.payload_size);
     if (!created) return unexpected{created.error()};
     memory_floor = std::move(*created);
   }
-  auto floor_server = start_server(
-      config, [&] { return set_up_floor(config, memory_floor.get(), memory_large_floor.get()); });
+  auto floor_server =
+      start_server(config, [&] { return set_up_floor(config, memory_floor.get()); });
   if (!floor_server) return unexpected{floor_server.error()};
   floor_server->pause();
   auto rtpm_server = start_server(config, [&] { return set_up_rtpm(config); });
@@ -140,7 +125,6 @@ expected<std::unique_ptr<Duel>, std::string> Duel::start(const DuelConfig& confi
   rtpm_server->pause();
   auto impl = std::make_unique<Impl>(Impl{.config = config,
                                           .memory_floor = std::move(memory_floor),
-                                          .memory_large_floor = std::move(memory_large_floor),
                                           .floor_server = std::move(*floor_server),
                                           .rtpm_server = std::move(*rtpm_server),
                                           .high_node = make_node(config.carrier, config.wait),
@@ -187,7 +171,6 @@ void Duel::rest_after(Duration turn, double part) {
 expected<std::unique_ptr<Caller>, std::string> Duel::connect_high() {
   if (impl_->turn == Side::kFloor) {
     if (impl_->memory_floor) return impl_->memory_floor->connect(0, impl_->config.wait);
-    if (impl_->memory_large_floor) return impl_->memory_large_floor->connect(impl_->config.wait);
     return connect_floor_caller(floor_carrier_of(impl_->config), impl_->config.host,
                                 impl_->floor_high_port, impl_->config.wait,
                                 impl_->config.payload_size);

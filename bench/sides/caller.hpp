@@ -7,6 +7,7 @@
 
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
 
@@ -46,6 +47,10 @@ class Pipeline {
 using Job = std::function<expected<void, std::string>()>;
 
 /// Computes, without sleeping, until `duration` has passed: the work of both servers.
-void compute_for(Duration duration) noexcept;
+inline void compute_for(Duration duration) noexcept {
+  const MonotonicTime end = rt::now() + duration;
+  while (rt::now() < end) {
+  }
+}
 
 }  // namespace rtpm::bench

@@ -12,6 +12,7 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "sides/event_sides.hpp"
+#include "sides/rtpm_side.hpp"
 
 namespace rtpm::bench {
 namespace {
@@ -28,21 +29,12 @@ events::MulticastConfig multicast_config() {
   return {.group = {.group = "239.255.42.2", .port = port, .interface = kLoopback, .hops = 0}};
 }
 
-rpc::Transport transport_of(const EventSetting& setting) {
-  if (setting.is_embedded) return rpc::Transport::kLocal;
-  switch (setting.carrier) {
-    case Carrier::kUdp:
-      return rpc::Transport::kUdp;
-    case Carrier::kTcp:
-      return rpc::Transport::kTcp;
-    case Carrier::kSharedMemory:
-      break;
-  }
-  return rpc::Transport::kSharedMemory;
+rpc::Transport consumer_transport_of(const EventSetting& setting) {
+  return setting.is_embedded ? rpc::Transport::kLocal : transport_of(setting.carrier);
 }
 
 rpc::Transport supplier_transport_of(const EventSetting& setting) {
-  return setting.has_own_hub ? rpc::Transport::kLocal : transport_of(setting);
+  return setting.has_own_hub ? rpc::Transport::kLocal : consumer_transport_of(setting);
 }
 
 rpc::NodeConfig node_config(const rt::WaitConfig& wait) {
@@ -85,7 +77,7 @@ struct Consumers {
          .priority = kHighPriority,
          .cpus = {setting.placement.client_cpu},
          .realtime = setting.realtime,
-         .transport = transport_of(setting),
+         .transport = consumer_transport_of(setting),
          .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
          .has_own_thread = setting.has_own_threads,
          .multicast = setting.is_multicast,
@@ -227,19 +219,26 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
                           {.priority = kHighPriority,
                            .cpus = {setting.placement.server_cpu},
                            .realtime = setting.realtime,
-                           .transport = transport_of(setting),
+                           .transport = transport_of(setting.carrier),
                            .shared_ring = setting.carrier == Carrier::kSharedMemory});
     if (!linked) return unexpected{linked.error().text()};
   }
   return std::unique_ptr<EventHub>(std::move(served));
 }
 
-expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
-  return ServerProcess::start([setting]() -> expected<std::string, std::string> {
+expected<ServerProcess, std::string> start_between(const EventSetting& setting,
+                                                   const ServerProcess::SetUp& set_up) {
+  return ServerProcess::start([&]() -> expected<std::string, std::string> {
     if (setting.network != nullptr) {
       auto entered = setting.network->enter(NetworkPair::Host::kServer);
       if (!entered) return unexpected{entered.error()};
     }
+    return set_up();
+  });
+}
+
+expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting) {
+  return start_between(setting, [&]() -> expected<std::string, std::string> {
     auto hub = open_event_hub(setting);
     if (!hub) return unexpected{hub.error()};
     // It serves until the process ends.
@@ -277,9 +276,10 @@ expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
     return unexpected{added.error()};
   }
   rpc::Node node(node_config(kBlock));
-  auto supplier = events::Supplier::create(
-      node, hub,
-      {.priority = kHighPriority, .transport = transport_of(setting), .deadline = kSetUpPatience});
+  auto supplier = events::Supplier::create(node, hub,
+                                           {.priority = kHighPriority,
+                                            .transport = transport_of(setting.carrier),
+                                            .deadline = kSetUpPatience});
   if (!supplier) return unexpected{supplier.error().text()};
   expected<EventRate, std::string> outcome;
   // Below the consumer, which so takes what is there before more is pushed.

@@ -43,12 +43,16 @@ class EventSide {
  public:
   virtual ~EventSide() = default;
   [[nodiscard]] virtual expected<void, std::string> push(const EventStamp& stamp) = 0;
-  /// Lets the last `count` consumers take a tenth of a second for each event, or no more.
-  virtual void set_slow(int count) = 0;
-  /// What the consumers were told that they lost.
-  [[nodiscard]] virtual std::uint64_t lost_count() const = 0;
+  /// Lets the last `count` consumers take a tenth of a second for each event, or no more. Only a
+  /// hub's can.
+  virtual void set_slow(int count) { static_cast<void>(count); }
+  /// What the consumers were told that they lost. Only a hub tells.
+  [[nodiscard]] virtual std::uint64_t lost_count() const { return 0; }
 };
 
+/// A process between supplier and consumers: on the server's host, where there are two.
+[[nodiscard]] expected<ServerProcess, std::string> start_between(
+    const EventSetting& setting, const ServerProcess::SetUp& set_up);
 /// A hub in a process of its own. Fork it before this process starts a thread.
 [[nodiscard]] expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting);
 /// A hub in this program, with the lane that start_event_hub() would give it. It serves as long as

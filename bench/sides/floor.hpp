@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -25,12 +26,6 @@ inline constexpr std::size_t kFloorFrameSize = wire::kHeaderSize + kPayloadSize;
 /// other without any window, acknowledgement or repetition: a lost one ends the measurement.
 [[nodiscard]] std::size_t floor_frame_size(Carrier carrier, std::size_t payload_size) noexcept;
 
-/// Whether two buffers of one size hold the same. The operators compare std::byte one by one, which
-/// takes as long as to move them.
-[[nodiscard]] inline bool are_same(ConstBytes one, ConstBytes other) noexcept {
-  return std::memcmp(one.data(), other.data(), one.size()) == 0;
-}
-
 /// One thread of a raw server with one socket.
 struct FloorLaneConfig {
   std::string name;
@@ -45,18 +40,71 @@ struct FloorLaneConfig {
 
 /// Starts a raw echo server in this process, one thread and one port per lane, which serves until
 /// the process ends. A frame whose first eight bytes are not zero asks it to compute for that many
-/// nanoseconds first. Gives back the lanes' ports, in order.   Set-up only.
+/// nanoseconds first.
+/// @return   the lanes' ports, in order
+/// @realtime set-up only
 [[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
 
 /// Connects a raw caller to a lane's port at `host`, which is numeric; its echo() has
-/// `payload_size` bytes brought back, as many as the lane was told.   Set-up only.
+/// `payload_size` bytes brought back, as many as the lane was told.
+/// @realtime set-up only
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
     Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,
     std::size_t payload_size = kPayloadSize);
 
-/// As connect_floor_caller(), over UDP: a pipeline on one socket.   Set-up only.
+/// As connect_floor_caller(), over UDP: a pipeline on one socket.
 [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(
     const std::string& host, std::uint16_t port, std::size_t in_flight);
+
+// What all raw floors have in common.
+
+/// Starts a lane's thread, which runs until the process ends.
+[[nodiscard]] expected<void, std::string> start_floor_thread(const FloorLaneConfig& lane,
+                                                             rt::RealtimeMode realtime,
+                                                             std::function<void()> body);
+
+using FloorFrame = std::vector<std::byte>;
+
+/// As callers send it: zeros where RTPM has its header, then bytes that differ.
+[[nodiscard]] inline FloorFrame make_floor_frame(std::size_t size) {
+  FloorFrame frame(size);
+  for (std::size_t i = wire::kHeaderSize; i < size; ++i)
+    frame[i] = static_cast<std::byte>(i);
+  return frame;
+}
+
+inline void compute_as_asked(const FloorFrame& frame) noexcept {
+  const auto work_ns = load_le<std::uint64_t>(frame.data());
+  if (work_ns != 0) compute_for(Duration{static_cast<Duration::rep>(work_ns)});
+}
+
+/// A caller that sends one frame again and again. `exchange(sent, received)` is one call.
+template <class Exchange>
+class FloorCaller final : public Caller {
+ public:
+  FloorCaller(std::size_t frame_size, Exchange exchange)
+      : exchange_(std::move(exchange)),
+        sent_(make_floor_frame(frame_size)),
+        received_(frame_size) {}
+  expected<void, std::string> echo() override { return work(Duration{0}); }
+  expected<void, std::string> work(Duration duration) override {
+    store_le(sent_.data(), static_cast<std::uint64_t>(duration.count()));
+    if (auto exchanged = exchange_(sent_, received_); !exchanged) return exchanged;
+    // The vectors' own comparison goes byte by byte, which takes as long as to move them.
+    if (std::memcmp(received_.data(), sent_.data(), sent_.size()) == 0) return {};
+    return unexpected{std::string("the raw floor's echo differs")};
+  }
+
+ private:
+  Exchange exchange_;
+  FloorFrame sent_;
+  FloorFrame received_;
+};
+
+template <class Exchange>
+[[nodiscard]] std::unique_ptr<Caller> make_floor_caller(std::size_t frame_size, Exchange exchange) {
+  return std::make_unique<FloorCaller<Exchange>>(frame_size, std::move(exchange));
+}
 
 }  // namespace rtpm::bench

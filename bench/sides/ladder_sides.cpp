@@ -28,8 +28,6 @@ class DirectSide final : public EventSide {
     board_.note(0, std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1)), rt::now());
     return {};
   }
-  void set_slow(int) override {}
-  std::uint64_t lost_count() const override { return 0; }
 
  private:
   std::unique_ptr<rpc::Node> node_;
@@ -114,8 +112,6 @@ class CallbackSide final : public EventSide {
     }
     return {};
   }
-  void set_slow(int) override {}
-  std::uint64_t lost_count() const override { return 0; }
 
  private:
   std::unique_ptr<rpc::Node> node_;

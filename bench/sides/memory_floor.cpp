@@ -1,186 +1,244 @@
 #include "sides/memory_floor.hpp"
 
+#include <linux/futex.h>
 #include <sys/mman.h>
+#include <sys/syscall.h>
+#include <unistd.h>
 
-#include <array>
 #include <atomic>
 #include <cstring>
-#include <new>
+#include <ctime>
+#include <type_traits>
 #include <utility>
 
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
-#include "sides/memory_wait.hpp"
 
 namespace rtpm::bench {
 namespace {
 
 constexpr Duration kTimeout = std::chrono::seconds{1};
-constexpr std::size_t kCallerCountMax = 65;
-constexpr std::size_t kLaneCountMax = 2;
-// As many bytes as RTPM's ring has.
 constexpr std::size_t kSlotCount = 1024;
+constexpr std::size_t kSlotSize = 128;
+/// A size that the compiler knows, so that it copies the usual frame without a call.
+using UsualSize = std::integral_constant<std::size_t, kFloorFrameSize>;
 
-using Frame = std::array<std::byte, kFloorFrameSize>;
-static_assert(sizeof(Frame) == 112);
+/// Where a thread sleeps.
+struct alignas(64) Bed {
+  std::atomic<std::uint32_t> is_taken{0};
+  std::atomic<std::uint32_t> wake_count{0};
 
-/// One direction of one caller's path.
-struct Ring {
-  struct alignas(128) Slot {
-    Frame frame{};
-  };
-  alignas(64) std::atomic<std::uint64_t> tail{0};
-  alignas(64) std::atomic<std::uint64_t> head{0};
-  std::array<Slot, kSlotCount> slots{};
-
-  void push(const Frame& frame, std::uint64_t position) noexcept {
-    slots[position % kSlotCount].frame = frame;
-    tail.store(position + 1, std::memory_order_seq_cst);
+  void wake() noexcept {
+    if (is_taken.load(std::memory_order_seq_cst) == 0 || is_taken.exchange(0) == 0) return;
+    wake_count.fetch_add(1);
+    syscall(SYS_futex, &wake_count, FUTEX_WAKE, 1, nullptr, nullptr, 0);
   }
-  [[nodiscard]] bool has(std::uint64_t position) const noexcept {
-    return tail.load(std::memory_order_seq_cst) != position;
-  }
-  void pop(Frame& frame, std::uint64_t position) noexcept {
-    frame = slots[position % kSlotCount].frame;
-    head.store(position + 1, std::memory_order_release);
+  /// Sleeps unless `has_work()`, for a second at most.
+  template <class HasWork>
+  void sleep(HasWork has_work) noexcept {
+    const std::uint32_t before = wake_count.load();
+    is_taken.store(1, std::memory_order_seq_cst);
+    const timespec patience{.tv_sec = 1, .tv_nsec = 0};
+    if (!has_work()) {
+      syscall(SYS_futex, &wake_count, FUTEX_WAIT, before, &patience, nullptr, 0);
+    }
+    is_taken.store(0, std::memory_order_relaxed);
   }
 };
 
-struct Path {
-  Ring to_server;
-  Ring to_caller;
+/// How long a waiting side spins before it sleeps.
+Duration spin_of(const rt::WaitConfig& wait, Duration give_up) noexcept {
+  if (wait.strategy == rt::WaitStrategy::kBlock) return Duration{0};
+  return wait.strategy == rt::WaitStrategy::kAdaptive ? wait.spin : give_up;
+}
+
+/// Spins until `has_work()`; false if it took longer than `spin`.
+template <class HasWork>
+bool spin_until(HasWork has_work, Duration spin) noexcept {
+  constexpr int kLooksPerClock = 64;
+  if (has_work()) return true;
+  if (spin <= Duration{0}) return false;
+  const MonotonicTime end = spin == Duration::max() ? kNever : rt::now() + spin;
+  do {
+    for (int look = 0; look < kLooksPerClock; ++look) {
+      if (has_work()) return true;
+    }
+  } while (end == kNever || rt::now() < end);
+  return false;
+}
+
+/// One direction of one caller's path: how many frames were put in, and how many taken.
+struct Counts {
+  alignas(64) std::atomic<std::uint64_t> tail{0};
+  alignas(64) std::atomic<std::uint64_t> head{0};
+};
+
+/// What a path begins with. The slots of both directions follow.
+struct PathHead {
+  Counts to_server;
+  Counts to_caller;
   Bed caller_bed;
 };
 
-}  // namespace
+std::size_t slots_size(std::size_t frame_size) {
+  if (frame_size == UsualSize()) return kSlotCount * kSlotSize;
+  return (frame_size + kSlotSize - 1) / kSlotSize * kSlotSize;
+}
 
-struct MemoryFloor::Lane {
-  Bed bed;
-  std::array<Path, kCallerCountMax> paths;
+/// One process's view of one direction.
+template <class Size>
+struct Ring {
+  Counts& counts;
+  std::byte* slots;
+  Size size;
+
+  [[nodiscard]] std::byte* slot(std::uint64_t position) const noexcept {
+    if constexpr (std::is_same_v<Size, std::size_t>) return slots;
+    return slots + position % kSlotCount * kSlotSize;
+  }
+  void push(const std::byte* frame, std::uint64_t position) const noexcept {
+    std::memcpy(slot(position), frame, size);
+    counts.tail.store(position + 1, std::memory_order_seq_cst);
+  }
+  [[nodiscard]] bool has(std::uint64_t position) const noexcept {
+    return counts.tail.load(std::memory_order_seq_cst) != position;
+  }
+  void pop(std::byte* frame, std::uint64_t position) const noexcept {
+    std::memcpy(frame, slot(position), size);
+    counts.head.store(position + 1, std::memory_order_release);
+  }
 };
 
-struct MemoryFloor::Layout {
-  std::array<Lane, kLaneCountMax> lanes;
+template <class Size>
+struct Path {
+  Path(MutableBytes memory, Size size)
+      : head(*reinterpret_cast<PathHead*>(memory.data())),
+        to_server{head.to_server, memory.data() + sizeof(PathHead), size},
+        to_caller{head.to_caller, to_server.slots + slots_size(size), size} {}
+  PathHead& head;
+  Ring<Size> to_server;
+  Ring<Size> to_caller;
+  std::uint64_t position = 0;
 };
 
-namespace {
-
-class MemoryFloorCaller final : public Caller {
- public:
-  MemoryFloorCaller(Path& path, Bed& lane_bed, const rt::WaitConfig& wait)
-      : path_(path), lane_bed_(lane_bed), spin_(spin_of(wait, kTimeout)), wait_(wait) {
-    for (std::size_t i = wire::kHeaderSize; i < sent_.size(); ++i)
-      sent_[i] = static_cast<std::byte>(i);
-  }
-
-  expected<void, std::string> echo() override { return exchange(); }
-
-  expected<void, std::string> work(Duration duration) override {
-    store_le(sent_.data(), static_cast<std::uint64_t>(duration.count()));
-    auto outcome = exchange();
-    store_le(sent_.data(), std::uint64_t{0});
-    return outcome;
-  }
-
- private:
-  expected<void, std::string> exchange() {
-    const auto has_reply = [this] { return path_.to_caller.has(position_); };
-    path_.to_server.push(sent_, position_);
-    lane_bed_.wake();
-    if (!spin_until(has_reply, spin_)) {
-      const bool may_sleep = wait_.strategy != rt::WaitStrategy::kSpin;
-      if (!may_sleep || !path_.caller_bed.sleep_until(has_reply)) {
-        return unexpected{std::string("the raw floor's server does not answer")};
-      }
+/// What a caller does: one frame there and back.
+template <class Size>
+struct MemoryExchange {
+  expected<void, std::string> operator()(const FloorFrame& sent, FloorFrame& received) {
+    const auto has_reply = [this] { return path.to_caller.has(path.position); };
+    path.to_server.push(sent.data(), path.position);
+    lane_bed.wake();
+    if (!spin_until(has_reply, spin_of(wait, kTimeout)) && !sleep_until(has_reply)) {
+      return unexpected{std::string("the raw floor's server does not answer")};
     }
-    path_.to_caller.pop(received_, position_);
-    ++position_;
-    if (!are_same(received_, sent_)) return unexpected{std::string("the raw floor's echo differs")};
+    path.to_caller.pop(received.data(), path.position++);
     return {};
   }
 
-  Path& path_;
-  Bed& lane_bed_;
-  Duration spin_;
-  rt::WaitConfig wait_;
-  std::uint64_t position_ = 0;
-  Frame sent_{};
-  Frame received_{};
+  /// One sleep is not enough: a server that is stopped between its answer and the wake-up wakes the
+  /// next sleep instead.
+  template <class HasReply>
+  bool sleep_until(HasReply has_reply) noexcept {
+    const MonotonicTime end = rt::now() + kTimeout;
+    const bool may_sleep = wait.strategy != rt::WaitStrategy::kSpin;
+    while (may_sleep && !has_reply() && rt::now() < end)
+      path.head.caller_bed.sleep(has_reply);
+    return has_reply();
+  }
+
+  Path<Size> path;
+  Bed& lane_bed;
+  rt::WaitConfig wait;
 };
 
-void compute_as_asked(const Frame& frame) noexcept {
-  const auto duration_ns = load_le<std::uint64_t>(frame.data());
-  if (duration_ns != 0) compute_for(Duration{static_cast<Duration::rep>(duration_ns)});
-}
-
-void serve_lane(Bed& bed, std::span<Path> paths, const rt::WaitConfig& wait) noexcept {
-  std::vector<std::uint64_t> positions(paths.size());
-  const auto has_work = [&] {
-    for (std::size_t i = 0; i < paths.size(); ++i) {
-      if (paths[i].to_server.has(positions[i])) return true;
+template <class Size>
+void serve_lane(Bed& bed, std::vector<Path<Size>> paths, Size size, const rt::WaitConfig& wait) {
+  const auto has_work = [&paths] {
+    for (const auto& path : paths) {
+      if (path.to_server.has(path.position)) return true;
     }
     return false;
   };
   const Duration spin = spin_of(wait, Duration::max());
-  Frame frame{};
-  for (;;) {
-    for (std::size_t i = 0; i < paths.size(); ++i) {
-      if (!paths[i].to_server.has(positions[i])) continue;
-      paths[i].to_server.pop(frame, positions[i]);
+  for (FloorFrame frame(size);;) {
+    for (auto& path : paths) {
+      if (!path.to_server.has(path.position)) continue;
+      path.to_server.pop(frame.data(), path.position);
       compute_as_asked(frame);
-      paths[i].to_caller.push(frame, positions[i]++);
-      paths[i].caller_bed.wake();
+      path.to_caller.push(frame.data(), path.position++);
+      path.head.caller_bed.wake();
     }
     if (!spin_until(has_work, spin)) bed.sleep(has_work);
   }
 }
 
+/// Calls `body` with the frame's size, as the compiler knows it where it can.
+template <class Body>
+auto with_size(std::size_t frame_size, Body body) {
+  return frame_size == UsualSize() ? body(UsualSize()) : body(frame_size);
+}
+
 }  // namespace
 
-expected<std::unique_ptr<MemoryFloor>, std::string> MemoryFloor::create(
-    const std::vector<int>& caller_counts) {
+MemoryFloor::MemoryFloor(const std::vector<int>& caller_counts, std::size_t payload_size)
+    : frame_size_(floor_frame_size(Carrier::kSharedMemory, payload_size)) {
+  const std::size_t path_size = sizeof(PathHead) + 2 * slots_size(frame_size_);
+  for (const int count : caller_counts)
+    size_ += sizeof(Bed) + static_cast<std::size_t>(count) * path_size;
+  // Fresh memory is zeros, and nothing else is what beds and counts begin with.
   void* const memory =
-      mmap(nullptr, sizeof(Layout), PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
-  if (memory == MAP_FAILED) return unexpected{std::string("no memory for the raw floor")};
-  // Fresh memory is zeros, and nothing else is what the words begin with.
-  return std::unique_ptr<MemoryFloor>(
-      new MemoryFloor(std::launder(static_cast<Layout*>(memory)), sizeof(Layout), caller_counts));
+      mmap(nullptr, size_, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+  if (memory == MAP_FAILED) return;
+  auto* next = memory_ = static_cast<std::byte*>(memory);
+  for (const int count : caller_counts) {
+    Lane& lane = lanes_.emplace_back(Lane{.bed = next});
+    next += sizeof(Bed);
+    for (int i = 0; i < count; ++i, next += path_size)
+      lane.paths.emplace_back(next, path_size);
+  }
+}
+
+expected<std::unique_ptr<MemoryFloor>, std::string> MemoryFloor::create(
+    const std::vector<int>& caller_counts, std::size_t payload_size) {
+  std::unique_ptr<MemoryFloor> floor(new MemoryFloor(caller_counts, payload_size));
+  if (floor->memory_ == nullptr) return unexpected{std::string("no memory for the raw floor")};
+  return floor;
 }
 
 MemoryFloor::~MemoryFloor() {
-  munmap(layout_, size_);
+  if (memory_ != nullptr) munmap(memory_, size_);
 }
 
 expected<void, std::string> MemoryFloor::serve(const std::vector<FloorLaneConfig>& lanes,
                                                rt::RealtimeMode realtime) {
   for (std::size_t i = 0; i < lanes.size(); ++i) {
-    Lane& lane = layout_->lanes[i];
-    const std::span<Path> paths(lane.paths.data(), static_cast<std::size_t>(caller_counts_[i]));
-    for (Path& path : paths) {
-      // Pages are there before the first call.
-      std::memset(static_cast<void*>(&path), 0, sizeof path);
-    }
-    const FloorLaneConfig& config = lanes[i];
-    auto thread = rt::Thread::start(
-        {.name = config.name,
-         .priority = config.priority,
-         .cpus = {config.cpu},
-         .realtime = realtime},
-        [&bed = lane.bed, paths, wait = config.wait] { serve_lane(bed, paths, wait); });
-    if (!thread) return unexpected{thread.error().text()};
-    static auto& started = *new std::vector<rt::Thread>;
-    started.push_back(std::move(*thread));
+    const Lane& lane = lanes_[i];
+    // Pages are there before the first call.
+    for (const MutableBytes path : lane.paths)
+      rt::prefault(path);
+    auto started = start_floor_thread(lanes[i], realtime, [&lane, wait = lanes[i].wait, this] {
+      with_size(frame_size_, [&]<class Size>(Size size) {
+        std::vector<Path<Size>> paths;
+        for (const MutableBytes path : lane.paths)
+          paths.emplace_back(path, size);
+        serve_lane(*reinterpret_cast<Bed*>(lane.bed), std::move(paths), size, wait);
+      });
+    });
+    if (!started) return started;
   }
   if (auto locked = rt::lock_memory(realtime); !locked) return unexpected{locked.error().text()};
   return {};
 }
 
 std::unique_ptr<Caller> MemoryFloor::connect(std::size_t lane, const rt::WaitConfig& wait) {
-  Lane& its_lane = layout_->lanes[lane];
-  const auto index = static_cast<std::size_t>(connected_counts_[lane]++);
-  Path& path = its_lane.paths.at(index);
+  Lane& its_lane = lanes_[lane];
+  const MutableBytes path = its_lane.paths.at(its_lane.connected_count++);
   // Here, too: the first thousand calls go to slots that this process has not touched.
-  rt::prefault({reinterpret_cast<std::byte*>(&path), sizeof path});
-  return std::make_unique<MemoryFloorCaller>(path, its_lane.bed, wait);
+  rt::prefault(path);
+  Bed& bed = *reinterpret_cast<Bed*>(its_lane.bed);
+  return with_size(frame_size_, [&]<class Size>(Size size) {
+    return make_floor_caller(size, MemoryExchange<Size>{{path, size}, bed, wait});
+  });
 }
 
 }  // namespace rtpm::bench

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
 
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/expected.hpp"
 #include "sides/caller.hpp"
 #include "sides/floor.hpp"
@@ -14,13 +14,16 @@
 namespace rtpm::bench {
 
 /// Memory for a raw server and its callers, which are processes of their own. Make it before the
-/// server's process is forked, so that both have it. Ownership: unmaps at its end; callers and the
-/// server's threads use it until then.   Set-up only.
+/// server's process is forked, so that both have it.
+/// @lifetime callers and the server's threads use it
+/// @realtime set-up only
 class MemoryFloor {
  public:
-  /// For lanes with so many callers each.   Errors: no memory left.
+  /// For lanes with so many callers each. Rings have as many bytes as RTPM's have; those of other
+  /// payloads than the usual have one slot.
+  /// @errors no memory left
   [[nodiscard]] static expected<std::unique_ptr<MemoryFloor>, std::string> create(
-      const std::vector<int>& caller_counts);
+      const std::vector<int>& caller_counts, std::size_t payload_size = kPayloadSize);
   ~MemoryFloor();
   MemoryFloor(const MemoryFloor&) = delete;
   MemoryFloor& operator=(const MemoryFloor&) = delete;
@@ -32,15 +35,17 @@ class MemoryFloor {
   [[nodiscard]] std::unique_ptr<Caller> connect(std::size_t lane, const rt::WaitConfig& wait);
 
  private:
-  struct Lane;
-  struct Layout;
-  MemoryFloor(Layout* layout, std::size_t size, std::vector<int> caller_counts)
-      : layout_(layout), size_(size), caller_counts_(std::move(caller_counts)) {}
+  struct Lane {
+    std::byte* bed;
+    std::vector<MutableBytes> paths{};
+    std::size_t connected_count = 0;
+  };
+  MemoryFloor(const std::vector<int>& caller_counts, std::size_t payload_size);
 
-  Layout* layout_;
-  std::size_t size_;
-  std::vector<int> caller_counts_;
-  std::vector<int> connected_counts_ = std::vector<int>(caller_counts_.size());
+  std::size_t frame_size_;
+  std::size_t size_ = 0;
+  std::byte* memory_ = nullptr;
+  std::vector<Lane> lanes_{};
 };
 
 }  // namespace rtpm::bench

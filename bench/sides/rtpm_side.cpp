@@ -181,11 +181,14 @@ expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
   return server->release()->url("bench/echo");
 }
 
+rpc::Transport transport_of(Carrier carrier) noexcept {
+  if (carrier == Carrier::kUdp) return rpc::Transport::kUdp;
+  return carrier == Carrier::kTcp ? rpc::Transport::kTcp : rpc::Transport::kSharedMemory;
+}
+
 std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait) {
-  rpc::NodeConfig config{.wait = wait, .transport = rpc::Transport::kUdp};
-  if (carrier == Carrier::kTcp) config.transport = rpc::Transport::kTcp;
-  if (carrier == Carrier::kSharedMemory) config.transport = rpc::Transport::kSharedMemory;
-  return std::make_unique<rpc::Node>(config);
+  return std::make_unique<rpc::Node>(
+      rpc::NodeConfig{.wait = wait, .transport = transport_of(carrier)});
 }
 
 expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& node,

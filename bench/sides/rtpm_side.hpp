@@ -28,6 +28,8 @@ struct RtpmServerConfig {
 /// object's URL.   Set-up only.
 [[nodiscard]] expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config);
 
+[[nodiscard]] rpc::Transport transport_of(Carrier carrier) noexcept;
+
 /// The calling side of one program for callers that share a carrier and a wait strategy.
 [[nodiscard]] std::unique_ptr<rpc::Node> make_node(Carrier carrier, const rt::WaitConfig& wait);
 
