@@ -13,7 +13,8 @@ namespace rtpm::bench {
 /// A server in a process of its own that echoes, for direct_calls().
 [[nodiscard]] expected<ServerProcess, std::string> start_direct(const EventSetting& setting);
 /// An event is a call there and back; its consumer is the caller, who has it when the reply is
-/// there. Ownership: refers to `board`.
+/// there.
+/// @lifetime refers to `board`
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> direct_calls(
     const EventSetting& setting, const std::string& server, EventBoard& board);
 
@@ -26,15 +27,10 @@ class CallbackChain {
   [[nodiscard]] static expected<std::unique_ptr<CallbackChain>, std::string> start(
       const EventSetting& setting, EventBoard& board);
   virtual ~CallbackChain() = default;
-  CallbackChain(const CallbackChain&) = delete;
-  CallbackChain& operator=(const CallbackChain&) = delete;
 
   /// Serves the object and waits until the first stamp came the whole way.
   [[nodiscard]] virtual expected<std::unique_ptr<EventSide>, std::string> connect() = 0;
   [[nodiscard]] virtual pid_t id() const = 0;
-
- protected:
-  CallbackChain() = default;
 };
 
 }  // namespace rtpm::bench

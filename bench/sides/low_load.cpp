@@ -24,23 +24,24 @@ LowLoad::LowLoad(const Placement& placement, rt::RealtimeMode realtime, std::vec
 }
 
 void LowLoad::run(Member& member) {
-  while (!is_stopping_.load(std::memory_order_relaxed)) {
+  while (!is_stopping_.load(std::memory_order_relaxed) && member.failure.empty()) {
     const MonotonicTime begin = rt::now();
     if (auto called = member.job(); !called) {
       member.failure = called.error();
-      break;
+    } else if (member.latencies.size() < kLatencyCountMax) {
+      member.latencies.push_back(rt::now() - begin);
     }
-    if (member.latencies.size() < kLatencyCountMax) member.latencies.push_back(rt::now() - begin);
     member.has_begun.store(true, std::memory_order_release);
   }
-  member.has_begun.store(true, std::memory_order_release);
 }
 
 expected<void, std::string> LowLoad::start(int caller_count) {
   is_stopping_.store(false, std::memory_order_relaxed);
   const std::span active(members_.data(), static_cast<std::size_t>(caller_count));
-  for (auto& member : members_)
+  for (auto& member : members_) {
     member->latencies.clear();
+    member->failure.clear();
+  }
   for (auto& member : active) {
     member->has_begun.store(false, std::memory_order_relaxed);
     auto thread = rt::Thread::start({.name = "bench-low",

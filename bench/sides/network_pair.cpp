@@ -5,8 +5,10 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstdio>
 #include <cstring>
 #include <fstream>
 #include <sstream>
@@ -16,48 +18,21 @@ namespace rtpm::bench {
 namespace {
 
 constexpr int kNoSuchProgram = 127;
-constexpr const char* kOwnNamespace = "/proc/thread-self/ns/net";
-
-std::size_t index_of(NetworkPair::Host host) {
-  return static_cast<std::size_t>(host);
-}
 
 int open_own_namespace() {
-  return open(kOwnNamespace, O_RDONLY | O_CLOEXEC);
+  return open("/proc/thread-self/ns/net", O_RDONLY | O_CLOEXEC);
 }
 
-/// Puts the calling thread in a new network namespace and gives a descriptor of it, or -1.
-int open_new_namespace() {
-  return unshare(CLONE_NEWNET) == 0 ? open_own_namespace() : -1;
-}
-
-/// In the child: becomes the program in the namespace. Everything there is open to it.
-[[noreturn]] void become(int network, const std::vector<std::string>& command, int input,
-                         int output) {
-  std::vector<char*> arguments;
-  arguments.reserve(command.size() + 1);
-  for (const std::string& word : command)
-    arguments.push_back(const_cast<char*>(word.c_str()));
-  arguments.push_back(nullptr);
-  if (setns(network, CLONE_NEWNET) != 0 || dup2(input, STDIN_FILENO) < 0 ||
-      dup2(output, STDOUT_FILENO) < 0 || dup2(output, STDERR_FILENO) < 0) {
-    _exit(1);
-  }
-  execvp(arguments.front(), arguments.data());
-  _exit(errno == ENOENT ? kNoSuchProgram : 1);
-}
-
-std::string read_all(int pipe) {
-  std::string text;
+/// A program's output and what it ended with.
+std::pair<std::string, int> run_program(const std::string& command) {
+  std::string output;
+  FILE* const pipe = popen((command + " 2>&1").c_str(), "r");
+  if (pipe == nullptr) return {"no pipe for a program", -1};
   std::array<char, 4096> part{};
-  ssize_t size = 0;
-  while ((size = read(pipe, part.data(), part.size())) > 0)
-    text.append(part.data(), static_cast<std::size_t>(size));
-  return text;
-}
-
-std::string package_of(const std::string& program) {
-  return program == "ip" ? "iproute2" : "nftables";
+  while (const std::size_t size = fread(part.data(), 1, part.size(), pipe))
+    output.append(part.data(), size);
+  const int status = pclose(pipe);
+  return {output, WIFEXITED(status) ? WEXITSTATUS(status) : -1};
 }
 
 /// The rule for one direction. What comes in is dropped, because a sender is told of what a rule
@@ -65,10 +40,9 @@ std::string package_of(const std::string& program) {
 std::string rules_of(Carrier carrier, std::string_view which_port, std::uint16_t port,
                      double percent) {
   std::ostringstream rules;
-  rules << "table inet rtpm_bench {\n  chain loss {\n"
-        << "    type filter hook input priority 0; policy accept;\n    "
+  rules << "table inet rtpm_bench { chain loss { type filter hook input priority 0; policy accept; "
         << (carrier == Carrier::kTcp ? "tcp " : "udp ") << which_port << " " << port
-        << " numgen random mod 1000 < " << std::lround(percent * 10) << " counter drop\n  }\n}\n";
+        << " numgen random mod 1000 < " << std::lround(percent * 10) << " counter drop; }; }";
   return rules.str();
 }
 
@@ -93,7 +67,7 @@ expected<NetworkPair, std::string> NetworkPair::create() {
   const int home = open_own_namespace();
   int error = 0;
   for (int& descriptor : pair.namespaces_) {
-    descriptor = open_new_namespace();
+    descriptor = unshare(CLONE_NEWNET) == 0 ? open_own_namespace() : -1;
     if (descriptor < 0) error = errno;
   }
   const bool is_home = home >= 0 && setns(home, CLONE_NEWNET) == 0;
@@ -103,25 +77,18 @@ expected<NetworkPair, std::string> NetworkPair::create() {
                       "), which takes the right CAP_SYS_ADMIN; run it as root"};
   }
   if (!is_home) return unexpected{std::string("the way back from a new network namespace failed")};
-  // The descriptor is the child's, too, and so names the other host to the program.
-  const std::string client =
-      "/proc/self/fd/" +
-      std::to_string(fcntl(pair.namespaces_[index_of(Host::kClient)], F_DUPFD, 3));
-  const std::string server_address = std::string(kServerAddress) + "/30";
-  const std::string client_address = std::string(kClientAddress) + "/30";
-  const std::pair<Host, std::vector<std::string>> commands[] = {
-      {Host::kServer,
-       {"ip", "link", "add", "rtpm", "type", "veth", "peer", "name", "rtpm", "netns", client}},
-      {Host::kServer, {"ip", "address", "add", server_address, "dev", "rtpm"}},
-      {Host::kClient, {"ip", "address", "add", client_address, "dev", "rtpm"}},
-      {Host::kServer, {"ip", "link", "set", "rtpm", "up"}},
-      {Host::kClient, {"ip", "link", "set", "rtpm", "up"}},
-  };
+  // The descriptor names the other host to the program: `ip` is a child of this process.
+  const std::string client = "/proc/" + std::to_string(getpid()) + "/fd/" +
+                             std::to_string(pair.namespaces_[index_of(Host::kClient)]);
   expected<std::string, std::string> done;
-  for (const auto& [host, command] : commands) {
-    if (done) done = pair.run(host, command);
+  for (const auto& [host, command] :
+       {std::pair{Host::kServer, "link add rtpm type veth peer name rtpm netns " + client},
+        {Host::kServer, "address add " + std::string(kServerAddress) + "/30 dev rtpm"},
+        {Host::kClient, "address add " + std::string(kClientAddress) + "/30 dev rtpm"},
+        {Host::kServer, "link set rtpm up"},
+        {Host::kClient, "link set rtpm up"}}) {
+    if (done) done = pair.run(host, "ip " + command);
   }
-  close(std::stoi(client.substr(client.rfind('/') + 1)));
   if (!done) return unexpected{done.error()};
   return pair;
 }
@@ -131,41 +98,23 @@ expected<void, std::string> NetworkPair::enter(Host host) const {
   return unexpected{std::string("a network namespace can't be entered: ") + std::strerror(errno)};
 }
 
-expected<std::string, std::string> NetworkPair::run(Host host,
-                                                    const std::vector<std::string>& command,
-                                                    const std::string& input) const {
-  std::array<int, 2> to{};
-  std::array<int, 2> from{};
-  if (pipe2(to.data(), O_CLOEXEC) != 0) return unexpected{std::string("no pipe for a program")};
-  if (pipe2(from.data(), O_CLOEXEC) != 0) {
-    close(to[0]);
-    close(to[1]);
-    return unexpected{std::string("no pipe for a program")};
+expected<std::string, std::string> NetworkPair::run(Host host, const std::string& command) const {
+  const int home = open_own_namespace();
+  if (auto entered = enter(host); !entered) return unexpected{entered.error()};
+  auto [output, exit_code] = run_program(command);
+  const bool is_home = home >= 0 && setns(home, CLONE_NEWNET) == 0;
+  close(home);
+  if (!is_home) return unexpected{std::string("the way back from a network namespace failed")};
+  if (exit_code == 0) return output;
+  const bool is_ip = command.starts_with("ip ");
+  if (exit_code == kNoSuchProgram) {
+    return unexpected{std::string("the program '") + (is_ip ? "ip" : "nft") +
+                      "' is missing; install Debian's package " +
+                      (is_ip ? "iproute2" : "nftables")};
   }
-  const pid_t child = fork();
-  if (child == 0) become(namespaces_[index_of(host)], command, to[0], from[1]);
-  close(to[0]);
-  close(from[1]);
-  // Rules are far smaller than a pipe, so that this never waits.
-  const bool is_fed =
-      write(to[1], input.data(), input.size()) == static_cast<ssize_t>(input.size());
-  close(to[1]);
-  std::string output = read_all(from[0]);
-  close(from[0]);
-  int status = -1;
-  if (child > 0) waitpid(child, &status, 0);
-  const std::string& program = command.front();
-  if (WIFEXITED(status) && WEXITSTATUS(status) == kNoSuchProgram) {
-    return unexpected{"the program '" + program + "' is missing; install Debian's package " +
-                      package_of(program)};
-  }
-  if (child > 0 && is_fed && WIFEXITED(status) && WEXITSTATUS(status) == 0) return output;
-  std::string words;
-  for (const std::string& word : command)
-    words += (words.empty() ? "" : " ") + word;
   // One sentence, so one line.
   const std::string reason = output.substr(0, output.find('\n'));
-  return unexpected{"'" + words + "' failed: " +
+  return unexpected{command + " failed: " +
                     (reason.empty() ? "it takes the rights CAP_NET_ADMIN and CAP_SYS_ADMIN; run "
                                       "it as root"
                                     : reason)};
@@ -173,10 +122,9 @@ expected<std::string, std::string> NetworkPair::run(Host host,
 
 expected<void, std::string> NetworkPair::drop(Carrier carrier, std::uint16_t port,
                                               double percent) const {
-  const std::pair<Host, std::string_view> directions[] = {{Host::kServer, "dport"},
-                                                          {Host::kClient, "sport"}};
-  for (const auto& [host, which_port] : directions) {
-    const auto done = run(host, {"nft", "-f", "-"}, rules_of(carrier, which_port, port, percent));
+  for (const auto& [host, which_port] :
+       {std::pair{Host::kServer, "dport"}, {Host::kClient, "sport"}}) {
+    const auto done = run(host, "nft '" + rules_of(carrier, which_port, port, percent) + "'");
     if (!done) return unexpected{done.error()};
   }
   return {};
@@ -185,7 +133,7 @@ expected<void, std::string> NetworkPair::drop(Carrier carrier, std::uint16_t por
 expected<std::uint64_t, std::string> NetworkPair::dropped_count() const {
   std::uint64_t count = 0;
   for (const Host host : {Host::kServer, Host::kClient}) {
-    const auto listing = run(host, {"nft", "list", "table", "inet", "rtpm_bench"});
+    const auto listing = run(host, "nft list table inet rtpm_bench");
     if (!listing) return unexpected{listing.error()};
     constexpr std::string_view kBefore = "counter packets ";
     const std::size_t at = listing->find(kBefore);

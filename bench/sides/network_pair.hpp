@@ -4,7 +4,6 @@
 #include <cstdint>
 #include <string>
 #include <string_view>
-#include <vector>
 
 #include "rtpm/base/expected.hpp"
 #include "settings.hpp"
@@ -41,9 +40,9 @@ class NetworkPair {
 
  private:
   NetworkPair() = default;
-  [[nodiscard]] expected<std::string, std::string> run(Host host,
-                                                       const std::vector<std::string>& command,
-                                                       const std::string& input = {}) const;
+  [[nodiscard]] static std::size_t index_of(Host host) { return static_cast<std::size_t>(host); }
+  /// Runs a program on a host. @return what it wrote
+  [[nodiscard]] expected<std::string, std::string> run(Host host, const std::string& command) const;
 
   std::array<int, 2> namespaces_{-1, -1};  ///< By Host.
 };
