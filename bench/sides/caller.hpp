@@ -18,9 +18,6 @@ inline constexpr std::size_t kPayloadSize = 48;
 /// Threads: one.
 class Caller {
  public:
-  Caller() = default;
-  Caller(const Caller&) = delete;
-  Caller& operator=(const Caller&) = delete;
   virtual ~Caller() = default;
 
   /// Sends 48 bytes and waits until the server has sent them back; fails, with the reason, if it
@@ -34,9 +31,6 @@ class Caller {
 /// Threads: one.
 class Pipeline {
  public:
-  Pipeline() = default;
-  Pipeline(const Pipeline&) = delete;
-  Pipeline& operator=(const Pipeline&) = delete;
   virtual ~Pipeline() = default;
 
   /// Makes `count` echoes, of which as many as were asked for are on their way at a time.

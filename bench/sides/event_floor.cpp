@@ -129,7 +129,7 @@ expected<std::unique_ptr<EventSide>, std::string> connect_relay(const EventSetti
   if (!relay.empty()) target = address_of(host, static_cast<std::uint16_t>(std::stoi(relay)));
   auto side = std::make_unique<RelaySide>();
   if (auto begun = side->begin(setting, target, board); !begun) return unexpected{begun.error()};
-  return std::unique_ptr<EventSide>(std::move(side));
+  return side;
 }
 
 }  // namespace rtpm::bench

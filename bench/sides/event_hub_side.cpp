@@ -63,44 +63,12 @@ class Noter final : public events::EventHandler {
   std::size_t number_;
 };
 
-/// Consumers of one node, each with its handler.
-struct Consumers {
-  explicit Consumers(const rt::WaitConfig& wait) : node(node_config(wait)) {}
-  [[nodiscard]] expected<void, std::string> add(const EventSetting& setting, const std::string& hub,
-                                                EventBoard* board, std::uint32_t capacity) {
-    handlers.push_back(std::make_unique<Noter>(board, handlers.size()));
-    auto consumer = events::Consumer::create(
-        node, hub,
-        {.name = "bench",
-         .filter = events::of_type(setting.type),
-         .delivery = {.queue_capacity = capacity},
-         .priority = kHighPriority,
-         .cpus = {setting.placement.client_cpu},
-         .realtime = setting.realtime,
-         .transport = consumer_transport_of(setting),
-         .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
-         .has_own_thread = setting.has_own_threads,
-         .multicast = setting.is_multicast,
-         .multicast_interface = kLoopback,
-         .deadline = kSetUpPatience},
-        *handlers.back());
-    if (!consumer) return unexpected{consumer.error().text()};
-    consumers.push_back(std::move(*consumer));
-    return {};
-  }
-  rpc::Node node;
-  std::vector<std::unique_ptr<Noter>> handlers{};
-  std::vector<std::unique_ptr<events::Consumer>> consumers{};
-};
-
+/// A supplier, and consumers, each with its handler. Both have nodes of their own.
 class HubSide final : public EventSide {
  public:
-  HubSide() : consumers_(kBlock), node_(node_config(kBlock)) {}
-
-  [[nodiscard]] expected<void, std::string> begin(const EventSetting& setting,
-                                                  const std::string& hub, EventBoard& board) {
-    const std::string& supplier_hub = setting.pushed_to.empty() ? hub : setting.pushed_to;
-    auto supplier = events::Supplier::create(node_, supplier_hub,
+  [[nodiscard]] expected<void, std::string> add_supplier(const EventSetting& setting,
+                                                         const std::string& hub) {
+    auto supplier = events::Supplier::create(supplier_node_, hub,
                                              {.name = "bench",
                                               .priority = kHighPriority,
                                               .transport = supplier_transport_of(setting),
@@ -108,8 +76,32 @@ class HubSide final : public EventSide {
     if (!supplier) return unexpected{supplier.error().text()};
     supplier_ = std::move(*supplier);
     type_ = setting.type;
-    for (int i = 0; i < setting.consumer_count; ++i) {
-      if (auto added = consumers_.add(setting, hub, &board, 64); !added) return added;
+    return {};
+  }
+
+  /// `board`: null where nothing is noted.
+  [[nodiscard]] expected<void, std::string> add_consumers(const EventSetting& setting,
+                                                          const std::string& hub, int count,
+                                                          std::uint32_t capacity,
+                                                          EventBoard* board) {
+    const events::ConsumerConfig config{
+        .name = "bench",
+        .filter = events::of_type(setting.type),
+        .delivery = {.queue_capacity = capacity},
+        .priority = kHighPriority,
+        .cpus = {setting.placement.client_cpu},
+        .realtime = setting.realtime,
+        .transport = consumer_transport_of(setting),
+        .shared_ring = !setting.is_embedded && setting.carrier == Carrier::kSharedMemory,
+        .has_own_thread = setting.has_own_threads,
+        .multicast = setting.is_multicast,
+        .multicast_interface = kLoopback,
+        .deadline = kSetUpPatience};
+    for (int i = 0; i < count; ++i) {
+      handlers_.push_back(std::make_unique<Noter>(board, handlers_.size()));
+      auto consumer = events::Consumer::create(consumer_node_, hub, config, *handlers_.back());
+      if (!consumer) return unexpected{consumer.error().text()};
+      consumers_.push_back(std::move(*consumer));
     }
     return {};
   }
@@ -121,46 +113,49 @@ class HubSide final : public EventSide {
     return unexpected{std::string(rpc::to_string(pushed.error()))};
   }
   void set_slow(int count) override {
-    const auto first = consumers_.handlers.size() - static_cast<std::size_t>(count);
-    for (std::size_t i = 0; i < consumers_.handlers.size(); ++i)
-      consumers_.handlers[i]->is_slow = i >= first;
+    const auto first = handlers_.size() - static_cast<std::size_t>(count);
+    for (std::size_t i = 0; i < handlers_.size(); ++i)
+      handlers_[i]->is_slow = i >= first;
   }
   std::uint64_t lost_count() const override {
     std::uint64_t lost = 0;
-    for (const auto& consumer : consumers_.consumers)
+    for (const auto& consumer : consumers_)
       lost += consumer->counters().losses.total();
     return lost;
   }
+  [[nodiscard]] EventRate push_bursts();
 
  private:
-  Consumers consumers_;
-  rpc::Node node_;
+  rpc::Node consumer_node_{node_config(kBlock)};
+  std::vector<std::unique_ptr<Noter>> handlers_{};
+  std::vector<std::unique_ptr<events::Consumer>> consumers_{};
+  rpc::Node supplier_node_{node_config(kBlock)};
   std::unique_ptr<events::Supplier> supplier_{};
   std::uint32_t type_ = 0;
 };
 
 // Bursts with a rest behind each, so that real-time throttling takes no part of it.
-EventRate push_bursts(events::Supplier& supplier, std::uint32_t type,
-                      const events::Consumer& consumer, const Noter& noter) {
+EventRate HubSide::push_bursts() {
   constexpr int kBurstCount = 3;
   constexpr std::uint64_t kBurstSize = 100'000;
   const EventStamp stamp{};
   const auto payload = std::as_bytes(std::span<const EventStamp, 1>(&stamp, 1));
+  const std::atomic<std::uint64_t>& count = handlers_[0]->count;
   EventRate rate;
   for (int burst = 0; burst < kBurstCount; ++burst) {
-    const std::uint64_t before = noter.count;
+    const std::uint64_t before = count;
     const MonotonicTime begin = rt::now();
     for (std::uint64_t i = 0; i < kBurstSize; ++i) {
       // What does not go for want of room is missing in the end, and the next may go.
-      static_cast<void>(supplier.add({.type = type, .payload = payload, .origin = begin}));
+      static_cast<void>(supplier_->add({.type = type_, .payload = payload, .origin = begin}));
     }
-    static_cast<void>(supplier.flush());
+    static_cast<void>(supplier_->flush());
     MonotonicTime last = rt::now();
-    std::uint64_t got = noter.count - before;
+    std::uint64_t got = count - before;
     // Until all are there, or no more come.
     for (int quiet = 0; got < kBurstSize && quiet < 20; ++quiet) {
       rt::sleep_until(rt::now() + 1ms);
-      const std::uint64_t now_got = noter.count - before;
+      const std::uint64_t now_got = count - before;
       if (now_got == got) continue;
       got = now_got;
       last = rt::now();
@@ -171,7 +166,7 @@ EventRate push_bursts(events::Supplier& supplier, std::uint32_t type,
     rate.missing_count += kBurstSize - got;
     rt::sleep_until(rt::now() + 300ms);
   }
-  rate.lost_count = consumer.counters().losses.total();
+  rate.lost_count = lost_count();
   return rate;
 }
 
@@ -203,11 +198,8 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
                           .wait = setting.wait,
                           .cpus = {setting.has_own_hub ? setting.placement.client_cpu
                                                        : setting.placement.server_cpu}}};
-  auto server = rpc::Server::create(server_config);
-  if (!server) return unexpected{server.error().text()};
-  if (auto added = (*server)->add(events::kHubPath, (*hub)->servant()); !added) {
-    return unexpected{added.error().text()};
-  }
+  auto server = open_server(server_config, events::kHubPath, (*hub)->servant());
+  if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   auto served = std::make_unique<ServedHub>();
   served->hub = std::move(*hub);
@@ -223,7 +215,7 @@ expected<std::unique_ptr<EventHub>, std::string> open_event_hub(const EventSetti
                            .shared_ring = setting.carrier == Carrier::kSharedMemory});
     if (!linked) return unexpected{linked.error().text()};
   }
-  return std::unique_ptr<EventHub>(std::move(served));
+  return served;
 }
 
 expected<ServerProcess, std::string> start_between(const EventSetting& setting,
@@ -248,16 +240,12 @@ expected<ServerProcess, std::string> start_event_hub(const EventSetting& setting
 
 expected<ServerProcess, std::string> start_idle_consumers(const EventSetting& setting,
                                                           const std::string& hub, int count) {
-  return ServerProcess::start([setting, hub, count]() -> expected<std::string, std::string> {
-    auto consumers = std::make_unique<Consumers>(kBlock);
-    for (int i = 0; i < count; ++i) {
-      if (auto added = consumers->add(setting, hub, nullptr, 64); !added) {
-        return unexpected{added.error()};
-      }
-    }
+  return ServerProcess::start([&]() -> expected<std::string, std::string> {
     // They live until the process ends.
-    static_cast<void>(consumers.release());
-    return std::string("ready");  // NOLINT(clang-analyzer-cplusplus.NewDeleteLeaks)
+    auto& side = *new HubSide;  // NOLINT(clang-analyzer-cplusplus.NewDeleteLeaks)
+    auto added = side.add_consumers(setting, hub, count, 64, nullptr);
+    if (!added) return unexpected{added.error()};
+    return std::string("ready");
   });
 }
 
@@ -265,36 +253,28 @@ expected<std::unique_ptr<EventSide>, std::string> connect_events(const EventSett
                                                                  const std::string& hub,
                                                                  EventBoard& board) {
   auto side = std::make_unique<HubSide>();
-  if (auto begun = side->begin(setting, hub, board); !begun) return unexpected{begun.error()};
-  return std::unique_ptr<EventSide>(std::move(side));
+  auto added = side->add_supplier(setting, setting.pushed_to.empty() ? hub : setting.pushed_to);
+  if (added) added = side->add_consumers(setting, hub, setting.consumer_count, 64, &board);
+  if (!added) return unexpected{added.error()};
+  return side;
 }
 
 expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,
                                                     const std::string& hub) {
-  Consumers consumers(kBlock);
-  if (auto added = consumers.add(setting, hub, nullptr, 4096); !added) {
-    return unexpected{added.error()};
-  }
-  rpc::Node node(node_config(kBlock));
-  auto supplier = events::Supplier::create(node, hub,
-                                           {.priority = kHighPriority,
-                                            .transport = transport_of(setting.carrier),
-                                            .deadline = kSetUpPatience});
-  if (!supplier) return unexpected{supplier.error().text()};
-  expected<EventRate, std::string> outcome;
+  HubSide side;
+  auto added = side.add_consumers(setting, hub, 1, 4096, nullptr);
+  if (added) added = side.add_supplier(setting, hub);
+  if (!added) return unexpected{added.error()};
+  EventRate rate;
   // Below the consumer, which so takes what is there before more is pushed.
-  auto thread =
-      rt::Thread::start({.name = "bench-supplier",
-                         .priority = kLowPriority,
-                         .cpus = {setting.placement.client_cpu},
-                         .realtime = setting.realtime},
-                        [&] {
-                          outcome = push_bursts(**supplier, setting.type, *consumers.consumers[0],
-                                                *consumers.handlers[0]);
-                        });
+  auto thread = rt::Thread::start({.name = "bench-supplier",
+                                   .priority = kLowPriority,
+                                   .cpus = {setting.placement.client_cpu},
+                                   .realtime = setting.realtime},
+                                  [&] { rate = side.push_bursts(); });
   if (!thread) return unexpected{thread.error().text()};
   thread->join();
-  return outcome;
+  return rate;
 }
 
 }  // namespace rtpm::bench

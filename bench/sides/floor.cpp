@@ -246,7 +246,7 @@ expected<std::unique_ptr<Pipeline>, std::string> connect_floor_pipeline(const st
                                                                         std::size_t in_flight) {
   auto socket = connect_socket(Carrier::kUdp, host, port);
   if (!socket) return unexpected{socket.error()};
-  return std::unique_ptr<Pipeline>(std::make_unique<FloorPipeline>(std::move(*socket), in_flight));
+  return std::make_unique<FloorPipeline>(std::move(*socket), in_flight);
 }
 
 }  // namespace rtpm::bench

@@ -63,24 +63,19 @@ expected<RelayClient, std::string> bind_relay(rpc::Node& node, const std::string
   }
 }
 
-/// A server of the servant, which does not run yet, but has its address.
-expected<std::unique_ptr<rpc::Server>, std::string> open_server(const EventSetting& setting,
-                                                                const rt::WaitConfig& wait, int cpu,
-                                                                RelayServant& servant) {
-  auto server = rpc::Server::create(
-      {.name = "rtpm-bench",
-       .lanes = {{.name = "bench-relay", .priority = kHighPriority, .wait = wait, .cpus = {cpu}}},
-       .realtime = setting.realtime});
-  if (!server) return unexpected{server.error().text()};
-  if (auto added = (*server)->add(kPath, servant); !added) return unexpected{added.error().text()};
-  return std::move(*server);
+rpc::ServerConfig server_config(const EventSetting& setting, const rt::WaitConfig& wait, int cpu) {
+  return {
+      .name = "rtpm-bench",
+      .lanes = {{.name = "bench-relay", .priority = kHighPriority, .wait = wait, .cpus = {cpu}}},
+      .realtime = setting.realtime};
 }
 
 /// In the other process: serves, and looks for whom to call back until he serves, too.
 expected<std::string, std::string> serve_relay(const EventSetting& setting,
                                                const std::string& call_back) {
   auto& servant = *new RelayServantImpl(nullptr);
-  auto server = open_server(setting, setting.wait, setting.placement.server_cpu, servant);
+  auto server = open_server(server_config(setting, setting.wait, setting.placement.server_cpu),
+                            kPath, servant);
   if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   auto finder = rt::Thread::start(
@@ -103,7 +98,8 @@ class CallbackChainImpl final : public CallbackChain {
 
   [[nodiscard]] expected<void, std::string> start() {
     // Blocks, as consumers of events do.
-    auto server = open_server(setting_, kBlock, setting_.placement.client_cpu, servant_);
+    auto server = open_server(server_config(setting_, kBlock, setting_.placement.client_cpu), kPath,
+                              servant_);
     if (!server) return unexpected{server.error()};
     server_ = std::move(*server);
     auto process = ServerProcess::start(
@@ -133,7 +129,7 @@ class CallbackChainImpl final : public CallbackChain {
       if (auto pushed = side->push({}); !pushed) return unexpected{pushed.error()};
       rt::sleep_until(rt::now() + 10ms);
     }
-    return std::unique_ptr<EventSide>(std::move(side));
+    return side;
   }
   pid_t id() const override { return process_->id(); }
 
@@ -162,20 +158,20 @@ expected<std::unique_ptr<EventSide>, std::string> direct_calls(const EventSettin
   const std::shared_ptr<rpc::Node> node = make_node(setting.carrier, kBlock);
   auto connected = connect_rtpm_caller(*node, server, kHighPriority);
   if (!connected) return unexpected{connected.error()};
-  return std::unique_ptr<EventSide>(std::make_unique<CallSide>(
+  return std::make_unique<CallSide>(
       [node, &board,
        caller = std::shared_ptr<Caller>(std::move(*connected))](const EventStamp& stamp) {
         auto called = caller->echo();
         if (called) board.note(0, std::as_bytes(std::span(&stamp, 1)), rt::now());
         return called;
-      }));
+      });
 }
 
 expected<std::unique_ptr<CallbackChain>, std::string> CallbackChain::start(
     const EventSetting& setting, EventBoard& board) {
   auto chain = std::make_unique<CallbackChainImpl>(setting, board);
   if (auto started = chain->start(); !started) return unexpected{started.error()};
-  return std::unique_ptr<CallbackChain>(std::move(chain));
+  return chain;
 }
 
 }  // namespace rtpm::bench

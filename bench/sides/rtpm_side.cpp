@@ -49,26 +49,28 @@ class EchoServantImpl final : public EchoServant {
   std::atomic<std::uint64_t> again_count_{0};
 };
 
+/// Nothing, if the reply is there and of the very bytes of `sent`.
+template <class Reply, class Sent>
+expected<void, std::string> check_echo(const Reply& reply, const Sent& sent) {
+  if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
+  // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
+  if (std::memcmp(&*reply, &sent, sizeof sent) == 0) return {};
+  return unexpected{std::string("RTPM's echo differs")};
+}
+
+expected<void, std::string> check_done(const expected<void, rpc::CallError>& reply) {
+  if (reply) return {};
+  return unexpected{std::string(rpc::to_string(reply.error()))};
+}
+
 class RtpmCaller final : public Caller {
  public:
   explicit RtpmCaller(EchoClient client) : client_(std::move(client)) {}
 
-  expected<void, std::string> echo() override {
-    const auto reply = client_.echo(wrench_);
-    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-    // The very bytes are to come back.
-    // NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
-    if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
-      return unexpected{std::string("RTPM's echo differs")};
-    }
-    return {};
-  }
-
+  expected<void, std::string> echo() override { return check_echo(client_.echo(wrench_), wrench_); }
   expected<void, std::string> work(Duration duration) override {
     const auto us = std::chrono::duration_cast<std::chrono::microseconds>(duration).count();
-    const auto reply = client_.work(Work(static_cast<std::uint64_t>(us)));
-    if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-    return {};
+    return check_done(client_.work(Work(static_cast<std::uint64_t>(us))));
   }
 
  private:
@@ -103,11 +105,7 @@ class RtpmPipeline final : public Pipeline {
         pending_[begun % pending_.size()].emplace(std::move(*call));
       }
       const auto reply = pending_[taken % pending_.size()]->take();
-      if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-      // Byte by byte, as it came.   NOLINTNEXTLINE(bugprone-suspicious-memory-comparison)
-      if (std::memcmp(&*reply, &wrench_, sizeof wrench_) != 0) {
-        return unexpected{std::string("RTPM's echo differs")};
-      }
+      if (auto echoed = check_echo(reply, wrench_); !echoed) return echoed;
     }
     return {};
   }
@@ -128,10 +126,8 @@ class RtpmNumberedCaller final : public NumberedCaller {
     const Numbered request(number, kFilling);
     const auto reply = client_.count(request, {.deadline = deadline});
     if (!reply) return unexpected{reply.error()};
-    if (std::memcmp(&*reply, &request, sizeof request) != 0) {
-      return unexpected{rpc::CallError::kBadReply};
-    }
-    return {};
+    if (std::memcmp(&*reply, &request, sizeof request) == 0) return {};
+    return unexpected{rpc::CallError::kBadReply};
   }
 
   expected<NumberedRuns, rpc::CallError> runs() noexcept override {
@@ -165,17 +161,24 @@ flatbuffers::DetachedBuffer encode_large(std::size_t size) {
 
 }  // namespace
 
-expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
-  auto server = rpc::Server::create({.name = "rtpm-bench",
-                                     .host = std::move(config.host),
-                                     .lanes = std::move(config.lanes),
-                                     .realtime = config.realtime,
-                                     .session_count_max = config.session_count_max});
+expected<std::unique_ptr<rpc::Server>, std::string> open_server(const rpc::ServerConfig& config,
+                                                                std::string_view path,
+                                                                rpc::Servant& servant) {
+  auto server = rpc::Server::create(config);
   if (!server) return unexpected{server.error().text()};
+  if (auto added = (*server)->add(path, servant); !added) return unexpected{added.error().text()};
+  return std::move(*server);
+}
+
+expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config) {
   static auto& servant = *new EchoServantImpl(config.numbered_count);
-  if (auto added = (*server)->add("bench/echo", servant); !added) {
-    return unexpected{added.error().text()};
-  }
+  auto server = open_server({.name = "rtpm-bench",
+                             .host = std::move(config.host),
+                             .lanes = std::move(config.lanes),
+                             .realtime = config.realtime,
+                             .session_count_max = config.session_count_max},
+                            "bench/echo", servant);
+  if (!server) return unexpected{server.error()};
   if (auto started = (*server)->start(); !started) return unexpected{started.error().text()};
   // Served until the process ends, so never given back.
   return server->release()->url("bench/echo");
@@ -195,24 +198,17 @@ expected<std::unique_ptr<Caller>, std::string> connect_rtpm_caller(rpc::Node& no
                                                                    const std::string& url,
                                                                    Priority priority,
                                                                    std::size_t payload_size) {
-  const auto caller_of = [](Job job) {
-    return std::unique_ptr<Caller>(std::make_unique<RtpmPayloadCaller>(std::move(job)));
-  };
   if (payload_size != 0 && payload_size != kPayloadSize) {
     auto job = connect_large_job(node, url, priority, payload_size);
     if (!job) return unexpected{job.error()};
-    return caller_of(std::move(*job));
+    return std::make_unique<RtpmPayloadCaller>(std::move(*job));
   }
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
-  if (payload_size == kPayloadSize) {
-    return std::unique_ptr<Caller>(std::make_unique<RtpmCaller>(std::move(*client)));
-  }
-  return caller_of(
-      [held = std::make_shared<EchoClient>(std::move(*client))]() -> expected<void, std::string> {
-        const auto reply = held->nothing();
-        if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
-        return {};
+  if (payload_size == kPayloadSize) return std::make_unique<RtpmCaller>(std::move(*client));
+  return std::make_unique<RtpmPayloadCaller>(
+      [held = std::make_shared<EchoClient>(std::move(*client))] {
+        return check_done(held->nothing());
       });
 }
 
@@ -229,10 +225,10 @@ expected<Job, std::string> connect_large_job(rpc::Node& node, const std::string&
     if (!reply) return unexpected{std::string(rpc::to_string(reply.error()))};
     const auto& sent = *flatbuffers::GetRoot<Large>(message->data())->bytes();
     const auto& got = *(*reply)->bytes();
-    if (got.size() != sent.size() || std::memcmp(got.data(), sent.data(), sent.size()) != 0) {
-      return unexpected{std::string("RTPM's large echo differs")};
+    if (got.size() == sent.size() && std::memcmp(got.data(), sent.data(), sent.size()) == 0) {
+      return {};
     }
-    return {};
+    return unexpected{std::string("RTPM's large echo differs")};
   });
 }
 
@@ -242,14 +238,14 @@ expected<std::unique_ptr<Pipeline>, std::string> connect_rtpm_pipeline(rpc::Node
                                                                        std::size_t in_flight) {
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
-  return std::unique_ptr<Pipeline>(std::make_unique<RtpmPipeline>(std::move(*client), in_flight));
+  return std::make_unique<RtpmPipeline>(std::move(*client), in_flight);
 }
 
 expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered_caller(
     rpc::Node& node, const std::string& url, Priority priority) {
   auto client = bind_echo(node, url, priority);
   if (!client) return unexpected{client.error()};
-  return std::unique_ptr<NumberedCaller>(std::make_unique<RtpmNumberedCaller>(std::move(*client)));
+  return std::make_unique<RtpmNumberedCaller>(std::move(*client));
 }
 
 }  // namespace rtpm::bench

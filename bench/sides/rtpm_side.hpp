@@ -24,6 +24,10 @@ struct RtpmServerConfig {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 
+/// A server of one object, which does not run yet, but has its address.
+[[nodiscard]] expected<std::unique_ptr<rpc::Server>, std::string> open_server(
+    const rpc::ServerConfig& config, std::string_view path, rpc::Servant& servant);
+
 /// Starts an Echo server in this process, which serves until the process ends, and gives back the
 /// object's URL.   Set-up only.
 [[nodiscard]] expected<std::string, std::string> start_rtpm_server(RtpmServerConfig config);
@@ -58,9 +62,6 @@ struct NumberedRuns {
 /// Threads: one.
 class NumberedCaller {
  public:
-  NumberedCaller() = default;
-  NumberedCaller(const NumberedCaller&) = delete;
-  NumberedCaller& operator=(const NumberedCaller&) = delete;
   virtual ~NumberedCaller() = default;
 
   /// Sends 48 bytes that begin with `number` and waits for them to come back; kBadReply: others

@@ -15,30 +15,6 @@ namespace {
 
 constexpr int kReadyTimeoutMs = 10'000;
 
-// In the child: sets up, says how it went ("+address" or "-reason"), and stays until it is ended.
-[[noreturn]] void serve(const ServerProcess::SetUp& set_up, int ready_pipe) {
-  const auto outcome = set_up();
-  const std::string word = outcome ? "+" + *outcome : "-" + outcome.error();
-  const bool is_told = write(ready_pipe, word.data(), word.size()) > 0;
-  close(ready_pipe);
-  if (!outcome || !is_told) _exit(1);
-  for (;;)
-    ::pause();
-}
-
-// In the child: becomes another program, which writes to the pipe by itself.
-[[noreturn]] void become(std::vector<std::string>& command, int ready_pipe) {
-  std::vector<char*> arguments;
-  arguments.reserve(command.size() + 1);
-  for (std::string& argument : command)
-    arguments.push_back(argument.data());
-  arguments.push_back(nullptr);
-  dup2(ready_pipe, STDOUT_FILENO);
-  close(ready_pipe);
-  execv(arguments[0], arguments.data());
-  _exit(1);
-}
-
 std::string read_word(int pipe) {
   std::string word;
   pollfd waiting{.fd = pipe, .events = POLLIN, .revents = 0};
@@ -54,12 +30,27 @@ std::string read_word(int pipe) {
 }  // namespace
 
 expected<ServerProcess, std::string> ServerProcess::start(const SetUp& set_up) {
-  return fork_with([&](int ready_pipe) { serve(set_up, ready_pipe); });
+  return fork_with([&](int ready_pipe) {
+    const auto outcome = set_up();
+    const std::string word = outcome ? "+" + *outcome : "-" + outcome.error();
+    const bool is_told = write(ready_pipe, word.data(), word.size()) > 0;
+    close(ready_pipe);
+    while (outcome && is_told)
+      ::pause();
+  });
 }
 
 expected<ServerProcess, std::string> ServerProcess::start_program(
     std::vector<std::string> command) {
-  return fork_with([&](int ready_pipe) { become(command, ready_pipe); });
+  return fork_with([&](int ready_pipe) {
+    std::vector<char*> arguments;
+    for (std::string& argument : command)
+      arguments.push_back(argument.data());
+    arguments.push_back(nullptr);
+    dup2(ready_pipe, STDOUT_FILENO);
+    close(ready_pipe);
+    execv(arguments[0], arguments.data());
+  });
 }
 
 expected<ServerProcess, std::string> ServerProcess::fork_with(

@@ -40,7 +40,8 @@ class ServerProcess {
 
  private:
   ServerProcess(pid_t id, std::string address) : id_(id), address_(std::move(address)) {}
-  /// Forks; the child does `body`, which has the pipe's end and never returns.
+  /// Forks; the child does `body`, which writes "+address" or "-reason" to the pipe, and ends where
+  /// that returns.
   [[nodiscard]] static expected<ServerProcess, std::string> fork_with(
       const std::function<void(int ready_pipe)>& body);
 
