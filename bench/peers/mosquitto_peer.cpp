@@ -27,7 +27,7 @@ BrokerProgram broker_program(const PeerLane& lane) {
   std::ofstream(configuration) << "listener " << port << " " << (is_unix ? path : "127.0.0.1")
                                << "\nallow_anonymous true\npersistence false\n"
                                   "set_tcp_nodelay true\nlog_type none\nuser root\n";
-  return {.command = {RTPM_MOSQUITTO, "-c", configuration},
+  return {.command = {RTPM_BROKER, "-c", configuration},
           .address = is_unix ? path : std::to_string(port),
           .port = port,
           .path = path};

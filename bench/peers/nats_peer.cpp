@@ -17,7 +17,7 @@ auto failure(const char* what, natsStatus status) {
 
 BrokerProgram broker_program(const PeerLane&) {
   const std::uint16_t port = free_port();
-  return {.command = {RTPM_NATS_SERVER, "--addr", "127.0.0.1", "--port", std::to_string(port)},
+  return {.command = {RTPM_BROKER, "--addr", "127.0.0.1", "--port", std::to_string(port)},
           .address = "nats://127.0.0.1:" + std::to_string(port),
           .port = port};
 }

@@ -34,7 +34,7 @@ class Consumer final : public POA_CosEventComm::PushConsumer,
 
 BrokerProgram broker_program(const PeerLane& lane) {
   const std::uint16_t port = free_port();
-  return {.command = {RTPM_OMNIEVENTS, "-f", "-p", std::to_string(port), "-l", lane.folder, "-t",
+  return {.command = {RTPM_BROKER, "-f", "-p", std::to_string(port), "-l", lane.folder, "-t",
                       "/dev/null", "-ORBmaxGIOPConnectionPerServer", "300",
                       "-ORBthreadPerConnectionUpperLimit", "10000", "-ORBscanGranularity", "0"},
           .address = "corbaloc::127.0.0.1:" + std::to_string(port) + "/omniEvents",
