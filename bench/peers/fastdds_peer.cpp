@@ -33,7 +33,6 @@ using eprosima::fastrtps::rtps::SerializedPayload_t;
 /// Each lane has a domain of its own: what participants of one process and domain tell each other
 /// has a thread of high priority spin for a lock of a low one's.
 constexpr std::uint32_t kDomain = 98;
-constexpr const char* kEventTopic = "rtpm_bench_events";
 
 /// A plain struct as it lies in memory, behind the header that every serialised sample has.
 template <class Plain>
@@ -88,15 +87,28 @@ dds::DomainParticipant* make_participant(const PeerLane& lane) {
       kDomain + static_cast<std::uint32_t>(lane.index), qos);
 }
 
-/// `depth`: of samples that are kept until they are taken.
+dds::DomainParticipant* participant_of(const PeerLane& lane, TopicRole role) {
+  if (role == TopicRole::kSupplier) {
+    eprosima::fastrtps::LibrarySettingsAttributes settings;
+    settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
+    eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
+    return make_participant(lane);
+  }
+  // One for all callers or consumers of a lane.
+  static std::array<dds::DomainParticipant*, kPeerLaneCount> participants{};
+  auto*& participant = participants[lane.index];
+  if (participant == nullptr) participant = make_participant(lane);
+  return participant;
+}
+
 template <class Qos>
-Qos qos_of(const PeerLane& lane, std::int32_t depth) {
+Qos qos_of(bool is_shared, std::int32_t depth) {
   Qos qos;
   qos.reliability().kind = dds::RELIABLE_RELIABILITY_QOS;
   qos.history().kind = dds::KEEP_LAST_HISTORY_QOS;
   qos.history().depth = depth;
   qos.endpoint().history_memory_policy = eprosima::fastrtps::rtps::PREALLOCATED_MEMORY_MODE;
-  if (lane.transport == "shm") {
+  if (is_shared) {
     qos.data_sharing().automatic();
   } else {
     qos.data_sharing().off();
@@ -104,138 +116,69 @@ Qos qos_of(const PeerLane& lane, std::int32_t depth) {
   return qos;
 }
 
-template <class Plain>
-dds::Topic* make_topic(dds::DomainParticipant* participant, const std::string& name) {
-  if (participant == nullptr) return nullptr;
-  dds::TypeSupport(new PlainType<Plain>).register_type(participant);
-  return participant->create_topic(name, PlainType<Plain>::kName, dds::TOPIC_QOS_DEFAULT);
-}
+struct FastDds {
+  static constexpr const char* kName = "Fast DDS";
+  static constexpr const char* kRemedy = "its log says why";
 
-template <class Plain>
-dds::DataWriter* make_writer(const PeerLane& lane, dds::DomainParticipant* participant,
-                             const std::string& name, std::int32_t depth) {
-  auto* const topic = make_topic<Plain>(participant, name);
-  if (topic == nullptr) return nullptr;
-  return participant->create_publisher(dds::PUBLISHER_QOS_DEFAULT)
-      ->create_datawriter(topic, qos_of<dds::DataWriterQos>(lane, depth));
-}
-
-dds::DataReader* make_reader(const PeerLane& lane, dds::DomainParticipant* participant,
-                             dds::TopicDescription* topic, std::int32_t depth) {
-  if (topic == nullptr) return nullptr;
-  auto* const reader = participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
-                           ->create_datareader(topic, qos_of<dds::DataReaderQos>(lane, depth));
-  if (reader != nullptr) {
-    reader->get_statuscondition().set_enabled_statuses(dds::StatusMask::data_available());
-  }
-  return reader;
-}
-
-template <class Plain>
-bool take(dds::DataReader* reader, Plain& to) {
-  dds::SampleInfo info;
-  return reader->take_next_sample(&to, &info) == ReturnCode_t::RETCODE_OK && info.valid_data;
-}
-
-template <class Plain>
-Outcome write(dds::DataWriter* writer, Plain sample) {
-  if (!writer->write(&sample)) return failure_of("Fast DDS", "write");
-  return {};
-}
-
-/// One end of a caller's two topics.
-struct End {
-  End(const PeerLane& lane, dds::DomainParticipant* participant, const std::string& reads,
-      const std::string& writes)
-      : reader(make_reader(lane, participant, make_topic<PeerMessage>(participant, reads), 1)),
-        writer(make_writer<PeerMessage>(lane, participant, writes, 1)) {}
-  [[nodiscard]] bool is_well() const noexcept { return reader != nullptr && writer != nullptr; }
-  dds::DataReader* reader;
-  dds::DataWriter* writer;
-};
-
-Outcome serve(const PeerLane& lane, const Announce& announce) {
-  auto* const participant = make_participant(lane);
-  std::vector<End> ends;
-  dds::WaitSet waiting;
-  for (int caller = 0; caller < lane.connection_count; ++caller) {
-    const End& end = ends.emplace_back(lane, participant, topic_name(lane, caller, "request"),
-                                       topic_name(lane, caller, "reply"));
-    if (!end.is_well()) return failure_of("Fast DDS", "topic");
-    waiting.attach_condition(end.reader->get_statuscondition());
-  }
-  announce("by name");
-  for (PeerMessage message;;) {
-    dds::ConditionSeq active;
-    waiting.wait(active, eprosima::fastrtps::c_TimeInfinite);
-    for (const End& end : ends) {
-      while (take(end.reader, message)) {
-        answer(message.work_ns);
-        end.writer->write(&message);
-      }
+  struct Context {
+    Context(const PeerLane& lane, TopicRole role)
+        : is_shared(lane.transport == "shm"), participant(participant_of(lane, role)) {}
+    template <class Sample>
+    [[nodiscard]] dds::Topic* topic(const std::string& name) const {
+      if (participant == nullptr) return nullptr;
+      dds::TypeSupport(new PlainType<Sample>).register_type(participant);
+      auto* const known = dynamic_cast<dds::Topic*>(participant->lookup_topicdescription(name));
+      if (known != nullptr) return known;
+      return participant->create_topic(name, PlainType<Sample>::kName, dds::TOPIC_QOS_DEFAULT);
     }
-  }
-}
-
-expected<Exchange, std::string> connect(const PeerLane& lane, const std::string&) {
-  // One for all callers of a lane.
-  static std::array<dds::DomainParticipant*, kPeerLaneCount> participants{};
-  auto*& participant = participants[lane.index];
-  if (participant == nullptr) participant = make_participant(lane);
-  const End end(lane, participant, topic_name(lane, lane.caller, "reply"),
-                topic_name(lane, lane.caller, "request"));
-  if (!end.is_well()) return failure_of("Fast DDS", "topic");
-  auto waiting = std::make_shared<dds::WaitSet>();
-  waiting->attach_condition(end.reader->get_statuscondition());
-  return find_server(
-      {.send = [end](const PeerMessage& request) { return write(end.writer, request); },
-       .receive =
-           [end, waiting](PeerMessage& reply, Duration patience) {
-             const MonotonicTime give_up = rt::now() + patience;
-             const eprosima::fastrtps::Duration_t in_seconds(
-                 std::chrono::duration<double>(patience).count());
-             while (!take(end.reader, reply)) {
-               if (rt::now() > give_up) return false;
-               dds::ConditionSeq active;
-               waiting->wait(active, in_seconds);
-             }
-             return true;
-           }});
-}
-
-expected<Push, std::string> connect_supplier(const PeerLane& lane, const std::string&) {
-  eprosima::fastrtps::LibrarySettingsAttributes settings;
-  settings.intraprocess_delivery = eprosima::fastrtps::INTRAPROCESS_OFF;
-  eprosima::fastrtps::xmlparser::XMLProfileManager::library_settings(settings);
-  auto* const writer =
-      make_writer<EventStamp>(lane, make_participant(lane), kEventTopic, kEventQueueMax);
-  if (writer == nullptr) return failure_of("Fast DDS", "topic");
-  return [writer](const EventStamp& stamp) { return write(writer, stamp); };
-}
-
-expected<Consume, std::string> connect_consumer(const PeerLane& lane, const std::string&,
-                                                Note& note) {
-  static auto* const kParticipant = make_participant(lane);
-  static auto* const kTopic = make_topic<EventStamp>(kParticipant, kEventTopic);
-  auto* const reader = make_reader(lane, kParticipant, kTopic, kEventQueueMax);
-  if (reader == nullptr) return failure_of("Fast DDS", "topic");
-  return [reader, &note] {
-    dds::WaitSet waiting;
-    waiting.attach_condition(reader->get_statuscondition());
-    for (EventStamp stamp;;) {
+    bool wait(Duration patience) {
       dds::ConditionSeq active;
-      waiting.wait(active, eprosima::fastrtps::c_TimeInfinite);
-      while (take(reader, stamp))
-        note(&stamp, sizeof stamp);
+      const eprosima::fastrtps::Duration_t in_seconds(
+          std::chrono::duration<double>(patience).count());
+      return waiting.wait(active, patience == Duration::max()
+                                      ? eprosima::fastrtps::c_TimeInfinite
+                                      : in_seconds) == ReturnCode_t::RETCODE_OK;
     }
+    bool is_shared;
+    dds::DomainParticipant* participant;
+    dds::WaitSet waiting{};
   };
-}
+
+  template <class Sample>
+  struct Reader {
+    Reader(Context& context, const std::string& name, int depth) {
+      auto* const topic = context.topic<Sample>(name);
+      if (topic == nullptr) return;
+      reader = context.participant->create_subscriber(dds::SUBSCRIBER_QOS_DEFAULT)
+                   ->create_datareader(topic, qos_of<dds::DataReaderQos>(context.is_shared, depth));
+      if (reader == nullptr) return;
+      reader->get_statuscondition().set_enabled_statuses(dds::StatusMask::data_available());
+      context.waiting.attach_condition(reader->get_statuscondition());
+    }
+    [[nodiscard]] bool is_well() const { return reader != nullptr; }
+    [[nodiscard]] bool take(Sample& to) const {
+      dds::SampleInfo info;
+      return reader->take_next_sample(&to, &info) == ReturnCode_t::RETCODE_OK && info.valid_data;
+    }
+    dds::DataReader* reader = nullptr;
+  };
+
+  template <class Sample>
+  struct Writer {
+    Writer(Context& context, const std::string& name, int depth) {
+      auto* const topic = context.topic<Sample>(name);
+      if (topic == nullptr) return;
+      writer = context.participant->create_publisher(dds::PUBLISHER_QOS_DEFAULT)
+                   ->create_datawriter(topic, qos_of<dds::DataWriterQos>(context.is_shared, depth));
+    }
+    [[nodiscard]] bool is_well() const { return writer != nullptr; }
+    bool write(Sample sample) const { return writer->write(&sample); }
+    dds::DataWriter* writer = nullptr;
+  };
+};
 
 }  // namespace
 
-const Peer kPeer{.serve = serve,
-                 .connect = connect,
-                 .connect_supplier = connect_supplier,
-                 .connect_consumer = connect_consumer};
+const Peer kPeer = kTopicPeer<FastDds>;
 
 }  // namespace rtpm::bench

@@ -1,112 +1,70 @@
 #include <lcm/lcm.h>
 
 #include <cstring>
+#include <utility>
 
 #include "topics.hpp"
 
 // LCM: a request and a reply channel for each caller. It has one transport between programs, UDP
 // multicast, here of a time-to-live of 0, which stays within the host; nothing is repeated that
-// gets lost, and nothing can be tuned but the receive buffer. Each lane and each caller has an
+// gets lost, and nothing can be tuned but the receive buffer. Each lane, caller and consumer has an
 // instance of its own, with its own thread that receives and so has the lane's priority.
 // Its events have no broker: the kernel takes each datagram to every consumer's instance.
 namespace rtpm::bench {
 namespace {
 
-constexpr const char* kEventChannel = "rtpm_bench_events";
+struct Lcm {
+  static constexpr const char* kName = "LCM";
+  static constexpr const char* kRemedy =
+      "it needs an interface with multicast. Remedy: ip link set lo multicast on && ip route add "
+      "224.0.0.0/4 dev lo";
 
-expected<lcm_t*, std::string> create() {
-  lcm_t* const lcm = lcm_create("udpm://239.255.76.97:7697?ttl=0&recv_buf_size=1048576");
-  if (lcm != nullptr) return lcm;
-  return unexpected{
-      std::string("LCM does not start; it needs an interface with multicast. Remedy: ip link set "
-                  "lo multicast on && ip route add 224.0.0.0/4 dev lo.")};
-}
+  struct Context {
+    Context(const PeerLane&, TopicRole) {}
+    bool wait(Duration patience) const {
+      if (patience == Duration::max()) return lcm_handle(lcm) == 0;
+      const auto ms = std::chrono::duration_cast<std::chrono::milliseconds>(patience);
+      return lcm_handle_timeout(lcm, static_cast<int>(ms.count())) > 0;
+    }
+    lcm_t* lcm = lcm_create("udpm://239.255.76.97:7697?ttl=0&recv_buf_size=1048576");
+  };
 
-/// A message that the handler of a channel left.
-struct Letter {
-  PeerMessage message{};
-  bool is_new = false;
-  std::string reply_channel{};
+  /// The handler of a channel leaves one sample, which is taken before the next is handled.
+  template <class Sample>
+  struct Reader {
+    Reader(const Context& context, const std::string& topic, int) : lcm(context.lcm) {
+      if (lcm != nullptr) lcm_subscribe(lcm, topic.c_str(), handle, this);
+    }
+    static void handle(const lcm_recv_buf_t* buffer, const char*, void* user) {
+      auto& reader = *static_cast<Reader*>(user);
+      reader.is_new = buffer->data_size == sizeof(Sample);
+      if (reader.is_new) std::memcpy(&reader.sample, buffer->data, sizeof(Sample));
+    }
+    [[nodiscard]] bool is_well() const { return lcm != nullptr; }
+    [[nodiscard]] bool take(Sample& to) {
+      to = sample;
+      return std::exchange(is_new, false);
+    }
+    lcm_t* lcm;
+    Sample sample{};
+    bool is_new = false;
+  };
+
+  template <class Sample>
+  struct Writer {
+    Writer(const Context& context, std::string topic, int)
+        : lcm(context.lcm), channel(std::move(topic)) {}
+    [[nodiscard]] bool is_well() const { return lcm != nullptr; }
+    bool write(const Sample& sample) const {
+      return lcm_publish(lcm, channel.c_str(), &sample, sizeof sample) == 0;
+    }
+    lcm_t* lcm;
+    std::string channel;
+  };
 };
-
-void take(const lcm_recv_buf_t* buffer, const char*, void* user) {
-  auto& letter = *static_cast<Letter*>(user);
-  if (buffer->data_size != sizeof letter.message) return;
-  std::memcpy(&letter.message, buffer->data, sizeof letter.message);
-  letter.is_new = true;
-}
-
-Outcome serve(const PeerLane& lane, const Announce& announce) {
-  const auto lcm = create();
-  if (!lcm) return unexpected{lcm.error()};
-  std::vector<Letter> letters(static_cast<std::size_t>(lane.connection_count));
-  int caller = 0;
-  for (Letter& letter : letters) {
-    letter.reply_channel = topic_name(lane, caller, "reply");
-    lcm_subscribe(*lcm, topic_name(lane, caller++, "request").c_str(), take, &letter);
-  }
-  announce("by name");
-  while (lcm_handle(*lcm) == 0) {
-    for (Letter& letter : letters) {
-      if (!std::exchange(letter.is_new, false)) continue;
-      answer(letter.message.work_ns);
-      lcm_publish(*lcm, letter.reply_channel.c_str(), &letter.message, sizeof letter.message);
-    }
-  }
-  return failure_of("LCM", "server");
-}
-
-expected<Exchange, std::string> connect(const PeerLane& lane, const std::string&) {
-  const auto created = create();
-  if (!created) return unexpected{created.error()};
-  lcm_t* const lcm = *created;
-  auto& letter = *new Letter;
-  lcm_subscribe(lcm, topic_name(lane, lane.caller, "reply").c_str(), take, &letter);
-  return find_server({.send = [lcm, channel = topic_name(lane, lane.caller, "request")](
-                                  const PeerMessage& request) -> Outcome {
-                        if (lcm_publish(lcm, channel.c_str(), &request, sizeof request) == 0)
-                          return {};
-                        return failure_of("LCM", "publish");
-                      },
-                      .receive =
-                          [lcm, &letter](PeerMessage& reply, Duration patience) {
-                            const auto ms =
-                                std::chrono::duration_cast<std::chrono::milliseconds>(patience);
-                            letter.is_new = false;
-                            if (lcm_handle_timeout(lcm, static_cast<int>(ms.count())) <= 0)
-                              return false;
-                            reply = letter.message;
-                            return letter.is_new;
-                          }});
-}
-
-expected<Push, std::string> connect_supplier(const PeerLane&, const std::string&) {
-  const auto created = create();
-  if (!created) return unexpected{created.error()};
-  return [lcm = *created](const EventStamp& stamp) -> Outcome {
-    if (lcm_publish(lcm, kEventChannel, &stamp, sizeof stamp) == 0) return {};
-    return failure_of("LCM", "publish");
-  };
-}
-
-expected<Consume, std::string> connect_consumer(const PeerLane&, const std::string&, Note& note) {
-  const auto created = create();
-  if (!created) return unexpected{created.error()};
-  const auto take_event = [](const lcm_recv_buf_t* buffer, const char*, void* user) {
-    (*static_cast<const Note*>(user))(buffer->data, buffer->data_size);
-  };
-  lcm_subscribe(*created, kEventChannel, take_event, &note);
-  return [lcm = *created] {
-    while (lcm_handle_timeout(lcm, 1000) >= 0) {
-    }
-  };
-}
 
 }  // namespace
 
-const Peer kPeer{.serve = serve,
-                 .connect = connect,
-                 .connect_supplier = connect_supplier,
-                 .connect_consumer = connect_consumer};
+const Peer kPeer = kTopicPeer<Lcm>;
 
 }  // namespace rtpm::bench
