@@ -112,7 +112,7 @@ expected<std::vector<ConfigLine>, SetupError> read_config_file(const std::string
     auto parsed = parse_line(line, number);
     if (!parsed) {
       return unexpected{SetupError{path + ":" + std::to_string(number) + ": '" + std::string(line) +
-                                   "' " + parsed.error().text()}};
+                                   "' " + parsed.error().reason()}};
     }
     lines.push_back(std::move(*parsed));
   }

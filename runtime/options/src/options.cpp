@@ -438,9 +438,9 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
   const std::vector<std::string_view> arguments(argv + std::min(argc, 1), argv + argc);
   impl_->add_members(arguments);
   const auto command_line = parse_command_line(arguments, impl_->settings);
-  if (!command_line) return usage_error(command_line.error().text());
+  if (!command_line) return usage_error(command_line.error().reason());
   const auto verb = impl_->verb_in(*command_line);
-  if (!verb) return usage_error(verb.error().text());
+  if (!verb) return usage_error(verb.error().reason());
   if (command_line->wants_help || command_line->wants_version) {
     const std::string text =
         command_line->wants_help ? impl_->help_text(*verb) : impl_->name + " " RTPM_VERSION "\n";
@@ -448,14 +448,14 @@ std::optional<int> Options::parse(int argc, const char* const* argv) {
     return 0;
   }
   if (const auto applied = impl_->apply_all(*command_line); !applied) {
-    return usage_error(applied.error().text());
+    return usage_error(applied.error().reason());
   }
   if (command_line->wants_dump) {
     std::fputs(impl_->dump_text().c_str(), stdout);
     return 0;
   }
   if (const auto applied = impl_->apply_positionals(*command_line); !applied) {
-    return usage_error(applied.error().text());
+    return usage_error(applied.error().reason());
   }
   return std::nullopt;
 }
