@@ -220,8 +220,6 @@ void Broker::set_reason(std::string reason) {
   reason_ = std::move(reason);
 }
 
-// --- the thread ------------------------------------------------------------------------------
-
 void Broker::run() {
   std::array<transport::SourceTag, 4> tags{};
   Duration pause = kRetryFirst;

@@ -12,13 +12,11 @@ namespace rtpm::events {
 
 /// Encodes the delivery into `room`, which must be large enough, as sent at `now`; returns the used
 /// part.
-/// @realtime alloc-free
 [[nodiscard]] ConstBytes encode_group(std::span<const EventRef> group, MonotonicTime now,
                                       MutableBytes room) noexcept;
 
 /// Decodes a delivery into `group`, whose capacity is kGroupSizeMax; its events refer to `bytes`.
 /// False if malformed.
-/// @realtime alloc-free
 [[nodiscard]] bool decode_group(ConstBytes bytes, std::vector<EventView>& group) noexcept;
 
 }  // namespace rtpm::events

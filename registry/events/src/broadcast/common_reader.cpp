@@ -162,8 +162,6 @@ void CommonReader::decide() {
   if ((bits & ~earlier_bits) != 0 && serves) source_->ring(earlier_bits);
 }
 
-// --- the reader's thread -----------------------------------------------------------------------
-
 void CommonReader::lead() noexcept {
   while (!is_stopping_.load(std::memory_order_acquire)) {
     if (!serves()) {
@@ -229,8 +227,6 @@ bool CommonReader::gather(ReaderSeat* slow, MonotonicTime now) noexcept {
   decide();
   return true;
 }
-
-// --- the guard ---------------------------------------------------------------------------------
 
 void CommonReader::guard() noexcept {
   Duration patience = kGuardPatience;

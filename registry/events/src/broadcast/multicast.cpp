@@ -54,8 +54,6 @@ std::optional<MulticastDatagram> read_multicast(ConstBytes datagram) noexcept {
   return found;
 }
 
-// --- writer -----------------------------------------------------------------------
-
 MulticastWriter::MulticastWriter(std::uint64_t id, std::size_t history_count)
     : id_(id), slots_(std::max<std::size_t>(history_count, 8)) {}
 
@@ -98,8 +96,6 @@ ConstBytes MulticastWriter::datagram(std::uint64_t sequence) const noexcept {
   const Slot& slot = slots_[sequence % slots_.size()];
   return {slot.bytes, slot.size};
 }
-
-// --- reader ------------------------------------------------------------------------
 
 MulticastReader::MulticastReader(std::uint64_t id, std::uint32_t owner, std::uint64_t begin)
     : id_(id), owner_(owner), expected_(begin), end_(begin), slots_(kWindow) {}

@@ -36,13 +36,10 @@ struct MulticastDatagram {
   ConstBytes bytes{};
 };
 /// Decodes a datagram; nullopt if malformed.
-/// @realtime alloc-free
 [[nodiscard]] std::optional<MulticastDatagram> read_multicast(ConstBytes datagram) noexcept;
 
 /// Encodes datagrams and keeps a history of them.
 /// @ownership its memory, allocated when built
-/// @threads  one at a time
-/// @realtime alloc-free
 class MulticastWriter {
  public:
   /// Keeps `history_count` datagrams (at least 8).
@@ -86,7 +83,6 @@ class MulticastWriter {
 
 /// Reorders datagrams and detects gaps.
 /// @ownership its memory, allocated when built
-/// @threads  one
 /// @realtime alloc-free except construction and records larger than any before
 class MulticastReader {
  public:

@@ -21,7 +21,6 @@ namespace rtpm::events {
 /// for slow ones.
 /// @ownership a socket, two further descriptors, 1.4 MiB
 /// @threads  any
-/// @realtime alloc-free
 class MulticastFeed final : public ReaderSource {
  public:
   /// Datagrams kept. A slower consumer requests repair from the hub.

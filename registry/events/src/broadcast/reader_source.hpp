@@ -8,7 +8,6 @@ namespace rtpm::events {
 
 /// What several consumers of a program read together, and how their threads wait for it.
 /// @threads  any
-/// @realtime alloc-free
 class ReaderSource {
  public:
   virtual ~ReaderSource() = default;

@@ -65,7 +65,6 @@ class SlotSet {
 
 /// The writing end.
 /// @ownership the memory must outlive it
-/// @threads  one at a time
 /// @realtime wait-free, alloc-free
 class RingWriter {
  public:
@@ -105,7 +104,6 @@ enum class RingRead : std::uint8_t {
 
 /// A reading end. Copies a record, then checks that it was not overwritten meanwhile.
 /// @ownership a buffer of one maximum record; the memory must outlive it
-/// @threads  one
 /// @realtime wait-free; alloc-free but for construction
 class RingReader {
  public:

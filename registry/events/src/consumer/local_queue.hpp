@@ -23,7 +23,6 @@ enum class SessionOutcome : std::uint8_t {
 
 /// The queue of a consumer whose events do not wait at the hub; applies the policy here.
 /// @ownership copies of the events
-/// @threads  one
 /// @realtime alloc-free except set_policy()
 class LocalQueue {
  public:

@@ -12,8 +12,6 @@ namespace rtpm::events {
 
 /// Pending events of one consumer. Events of one delivery stay together.
 /// @ownership references to its events
-/// @threads  one at a time
-/// @realtime alloc-free except construction
 class DeliveryQueue {
  public:
   DeliveryQueue() noexcept = default;

@@ -24,7 +24,6 @@ class Broadcaster {
  public:
   virtual ~Broadcaster() = default;
   /// Delivers the events of `group` to `subscriptions`.
-  /// @realtime alloc-free
   virtual void broadcast(std::span<const SubscriptionNumber> subscriptions,
                          std::span<const EventRef> group) noexcept = 0;
 };
@@ -47,7 +46,6 @@ struct SubscriptionCounters {
 /// The core of a hub: matches events with subscriptions and queues them. No socket, no thread, no
 /// clock.
 /// @ownership its memory, allocated when built or by prepare()
-/// @threads  one at a time
 /// @realtime alloc-free except construction and prepare()
 class Exchange {
  public:

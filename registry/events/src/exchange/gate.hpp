@@ -14,8 +14,6 @@ namespace rtpm::events {
 
 /// Applies a policy's decimation, interval and deadbands. Omitted events do not count as losses.
 /// @ownership one event, pending for the end of the interval
-/// @threads  one at a time
-/// @realtime alloc-free except construction
 class Gate {
  public:
   Gate() noexcept = default;

@@ -10,8 +10,6 @@ namespace rtpm::events {
 
 /// The latest events of each type and source, for late joiners.
 /// @ownership its slots, allocated when built; references to the events
-/// @threads  one at a time
-/// @realtime alloc-free except construction
 class History {
  public:
   /// Keeps `depth` (0…64) events of up to `key_count_max` pairs of type and source; others are

@@ -21,7 +21,6 @@ struct CatalogLimits {
 
 /// The event types that suppliers and consumers have registered, for the compilation of filters.
 /// @ownership copies the descriptors
-/// @threads  one at a time
 /// @realtime set-up only
 class TypeCatalog final : public DescriptorSource {
  public:

@@ -17,7 +17,6 @@ inline constexpr std::size_t kInterestCountMax = 64;  ///< Of a group.
 
 /// The events of one delivery.
 /// @ownership holds its events
-/// @realtime alloc-free
 class Group {
  public:
   void clear() noexcept {
@@ -45,7 +44,6 @@ struct Interest {
 /// A filter ready to run: an array of nodes, children before parents, so that one pass evaluates an
 /// event. Also the state of conjunctions and timeouts.
 /// @ownership its nodes, allocated by compile(); references to kept events
-/// @threads  one at a time
 /// @realtime alloc-free once compiled; linear in the number of nodes
 class CompiledFilter {
  public:

@@ -12,8 +12,6 @@ namespace rtpm::events {
 /// Finds the subscriptions that may accept an event by its type and source, at a cost that does not
 /// depend on other types' subscriptions.
 /// @ownership its memory, allocated when built
-/// @threads  one at a time
-/// @realtime alloc-free
 class SubscriptionIndex {
  public:
   /// `interest_count_max` is for all subscriptions together.

@@ -103,8 +103,6 @@ HubImpl::~HubImpl() {
   thread_.join();
 }
 
-// --- intake ---------------------------------------------------------------------------
-
 void HubImpl::push(std::uint64_t supplier, ConstBytes events, Priority priority) noexcept {
   EventReader reader(events);
   bool has_more = true;
@@ -154,8 +152,6 @@ void HubImpl::take(Intake::Supplier& supplier, const EventView& event, Monotonic
       return count(&IntakeCounters::no_memory_count);
   }
 }
-
-// --- output ---------------------------------------------------------------------------
 
 void HubImpl::pump_ready(MonotonicTime now) noexcept {
   while (const auto number = exchange_.take_ready())

@@ -93,8 +93,6 @@ void HubImpl::publish_link_report(std::size_t link, const LinkReport& report) no
   ring_if_needed(now);
 }
 
-// --- interest --------------------------------------------------------------------------------
-
 // ev-5.2-1 and ev-5.2-3
 std::vector<Match> HubImpl::interest_set_without(std::uint64_t peer) const {
   std::vector<Match> all;

@@ -13,7 +13,6 @@ namespace rtpm::events {
 
 /// The suppliers of a hub with their quotas and counters.
 /// @ownership its memory, allocated when built
-/// @threads  one at a time
 class Intake {
  public:
   /// Any id is valid; tag 0: the slot is free.
@@ -29,7 +28,6 @@ class Intake {
       : quota_(quota), epoch_(epoch), suppliers_(std::max(supplier_count_max, 1U)) {}
 
   /// The supplier with this id; a new one takes a free slot or that of the longest silent.
-  /// @realtime alloc-free
   [[nodiscard]] Supplier& find(std::uint64_t id, MonotonicTime now) noexcept {
     Supplier* oldest = &suppliers_.front();
     for (Supplier& each : suppliers_) {
@@ -48,7 +46,6 @@ class Intake {
     return *oldest;
   }
   /// Whether the tag belongs to one of these suppliers.
-  /// @realtime alloc-free
   [[nodiscard]] bool has_tag(std::uint32_t tag) const noexcept {
     return tag != 0 && std::ranges::find(suppliers_, tag, &Supplier::tag) != suppliers_.end();
   }

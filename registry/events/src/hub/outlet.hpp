@@ -12,8 +12,6 @@
 namespace rtpm::events {
 
 /// Encodes stream items, one at a time, in memory allocated when built.
-/// @threads  one at a time
-/// @realtime alloc-free
 class ItemBuilder {
  public:
   ItemBuilder();
@@ -50,8 +48,6 @@ class ItemBuilder {
 };
 
 /// The hub's end of a subscription: its stream and the state reported to its consumer.
-/// @threads  one at a time
-/// @realtime alloc-free
 class Outlet {
  public:
   /// Result of pump().

@@ -8,8 +8,6 @@
 namespace rtpm::events {
 
 /// Token buckets of a quota.
-/// @threads  one at a time
-/// @realtime alloc-free
 class QuotaMeter {
  public:
   explicit QuotaMeter(const Quota& quota = {}) noexcept

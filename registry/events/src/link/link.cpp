@@ -100,8 +100,6 @@ LinkStatus Link::status() const {
   return status_;
 }
 
-// --- the thread ------------------------------------------------------------------------------
-
 void Link::run() {
   std::uint64_t reported_lost_count = 0;
   std::unique_lock lock(mutex_);
@@ -227,8 +225,6 @@ void Link::set_state(LinkState state, std::string reason) {
   status_.state = state;
   status_.reason = std::move(reason);
 }
-
-// --- the consumer ----------------------------------------------------------------------------
 
 void Link::on_events(std::span<const EventView> events) {
   const PeerTime peer = peer_time_.read().value_or(PeerTime{});

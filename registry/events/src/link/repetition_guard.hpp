@@ -13,7 +13,6 @@ namespace rtpm::events {
 ///
 /// When full it evicts a row that was silent for long; then a duplicate may pass.
 /// @ownership its rows, allocated when built
-/// @threads  one at a time
 /// @realtime alloc-free, constant time
 /// @source   spec/events.md#ev-5.3
 class RepetitionGuard {

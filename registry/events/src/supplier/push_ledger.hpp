@@ -8,8 +8,6 @@ namespace rtpm::events {
 
 /// Accounts for a supplier's events: sent, counted by the hub, and in doubt at the end of a
 /// connection. Events that the hub counted and frames that it read have arrived.
-/// @threads  one at a time
-/// @realtime alloc-free
 class PushLedger {
  public:
   /// A frame of `event_count` events was sent to the hub `epoch`.
