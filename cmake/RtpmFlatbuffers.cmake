@@ -14,15 +14,19 @@ if(RTPM_FLATBUFFERS_SOURCE)
       add_subdirectory("${RTPM_FLATBUFFERS_SOURCE}" "${CMAKE_BINARY_DIR}/flatbuffers" EXCLUDE_FROM_ALL SYSTEM)
     endblock()
   endif()
-  set(RTPM_FLATC "$<TARGET_FILE:flatc>")
   file(STRINGS "${RTPM_FLATBUFFERS_SOURCE}/include/flatbuffers/base.h" version
     REGEX "define FLATBUFFERS_VERSION_(MAJOR|MINOR|REVISION) ")
   string(REGEX MATCHALL "[0-9]+" version "${version}")
   list(JOIN version . RTPM_FLATBUFFERS_VERSION)
 else()
   find_package(FlatBuffers CONFIG NAMES FlatBuffers Flatbuffers flatbuffers QUIET GLOBAL)
-  find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
   set(RTPM_FLATBUFFERS_VERSION "${FlatBuffers_VERSION}")
+endif()
+# When cross-compiling, the flatc that was built does not run on this machine.
+if(RTPM_FLATBUFFERS_SOURCE AND NOT CMAKE_CROSSCOMPILING)
+  set(RTPM_FLATC "$<TARGET_FILE:flatc>")
+else()
+  find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
 endif()
 
 # Releases are numbered by their dates since 22.9; 2.0.8 and 25.12.19 were tried.

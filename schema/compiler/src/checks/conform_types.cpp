@@ -1,6 +1,7 @@
 #include "checks/conform_types.hpp"
 
 #include <algorithm>
+#include <cstdint>
 #include <map>
 #include <string>
 #include <string_view>
@@ -29,6 +30,11 @@ std::string quoted(const std::string& text) {
 
 std::string field_words(const Object& owner, const Field& field) {
   return "field " + quoted(field.name) + " of " + (owner.is_struct ? "struct " : "table ") +
+         quoted(owner.name);
+}
+
+std::string value_words(const Enum& owner, const EnumValue& value) {
+  return "value " + quoted(value.name) + " of " + (owner.is_union ? "union " : "enum ") +
          quoted(owner.name);
 }
 
@@ -327,75 +333,80 @@ void TypeComparison::compare_meaning(const Object& owner, const Field& before, c
           "one side may send values that the other refuses: keep the range");
 }
 
+struct TypeComparison::ValueIndex {
+  explicit ValueIndex(const Enum& enumeration) {
+    for (const EnumValue& value : enumeration.values) {
+      by_name.emplace(value.name, &value);
+      by_number.emplace(value.value, &value);
+    }
+  }
+  std::map<std::string_view, const EnumValue*> by_name{};
+  std::map<std::int64_t, const EnumValue*> by_number{};
+};
+
 void TypeComparison::compare(const Enum& before, const Enum& after) {
-  const std::string kind = after.is_union ? "union" : "enum";
   if (before.is_union != after.is_union || before.underlying != after.underlying) {
     const bool is_kind = before.is_union != after.is_union;
+    const auto kind_of = [&](const Enum& enumeration) {
+      return is_kind ? with_article(enumeration.is_union ? "union" : "enum")
+                     : quoted(std::string(spelling_of(enumeration.underlying)));
+    };
     report(is_kind ? ChangeKind::kTypeKind : ChangeKind::kEnumUnderlying, kBytesFail, after.name,
            after.location, before.location,
-           quoted(after.name) + " was " +
-               (is_kind ? with_article(before.is_union ? "union" : "enum")
-                        : quoted(std::string(spelling_of(before.underlying)))) +
-               ", and is " +
-               (is_kind ? with_article(kind) : quoted(std::string(spelling_of(after.underlying)))),
+           quoted(after.name) + " was " + kind_of(before) + ", and is " + kind_of(after),
            "give the new one a name of its own");
     return;
   }
-  std::map<std::int64_t, const EnumValue*> new_by_number;
-  std::map<std::string, const EnumValue*> new_by_name;
-  std::map<std::string, const EnumValue*> old_by_name;
-  for (const EnumValue& value : after.values) {
-    new_by_number.emplace(value.value, &value);
-    new_by_name.emplace(value.name, &value);
-  }
-  std::map<std::int64_t, const EnumValue*> old_by_number;
-  for (const EnumValue& value : before.values) {
-    old_by_name.emplace(value.name, &value);
-    old_by_number.emplace(value.value, &value);
-  }
-  const auto words = [&](const EnumValue& value) {
-    return "value " + quoted(value.name) + " of " + kind + ' ' + quoted(after.name);
-  };
+  const ValueIndex old_values(before);
+  const ValueIndex new_values(after);
   // Removing a value in the middle renumbers all later ones: that is reported as one change.
   for (const EnumValue& value : before.values) {
-    const auto named = new_by_name.find(value.name);
-    if (named == new_by_name.end() || named->second->value == value.value) continue;
+    const auto named = new_values.by_name.find(value.name);
+    if (named == new_values.by_name.end() || named->second->value == value.value) continue;
     const EnumValue& now = *named->second;
     report(ChangeKind::kEnumValueRenumbered, kBytesFail, after.name, now.location, value.location,
-           words(now) + " was " + std::to_string(value.value) + ", and is " +
+           value_words(after, now) + " was " + std::to_string(value.value) + ", and is " +
                std::to_string(now.value),
            "add new values behind the last one, or give them their numbers: `Name = N`");
     return;
   }
-  for (const EnumValue& value : before.values) {
-    const auto named = new_by_name.find(value.name);
-    const auto numbered = new_by_number.find(value.value);
-    if (named != new_by_name.end()) {
-      const EnumValue& now = *named->second;
-      if (after.is_union &&
-          type_text(before_, value.union_type) != type_text(after_, now.union_type)) {
-        Reading reading = kBytesFail;
-        reading.is_by_meaning = is_same_shape(before_, value.union_type, after_, now.union_type);
-        report(ChangeKind::kUnionMemberRetyped, reading, after.name, now.location, value.location,
-               words(now) + " was " + quoted(type_text(before_, value.union_type)) + ", and is " +
-                   quoted(type_text(after_, now.union_type)),
-               "add a new member behind the last one");
-      }
-    } else if (numbered != new_by_number.end() && !old_by_name.contains(numbered->second->name)) {
-      report(ChangeKind::kEnumValueRenamed, kMeaningFails, after.name, numbered->second->location,
-             value.location, words(*numbered->second) + " was named " + quoted(value.name),
-             "the number may get another meaning: keep the name, or use a new number");
-    } else {
-      report(ChangeKind::kEnumValueRemoved,
-             {.new_reads_old = false, .old_reads_new = true, .is_by_meaning = true}, after.name,
-             value.location, {}, words(value) + " is removed, and older data may have its number",
-             "keep it, and mark it in its comment as no longer used");
-    }
-  }
+  for (const EnumValue& value : before.values)
+    compare_value(after, value, old_values, new_values);
   for (const EnumValue& value : after.values) {
-    if (old_by_name.contains(value.name) || old_by_number.contains(value.value)) continue;
+    if (old_values.by_name.contains(value.name) || old_values.by_number.contains(value.value)) {
+      continue;
+    }
     report(ChangeKind::kEnumValueAdded, kNothingFails, after.name, value.location, {},
-           words(value) + " is new: older readers have no name for its number", "");
+           value_words(after, value) + " is new: older readers have no name for its number", "");
+  }
+}
+
+void TypeComparison::compare_value(const Enum& owner, const EnumValue& before,
+                                   const ValueIndex& old_values, const ValueIndex& new_values) {
+  const auto named = new_values.by_name.find(before.name);
+  const auto numbered = new_values.by_number.find(before.value);
+  if (named != new_values.by_name.end()) {
+    const EnumValue& now = *named->second;
+    const std::string old_type = type_text(before_, before.union_type);
+    const std::string new_type = type_text(after_, now.union_type);
+    if (!owner.is_union || old_type == new_type) return;
+    Reading reading = kBytesFail;
+    reading.is_by_meaning = is_same_shape(before_, before.union_type, after_, now.union_type);
+    report(ChangeKind::kUnionMemberRetyped, reading, owner.name, now.location, before.location,
+           value_words(owner, now) + " was " + quoted(old_type) + ", and is " + quoted(new_type),
+           "add a new member behind the last one");
+  } else if (numbered != new_values.by_number.end() &&
+             !old_values.by_name.contains(numbered->second->name)) {
+    report(ChangeKind::kEnumValueRenamed, kMeaningFails, owner.name, numbered->second->location,
+           before.location,
+           value_words(owner, *numbered->second) + " was named " + quoted(before.name),
+           "the number may get another meaning: keep the name, or use a new number");
+  } else {
+    report(ChangeKind::kEnumValueRemoved,
+           {.new_reads_old = false, .old_reads_new = true, .is_by_meaning = true}, owner.name,
+           before.location, {},
+           value_words(owner, before) + " is removed, and older data may have its number",
+           "keep it, and mark it in its comment as no longer used");
   }
 }
 

@@ -30,6 +30,10 @@ class TypeComparison {
   void add_field(const Object& owner, const Field& field);
   void remove_field(const Object& owner, const Field& field, const Object& now);
 
+  struct ValueIndex;
+  void compare_value(const Enum& owner, const EnumValue& before, const ValueIndex& old_values,
+                     const ValueIndex& new_values);
+
   const Model& before_;
   const Model& after_;
   std::vector<Change>& changes_;
