@@ -24,12 +24,15 @@ else()
 endif()
 # When cross-compiling, the flatc that was built does not run on this machine.
 if(RTPM_FLATBUFFERS_SOURCE AND NOT CMAKE_CROSSCOMPILING)
-  set(RTPM_FLATC "$<TARGET_FILE:flatc>")
+  set(RTPM_FLATC "$<TARGET_FILE:flatc>" CACHE INTERNAL "FlatBuffers' own compiler")
 else()
+  if("${RTPM_FLATC}" MATCHES "TARGET_FILE")  # Of an earlier run with a source folder.
+    unset(RTPM_FLATC CACHE)
+  endif()
   find_program(RTPM_FLATC flatc DOC "FlatBuffers' own compiler, which generates the data types")
 endif()
 
-# Releases are numbered by their dates since 22.9; 2.0.8 and 25.12.19 were tried.
+# Releases are numbered by their dates since 22.9; 2.0.8, 23.5.26 and 25.12.19 were tried.
 set(RTPM_FLATBUFFERS_PROBLEM "")
 if(NOT RTPM_FLATBUFFERS_VERSION VERSION_GREATER_EQUAL 2.0.8 OR NOT RTPM_FLATBUFFERS_VERSION VERSION_LESS 26
    OR NOT RTPM_FLATC)
