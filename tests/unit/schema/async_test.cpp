@@ -64,7 +64,9 @@ class GeneratedAsync : public testing::Test {
   std::mutex mutex_;
   std::vector<rtpm::rpc::DeferredStruct<deferred::Sample>> waiting_;
   deferred::FeedFunctionServant feed_{{
-      .mark = [](const deferred::Note&, const CallContext&) -> rtpm::rpc::Result<void> { return {}; },
+      .mark = [](const deferred::Note&, const CallContext&) -> rtpm::rpc::Result<void> {
+        return {};
+      },
       .wait =
           [this](rtpm::rpc::DeferredStruct<deferred::Sample> reply, const CallContext&) {
             const rtpm::rt::AllowAllocationScope is_allowed;
@@ -72,7 +74,8 @@ class GeneratedAsync : public testing::Test {
             waiting_.push_back(std::move(reply));
           },
       .rest =
-          [](const deferred::Sample& request, rtpm::rpc::DeferredNothing reply, const CallContext&) {
+          [](const deferred::Sample& request, rtpm::rpc::DeferredNothing reply,
+             const CallContext&) {
             if (request.number() == 0) return reply.fail(rtpm::rpc::Refusal::kGone);
             reply.complete();
           },

@@ -27,10 +27,7 @@ rpc_service Leg (rtpm_priority: 0) { ask(Pose):Pose (rtpm_id: 4); }
 )";
 
 std::string with(const std::string& what, const std::string& instead) {
-  std::string text(kSchema);
-  const std::size_t at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
+  return test::replaced(kSchema, what, instead);
 }
 
 const Object& object_of(const Model& model, const std::string& name) {

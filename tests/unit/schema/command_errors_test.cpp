@@ -11,17 +11,10 @@
 
 // rtpmc's errors about command lines, files and folders, with reviewed texts in goldens/commands.
 // Those about a schema's content are in goldens/errors.
-namespace rtpm::schema {
+namespace rtpm::schema::test {
 namespace {
 
 namespace fs = std::filesystem;
-using test::idl_flag;
-using test::names_in;
-using test::Outcome;
-using test::quoted;
-using test::read_file;
-using test::run;
-using test::ScratchFolder;
 
 constexpr std::string_view kGood =
     "include \"rtpm.fbs\";\nnamespace lab;\ntable Maybe { number:int = null; }\n"
@@ -138,4 +131,4 @@ TEST(RtpmcErrors, OfCodeForAnotherRuntime) {
 }
 
 }  // namespace
-}  // namespace rtpm::schema
+}  // namespace rtpm::schema::test

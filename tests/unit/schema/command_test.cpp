@@ -15,17 +15,10 @@
 #include "scratch_folder.hpp"
 
 // rtpmc as a program: command line, output, messages and exit codes.
-namespace rtpm::schema {
+namespace rtpm::schema::test {
 namespace {
 
 namespace fs = std::filesystem;
-using test::idl_flag;
-using test::names_in;
-using test::Outcome;
-using test::quoted;
-using test::read_file;
-using test::run;
-using test::ScratchFolder;
 
 constexpr std::string_view kGood =
     "include \"rtpm.fbs\";\nnamespace lab;\n"
@@ -294,4 +287,4 @@ TEST(Rtpmc, IncludeFlagMayBeSeparate) {
 }
 
 }  // namespace
-}  // namespace rtpm::schema
+}  // namespace rtpm::schema::test

@@ -116,10 +116,7 @@ constexpr Case kCases[] = {
 };
 
 std::string with(const Case& c) {
-  std::string text(kSchema);
-  const std::size_t at = text.find(c.what);
-  EXPECT_NE(at, std::string::npos) << c.what;
-  return text.replace(at, std::string(c.what).size(), c.instead);
+  return test::replaced(kSchema, c.what, c.instead);
 }
 
 /// Compares two texts as the files old.fbs and new.fbs.

@@ -35,10 +35,7 @@ rpc_service Arm {
 )";
 
 std::string with(const std::string& what, const std::string& instead) {
-  std::string text(kSchema);
-  const std::size_t at = text.find(what);
-  EXPECT_NE(at, std::string::npos) << what;
-  return text.replace(at, what.size(), instead);
+  return test::replaced(kSchema, what, instead);
 }
 
 Service service_of(std::string_view text) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <fstream>
 #include <iterator>
 #include <utility>
@@ -48,6 +49,12 @@ std::string errors_of(std::string_view text) {
   for (Diagnostic& error : errors)
     error.location.file = "arm.fbs";
   return render(std::move(errors));
+}
+
+std::string replaced(std::string_view text, std::string_view what, std::string_view instead) {
+  const std::size_t at = text.find(what);
+  EXPECT_NE(at, std::string_view::npos) << what;
+  return std::string(text).replace(std::min(at, text.size()), what.size(), instead);
 }
 
 }  // namespace rtpm::schema::test

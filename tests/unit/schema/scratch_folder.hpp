@@ -32,5 +32,8 @@ class ScratchFolder {
 [[nodiscard]] Model model_of(std::string_view text);
 /// The rendered errors of `text`, without the folder before "arm.fbs".
 [[nodiscard]] std::string errors_of(std::string_view text);
+/// `text` with the first `what` replaced; the test fails if there is none.
+[[nodiscard]] std::string replaced(std::string_view text, std::string_view what,
+                                   std::string_view instead);
 
 }  // namespace rtpm::schema::test
