@@ -2,22 +2,19 @@
 
 #include <omniORB4/CORBA.h>
 
-#include <array>
-#include <string>
 #include <utility>
-#include <vector>
+
+#include "peer.hpp"
 
 /// What omniORB and omniEvents have in common.
 namespace rtpm::bench {
 
-/// As Peer::exception_text.
-inline std::string corba_exception_text() {
+/// As Peer::guard.
+inline Outcome guard_corba(const std::function<Outcome()>& body) {
   try {
-    throw;
+    return body();
   } catch (const CORBA::Exception& exception) {
-    return std::string("CORBA's ") + exception._name();
-  } catch (...) {
-    return "an exception that is none of CORBA's";
+    return unexpected{std::string("CORBA's ") + exception._name()};
   }
 }
 

@@ -92,6 +92,6 @@ expected<Consume, std::string> connect_consumer(const PeerLane&, const std::stri
 const Peer kPeer{.broker_program = broker_program,
                  .connect_supplier = connect_supplier,
                  .connect_consumer = connect_consumer,
-                 .exception_text = corba_exception_text};
+                 .guard = guard_corba};
 
 }  // namespace rtpm::bench

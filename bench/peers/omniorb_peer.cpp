@@ -86,6 +86,6 @@ expected<Exchange, std::string> connect(const PeerLane&, const std::string& addr
 
 }  // namespace
 
-const Peer kPeer{.serve = serve, .connect = connect, .exception_text = corba_exception_text};
+const Peer kPeer{.serve = serve, .connect = connect, .guard = guard_corba};
 
 }  // namespace rtpm::bench

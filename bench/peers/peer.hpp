@@ -99,8 +99,8 @@ struct Peer {
                                                      const std::string& address,
                                                      Note& note) = nullptr;
 
-  /// The text of the exception that is being handled, if it is no std::exception.
-  std::string (*exception_text)() = nullptr;
+  /// Runs `body` and makes errors of the library's exceptions that are no std::exception.
+  Outcome (*guard)(const std::function<Outcome()>& body) = nullptr;
 };
 
 /// The peer of this program: each program defines it once.

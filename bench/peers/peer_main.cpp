@@ -32,16 +32,13 @@ void tell(const Outcome& outcome) {
 }
 
 /// Runs what calls a library, whose exceptions end here.
-template <class Body>
-auto without_exceptions(const Body& body) -> decltype(body()) {
+Outcome without_exceptions(const std::function<Outcome()>& body) {
   try {
-    return body();
+    return kPeer.guard == nullptr ? body() : kPeer.guard(body);
   } catch (const std::exception& error) {
     return unexpected{std::string(error.what())};
   } catch (...) {
-    return unexpected{kPeer.exception_text == nullptr
-                          ? std::string("an exception of the library's own kind")
-                          : kPeer.exception_text()};
+    return unexpected{std::string("an exception of the library's own kind")};
   }
 }
 
