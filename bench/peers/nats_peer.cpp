@@ -2,8 +2,8 @@
 
 #include "peer.hpp"
 
-// NATS, core publish and subscribe. Its C client's documentation: SetSendAsap has publications sent
-// by the thread that publishes instead of a flusher's, where latency counts more than throughput.
+// NATS, core publish and subscribe. Its C client's documentation: SetSendAsap lets the
+// thread that publishes send, instead of a flusher's, where latency counts more than throughput.
 // Each consumer is a connection of its own, whose messages come by its own thread. The server has
 // no such settings; Go sees one CPU, as it is confined to one.
 namespace rtpm::bench {

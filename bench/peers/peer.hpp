@@ -20,8 +20,8 @@ namespace rtpm::bench {
 using Outcome = expected<void, std::string>;
 
 /// "LIBRARY's WHAT failed: REASON".
-[[nodiscard]] inline unexpected<std::string> failure_of(const char* library, const char* what,
-                                                        const char* reason = "no reason told") {
+[[nodiscard]] inline unexpected<std::string> failure_of(
+    const char* library, const char* what, const char* reason = "the library gives no reason") {
   return unexpected{std::string(library) + ": " + what + " failed: " + reason};
 }
 
@@ -109,12 +109,12 @@ extern const Peer kPeer;
 /// Events that a queue holds before it loses some, where a peer lets us choose.
 inline constexpr int kEventQueueMax = 1024;
 
-/// A TCP port of this host that nobody uses, for servers that are to be told one.
+/// A TCP port of this host that is not in use, for servers that cannot choose one.
 [[nodiscard]] std::uint16_t free_port();
-/// Replaces this program, which has no other thread yet, by the broker. `tell` is called in a
-/// process of its own, as soon as the broker serves or ten seconds passed.
+/// Replaces this program, which has no other thread yet, by the broker. `report` is called in
+/// a process of its own, as soon as the broker serves or ten seconds passed.
 /// @return only if it fails
 [[nodiscard]] Outcome become_broker(BrokerProgram broker, const rt::ThreadConfig& config,
-                                    void (*tell)(const Outcome&));
+                                    void (*report)(const Outcome&));
 
 }  // namespace rtpm::bench

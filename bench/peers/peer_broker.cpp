@@ -57,11 +57,11 @@ std::uint16_t free_port() {
 }
 
 Outcome become_broker(BrokerProgram broker, const rt::ThreadConfig& config,
-                      void (*tell)(const Outcome&)) {
+                      void (*report)(const Outcome&)) {
   const pid_t child = fork();
   if (child < 0) return unexpected{std::string("no process for a broker")};
   if (child == 0) {
-    tell(wait_until_serving(broker));
+    report(wait_until_serving(broker));
     _exit(0);
   }
   if (auto set = rt::configure_this_thread(config); !set) return unexpected{set.error().text()};

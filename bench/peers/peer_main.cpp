@@ -21,8 +21,8 @@
 namespace rtpm::bench {
 namespace {
 
-/// Tells rtpm-bench that all is well, or why not; the first word counts.
-void tell(const Outcome& outcome) {
+/// Reports to rtpm-bench that all is well, or why not; only the first report counts.
+void report(const Outcome& outcome) {
   static std::once_flag once;
   std::call_once(once, [&] {
     const std::string word = outcome ? "+ready" : "-" + outcome.error();
@@ -98,7 +98,7 @@ Outcome start_lane(PeerBoard& board, Serve serve, std::size_t index) {
         const auto served =
             without_exceptions([&] { return serve(lane_of(board.setting, index), announce); });
         if (served) return;
-        // If it was announced before, its callers' deadlines tell that it serves no longer.
+        // If it was announced before, its callers' deadlines show that it serves no longer.
         try {
           announced->set_value(served);
         } catch (const std::future_error&) {
@@ -113,7 +113,7 @@ Outcome serve(PeerBoard& board, Serve serve) {
   for (std::size_t index = 0; index < lane_count; ++index) {
     if (auto started = start_lane(board, serve, index); !started) return started;
   }
-  tell({});
+  report({});
   for (;;)
     pause();
 }
@@ -170,7 +170,7 @@ void put(const Samples& samples, std::array<std::int64_t, kPeerSampleMax>& to,
 /// `measure` fills the samples of high and low priority, or of each delivery and the last ones.
 [[noreturn]] void run_plans(PeerBoard& board,
                             const std::function<Outcome(Samples& high, Samples& low)>& measure) {
-  tell({});
+  report({});
   Samples high(1, kPeerSampleMax);
   Samples low(1, kPeerSampleMax);
   for (;;) {
@@ -274,7 +274,7 @@ Outcome serve_events(PeerBoard& board) {
   }
   BrokerProgram broker = kPeer.broker_program(lane_of(board.setting, 0));
   board.setting.addresses[0].set(broker.address);
-  return become_broker(std::move(broker), thread_config(board.setting, 0, true), tell);
+  return become_broker(std::move(broker), thread_config(board.setting, 0, true), report);
 }
 
 Outcome run_role(std::string_view role, PeerBoard& board) {
@@ -303,7 +303,7 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "rtpm-peer: %s\n", board.error().c_str());
     return 2;
   }
-  tell(run_role(role, *board->operator->()));
+  report(run_role(role, *board->operator->()));
   // Not exit(): threads of the library still run.
   _exit(1);
 }

@@ -11,7 +11,7 @@
 #include "sides/server_process.hpp"
 
 /// The two contenders of the events case: a hub, its supplier and consumers; and what the sockets
-/// themselves cost: a relay that sends each datagram on to all who asked.
+/// themselves cost: a relay that forwards each datagram to all that joined.
 namespace rtpm::bench {
 
 /// How both sides are set up.
@@ -46,7 +46,7 @@ class EventSide {
   /// Lets the last `count` consumers take a tenth of a second for each event, or no more. Only a
   /// hub's can.
   virtual void set_slow(int count) { static_cast<void>(count); }
-  /// What the consumers were told that they lost. Only a hub tells.
+  /// Losses that were reported to the consumers. Only a hub reports them.
   [[nodiscard]] virtual std::uint64_t lost_count() const { return 0; }
 };
 
@@ -81,7 +81,7 @@ class EventHub {
 struct EventRate {
   double events_per_s = 0;          ///< That one consumer got, in the best of three bursts.
   std::uint64_t missing_count = 0;  ///< Pushed and not got, of all bursts,
-  std::uint64_t lost_count = 0;     ///< and how many of them the consumer was told of.
+  std::uint64_t lost_count = 0;     ///< and how many of them were reported to the consumer.
 };
 /// One supplier pushes as many as it can, in batches; one consumer takes them.
 [[nodiscard]] expected<EventRate, std::string> measure_event_rate(const EventSetting& setting,

@@ -29,7 +29,7 @@ void send_at_once(int handle) {
   setsockopt(handle, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
 }
 
-/// Has a socket hold a whole frame, whose datagrams the kernel counts at more than their bytes.
+/// Lets a socket hold a whole frame, whose datagrams the kernel counts at more than their bytes.
 void make_room(int handle, std::size_t frame_size) noexcept {
   if (frame_size <= wire::kDatagramFrameSizeMax) return;
   const int size = static_cast<int>(4 * frame_size);
@@ -129,7 +129,7 @@ void serve_tcp(const RawSocket& listener, const FloorLaneConfig& lane) {
   }
   while (!is_one && poll(polled.data(), polled.size(), -1) > 0) {
     for (std::size_t i = 0; i < polled.size(); ++i) {
-      // A negative number tells poll() to leave a connection that ended alone.
+      // poll() skips negative descriptors: here, of connections that ended.
       if (polled[i].revents != 0 && !echo(connections[i], frame)) polled[i].fd = -1;
     }
   }

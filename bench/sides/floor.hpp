@@ -46,8 +46,8 @@ struct FloorLaneConfig {
 [[nodiscard]] expected<std::vector<std::uint16_t>, std::string> start_floor_server(
     Carrier carrier, const std::vector<FloorLaneConfig>& lanes, rt::RealtimeMode realtime);
 
-/// Connects a raw caller to a lane's port at `host`, which is numeric; its echo() has
-/// `payload_size` bytes brought back, as many as the lane was told.
+/// Connects a raw caller to a lane's port at `host`, which is numeric; its echo() sends
+/// and receives `payload_size` bytes, as the lane's configuration states.
 /// @realtime set-up only
 [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_floor_caller(
     Carrier carrier, const std::string& host, std::uint16_t port, const rt::WaitConfig& wait,

@@ -29,7 +29,7 @@ class CallSide final : public EventSide {
   Push push_;
 };
 
-/// Notes what comes, or hands it on once it knows to whom.
+/// Notes each stamp, or passes it to the next object once that is known.
 class RelayServantImpl final : public RelayServant {
  public:
   explicit RelayServantImpl(EventBoard* board) : board_(board) {}
@@ -70,7 +70,7 @@ rpc::ServerConfig server_config(const EventSetting& setting, const rt::WaitConfi
       .realtime = setting.realtime};
 }
 
-/// In the other process: serves, and looks for whom to call back until he serves, too.
+/// In the other process: serves, and looks for the object to call back until that is served, too.
 expected<std::string, std::string> serve_relay(const EventSetting& setting,
                                                const std::string& call_back) {
   auto& servant = *new RelayServantImpl(nullptr);

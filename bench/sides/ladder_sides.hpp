@@ -12,8 +12,8 @@ namespace rtpm::bench {
 
 /// A server in a process of its own that echoes, for direct_calls().
 [[nodiscard]] expected<ServerProcess, std::string> start_direct(const EventSetting& setting);
-/// An event is a call there and back; its consumer is the caller, who has it when the reply is
-/// there.
+/// An event is a call there and back; its consumer is the caller, which has it when the reply
+/// arrives.
 /// @lifetime refers to `board`
 [[nodiscard]] expected<std::unique_ptr<EventSide>, std::string> direct_calls(
     const EventSetting& setting, const std::string& server, EventBoard& board);

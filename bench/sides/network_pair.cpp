@@ -35,8 +35,8 @@ std::pair<std::string, int> run_program(const std::string& command) {
   return {output, WIFEXITED(status) ? WEXITSTATUS(status) : -1};
 }
 
-/// The rule for one direction. What comes in is dropped, because a sender is told of what a rule
-/// drops on its way out, and no network tells.
+/// The rule for one direction. It drops on input: the kernel reports a drop on output to the
+/// sender, which no network does.
 std::string rules_of(Carrier carrier, std::string_view which_port, std::uint16_t port,
                      double percent) {
   std::ostringstream rules;

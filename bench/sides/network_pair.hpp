@@ -31,7 +31,7 @@ class NetworkPair {
   /// are there.
   [[nodiscard]] expected<void, std::string> enter(Host host) const;
 
-  /// Has each host lose `percent` of the packets that come from or for the server's `port`, at
+  /// Lets each host lose `percent` of the packets that come from or for the server's `port`, at
   /// random, one by one.   Errors: the program `nft` is missing, or the kernel lacks nf_tables.
   [[nodiscard]] expected<void, std::string> drop(Carrier carrier, std::uint16_t port,
                                                  double percent) const;

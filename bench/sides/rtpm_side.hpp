@@ -20,7 +20,7 @@ struct RtpmServerConfig {
   std::string host = "127.0.0.1";  ///< Numeric.
   std::vector<rpc::LaneConfig> lanes{};
   std::uint32_t session_count_max = 256;  ///< Per lane and transport.
-  std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it can tell apart.
+  std::uint64_t numbered_count = 0;       ///< How many numbers, from 0 on, it distinguishes.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
 };
 

@@ -15,10 +15,10 @@
 namespace rtpm::bench {
 namespace {
 
-expected<std::string, std::string> set_up(Standalone who, const Settings& settings) {
+expected<std::string, std::string> set_up(Standalone which, const Settings& settings) {
   const rt::WaitConfig wait{.strategy = settings.waits.front(), .spin = settings.spin};
   const int cpu = choose_placement().server_cpu;
-  if (who == Standalone::kRtpm) {
+  if (which == Standalone::kRtpm) {
     return start_rtpm_server(
         {.lanes = {{.name = "rtpm-high", .priority = kHighPriority, .wait = wait, .cpus = {cpu}}},
          .realtime = settings.realtime});
@@ -39,24 +39,24 @@ std::optional<Standalone> standalone_of(std::string_view text) noexcept {
   return std::nullopt;
 }
 
-int serve_standalone(Standalone who, const Settings& settings) {
-  const auto address = set_up(who, settings);
+int serve_standalone(Standalone which, const Settings& settings) {
+  const auto address = set_up(which, settings);
   std::printf("%s", (address ? "+" + *address : "-" + address.error()).c_str());
   std::fflush(stdout);
   if (!address) return 1;
-  // Whoever started it reads up to the end. The number stays taken, by what takes all.
+  // The starter reads up to the end of file. The descriptor stays in use, by /dev/null.
   const int nothing = open("/dev/null", O_WRONLY | O_CLOEXEC);
   if (nothing < 0 || dup2(nothing, STDOUT_FILENO) < 0) return 1;
   for (;;)
     ::pause();
 }
 
-expected<ServerProcess, std::string> start_standalone(Standalone who, Carrier carrier,
+expected<ServerProcess, std::string> start_standalone(Standalone which, Carrier carrier,
                                                       rt::WaitStrategy wait,
                                                       const Settings& settings) {
   const std::string realtime = settings.realtime == rt::RealtimeMode::kOff ? "off" : "prefer";
   return ServerProcess::start_program({"/proc/self/exe", "serve",
-                                       who == Standalone::kRtpm ? "rtpm" : "floor", "--transport",
+                                       which == Standalone::kRtpm ? "rtpm" : "floor", "--transport",
                                        std::string(to_string(carrier)), "--wait",
                                        std::string(rt::to_string(wait)), "--realtime", realtime});
 }

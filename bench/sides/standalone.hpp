@@ -23,11 +23,12 @@ enum class Standalone : std::uint8_t { kRtpm, kFloor };
 /// Serves in this process as `rtpm-bench serve WHO` is asked to, with the first of the settings'
 /// carriers and wait strategies, and says on standard output where: "+ADDRESS", or "-REASON".
 /// Returns only if it cannot serve: the exit code.
-[[nodiscard]] int serve_standalone(Standalone who, const Settings& settings);
+[[nodiscard]] int serve_standalone(Standalone which, const Settings& settings);
 
 /// Starts this program again as a server. It runs with SCHED_FIFO where `settings` allow it, and on
 /// the placement's server CPU.   Set-up only.
-[[nodiscard]] expected<ServerProcess, std::string> start_standalone(Standalone who, Carrier carrier,
+[[nodiscard]] expected<ServerProcess, std::string> start_standalone(Standalone which,
+                                                                    Carrier carrier,
                                                                     rt::WaitStrategy wait,
                                                                     const Settings& settings);
 
