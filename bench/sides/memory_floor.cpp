@@ -23,8 +23,8 @@ constexpr std::size_t kSlotSize = 128;
 /// A size that the compiler knows, so that it copies the usual frame without a call.
 using UsualSize = std::integral_constant<std::size_t, kFloorFrameSize>;
 
-/// Where a thread sleeps.
-struct alignas(64) Bed {
+/// Where a thread sleeps. Aligned so that the slots behind it are, too.
+struct alignas(kSlotSize) Bed {
   std::atomic<std::uint32_t> is_taken{0};
   std::atomic<std::uint32_t> wake_count{0};
 
