@@ -41,28 +41,12 @@ bool is_limit(Outcome outcome) noexcept {
          outcome == Outcome::kHostFull || outcome == Outcome::kHostOwnersFull;
 }
 
-void report_to_standard_error(std::string_view sentence) {
-  rt::print_error("rtpm-names", sentence);  // SentenceLimit limits it.
+/// One sentence per second: its suffix, which counts those held back; nullopt: it is held back.
+std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
+  if (!limit.admit(now)) return std::nullopt;
+  const std::uint64_t count = limit.take_all_suppressed();
+  return count == 0 ? "" : " (and " + std::to_string(count) + " more before)";
 }
-
-/// Admits one sentence per second and counts the others.
-class SentenceLimit {
- public:
-  /// The sentence's suffix; nullopt: suppressed.
-  [[nodiscard]] std::optional<std::string> admit(MonotonicTime now) {
-    if (now < next_) {
-      ++withheld_count_;
-      return std::nullopt;
-    }
-    next_ = now + std::chrono::seconds{1};
-    const std::uint64_t count = std::exchange(withheld_count_, 0);
-    return count == 0 ? "" : " (and " + std::to_string(count) + " more before)";
-  }
-
- private:
-  MonotonicTime next_{};
-  std::uint64_t withheld_count_ = 0;
-};
 
 Answer answer_of(const expected<void, Refusal>& result) {
   return result ? names::answer_of(Outcome::kDone)
@@ -105,7 +89,9 @@ class RegistryServant final : public NamesServant {
   // Random, so that revisions of two starts differ.
   RegistryServant(Limits limits, RegistryReport report)
       : store_(limits, rt::random_u64() >> 1 | 1),
-        report_(report ? std::move(report) : report_to_standard_error) {}
+        report_(report ? std::move(report) : [](std::string_view sentence) {
+          rt::print_error("rtpm-names", sentence);
+        }) {}
 
   rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext& context) override {
@@ -242,7 +228,7 @@ class RegistryServant final : public NamesServant {
                                           MonotonicTime now) {
     ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
     if (!is_limit(refusal.outcome)) return std::nullopt;
-    const auto more = limit_sentences_.admit(now);
+    const auto more = admit(limit_log_, now);
     if (!more) return std::nullopt;
     return "refused a bind from " + to_string(rpc::CallerHost{claim.host}) + ": " +
            outcome_text(refusal.outcome, claim.name, refusal.component) + *more;
@@ -251,7 +237,7 @@ class RegistryServant final : public NamesServant {
   std::optional<std::string> note_takeover(const Claim& claim, const Record& former,
                                            MonotonicTime now) {
     ++takeover_count_;
-    const auto more = takeover_sentences_.admit(now);
+    const auto more = admit(takeover_log_, now);
     if (!more) return std::nullopt;
     return "the name " + quoted(claim.name) + " was taken from " + quoted(former.url) +
            ", bound from " + to_string(rpc::CallerHost{former.host}) + ", by " + quoted(claim.url) +
@@ -263,8 +249,8 @@ class RegistryServant final : public NamesServant {
   RegistryReport report_;
   std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
   std::uint64_t takeover_count_ = 0;
-  SentenceLimit limit_sentences_;
-  SentenceLimit takeover_sentences_;
+  LogLimit limit_log_{{.burst = 2}};
+  LogLimit takeover_log_{{.burst = 2}};
 };
 
 }  // namespace
