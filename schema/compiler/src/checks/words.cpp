@@ -54,6 +54,16 @@ std::string number_text(double value) {
   return error == std::errc{} ? std::string(buffer.data(), end) : std::string("?");
 }
 
+std::string hexadecimal(std::uint64_t value, std::size_t digits) {
+  constexpr std::size_t kLeadSize = 2;
+  std::string text(kLeadSize + digits, '0');
+  text[1] = 'x';
+  for (std::size_t at = text.size(); at > kLeadSize; value >>= 4) {
+    text[--at] = "0123456789abcdef"[value & 0xF];
+  }
+  return text;
+}
+
 std::string wrap_struct_hint(const std::string& type) {
   return "wrap it: `table " + short_name(type) + "Message { value:" + type +
          " (required); }`; on the wire that is the bare struct, so it costs nothing";

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <string>
 #include <string_view>
@@ -15,6 +16,9 @@ namespace rtpm::schema {
 
 /// The shortest text that parses to the same number; the same on every machine.
 [[nodiscard]] std::string number_text(double value);
+
+/// "0x00c0ffee".
+[[nodiscard]] std::string hexadecimal(std::uint64_t value, std::size_t digits);
 
 /// The hint for a struct in the place of a table.
 [[nodiscard]] std::string wrap_struct_hint(const std::string& type);

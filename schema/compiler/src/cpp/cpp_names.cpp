@@ -136,16 +136,6 @@ std::string function(const Function& function, std::string_view indent) {
   return text + ')' + function.tail + '\n';
 }
 
-std::string hexadecimal(std::uint64_t value, std::size_t digits) {
-  constexpr std::size_t kLeadSize = 2;
-  std::string text(kLeadSize + digits, '0');
-  text[1] = 'x';
-  for (std::size_t at = text.size(); at > kLeadSize; value >>= 4) {
-    text[--at] = "0123456789abcdef"[value & 0xF];
-  }
-  return text;
-}
-
 std::string literal(std::string_view text) {
   std::string quoted = "\"";
   for (const char c : text) {

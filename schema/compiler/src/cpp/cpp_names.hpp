@@ -42,8 +42,6 @@ struct Function {
 };
 [[nodiscard]] std::string function(const Function& function, std::string_view indent);
 
-/// "0x00c0ffee".
-[[nodiscard]] std::string hexadecimal(std::uint64_t value, std::size_t digits);
 /// A string literal.
 [[nodiscard]] std::string literal(std::string_view text);
 /// `lines` as `///` comments.

@@ -1,6 +1,7 @@
 #include <cstddef>
 #include <string>
 
+#include "checks/words.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_ranges.hpp"
 #include "cpp/cpp_writer.hpp"

@@ -1,188 +1,167 @@
+#include <cmath>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <string>
-#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "checks/words.hpp"
 #include "model/spelling.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/fingerprint.hpp"
-#include "text/json_writer.hpp"
 
 // The form is described in schema/model.md; a change that a reader would misread raises the
 // version.
 namespace rtpm::schema {
 namespace {
 
+using Json = nlohmann::ordered_json;
+
 constexpr int kFormatVersion = 1;
 
-std::string hexadecimal(std::uint64_t value, std::size_t digits) {
-  std::string text(digits, '0');
-  for (auto digit = text.rbegin(); digit != text.rend(); ++digit, value >>= 4) {
-    *digit = "0123456789abcdef"[value & 0xF];
-  }
-  return "0x" + text;
+/// JSON has no infinity and no NaN: they are texts, as FlatBuffers writes them.
+Json number_of(double value) {
+  return std::isfinite(value) ? Json(value) : Json(number_text(value));
+}
+
+std::string file_name(const std::string& path) {
+  return std::filesystem::path(path).filename().string();
+}
+
+template <class List, class Make>
+Json list_of(const List& list, Make make) {
+  Json values = Json::array();
+  for (const auto& each : list)
+    values.push_back(make(each));
+  return values;
 }
 
 class ModelWriter {
  public:
-  ModelWriter(const Model& model, std::string_view compiler_version)
-      : model_(model), version_(compiler_version) {}
+  explicit ModelWriter(const Model& model) : model_(model) {}
 
-  std::string write() {
-    json_.object()
-        .text("format", "rtpm-model")
-        .number("format_version", std::int64_t{kFormatVersion});
-    json_.text("compiler_version", version_).text("file", file_name(model_.file));
-    json_.array("services");
-    for (const Service& service : model_.services)
-      write_service(service);
-    json_.end().array("objects");
-    for (const Object& object : model_.objects)
-      write_object(object);
-    json_.end().array("enums");
-    for (const Enum& enumeration : model_.enums)
-      write_enum(enumeration);
-    json_.end().end();
-    return json_.take();
+  std::string write(const std::string& compiler_version) const {
+    const auto made_by = [this](auto member) {
+      return [this, member](const auto& each) { return (this->*member)(each); };
+    };
+    const Json root{{"format", "rtpm-model"},
+                    {"format_version", kFormatVersion},
+                    {"compiler_version", compiler_version},
+                    {"file", file_name(model_.file)},
+                    {"services", list_of(model_.services, made_by(&ModelWriter::service_json))},
+                    {"objects", list_of(model_.objects, made_by(&ModelWriter::object_json))},
+                    {"enums", list_of(model_.enums, made_by(&ModelWriter::enum_json))}};
+    return root.dump(2, ' ', false, Json::error_handler_t::replace) + '\n';
   }
 
  private:
-  static std::string file_name(const std::string& path) {
-    return std::filesystem::path(path).filename().string();
-  }
-
-  void write_documentation(const Documentation& lines) {
-    if (lines.empty()) return;
-    json_.array("documentation");
-    for (const std::string& line : lines)
-      json_.text({}, line);
-    json_.end();
-  }
-
-  /// All of them, RTPM's own and FlatBuffers' too, as they are in the schema.
-  void write_attributes(const std::vector<Attribute>& attributes) {
-    if (attributes.empty()) return;
-    json_.object("attributes");
+  /// The attributes are all of them, RTPM's own and FlatBuffers' too, as they are in the schema.
+  static void add_notes(Json& json, const Documentation& lines,
+                        const std::vector<Attribute>& attributes = {}) {
+    if (!lines.empty()) json["documentation"] = lines;
     for (const Attribute& attribute : attributes)
-      json_.text(attribute.name, attribute.value);
-    json_.end();
+      json["attributes"][attribute.name] = attribute.value;
   }
 
-  void write_service(const Service& service) {
-    json_.object().text("name", service.name);
-    json_.text("fingerprint", hexadecimal(service.fingerprint, 16));
-    json_.text("text", interface_text(model_, service));
-    json_.text("priority_model", spelling_of(service.priority_model));
-    if (service.priority) json_.number("priority", std::int64_t{*service.priority});
-    write_documentation(service.documentation);
-    write_attributes(service.attributes);
-    json_.array("methods");
-    for (const Method& method : service.methods)
-      write_method(method);
-    json_.end().end();
+  Json service_json(const Service& service) const {
+    Json json{{"name", service.name},
+              {"fingerprint", hexadecimal(service.fingerprint, 16)},
+              {"text", interface_text(model_, service)},
+              {"priority_model", spelling_of(service.priority_model)}};
+    if (service.priority) json["priority"] = *service.priority;
+    add_notes(json, service.documentation, service.attributes);
+    json["methods"] =
+        list_of(service.methods, [this](const Method& method) { return method_json(method); });
+    return json;
   }
 
-  void write_method(const Method& method) {
-    json_.object().text("name", method.name).number("id", std::int64_t{method.id});
-    json_.text("fingerprint", hexadecimal(method.fingerprint, 8));
-    write_payload("request", method.request);
-    write_payload("reply", method.reply);
-    json_.boolean("is_idempotent", method.is_idempotent);
-    if (method.deadline_us) json_.number("deadline_us", std::int64_t{*method.deadline_us});
-    if (method.oneway) json_.text("oneway", spelling_of(*method.oneway));
-    json_.boolean("is_deferred", method.is_deferred).boolean("is_stream", method.is_stream);
-    if (method.max_size) json_.number("max_size", std::int64_t{*method.max_size});
-    write_documentation(method.documentation);
-    write_attributes(method.attributes);
-    json_.end();
+  Json method_json(const Method& method) const {
+    Json json{{"name", method.name},
+              {"id", method.id},
+              {"fingerprint", hexadecimal(method.fingerprint, 8)},
+              {"request", payload_json(method.request)},
+              {"reply", payload_json(method.reply)},
+              {"is_idempotent", method.is_idempotent}};
+    if (method.deadline_us) json["deadline_us"] = *method.deadline_us;
+    if (method.oneway) json["oneway"] = spelling_of(*method.oneway);
+    json["is_deferred"] = method.is_deferred;
+    json["is_stream"] = method.is_stream;
+    if (method.max_size) json["max_size"] = *method.max_size;
+    add_notes(json, method.documentation, method.attributes);
+    return json;
   }
 
-  void write_payload(std::string_view role, const Payload& payload) {
-    json_.object(role).text("kind", spelling_of(payload.kind));
-    json_.text("table", model_.objects[payload.table].name);
-    if (payload.struct_index) json_.text("struct", model_.objects[*payload.struct_index].name);
-    json_.end();
+  Json payload_json(const Payload& payload) const {
+    Json json{{"kind", spelling_of(payload.kind)}, {"table", model_.objects[payload.table].name}};
+    if (payload.struct_index) json["struct"] = model_.objects[*payload.struct_index].name;
+    return json;
   }
 
-  void write_type(std::string_view name, const Type& type) {
-    json_.object(name).text("base", spelling_of(type.base));
-    const bool is_many = type.base == BaseType::kVector || type.base == BaseType::kArray;
-    if (is_many) json_.text("element", spelling_of(type.element));
-    if (type.base == BaseType::kArray) json_.number("length", std::int64_t{type.fixed_length});
-    if (type.index) {
-      const bool is_object = type.base == BaseType::kObject || type.element == BaseType::kObject;
-      json_.text(is_object ? "object" : "enum",
-                 is_object ? model_.objects[*type.index].name : model_.enums[*type.index].name);
-    }
-    json_.end();
+  Json type_json(const Type& type) const {
+    Json json{{"base", spelling_of(type.base)}};
+    if (type.is_many()) json["element"] = spelling_of(type.element);
+    if (type.base == BaseType::kArray) json["length"] = type.fixed_length;
+    if (type.index) json[type.has_object() ? "object" : "enum"] = referred_name(model_, type);
+    return json;
   }
 
-  void write_object(const Object& object) {
-    json_.object().text("name", object.name).text("kind", object.is_struct ? "struct" : "table");
-    json_.text("file", file_name(object.declaration_file));
+  Json object_json(const Object& object) const {
+    Json json{{"name", object.name},
+              {"kind", object.is_struct ? "struct" : "table"},
+              {"file", file_name(object.declaration_file)}};
     if (object.is_struct) {
-      json_.number("byte_size", static_cast<std::int64_t>(object.byte_size));
-      json_.number("alignment", static_cast<std::int64_t>(object.alignment));
+      json["byte_size"] = object.byte_size;
+      json["alignment"] = object.alignment;
     }
     if (object.event_id) {
-      json_.object("event").number("id", std::int64_t{*object.event_id});
-      json_.text("fingerprint", hexadecimal(object.event_fingerprint, 16)).end();
+      json["event"] = {{"id", *object.event_id},
+                       {"fingerprint", hexadecimal(object.event_fingerprint, 16)}};
     }
-    write_documentation(object.documentation);
-    write_attributes(object.attributes);
-    json_.array("fields");
-    for (const Field& field : object.fields)
-      write_field(object, field);
-    json_.end().end();
+    add_notes(json, object.documentation, object.attributes);
+    json["fields"] =
+        list_of(object.fields, [&](const Field& field) { return field_json(object, field); });
+    return json;
   }
 
-  void write_field(const Object& object, const Field& field) {
-    json_.object().text("name", field.name);
-    json_.number(object.is_struct ? "offset" : "id",
-                 std::int64_t{object.is_struct ? field.offset : field.id});
-    write_type("type", field.type);
+  Json field_json(const Object& object, const Field& field) const {
+    Json json{{"name", field.name}};
+    json[object.is_struct ? "offset" : "id"] = object.is_struct ? field.offset : field.id;
+    json["type"] = type_json(field.type);
     const BaseType base = field.type.base;
     if (!object.is_struct && base <= BaseType::kDouble && !field.is_optional) {
-      if (base == BaseType::kFloat || base == BaseType::kDouble) {
-        json_.number("default", field.default_real);
-      } else {
-        json_.number("default", field.default_integer);
-      }
+      const bool is_real = base == BaseType::kFloat || base == BaseType::kDouble;
+      json["default"] = is_real ? number_of(field.default_real) : Json(field.default_integer);
     }
-    if (field.is_required) json_.boolean("is_required", true);
-    if (field.is_optional) json_.boolean("is_optional", true);
-    if (field.is_deprecated) json_.boolean("is_deprecated", true);
-    if (field.is_key) json_.boolean("is_key", true);
-    if (!field.unit.empty()) json_.text("unit", field.unit);
-    if (!field.frame.empty()) json_.text("frame", field.frame);
+    if (field.is_required) json["is_required"] = true;
+    if (field.is_optional) json["is_optional"] = true;
+    if (field.is_deprecated) json["is_deprecated"] = true;
+    if (field.is_key) json["is_key"] = true;
+    if (!field.unit.empty()) json["unit"] = field.unit;
+    if (!field.frame.empty()) json["frame"] = field.frame;
     if (field.range) {
-      json_.object("range").number("low", field.range->low).number("high", field.range->high).end();
+      json["range"] = {{"low", number_of(field.range->low)},
+                       {"high", number_of(field.range->high)}};
     }
-    write_documentation(field.documentation);
-    write_attributes(field.attributes);
-    json_.end();
+    add_notes(json, field.documentation, field.attributes);
+    return json;
   }
 
-  void write_enum(const Enum& enumeration) {
-    json_.object().text("name", enumeration.name);
-    json_.text("kind", enumeration.is_union ? "union" : "enum");
-    json_.text("file", file_name(enumeration.declaration_file));
-    json_.text("underlying", spelling_of(enumeration.underlying));
-    write_documentation(enumeration.documentation);
-    json_.array("values");
-    for (const EnumValue& value : enumeration.values) {
-      json_.object().text("name", value.name).number("value", value.value);
-      if (enumeration.is_union) write_type("type", value.union_type);
-      write_documentation(value.documentation);
-      json_.end();
-    }
-    json_.end().end();
+  Json enum_json(const Enum& enumeration) const {
+    Json json{{"name", enumeration.name},
+              {"kind", enumeration.is_union ? "union" : "enum"},
+              {"file", file_name(enumeration.declaration_file)},
+              {"underlying", spelling_of(enumeration.underlying)}};
+    add_notes(json, enumeration.documentation);
+    json["values"] = list_of(enumeration.values, [&](const EnumValue& value) {
+      Json entry{{"name", value.name}, {"value", value.value}};
+      if (enumeration.is_union) entry["type"] = type_json(value.union_type);
+      add_notes(entry, value.documentation);
+      return entry;
+    });
+    return json;
   }
 
   const Model& model_;
-  std::string_view version_;
-  JsonWriter json_{};
 };
 
 class JsonBackEnd final : public BackEnd {
@@ -192,7 +171,7 @@ class JsonBackEnd final : public BackEnd {
   [[nodiscard]] Diagnostics check(const Model&) const override { return {}; }
 
   [[nodiscard]] std::vector<GeneratedFile> generate(const Model& model) const override {
-    return {{model.file_stem + ".rtpm.json", ModelWriter(model, version_).write()}};
+    return {{model.file_stem + ".rtpm.json", ModelWriter(model).write(version_)}};
   }
 
  private:
