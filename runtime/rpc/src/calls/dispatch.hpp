@@ -47,6 +47,7 @@ class Dispatch {
 };
 
 /// A call of the same program, as if it had come over a wire.
-[[nodiscard]] wire::Request request_of(const LocalChannel& channel) noexcept;
+[[nodiscard]] wire::Request request_of(const LocalChannel& channel,
+                                       MonotonicTime received) noexcept;
 
 }  // namespace rtpm::rpc
