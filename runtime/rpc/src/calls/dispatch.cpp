@@ -62,7 +62,7 @@ DispatchResult Dispatch::serve_session(const wire::Request& request,
 
 DispatchResult Dispatch::run_nested(const LocalChannel& channel,
                                     LaneReport& report) const noexcept {
-  const wire::Request request = request_of(channel, rt::now());
+  const wire::Request request = request_of(channel);
   const auto target = target_of(request);
   if (!target) return {target.error(), 0};
   const auto outer = rt::current_priority();
@@ -74,7 +74,7 @@ DispatchResult Dispatch::run_nested(const LocalChannel& channel,
   return ran.result;
 }
 
-wire::Request request_of(const LocalChannel& channel, MonotonicTime received) noexcept {
+wire::Request request_of(const LocalChannel& channel) noexcept {
   const LocalCallParameters& parameters = channel.parameters();
   wire::Request request;
   request.header.service = parameters.service;
@@ -84,7 +84,7 @@ wire::Request request_of(const LocalChannel& channel, MonotonicTime received) no
   request.header.trace_id = parameters.trace_id;
   request.payload = channel.request();
   request.deadline = parameters.deadline;
-  request.received = received;
+  request.received = rt::now();
   request.caller_host = kThisHost.ipv4;
   return request;
 }

@@ -47,7 +47,6 @@ class Dispatch {
 };
 
 /// A call of the same program, as if it had come over a wire.
-[[nodiscard]] wire::Request request_of(const LocalChannel& channel,
-                                       MonotonicTime received) noexcept;
+[[nodiscard]] wire::Request request_of(const LocalChannel& channel) noexcept;
 
 }  // namespace rtpm::rpc

@@ -4,6 +4,8 @@
 #include <cstring>
 #include <utility>
 
+#include "rtpm/rt/clock.hpp"
+
 namespace rtpm::rpc {
 
 OpenCalls::OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count_max, Media& media,
@@ -18,7 +20,7 @@ bool OpenCalls::serve_ready(Lead& lead) noexcept {
   constexpr int kCallsPerTurn = 32;
   if (!has_any()) return false;
   take_cancelled(lead, CallEnding::kLeft);
-  if (waiting_reply_count_ > 0 && lead.now() >= waiting_reply_due_) serve_waiting_replies(lead);
+  if (waiting_reply_count_ > 0 && rt::now() >= waiting_reply_due_) serve_waiting_replies(lead);
   if (!pool_->has_ready()) return false;
   bool has_some = false;
   for (int i = 0; i < kCallsPerTurn; ++i) {
@@ -77,7 +79,7 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   // The method may still read its request. Where the connection ended meanwhile, the call may have
   // been given back.
   if (!send_items(lead, call) || !call.is_taken || !is_ended || call.is_running) return;
-  const MonotonicTime now = lead.now();
+  const MonotonicTime now = rt::now();
   if (call.sessions != nullptr && must_wait_for_buffer(call, now)) return;
   if (call.is_awaited.load(std::memory_order_relaxed))
     report_.on_end(lead, call.request, call.status, now);
@@ -172,12 +174,12 @@ bool OpenCalls::send_item_frame(Lead& lead, PendingCall& call, std::uint32_t num
     constexpr Duration kRetryInterval = std::chrono::milliseconds{1};
     call.is_blocked = true;
     if (retry_time_ == kNever) {
-      retry_time_ = lead.now() + kRetryInterval;
+      retry_time_ = rt::now() + kRetryInterval;
       doorbell_.wake();
     }
     return false;
   }
-  const ConstBytes frame = call.sessions->push_item(call.request, item, lead.now());
+  const ConstBytes frame = call.sessions->push_item(call.request, item, rt::now());
   if (frame.empty()) return false;
   item_bytes_left_ -= std::min(item_bytes_left_, frame.size());
   if (slot == nullptr) {
@@ -225,12 +227,12 @@ void OpenCalls::end(Lead& lead) noexcept {
     }
     const auto peer = call.sessions->peer_of(call.request);
     const ConstBytes frame =
-        call.sessions->complete(call.request, wire::Status::kStopping, 0, lead.now());
+        call.sessions->complete(call.request, wire::Status::kStopping, 0, rt::now());
     if (peer) send(lead, *call.sessions, *peer, frame);
     // Its place stays taken: its handle may still write there.
   });
   media_.for_each([&](wire::ServerSessions& sessions) {
-    while (const auto close = sessions.close_next(lead.now())) {
+    while (const auto close = sessions.close_next(rt::now())) {
       send(lead, sessions, close->peer, close->frame);
     }
   });

@@ -1,5 +1,7 @@
 #include "lane/datagram_port.hpp"
 
+#include "rtpm/rt/clock.hpp"
+
 namespace rtpm::rpc {
 namespace {
 
@@ -8,12 +10,12 @@ constexpr Duration kQuickCall = std::chrono::microseconds{5};
 
 }  // namespace
 
-std::optional<MonotonicTime> DatagramPort::receive(Lead& lead) noexcept {
-  if (!batch_.is_empty()) return lead.now();
+std::optional<MonotonicTime> DatagramPort::receive() noexcept {
+  if (!batch_.is_empty()) return rt::now();
   const auto received = port_->receive(buffer_);
   if (!received) return std::nullopt;
   batch_ = *received;
-  const MonotonicTime now = lead.now();
+  const MonotonicTime now = rt::now();
   port_->note(batch_, now);
   return now;
 }
@@ -23,8 +25,8 @@ void DatagramPort::begin_call(Lead& lead, const wire::Header& call) noexcept {
   if (!is_quick) flush(lead);
 }
 
-void DatagramPort::end_call(Lead& lead, const wire::Header& call, MonotonicTime received) noexcept {
-  const bool was_quick = lead.now() - received < kQuickCall;
+void DatagramPort::end_call(const wire::Header& call, MonotonicTime received) noexcept {
+  const bool was_quick = rt::now() - received < kQuickCall;
   quick_service_ = was_quick ? call.service : wire::kSessionService;
   quick_method_ = call.method;
 }
@@ -35,7 +37,7 @@ void DatagramPort::send(Lead& lead, wire::ServerSessions& sessions, const wire::
   // One alone goes as it is. As large as can be, it may be one of several.
   const bool is_alone =
       !has_more && answers_.is_empty() && frame.size() < wire::kDatagramFrameSizeMax;
-  for (; !frame.empty(); frame = sessions.next_frame(lead.now())) {
+  for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
     answers_peer_ = peer;
     if (!is_alone && answers_.add(frame)) continue;
     flush(lead);

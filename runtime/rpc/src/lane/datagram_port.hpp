@@ -23,7 +23,7 @@ class DatagramPort {
   /// Whether there is a datagram to serve: what is left of a batch, or what is received now. Gives
   /// the time.
   /// @realtime at most one system call
-  [[nodiscard]] std::optional<MonotonicTime> receive(Lead&) noexcept;
+  [[nodiscard]] std::optional<MonotonicTime> receive() noexcept;
   /// The next datagram of the batch, valid until the following next().
   [[nodiscard]] std::optional<ConstBytes> next() noexcept { return batch_.next(); }
   [[nodiscard]] bool has_leftovers() const noexcept { return !batch_.is_empty(); }
@@ -33,7 +33,7 @@ class DatagramPort {
   /// time.
   void begin_call(Lead&, const wire::Header& call) noexcept;
   /// Remembers whether it was quick.
-  void end_call(Lead&, const wire::Header& call, MonotonicTime received) noexcept;
+  void end_call(const wire::Header& call, MonotonicTime received) noexcept;
   /// Sends a frame, and what `sessions` has behind it; later, if more are to follow.
   void send(Lead&, wire::ServerSessions& sessions, const wire::PeerAddress& peer, ConstBytes frame,
             bool has_more) noexcept;

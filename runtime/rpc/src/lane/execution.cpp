@@ -64,7 +64,7 @@ ConstBytes Execution::complete(Lead& lead, wire::ServerSessions& sessions,
     ++parts_.report.counters(lead).deferred_count;
     return {};
   }
-  const MonotonicTime now = lead.now();
+  const MonotonicTime now = rt::now();
   parts_.report.on_answered(lead, now);
   parts_.report.on_end(lead, request, result.status, now);
   return sessions.complete(request, result.status, result.reply_size, now);
@@ -83,7 +83,7 @@ ConstBytes Execution::run_without_buffer(Lead& lead, wire::ServerSessions& sessi
   call->reply = call->reply_room.first(std::min(call->reply_room.size(), size_max));
   CallDeferral deferral(parts_.calls.pool(), request, sessions, call);
   const DispatchResult result = serve(lead, request, call->reply, deferral);
-  parts_.report.on_answered(lead, lead.now());
+  parts_.report.on_answered(lead, rt::now());
   if (deferral.is_taken()) {
     ++parts_.report.counters(lead).deferred_count;
     return {};
@@ -103,7 +103,7 @@ ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
   const wire::Status status = target ? wire::Status::kOk : target.error();
   const auto peer = sessions.peer_of(request);
   RTPM_ASSERT(peer.has_value(), "a request that just came has a session");
-  parts_.calls.send(lead, sessions, *peer, sessions.accept(request, status, lead.now()));
+  parts_.calls.send(lead, sessions, *peer, sessions.accept(request, status, rt::now()));
   const MutableBytes reply = sessions.reply_buffer(request, request.received);
   CallDeferral deferral(parts_.calls.pool(), request, sessions);
   DispatchResult result;
@@ -139,7 +139,7 @@ expected<void, SetupError> SoloExecution::start_threads() {
   auto thread = rt::Thread::start(thread_config(0), [this] {
     BusyMark::show_at(&parts_.slot.busy_since_ns.front());
     const rt::NoAllocationScope no_allocation;
-    Lead lead(parts_.clock);
+    Lead lead;
     parts_.lane.serve(lead);
   });
   if (!thread) return unexpected{thread.error()};
@@ -148,7 +148,7 @@ expected<void, SetupError> SoloExecution::start_threads() {
 }
 
 void SoloExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
-  const wire::Request request = request_of(channel, lead.now());
+  const wire::Request request = request_of(channel);
   const auto target = parts_.dispatch.target_of(request);
   if (!target) return channel.finish(target.error(), 0);
   if (request.received >= request.deadline) {
@@ -157,7 +157,7 @@ void SoloExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
   }
   CallDeferral deferral(parts_.calls.pool(), request, channel);
   const DispatchResult result = run_method(lead, **target, request, channel.reply(), deferral);
-  const MonotonicTime now = lead.now();
+  const MonotonicTime now = rt::now();
   if (deferral.is_taken()) {
     ++parts_.report.counters(lead).deferred_count;
   } else {

@@ -24,7 +24,6 @@ struct LaneParts {
   LaneReport& report;
   Idling& idling;
   transport::WaitSet& wait_set;
-  Clock clock;
 };
 
 /// The threads of a lane, and which of them runs a call.

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rtpm/base/assert.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/transport/port_wait_set.hpp"
 #include "rtpm/transport/socket.hpp"
 #include "thread_pool/pooled_execution.hpp"
@@ -57,7 +58,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
       dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
-                        calls_, report_, idling_,      *wait_set_,  setup.clock};
+                        calls_, report_, idling_,      *wait_set_};
   const bool is_watched = watch_port(*wait_set_, media_.port());
   RTPM_ASSERT(is_watched, "a new wait set takes a port");
   if (ThreadPool::is_wanted(config_, setup.borrows)) {
@@ -102,16 +103,15 @@ void Lane::step(Lead& lead) noexcept {
   if (has_served) {
     idling_.on_work(received_);
   } else {
-    const MonotonicTime now = lead.now();
+    const MonotonicTime now = rt::now();
     attention_.on_idle(now);
     const Idling::Next next = idling_.on_idle(now);
     if (next.polls) return obey(lead, pause_while_polling(rt::this_thread_budget(), now));
     has_served = look(lead, std::min(next.until, calls_.next_time()));
-    idling_.on_woken(next, lead.now(), has_served);
+    idling_.on_woken(next, rt::now(), has_served);
     if (has_served) idling_.on_work(received_);
   }
-  if (has_served)
-    obey(lead, pause_after_work(rt::this_thread_budget(), received_, [&] { return lead.now(); }));
+  if (has_served) obey(lead, pause_after_work(rt::this_thread_budget(), received_, rt::now));
 }
 
 // Asks the sources for calls, those first that most likely have some; true if there was work.
@@ -172,7 +172,7 @@ bool Lane::look(Lead& lead, MonotonicTime until) noexcept {
     doorbell_->end_sleep();
     connections.end_sleep();
   }
-  if (calls_.has_any()) calls_.on_time(lead, lead.now());
+  if (calls_.has_any()) calls_.on_time(lead, rt::now());
   bool has_served = media_.port().has_leftovers() && serve_source(lead, kPortSource);
   for (Slot* const slot : connections.take_leftovers()) {
     if (slot->stream && serve_source(lead, connections.tag_of(*slot))) has_served = true;
@@ -235,7 +235,7 @@ bool Lane::serve_gate(Lead& lead) noexcept {
   if (call == nullptr && refused_count == 0) return false;
   report_.counters(lead).overload_count += refused_count;
   if (call != nullptr) {
-    received_ = lead.now();
+    received_ = rt::now();
     execution_->accept(lead, *call);
   }
   // One by turn, as of any source, unless they are only put in order.
@@ -247,7 +247,7 @@ bool Lane::serve_gate(Lead& lead) noexcept {
 // Serves datagrams that came together, for no longer than others of the band may have to wait.
 bool Lane::serve_datagrams(Lead& lead) noexcept {
   DatagramPort& port = media_.port();
-  const auto begin = port.receive(lead);
+  const auto begin = port.receive();
   if (!begin) return false;
   received_ = *begin;
   while (const auto frame = port.next()) {
@@ -260,13 +260,13 @@ bool Lane::serve_datagrams(Lead& lead) noexcept {
     if (verdict.action == wire::Verdict::Action::kDispatch) {
       port.begin_call(lead, verdict.request.header);
       answer = execution_->accept(lead, sessions, verdict.request);
-      if (has_more) port.end_call(lead, verdict.request.header, received_);
+      if (has_more) port.end_call(verdict.request.header, received_);
     }
     port.send(lead, sessions, peer, answer, has_more);
     report_.end_cycle(lead, received_);
     calls_.on_frame(lead, verdict.credit_tag);
     if (!has_more) break;
-    received_ = lead.now();
+    received_ = rt::now();
     if (received_ - *begin >= Attention::kLookIntervalMax) break;
   }
   port.flush(lead);
@@ -283,7 +283,7 @@ bool Lane::serve_connection(Lead& lead, Slot& slot) noexcept {
     calls_.retire(lead, slot);
     return false;
   }
-  received_ = slot.heard = lead.now();
+  received_ = slot.heard = rt::now();
   const SourceTag source = media_.connections().tag_of(slot);
   wire::ServerSessions& sessions = media_.sessions_of(slot);
   wire::Verdict verdict = sessions.on_frame(*frame, slot.peer, received_);
@@ -320,10 +320,10 @@ void Lane::obey(Lead& lead, const Pause& pause) noexcept {
 void Lane::end(Lead& lead) noexcept {
   gate_->close();
   execution_->refuse_waiting(lead);
-  const MonotonicTime end = lead.now() + kStopPatience;
-  while (execution_->is_running(lead) && lead.now() < end) {
+  const MonotonicTime end = rt::now() + kStopPatience;
+  while (execution_->is_running(lead) && rt::now() < end) {
     static_cast<void>(turn(lead));
-    static_cast<void>(look(lead, std::min(end, lead.now() + std::chrono::milliseconds{1})));
+    static_cast<void>(look(lead, std::min(end, rt::now() + std::chrono::milliseconds{1})));
     static_cast<void>(execution_->yields_lead(lead));
   }
   calls_.end(lead);

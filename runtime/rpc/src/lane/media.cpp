@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "lane/setup.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -89,7 +90,7 @@ MonotonicTime Media::next_time() const noexcept {
 }
 
 void Media::admit(Lead& lead, std::unique_ptr<transport::Connection> stream) noexcept {
-  const MonotonicTime now = lead.now();
+  const MonotonicTime now = rt::now();
   if (!make_room_for(lead, *stream, now)) {
     return turn_away(lead, std::move(stream), now);
   }
@@ -143,7 +144,7 @@ void Media::retire(Lead& lead, Slot& slot) noexcept {
 
 bool Media::send(Lead& lead, wire::ServerSessions& sessions, Slot& slot,
                  ConstBytes frame) noexcept {
-  for (; !frame.empty(); frame = sessions.next_frame(lead.now())) {
+  for (; !frame.empty(); frame = sessions.next_frame(rt::now())) {
     // A peer that does not take its replies is given up rather than waited for (hp-16.4-2).
     if (slot.stream->send(frame, transport::kAlready)) continue;
     ++report_.counters(lead).send_failure_count;

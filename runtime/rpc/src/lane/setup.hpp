@@ -2,7 +2,6 @@
 
 #include <cstdint>
 
-#include "lane/lead.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/transport/wait_set.hpp"
@@ -36,7 +35,6 @@ struct LaneSetup {
   /// Of the thread that frees ended connections and starts threads.
   transport::WaitSet* acceptor_bell = nullptr;
   LaneSlot* slot = nullptr;  ///< Where others see what it does.
-  Clock clock = rt::now;     ///< Of a lane with one thread; a pool's is rt::now().
 };
 
 }  // namespace rtpm::rpc

@@ -109,8 +109,8 @@ void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
 }
 
 // All threads run calls: others may be had from elsewhere.
-void PooledExecution::find_help(Lead& lead) noexcept {
-  if (pool_.ask_for_thread(lead.now())) acceptor_.ring();
+void PooledExecution::find_help(Lead&) noexcept {
+  if (pool_.ask_for_thread(rt::now())) acceptor_.ring();
   while (pool_.has_stuck_call() && borrow() == BorrowedThread::kGiven) {
   }
 }
@@ -238,7 +238,7 @@ ConstBytes PooledExecution::accept(Lead& lead, wire::ServerSessions& sessions,
 }
 
 void PooledExecution::accept(Lead& lead, LocalChannel& channel) noexcept {
-  const wire::Request request = request_of(channel, lead.now());
+  const wire::Request request = request_of(channel);
   const auto object = parts_.dispatch.target_of(request);
   if (!object) return channel.finish(object.error(), 0);
   if (PendingCall* const call = take_place()) {
