@@ -92,9 +92,13 @@ class Streaming final : public Servant {
   DispatchResult dispatch(std::uint16_t, ConstBytes, MutableBytes,
                           const CallContext& context) override {
     writer = context.deferral->stream();
+    if (has_item) {
+      EXPECT_TRUE(writer.write(Bytes(8), 8));
+    }
     return {};
   }
   ItemWriter writer;
+  bool has_item = false;
 };
 
 // Readers that fall silent: the lane wakes by itself when the patience of each ends, and not
@@ -122,6 +126,84 @@ TEST(LaneLoop, SleepsUntilTheNextOpenCallIsDue) {
   };
   scripted.run();
   EXPECT_EQ(sleeps, (std::vector<MonotonicTime>{kNever, begun + 20ms, begun + 50ms, kNever}));
+  scripted.lane->close();
+}
+
+TEST(LaneLoop, TriesAStreamAgainEachMillisecondWhileItsConnectionIsFull) {
+  VirtualTime::start(0ns);
+  ScriptedLane scripted(rt::WaitStrategy::kBlock);
+  Streaming streaming;
+  streaming.has_item = true;
+  scripted.add(streaming);
+  ScriptedConnection& connection = scripted.connect();
+  ScriptedClient client(connection);
+  std::vector<MonotonicTime> sleeps;
+  const MonotonicTime begun = rt::now();
+  scripted.wait_set->on_sleep = [&](MonotonicTime until) {
+    sleeps.push_back(until);
+    connection.has_capacity = sleeps.size() == 4;
+    if (sleeps.size() == 1) client.begin(echo::kEcho.id, /*stream_window=*/4, 60'000'000, 2);
+    if (sleeps.size() < 5) {
+      EXPECT_EQ(connection.sent.size(), 1) << "the welcome";
+    } else {
+      EXPECT_EQ(connection.sent.size(), 2) << "and the item";
+      scripted.lane->stop();
+    }
+  };
+  scripted.run();
+  EXPECT_EQ(sleeps, (std::vector<MonotonicTime>{kNever, begun + 1ms, begun + 2ms, begun + 3ms,
+                                                begun + 60s}));
+  scripted.lane->close();
+}
+
+TEST(LaneLoop, CountsACallThatEndsAtItsDeadlineAsLate) {
+  VirtualTime::start(0ns);
+  ScriptedLane scripted(rt::WaitStrategy::kBlock);
+  scripted.servant.pace = 1ms;
+  ScriptedConnection& connection = scripted.connect();
+  ScriptedClient client(connection);
+  int sleep_count = 0;
+  scripted.wait_set->on_sleep = [&](MonotonicTime) {
+    EXPECT_EQ(scripted.lane->counters().late_count, sleep_count == 2 ? 1 : 0);
+    if (sleep_count == 2) return scripted.lane->stop();
+    client.begin(echo::kEcho.id, /*stream_window=*/0, sleep_count++ == 0 ? 1001 : 1000);
+  };
+  scripted.run();
+  EXPECT_EQ(scripted.servant.order().size(), 2);
+  scripted.lane->close();
+}
+
+// All slots are taken: a connection without a session goes for a new one after two seconds.
+TEST(LaneLoop, ReplacesAConnectionThatIsSilentForTooLong) {
+  constexpr std::uint64_t kCount = 128;
+  VirtualTime::start(0ns);
+  ScriptedLane scripted(rt::WaitStrategy::kBlock);
+  int sleep_count = 0;
+  const MonotonicTime begun = rt::now();
+  scripted.wait_set->on_sleep = [&](MonotonicTime) {
+    const ServerCounters counters = scripted.lane->counters();
+    switch (++sleep_count) {
+      case 1:
+      case 2:
+        for (std::uint64_t i = 0; i < kCount / 2; ++i)
+          scripted.connect();
+        return;
+      case 3:
+      case 4:
+        EXPECT_EQ(counters.connection_count, kCount);
+        EXPECT_EQ(counters.connection_refused_count, sleep_count == 3 ? 0 : 1);
+        rt::sleep_until(begun + (sleep_count == 3 ? 2s - 1ns : 2s));
+        scripted.connect();
+        return;
+      default:
+        EXPECT_EQ(counters.connection_count, kCount + 1);
+        EXPECT_EQ(counters.connection_refused_count, 1);
+        EXPECT_EQ(counters.connection_lost_count, 1);
+        scripted.lane->stop();
+    }
+  };
+  scripted.run();
+  EXPECT_EQ(sleep_count, 5);
   scripted.lane->close();
 }
 

@@ -32,7 +32,7 @@ class ScriptedConnection final : public transport::Connection {
     sent.emplace_back(frame.begin(), frame.end());
     return {};
   }
-  bool has_spare_capacity(std::size_t) noexcept override { return true; }
+  bool has_spare_capacity(std::size_t) noexcept override { return has_capacity; }
   expected<ConstBytes, transport::IoError> receive() noexcept override {
     const rt::AllowAllocationScope is_allowed;
     if (received.empty()) return unexpected{transport::IoError::kNothing};
@@ -51,7 +51,8 @@ class ScriptedConnection final : public transport::Connection {
 
   std::deque<Bytes> received;  ///< Frames that the lane has not taken.
   std::vector<Bytes> sent;
-  bool is_endless = false;  ///< The first frame comes again and again.
+  bool is_endless = false;   ///< The first frame comes again and again.
+  bool has_capacity = true;  ///< For items.
   int taken_count = 0;
   int last_taken = 0;  ///< Which of all frames of the lane it was.
 
