@@ -223,7 +223,9 @@ ConstBytes ServerSessions::accept(const Request& request, Status status,
 }
 
 ConstBytes ServerSessions::complete(const Request& request, Status status,
-                                    std::uint32_t payload_size, MonotonicTime now) noexcept {
+                                    std::uint32_t payload_size, MonotonicTime now,
+                                    MutableBytes reserved) noexcept {
+  if (!reserved.empty()) put_in_place_of_scratch(reserved);
   Slot* const slot = slot_of(request);
   if (slot == nullptr) {
     ++counters_.orphaned_count;

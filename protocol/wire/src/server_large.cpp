@@ -29,8 +29,9 @@ void ServerSessions::make_large_buffers() {
 // From when on a message may be evicted (hp-5.6-10). One that is being served is in
 // use, however late it is.
 MonotonicTime ServerSessions::idle_time(const LargeBuffer& large) const noexcept {
-  if (large.use == LargeBuffer::Use::kFree || large.use == LargeBuffer::Use::kScratch)
+  if (large.use != LargeBuffer::Use::kRequest && large.use != LargeBuffer::Use::kReply) {
     return kNever;
+  }
   const Slot& slot = sessions_[large.session_index].slots[large.slot_index];
   if (slot.state == Slot::State::kRunning) return kNever;
   return std::min(large.deadline, large.heard + kLargeMessageSilenceMax);
@@ -223,6 +224,29 @@ ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
   large.outgoing.nudge();
   sending_ = slot.large;
   return {Verdict::Action::kSend, next_frame(now)};
+}
+
+MutableBytes ServerSessions::reserve_reply(const Request& request, std::uint32_t size,
+                                           MonotonicTime now) noexcept {
+  Slot* const slot = slot_of(request);
+  if (size <= payload_size_max_ || slot == nullptr || slot->is_unawaited) return {};
+  free_large_buffer(*slot);
+  const std::uint16_t index = take_large_buffer(LargeBuffer::Use::kReserved, request, now);
+  return index == kNoLargeBuffer ? MutableBytes{} : large_buffers_[index].memory;
+}
+
+// Makes a reserved buffer the scratch, and frees the former one.
+void ServerSessions::put_in_place_of_scratch(MutableBytes reserved) noexcept {
+  const auto is_it = [&](const LargeBuffer& large) {
+    return large.memory.data() == reserved.data();
+  };
+  const auto place = std::ranges::find_if(large_buffers_, is_it);
+  RTPM_ASSERT(place->use == LargeBuffer::Use::kReserved, "a reserved reply is completed once");
+  large_buffers_[scratch_].use = LargeBuffer::Use::kFree;
+  place->use = LargeBuffer::Use::kScratch;
+  scratch_ = static_cast<std::uint16_t>(place - large_buffers_.begin());
+  --held_large_count_;
+  has_freed_buffer_ = true;
 }
 
 // The scratch, which holds the reply, goes with it until it has arrived, and another buffer takes

@@ -79,30 +79,46 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   // The method may still read its request. Where the connection ended meanwhile, the call may have
   // been given back.
   if (!send_items(lead, call) || !call.is_taken || !is_ended || call.is_running) return;
-  const MonotonicTime now = rt::now();
+  MonotonicTime now = rt::now();
   if (call.sessions != nullptr && must_wait_for_buffer(call, now)) return;
   if (call.is_awaited.load(std::memory_order_relaxed))
     report_.on_end(lead, call.request, call.status, now);
   if (call.sessions == nullptr) return serve_local(call);
   wire::ServerSessions& sessions = *call.sessions;
-  const auto peer = sessions.peer_of(call.request);
-  const MutableBytes room = sessions.reply_buffer(call.request, now);
-  std::uint32_t size = call.size;
-  if (size > sessions.reply_size_max(call.request)) {
-    size = 0;
+  if (call.size > sessions.reply_size_max(call.request)) {
+    call.size = 0;
     call.status = wire::Status::kTooLarge;
   }
+  const MutableBytes reserved = copy_unlocked(call, now);
+  if (!reserved.empty()) now = rt::now();
+  const auto peer = sessions.peer_of(call.request);
+  const MutableBytes room =
+      reserved.empty() ? sessions.reply_buffer(call.request, now) : MutableBytes{};
   // It waited for a buffer until nobody waited for it.
-  const bool is_given_up = size > room.size();
+  const bool is_given_up = reserved.empty() && call.size > room.size();
   if (is_given_up) {
-    size = 0;
+    call.size = 0;
     call.status = wire::Status::kCancelled;
   }
-  if (size > 0) std::memcpy(room.data(), call.reply.data(), size);
+  if (reserved.empty() && call.size > 0) std::memcpy(room.data(), call.reply.data(), call.size);
   const wire::Request request = call.request;
-  const ConstBytes frame = sessions.complete(request, call.status, size, now);
+  const ConstBytes frame = sessions.complete(request, call.status, call.size, now, reserved);
   pool_->give_back(call);
   if (peer && !is_given_up) send(lead, sessions, *peer, frame);
+}
+
+// Copies a large reply while other threads have the lock; nothing if the reply is small, or the
+// lane has one thread. The call may be cancelled meanwhile.
+MutableBytes OpenCalls::copy_unlocked(PendingCall& call, MonotonicTime now) noexcept {
+  if (lock_ == nullptr) return {};
+  const MutableBytes buffer = call.sessions->reserve_reply(call.request, call.size, now);
+  if (buffer.empty()) return {};
+  call.is_running = true;
+  lock_->unlock();
+  std::memcpy(buffer.data(), call.reply.data(), call.size);
+  lock_->lock();
+  call.is_running = false;
+  return buffer;
 }
 
 // Whether a call that ended with a large reply has to wait until there is a buffer for it: it ran,

@@ -22,6 +22,8 @@ class OpenCalls {
             LaneReport& report, Doorbell& doorbell);
 
   [[nodiscard]] const std::shared_ptr<PendingPool>& pool() const noexcept { return pool_; }
+  /// Copies large replies without `lock`, which each caller holds.
+  void share(transport::WaitLock* lock) noexcept { lock_ = lock; }
   [[nodiscard]] bool has_any() const noexcept { return pool_->open_count() > 0; }
 
   /// Begins a turn: goes on with the streams for which an earlier one had no time.
@@ -55,6 +57,7 @@ class OpenCalls {
 
  private:
   void serve_local(PendingCall& call) noexcept;
+  [[nodiscard]] MutableBytes copy_unlocked(PendingCall& call, MonotonicTime now) noexcept;
   [[nodiscard]] bool must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexcept;
   void serve_waiting_replies(Lead&) noexcept;
   [[nodiscard]] bool send_items(Lead&, PendingCall& call) noexcept;
@@ -66,6 +69,7 @@ class OpenCalls {
   Media& media_;
   LaneReport& report_;
   Doorbell& doorbell_;
+  transport::WaitLock* lock_ = nullptr;  ///< Null: the lane has one thread.
   /// Streams with items for which a turn had no time left, the one that waits longest first. Sized
   /// once.
   std::vector<PendingCall*> backlog_;

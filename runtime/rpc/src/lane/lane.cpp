@@ -70,6 +70,7 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
   } else {
     execution_ = std::make_unique<SoloExecution>(parts);
   }
+  calls_.share(execution_->lock());
 }
 
 void Lane::stop() noexcept {

@@ -105,7 +105,7 @@ bool PooledExecution::yields_lead(Lead& lead) noexcept {
 void PooledExecution::sleep(Lead& lead, MonotonicTime until) noexcept {
   pool_.unlock();
   Execution::sleep(lead, until);
-  static_cast<void>(pool_.lock_as_follower());
+  pool_.lock();
 }
 
 // All threads run calls: others may be had from elsewhere.
@@ -148,7 +148,7 @@ void PooledExecution::help(PooledExecution& borrower, PendingCall* call) noexcep
   pool_.unlock();
   borrower.run_borrowed(call, pool_);
   rt::adopt_priority(parts_.config.priority);
-  static_cast<void>(pool_.lock_as_follower());
+  pool_.lock();
   pool_.end_expecting();
 }
 
@@ -191,6 +191,7 @@ void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
       std::max(sample.longest_cycle_ns, std::int64_t{(now - call.request.received).count()});
   sample.queued_count = pool_.queued_count();
   parts_.calls.serve(lead, call);
+  pool_.end_run();
   parts_.calls.publish(lead);
   const Pause pause = pause_after_work(rt::this_thread_budget(), now, rt::now);
   if (pause.kind == Pause::Kind::kNone) return;
@@ -200,7 +201,6 @@ void PooledExecution::run(PendingCall& call, ThreadPool* lender) noexcept {
 
 void PooledExecution::end_run(Lead& lead, PendingCall& call, const Ran& ran,
                               bool is_deferred) noexcept {
-  pool_.end_run();
   ServerCounters& counters = parts_.report.counters(lead);
   counters.servant_failure_count += ran.has_thrown ? 1 : 0;
   counters.bad_request_count += ran.result.status == wire::Status::kBadRequest ? 1U : 0U;

@@ -113,7 +113,7 @@ bool ThreadPool::rest(Worker& worker, Duration patience) noexcept {
   mutex_.unlock();
   const MonotonicTime until = worker.is_dynamic ? rt::now() + patience : kNever;
   bool is_called = worker.wake.wait_until(until);
-  static_cast<void>(lock_as_follower());
+  lock();
   if (!is_called) {
     const auto place = std::ranges::find(resting_, &worker);
     if (place != resting_.end()) {

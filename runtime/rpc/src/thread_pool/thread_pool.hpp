@@ -73,8 +73,7 @@ class ThreadPool final : public transport::WaitLock {
   /// Acquires the lock as a follower. The leader holds it except while it sleeps and in
   /// yield_lock().
   [[nodiscard]] Lead& lock_as_follower() noexcept;
-  /// Acquires it as the leader, after its sleep.
-  void lock() noexcept override { mutex_.lock(); }
+  void lock() noexcept override { static_cast<void>(lock_as_follower()); }
   void unlock() noexcept override { mutex_.unlock(); }
   /// Between the leader's turns: gives followers the lock for a moment, and wakes a resting thread
   /// for a lane above that asked for one.

@@ -123,6 +123,12 @@ class ServerSessions {
   /// When the next message after `now` may be evicted. Linear in the buffers.
   [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
 
+  /// Sets a buffer aside for a reply of `size` bytes, to be written while other frames are taken.
+  /// Pass it to complete(), which frees it unless it sends it. The request is not read any more.
+  /// @return empty: the reply fits a frame, nobody waits for it, or is_short_of_buffers()
+  [[nodiscard]] MutableBytes reserve_reply(const Request& request, std::uint32_t size,
+                                           MonotonicTime now) noexcept;
+
   /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
   /// send. It is completed like any other afterwards, which then gives none.
   [[nodiscard]] ConstBytes accept(const Request& request, Status status,
@@ -132,8 +138,10 @@ class ServerSessions {
   /// until the next request of the session takes the same slot; empty if nobody is to be told: the
   /// call wants no reply, was cancelled, or its session has ended, which is counted.
   /// A request may be completed long after others that came later, once.
+  /// @param reserved  from reserve_reply(), with the payload; empty: it is in the reply buffer
   [[nodiscard]] ConstBytes complete(const Request& request, Status status,
-                                    std::uint32_t payload_size, MonotonicTime now) noexcept;
+                                    std::uint32_t payload_size, MonotonicTime now,
+                                    MutableBytes reserved = {}) noexcept;
 
   /// Where what is sent for `request` goes; nothing once its session has ended.
   [[nodiscard]] std::optional<PeerAddress> peer_of(const Request& request) const noexcept;
@@ -202,7 +210,7 @@ class ServerSessions {
   };
   /// Holds a message larger than a frame: one being received, served or sent.
   struct LargeBuffer {
-    enum class Use : std::uint8_t { kFree, kScratch, kRequest, kReply };
+    enum class Use : std::uint8_t { kFree, kScratch, kReserved, kRequest, kReply };
     Use use = Use::kFree;
     std::uint32_t session_index = 0;
     std::uint32_t slot_index = 0;
@@ -284,6 +292,7 @@ class ServerSessions {
   [[nodiscard]] bool is_of_another_lane(std::uint64_t id) const noexcept;
   [[nodiscard]] ConstBytes complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept;
+  void put_in_place_of_scratch(MutableBytes reserved) noexcept;
   void make_large_buffers();
   void make_streams();
   [[nodiscard]] ConstBytes next_repair() noexcept;

@@ -1,0 +1,127 @@
+#include "calls/open_calls.hpp"
+
+#include <gtest/gtest.h>
+
+#include <functional>
+#include <memory>
+
+#include "../wire/peers.hpp"
+#include "lane/setup.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/transport/polled_wait_set.hpp"
+#include "rtpm/transport/tcp.hpp"
+#include "thread_pool/thread_pool.hpp"
+
+// How calls that have ended are answered while other threads may have the lane's lock.
+namespace rtpm::rpc {
+namespace {
+
+using namespace wire::test;
+
+constexpr std::uint32_t kMessageSize = 16 * 1024;
+
+/// The lock, and what other threads do while it is free.
+class ScriptedLock final : public transport::WaitLock {
+ public:
+  void lock() noexcept override {}
+  void unlock() noexcept override {
+    ++unlock_count;
+    if (on_unlocked) on_unlocked();
+  }
+  int unlock_count = 0;
+  std::function<void()> on_unlocked;
+};
+
+class OpenCallsTest : public testing::Test {
+ protected:
+  OpenCallsTest() {
+    calls_.share(&lock_);
+    EXPECT_EQ(peer_.open(media_.datagrams(), rt::now()).kind, wire::FrameKind::kWelcome);
+  }
+  ~OpenCallsTest() override { threads_.unlock(); }
+
+  LaneSetup setup() {
+    LaneSetup setup;
+    setup.sessions = server_config();
+    setup.sessions.message_size_max = kMessageSize;
+    setup.large_message_count_max = 2;
+    setup.acceptor_bell = wait_set_.get();
+    setup.slot = &slot_;
+    return setup;
+  }
+  static transport::UdpPort open_port() {
+    const auto listener = transport::TcpListener::open("127.0.0.1", 0);
+    return std::move(*transport::UdpPort::open({.port = listener->port()}));
+  }
+  /// A call that its method has ended with a reply of so many bytes.
+  PendingCall& ended_call(std::uint32_t call_id, std::uint32_t size) {
+    const wire::Verdict verdict =
+        media_.datagrams().on_frame(peer_.call_frame(call_id), peer_.address, rt::now());
+    EXPECT_EQ(verdict.action, wire::Verdict::Action::kDispatch);
+    PendingCall& call = *pool_->keep(media_.datagrams(), verdict.request);
+    std::ranges::fill(call.reply.first(size), std::byte{7});
+    call.size = size;
+    call.is_ended = true;
+    return call;
+  }
+  [[nodiscard]] std::uint32_t held_count() {
+    return media_.datagrams().large_message_count(rt::now());
+  }
+
+  LaneSlot slot_;
+  std::unique_ptr<transport::PolledWaitSet> wait_set_ =
+      std::move(*transport::PolledWaitSet::open(8));
+  LaneReport report_{slot_, LaneConfig{}, Band{}};
+  Media media_{setup(), open_port(), *wait_set_, report_};
+  std::shared_ptr<Doorbell> doorbell_ = std::make_shared<Doorbell>(*wait_set_);
+  std::shared_ptr<PendingPool> pool_ =
+      std::make_shared<PendingPool>(8, 8, kMessageSize, 0, /*keeps_requests=*/true, doorbell_);
+  OpenCalls calls_{pool_, 8, media_, report_, *doorbell_};
+  ScriptedLock lock_;
+  ThreadPool threads_{LaneConfig{}, 8, *wait_set_};
+  Lead& lead_ = threads_.lock_as_follower();
+  Peer peer_;
+};
+
+TEST_F(OpenCallsTest, CopyALargeReplyWhileOthersHaveTheLock) {
+  calls_.serve(lead_, ended_call(1, 100));
+  EXPECT_EQ(lock_.unlock_count, 0) << "a small one takes no longer than the lock";
+  PendingCall& call = ended_call(2, kMessageSize);
+  lock_.on_unlocked = [&] {
+    EXPECT_EQ(held_count(), 1) << "its buffer";
+    calls_.serve(lead_, call);
+    EXPECT_TRUE(call.is_taken) << "it is served once";
+  };
+  calls_.serve(lead_, call);
+  EXPECT_EQ(lock_.unlock_count, 1);
+  EXPECT_FALSE(pool_->has_ready() || calls_.has_any());
+  const wire::Verdict again =
+      media_.datagrams().on_frame(peer_.call_frame(2), peer_.address, rt::now());
+  ASSERT_EQ(again.action, wire::Verdict::Action::kSend);
+  EXPECT_EQ(header_of(again.frame).message_size, kMessageSize);
+  EXPECT_EQ(again.frame.back(), std::byte{7});
+  EXPECT_EQ(held_count(), 1) << "until the reply has arrived";
+}
+
+TEST_F(OpenCallsTest, KeepNoBufferOfACallWhoseSessionEndsMeanwhile) {
+  for (std::uint32_t call_id = 1; call_id <= 5; ++call_id) {
+    PendingCall& call = ended_call(call_id, kMessageSize);
+    lock_.on_unlocked = [&] {
+      wire::Header close;
+      close.kind = wire::FrameKind::kClose;
+      close.session = peer_.session;
+      static_cast<void>(media_.datagrams().on_frame(frame_of(close), peer_.address, rt::now()));
+      EXPECT_EQ(media_.datagrams().session_count(), 0);
+    };
+    calls_.serve(lead_, call);
+    EXPECT_EQ(lock_.unlock_count, static_cast<int>(call_id));
+    EXPECT_EQ(held_count(), 0);
+    EXPECT_FALSE(calls_.has_any());
+    ++peer_.handshake_number;
+    ++peer_.channel;
+    EXPECT_EQ(peer_.open(media_.datagrams(), rt::now()).kind, wire::FrameKind::kWelcome);
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::rpc
