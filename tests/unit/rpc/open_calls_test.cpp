@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <functional>
 #include <memory>
 
@@ -121,6 +122,19 @@ TEST_F(OpenCallsTest, KeepNoBufferOfACallWhoseSessionEndsMeanwhile) {
     ++peer_.channel;
     EXPECT_EQ(peer_.open(media_.datagrams(), rt::now()).kind, wire::FrameKind::kWelcome);
   }
+}
+
+// A handle of an unfinished call may outlast the lane, and its wait set.
+TEST(ADoorbell, MayBeRungWhenItsLaneIsGone) {
+  auto wait_set = std::move(*transport::PolledWaitSet::open(1));
+  Doorbell doorbell(*wait_set);
+  doorbell.announce_sleep();
+  doorbell.wake();
+  std::array<transport::SourceTag, 1> ready{};
+  EXPECT_EQ(wait_set->wait(transport::kAlready, ready), 1);
+  doorbell.close();
+  wait_set.reset();
+  doorbell.wake();
 }
 
 }  // namespace

@@ -1,16 +1,8 @@
 #include <gtest/gtest.h>
-#include <linux/audit.h>
-#include <linux/filter.h>
-#include <linux/seccomp.h>
-#include <poll.h>
-#include <sys/ioctl.h>
-#include <sys/prctl.h>
 #include <sys/syscall.h>
-#include <unistd.h>
 
 #include <array>
 #include <atomic>
-#include <cerrno>
 #include <map>
 #include <memory>
 #include <set>
@@ -20,67 +12,15 @@
 
 #include "rtpm/test/child.hpp"
 #include "rtpm/test/echo_server.hpp"
+#include "rtpm/test/syscall_counter.hpp"
 
-// What a call costs in system calls, which the kernel itself counts: a seccomp filter reports each
-// one of a thread before it runs. A filter stays as long as its thread, so this is done in a
-// process of its own.   Source: seccomp_unotify(2).
+// What a call costs in system calls. They are counted in a process of its own: a filter stays as
+// long as its thread.
 namespace rtpm::rpc {
 namespace {
 
 using namespace test;
-
-/// Has the kernel report the calling thread's system calls to a descriptor; -1 where it may not.
-int report_this_thread() {
-  if (prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) != 0) return -1;
-  std::array<sock_filter, 1> all{sock_filter{BPF_RET | BPF_K, 0, 0, SECCOMP_RET_USER_NOTIF}};
-  const sock_fprog program{static_cast<unsigned short>(all.size()), all.data()};
-  return static_cast<int>(
-      syscall(SYS_seccomp, SECCOMP_SET_MODE_FILTER, SECCOMP_FILTER_FLAG_NEW_LISTENER, &program));
-}
-
-/// Counts what is reported, on a thread of its own that is not reported itself and that ends with
-/// the process: who is watched gets no system call through without it.
-class SyscallCounter {
- public:
-  SyscallCounter() {
-    std::thread([this] { run(); }).detach();
-  }
-  SyscallCounter(const SyscallCounter&) = delete;
-  SyscallCounter& operator=(const SyscallCounter&) = delete;
-
-  /// Of the calling thread, for good.
-  void watch_this_thread() { descriptor_ = report_this_thread(); }
-  [[nodiscard]] bool may_watch() const { return descriptor_ != -1; }
-  /// From here on they count, or no more.
-  void count(bool is_on) { is_counting_ = is_on; }
-  [[nodiscard]] std::string text(const std::string& name) const {
-    std::string text;
-    for (const auto& [number, count] : counts_)
-      text += name + " " + std::to_string(number) + " " + std::to_string(count) + "\n";
-    return text;
-  }
-
- private:
-  void run() {
-    while (descriptor_ == 0)
-      std::this_thread::yield();
-    while (descriptor_ > 0) {
-      pollfd entry{descriptor_, POLLIN, 0};
-      if (poll(&entry, 1, -1) <= 0) continue;
-      seccomp_notif call{};
-      if (ioctl(descriptor_, SECCOMP_IOCTL_NOTIF_RECV, &call) != 0) continue;
-      if (is_counting_) ++counts_[call.data.nr];
-      seccomp_notif_resp answer{};
-      answer.id = call.id;
-      answer.flags = SECCOMP_USER_NOTIF_FLAG_CONTINUE;
-      ioctl(descriptor_, SECCOMP_IOCTL_NOTIF_SEND, &answer);
-    }
-  }
-
-  std::atomic<int> descriptor_{0};
-  std::atomic<bool> is_counting_{false};
-  std::map<int, int> counts_;
-};
+using rtpm::test::SyscallCounter;
 
 /// A servant that has its lane's thread watched when it is first called.
 class WatchingServant final : public Servant {
