@@ -25,13 +25,8 @@ std::string text_in(const char* path) {
   return std::string(read_file(path, buffer));
 }
 
-// A set-up error is one text; here the remedy stands by itself.
-SetupNote refused(std::string subject, const std::string& text) {
-  constexpr std::string_view kRemedy = "Remedy: ";
-  const std::size_t at = text.find(kRemedy);
-  if (at == std::string::npos) return {std::move(subject), Grant::kRefused, text, ""};
-  return {std::move(subject), Grant::kRefused, text.substr(0, at - 1),
-          text.substr(at + kRemedy.size())};
+SetupNote refused(std::string subject, const SetupError& error) {
+  return {std::move(subject), Grant::kRefused, error.reason(), error.remedy};
 }
 
 SetupNote survey_scheduling() {
@@ -39,7 +34,7 @@ SetupNote survey_scheduling() {
                                      .priority = Priority{Priority::kHighest},
                                      .realtime = RealtimeMode::kRequire},
                                     [] {});
-  if (!thread) return refused("real-time", thread.error().text());
+  if (!thread) return refused("real-time", thread.error());
   return {"real-time", Grant::kGranted,
           "threads may run at SCHED_FIFO up to " + std::to_string(kNativeHighest), ""};
 }
@@ -54,14 +49,14 @@ SetupNote survey_throttling() {
 
 SetupNote survey_memory() {
   if (auto locked = lock_memory(RealtimeMode::kRequire); !locked) {
-    return refused("memory lock", locked.error().text());
+    return refused("memory lock", locked.error());
   }
   return {"memory lock", Grant::kGranted, "all memory can be locked", ""};
 }
 
 SetupNote survey_latency() {
   const auto request = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kRequire);
-  if (!request) return refused("CPU latency", request.error().text());
+  if (!request) return refused("CPU latency", request.error());
   return {"CPU latency", Grant::kGranted, "CPUs can be kept from deep sleep", ""};
 }
 

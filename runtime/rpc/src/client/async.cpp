@@ -49,9 +49,6 @@ std::uint64_t Binding::lost_oneway_count() const noexcept {
   return impl_->remembered().destination->lost_oneway_count();
 }
 
-// --- a call that is waited for later
-// --------------------------------------------------------------
-
 /// One on a channel of its own.
 struct PendingReply::OwnState final : PendingReply::State {
   OwnState(Binding::Impl& binding_in, const Binding::Impl::Plan& plan_in,
@@ -148,8 +145,6 @@ expected<ReplyLease, CallError> PendingReply::take() noexcept {
 void PendingReply::cancel() noexcept {
   if (state_) state_->cancel();
 }
-
-// --- streams -------------------------------------------------------------------------------------
 
 struct ItemReader::State {
   explicit State(CallChannel* taken) noexcept : channel(taken) {}

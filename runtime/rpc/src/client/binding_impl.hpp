@@ -115,8 +115,6 @@ class Binding::Impl {
   [[nodiscard]] BindOutcome ask(const Destination& at, CallChannel& channel, Priority priority,
                                 MonotonicTime deadline) noexcept;
 
-  // --- set-up, and following a name: see binding.cpp and follow.cpp
-
   /// A destination that answers, with sessions for the calls to come.
   struct Opened {
     std::unique_ptr<Destination> destination;

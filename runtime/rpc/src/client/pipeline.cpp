@@ -23,8 +23,6 @@ std::uint16_t calls_per_session(Transport transport) noexcept {
 
 }  // namespace
 
-// --- a call --------------------------------------------------------------------------------------
-
 expected<void, CallError> PipelinePlace::begin(Binding::Impl& binding,
                                                const Binding::Impl::Plan& plan,
                                                const Binding::Impl::Ready& ready,
@@ -104,8 +102,6 @@ void PipelinePlace::release() noexcept {
   is_taken_ = is_leased_ = false;
 }
 
-// --- the calls of a channel ----------------------------------------------------------------------
-
 PipelinePlace* PipelineSession::free_place() noexcept {
   const auto found = std::ranges::find_if(places, &PipelinePlace::is_free);
   return found == places.end() ? nullptr : &*found;
@@ -152,8 +148,6 @@ void PipelineSession::end_all(const CallOutcome& outcome) noexcept {
     place.end(says_why ? outcome : CallOutcome{.error = CallError::kDisconnected});
   }
 }
-
-// --- the pipeline --------------------------------------------------------------------------------
 
 Pipeline::Impl::~Impl() {
   RTPM_ASSERT(open_count() == 0, "a pipeline outlives its calls and their replies");

@@ -92,14 +92,6 @@ Slot* Connections::next_with_frame(std::size_t& left) noexcept {
   return nullptr;
 }
 
-void Connections::poll_alone(SourceTag hot) const noexcept {
-  constexpr int kLookCount = 64;
-  if (memory_.size() != 1 || hot != tag_of(*memory_.front())) return;
-  const transport::Connection& only = *memory_.front()->stream;
-  for (int look = 0; look < kLookCount && !only.has_buffered(); ++look) {
-  }
-}
-
 bool Connections::announce_sleep() noexcept {
   bool may_sleep = true;
   for (Slot* const slot : memory_) {

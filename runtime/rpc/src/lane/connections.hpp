@@ -38,7 +38,6 @@ class Connections {
 
   [[nodiscard]] std::size_t count() const noexcept { return streams_.size() + memory_.size(); }
   [[nodiscard]] std::size_t count_max() const noexcept { return slots_.size(); }
-  [[nodiscard]] std::span<Slot* const> through_memory() const noexcept { return memory_; }
   [[nodiscard]] std::span<Slot* const> of_medium(bool is_memory) const noexcept {
     return is_memory ? memory_ : streams_;
   }
@@ -74,10 +73,6 @@ class Connections {
   /// The next connection through memory that has a frame, of the next `left` ones, which it counts
   /// down; null if none has.
   [[nodiscard]] Slot* next_with_frame(std::size_t& left) noexcept;
-  /// Polls the only connection through memory for about as long as the rest of a turn takes, so
-  /// that a call seldom comes while it is not polled. Nothing if there are others, or it is not
-  /// `hot`.
-  void poll_alone(SourceTag hot) const noexcept;
 
   /// Has the peers through memory ring when they call; false if one has called by now.
   [[nodiscard]] bool announce_sleep() noexcept;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <atomic>
 #include <memory>
 #include <utility>
 
@@ -23,8 +22,6 @@ class Handover {
   /// False: too many wait already; the connection is still the caller's.
   [[nodiscard]] bool offer(std::unique_ptr<transport::Connection>& stream) noexcept {
     if (!arriving_.push(stream)) return false;
-    // SYNC POINT lane-arrivals: the connection is in the ring.
-    has_arrivals_.store(true, std::memory_order_release);
     lane_.ring();
     return true;
   }
@@ -34,15 +31,6 @@ class Handover {
     return stream ? std::move(*stream) : nullptr;
   }
 
-  /// Whether some have arrived, once: take them all.
-  [[nodiscard]] bool take_notice() noexcept {
-    // SYNC POINT lane-arrivals
-    if (!has_arrivals_.load(std::memory_order_acquire)) return false;
-    // An exchange, because others could see a plain store after what the ring held before it: a
-    // connection that comes in between would be missed.
-    has_arrivals_.exchange(false, std::memory_order_acq_rel);
-    return true;
-  }
   /// The next arrival, or null.
   [[nodiscard]] std::unique_ptr<transport::Connection> take_arrival() noexcept {
     auto stream = arriving_.pop();
@@ -68,7 +56,6 @@ class Handover {
   using Ring = SpscRing<std::unique_ptr<transport::Connection>, 128>;
   Ring arriving_;
   Ring leaving_;
-  std::atomic<bool> has_arrivals_{false};
   transport::WaitSet& lane_;
   transport::WaitSet& acceptor_;
 };

@@ -117,10 +117,8 @@ void Lane::step(Lead& lead) noexcept {
 
 // Asks the sources for calls, those first that most likely have some; true if there was work.
 bool Lane::turn(Lead& lead) noexcept {
-  if (media_.handover().take_notice()) {
-    while (auto stream = media_.handover().take_arrival())
-      calls_.admit(lead, std::move(stream));
-  }
+  while (auto stream = media_.handover().take_arrival())
+    calls_.admit(lead, std::move(stream));
   const bool has_backlog = calls_.serve_backlog(lead);
   const bool has_open = calls_.serve_ready(lead);
   // What the lane sends by itself must not keep calls waiting.
@@ -136,7 +134,6 @@ bool Lane::turn(Lead& lead) noexcept {
   if (gate_->has_calls()) attention_.set_hot(kGateSource);
   const SourceTag hot = attention_.hot();
   const bool is_memory_hot = media_.connections().is_memory(hot);
-  media_.connections().poll_alone(hot);
   // A lane that blocks waits for all of its sockets at once rather than ask the last one first.
   const bool is_asked = is_memory_hot || !idling_.is_blocking();
   const bool has_served = is_asked && serve_source(lead, hot);

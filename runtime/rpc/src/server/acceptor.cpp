@@ -81,6 +81,22 @@ void Acceptor::stop() noexcept {
   newcomers_.clear();
 }
 
+template <class Listener>
+void Acceptor::accept_some(Listener& listener, bool is_memory) noexcept {
+  for (int i = 0; i < kAcceptsPerTurn; ++i) {
+    transport::Accepted accepted = listener.accept();
+    if (accepted.shortage != 0) {
+      note_shortage(accepted.shortage,
+                    is_memory ? "a caller on this host is" : "a connection over TCP is");
+    }
+    if (accepted.still_waits) pause_listening(rt::now());
+    if (!accepted.socket.is_open()) return;
+    // The poll shall wake us when the header, which has the priority, is there as a whole.
+    if (!is_memory) transport::report_from(accepted.socket.number(), wire::kHeaderSize);
+    take_in(std::move(accepted.socket), is_memory);
+  }
+}
+
 void Acceptor::run() noexcept {
   std::array<transport::SourceTag, 64> ready{};
   while (!is_stopping_.load(std::memory_order_acquire)) {
@@ -96,35 +112,13 @@ void Acceptor::run() noexcept {
       if (tag.kind() == kNewcomer) place(newcomers_[tag.index()]);
     }
     for (const transport::SourceTag tag : events) {
-      if (tag.kind() == kListener) accept_some();
-      if (tag.kind() == kMemoryListener) accept_some_to_memory();
+      if (tag.kind() == kListener) accept_some(*listener_, /*is_memory=*/false);
+      if (tag.kind() == kMemoryListener) accept_some(*memory_listener_, /*is_memory=*/true);
     }
     const MonotonicTime now = rt::now();
     if (is_paused && now >= listening_from_ && !listen()) pause_listening(now);
     drop_late(now);
     maintain_lanes();
-  }
-}
-
-void Acceptor::accept_some() noexcept {
-  for (int i = 0; i < kAcceptsPerTurn; ++i) {
-    transport::Accepted accepted = listener_->accept();
-    if (accepted.shortage != 0) note_shortage(accepted.shortage, "a connection over TCP is");
-    if (accepted.still_waits) pause_listening(rt::now());
-    if (!accepted.socket.is_open()) return;
-    // The poll shall wake us when the header, which has the priority, is there as a whole.
-    transport::report_from(accepted.socket.number(), wire::kHeaderSize);
-    take_in(std::move(accepted.socket), /*is_memory=*/false);
-  }
-}
-
-void Acceptor::accept_some_to_memory() noexcept {
-  for (int i = 0; i < kAcceptsPerTurn; ++i) {
-    transport::Accepted accepted = memory_listener_->accept();
-    if (accepted.shortage != 0) note_shortage(accepted.shortage, "a caller on this host is");
-    if (accepted.still_waits) pause_listening(rt::now());
-    if (!accepted.socket.is_open()) return;
-    take_in(std::move(accepted.socket), /*is_memory=*/true);
   }
 }
 
@@ -208,8 +202,7 @@ void Acceptor::hand_over(Priority priority,
 
 void Acceptor::drop_late(MonotonicTime now) noexcept {
   for (Newcomer& newcomer : newcomers_) {
-    if (!newcomer.socket.is_open() || newcomer.deadline > now) continue;
-    end(newcomer);
+    if (newcomer.socket.is_open() && newcomer.deadline <= now) end(newcomer);
   }
 }
 

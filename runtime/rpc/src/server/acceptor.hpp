@@ -49,8 +49,8 @@ class Acceptor {
   static constexpr transport::SourceKind kNewcomer{3};
 
   void run() noexcept;
-  void accept_some() noexcept;
-  void accept_some_to_memory() noexcept;
+  template <class Listener>
+  void accept_some(Listener& listener, bool is_memory) noexcept;
   void note_shortage(int error, const char* what) noexcept;
   void pause_listening(MonotonicTime now) noexcept;
   [[nodiscard]] bool listen() noexcept;

@@ -16,8 +16,6 @@ namespace rtpm::rpc {
 /// No `rtpm_max_size` in the schema.
 inline constexpr std::uint32_t kAnySize = std::numeric_limits<std::uint32_t>::max();
 
-// --- the caller's side ---------------------------------------------------------------------------
-
 /// Sends an encoded request without waiting for more than `delivery` says.
 [[nodiscard]] inline expected<void, CallError> send_oneway(Binding& binding,
                                                            const MethodDescriptor& method,
@@ -160,8 +158,6 @@ template <class Stream, class... More>
   if (!reader) return unexpected{reader.error()};
   return Stream{std::move(*reader), more...};
 }
-
-// --- the servant's side --------------------------------------------------------------------------
 
 /// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
 /// kinds.
