@@ -12,7 +12,6 @@
 #include <utility>
 #include <vector>
 
-#include "accept.hpp"
 #include "frames.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/test/child.hpp"
@@ -24,6 +23,7 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/medium.hpp"
+#include "sockets/accept.hpp"
 
 namespace rtpm::transport {
 namespace {

@@ -6,7 +6,7 @@
 #include <cerrno>
 #include <cstring>
 
-#include "accept.hpp"
+#include "sockets/accept.hpp"
 
 namespace rtpm::transport {
 

@@ -8,7 +8,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/transport/udp.hpp"
-#include "steering.hpp"
+#include "udp/steering.hpp"
 
 namespace rtpm::transport {
 namespace {

@@ -7,11 +7,11 @@
 #include <array>
 #include <cerrno>
 
-#include "futex.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 #include "rtpm/wire/limits.hpp"
-#include "shared_memory_setup.hpp"
+#include "shared_memory/futex.hpp"
+#include "shared_memory/setup.hpp"
 
 namespace rtpm::transport {
 namespace {

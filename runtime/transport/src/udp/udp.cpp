@@ -9,8 +9,8 @@
 #include <utility>
 
 #include "rtpm/wire/header.hpp"
-#include "segments.hpp"
-#include "steering.hpp"
+#include "udp/segments.hpp"
+#include "udp/steering.hpp"
 
 namespace rtpm::transport {
 namespace {

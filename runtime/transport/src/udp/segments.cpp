@@ -1,4 +1,4 @@
-#include "segments.hpp"
+#include "udp/segments.hpp"
 
 #include <netinet/udp.h>
 #include <sys/socket.h>

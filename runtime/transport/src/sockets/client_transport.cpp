@@ -14,7 +14,7 @@
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/wire/limits.hpp"
-#include "segments.hpp"
+#include "udp/segments.hpp"
 
 namespace rtpm::transport {
 namespace {

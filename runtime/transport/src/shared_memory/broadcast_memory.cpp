@@ -18,10 +18,10 @@
 #include <ctime>
 #include <string>
 
-#include "accept.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
-#include "unix_socket.hpp"
+#include "shared_memory/unix_socket.hpp"
+#include "sockets/accept.hpp"
 
 #ifndef F_SEAL_FUTURE_WRITE
 #define F_SEAL_FUTURE_WRITE 0x0010

@@ -1,4 +1,4 @@
-#include "accept.hpp"
+#include "sockets/accept.hpp"
 
 #include <sys/socket.h>
 

@@ -13,8 +13,8 @@
 #include <optional>
 
 #include "rtpm/rt/clock.hpp"
-#include "shared_memory_setup.hpp"
-#include "unix_socket.hpp"
+#include "shared_memory/setup.hpp"
+#include "shared_memory/unix_socket.hpp"
 
 namespace rtpm::transport {
 namespace {

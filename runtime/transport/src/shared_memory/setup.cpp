@@ -1,4 +1,4 @@
-#include "shared_memory_setup.hpp"
+#include "shared_memory/setup.hpp"
 
 #include <bit>
 

@@ -1,4 +1,4 @@
-#include "unix_socket.hpp"
+#include "shared_memory/unix_socket.hpp"
 
 #include <sys/socket.h>
 #include <sys/uio.h>

@@ -10,9 +10,9 @@
 #include <cerrno>
 #include <cstring>
 
-#include "accept.hpp"
-#include "shared_memory_setup.hpp"
-#include "unix_socket.hpp"
+#include "shared_memory/setup.hpp"
+#include "shared_memory/unix_socket.hpp"
+#include "sockets/accept.hpp"
 
 namespace rtpm::transport {
 namespace {
