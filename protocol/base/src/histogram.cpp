@@ -6,7 +6,7 @@
 
 namespace rtpm::inline base {
 
-// Below 2^kSubBits every ns has its own bucket; above, each power of two is cut in kSubCount parts.
+// Below 2^kSubBits each ns has its own bucket; above, each power of two has kSubCount buckets.
 int LatencyHistogram::bucket_of(std::uint64_t ns) noexcept {
   if (ns < kSubCount) return static_cast<int>(ns);
   const int magnitude = static_cast<int>(std::bit_width(ns)) - 1 - kSubBits;

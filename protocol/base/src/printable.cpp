@@ -7,7 +7,7 @@
 namespace rtpm::inline base {
 namespace {
 
-/// A character and how many bytes it has; size 0: the bytes are no UTF-8.
+/// A character and its size in bytes; size 0: the bytes are no UTF-8.
 struct Character {
   std::uint32_t code = 0;
   std::size_t size = 0;
@@ -27,7 +27,7 @@ Character first_of(std::string_view text) noexcept {
     if ((byte_of(text[i]) & 0xc0) != 0x80) return {};
     code = code << 6 | (byte_of(text[i]) & 0x3f);
   }
-  // Longer than needed, half of a pair of UTF-16, or beyond Unicode.
+  // Overlong, a UTF-16 surrogate, or beyond Unicode.
   constexpr std::array<std::uint32_t, 5> kLeast{0, 0, 0x80, 0x800, 0x1'0000};
   if (code < kLeast[size] || (code >= 0xd800 && code <= 0xdfff) || code > 0x10'ffff) return {};
   return {code, size};
@@ -37,7 +37,7 @@ struct Range {
   std::uint32_t first = 0;
   std::uint32_t last = 0;
 };
-// Controls, what has no width, separates lines, turns the direction, or hides text in tags.
+// Control characters, zero-width characters, line separators, direction marks, and tags.
 constexpr std::array kHidden{Range{0x00, 0x1f},     Range{0x7f, 0x9f},      Range{0xad, 0xad},
                              Range{0x61c, 0x61c},   Range{0x115f, 0x1160},  Range{0x180e, 0x180e},
                              Range{0x200b, 0x200f}, Range{0x2028, 0x202e},  Range{0x2060, 0x206f},

@@ -9,8 +9,7 @@
 namespace rtpm::wire {
 namespace {
 
-// What is left until `deadline`, rounded up so that a call with time left never states none
-// (hp-5.4-1).
+// The time left until `deadline`, rounded up so that it is 0 only if none is left (hp-5.4-1).
 std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
   if (deadline <= now) return 0;
   const std::int64_t us = std::chrono::ceil<std::chrono::microseconds>(deadline - now).count();
@@ -21,15 +20,15 @@ std::uint32_t budget_us(MonotonicTime deadline, MonotonicTime now) noexcept {
 }  // namespace
 
 std::uint32_t ClientChannel::budget_of(const Call& call, MonotonicTime now) const noexcept {
-  // hp-5.10-7: of a stream it is until when the server may hear nothing.
+  // hp-5.10-7: for a stream, how long the client may be silent.
   if (call.items.is_begun() && call.deadline - now > call.lease) {
     return budget_us(now + call.lease, now);
   }
   return budget_us(call.deadline, now);
 }
 
-// hp-4.3-2: a number is free if the call that the server keeps in its place is over. Numbers may be
-// left out.
+// hp-4.3-2: a number is free if the call that the server keeps in the same slot is over. Numbers
+// may be skipped.
 std::uint32_t ClientChannel::next_call_id() const noexcept {
   std::uint32_t id = call_id_;
   bool is_taken = true;
@@ -69,7 +68,7 @@ expected<ConstBytes, Status> ClientChannel::call(const CallParameters& parameter
   }
   Call& call = calls_[*index];
   last_call_ = *index;
-  // hp-5.1-1: the count goes on from session to session, so that no two calls share a number.
+  // hp-5.1-1: the count continues across sessions, so that no two calls share a number.
   call_id_ = next_call_id();
   call.header = Header{};
   call.header.kind = FrameKind::kCall;
@@ -129,7 +128,7 @@ ConstBytes ClientChannel::next_frame(MonotonicTime now) noexcept {
   return {};
 }
 
-// hp-5.3-2: each repetition states the time that is left when it is sent.
+// hp-5.3-2: each repetition states the time left when it is sent.
 ConstBytes ClientChannel::stamp_call(Call& call, MonotonicTime now) noexcept {
   call.header.budget_us = budget_of(call, now);
   call.header.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
@@ -140,8 +139,8 @@ ConstBytes ClientChannel::stamp_call(Call& call, MonotonicTime now) noexcept {
   return buffer_.first(kHeaderSize + call.payload.size());
 }
 
-// hp-5.1-3: an answer counts only if session, call, service and method are an open call's. A late
-// answer to an earlier call ends here.
+// hp-5.1-3: an answer counts only if session, call, service and method are those of an open call. A
+// stale answer matches none.
 ClientChannel::Call* ClientChannel::find(const Header& header) noexcept {
   if (header.session != session_) return nullptr;
   for (Call& call : calls_) {
@@ -167,20 +166,20 @@ bool ClientChannel::is_stream_known(const Call& call) const noexcept {
 
 MonotonicTime ClientChannel::due(const Call& call) const noexcept {
   if (call.is_ended) return kNever;
-  // hp-5.3-4: what goes over a connection is not repeated. hp-5.10-5: but a stream is asked after,
-  // for its server is to see a live client.
+  // hp-5.3-4: frames over a connection are not repeated. hp-5.10-5: but a stream's client asks, so
+  // that the server sees it alive.
   if (config_.medium == Medium::kStream && !is_stream_known(call)) return call.deadline;
   return std::min(call.deadline, call.timer.due());
 }
 
 ChannelEvent ClientChannel::on_call_time(Call& call, MonotonicTime now) noexcept {
-  // A reader that did other things for a while has asked nothing meanwhile, and so is owed nothing.
+  // A reader that did other things for a while asked nothing, so the server owes no answer.
   constexpr std::uint32_t kAskCountMin = 3;
   const bool is_silent =
       call.items.is_begun() && call.ask_count >= kAskCountMin && now - call.asked >= call.silence;
   if (now < call.deadline && !is_silent) return repeat(now, index_of(call));
   ChannelEvent event{.kind = ChannelEvent::Kind::kTimeout, .call = index_of(call)};
-  // Of a call that ends with its deadline the server knows when; of a stream it does not.
+  // The server knows a call's deadline itself, but not a stream's.
   if (call.items.is_begun()) event.frame = cancel_frame(call.header, now);
   end_call(call);
   return event;
@@ -207,7 +206,7 @@ ChannelEvent ClientChannel::repeat(MonotonicTime now, CallIndex index) noexcept 
     frame = call.request.first_again(buffer_, budget_of(call, now), now);
   } else {
     call.header.flags |= kFlagRepeated;
-    // hp-5.10-3: whether the stream runs is what its caller wants to know before it asks for items.
+    // hp-5.10-3: the caller learns whether the stream runs before it asks for items.
     if (call.items.is_begun()) call.header.flags |= kFlagAckWanted;
     frame = stamp_call(call, now);
   }
@@ -234,11 +233,11 @@ ChannelEvent ClientChannel::on_reply(const Header& header, ConstBytes payload,
           .payload = payload};
 }
 
-// hp-5.7-1: of a call that was sent once, and so was its reply, all four times are known.
+// hp-5.7-1: all four times are known if the call and its reply were each sent once.
 void ClientChannel::learn_clock(const Call& call, const Header& reply, MonotonicTime now) noexcept {
   const bool is_one_clock =
       config_.clock_domain != 0 && config_.clock_domain == welcome_.clock_domain;
-  // 73 years: beyond, no clock has got since its host started, and differences could overflow.
+  // 73 years since the host started: larger times are wrong, and their differences could overflow.
   constexpr std::uint64_t kTimeMax = std::uint64_t{1} << 61;
   if (is_one_clock || call.timer.repeat_count() > 0 || call.request.is_begun() ||
       (reply.flags & kFlagRepeated) != 0 || reply.sender_time_ns > kTimeMax) {
@@ -261,7 +260,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
   // hp-5.6-5: the limit was stated in HELLO.
   if (header.message_size > config_.message_size_max) return drop(DropReason::kBadLength);
   if (!call.reply.is_begun()) {
-    // Only now: another buffer would replace that of a reply that has begun.
+    // Only at the first fragment: later the buffer is in use.
     if (call.reply_buffer.size() < header.message_size) {
       return {.kind = ChannelEvent::Kind::kNeedBuffer,
               .call = index_of(call),
@@ -288,7 +287,7 @@ ChannelEvent ClientChannel::on_large_reply(Call& call, const Header& header, Con
           .frame = reply_ack(call, false, now)};
 }
 
-// `is_asking`: nothing came for a time, so that the server is to send something (hp-5.6-7).
+// `is_asking`: nothing came for a time; asks the server to send (hp-5.6-7).
 ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime now) noexcept {
   Header header = header_about(call.header, FrameKind::kAck, FragmentAck::kSize, now);
   if (is_asking) header.flags = kFlagAckWanted;
@@ -297,7 +296,7 @@ ConstBytes ClientChannel::reply_ack(Call& call, bool is_asking, MonotonicTime no
   return small_frame_;
 }
 
-// How far the request's fragments have arrived; or that a stream's server is there.
+// The state of the request's fragments; or a sign of life of a stream's server.
 ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
                                    MonotonicTime now) noexcept {
   Call* const call = find(header);
@@ -310,7 +309,7 @@ ChannelEvent ClientChannel::on_ack(const Header& header, ConstBytes payload,
   if (call->request.is_begun()) call->request.on_ack(*ack);
   if (is_stream && (!call->request.is_begun() || call->request.is_acknowledged())) {
     hear(*call);
-    // hp-5.10-5: nothing is missing, so that it is not asked again as soon.
+    // hp-5.10-5: nothing is missing, so the next question is not urgent.
     ask_after(*call, call->timer.current(), now);
   } else {
     call->timer.progress(now);
@@ -331,17 +330,17 @@ void ClientChannel::count_question(Call& call, MonotonicTime now) noexcept {
   if (call.ask_count++ == 0) call.asked = now;
 }
 
-// When to ask after the stream next follows from the pace of its items, and from how soon one can
-// be known to be lost.
+// The time of the next question follows from the pace of items, and from how soon one counts as
+// lost.
 void ClientChannel::hear_of_items(Call& call, MonotonicTime now) const noexcept {
   hear(call);
   const Duration least = config_.medium == Medium::kStream ? Duration{kStreamAskIntervalConnected}
                                                            : round_trip_.interval();
-  // The rest of an item is on its way, however rarely items come.
+  // The rest of an item comes soon, however rare items are.
   ask_after(call, call.items.is_midway() ? least : std::max(4 * call.item_gap, least), now);
 }
 
-// Often enough that neither side takes the other for silent if some of it gets lost (hp-5.10-7).
+// Often enough that a few losses do not make a side look silent (hp-5.10-7).
 void ClientChannel::ask_after(Call& call, Duration wait, MonotonicTime now) noexcept {
   call.timer.wait(now, std::min({wait, Duration{kStreamAskIntervalMax}, call.silence / 4}));
 }
@@ -350,7 +349,7 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
                                     MonotonicTime now) noexcept {
   Call* const call = find(header);
   if (call == nullptr || !call->items.is_begun()) {
-    // hp-5.9-3: the server goes on with a stream that has no reader; an earlier CANCEL got lost.
+    // hp-5.9-3: the server continues a stream without a reader, as an earlier CANCEL got lost.
     ChannelEvent event = drop(DropReason::kUnexpected);
     if (!is_ready_ || header.session != session_ || call != nullptr) return event;
     event.kind = ChannelEvent::Kind::kSend;
@@ -369,14 +368,14 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
   const bool is_duplicate = taken == IncomingStream::Taken::kDuplicate;
   if (is_duplicate) counters_.drop(DropReason::kUnexpected);
   if (!is_duplicate && (header.flags & kFlagRepeated) == 0 && header.fragment_index == 0) {
-    // A pause is not to be remembered for long.
+    // A long pause must not dominate the mean.
     const Duration gap = std::min<Duration>(now - call->item_heard, kStreamAskIntervalMax / 4);
     call->item_gap += (gap - call->item_gap) / 8;
     call->item_heard = now;
   }
   hear_of_items(*call, now);
-  // hp-5.10-4: each gap is told once; if what is sent again gets lost, too, time tells. A CREDIT
-  // for each duplicate would bring more duplicates, without end.
+  // hp-5.10-4: each gap is reported once; if the repetition gets lost, too, the timer asks. A
+  // CREDIT for each duplicate would cause more duplicates, without end.
   if (reveals_gap && !is_duplicate) call->is_credit_due = true;
   look_at_credit(*call);
   if (call->items.is_complete()) return end_of_stream(*call, now);
@@ -393,15 +392,15 @@ ChannelEvent ClientChannel::on_item(const Header& header, ConstBytes payload,
 
 ChannelEvent ClientChannel::on_stream_end(Call& call, const Header& header,
                                           MonotonicTime now) noexcept {
-  // hp-5.10-6: frames that were lost are still to come, unless the server has given them up.
+  // hp-5.10-6: lost frames still come, unless the server dropped them.
   const bool is_given_up = header.status == Status::kExpired ||
                            header.status == Status::kCancelled ||
                            header.status == Status::kStopping || header.status == Status::kLost;
   const bool is_duplicate = call.items.is_ended();
   if (!is_given_up && !call.items.end(header.item)) return drop(DropReason::kUnexpected);
   call.end_status = header.status;
-  // From now on only items are progress: a server that has none of those that it counts is as good
-  // as silent. They are asked for at once only once, or the two sides would do nothing else.
+  // From now on only items count as progress: a server that cannot send the items it counted is as
+  // good as silent. Asks for them immediately just once, or both sides would do nothing else.
   if (is_duplicate && !is_given_up) return {};
   hear_of_items(call, now);
   if (is_given_up || call.items.is_complete()) return end_of_stream(call, now);
@@ -431,14 +430,14 @@ std::optional<ConstBytes> ClientChannel::next_item(CallIndex index) noexcept {
   return item;
 }
 
-// hp-5.10-4: half a window at a time: often enough that the server never stands still, no oftener.
+// hp-5.10-4: after half a window, so that the server never stalls.
 void ClientChannel::look_at_credit(Call& call) noexcept {
-  // Before it has the whole call the server has no use for it.
+  // Useless to the server before it has the whole call.
   if (call.is_ended || !call.has_answered) return;
   const IncomingStream& items = call.items;
   const std::uint32_t item_count = items.limit() - call.credit_sent;
   const std::uint32_t frame_count = items.freed_count() - call.freed_sent;
-  // More than half a circle: the server may send more at first than this client takes at a time.
+  // The difference wraps below 0: the server may send more at first than this client's window.
   const auto bytes = static_cast<std::int32_t>(items.credit().byte_limit - call.bytes_sent);
   if (2 * item_count >= call.header.item || frame_count >= kStreamWindow / 2 ||
       2 * std::int64_t{bytes} >= items.byte_window()) {

@@ -5,7 +5,7 @@
 
 #include "rtpm/base/assert.hpp"
 
-// The session of a channel: handshake, what comes in, what time brings.
+// The session of a channel: handshake, received frames, timers.
 namespace rtpm::wire {
 namespace {
 
@@ -13,8 +13,8 @@ constexpr std::size_t kHelloFrameSize = kHeaderSize + Hello::kSize;
 
 }  // namespace
 
-// The client repeats a call at least each second (hp-5.3-3), so that a server which has had it, or
-// a copy of it, has heard the session since (hp-5.5-1).
+// A client repeats a call at least each second (hp-5.3-3), so a server that received any
+// transmission of it has heard the session since (hp-5.5-1).
 bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now, MonotonicTime begun,
                  MonotonicTime now) noexcept {
   return lost_epoch == epoch_now && now - begun < kSessionIdleMin;
@@ -39,7 +39,7 @@ void ClientChannel::reset() noexcept {
 
 void ClientChannel::end_all() noexcept {
   for (Call& call : calls_) {
-    // Of a stream that ended well the items are here, and still to be taken.
+    // The items of a stream that ended well can still be taken.
     if (!call.is_ended) end_call(call);
   }
 }
@@ -49,7 +49,7 @@ ConstBytes ClientChannel::open(Priority priority, MonotonicTime deadline,
   reset();
   is_opening_ = may_answer_cookie_ = true;
   hello_priority_ = priority;
-  ++handshake_number_;  // hp-4-2: an answer to an earlier handshake is told apart by it.
+  ++handshake_number_;  // hp-4-2: answers to earlier handshakes do not match it.
   hello_deadline_ = deadline;
   cookie_ = {};
   hello_timer_.begin(now);
@@ -104,7 +104,7 @@ ChannelEvent ClientChannel::on_time(MonotonicTime now) noexcept {
     if (now < hello_timer_.due()) return {};
     hello_timer_.repeat(now);
     may_answer_cookie_ = true;
-    // On a stream the HELLO is on its way; only the deadline counts.
+    // A stream loses no HELLO; only the deadline counts.
     if (config_.medium == Medium::kStream) return {};
     return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
   }
@@ -125,7 +125,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   if (auto read = decode_frame(frame, config_.medium, header); !read) {
     ChannelEvent event = drop(read.error());
     if (config_.medium == Medium::kStream) {
-      // hp-8-2: the next frame.s start is unknown.
+      // hp-8-2: where the next frame begins is unknown.
       reset();
       event.kind = ChannelEvent::Kind::kBroken;
     }
@@ -157,7 +157,7 @@ ChannelEvent ClientChannel::on_frame(ConstBytes frame, MonotonicTime now) noexce
   return drop(DropReason::kBadKind);
 }
 
-// hp-4-3: an answer belongs to the handshake whose number it repeats; older ones are late.
+// hp-4-3: an answer belongs to the handshake whose number it repeats; others are stale.
 bool ClientChannel::is_of_this_handshake(const Header& header) const noexcept {
   return is_opening_ && header.call_id == handshake_number_;
 }
@@ -169,7 +169,7 @@ ChannelEvent ClientChannel::on_cookie(const Header& header, ConstBytes payload,
   }
   if (payload.size() != cookie_.size()) return drop(DropReason::kBadPayload);
   std::ranges::copy(payload, cookie_.begin());
-  // hp-4.2-3, hp-4.2-4: two sides that answer each other's answers would never stop.
+  // hp-4.2-3, hp-4.2-4: sides that answer each other's answers would never stop.
   if (!std::exchange(may_answer_cookie_, false)) return {};
   return {.kind = ChannelEvent::Kind::kSend, .frame = hello_frame(now)};
 }
@@ -178,7 +178,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
                                        MonotonicTime now) noexcept {
   if (!is_of_this_handshake(header)) return drop(DropReason::kUnexpected);
   const auto welcome = decode_welcome(payload);
-  // hp-4.3-1: a session that could not carry a single call is none.
+  // hp-4.3-1: a session that cannot carry a single call is refused.
   if (!welcome || header.session == 0 || !welcome->band.contains(hello_priority_)) {
     return drop(DropReason::kBadPayload);
   }
@@ -191,7 +191,7 @@ ChannelEvent ClientChannel::on_welcome(const Header& header, ConstBytes payload,
 }
 
 ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) noexcept {
-  // hp-4.4-3: taken for an answer it would say that a method ran.
+  // hp-4.4-3: taken as an answer, it would say that a method ran.
   if (header.status == Status::kOk) return drop(DropReason::kUnexpected);
   // hp-4.4-2
   if (!payload.empty()) return drop(DropReason::kBadPayload);
@@ -205,13 +205,13 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
   if (!is_ready_ || header.session != session_) return drop(DropReason::kUnexpected);
   if (header.status == Status::kUnknownSession) {
     if (refused != calls_.end()) {
-      // hp-5.5-3: whether the calls may be sent again is for the caller to judge.
+      // hp-5.5-3: the caller decides whether the calls may be sent again.
       is_ready_ = false;
       const CallIndex index = index_of(*refused);
       end_all();
       return {.kind = ChannelEvent::Kind::kLost, .call = index, .status = header.status};
     }
-    // It is about a oneway, or a call that is over. What is open now finds out by itself.
+    // It is about a oneway or a call that is over. Open calls find out by themselves.
     const bool is_idle = std::ranges::none_of(
         calls_, [](const Call& call) { return call.is_open && !call.is_ended; });
     if (is_idle) is_ready_ = false;
@@ -221,7 +221,7 @@ ChannelEvent ClientChannel::on_refuse(const Header& header, ConstBytes payload) 
   return {.kind = ChannelEvent::Kind::kReply, .call = index_of(*refused), .status = header.status};
 }
 
-// hp-4.5-2: only who sees the session's traffic can name it.
+// hp-4.5-2: only a peer that sees the session's traffic knows its number.
 ChannelEvent ClientChannel::on_close(const Header& header, ConstBytes payload) noexcept {
   if (!is_ready_ || header.session != session_) return drop(DropReason::kUnexpected);
   if (!payload.empty()) return drop(DropReason::kBadPayload);

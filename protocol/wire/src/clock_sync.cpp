@@ -6,13 +6,13 @@
 namespace rtpm::wire {
 namespace {
 
-// Two clocks of ordinary hosts drift apart by less than this, in parts of 1.
+// The clocks of two ordinary hosts drift apart by less than this ratio.
 constexpr double kDriftMax = 200e-6;
-// A server states its part of the trip in whole microseconds.
+// A server states its share of the trip in whole microseconds.
 constexpr Duration kQuantum = std::chrono::microseconds{1};
-// One point of the line a second, as long as a second's probes vary by chance only.
+// One point per second.
 constexpr Duration kPointSpan = std::chrono::seconds{1};
-// A slope from a shorter stretch would tell more of the probes' errors than of the clocks.
+// A slope over a shorter span would measure the probes' errors rather than the clocks.
 constexpr Duration kSlopeSpanMin = std::chrono::seconds{4};
 
 }  // namespace
@@ -20,7 +20,7 @@ constexpr Duration kSlopeSpanMin = std::chrono::seconds{4};
 void ClockEstimator::add(const ClockProbe& probe) noexcept {
   const Duration trip =
       (probe.reply_received - probe.request_sent) - (probe.reply_sent - probe.request_received);
-  // A peer whose stated times do not fit into ours is not believed.
+  // Ignores a peer whose stated times do not fit into the round trip.
   if (trip < -kQuantum || probe.reply_sent < probe.request_received) return;
   Point point;
   point.time = probe.request_sent + (probe.reply_received - probe.request_sent) / 2;
@@ -30,7 +30,7 @@ void ClockEstimator::add(const ClockProbe& probe) noexcept {
   point.half_trip = std::max(trip, Duration{0}) / 2 + kQuantum;
   if (count_ > 0) {
     const Point& last = points_[newest_];
-    // Beyond what drift explains it is another clock: the peer's host was started anew.
+    // More than drift explains: the peer's host was restarted.
     const Duration allowed =
         last.half_trip + point.half_trip +
         Duration{static_cast<Duration::rep>(kDriftMax *
@@ -79,7 +79,7 @@ std::optional<PeerClock> ClockEstimator::estimate(MonotonicTime now) const noexc
   for (std::size_t i = 0; i < count_; ++i) {
     const Point& point = points_[i];
     const auto age = static_cast<double>((now - point.time).count());
-    // What the clocks may have drifted apart since is uncertain as long as the drift is unknown.
+    // While the drift is unknown, its bound adds to the uncertainty.
     const Duration drifted{static_cast<Duration::rep>(std::abs(age) * kDriftMax)};
     const Duration uncertainty = point.half_trip + drifted;
     if (uncertainty >= best.uncertainty) continue;

@@ -57,7 +57,7 @@ void IncomingMessage::begin(const Header& header, MutableBytes buffer) noexcept 
 }
 
 IncomingMessage::Taken IncomingMessage::take(const Header& header, ConstBytes payload) noexcept {
-  // hp-5.6-9: what was judged by the first fragment is not changed by a later one.
+  // hp-5.6-9: a later fragment cannot change what the first one stated.
   constexpr std::uint16_t kOfTheMessage = kFlagNoReply | kFlagReplyOnReceipt;
   if (header.message_size != buffer_.size() || header.fragment_count != arrived_.count() ||
       fragment_size_of(header) != fragment_size_ || header.service != header_.service ||
@@ -121,7 +121,7 @@ ConstBytes OutgoingMessage::next(MutableBytes to, std::uint32_t budget_us,
   const auto index = choose();
   if (!index) return {};
   std::uint16_t flags = *index < new_before ? kFlagRepeated : std::uint16_t{0};
-  // hp-5.6-3: the receiver tells how far it is often enough for the window to keep moving.
+  // hp-5.6-3: asks for an ACK often enough for the window to keep moving.
   if (!has_more() || *index % (window_ / 2) == window_ / 2 - 1) {
     flags |= kFlagAckWanted;
   }
@@ -151,7 +151,7 @@ ConstBytes OutgoingMessage::write(MutableBytes to, std::uint16_t index, std::uin
 }
 
 void OutgoingMessage::on_ack(const FragmentAck& ack, bool is_asked) noexcept {
-  // An ACK of what was never sent is a forgery or a fault; there is nothing to learn from it.
+  // An ACK of fragments never sent is forged or faulty.
   if (!is_begun() || ack.first_missing > next_new_) return;
   std::uint16_t end = ack.first_missing;
   for (std::uint16_t i = acknowledged_.first_missing(); i < ack.first_missing; ++i) {
@@ -164,10 +164,10 @@ void OutgoingMessage::on_ack(const FragmentAck& ack, bool is_asked) noexcept {
     acknowledged_.insert(static_cast<std::uint16_t>(index));
     end = static_cast<std::uint16_t>(index);
   }
-  // What lies before a fragment that arrived and has not arrived itself is taken for lost.
+  // A missing fragment before one that arrived counts as lost.
   repair_next_ = acknowledged_.first_missing();
   repair_end_ = std::max(end, repair_next_);
-  // hp-5.6-7: the last that were sent were lost, and nothing behind them shows it.
+  // hp-5.6-7: the last fragments were lost, and no later one shows it.
   if (is_asked && !has_more()) nudge();
 }
 

@@ -31,7 +31,7 @@ void encode(const Hello& hello, MutableBytes to) noexcept {
   RTPM_ASSERT(writer.ok() && writer.size() == Hello::kSize, "HELLO has its size");
 }
 
-// hp-4.1-1: what a later version put into the reserved bytes would be lost on this one.
+// hp-4.1-1: a later version may give the reserved bytes a meaning that this one would ignore.
 std::optional<Hello> decode_hello(ConstBytes payload) noexcept {
   if (payload.size() != Hello::kSize) return std::nullopt;
   ByteReader reader(payload);
@@ -66,7 +66,7 @@ void encode(const Welcome& welcome, MutableBytes to) noexcept {
   RTPM_ASSERT(writer.ok() && writer.size() == Welcome::kSize, "WELCOME has its size");
 }
 
-// hp-4.3-1, but for what only the client knows: its priority and the header's session.
+// hp-4.3-1, except the checks against the client's priority and the header's session.
 std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
   if (payload.size() != Welcome::kSize) return std::nullopt;
   ByteReader reader(payload);

@@ -6,7 +6,7 @@ namespace {
 // "HP" in reading order.
 constexpr std::uint16_t kMagic = 0x5048;
 
-// Where each field stands; hp-2 has the same table. Every byte of the header is covered once.
+// The offset of each field, as in hp-2. The fields cover every byte of the header once.
 constexpr std::size_t kAtMagic = 0;
 constexpr std::size_t kAtVersion = 2;
 constexpr std::size_t kAtKind = 3;
@@ -27,15 +27,15 @@ constexpr std::size_t kAtSenderTime = 48;
 constexpr std::size_t kAtTraceId = 56;
 static_assert(kAtTraceId + 8 == kHeaderSize && kHeaderSize % 16 == 0);
 
-// Fields that stand one behind the other, as the number that their eight bytes are.
+// Consecutive fields as one 64-bit number.
 template <std::unsigned_integral... Fields>
 inline std::uint64_t word_of(Fields... fields) noexcept {
   static_assert((sizeof(Fields) + ...) == sizeof(std::uint64_t));
   std::uint64_t word = 0;
   std::size_t shift = 0;
   const auto add = [&](std::uint64_t field, std::size_t size) {
-    // Each field is loaded for itself, as it was written: compilers would join neighbours of the
-    // struct to one load, which waits for their writes as described below.
+    // Separate loads, as the fields were stored: a compiler would merge neighbours into one load,
+    // which stalls on the stores as described at encode().
     __asm__("" : "+r"(field));
     word |= field << shift;
     shift += 8 * size;
@@ -44,13 +44,13 @@ inline std::uint64_t word_of(Fields... fields) noexcept {
   return word;
 }
 
-// hp-2-5: what a kind of frame has no use for is reserved on it.
+// hp-2-5: a flag that a kind of frame does not use is reserved on it.
 bool has_good_flags(const Header& header) noexcept {
   constexpr std::uint16_t kOneway = kFlagNoReply | kFlagReplyOnReceipt;
   if ((header.flags & ~kFlagsKnown) != 0) return false;
   switch (header.kind) {
     case FrameKind::kCall:
-      // A oneway is of one kind, and no stream.
+      // A oneway has one of both flags, and is no stream.
       return (header.flags & kOneway) == 0 ||
              ((header.flags & kOneway) != kOneway && header.item == 0);
     case FrameKind::kReply:
@@ -75,9 +75,9 @@ bool has_good_fragment_numbers(const Header& header) noexcept {
          fragment_size_of(header) != 0;
 }
 
-// Obeys hp-2-1, hp-2-2 and hp-2-4: the order of the checks is the spec's, so that a frame with
-// several faults is counted alike everywhere. What a field holds that has no meaning in the frame
-// is not looked at (hp-2-7).
+// hp-2-1, hp-2-2, hp-2-4: the order of the checks is the specification's, so that every
+// implementation counts a frame with several faults alike. Fields without meaning in the frame are
+// not checked (hp-2-7).
 expected<void, DropReason> decode(ConstBytes bytes, Header& header) noexcept {
   if (bytes.size() < kHeaderSize) return unexpected{DropReason::kTooShort};
   const std::byte* from = bytes.data();
@@ -112,8 +112,8 @@ expected<void, DropReason> decode(ConstBytes bytes, Header& header) noexcept {
 
 }  // namespace
 
-// In whole words, as whoever sends the frame reads it: a load of bytes that several smaller stores
-// wrote waits until these have left the core's store buffer, for tens of cycles each.
+// Stores whole words, as the sending code loads them: a load of bytes that several smaller stores
+// wrote stalls until they have left the core's store buffer, tens of cycles each.
 void encode(const Header& header, std::byte* to) noexcept {
   store_le(to + kAtMagic, word_of(kMagic, kVersion, static_cast<std::uint8_t>(header.kind),
                                   header.priority.value(), header.flags));
@@ -168,7 +168,7 @@ std::uint32_t fragment_size_of(const Header& header) noexcept {
   return fits ? size : 0;
 }
 
-// hp-2-3: a datagram is one frame and nothing else.
+// hp-2-3: a datagram is exactly one frame.
 expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept {
   auto header = decode(frame);
   if (header && header->payload_size != frame.size() - kHeaderSize) {
@@ -177,7 +177,7 @@ expected<Header, DropReason> decode_frame(ConstBytes frame) noexcept {
   return header;
 }
 
-// hp-2-6, hp-8-2: larger ones are dropped even where their message would be taken.
+// hp-2-6, hp-8-2: larger frames are dropped even if their message would be accepted.
 expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium, Header& header) noexcept {
   auto read = decode(frame, header);
   if (read && (header.payload_size != frame.size() - kHeaderSize ||

@@ -5,8 +5,8 @@
 namespace rtpm::wire {
 namespace {
 
-/// Takes what stands before `mark`, and the mark, from the begin of `text`; all of it if there is
-/// no mark.
+/// Removes and returns the beginning of `text` up to `mark`, and drops the mark; all if there is
+/// none.
 std::string_view take_until(std::string_view& text, std::string_view mark) noexcept {
   const std::size_t at = text.find(mark);
   const std::string_view taken = text.substr(0, at);
@@ -30,7 +30,7 @@ std::string_view behind_word(std::string_view text) noexcept {
   return text;
 }
 
-/// Takes ` NAME "VALUE"` from the end of `text`.
+/// Removes ` NAME "VALUE"` from the end of `text`.
 std::string_view take_quoted_end(std::string_view& text, std::string_view name) noexcept {
   const std::size_t at = text.find(name);
   if (at == std::string_view::npos || text.size() <= at + name.size() || !text.ends_with('"')) {
@@ -120,7 +120,7 @@ std::optional<FieldText> read_field(std::string_view line) noexcept {
   field.id = take_word(line);
   field.name = take_until(line, ": ");
   if (field.name.empty() || line.empty()) return std::nullopt;
-  // The last first: units and frames are texts of their own, which may have spaces.
+  // From the end: units and frames may contain spaces.
   field.frame = take_quoted_end(line, " frame \"");
   field.unit = take_quoted_end(line, " in \"");
   field.type = take_word(line);
@@ -140,7 +140,7 @@ std::optional<FieldText> read_field(std::string_view line) noexcept {
     } else if (word == "=") {
       field.default_value = take_word(line);
     } else {
-      // hp-12.2-1: whatever it means, both sides must say the same.
+      // hp-12.2-1: an unknown attribute must be the same on both sides.
       field.encodings = rules;
       break;
     }

@@ -5,7 +5,7 @@
 #include <unordered_map>
 #include <vector>
 
-/// The text of an interface (spec/hprotocol.md#hp-12.2) taken apart. All views are into the text.
+/// The parsed text of an interface (spec/hprotocol.md#hp-12.2). All views are into the text.
 namespace rtpm::wire {
 
 struct MethodText {
@@ -58,7 +58,7 @@ struct ValueText {
   std::string_view type_name{};  ///< "lab.Force", or nothing.
 };
 
-/// Nothing if the text is none.
+/// Nothing if the text is malformed.
 [[nodiscard]] std::optional<InterfaceText> read_interface(std::string_view text);
 [[nodiscard]] std::optional<FieldText> read_field(std::string_view line) noexcept;
 [[nodiscard]] std::optional<ValueText> read_value(std::string_view line) noexcept;

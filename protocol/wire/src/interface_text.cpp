@@ -113,7 +113,7 @@ class MessageComparison {
            (!is_number || written.is_optional == wanted.is_optional);
   }
 
-  /// Of enumerations and unions: what both know must be the same.
+  /// Values of enumerations and unions that both sides know must be the same.
   Difference compare_values(const TypeText& here, const TypeText& there) {
     for (const std::string_view line : here.members) {
       const auto ours = read_value(line);

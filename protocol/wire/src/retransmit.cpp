@@ -40,7 +40,7 @@ void RetransmitTimer::begin(MonotonicTime now) noexcept {
 
 void RetransmitTimer::repeat(MonotonicTime now) noexcept {
   ++repeat_count_;
-  // hp-5.3-3: the server may forget a session that is silent for long.
+  // hp-5.3-3: the server may evict a session that is silent for long.
   current_ = std::min<Duration>(2 * current_, kRetransmitIntervalMax);
   due_ = now + current_;
 }
@@ -58,7 +58,7 @@ void RetransmitTimer::wait(MonotonicTime now, Duration wait) noexcept {
 void RetransmitTimer::end(MonotonicTime now) noexcept {
   due_ = kNever;
   const Duration took = std::max(now - sent_, Duration{1});
-  // A quarter more than it took at most, so that a round trip that stays like that is measured.
+  // A quarter more than the upper bound, so that an equal round trip is measured next time.
   path_->back_off(repeat_count_ > 0 ? std::min<Duration>(current_, took + took / 4) : Duration{0});
   if (repeat_count_ == 0 && is_measured_) path_->add(took);
 }

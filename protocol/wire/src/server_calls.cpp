@@ -6,11 +6,11 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The calls of the sessions: at most once, large messages, completion, cancellation.
+// The calls of the sessions: at most once, completion, cancellation.
 namespace rtpm::wire {
 namespace {
 
-// Calls count up and wrap around; of two within half the circle the later one is newer.
+// Call numbers wrap around.
 bool is_newer(std::uint32_t call_id, std::uint32_t than) noexcept {
   return static_cast<std::int32_t>(call_id - than) > 0;
 }
@@ -28,21 +28,19 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
   const MonotonicTime now = request.received;
   Session* session = find(header.session);
   if (session == nullptr) return refuse_session(header, peer, now);
-  // hp-5.1-4: the address was proven for this session, and no other was.
+  // hp-5.1-4: only this address was proven for the session.
   if (!(session->peer == peer)) return drop(DropReason::kForeignAddress);
   session->last_heard = now;
 
   Slot& slot = session->slots[header.call_id % kCallWindow];
   if (slot.state != Slot::State::kEmpty) {
     if (slot.call_id == header.call_id) return on_duplicate(request, slot, *session);
-    // The window is the client's promise; a call whose place is still taken breaks it. Whoever was
-    // told so may rely on it: a duplicate is not run later either (hp-5.2-3).
-    // Of what the session left behind nobody waits any more (hp-5.2-2).
+    // hp-5.2-2: an older call is stale. hp-5.2-3: a call whose slot is in use breaks the client's
+    // window. It is refused for good: a duplicate of it is not run later either.
     const bool is_new = is_newer(header.call_id, slot.newest_call_id);
     if (!is_new && header.call_id != slot.newest_call_id) return drop(DropReason::kStaleCall);
     slot.newest_call_id = header.call_id;
-    // A oneway whose caller does not know how long it runs does not hold the place, nor does a call
-    // that was cancelled, unless its buffer is still read.
+    // A running oneway or cancelled call does not occupy the slot, unless its buffer is still read.
     const bool is_taken =
         slot.state == Slot::State::kRunning && (!slot.is_unawaited || slot.large != kNoLargeBuffer);
     if (!is_new || is_taken) {
@@ -51,13 +49,13 @@ ServerSessions::Answer ServerSessions::on_call(Request& request, const PeerAddre
       return (header.flags & kFlagNoReply) != 0 ? Answer{} : refusal;
     }
   }
-  // An older call whose fragments never all came, or whose reply was not fetched, ends here.
+  // Ends an older call that stayed incomplete, or whose reply was not fetched.
   free_stream(slot);
   free_large_buffer(slot);
   return admit(request, *session);
 }
 
-// hp-5.2-1: a copy is never run again. How it is answered depends on how far the call is.
+// hp-5.2-1: a duplicate never runs. Its answer depends on the state of the call.
 ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot,
                                                     Session& session) noexcept {
   const Header& header = request.header;
@@ -74,13 +72,13 @@ ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot
   if (slot.state == Slot::State::kRunning && slot.frame_size == 0) {
     std::uint32_t item_count = 0;
     if (slot.stream != kNoStream) {
-      // Its caller shows that it is there, and asks for items as before.
+      // A sign of life of the caller, which also renews its request for items.
       Stream& stream = streams_[slot.stream];
       stream.deadline = std::max(stream.deadline, lease_of(session, header, now));
       item_count = stream.items.count();
     }
     if ((header.flags & kFlagAckWanted) == 0) return drop(DropReason::kDuplicateRunning);
-    // hp-5.6-4: who asks how far his fragments are learns that nothing is missing, and stops.
+    // hp-5.6-4: tells a client that asks for an ACK that no fragment is missing.
     FragmentAck all;
     all.first_missing = header.fragment_count;
     return acknowledge(header, all, item_count, now);
@@ -88,7 +86,7 @@ ServerSessions::Answer ServerSessions::on_duplicate(Request& request, Slot& slot
   if (slot.large != kNoLargeBuffer && large_buffers_[slot.large].use == LargeBuffer::Use::kReply) {
     return send_large_again(slot, now);
   }
-  // No copy is made on a stream, and of a large reply nothing is kept once it has arrived.
+  // A stream makes no duplicates; a large reply is not kept once it has arrived.
   if (config_.medium == Medium::kStream || slot.frame_size == 0) {
     return drop(DropReason::kStaleCall);
   }
@@ -103,7 +101,7 @@ ConstBytes ServerSessions::kept_reply(std::uint32_t session_index,
   return {frame, sessions_[session_index].slots[slot_index].frame_size};
 }
 
-// The first frame of a call that was never seen: from here on its slot remembers it.
+// Takes the first frame of a new call into its slot.
 ServerSessions::Answer ServerSessions::admit(Request& request, Session& session) noexcept {
   const Header& header = request.header;
   const MonotonicTime now = request.received;
@@ -127,7 +125,7 @@ ServerSessions::Answer ServerSessions::admit(Request& request, Session& session)
   if (header.priority > config_.ceiling && !is_ping) {
     return refuse_call(request, Status::kPriorityNotAllowed, now);
   }
-  // hp-5.4-3: what is late here is late for its caller, too.
+  // hp-5.4-3: a call that is late here is late for its caller, too.
   if (request.deadline <= now) {
     ++counters_.expired_count;
     return refuse_call(request, Status::kExpired, now);
@@ -141,8 +139,8 @@ ServerSessions::Answer ServerSessions::dispatch(const Request& request, Slot& sl
   return {Verdict::Action::kDispatch};
 }
 
-// hp-5.4-2: on one host the time that the frame lay in a socket counts; between hosts the budget
-// runs from here. A sender's time in the future is not believed.
+// hp-5.4-2: on one host the time in the socket's buffer counts; between hosts the budget begins
+// now. A sender's time in the future is ignored.
 MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& header,
                                           MonotonicTime now) const noexcept {
   const Duration budget = std::chrono::microseconds{header.budget_us};
@@ -152,8 +150,8 @@ MonotonicTime ServerSessions::deadline_of(const Session& session, const Header& 
   return now + budget;
 }
 
-// hp-5.1-5: by a REPLY that is kept like any other, so that a copy is answered alike; or, where the
-// caller wants no reply, by counting alone.
+// hp-5.1-5: refuses by a kept REPLY, so that a duplicate gets the same answer; a call that wants no
+// reply is only counted.
 ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Status status,
                                                    MonotonicTime now) noexcept {
   if (status != Status::kExpired) ++counters_.refused_count;
@@ -162,8 +160,7 @@ ServerSessions::Answer ServerSessions::refuse_call(const Request& request, Statu
   return {Verdict::Action::kSend, frame};
 }
 
-// The place of a request that is not completed yet; null once its session has ended or the place is
-// another call's.
+// Null: the request is completed, its session has ended, or the slot is another call's.
 ServerSessions::Slot* ServerSessions::slot_of(const Request& request) noexcept {
   Session& session = sessions_[request.session_index];
   Slot& slot = session.slots[request.slot_index];
@@ -204,7 +201,7 @@ MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime 
     if (is_short_of_buffers(request, now)) size_max = std::min(size_max, payload_size_max_);
     return large_buffers_[scratch_].memory.first(size_max);
   }
-  // What will not be sent must not be written over a reply that is kept.
+  // A reply that is not sent must not overwrite a kept one.
   const Slot* const slot = slot_of(request);
   const bool is_sent = slot != nullptr && !slot->is_unawaited && slot->frame_size == 0;
   std::byte* const frame =
@@ -212,7 +209,7 @@ MutableBytes ServerSessions::reply_buffer(const Request& request, MonotonicTime 
   return {frame + kHeaderSize, std::min(payload_size_max_, size_max)};
 }
 
-// hp-5.8-3: the reply is kept like any other, and the method runs once it has gone.
+// hp-5.8-3: the reply is kept like any other; the method runs after it was sent.
 ConstBytes ServerSessions::accept(const Request& request, Status status,
                                   MonotonicTime now) noexcept {
   Slot* const slot = slot_of(request);
@@ -231,7 +228,7 @@ ConstBytes ServerSessions::complete(const Request& request, Status status,
     ++counters_.orphaned_count;
     return {};
   }
-  // The request's own buffer, if it was large: not read from here on.
+  // The buffer of a large request, which is not read any more.
   free_large_buffer(*slot);
   slot->state = Slot::State::kDone;
   slot->tag = 0;
@@ -246,7 +243,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   header.status = status;
   header.budget_us = to_us(now - request.received);
   if (slot.stream != kNoStream) {
-    // hp-5.10-6: so the caller knows what it lacks. Kept until it has all.
+    // hp-5.10-6: tells the caller what it lacks. The stream is kept until all has arrived.
     header.item = streams_[slot.stream].items.count();
     if (streams_[slot.stream].items.is_acknowledged()) free_stream(slot);
   }
@@ -260,7 +257,7 @@ ConstBytes ServerSessions::write_reply(const Request& request, Slot& slot, Statu
   return {frame, slot.frame_size};
 }
 
-// hp-5.9-1, hp-5.9-2: what has not begun never will; what runs is told of it and ends as it likes.
+// hp-5.9-1, hp-5.9-2: a call that has not begun never runs; a running servant is notified.
 ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstBytes payload,
                                                  const PeerAddress& peer,
                                                  MonotonicTime now) noexcept {
@@ -280,12 +277,12 @@ ServerSessions::Answer ServerSessions::on_cancel(const Header& header, ConstByte
     if (is_open) ++counters_.cancelled_count;
     return {};
   }
-  // It overtook its call, which shall not run when it comes.
+  // It overtook its call, which must not run when it comes.
   if (is_known && !is_newer(header.call_id, slot.newest_call_id)) {
     return drop(DropReason::kStaleCall);
   }
   if (is_known && slot.state == Slot::State::kRunning) {
-    // An older call has its place, and keeps it; the later one counts as refused.
+    // An older call keeps the slot; the later one counts as refused.
     slot.newest_call_id = header.call_id;
     ++counters_.cancelled_count;
     return {};

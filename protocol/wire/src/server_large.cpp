@@ -3,8 +3,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The large messages of the sessions: the rooms that they take, who may have them, and their
-// fragments.   Source: spec/hprotocol.md#hp-5.6.
+// The large messages of the sessions: buffers, quotas, fragments (spec/hprotocol.md#hp-5.6).
 namespace rtpm::wire {
 
 // Divides the memory into buffers. Without any, no message is larger than a frame.
@@ -26,8 +25,7 @@ void ServerSessions::make_large_buffers() {
   large_buffers_[scratch_].use = LargeBuffer::Use::kScratch;
 }
 
-// From when on a message may be evicted (hp-5.6-10). One that is being served is in
-// use, however late it is.
+// When a message may be evicted (hp-5.6-10); not while it is served.
 MonotonicTime ServerSessions::idle_time(const LargeBuffer& large) const noexcept {
   if (large.use != LargeBuffer::Use::kRequest && large.use != LargeBuffer::Use::kReply) {
     return kNever;
@@ -57,8 +55,8 @@ MonotonicTime ServerSessions::next_buffer_time(MonotonicTime now) const noexcept
   return next;
 }
 
-// A buffer for a message of that host: a free one, else that of the message that was silent
-// longest; of its own only, once the host has its share (hp-5.6-11).
+// A buffer for a message of that host: a free one, else the one silent for longest; only one of its
+// own once the host has used its quota (hp-5.6-11).
 std::uint16_t ServerSessions::find_large_buffer(const PeerAddress& peer,
                                                 MonotonicTime now) const noexcept {
   std::uint16_t free = kNoLargeBuffer;
@@ -103,7 +101,7 @@ std::uint16_t ServerSessions::take_large_buffer(LargeBuffer::Use use, const Requ
 
 void ServerSessions::evict(LargeBuffer& large, MonotonicTime now) noexcept {
   Slot& slot = sessions_[large.session_index].slots[large.slot_index];
-  // Later fragments of a request that is forgotten are stale, unless its sender still waits.
+  // Later fragments of an evicted request are stale, unless its sender still waits.
   slot.is_evicted = slot.state == Slot::State::kReceiving && large.deadline > now;
   slot.state = Slot::State::kDone;
   if (large.deadline > now) ++counters_.large_evicted_count;
@@ -122,13 +120,13 @@ void ServerSessions::free_large_buffer(Slot& slot) noexcept {
 }
 
 bool ServerSessions::is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept {
-  // While fewer are held than one host may hold, every host finds a buffer.
+  // While fewer are in use than one host's quota, every host finds a buffer.
   if (held_large_count_ < share_of_one_host(large_buffer_count_max())) return false;
   const Session& session = sessions_[request.session_index];
   const Slot& slot = session.slots[request.slot_index];
   const bool is_open =
       session.id == request.header.session && slot.call_id == request.header.call_id;
-  // A call without a waiting caller keeps nothing; a large request leaves its own buffer.
+  // A call without a waiting caller needs none; a large request leaves its own.
   if (!is_open || slot.is_unawaited || slot.large != kNoLargeBuffer || large_buffers_.empty())
     return false;
   return find_large_buffer(session.peer, now) == kNoLargeBuffer;
@@ -152,7 +150,7 @@ ServerSessions::Answer ServerSessions::on_fragment(Request& request, Slot& slot,
   LargeBuffer& large = large_buffers_[slot.large];
   const IncomingMessage::Taken taken = large.incoming.take(header, request.payload);
   if (taken == IncomingMessage::Taken::kForeign) return drop(DropReason::kBadFragment);
-  // hp-5.6-10: a copy counts, too: its sender may have missed every ACK.
+  // hp-5.6-10: a duplicate counts, too: its sender may have missed every ACK.
   large.heard = now;
   if (taken != IncomingMessage::Taken::kLast) {
     if ((header.flags & kFlagAckWanted) == 0) return {};
@@ -178,7 +176,7 @@ ServerSessions::Answer ServerSessions::acknowledge(const Header& about, const Fr
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize + FragmentAck::kSize)};
 }
 
-// How far a large reply has arrived.
+// Which fragments of a large reply have arrived.
 ServerSessions::Answer ServerSessions::on_ack(const Header& header, ConstBytes payload,
                                               const PeerAddress& peer, MonotonicTime now) noexcept {
   Session* session = find(header.session);
@@ -215,7 +213,7 @@ ConstBytes ServerSessions::next_frame(MonotonicTime now) noexcept {
   return frame;
 }
 
-// A copy of the call asks for what is not acknowledged yet.
+// A duplicate of the call asks for the unacknowledged fragments.
 ServerSessions::Answer ServerSessions::send_large_again(const Slot& slot,
                                                         MonotonicTime now) noexcept {
   ++counters_.duplicate_answered_count;
@@ -249,8 +247,7 @@ void ServerSessions::put_in_place_of_scratch(MutableBytes reserved) noexcept {
   has_freed_buffer_ = true;
 }
 
-// The scratch, which holds the reply, goes with it until it has arrived, and another buffer takes
-// its place.
+// The scratch, which holds the reply, becomes its buffer; a free one becomes the new scratch.
 ConstBytes ServerSessions::complete_large(const Request& request, Slot& slot, const Header& header,
                                           MonotonicTime now) noexcept {
   RTPM_ASSERT(

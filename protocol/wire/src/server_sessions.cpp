@@ -47,7 +47,7 @@ void ServerSessions::make_streams() {
 
 std::byte* ServerSessions::frame_of(std::uint32_t session_index,
                                     std::uint32_t slot_index) noexcept {
-  // On a stream nothing is sent twice, so that no reply is kept and one buffer serves all.
+  // A stream repeats nothing, so no reply is kept and one buffer serves all.
   if (config_.medium == Medium::kStream) return frames_.front().bytes;
   constexpr std::size_t kLinesPerFrame = kDatagramFrameSizeMax / sizeof(CacheLine);
   static_assert(kDatagramFrameSizeMax % sizeof(CacheLine) == 0);
@@ -66,13 +66,12 @@ Verdict ServerSessions::on_frame(ConstBytes frame, const PeerAddress& peer,
   sending_ = kNoLargeBuffer;
   repairing_ = kNoStream;
   is_reply_due_ = false;
-  // The request is made where it stays: to copy what was just written field by field takes longer
-  // than to write it.
+  // The request is constructed in place: copying fields just written costs more than writing them.
   Verdict verdict;
   Request& request = verdict.request;
   if (auto read = decode_frame(frame, config_.medium, request.header); !read) {
     static_cast<void>(drop(read.error()));
-    // hp-8-2: after a bad header a stream.s next frame cannot be found.
+    // hp-8-2: after a bad header the stream's next frame cannot be found.
     if (config_.medium == Medium::kStream) verdict.action = Verdict::Action::kHangUp;
     return verdict;
   }
@@ -127,7 +126,7 @@ ServerSessions::Answer ServerSessions::refuse(const Header& about, Status status
   return {Verdict::Action::kSend, ConstBytes(answer_).first(kHeaderSize), {}};
 }
 
-// hp-4.1-2, hp-4.1-3, hp-4.1-5: what can't be served is refused before it costs more.
+// hp-4.1-2, hp-4.1-3, hp-4.1-5: refuses early what cannot be served.
 std::optional<Status> ServerSessions::fault_of(const Header& header,
                                                const Hello& hello) const noexcept {
   if (hello.version_min > kVersion || hello.version_max < kVersion) {
@@ -155,7 +154,7 @@ ServerSessions::Answer ServerSessions::on_hello(const Header& header, ConstBytes
   answer.priority = header.priority;
   answer.call_id = header.call_id;
   answer.sender_time_ns = static_cast<std::uint64_t>(to_ns(now));
-  // hp-4.2-1: on datagrams a session needs proof of the address; on a stream it is proven.
+  // hp-4.2-1: over datagrams a session needs proof of the address; a stream is proof.
   if (!is_proven) {
     if (hello->cookie != Cookie{}) counters_.drop(DropReason::kBadCookie);
     const Cookie cookie = cookies_.give(peer, hello->client_epoch, now);
@@ -188,7 +187,7 @@ bool ServerSessions::is_of(const Session& session, const Hello& hello,
          session.channel == hello.channel;
 }
 
-// hp-4.1-6: a late copy of an earlier handshake must not end the session of a later one.
+// hp-4.1-6: a stale duplicate of an earlier handshake must not end the session of a later one.
 bool ServerSessions::is_late(const Hello& hello, std::uint32_t handshake_number,
                              const PeerAddress& peer) const noexcept {
   if (config_.medium == Medium::kStream) return false;
@@ -202,8 +201,8 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
                                                       std::uint32_t handshake_number,
                                                       const PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
-  // Linear, because handshakes are rare and a table of 256 is small. The copy of a HELLO whose
-  // WELCOME was lost finds the session that it opened (hp-4.1-4).
+  // Linear: handshakes are rare, the table is small. A repeated HELLO whose WELCOME was lost finds
+  // the session that it opened (hp-4.1-4).
   Session* best = nullptr;
   const bool has_capacity = has_capacity_for(peer);
   for (Session& session : sessions_) {
@@ -214,13 +213,12 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
     }
     if (is_of_channel ||
         (config_.medium == Medium::kStream && session.id != 0 && session.peer == peer)) {
-      // hp-4-4, hp-4.1-6: a connection, and a channel, has one session; a further HELLO replaces
-      // it.
+      // hp-4-4, hp-4.1-6: a further HELLO replaces the session of a connection or channel.
       end_session(session);
       best = &session;
       break;
     }
-    // hp-4-7: a host that has its share replaces only its own.
+    // hp-4-7: a host that has used its quota replaces only its own.
     if (!has_capacity && (session.id == 0 || !is_same_host(session.peer, peer))) continue;
     if (session.id == 0) {
       if (best == nullptr || best->id != 0) best = &session;
@@ -250,15 +248,15 @@ ServerSessions::Session* ServerSessions::find_or_open(const Hello& hello,
   return best;
 }
 
-// Bits 0 to 15 find the session without a search, bits 16 to 39 hold the lane under a mask, the
-// rest is random. The other bits cannot be guessed without the key.
+// Bits 0 to 15 are the session's index, bits 16 to 39 the masked lane, the rest is random and
+// cannot be guessed without the key.
 std::uint64_t ServerSessions::new_session_id(std::uint64_t index) noexcept {
   std::array<std::byte, 24> seed{};
   ByteWriter writer(seed);
   writer.put(config_.epoch);
   writer.put(++session_serial_);
   writer.put(std::uint64_t{config_.lane});
-  // Never 0.
+  // Bit 40 keeps the id from being 0.
   const std::uint64_t random = siphash_2_4(config_.key, seed) | std::uint64_t{1} << 40;
   const std::uint64_t id = (random & ~kLaneBits & ~kIndexBits) | index;
   return id | (lane_mask_of(id) ^ std::uint64_t{config_.lane} << kLaneShift);
@@ -272,18 +270,18 @@ std::uint64_t ServerSessions::lane_mask_of(std::uint64_t id) const noexcept {
   return siphash_2_4(config_.key, seed) & kLaneBits;
 }
 
-// hp-4.4-4: a number of this life of the server that another lane gave. A number of anything else
-// passes once in 2^24 for each lane.
+// hp-4.4-4: whether another lane gave `id` in this life of the server. Any other number passes once
+// in 2^24 for each lane.
 bool ServerSessions::is_of_another_lane(std::uint64_t id) const noexcept {
   const std::uint64_t lane = ((id ^ lane_mask_of(id)) & kLaneBits) >> kLaneShift;
   return lane < config_.lane_count && lane != config_.lane;
 }
 
-// hp-4.4-1, hp-4.4-4: the client shall see at once that this is another life of the server; but a
-// session that another lane serves is not lost.
+// hp-4.4-1, hp-4.4-4: the client learns at once that this is another life of the server; a session
+// of another lane is not lost.
 ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const PeerAddress& peer,
                                                       MonotonicTime now) noexcept {
-  // hp-4.4-5: no host may keep a lane busy by asking. A client asks again.
+  // hp-4.4-5: no host may keep a lane busy with answers. A client asks again.
   if (config_.medium == Medium::kDatagram && !stranger_answers_.admit(peer, now)) {
     return drop(DropReason::kRateLimited);
   }
@@ -296,8 +294,8 @@ ServerSessions::Answer ServerSessions::refuse_session(const Header& about, const
   return (about.flags & kFlagNoReply) != 0 ? Answer{} : refusal;
 }
 
-// Whether the host has fewer sessions than one host may have. Only a datagram's address names a
-// host; how many connections a host may open is the acceptor's affair.
+// Whether the host is below its quota of sessions. Only a datagram's address identifies a host; the
+// acceptor limits connections.
 bool ServerSessions::has_capacity_for(const PeerAddress& peer) const noexcept {
   if (config_.medium == Medium::kStream) return true;
   const auto count = std::ranges::count_if(sessions_, [&](const Session& session) {
@@ -312,7 +310,7 @@ ServerSessions::Session* ServerSessions::find(std::uint64_t id) noexcept {
   return &sessions_[index];
 }
 
-// hp-4.5-1: a CLOSE with a forged address must not end what another opened.
+// hp-4.5-1: a CLOSE from another address must not end the session.
 void ServerSessions::on_close(const Header& header, ConstBytes payload,
                               const PeerAddress& peer) noexcept {
   // hp-4.5-3

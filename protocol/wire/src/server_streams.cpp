@@ -4,7 +4,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-// The streams of the sessions: items that answer one call.   Source: spec/hprotocol.md#hp-5.10.
+// The streams of the sessions: items that answer one call (spec/hprotocol.md#hp-5.10).
 namespace rtpm::wire {
 
 ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot& slot) noexcept {
@@ -29,8 +29,8 @@ ServerSessions::Answer ServerSessions::begin_stream(const Request& request, Slot
   return {Verdict::Action::kDispatch};
 }
 
-// hp-5.10-7: until when a stream is kept without hearing of its caller. A connection tells by
-// itself when that is gone.
+// hp-5.10-7: until when a stream is kept while its caller is silent. A connection's end shows by
+// itself.
 MonotonicTime ServerSessions::lease_of(const Session& session, const Header& header,
                                        MonotonicTime now) const noexcept {
   if (config_.medium == Medium::kStream && header.budget_us == kBudgetUnlimited) return kNever;
@@ -97,7 +97,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   Answer answer;
   if (slot.stream != kNoStream) {
     Stream& stream = streams_[slot.stream];
-    // A late copy does not take back what a newer one promised.
+    // A stale CREDIT must not shorten the lease.
     stream.deadline = std::max(stream.deadline, lease_of(*session, header, now));
     stream.items.on_credit(*credit, header.item, is_asked);
     if (slot.state == Slot::State::kRunning) answer.credit_tag = slot.tag;
@@ -106,7 +106,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
     if (is_replied && stream.items.is_acknowledged()) free_stream(slot);
   }
   if (is_asked && is_replied && config_.medium == Medium::kDatagram) {
-    // hp-5.10-5: behind the frames that are missing the reply goes once more.
+    // hp-5.10-5: the reply is repeated after the missing frames.
     if (answer.frame.empty()) {
       answer.frame = kept_reply(index_of(*session), slot_index);
     } else {
@@ -114,7 +114,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
     }
     ++counters_.duplicate_answered_count;
   } else if (is_asked && answer.frame.empty() && slot.stream != kNoStream) {
-    // hp-5.10-5: nothing is missing; only that is said.
+    // hp-5.10-5: nothing is missing; the ACK says so.
     FragmentAck ack;
     ack.first_missing = 1;
     answer.frame = acknowledge(header, ack, streams_[slot.stream].items.count(), now).frame;
@@ -123,7 +123,7 @@ ServerSessions::Answer ServerSessions::on_credit(const Header& header, ConstByte
   return answer;
 }
 
-// The frames that were lost, then the reply if that is due, too.
+// The lost frames, then the reply if it is due.
 ConstBytes ServerSessions::next_repair() noexcept {
   Stream& stream = streams_[repairing_];
   if (const ConstBytes frame = stream.items.next(); !frame.empty()) {
@@ -136,7 +136,7 @@ ConstBytes ServerSessions::next_repair() noexcept {
 }
 
 void ServerSessions::on_time(MonotonicTime now) noexcept {
-  // A deadline may have moved on since it was told, but never back.
+  // `streams_due_` may be early: a stream's deadline only moves on.
   if (now < streams_due_) return;
   streams_due_ = kNever;
   for (const Stream& stream : streams_) {
@@ -145,7 +145,7 @@ void ServerSessions::on_time(MonotonicTime now) noexcept {
       streams_due_ = std::min(streams_due_, stream.deadline);
       continue;
     }
-    // hp-5.10-7: its caller broke the promise to be heard in time.
+    // hp-5.10-7: its caller was silent for too long.
     Slot& slot = sessions_[stream.session_index].slots[stream.slot_index];
     if (slot.state == Slot::State::kRunning) ++counters_.expired_count;
     cancel(slot);

@@ -9,8 +9,7 @@
 namespace rtpm::wire {
 namespace {
 
-// Frames, items and bytes are counted around the circle; of two counts within half of it, how far
-// the first is ahead.
+// Counts of frames, items and bytes wrap around: how far `number` is ahead of `of`, modulo 2^32.
 std::int32_t ahead(std::uint32_t number, std::uint32_t of) noexcept {
   return static_cast<std::int32_t>(number - of);
 }
@@ -40,7 +39,7 @@ void OutgoingStream::begin(const Header& header, const Buffers& buffers, Medium 
   RTPM_ASSERT(
       buffers.fragment_size >= 1 && kHeaderSize + buffers.fragment_size <= buffers.frame_size,
       "a frame holds a fragment");
-  // A power of two, so that the places go on where the numbers wrap around.
+  // A power of two, so that the slots stay in order where the numbers wrap around.
   window_ = static_cast<std::uint32_t>(std::bit_floor(
       std::min<std::size_t>(buffers.memory.size() / buffers.frame_size, kStreamWindow)));
   RTPM_ASSERT(window_ >= 1, "a stream has memory for a frame");
@@ -96,24 +95,20 @@ ConstBytes OutgoingStream::push(ConstBytes item, MonotonicTime now) noexcept {
 
 void OutgoingStream::on_credit(const StreamCredit& credit, std::uint32_t item_limit,
                                bool is_asked) noexcept {
-  // hp-5.10-8: who says that he has what was never sent lies or errs.
+  // hp-5.10-8: a client that acknowledges what was never sent is ignored.
   if (!is_begun() || ahead(credit.first_missing, count_) > 0) return;
   if (ahead(item_limit, item_limit_) > 0) item_limit_ = item_limit;
   if (ahead(credit.byte_limit, byte_limit_) > 0) byte_limit_ = credit.byte_limit;
   if (!is_kept() || ahead(credit.first_missing, first_missing_) < 0) return;
   first_missing_ = credit.first_missing;
   const std::uint32_t sent = count_ - first_missing_;
-  if (sent == 0) {
-    repairs_ = 0;
-    return;
-  }
-  // hp-5.10-4: what lies before a frame that arrived, and has not arrived itself, is lost; and, if
-  // nothing came for long, the first that is missing.
+  // hp-5.10-4: a missing frame before one that arrived is lost; so is the first missing one if the
+  // client heard nothing for long.
   const std::uint32_t known = static_cast<std::uint32_t>(std::bit_width(credit.later));
   const std::uint32_t lost_end = std::min(known, sent);
   const std::uint64_t before_known = lost_end == 0 ? 0 : ~std::uint64_t{0} >> (64 - lost_end);
   repairs_ = before_known & ~(credit.later << 1U);
-  if (is_asked) repairs_ |= 1;
+  if (is_asked && sent > 0) repairs_ |= 1;
 }
 
 ConstBytes OutgoingStream::next() noexcept {
@@ -133,22 +128,22 @@ void IncomingStream::begin(const Buffers& buffers, std::uint32_t window,
               "a stream has memory for a frame");
   *this = IncomingStream{};
   buffers_ = buffers;
-  place_count_ = static_cast<std::uint32_t>(
+  slot_count_ = static_cast<std::uint32_t>(
       std::min<std::size_t>(buffers.frames.size() / buffers.frame_size, kStreamFrameCountMax));
   window_ = window;
   freed_ = first_missing_ = first;
 }
 
-// Not the number modulo the places: that would jump where the numbers wrap around.
-std::uint32_t IncomingStream::place_of(std::uint32_t number) const noexcept {
-  return (freed_place_ + (number - freed_)) % place_count_;
+// Not the number modulo the slots: that would jump where the numbers wrap around.
+std::uint32_t IncomingStream::slot_of(std::uint32_t number) const noexcept {
+  return (freed_slot_ + (number - freed_)) % slot_count_;
 }
 
-std::byte* IncomingStream::frame_at(std::uint32_t place) const noexcept {
-  return buffers_.frames.data() + place * std::size_t{buffers_.frame_size};
+std::byte* IncomingStream::frame_at(std::uint32_t slot) const noexcept {
+  return buffers_.frames.data() + slot * std::size_t{buffers_.frame_size};
 }
 
-// Whether the frame that comes next in order goes on with the item at hand, or begins one.
+// Whether `part`, the next in order, continues the current item, or begins one.
 bool IncomingStream::fits(const Part& part) const noexcept {
   if (!is_midway()) {
     return part.index == 0 && (part.count == 1 || part.message_size <= buffers_.item.size());
@@ -169,7 +164,7 @@ IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payl
   const std::uint32_t number = header.item;
   const std::int32_t distance = ahead(number, first_missing_);
   if (distance < 0) return Taken::kDuplicate;
-  if (distance > 64 || number - freed_ >= place_count_ || payload.size() > buffers_.frame_size) {
+  if (distance > 64 || number - freed_ >= slot_count_ || payload.size() > buffers_.frame_size) {
     return Taken::kForeign;
   }
   if (is_ended_ && ahead(number, end_) >= 0) return Taken::kForeign;
@@ -180,23 +175,23 @@ IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payl
                   .fragment_size = header.fragment_count > 1 ? fragment_size_of(header) : 0,
                   .index = header.fragment_index,
                   .count = header.fragment_count};
-  // hp-5.10-9: nothing is kept that was not granted.
+  // hp-5.10-9: frames beyond the granted bytes are not kept.
   if (kept_bytes_ + part.size > buffers_.byte_window || (distance == 0 && !fits(part))) {
     return Taken::kForeign;
   }
-  const std::uint32_t place = place_of(number);
-  if (part.size > 0) std::memcpy(frame_at(place), payload.data(), part.size);
-  parts_[place] = part;
+  const std::uint32_t slot = slot_of(number);
+  if (part.size > 0) std::memcpy(frame_at(slot), payload.data(), part.size);
+  parts_[slot] = part;
   kept_bytes_ += part.size;
   present_ |= bit;
   if (distance > 0) return Taken::kAhead;
   accept(part);
-  // The frame that is missing now had its bit: it may have come before the one that was.
+  // Frames that were ahead may be next in order now.
   for (bool is_there = true; is_there;) {
     is_there = (present_ & 1) != 0;
     present_ >>= 1U;
     if (!is_there) break;
-    const Part& later = parts_[place_of(first_missing_)];
+    const Part& later = parts_[slot_of(first_missing_)];
     is_there = fits(later);
     if (is_there) {
       accept(later);
@@ -211,13 +206,13 @@ IncomingStream::Taken IncomingStream::take(const Header& header, ConstBytes payl
 
 bool IncomingStream::end(std::uint32_t count) noexcept {
   if (is_ended_) return count == end_;
-  if (ahead(count, known_end()) < 0 || count - freed_ > place_count_) return false;
+  if (ahead(count, known_end()) < 0 || count - freed_ > slot_count_) return false;
   is_ended_ = true;
   end_ = count;
   return true;
 }
 
-// Behind the last frame that came.
+// The number after the last frame that came.
 std::uint32_t IncomingStream::known_end() const noexcept {
   if (present_ == 0) return first_missing_;
   return first_missing_ + static_cast<std::uint32_t>(std::bit_width(present_)) + 1;
@@ -228,20 +223,20 @@ bool IncomingStream::reveals_gap(std::uint32_t number) const noexcept {
 }
 
 void IncomingStream::free_first() noexcept {
-  const std::uint32_t size = parts_[freed_place_].size;
+  const std::uint32_t size = parts_[freed_slot_].size;
   kept_bytes_ -= size;
   freed_bytes_ += size;
-  freed_place_ = (freed_place_ + 1) % place_count_;
+  freed_slot_ = (freed_slot_ + 1) % slot_count_;
   ++freed_;
 }
 
-// Moves the fragments that are there in order to the item that is put together, so that more of it
-// may come. What is looked at stays where it is.
+// Moves fragments in order to the buffer of their item, which frees slots for more of it. Stops at
+// what the reader views.
 void IncomingStream::put_together() noexcept {
   while (!is_whole_ && view_ == View::kNone && freed_ != first_missing_) {
-    const Part& part = parts_[freed_place_];
+    const Part& part = parts_[freed_slot_];
     if (part.count == 1) return;
-    std::memcpy(buffers_.item.data() + filled_, frame_at(freed_place_), part.size);
+    std::memcpy(buffers_.item.data() + filled_, frame_at(freed_slot_), part.size);
     filled_ += part.size;
     is_whole_ = part.index + 1 == part.count;
     free_first();
@@ -267,7 +262,7 @@ std::optional<ConstBytes> IncomingStream::next() noexcept {
     return ConstBytes(buffers_.item.data(), filled_);
   }
   view_ = View::kFrame;
-  return ConstBytes(frame_at(freed_place_), parts_[freed_place_].size);
+  return ConstBytes(frame_at(freed_slot_), parts_[freed_slot_].size);
 }
 
 StreamCredit IncomingStream::credit() const noexcept {

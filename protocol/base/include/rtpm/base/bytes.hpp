@@ -42,9 +42,10 @@ inline void store_le(std::byte* to, T value) noexcept {
   }
 }
 
-/// Takes little-endian fields one after the other from untrusted bytes. Reading past the end gives
-/// zeros and leaves ok() false for good, so that a parser checks once at its end.
-/// Ownership: views its bytes.   RT: alloc-free.
+/// Reads consecutive little-endian fields from untrusted bytes. Reading past the end gives zeros
+/// and leaves ok() false for good, so that a parser checks once at its end.
+/// @ownership views its bytes
+/// @realtime alloc-free
 class ByteReader {
  public:
   explicit ByteReader(ConstBytes bytes) noexcept : bytes_(bytes) {}
@@ -64,12 +65,13 @@ class ByteReader {
     offset_ += count;
     return field;
   }
-  /// Takes a reserved stretch of `count` bytes; whether it is there and zero as it has to be.
+  /// Skips `count` reserved bytes.
+  /// @return whether they are there and all zero
   [[nodiscard]] bool take_zeros(std::size_t count) noexcept {
     const ConstBytes field = take_bytes(count);
     return ok_ && std::ranges::all_of(field, [](std::byte b) { return b == std::byte{0}; });
   }
-  /// A view of text stored as a u16 length and that many bytes.
+  /// A view of text that is stored as a u16 length and that many bytes.
   [[nodiscard]] std::string_view take_text() noexcept {
     const ConstBytes text = take_bytes(take<std::uint16_t>());
     return {reinterpret_cast<const char*>(text.data()), text.size()};
@@ -83,9 +85,10 @@ class ByteReader {
   bool ok_ = true;
 };
 
-/// Puts little-endian fields one after the other. Writing past the end writes nothing and leaves
-/// ok() false for good.
-/// Ownership: views its bytes.   RT: alloc-free.
+/// Writes consecutive little-endian fields. Writing past the end writes nothing and leaves ok()
+/// false for good.
+/// @ownership views its bytes
+/// @realtime alloc-free
 class ByteWriter {
  public:
   explicit ByteWriter(MutableBytes bytes) noexcept : bytes_(bytes) {}
@@ -99,7 +102,7 @@ class ByteWriter {
       std::memcpy(to, bytes.data(), bytes.size());
     }
   }
-  /// Text as a u16 length and its bytes; longer than 65535 bytes fails.
+  /// Writes a u16 length and the bytes; fails if there are more than 65535.
   void put_text(std::string_view text) noexcept {
     if (text.size() > 0xffff) {
       ok_ = false;

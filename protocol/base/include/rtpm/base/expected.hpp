@@ -17,17 +17,20 @@ struct unexpected {
 template <class E>
 unexpected(E) -> unexpected<E>;
 
-/// A value or the reason why there is none; the part of C++23's std::expected that RTPM uses, for
-/// C++20. Reading the wrong side is a bug and aborts, it never throws.
-/// Ownership: holds its value or error in place.   Threads: as any plain value.
-/// RT: alloc-free if T and E are.
+/// A value or an error: the part of C++23's std::expected that RTPM uses, for C++20. Reading the
+/// wrong side is a bug and aborts; nothing throws.
+/// @ownership holds its value or error in place
+/// @threads  as any plain value
+/// @realtime alloc-free if T and E are
 template <class T, class E>
 class [[nodiscard]] expected {
  public:
   using value_type = T;
   using error_type = E;
 
-  expected() requires std::is_default_constructible_v<T> : has_value_(true) {
+  expected() noexcept(
+      std::is_nothrow_default_constructible_v<T>) requires std::is_default_constructible_v<T>
+      : has_value_(true) {
     std::construct_at(&value_);
   }
   template <class U = T>
@@ -37,15 +40,15 @@ class [[nodiscard]] expected {
       : has_value_(true) {
     std::construct_at(&value_, std::forward<U>(value));
   }
-  /// A value that is made where it stays.
+  /// Constructs the value in place.
   template <class... Arguments>
   explicit expected(std::in_place_t, Arguments&&... arguments) : has_value_(true) {
-    // Not through construct_at: a constructor that its friends alone may call is one of those.
+    // Not through construct_at, which may not call a constructor that is private to friends.
     ::new (static_cast<void*>(&value_)) T(std::forward<Arguments>(arguments)...);
   }
   template <class G>
   requires std::is_constructible_v<E, G&&>
-  // NOLINTNEXTLINE(google-explicit-constructor): likewise for a function that fails.
+  // NOLINTNEXTLINE(google-explicit-constructor): a function that fails returns its error as is.
   expected(unexpected<G> failure) : has_value_(false) {
     std::construct_at(&error_, std::move(failure.error));
   }
@@ -109,51 +112,16 @@ class [[nodiscard]] expected {
   };
 };
 
-/// The result of an operation that gives nothing back but can fail.
+/// The value of an operation that returns none.
+struct Nothing {};
+
+/// The result of an operation that returns no value but can fail.
 template <class E>
-class [[nodiscard]] expected<void, E> {
+class [[nodiscard]] expected<void, E> : public expected<Nothing, E> {
  public:
   using value_type = void;
-  using error_type = E;
-
-  expected() noexcept : has_value_(true), nothing_{} {}
-  template <class G>
-  requires std::is_constructible_v<E, G&&>
-  // NOLINTNEXTLINE(google-explicit-constructor): a function that fails returns its error as is.
-  expected(unexpected<G> failure) : has_value_(false) {
-    std::construct_at(&error_, std::move(failure.error));
-  }
-  expected(const expected& other) : has_value_(other.has_value_), nothing_{} {
-    if (!has_value_) std::construct_at(&error_, other.error_);
-  }
-  expected(expected&& other) noexcept : has_value_(other.has_value_), nothing_{} {
-    if (!has_value_) std::construct_at(&error_, std::move(other.error_));
-  }
-  expected& operator=(expected other) noexcept {
-    std::destroy_at(this);
-    return *std::construct_at(this, std::move(other));
-  }
-  ~expected() {
-    if (!has_value_) std::destroy_at(&error_);
-  }
-
-  [[nodiscard]] bool has_value() const noexcept { return has_value_; }
-  explicit operator bool() const noexcept { return has_value_; }
-  void value() const noexcept { RTPM_ASSERT(has_value_, "the value of a failed result was read"); }
-  [[nodiscard]] E& error() noexcept { return check_error(), error_; }
-  [[nodiscard]] const E& error() const noexcept { return check_error(), error_; }
-
- private:
-  struct Nothing {};
-  void check_error() const noexcept {
-    RTPM_ASSERT(!has_value_, "the error of a successful result was read");
-  }
-
-  bool has_value_;
-  union {
-    Nothing nothing_;
-    E error_;
-  };
+  using expected<Nothing, E>::expected;
+  void value() const noexcept { static_cast<void>(expected<Nothing, E>::value()); }
 };
 
 }  // namespace rtpm::inline base

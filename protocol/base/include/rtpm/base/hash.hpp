@@ -18,14 +18,15 @@ namespace rtpm::inline base {
   return hash;
 }
 
-/// The secret of a keyed hash; draw it at random once per process.
+/// The secret of a keyed hash: drawn at random once per process.
 struct SipKey {
   std::uint64_t low = 0;
   std::uint64_t high = 0;
 };
 
 /// SipHash-2-4, 64 bits: a keyed hash that cannot be forged without the key; for cookies.
-/// RT: alloc-free, about 20 ns for 40 bytes.   Source: Aumasson and Bernstein, 2012.
+/// @realtime alloc-free, about 20 ns for 40 bytes
+/// @source   Aumasson and Bernstein, 2012
 [[nodiscard]] std::uint64_t siphash_2_4(SipKey key, std::span<const std::byte> bytes) noexcept;
 
 }  // namespace rtpm::inline base

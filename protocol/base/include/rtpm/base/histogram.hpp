@@ -7,10 +7,11 @@
 
 namespace rtpm::inline base {
 
-/// Counts latencies in buckets whose width is under 1.6 % of their value, from 1 ns to over four
-/// hours, so that p99.99 of millions of samples needs neither memory nor sorting.
-/// Ownership: 64 KiB in place; make it static or a member, not a local of a lane thread.
-/// Threads: one at a time.   RT: record() is alloc-free, a few ns.
+/// Counts latencies from 1 ns to over four hours in buckets no wider than 1.6 % of their value, so
+/// that p99.99 of millions of samples needs neither memory nor sorting.
+/// @ownership 64 KiB in place; make it static or a member, not a local of a lane thread
+/// @threads  one at a time
+/// @realtime record() is alloc-free, a few ns
 class LatencyHistogram {
  public:
   /// Adds one sample; a negative one counts as 0.
@@ -19,8 +20,8 @@ class LatencyHistogram {
   void clear() noexcept { *this = LatencyHistogram{}; }
 
   [[nodiscard]] std::uint64_t count() const noexcept { return count_; }
-  /// The latency that `percent` (0…100) of the samples do not exceed, 0 without samples. It is the
-  /// upper end of a bucket, at most 1.6 % too high, and never above max().
+  /// The latency that `percent` (0…100) of the samples do not exceed; 0 without samples. At most
+  /// 1.6 % too high, and never above max().
   [[nodiscard]] Duration percentile(double percent) const noexcept;
   [[nodiscard]] Duration min() const noexcept { return count_ == 0 ? Duration{0} : min_; }
   [[nodiscard]] Duration max() const noexcept { return max_; }

@@ -10,18 +10,19 @@
 
 namespace rtpm::inline base {
 
-/// What Latest does between two steps of a write: nothing. A test stops the writer there.
+/// What Latest does between two steps of a write: nothing. A test's own type stops the writer
+/// there.
 struct LatestNoPause {
   static void pause() noexcept {}
 };
 
 /// The newest value of a state that one real-time thread writes and others read, such as a device's
-/// sample. Neither waits for the other: the writer fills the oldest of several slots and publishes
-/// it when it is whole. So a writer that is preempted, stopped or killed in the middle of a write
-/// leaves the value before it readable, and a reader tries again only if it was itself overtaken by
-/// kSlotCount − 1 writes while it copied one value.
-/// Ownership: holds kSlotCount values in place.   Threads: write() from one thread; read() from
-/// any. RT: write() is wait-free; read() copies once, and at most kReadAttemptMax times.
+/// sample. Neither side waits for the other: the writer fills the oldest slot, then publishes it. A
+/// writer that is preempted or killed during a write leaves the previous value readable. A reader
+/// retries only if kSlotCount − 1 writes overtook it while it copied one value.
+/// @ownership holds kSlotCount values in place
+/// @threads  write() from one thread; read() from any
+/// @realtime write() is wait-free; read() copies once, and at most kReadAttemptMax times
 template <class T, class Pause = LatestNoPause>
 requires std::is_trivially_copyable_v<T>
 class Latest {
@@ -34,7 +35,7 @@ class Latest {
     std::memcpy(words.data(), &value, sizeof value);
     const std::uint64_t number = newest_.load(std::memory_order_relaxed) + 1;
     Slot& slot = slots_[number % kSlotCount];
-    // SYNC POINT latest-begin: the number says that the words are changing; each word is released
+    // SYNC POINT latest-begin: the number announces that the words change; each word is released
     // after it.
     slot.number.store(number, std::memory_order_relaxed);
     Pause::pause();
@@ -46,8 +47,8 @@ class Latest {
     newest_.store(number, std::memory_order_release);
   }
 
-  /// The newest value that was written to its end. Nothing: there is none yet, or kReadAttemptMax
-  /// times in a row the reader was overtaken.
+  /// The newest complete value; nothing if there is none yet, or if writes overtook the reader
+  /// kReadAttemptMax times in a row.
   [[nodiscard]] std::optional<T> read() const noexcept {
     for (int attempt = 0; attempt < kReadAttemptMax; ++attempt) {
       // SYNC POINT latest-end
@@ -75,14 +76,13 @@ class Latest {
  private:
   static constexpr std::size_t kWordCount = (sizeof(T) + 7) / 8;
 
-  /// A value and its number. On cache lines of its own, which only the writer of this value
-  /// touches.
+  /// On cache lines of its own: writes to other slots do not disturb its reader.
   struct alignas(64) Slot {
     std::atomic<std::uint64_t> number{0};
     std::array<std::atomic<std::uint64_t>, kWordCount> words{};
   };
 
-  /// The number of the newest value that is whole; 0: there is none.
+  /// The number of the newest complete value; 0: there is none.
   alignas(64) std::atomic<std::uint64_t> newest_{0};
   std::array<Slot, kSlotCount> slots_{};
 };

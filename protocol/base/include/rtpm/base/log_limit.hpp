@@ -8,22 +8,23 @@
 
 namespace rtpm::inline base {
 
-/// How many lines a log takes.
+/// How many lines a log accepts.
 struct LogRate {
-  std::uint32_t burst = 20;                     ///< At once, at least 2,
-  Duration interval = std::chrono::seconds{1};  ///< and one more each so long.
+  std::uint32_t burst = 20;                     ///< Lines at once; at least 2.
+  Duration interval = std::chrono::seconds{1};  ///< One more line per interval.
 };
 
-/// Keeps a log to a rate, whatever causes its lines: a token bucket that counts what it holds back.
-/// Threads: one at a time.   RT: alloc-free.
+/// Limits the rate of a log: a token bucket that counts the lines it suppresses.
+/// @threads  one at a time
+/// @realtime alloc-free
 class LogLimit {
  public:
   explicit LogLimit(LogRate rate = {}) noexcept : rate_(rate), tokens_(rate.burst) {}
 
-  /// Whether a line may be written now; else it counts as suppressed.
+  /// Whether a line may be written now; if not, it counts as suppressed.
   [[nodiscard]] bool admit(MonotonicTime now) noexcept {
     refill(now);
-    // The last one is for the line that tells how many were suppressed.
+    // The last token is for the line that reports how many were suppressed.
     if (tokens_ > 1) {
       --tokens_;
       return true;
@@ -31,14 +32,14 @@ class LogLimit {
     ++suppressed_count_;
     return false;
   }
-  /// How many lines were suppressed since this last told; 0 while that may not be written either.
+  /// How many lines were suppressed since the last report; 0 while the rate allows no report.
   [[nodiscard]] std::uint64_t take_suppressed(MonotonicTime now) noexcept {
     refill(now);
     if (suppressed_count_ == 0 || tokens_ == 0) return 0;
     --tokens_;
     return std::exchange(suppressed_count_, 0);
   }
-  /// The same, whatever the rate says: at the end.
+  /// The same without the rate limit: for the log's end.
   [[nodiscard]] std::uint64_t take_all_suppressed() noexcept {
     return std::exchange(suppressed_count_, 0);
   }

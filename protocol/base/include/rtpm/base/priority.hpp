@@ -7,16 +7,16 @@
 
 namespace rtpm::inline base {
 
-/// How urgent a call is: 0 (least) to 32767 (most), the same on every host whatever its operating
-/// system's own levels are. The range is RT-CORBA's.
+/// The urgency of a call: 0 (least) to 32767 (most), independent of the native levels of a host.
+/// @source   RT-CORBA's range
 class Priority {
  public:
   static constexpr int kLowest = 0;
   static constexpr int kHighest = 32767;
 
   constexpr Priority() noexcept = default;
-  /// A number outside 0…32767 is the caller's bug and aborts; check what comes from outside first.
-  // NOLINTNEXTLINE(google-explicit-constructor): `.priority = 24000` is how people write it.
+  /// Aborts if `value` is outside 0…32767: check untrusted numbers with is_valid() first.
+  // NOLINTNEXTLINE(google-explicit-constructor): users write `.priority = 24000`.
   constexpr Priority(int value) noexcept : value_(static_cast<std::uint16_t>(value)) {
     RTPM_ASSERT(is_valid(value), "a priority is 0 to 32767");
   }
@@ -31,7 +31,7 @@ class Priority {
   std::uint16_t value_ = 0;
 };
 
-/// The priorities from `low` to `high`, both included, that one lane serves.
+/// The priorities that one lane serves: from `low` to `high`, both included.
 struct Band {
   Priority low = Priority::kLowest;
   Priority high = Priority::kHighest;

@@ -13,55 +13,56 @@
 
 namespace rtpm::inline base {
 
-/// What the two ends of a record ring share besides the records: on cache lines by who writes them,
-/// so that both keep the line while neither writes. Zero at first. In the order of bytes of the
-/// host, which both ends are on.   Source: spec/hprotocol.md#hp-16.2.
+/// What the two ends of a record ring share besides the records. Each side's words are on cache
+/// lines of their own, so that both cores keep a line while neither writes. Zero at the beginning;
+/// in the byte order of the host, which both ends are on.
+/// @source   spec/hprotocol.md#hp-16.2
 struct RecordRingControl {
-  /// Bytes ever written to the ring. The writer's.
+  /// Set by the writer: bytes ever written to the ring.
   alignas(64) std::atomic<std::uint64_t> tail{0};
-  /// Bytes ever read from the ring. The reader's,
+  /// Set by the reader: bytes ever read from the ring.
   alignas(64) std::atomic<std::uint64_t> head{0};
-  /// and so is the number of the record that was read last.
+  /// Set by the reader: the number of the last record read.
   std::atomic<std::uint32_t> taken{0};
-  /// How the reader sleeps, if it does: a RecordSleep. It sets it; who takes it back wakes.
+  /// Set by the reader: a RecordSleep. A writer that resets it wakes the reader.
   alignas(64) std::atomic<std::uint32_t> sleeping{0};
 };
 static_assert(sizeof(RecordRingControl) == 192);
 static_assert(std::atomic<std::uint64_t>::is_always_lock_free &&
               std::atomic<std::uint32_t>::is_always_lock_free);
 
-/// Where the reader of a ring sleeps.   Source: spec/hprotocol.md#hp-16.3.
+/// What the reader of a ring sleeps on.
+/// @source   spec/hprotocol.md#hp-16.3
 enum class RecordSleep : std::uint32_t {
   kAwake = 0,
-  kAtBell = 1,   ///< Where a bell reaches it, with other things.
-  kAtWord = 2,   ///< On the word that says so.
-  kAtEvent = 3,  ///< Where an event of its own reaches it, with other things.
+  kAtBell = 1,   ///< On several descriptors, one of which receives the bell.
+  kAtWord = 2,   ///< On the word RecordRingControl::sleeping.
+  kAtEvent = 3,  ///< On several descriptors, one of which is the reader's eventfd.
 };
 
-/// Records of the ring begin at multiples of this: a word with the number and the size, the bytes,
-/// and what is left of the last line.
+/// A record is a word with its number and size, its bytes, and padding to a multiple of this.
 inline constexpr std::size_t kRecordAlignment = 64;
 inline constexpr std::size_t kRecordWordSize = 8;
 
-/// A short record stands in the slot of its number instead, if the one before it there was read:
-/// its word says that it is there, so that news and record are one way between the cores, and both
-/// cores have kept the few lines of the slots.
+/// A short record is in the slot of its number instead, once the slot's earlier record was read.
+/// Its word announces it, so that notice and record cross between the cores together, on one of a
+/// few lines that both cores keep.
 inline constexpr std::size_t kRecordSlotSize = 256;
 inline constexpr std::uint32_t kRecordSlotCount = 16;
 inline constexpr std::size_t kRecordSlotsSize = kRecordSlotSize * kRecordSlotCount;
 inline constexpr std::size_t kShortRecordMax = kRecordSlotSize - kRecordWordSize;
 
-/// Where among the slots that of a record begins.   RT: alloc-free.
+/// The slot of a record: its offset among the slots.
 [[nodiscard]] constexpr std::uint64_t record_slot_position(std::uint32_t number) noexcept {
   return std::uint64_t{number % kRecordSlotCount} * kRecordSlotSize;
 }
 
-/// How many bytes of a ring a record takes.   RT: alloc-free.
+/// How many bytes of a ring a record of `size` bytes takes.
 [[nodiscard]] constexpr std::size_t record_span(std::size_t size) noexcept {
   return (kRecordWordSize + size + kRecordAlignment - 1) / kRecordAlignment * kRecordAlignment;
 }
 
-/// The word before a record. Records are counted from 1 on, modulo 2^32.
+/// The word in front of a record. Records are numbered from 1, modulo 2^32.
 struct RecordWord {
   std::uint32_t size = 0;
   std::uint32_t number = 0;
@@ -74,11 +75,11 @@ struct RecordWord {
   }
 };
 
-/// The memory of the records, as words. The peer may write there at any time; so each word
-/// is read once, by an atomic that orders nothing: what is read is some value, and nothing worse.
+/// The memory of the records, as words. The peer may write there at any time, so each word is read
+/// once, by a relaxed atomic: the value may be anything, the behaviour is defined.
 class RecordMemory {
  public:
-  /// `data`: a power of two of bytes, aligned to a cache line.
+  /// @param data  a power of two of bytes, aligned to a cache line
   explicit RecordMemory(MutableBytes data) noexcept
       : words_(reinterpret_cast<std::uint64_t*>(data.data())), size_(data.size()) {
     RTPM_ASSERT(std::has_single_bit(data.size()) && data.size() >= kRecordAlignment &&
@@ -94,31 +95,30 @@ class RecordMemory {
   /// Writes the bytes of a record behind the word at `position`.
   void write(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
-    // The record is in one piece or, at the end of the memory, in two.
+    // A record that reaches the end of the memory continues at its beginning.
     const std::size_t first = std::min(record.size(), left_behind(begin));
     copy_in(record.first(first), begin + 1);
     copy_in(record.subspan(first), words_);
   }
-  /// The same for a record in one piece, its first line last: so the word that is written next has
-  /// no other line in between.
+  /// As write(), for a record that does not wrap. Writes its first line last: the word, which is
+  /// written next, is on the same line.
   void write_backwards(std::uint64_t position, ConstBytes record) noexcept {
     std::uint64_t* const begin = word_at(position);
     const std::size_t first = std::min(record.size(), kRecordAlignment - kRecordWordSize);
     copy_in(record.subspan(first), begin + kRecordAlignment / kRecordWordSize);
     copy_in(record.first(first), begin + 1);
   }
-  /// Copies the bytes of the record at `position`, which the caller found to be to.size().
+  /// Copies the bytes of the record at `position`; the caller checked its size, to.size().
   void read(std::uint64_t position, MutableBytes to) const noexcept {
     const std::uint64_t* const begin = word_at(position);
     const std::size_t first = std::min(to.size(), left_behind(begin));
     copy_out(begin + 1, to.first(first));
     copy_out(words_, to.subspan(first));
   }
-  /// Takes the cache line at `position` for a write that will follow.
+  /// Prefetches the cache line at `position` for writing.
   void expect_write(std::uint64_t position) const noexcept {
 #if defined(__x86_64__)
-    // Compilers know this instruction only where they build for that processor alone; to others it
-    // is none.
+    // Compilers emit it only for processors that are sure to have it; on others it does nothing.
     __asm__ volatile("prefetchw %0" : : "m"(*word_at(position)));
 #else
     __builtin_prefetch(word_at(position), 1);
@@ -129,11 +129,11 @@ class RecordMemory {
   [[nodiscard]] std::uint64_t* word_at(std::uint64_t position) const noexcept {
     return words_ + (position & (size_ - 1)) / kRecordWordSize;
   }
-  /// Bytes from behind the size of a record to the end of the memory.
+  /// Bytes from behind the word at `begin` to the end of the memory.
   [[nodiscard]] std::size_t left_behind(const std::uint64_t* begin) const noexcept {
     return size_ - static_cast<std::size_t>(begin + 1 - words_) * kRecordWordSize;
   }
-  // NOLINTNEXTLINE(readability-non-const-parameter): what it points to is written.
+  // NOLINTNEXTLINE(readability-non-const-parameter): `*to` is written.
   static void store(std::uint64_t* to, std::uint64_t value) noexcept {
     std::atomic_ref<std::uint64_t>(*to).store(value, std::memory_order_relaxed);
   }
@@ -179,10 +179,11 @@ struct RecordRingMemory {
   MutableBytes records;  ///< The ring: a power of two of bytes.
 };
 
-/// The end of a record ring that writes. What the other end has written to the shared words is
-/// never trusted.
-/// Ownership: the memory must outlive it.   Threads: one.   RT: wait-free, alloc-free.
-/// Source: spec/hprotocol.md#hp-16.2.
+/// The writing end of a record ring. It never trusts what the reader wrote to the shared words.
+/// @ownership refers to the memory, which must outlive it
+/// @threads  one
+/// @realtime wait-free, alloc-free
+/// @source   spec/hprotocol.md#hp-16.2
 class RecordWriter {
  public:
   enum class Outcome : std::uint8_t {
@@ -191,13 +192,13 @@ class RecordWriter {
     kWrittenForWord,   ///< The reader sleeps on sleeping(): wake it there.
     kWrittenForEvent,  ///< The reader sleeps: signal its event.
     kFull,             ///< Nothing was written. Try again when the reader has read.
-    kBroken,           ///< The shared words hold nonsense: nothing was written; give it up.
+    kBroken,           ///< Nothing was written: the shared words are invalid. Stop using the ring.
   };
 
   explicit RecordWriter(const RecordRingMemory& memory) noexcept
       : control_(&memory.control), slots_(memory.slots), ring_(memory.records) {}
 
-  /// Writes one record, which fits the ring and is not empty.
+  /// @param record  not empty, fits the ring
   [[nodiscard]] Outcome write(ConstBytes record) noexcept {
     RTPM_ASSERT(!record.empty() && record_span(record.size()) <= ring_.size(),
                 "a record fits its ring");
@@ -207,8 +208,8 @@ class RecordWriter {
     }
     return write_to_ring(record);
   }
-  /// Whether half of the ring stays free behind a record of so many bytes, or it is empty. Where
-  /// the shared words hold nonsense it says yes, so that write() tells of it.
+  /// Whether the ring is empty, or half of it stays free behind a record of `size` bytes. True also
+  /// if the shared words are invalid: write() then reports kBroken.
   [[nodiscard]] bool has_spare_capacity(std::size_t size) noexcept {
     const auto is_there = [&] {
       return tail_ == head_ || tail_ + record_span(size) - head_ <= ring_.size() / 2;
@@ -221,20 +222,20 @@ class RecordWriter {
     return is_there();
   }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
-  /// How many records were written and not read, as the reader says.   RT: wait-free.
+  /// How many records were written and not read, by the reader's own count.
   [[nodiscard]] std::uint32_t unread_count() const noexcept {
-    // hp-16.2-2: a reader that says to have read what was not written has read nothing more.
+    // hp-16.2-2: a count beyond what was written is ignored.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
     const bool is_possible = taken - taken_ <= number_ - 1 - taken_;
     return number_ - 1 - (is_possible ? taken : taken_);
   }
 
  private:
-  /// Whether the record that has the next one's slot was read, as far as is known.
+  /// Whether the next record's slot is known to be free.
   [[nodiscard]] bool has_slot() const noexcept { return number_ - taken_ <= kRecordSlotCount; }
-  /// hp-16.2-2: false if the reader says to have read what was not written, or less than before.
+  /// hp-16.2-2: false if the reader's count is beyond what was written, or went back.
   [[nodiscard]] bool learn_taken() noexcept {
-    // SYNC POINT slot-free: the reader is done with this record and those before it.
+    // SYNC POINT slot-free: the reader is done with this record and those before.
     const std::uint32_t taken = control_->taken.load(std::memory_order_acquire);
     if (taken - taken_ > number_ - 1 - taken_) return false;
     taken_ = taken;
@@ -244,10 +245,10 @@ class RecordWriter {
   [[nodiscard]] Outcome write_to_slot(ConstBytes record) noexcept {
     const std::uint64_t position = record_slot_position(number_);
     slots_.write_backwards(position, record);
-    // SYNC POINT slot-written: the record is whole.
+    // SYNC POINT slot-written: the record is complete.
     slots_.word(position).store(next_word(record), std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // Learned before it is needed.
+    // Early, so that a later write need not wait for this line.
     if (number_ - taken_ > kRecordSlotCount / 2) static_cast<void>(learn_taken());
     return outcome;
   }
@@ -258,7 +259,7 @@ class RecordWriter {
     if (tail_ + span - head_ > ring_.size()) {
       // SYNC POINT record-free: the reader is done with what is before head.
       const std::uint64_t head = control_->head.load(std::memory_order_acquire);
-      // hp-16.2-2: it moves on between where it was and what was written.
+      // hp-16.2-2: it never goes back, nor beyond what was written.
       if (head - head_ > tail_ - head_ || head % kRecordAlignment != 0) return Outcome::kBroken;
       head_ = head;
       if (tail_ + span - head_ > ring_.size()) return Outcome::kFull;
@@ -266,11 +267,11 @@ class RecordWriter {
     ring_.write(tail_, record);
     ring_.word(tail_).store(next_word(record), std::memory_order_relaxed);
     tail_ += span;
-    // SYNC POINT record-written: the record is whole.
+    // SYNC POINT record-written: the record is complete.
     control_->tail.store(tail_, std::memory_order_seq_cst);
     const Outcome outcome = wake();
-    // The reader has these lines from the last time round. To take them now, and not when the next
-    // record is written, spares that record the way to the other core. It will be as large.
+    // The reader's core still holds these lines from the last round. Fetched now, they do not delay
+    // the next record, which is assumed to be as large.
     constexpr std::size_t kExpectedMax = 256;
     for (std::size_t ahead = 0; ahead < std::min(span, kExpectedMax); ahead += kRecordAlignment) {
       ring_.expect_write(tail_ + ahead);
@@ -282,10 +283,10 @@ class RecordWriter {
     return RecordWord{static_cast<std::uint32_t>(record.size()), number_++}.value();
   }
 
-  /// What is to be done to wake the reader, if it sleeps.
+  /// How to wake the reader, if it sleeps.
   [[nodiscard]] Outcome wake() noexcept {
-    // SYNC POINT record-sleep: first the record, then a look at sleeping; the reader does it the
-    // other way round. Sequentially consistent, so that one of both sees the other.
+    // SYNC POINT record-sleep: the writer stores the record, then loads `sleeping`; the reader does
+    // the reverse. Sequentially consistent, so that at least one sees the other.
     // hp-16.3-1: of several records for one sleeper only the first wakes it.
     std::uint32_t sleep = control_->sleeping.load(std::memory_order_seq_cst);
     if (sleep != 0) sleep = control_->sleeping.exchange(0, std::memory_order_relaxed);
@@ -300,21 +301,22 @@ class RecordWriter {
   RecordMemory slots_;
   RecordMemory ring_;
   std::uint32_t number_ = 1;  ///< Of the next record.
-  std::uint32_t taken_ = 0;   ///< The last that was read, as last seen.
-  std::uint64_t tail_ = 0;    ///< Ours; the shared word is only told.
+  std::uint32_t taken_ = 0;   ///< The last record read, as last seen.
+  std::uint64_t tail_ = 0;    ///< The shared word is a copy, never read back.
   std::uint64_t head_ = 0;    ///< The reader's, as last seen.
 };
 
 /// Why a record ring gave no record.
 enum class RecordError : std::uint8_t {
   kEmpty,   ///< There is none now.
-  kBroken,  ///< The shared words hold nonsense. Read no more.
+  kBroken,  ///< The shared words are invalid. Stop using the ring.
 };
 
-/// The end of a record ring that reads. What the other end has written to the shared words is never
-/// trusted.
-/// Ownership: the memory must outlive it.   Threads: one.   RT: wait-free, alloc-free.
-/// Source: spec/hprotocol.md#hp-16.2.
+/// The reading end of a record ring. It never trusts what the writer wrote to the shared words.
+/// @ownership refers to the memory, which must outlive it
+/// @threads  one
+/// @realtime wait-free, alloc-free
+/// @source   spec/hprotocol.md#hp-16.2
 class RecordReader {
  public:
   explicit RecordReader(const RecordRingMemory& memory) noexcept
@@ -326,8 +328,9 @@ class RecordReader {
            control_->tail.load(std::memory_order_relaxed) != head_;
   }
 
-  /// Copies the next record to the beginning of `to`, which holds the largest allowed; gives its
-  /// size.
+  /// Copies the next record to the beginning of `to`.
+  /// @param to  holds the largest record allowed
+  /// @return the record's size
   [[nodiscard]] expected<std::size_t, RecordError> read(MutableBytes to) noexcept {
     // SYNC POINT slot-written
     if (has_slot(std::memory_order_acquire)) return read_slot(to);
@@ -335,26 +338,25 @@ class RecordReader {
       // SYNC POINT record-written
       const std::uint64_t tail = control_->tail.load(std::memory_order_acquire);
       if (tail == head_) return unexpected{RecordError::kEmpty};
-      // hp-16.2-2: no more can be there than the ring holds.
+      // hp-16.2-2: the ring cannot hold more.
       if (tail - head_ > ring_.size() || tail % kRecordAlignment != 0) {
         return unexpected{RecordError::kBroken};
       }
       tail_ = tail;
-      // The one before it may have come to its slot since that was looked at.
+      // The record before it may have come to its slot since the check above.
       if (has_slot(std::memory_order_acquire)) return read_slot(to);
     }
     return read_ring(to);
   }
 
-  /// Says that the reader is about to sleep; false if there is a record by now, so that it must
-  /// not.
+  /// Announces that the reader is about to sleep.
+  /// @return false: there is a record by now, do not sleep
   [[nodiscard]] bool announce_sleep(RecordSleep sleep) noexcept {
     // SYNC POINT record-sleep
     control_->sleeping.store(static_cast<std::uint32_t>(sleep), std::memory_order_seq_cst);
     return !has_slot(std::memory_order_seq_cst) && tail_ == head_ &&
            control_->tail.load(std::memory_order_seq_cst) == head_;
   }
-  /// The reader is awake.
   void end_sleep() noexcept { control_->sleeping.store(0, std::memory_order_relaxed); }
   [[nodiscard]] std::atomic<std::uint32_t>& sleeping() const noexcept { return control_->sleeping; }
 
@@ -367,7 +369,7 @@ class RecordReader {
   [[nodiscard]] expected<std::size_t, RecordError> read_slot(MutableBytes to) noexcept {
     const std::uint64_t position = record_slot_position(number_);
     const auto word = RecordWord::of(slots_.word(position).load(std::memory_order_relaxed));
-    // hp-16.2-3: from here on only our copy of the size counts.
+    // hp-16.2-3: from here on only this copy of the size counts.
     if (word.size == 0 || word.size > std::min(kShortRecordMax, to.size())) {
       return unexpected{RecordError::kBroken};
     }
@@ -399,7 +401,7 @@ class RecordReader {
   RecordMemory slots_;
   RecordMemory ring_;
   std::uint32_t number_ = 1;  ///< Of the next record.
-  std::uint64_t head_ = 0;    ///< Ours; the shared word is only told.
+  std::uint64_t head_ = 0;    ///< The shared word is a copy, never read back.
   std::uint64_t tail_ = 0;    ///< The writer's, as last seen.
 };
 

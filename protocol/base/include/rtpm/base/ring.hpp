@@ -10,20 +10,21 @@
 
 namespace rtpm::inline base {
 
-/// A bounded queue from one thread to one other, for hand-overs such as an accepted connection.
-/// Ownership: holds `Capacity` values in place.
-/// Threads: push() from one thread, pop() from one other.   RT: wait-free, alloc-free.
+/// A bounded queue from one thread to one other thread, such as for accepted connections.
+/// @ownership holds `Capacity` values in place
+/// @threads  push() from one thread, pop() from one other
+/// @realtime wait-free, alloc-free
 template <class T, std::size_t Capacity>
 requires(std::has_single_bit(Capacity) &&
          std::is_nothrow_default_constructible_v<T>) class SpscRing {
  public:
-  /// False when the ring is full; the value is then unchanged and still the caller's.
+  /// @return false: the ring is full; `value` is unchanged and stays the caller's
   [[nodiscard]] bool push(T& value) noexcept {
     const std::size_t tail = tail_.load(std::memory_order_relaxed);
     // SYNC POINT ring-free: the consumer is done with the slot.
     if (tail - head_.load(std::memory_order_acquire) == Capacity) return false;
     slots_[tail % Capacity] = std::move(value);
-    // SYNC POINT ring-filled: the slot's value is whole.
+    // SYNC POINT ring-filled: the slot's value is complete.
     tail_.store(tail + 1, std::memory_order_release);
     return true;
   }

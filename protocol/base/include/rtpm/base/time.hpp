@@ -5,11 +5,11 @@
 
 namespace rtpm::inline base {
 
-/// The unit of every span of time in RTPM.
+/// A span of time.
 using Duration = std::chrono::nanoseconds;
 
-/// Names the time line of CLOCK_MONOTONIC. It has no now(): protocol code gets the time as an
-/// argument, and only rtpm::rt reads the clock.
+/// The time line of CLOCK_MONOTONIC. It has no now(): protocol code takes the time as an argument;
+/// only rtpm::rt reads the clock.
 struct MonotonicClock {
   using duration = Duration;
   using rep = duration::rep;
@@ -21,7 +21,7 @@ struct MonotonicClock {
 /// A point on this host's monotonic time line.
 using MonotonicTime = MonotonicClock::time_point;
 
-/// "Never": later than every other time.
+/// Later than every other time.
 inline constexpr MonotonicTime kNever = MonotonicTime::max();
 
 [[nodiscard]] constexpr std::int64_t to_ns(MonotonicTime time) noexcept {

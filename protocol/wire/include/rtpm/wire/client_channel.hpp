@@ -20,33 +20,34 @@
 
 namespace rtpm::wire {
 
-/// Whether a call that was refused with unknown_session has certainly not run: the server is the
-/// one that gave the lost session, and would not have dropped a session that it heard since the
-/// call was `begun` (hp-5.5-2).
+/// Whether a call that was refused with unknown_session has certainly not run: the server still
+/// lives the epoch that opened the session, and would have kept a session that it heard since the
+/// call was `begun`.
+/// @source   spec/hprotocol.md#hp-5.5-2
 [[nodiscard]] bool has_not_run(std::uint64_t lost_epoch, std::uint64_t epoch_now,
                                MonotonicTime begun, MonotonicTime now) noexcept;
 
 /// How a channel is set up.
 struct ClientChannelConfig {
   Medium medium = Medium::kDatagram;
-  std::uint64_t client_epoch = 0;  ///< Of the program; not 0.
+  std::uint64_t client_epoch = 0;  ///< The program's; not 0.
   std::uint64_t channel = 0;       ///< Different for each channel of the program.
   std::uint64_t clock_domain = 0;
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   std::uint16_t open_call_max = 1;  ///< Calls at a time, 1…kCallWindow, if the server grants them.
-  /// Drawn at random in each life of the program: the first handshake has the number behind it. So
-  /// an answer to an earlier life at the same address is told apart (hp-4-2).
+  /// Random for each life of the program; the first handshake has the next number. So an answer to
+  /// an earlier life at the same address does not match (hp-4-2).
   std::uint32_t handshake_number = 0;
 };
 
-/// When a caller is told that its call is done.
+/// When a call counts as done for its caller.
 enum class Delivery : std::uint8_t {
   kReply,    ///< With the method's result.
-  kReceipt,  ///< When the server has it and is about to run it. Nothing comes back of the method.
+  kReceipt,  ///< When the server has it and is about to run it. The method's result is dropped.
   kSent,     ///< At once: it may get lost. One frame only.
 };
 
-/// What a call is to carry besides its payload.
+/// What a call carries besides its payload.
 struct CallParameters {
   std::uint32_t service = 0;
   std::uint16_t method = 0;
@@ -54,18 +55,18 @@ struct CallParameters {
   std::uint64_t trace_id = 0;
   MonotonicTime deadline{};
   Delivery delivery = Delivery::kReply;
-  /// Of a stream: how many items it takes at a time, up to kStreamWindow; 0: it is none.
+  /// How many items a stream takes at a time, up to kStreamWindow; 0: the call is no stream.
   std::uint32_t stream_window = 0;
-  /// Of a stream: where items are collected.
+  /// Where a stream's items are collected.
   IncomingStream::Buffers stream_buffers{};
-  /// Of a stream: how long the client goes on asking without an answer, at most kStreamSilence.
+  /// How long a stream's client keeps asking without an answer, at most kStreamSilence.
   Duration stream_silence = kStreamSilence;
-  /// Of a stream: how long the server keeps it without hearing of the client; more than a budget
-  /// can say: for as long as its connection lasts. Over datagrams at most kStreamLeaseMax.
+  /// How long the server keeps a stream without hearing its client; a value beyond the range of a
+  /// budget: as long as its connection lasts. Over datagrams at most kStreamLeaseMax.
   Duration stream_lease = kStreamLease;
 };
 
-/// One of a channel's open calls: its slot, from 0 up to open_call_max.
+/// The slot of one of a channel's open calls, below open_call_max.
 using CallIndex = std::uint16_t;
 
 /// What happened to the channel's handshake or to one of its calls.
@@ -74,91 +75,97 @@ struct ChannelEvent {
     kNothing,  ///< Go on waiting.
     kSend,     ///< Send `frame` and go on waiting.
     kReady,    ///< The handshake is done.
-    kReply,    ///< The call's reply: `status` and `payload`. Of a stream: its end, behind the items
-               ///< that next_item() still has.
-    kItems,    ///< The stream has items: next_item(), until it gives none.
+    kReply,    ///< The call's reply: `status` and `payload`. A stream's end: next_item() may still
+               ///< have items.
+    kItems,    ///< The stream has items: call next_item() until it gives none.
     kRefused,  ///< The handshake was refused with `status`.
     kLost,     ///< The server does not know the session: every open call is over. Handshake again.
     kClosed,   ///< The server ended the session in order: every open call is over.
-    kNeedBuffer,  ///< A reply of `reply_size` bytes comes: set_reply_buffer(), then on_frame()
-                  ///< again with it.
+    kNeedBuffer,  ///< A reply of `reply_size` bytes comes: call set_reply_buffer(), then
+                  ///< on_frame() again with the same frame.
     kTimeout,  ///< The deadline of the handshake or call passed, or a stream's server fell silent.
     kBroken,   ///< Stream medium only: not our protocol; end the connection. The session is gone.
   };
   Kind kind = Kind::kNothing;
-  CallIndex call = 0;  ///< Whose event it is, if a call's.
+  CallIndex call = 0;  ///< The call, if the event is one of a call.
   Status status = Status::kOk;
-  ConstBytes frame{};    ///< To be sent, whatever the kind, unless it is empty.
+  ConstBytes frame{};    ///< Send it, whatever the kind, unless it is empty.
   ConstBytes payload{};  ///< Views the received frame, or the buffer of a large reply.
   std::uint32_t reply_size = 0;
 };
 
 /// The client's half of the protocol: handshake, calls, repetition, matching of replies, streams.
-/// It does no I/O: frames and times come in, frames go out. Ownership: writes its frames into
-/// `buffer`, which must outlive it and holds the largest frame that it shall send, at least 128
-/// bytes. Threads: one at a time. RT: alloc-free but for construction.
+/// It does no I/O: frames and times come in, frames go out.
+/// @ownership writes into `buffer`, which must outlive it and hold the largest frame to be sent, at
+///           least 128 bytes
+/// @threads  one at a time
+/// @realtime alloc-free but for construction
 class ClientChannel {
  public:
   ClientChannel(const ClientChannelConfig& config, MutableBytes buffer);
   ClientChannel(const ClientChannel&) = delete;
   ClientChannel& operator=(const ClientChannel&) = delete;
 
-  /// The path to the server stays on this host, or it may lose frames: then calls are repeated
-  /// sooner.   To be called before open().
+  /// Whether the path to the server stays on this host; else it may lose frames, so that calls are
+  /// repeated sooner. Call it before open().
   void set_on_host(bool is_on_host) noexcept {
     round_trip_.set_interval_min(is_on_host ? kRetransmitIntervalOnHost : kRetransmitIntervalMin);
   }
-  /// Begins a handshake for the band of `priority`; gives the frame to send. Calls that are open
-  /// are over, but the items of streams that had ended can still be taken.
+  /// Begins a handshake for the band of `priority`. Ends open calls; items of streams that ended
+  /// before can still be taken.
+  /// @return the frame to send
   [[nodiscard]] ConstBytes open(Priority priority, MonotonicTime deadline,
                                 MonotonicTime now) noexcept;
   /// Whether one more call can begin now.
   [[nodiscard]] bool has_free_call() const noexcept;
-  /// Begins a call with `payload`, which must live until the call ends; gives the frame to send,
-  /// and next_frame() may have more. last_call() tells its index; a call that is merely sent ends
-  /// at once and has none. The channel is ready and has_free_call(). Errors, with nothing begun:
-  /// kTooLarge: larger than what the server takes, or than what the channel is set up for.
-  /// kWrongBand: the session does not serve the priority: open() one that does.
+  /// Begins a call on a channel that is_ready() and has_free_call(). last_call() is its index; with
+  /// Delivery::kSent the call ends at once and has none.
+  /// @param payload  stays valid until the call ends
+  /// @return the frame to send; next_frame() may have more
+  /// @errors   nothing was begun. kTooLarge: for the server or for this channel's configuration ·
+  ///           kWrongBand: the session does not serve the priority, open() one that does
   [[nodiscard]] expected<ConstBytes, Status> call(const CallParameters& parameters,
                                                   ConstBytes payload, MonotonicTime now) noexcept;
   [[nodiscard]] CallIndex last_call() const noexcept { return last_call_; }
-  /// More to be sent: requests in fragments, and what a stream asks for. To be called after each
+  /// Further frames to send: fragments of requests, questions of streams. Call it after each
   /// call(), next_item() and event, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
-  /// Where replies larger than a frame are collected, of this call and of later ones at the same
-  /// index: it must outlive the channel's use, or another be given first.
+  /// Sets where replies larger than a frame are collected, of this call and of later ones at its
+  /// index. The buffer must stay until the channel ends or another is set.
   void set_reply_buffer(MutableBytes buffer, CallIndex call = 0) noexcept;
-  /// The next item of a stream, in order, valid until the next call of this; nothing if there is
-  /// none now. After the stream's kReply and the last item its index is free.
+  /// The next item of a stream, in order; valid until the next call. Nothing if there is none now.
+  /// After the stream's kReply and its last item the index is free.
   [[nodiscard]] std::optional<ConstBytes> next_item(CallIndex call) noexcept;
-  /// Ends an open call, whose caller gave up. It may have run. Gives the frame to send,
-  /// which may get lost.
+  /// Ends an open call whose caller gave up. It may have run.
+  /// @return the frame to send, which may get lost
   [[nodiscard]] ConstBytes cancel(CallIndex call, MonotonicTime now) noexcept;
 
-  /// Ends the session; gives the frame to send.
+  /// Ends the session.
+  /// @return the frame to send
   [[nodiscard]] ConstBytes close(MonotonicTime now) noexcept;
-  /// The connection is gone: the next call needs a handshake.
+  /// To be called when the connection is gone: the next call needs a handshake.
   void reset() noexcept;
 
   [[nodiscard]] ChannelEvent on_frame(ConstBytes frame, MonotonicTime now) noexcept;
-  /// To be called until it gives kNothing.
+  /// Call it at next_time(), until it gives kNothing.
   [[nodiscard]] ChannelEvent on_time(MonotonicTime now) noexcept;
   /// Repeats a call at once, without waiting for its time.
   [[nodiscard]] ChannelEvent repeat(MonotonicTime now, CallIndex call = 0) noexcept;
-  /// The same for the first of the calls that are open, if any is.
+  /// As repeat(), for the first open call, if there is one.
   [[nodiscard]] ChannelEvent repeat_first(MonotonicTime now) noexcept;
-  /// When on_time() has something to do, unless a frame comes first.
+  /// When on_time() is due, unless a frame comes first.
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
   [[nodiscard]] bool is_ready() const noexcept { return is_ready_; }
   [[nodiscard]] bool is_open(CallIndex call) const noexcept { return calls_[call].is_open; }
-  /// What the server granted; of the last handshake.
+  /// What the server granted in the last handshake.
   [[nodiscard]] const Welcome& welcome() const noexcept { return welcome_; }
   [[nodiscard]] std::uint64_t session() const noexcept { return session_; }
+  /// When the call was first sent.
   [[nodiscard]] MonotonicTime call_begun(CallIndex call = 0) const noexcept {
     return calls_[call].begun;
   }
-  /// What the calls so far told of the server's clock; nothing before the first that told.
+  /// The server's clock as estimated from the calls so far; nothing before the first measurement.
   [[nodiscard]] std::optional<PeerClock> peer_clock(MonotonicTime now) const noexcept;
   [[nodiscard]] const RoundTrip& round_trip() const noexcept { return round_trip_; }
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
@@ -168,27 +175,26 @@ class ClientChannel {
   struct Call {
     explicit Call(RoundTrip& path) noexcept : timer(path) {}
     bool is_open = false;
-    bool is_ended = false;            ///< A stream whose reply was told; items may be left.
-    bool has_answered = false;        ///< A stream whose server showed that it has the call.
-    bool is_credit_due = false;       ///< next_frame() sends CREDIT,
-    bool is_asking = false;           ///< which wants an answer.
-    Status end_status = Status::kOk;  ///< Of a stream whose REPLY came before its last items.
+    bool is_ended = false;            ///< A stream whose reply was reported; items may be left.
+    bool has_answered = false;        ///< A stream whose server is known to have the call.
+    bool is_credit_due = false;       ///< next_frame() sends a CREDIT.
+    bool is_asking = false;           ///< That CREDIT wants an answer.
+    Status end_status = Status::kOk;  ///< Of a REPLY that came before the stream's last items.
     Header header{};
     ConstBytes payload{};
-    OutgoingMessage request;  ///< Begun while the call is one in fragments.
-    IncomingMessage reply;    ///< Begun when the first fragment of a reply came.
+    OutgoingMessage request;  ///< Begun if the call goes in fragments.
+    IncomingMessage reply;    ///< Begun once a fragment of a reply came.
     MutableBytes reply_buffer{};
     IncomingStream items;
-    std::uint32_t credit_sent = 0;  ///< The limit that the last CREDIT stated.
-    std::uint32_t bytes_sent = 0;   ///< The same for bytes,
-    std::uint32_t freed_sent = 0;   ///< and how many frames were freed by then.
-    Duration lease = kStreamLease;  ///< Of a stream,
+    std::uint32_t credit_sent = 0;  ///< The item limit of the last CREDIT.
+    std::uint32_t bytes_sent = 0;   ///< The byte limit of the last CREDIT.
+    std::uint32_t freed_sent = 0;   ///< How many frames were freed at the last CREDIT.
+    Duration lease = kStreamLease;  ///< See CallParameters::stream_lease.
     Duration silence = kStreamSilence;
-    /// Since when the stream's server owes an answer, and to how many questions.
-    MonotonicTime asked{};
-    std::uint32_t ask_count = 0;
-    MonotonicTime item_heard{};  ///< When an item of it came,
-    Duration item_gap{0};        ///< and how far apart items come, smoothed.
+    MonotonicTime asked{};        ///< When the first question without an answer was sent.
+    std::uint32_t ask_count = 0;  ///< Questions without an answer.
+    MonotonicTime item_heard{};   ///< When the last item came.
+    Duration item_gap{0};         ///< Smoothed time between items.
     MonotonicTime begun{};
     MonotonicTime deadline = kNever;
     RetransmitTimer timer;
@@ -241,7 +247,7 @@ class ClientChannel {
   ClientChannelConfig config_;
   MutableBytes buffer_;
   bool is_ready_ = false;
-  bool is_opening_ = false;  ///< A handshake is on its way.
+  bool is_opening_ = false;  ///< A handshake is under way.
   bool may_answer_cookie_ = false;
   Priority hello_priority_{};
   std::uint32_t handshake_number_;

@@ -8,7 +8,7 @@
 
 namespace rtpm::wire {
 
-/// The four times of one call: each side's clock when its frame left and when the other's came.
+/// The four times of one call: when each side sent its frame and received the other's.
 struct ClockProbe {
   MonotonicTime request_sent{};      ///< On the client's clock.
   MonotonicTime request_received{};  ///< On the server's.
@@ -16,29 +16,30 @@ struct ClockProbe {
   MonotonicTime reply_received{};    ///< On the client's.
 };
 
-/// What is known of the peer's clock.
+/// An estimate of the peer's clock.
 struct PeerClock {
-  Duration offset{};       ///< The peer's clock less ours, now.
+  Duration offset{};       ///< The peer's clock minus this one, now.
   Duration uncertainty{};  ///< The true offset is within this of `offset`.
   double drift_ppm = 0;    ///< How much faster the peer's clock runs; 0 until it is known.
 };
 
-/// Estimates the peer's clock from calls, each of which is a probe. The probe with the shortest
-/// round trip tells most: its two ways can differ by no more than that. It keeps the best probe of
-/// each of the last 16 seconds with probes, and the line through them gives the drift.
-/// Threads: one at a time.   RT: alloc-free, a few ns to add.
-/// Source: spec/hprotocol.md#hp-5.7; the probe is NTP's (RFC 5905, section 8).
+/// Estimates the peer's clock from calls, each of which is a probe. A probe's round trip bounds its
+/// error, so the shortest counts: the best probe of each of the last 16 seconds that had probes is
+/// kept. The line through them gives the drift.
+/// @threads  one at a time
+/// @realtime alloc-free, a few ns to add
+/// @source   spec/hprotocol.md#hp-5.7; the probe is NTP's (RFC 5905, section 8)
 class ClockEstimator {
  public:
   void add(const ClockProbe& probe) noexcept;
   /// Nothing before the first probe.
   [[nodiscard]] std::optional<PeerClock> estimate(MonotonicTime now) const noexcept;
-  /// Another peer, or another life of it.
+  /// For another peer, or another life of it.
   void clear() noexcept { *this = ClockEstimator{}; }
 
  private:
   struct Point {
-    MonotonicTime time{};  ///< On our clock, in the middle of the probe.
+    MonotonicTime time{};  ///< On this clock, in the middle of the probe.
     Duration offset{};
     Duration half_trip{};
   };

@@ -7,41 +7,41 @@
 namespace rtpm::wire {
 
 /// Why a frame was dropped. Each drop is counted under exactly one reason.
-/// Source: spec/hprotocol.md#hp-8, hp-8-1.
+/// @source   spec/hprotocol.md#hp-8, hp-8-1
 enum class DropReason : std::uint8_t {
   kTooShort,          ///< Fewer bytes than a header.
   kBadMagic,          ///< Not an H-Protocol frame.
-  kBadVersion,        ///< A version that is not spoken here.
-  kBadKind,           ///< A kind that no one, or not this side, receives.
+  kBadVersion,        ///< A protocol version that is not supported.
+  kBadKind,           ///< An unknown kind, or one that this side does not receive.
   kReservedSet,       ///< A reserved bit or byte is not zero.
   kBadPriority,       ///< A priority above 32767.
-  kBadLength,         ///< A length that contradicts the bytes at hand or the limits.
-  kBadFragment,       ///< Fragment numbers that do not fit.
-  kBadPayload,        ///< A handshake payload that can't be read.
-  kBadCookie,         ///< A cookie that this server did not give to this address lately.
-  kUnknownSession,    ///< A session that is not here; answered so that the peer can tell.
+  kBadLength,         ///< A length that contradicts the frame's size or the limits.
+  kBadFragment,       ///< Fragment numbers that contradict each other.
+  kBadPayload,        ///< A malformed handshake payload.
+  kBadCookie,         ///< A cookie that this server did not recently give to this address.
+  kUnknownSession,    ///< A session that does not exist; the peer is answered.
   kForeignAddress,    ///< A session used from another address than its own.
   kStaleCall,         ///< A call that is older than its session's window.
   kDuplicateRunning,  ///< A repetition of a call that still runs.
-  kUnexpected,        ///< A well-formed frame that fits no state: a late or foreign answer.
-  kRateLimited,       ///< Of no session, and its host was answered often enough (hp-4.4-5).
+  kUnexpected,        ///< A well-formed frame that fits no state, such as a stale answer.
+  kRateLimited,       ///< Of no session; its host used up its quota of answers (hp-4.4-5).
 };
 inline constexpr std::size_t kDropReasonCount = 16;
 
-/// The reason's name as the spec writes it.
+/// The name in the specification.
 [[nodiscard]] std::string_view to_string(DropReason reason) noexcept;
 
-/// What one side of the protocol took and dropped.
+/// What one side of the protocol received and dropped.
 struct FrameCounters {
-  std::uint64_t received_count = 0;            ///< Frames taken up, dropped ones included.
+  std::uint64_t received_count = 0;            ///< Frames, dropped ones included.
   std::uint64_t duplicate_answered_count = 0;  ///< Repeated calls answered from the reply cache.
-  std::uint64_t expired_count = 0;             ///< Calls not run because their time was over.
+  std::uint64_t expired_count = 0;             ///< Calls not run because their deadline had passed.
   std::uint64_t refused_count = 0;             ///< Calls and sessions refused.
   std::uint64_t session_opened_count = 0;
   std::uint64_t session_evicted_count = 0;  ///< Sessions replaced by newer ones.
   std::uint64_t cancelled_count = 0;        ///< Calls that their callers cancelled in time.
   std::uint64_t orphaned_count = 0;         ///< Calls that ended without a peer to answer.
-  std::uint64_t large_evicted_count = 0;    ///< Silent large messages that gave way to others.
+  std::uint64_t large_evicted_count = 0;    ///< Silent large messages evicted for others.
   std::uint64_t item_count = 0;             ///< Items of streams sent, without repetitions.
   std::uint64_t item_repeated_count = 0;    ///< Items sent again.
   std::array<std::uint64_t, kDropReasonCount> dropped{};  ///< By DropReason.

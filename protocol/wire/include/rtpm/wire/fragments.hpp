@@ -8,18 +8,19 @@
 #include "rtpm/wire/header.hpp"
 #include "rtpm/wire/limits.hpp"
 
-/// Messages larger than one frame: sent in fragments, collected, and repaired where some were lost.
-/// Source: spec/hprotocol.md#hp-5.6.
+/// Messages larger than one frame: sent in fragments, reassembled, lost fragments sent again. All
+/// alloc-free.
+/// @source   spec/hprotocol.md#hp-5.6
 namespace rtpm::wire {
 
-/// Which fragments of a message are there.   RT: alloc-free.
+/// Which fragments of a message have arrived.
 class FragmentSet {
  public:
   void reset(std::uint16_t count) noexcept;
-  /// False if it was there already.
+  /// @return false: it is in the set already
   bool insert(std::uint16_t index) noexcept;
   [[nodiscard]] bool contains(std::uint16_t index) const noexcept;
-  /// The count if none is missing.
+  /// count() if none is missing.
   [[nodiscard]] std::uint16_t first_missing() const noexcept { return first_missing_; }
   [[nodiscard]] std::uint16_t count() const noexcept { return count_; }
   [[nodiscard]] bool is_complete() const noexcept { return first_missing_ == count_; }
@@ -30,13 +31,13 @@ class FragmentSet {
   std::uint16_t first_missing_ = 0;
 };
 
-/// The payload of ACK: how far the receiver of a fragmented message is.
+/// The payload of ACK: which fragments of a message its receiver has.
 struct FragmentAck {
   static constexpr std::size_t kSize = 40;
   static constexpr std::uint16_t kLaterCount = 256;
 
   std::uint16_t first_missing = 0;
-  /// Bit i: the fragment first_missing + 1 + i is there.
+  /// Bit i: fragment first_missing + 1 + i has arrived.
   std::array<std::uint64_t, kLaterCount / 64> later{};
 
   [[nodiscard]] bool has_later(std::uint16_t i) const noexcept {
@@ -47,16 +48,16 @@ struct FragmentAck {
 void encode(const FragmentAck& ack, MutableBytes to) noexcept;
 [[nodiscard]] std::optional<FragmentAck> decode_ack(ConstBytes payload) noexcept;
 
-/// Collects one message from its fragments, in whatever order and how often they come.
-/// Ownership: writes into the buffer it was given.   RT: alloc-free.
+/// Reassembles one message from its fragments, which may come in any order and repeatedly.
+/// @ownership writes into the buffer given to begin()
 class IncomingMessage {
  public:
   enum class Taken : std::uint8_t { kNew, kDuplicate, kLast, kForeign };
 
-  /// Begins with the message that `header`, of any of its fragments, describes. The buffer holds
-  /// it.
+  /// Begins the message that `header`, of any of its fragments, describes.
+  /// @param buffer  holds the whole message
   void begin(const Header& header, MutableBytes buffer) noexcept;
-  /// Takes one fragment. kLast: now all are there. kForeign: it is of another message.
+  /// @return kLast: the message is complete; kForeign: the fragment is of another message
   [[nodiscard]] Taken take(const Header& header, ConstBytes payload) noexcept;
   [[nodiscard]] FragmentAck ack() const noexcept;
   [[nodiscard]] ConstBytes message() const noexcept { return buffer_; }
@@ -65,32 +66,34 @@ class IncomingMessage {
   void clear() noexcept { buffer_ = {}; }
 
  private:
-  Header header_{};  ///< Of the fragment that came first.
+  Header header_{};  ///< Of the first fragment that came.
   MutableBytes buffer_{};
   std::uint32_t fragment_size_ = 0;
   FragmentSet arrived_;
 };
 
-/// Sends one message as fragments: a window of them at a time, those again that an ACK shows to be
-/// lost. It keeps no time: its driver calls nudge() when an ACK stays out.
-/// Ownership: views the message.   RT: alloc-free.
+/// Sends one message as fragments, a window at a time, and repeats those that an ACK shows as lost.
+/// It keeps no time: its driver calls nudge() if no ACK comes.
+/// @ownership views the message
 class OutgoingMessage {
  public:
-  /// Begins with `message` (not empty) under the header of its frames, `window` (even) at a time.
+  /// @param message  not empty
+  /// @param window   even
   void begin(const Header& header, ConstBytes message, std::uint32_t fragment_size,
              std::uint16_t window) noexcept;
-  /// Writes the next frame that may be sent now, with the stated budget and time, at the beginning
-  /// of `to` (a header and a fragment fit); empty if the window is full or all is sent.
+  /// Writes the next frame that may be sent now to the beginning of `to`, which holds a header and
+  /// a fragment.
+  /// @return the frame; empty: the window is full, or all is sent
   [[nodiscard]] ConstBytes next(MutableBytes to, std::uint32_t budget_us,
                                 MonotonicTime now) noexcept;
-  /// Writes the first fragment once more, wanting an ACK: to ask what became of a message that
-  /// arrived.
+  /// Writes the first fragment again and asks for an ACK: what became of a message that arrived?
   [[nodiscard]] ConstBytes first_again(MutableBytes to, std::uint32_t budget_us,
                                        MonotonicTime now) noexcept;
-  /// How far its receiver is. `is_asked`: he heard nothing for a time, so that he is to be sent
-  /// something: the first that is missing, if the rest does not follow from the ACK.
+  /// Takes the receiver's state.
+  /// @param is_asked  the receiver heard nothing for a time: sends at least the first fragment that
+  ///                  it lacks
   void on_ack(const FragmentAck& ack, bool is_asked = false) noexcept;
-  /// No ACK came in time: the first fragment without one is due again.
+  /// To be called if no ACK came in time: the first unacknowledged fragment is due again.
   void nudge() noexcept;
   [[nodiscard]] bool is_begun() const noexcept { return !message_.empty(); }
   [[nodiscard]] bool is_acknowledged() const noexcept { return acknowledged_.is_complete(); }
@@ -108,8 +111,8 @@ class OutgoingMessage {
   std::uint16_t window_ = kFragmentWindow;
   FragmentSet acknowledged_;
   std::uint16_t next_new_ = 0;     ///< The first fragment that was never sent.
-  std::uint16_t repair_next_ = 0;  ///< Of those sent before, these may be lost: from here
-  std::uint16_t repair_end_ = 0;   ///< to here, less the acknowledged ones.
+  std::uint16_t repair_next_ = 0;  ///< From here on fragments may be lost, up to
+  std::uint16_t repair_end_ = 0;   ///< this one, unless they are acknowledged.
 };
 
 }  // namespace rtpm::wire

@@ -6,7 +6,8 @@
 
 #include "rtpm/base/time.hpp"
 
-/// Every number of the protocol, each with its reason.   Source: spec/hprotocol.md#hp-9.
+/// Every number of the protocol, each with its reason.
+/// @source   spec/hprotocol.md#hp-9
 namespace rtpm::wire {
 
 inline constexpr std::uint8_t kVersion = 1;
@@ -14,17 +15,17 @@ inline constexpr std::uint8_t kVersion = 1;
 /// One cache line, and a multiple of 16 so that the payload is aligned to 16 bytes.
 inline constexpr std::size_t kHeaderSize = 64;
 
-/// The largest frame in a datagram: Ethernet's 1500 bytes less IPv4 and UDP headers (28) and room
-/// for a tunnel's own header (64), so that no router has to fragment.
+/// The largest frame in a datagram: Ethernet's 1500 bytes less IPv4 and UDP headers (28) and a
+/// tunnel's header (64), so that no router has to fragment.
 inline constexpr std::size_t kDatagramFrameSizeMax = 1408;
 inline constexpr std::size_t kDatagramPayloadSizeMax = kDatagramFrameSizeMax - kHeaderSize;
 
-/// The largest frame on a stream, and so the largest fragment: what a connection buffers.
+/// The largest frame on a stream, and so the largest fragment that a connection buffers.
 inline constexpr std::size_t kStreamFrameSizeMax = std::size_t{64} * 1024;
 inline constexpr std::size_t kStreamPayloadSizeMax = kStreamFrameSizeMax - kHeaderSize;
 
-/// The largest frame in shared memory: a window of fragments fits a ring of 128 KiB, so that a
-/// hundred connections take no more than 26 MiB, all of it in memory before it is needed.
+/// The largest frame in shared memory: a window of fragments fits a ring of 128 KiB. A hundred
+/// connections then take at most 26 MiB, all of it resident from the beginning.
 inline constexpr std::size_t kSharedFrameSizeMax = std::size_t{16} * 1024;
 inline constexpr std::size_t kSharedPayloadSizeMax = kSharedFrameSizeMax - kHeaderSize;
 
@@ -32,77 +33,76 @@ inline constexpr std::size_t kSharedPayloadSizeMax = kSharedFrameSizeMax - kHead
 inline constexpr std::uint32_t kMessageSizeFloor = 1024;
 inline constexpr std::uint32_t kMessageSizeCeiling = 16 * 1024 * 1024;
 
-/// How many calls of one session the server remembers with their replies, hence how many may be
-/// open at a time. A power of two.
+/// How many calls of a session the server keeps with their replies, hence how many may be open at a
+/// time. A power of two.
 inline constexpr std::uint16_t kCallWindow = 8;
 
-/// How many fragments of a message are on their way at a time: 44 KiB of datagrams, which fit every
-/// socket's buffer and keep a gigabit busy over a round trip of 350 µs.
+/// How many fragments of a message may be unacknowledged: 44 KiB of datagrams, which fit every
+/// socket's buffer and fill a gigabit link over a round trip of 350 µs.
 inline constexpr std::uint16_t kFragmentWindow = 32;
-/// The same on a stream: a quarter of a megabyte, which the send buffer that Linux gives by default
-/// holds without waiting.
+/// The same on a stream: 256 KiB, which Linux's default send buffer holds without waiting.
 inline constexpr std::uint16_t kStreamFragmentWindow = 4;
 /// The most fragments of a message: 16 MiB in datagrams. A multiple of 64.
 inline constexpr std::uint16_t kFragmentCountMax = 12'544;
 static_assert(kFragmentCountMax * kDatagramPayloadSizeMax >= kMessageSizeCeiling);
 
-/// A large message that is not whole, or a large reply that is not acknowledged, gives its buffer
-/// to another after so long without a frame (hp-5.6-10): three repetitions at the longest interval.
+/// An incomplete large message, or an unacknowledged large reply, may be evicted after so long
+/// without a frame (hp-5.6-10): three repetitions at the longest interval.
 inline constexpr Duration kLargeMessageSilenceMax = std::chrono::seconds{3};
 
-/// What of a shared resource one host may hold: three quarters, rounded up.
+/// One host's quota of a shared resource: three quarters, rounded up.
 [[nodiscard]] constexpr std::uint32_t share_of_one_host(std::uint32_t count) noexcept {
   return count - count / 4;
 }
 
-/// How many datagrams that belong to no session are answered for one host: so many at once,
+/// How many datagrams of no session are answered for one host at once (hp-4.4-5).
 inline constexpr std::uint32_t kStrangerAnswerBurst = 256;
-/// and then one each such span (hp-4.4-5).
+/// After that burst, one is answered per interval.
 inline constexpr Duration kStrangerAnswerInterval = std::chrono::milliseconds{2};
 
-/// How many items of a stream wait to be taken at a time, and how many of its datagrams are in
+/// How many items of a stream may wait for their reader, and how many of its datagrams may be in
 /// flight. At most 64.
 inline constexpr std::uint32_t kStreamWindow = 32;
-/// How many bytes of items a server may send before the first CREDIT: a window of datagrams,
+/// How many bytes of items a server may send before the first CREDIT: a window of datagrams.
 inline constexpr std::uint32_t kStreamBytesFirstDatagram = 32 * kDatagramPayloadSizeMax;
-/// or one largest frame, which fits half of a ring in shared memory in four.
+/// The same on a stream: one largest frame, which is half of a ring in shared memory.
 inline constexpr std::uint32_t kStreamBytesFirstStream = kStreamPayloadSizeMax;
 /// The most frames of a stream that a client keeps, see stream_frame_count().
 inline constexpr std::uint32_t kStreamFrameCountMax = 80;
-/// How long a client that asks after a stream goes on without an answer.
+/// How long a client keeps asking after a stream without an answer.
 inline constexpr Duration kStreamSilence = std::chrono::seconds{3};
-/// Over datagrams, for how long a server keeps a stream whose client it does not hear: what a
-/// client states if it is not told otherwise, and the most that a server grants, which is as long
-/// as it keeps a session (hp-5.5-1). A connection that ends tells of its client's end by itself.
+/// How long a server keeps a stream over datagrams without hearing its client: a client's default,
+/// and the most that a server grants, which is as long as it keeps a session (hp-5.5-1). A
+/// connection reports its client's end by itself.
 inline constexpr Duration kStreamLease = std::chrono::seconds{10};
 inline constexpr Duration kStreamLeaseMax = std::chrono::seconds{30};
-/// Stated as a budget: for as long as the connection lasts.
+/// A budget that means: as long as the connection lasts.
 inline constexpr std::uint32_t kBudgetUnlimited = 0xffff'ffff;
-/// A client asks after a stream at least so often, whether items come or not (hp-5.10-5).
+/// The longest interval between two questions after a stream (hp-5.10-5).
 inline constexpr Duration kStreamAskIntervalMax = std::chrono::milliseconds{500};
-/// Over a connection, which loses nothing, it is not asked after sooner than this behind an item:
-/// so who waits for the next one need set no timer that it would outrun.
+/// Over a connection, which loses nothing, no question comes sooner than this after an item, so
+/// that a reader of frequent items sets no timer.
 inline constexpr Duration kStreamAskIntervalConnected = std::chrono::milliseconds{100};
 
-/// A session is not replaced before it was silent for so long (hp-5.5-1). A caller repeats at least
-/// every kRetransmitIntervalMax, so one that waits is never silent that long.
+/// A session is not replaced before it was silent for so long (hp-5.5-1). A waiting caller repeats
+/// at least every kRetransmitIntervalMax, so it is never silent that long.
 inline constexpr Duration kSessionIdleMin = std::chrono::seconds{30};
 
-/// A cookie is good for one to two such spans after it was given.
+/// A cookie is valid for one to two such spans.
 inline constexpr Duration kCookieSpan = std::chrono::seconds{10};
 
-/// The first repetition of a call whose round trip was never measured comes after this.
+/// The first wait of a call whose round trip was never measured.
 inline constexpr Duration kRetransmitIntervalFirst = std::chrono::milliseconds{5};
-/// No repetition comes sooner: below, a busy server would be asked twice without need.
+/// No repetition comes sooner: a busy server would be asked twice without need.
 inline constexpr Duration kRetransmitIntervalMin = std::chrono::microseconds{500};
-/// The same where no frame leaves the host: then a frame was lost only if its receiver had no space
-/// for it, or has died, and a server that is late would be asked in vain. So long that who waits
-/// need not set a timer to the microsecond, which takes longer than a system call.
+/// The same where no frame leaves the host: a frame is lost only if its receiver's buffer is full
+/// or the receiver has died. Long enough for a caller to wait without a precise timer, which costs
+/// more than a system call.
 inline constexpr Duration kRetransmitIntervalOnHost = std::chrono::milliseconds{30};
-/// No repetition comes later, however often it was doubled (hp-5.3-3).
+/// The bound of the doubled wait (hp-5.3-3).
 inline constexpr Duration kRetransmitIntervalMax = std::chrono::seconds{1};
 
-/// Names: a path is 1…200 bytes, so that a bind fits every frame.
+/// A path is 1…200 bytes, so that a bind fits every frame.
 inline constexpr std::size_t kPathSizeMax = 200;
 
 /// The service number of the session itself, and its methods.

@@ -7,8 +7,8 @@
 
 namespace rtpm::wire {
 
-/// Whether frames travel as datagrams, which get lost, doubled and reordered and whose addresses
-/// can be forged, or on a stream, where none of this happens.
+/// Datagrams may be lost, duplicated, reordered and sent from forged addresses; a stream has none
+/// of these faults.
 enum class Medium : std::uint8_t { kDatagram, kStream };
 
 /// The largest payload of one frame.
@@ -16,7 +16,7 @@ enum class Medium : std::uint8_t { kDatagram, kStream };
   return medium == Medium::kDatagram ? kDatagramPayloadSizeMax : kStreamPayloadSizeMax;
 }
 
-/// How many fragments of a message may be on their way.
+/// How many fragments of a message may be unacknowledged.
 [[nodiscard]] constexpr std::uint16_t window_of(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kFragmentWindow : kStreamFragmentWindow;
 }

@@ -10,9 +10,9 @@
 
 namespace rtpm::wire {
 
-/// Limits how often something is done for each host: at most `burst` times at once, and once each
-/// `interval` in the long run. It is a fixed table of token buckets; hosts whose keyed hashes fall
-/// together share one, so that no number of hosts takes more memory.
+/// Limits how often something is done for each host: `burst` times at once, then once per
+/// `interval`. A fixed table of token buckets; hosts whose keyed hashes collide share one, so that
+/// no number of hosts takes more memory.
 /// @threads  one
 /// @realtime alloc-free
 /// @source   ATM Forum's generic cell rate algorithm, virtual scheduling
@@ -21,7 +21,7 @@ class RateLimiter {
   RateLimiter(SipKey key, std::uint32_t burst, Duration interval) noexcept
       : key_(key), interval_(interval), tolerance_(interval * (burst - 1)) {}
 
-  /// Takes a token of the host's bucket; false if there is none.
+  /// Takes a token from the host's bucket; false if it has none.
   [[nodiscard]] bool admit(const PeerAddress& host, MonotonicTime now) noexcept;
 
  private:

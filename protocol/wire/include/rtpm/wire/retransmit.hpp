@@ -5,23 +5,23 @@
 
 namespace rtpm::wire {
 
-/// What the calls of a channel tell of its round trip: smoothed mean and deviation.
-/// RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds.
+/// A channel's round trip, measured by its calls: smoothed mean and deviation.
+/// @realtime alloc-free
+/// @source   spec/hprotocol.md#hp-5.3; RFC 6298 with other bounds
 class RoundTrip {
  public:
-  /// No interval is shorter, from now on.
+  /// Sets the lower bound of interval().
   void set_interval_min(Duration interval_min) noexcept { interval_min_ = interval_min; }
-  /// A call that was sent once, and its answer, took so long.
+  /// Takes the round trip of a call that was sent once.
   void add(Duration sample) noexcept;
-  /// A call that was repeated ended after such a wait; 0: a call that was not repeated ended. Where
-  /// two in a row were repeated, the wait holds for the next call, too: else a round trip that grew
-  /// beyond the wait would never be measured again, as each call would be repeated, so none would
-  /// count. One alone tells of a loss, for which the next call is not to wait longer.
+  /// Takes the last wait of a call that was repeated, 0 for one that was not. After two repeated
+  /// calls in a row the wait applies to the next call, too: otherwise a round trip beyond the wait
+  /// would never be measured again, as repeated calls do not count. A single one is a mere loss.
   void back_off(Duration wait) noexcept;
 
   /// How long to wait for an answer.
   [[nodiscard]] Duration interval() const noexcept;
-  /// The same for a call's first copy.
+  /// The same after the first transmission of a call.
   [[nodiscard]] Duration first_interval() const noexcept;
   /// The smoothed round trip, 0 before the first measurement.
   [[nodiscard]] Duration smoothed() const noexcept { return smoothed_; }
@@ -34,28 +34,34 @@ class RoundTrip {
   bool was_repeated_ = false;  ///< The call that ended last.
 };
 
-/// Decides when one call is repeated: after the round trip's mean and deviation, doubled with each
-/// repetition, within the bounds of limits.hpp.
-/// Ownership: views the channel's RoundTrip.   RT: alloc-free.   Source: spec/hprotocol.md#hp-5.3.
+/// Decides when one call is repeated: after RoundTrip::interval(), doubled with each repetition,
+/// within the bounds of limits.hpp.
+/// @ownership views the channel's RoundTrip
+/// @realtime alloc-free
+/// @source   spec/hprotocol.md#hp-5.3
 class RetransmitTimer {
  public:
   explicit RetransmitTimer(RoundTrip& path) noexcept : path_(&path) {}
 
-  /// The call is sent for the first time.
+  /// To be called when the call is first sent.
   void begin(MonotonicTime now) noexcept;
-  /// It was sent again.
+  /// To be called when it is sent again.
   void repeat(MonotonicTime now) noexcept;
-  /// A part of the answer, or of its acknowledgement, is here: the wait begins anew, and the call
+  /// To be called when part of the answer or an acknowledgement came: restarts the wait; the call
   /// is not measured.
   void progress(MonotonicTime now) noexcept;
-  /// It is not repeated before so long from now; what was doubled is forgotten.
+  /// Sets the next repetition to `wait` from now; later waits double from there.
   void wait(MonotonicTime now, Duration wait) noexcept;
-  /// Its answer is here. Measures the round trip, unless the call was repeated: then nobody knows
-  /// which copy was answered (Karn's rule), but that the round trip was no longer than all of it.
+  /// To be called when the answer came. Measures the round trip, unless the call was repeated: it
+  /// is not known which transmission was answered (Karn's rule), only that the total is an upper
+  /// bound.
   void end(MonotonicTime now) noexcept;
 
+  /// When to repeat; kNever: not at all.
   [[nodiscard]] MonotonicTime due() const noexcept { return due_; }
+  /// The current wait, doubled with each repetition.
   [[nodiscard]] Duration current() const noexcept { return current_; }
+  /// How often the call was repeated.
   [[nodiscard]] int repeat_count() const noexcept { return repeat_count_; }
 
  private:

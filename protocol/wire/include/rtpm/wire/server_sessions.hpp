@@ -26,34 +26,32 @@ struct ServerSessionsConfig {
   Medium medium = Medium::kDatagram;
   Band band{};                            ///< The lane's priorities.
   Priority ceiling = Priority::kHighest;  ///< Granted to every session.
-  std::uint64_t epoch = 0;                ///< Of the server; not 0.
+  std::uint64_t epoch = 0;                ///< The server's; not 0.
   std::uint64_t clock_domain = 0;
   /// Secret, for cookies and session numbers; the same for all lanes of the server.
   SipKey key{};
-  std::uint32_t lane = 0;                 ///< Which of the server's lanes this is, from 0,
-  std::uint32_t lane_count = 1;           ///< and how many it has; at most 65536.
+  std::uint32_t lane = 0;                 ///< The lane's number, from 0 on.
+  std::uint32_t lane_count = 1;           ///< How many lanes the server has; at most 65536.
   std::uint32_t session_count_max = 256;  ///< 1…65535
   std::uint32_t message_size_max = static_cast<std::uint32_t>(kDatagramPayloadSizeMax);
   /// The largest payload of a frame, where the transport allows less than the medium.
   std::uint32_t frame_payload_max = static_cast<std::uint32_t>(kStreamPayloadSizeMax);
-  /// Memory for messages that are larger than a frame, each of which takes message_size_max bytes
-  /// of it while it comes, is served, or is kept as a reply; and one more, where replies are
-  /// written. Without, no message is larger than a frame. The caller's, aligned to 64 bytes;
-  /// touched only when used.
+  /// Memory for messages larger than a frame: message_size_max bytes for each that is received,
+  /// served or kept as a reply, and once more for the reply being written. Without it no message is
+  /// larger than a frame. The caller's; aligned to 64 bytes; touched only when used.
   MutableBytes large_memory{};
-  /// Memory for streams, stream_buffer_size() bytes for each that runs at a time. Without, calls
-  /// that ask for a stream are refused. The caller's, aligned to 64 bytes; touched only when used.
+  /// Memory for streams: stream_buffer_size() bytes for each that runs at a time. Without it calls
+  /// for a stream are refused. The caller's; aligned to 64 bytes; touched only when used.
   MutableBytes stream_memory{};
 };
 
-/// What one stream takes of ServerSessionsConfig::stream_memory: where frames may get lost, all
-/// that are on their way are kept; else one frame at a time. An item itself stays with the caller
-/// of push_item().
+/// One stream's part of ServerSessionsConfig::stream_memory: over datagrams all unacknowledged
+/// frames, else one frame. The items themselves stay with the caller of push_item().
 [[nodiscard]] constexpr std::size_t stream_buffer_size(Medium medium) noexcept {
   return medium == Medium::kDatagram ? kStreamWindow * kDatagramFrameSizeMax : kStreamFrameSizeMax;
 }
 
-/// A call that the lane is to run.
+/// A call for the lane to run.
 struct Request {
   Header header{};
   ConstBytes payload{};      ///< Views the frame.
@@ -61,128 +59,133 @@ struct Request {
   MonotonicTime received{};
   std::uint32_t session_index = 0;
   std::uint32_t slot_index = 0;
-  std::uint32_t caller_host = 0;  ///< The lane's, for its servants; the protocol leaves it alone.
+  std::uint32_t caller_host = 0;  ///< For the lane's servants; the protocol does not use it.
 
-  /// The caller is answered before the method runs: call accept() first.
+  /// Whether the caller is answered before the method runs: call accept() first.
   [[nodiscard]] bool wants_receipt() const noexcept {
     return (header.flags & kFlagReplyOnReceipt) != 0;
   }
-  /// The caller takes a stream of items.
+  /// Whether the caller takes a stream of items.
   [[nodiscard]] bool wants_stream() const noexcept { return header.item > 0; }
 };
 
-/// What is to be done with a received frame.
+/// What to do about a received frame.
 struct Verdict {
   enum class Action : std::uint8_t {
-    kNothing,   ///< Dropped and counted, or taken note of.
+    kNothing,   ///< The frame was dropped and counted, or needs no answer.
     kSend,      ///< Send `frame` back to where the frame came from.
-    kDispatch,  ///< Run `request`, then complete() it, now or later, and send what that gives.
-    kHangUp,    ///< Stream only: the bytes are not our protocol; end the connection.
+    kDispatch,  ///< Run `request`; complete() it now or later and send the frame that this gives.
+    kHangUp,    ///< Stream only: the bytes are not this protocol; end the connection.
   };
   Action action = Action::kNothing;
   ConstBytes frame{};  ///< Valid until the next call on the same ServerSessions; there may be more.
   Request request{};
-  /// Of a tagged stream (see set_tag) that may take more items now; 0: none.
+  /// The tag of a stream (see set_tag) that may take more items now; 0: none.
   std::uint32_t credit_tag = 0;
 };
 
-/// A frame and where it is to be sent.
+/// A frame and its receiver.
 struct Outgoing {
   ConstBytes frame{};
   PeerAddress peer{};
 };
 
-/// The server's half of the protocol for one lane and medium: sessions, at-most-once, refusals.
-/// It does no I/O: frames and times come in, frames go out.
-/// Ownership: allocates all its memory when built: session_count_max × kCallWindow × 1.4 KiB for
-/// datagrams, two frames for streams.
-/// Threads: one.   RT: everything but construction is alloc-free.
+/// The server's half of the protocol for one lane and medium: sessions, at-most-once, refusals. It
+/// does no I/O: frames and times come in, frames go out.
+/// @ownership allocates all its memory in the constructor: session_count_max × kCallWindow × 1.4
+/// KiB
+///           for datagrams, two frames for streams
+/// @threads  one
+/// @realtime alloc-free but for construction
 class ServerSessions {
  public:
   explicit ServerSessions(const ServerSessionsConfig& config);
 
-  /// Takes one frame, which may be anything, from `peer`.
+  /// @param frame  untrusted
   [[nodiscard]] Verdict on_frame(ConstBytes frame, const PeerAddress& peer,
                                  MonotonicTime now) noexcept;
 
-  /// More to be sent to where the last frame came from: the window of a message in fragments. To be
-  /// called after each on_frame() and complete() that gave a frame, until it is empty.
+  /// Further frames for the sender of the last frame: fragments and repetitions. Call it after each
+  /// on_frame() and complete() that gave a frame, until it is empty.
   [[nodiscard]] ConstBytes next_frame(MonotonicTime now) noexcept;
 
-  /// Where the reply to `request` is to be written, aligned to 16 bytes. It exists even when
-  /// its session has ended and the reply will not be sent. Valid until the next frame is taken
-  /// or request completed. At most reply_size_max(); one frame's while is_short_of_buffers().
+  /// Where to write the reply to `request`, even if its session has ended: aligned to 16 bytes, at
+  /// most reply_size_max() bytes, a frame's payload while is_short_of_buffers(). Valid until the
+  /// next on_frame() or complete().
   [[nodiscard]] MutableBytes reply_buffer(const Request& request, MonotonicTime now) noexcept;
   /// The largest reply that the session allows.
   [[nodiscard]] std::uint32_t reply_size_max(const Request& request) const noexcept;
-  /// Whether a reply larger than a frame would find no buffer now: all are taken, or the caller's
-  /// host has its share. It may wait until has_freed_buffer(), or until next_buffer_time().
+  /// Whether a reply larger than a frame has no buffer now: all are in use, or the caller's host
+  /// has used its quota. It may wait for has_freed_buffer(), or until next_buffer_time().
   [[nodiscard]] bool is_short_of_buffers(const Request& request, MonotonicTime now) const noexcept;
   /// Whether a buffer for a large message became free since the last call.
   [[nodiscard]] bool has_freed_buffer() noexcept { return std::exchange(has_freed_buffer_, false); }
-  /// When the next message after `now` may be evicted. Linear in the buffers.
+  /// When the next message after `now` may be evicted.
+  /// @realtime linear in the buffers
   [[nodiscard]] MonotonicTime next_buffer_time(MonotonicTime now) const noexcept;
 
   /// Sets a buffer aside for a reply of `size` bytes, to be written while other frames are taken.
-  /// Pass it to complete(), which frees it unless it sends it. The request is not read any more.
-  /// @return empty: the reply fits a frame, nobody waits for it, or is_short_of_buffers()
+  /// The request is not read any more.
+  /// @return for complete(), which frees it unless it sends it; empty: the reply fits a frame, its
+  ///         caller gave up, or is_short_of_buffers()
   [[nodiscard]] MutableBytes reserve_reply(const Request& request, std::uint32_t size,
                                            MonotonicTime now) noexcept;
 
-  /// Answers a request that wants_receipt(), before it runs: kOk if it will. Gives the frame to
-  /// send. It is completed like any other afterwards, which then gives none.
+  /// Answers a request that wants_receipt() before it runs: kOk if it will. A later complete()
+  /// gives no frame.
+  /// @return the frame to send
   [[nodiscard]] ConstBytes accept(const Request& request, Status status,
                                   MonotonicTime now) noexcept;
 
-  /// Ends `request`: with `payload_size` bytes of the reply buffer. Gives the frame to send, valid
-  /// until the next request of the session takes the same slot; empty if nobody is to be told: the
-  /// call wants no reply, was cancelled, or its session has ended, which is counted.
-  /// A request may be completed long after others that came later, once.
+  /// Ends `request` with `payload_size` bytes of the reply buffer. Each request is completed once,
+  /// in any order.
   /// @param reserved  from reserve_reply(), with the payload; empty: it is in the reply buffer
+  /// @return the frame to send, valid until the session's next request takes the same slot; empty:
+  ///         the call wants no reply, was cancelled, or its session has ended, which is counted
   [[nodiscard]] ConstBytes complete(const Request& request, Status status,
                                     std::uint32_t payload_size, MonotonicTime now,
                                     MutableBytes reserved = {}) noexcept;
 
-  /// Where what is sent for `request` goes; nothing once its session has ended.
+  /// The receiver of what is sent for `request`; nothing once its session has ended.
   [[nodiscard]] std::optional<PeerAddress> peer_of(const Request& request) const noexcept;
 
-  /// Names a request that will be completed later, by a number that is not 0, so that the lane can
-  /// be told of it: by next_cancelled() and Verdict::credit_tag.
+  /// Tags a request that will be completed later; next_cancelled() and Verdict::credit_tag report
+  /// the tag.
+  /// @param tag  not 0
   void set_tag(const Request& request, std::uint32_t tag) noexcept;
-  /// The tag of a request whose caller gave up, given once; 0 if there is none. It must
-  /// be completed all the same. To be called after on_frame(), on_time() and forget() until it
-  /// gives 0.
+  /// The tag of a request whose caller gave up, once; 0: there is none. The request must still be
+  /// completed. Call it after on_frame(), on_time() and end_connection(), until it gives 0.
   [[nodiscard]] std::uint32_t next_cancelled() noexcept;
 
-  /// The most bytes of an item of the stream `request`; 0 if it is none, or once nobody waits for
-  /// it.
+  /// The largest item of the stream `request`; 0: it is no stream, or its caller gave up.
   [[nodiscard]] std::uint32_t item_size_max(const Request& request) noexcept;
-  /// The most bytes of an item of the stream `request` that goes in one frame; 0 as above.
+  /// The largest item that fits one frame; 0 as above.
   [[nodiscard]] std::uint32_t item_frame_size_max(const Request& request) noexcept;
-  /// Gives the next frame of `item`, which has at most item_size_max() bytes and is the same until
-  /// is_item_midway() is false. The frame is to be sent before the next is asked for. Empty while
-  /// the caller takes no more, and for good once its caller gave up.
+  /// The next frame of `item`, to be sent before the next call.
+  /// @param item  at most item_size_max() bytes, the same until is_item_midway() is false
+  /// @return empty: the caller takes no more now, or has given up
   [[nodiscard]] ConstBytes push_item(const Request& request, ConstBytes item,
                                      MonotonicTime now) noexcept;
-  /// A part of the item was given, and push_item() has more of it.
+  /// Whether push_item() has more frames of the last item.
   [[nodiscard]] bool is_item_midway(const Request& request) noexcept;
 
   /// Ends streams whose caller was silent for too long.
   void on_time(MonotonicTime now) noexcept;
-  /// Before this on_time() has nothing to do. Takes no look at the streams, so it may be asked
-  /// each time that a lane goes to sleep.
+  /// When on_time() may be due.
+  /// @realtime constant time, for each sleep of a lane
   [[nodiscard]] MonotonicTime next_time() const noexcept;
 
-  /// Stream only: the connection `peer` is gone, and its session with it.
+  /// Stream only: ends the session of the connection `peer`, which is gone.
   void end_connection(const PeerAddress& peer) noexcept;
-  /// Stream only: whether the connection `peer` has a session. Looks at all sessions.
+  /// Stream only: whether the connection `peer` has a session.
+  /// @realtime linear in the sessions
   [[nodiscard]] bool has_session(const PeerAddress& peer) const noexcept;
-  /// Stream only: the answer to the first frame of a connection for which no slot is free: REFUSE
-  /// overload to a HELLO, nothing to anything else. Valid like a Verdict's frame.
+  /// Stream only: the answer to the first frame of a connection for which no slot is free. REFUSE
+  /// overload to a HELLO, nothing to any other frame. Valid like a Verdict's frame.
   [[nodiscard]] ConstBytes turn_away(ConstBytes frame, MonotonicTime now) noexcept;
 
-  /// Ends a session because the server stops; gives the CLOSE to send, nothing if there is no
-  /// session left.
+  /// Ends one session because the server stops.
+  /// @return the CLOSE to send; nothing: no session is left
   [[nodiscard]] std::optional<Outgoing> close_next(MonotonicTime now) noexcept;
 
   [[nodiscard]] const FrameCounters& counters() const noexcept { return counters_; }
@@ -199,14 +202,14 @@ class ServerSessions {
   struct Slot {
     enum class State : std::uint8_t { kEmpty, kReceiving, kRunning, kDone };
     State state = State::kEmpty;
-    bool is_unawaited = false;  ///< It runs, and without a waiting caller: a oneway, or cancelled.
-    bool is_evicted = false;    ///< A request that was given up before it was whole.
+    bool is_unawaited = false;  ///< It runs without a waiting caller: a oneway, or cancelled.
+    bool is_evicted = false;    ///< An incomplete request was evicted.
     std::uint32_t call_id = 0;
-    std::uint32_t newest_call_id = 0;      ///< Later than call_id: it was refused, as this one ran.
-    std::uint32_t frame_size = 0;          ///< Of the kept reply; 0: it is in large, or not kept.
-    std::uint16_t large = kNoLargeBuffer;  ///< Where the request or the reply is, if it is large.
-    std::uint16_t stream = kNoStream;      ///< Of items, until all have arrived.
-    std::uint32_t tag = 0;                 ///< Given by set_tag() while it runs.
+    std::uint32_t newest_call_id = 0;      ///< A later call, refused while this one ran.
+    std::uint32_t frame_size = 0;          ///< Of the kept reply; 0: it is large, or not kept.
+    std::uint16_t large = kNoLargeBuffer;  ///< The buffer of a large request or reply.
+    std::uint16_t stream = kNoStream;      ///< Until all items have arrived.
+    std::uint32_t tag = 0;                 ///< By set_tag(), while it runs.
   };
   /// Holds a message larger than a frame: one being received, served or sent.
   struct LargeBuffer {
@@ -215,7 +218,7 @@ class ServerSessions {
     std::uint32_t session_index = 0;
     std::uint32_t slot_index = 0;
     MonotonicTime deadline{};  ///< Until when its caller waits.
-    MonotonicTime heard{};     ///< When its peer showed last that it works on it.
+    MonotonicTime heard{};     ///< When its peer last sent a frame about it.
     MutableBytes memory{};
     IncomingMessage incoming;
     OutgoingMessage outgoing;
@@ -224,7 +227,7 @@ class ServerSessions {
   struct Stream {
     std::uint32_t session_index = 0;
     std::uint32_t slot_index = 0;
-    MonotonicTime deadline{};  ///< Until when its caller promised to be heard again.
+    MonotonicTime deadline{};  ///< The end of its lease, unless its caller is heard.
     OutgoingStream items;      ///< Begun while in use.
   };
   struct Session {
@@ -239,7 +242,7 @@ class ServerSessions {
     std::array<Slot, kCallWindow> slots{};
   };
 
-  /// What is to be done with a frame, but for the request, which stays where it is.
+  /// A Verdict without its request, which is constructed where it stays.
   struct Answer {
     Verdict::Action action = Verdict::Action::kNothing;
     ConstBytes frame{};
@@ -328,16 +331,16 @@ class ServerSessions {
   std::uint32_t payload_size_max_ = 0;  ///< Of one frame.
   std::uint32_t item_size_max_ = 0;     ///< Of a stream.
   std::vector<LargeBuffer> large_buffers_;
-  std::uint32_t held_large_count_ = 0;  ///< Those that are neither free nor the scratch.
+  std::uint32_t held_large_count_ = 0;  ///< Neither free nor the scratch.
   bool has_freed_buffer_ = false;
-  std::uint16_t scratch_ = kNoLargeBuffer;  ///< Where replies are written that may become large.
-  std::uint16_t sending_ = kNoLargeBuffer;  ///< Whose window next_frame() goes on with.
+  std::uint16_t scratch_ = kNoLargeBuffer;  ///< Where replies that may be large are written.
+  std::uint16_t sending_ = kNoLargeBuffer;  ///< Whose window next_frame() continues.
   std::vector<Stream> streams_;
   std::uint32_t open_stream_count_ = 0;
   MonotonicTime streams_due_ = kNever;    ///< No stream's deadline is before this.
-  std::uint16_t repairing_ = kNoStream;   ///< Whose lost items next_frame() goes on with,
-  bool is_reply_due_ = false;             ///< and behind them its reply.
-  std::vector<std::uint32_t> cancelled_;  ///< Tags that next_cancelled() tells.
+  std::uint16_t repairing_ = kNoStream;   ///< Whose lost items next_frame() repeats.
+  bool is_reply_due_ = false;             ///< The reply follows those items.
+  std::vector<std::uint32_t> cancelled_;  ///< Tags for next_cancelled().
   std::vector<Session> sessions_;
   struct alignas(64) CacheLine {
     std::byte bytes[64];

@@ -6,31 +6,31 @@
 namespace rtpm::wire {
 
 /// The outcome that a REPLY or REFUSE frame carries. The numbers are the wire's and never change.
-/// Source: spec/hprotocol.md#hp-7.
+/// @source   spec/hprotocol.md#hp-7
 enum class Status : std::uint16_t {
-  kOk = 0,              ///< The servant ran and its result is the payload.
-  kOverload = 1,        ///< Not run: a queue or table is full. Send less, or later.
-  kExpired = 2,         ///< Not run: the caller's time budget was over before the servant began.
-  kNoSuchMethod = 3,    ///< Not run: the object has no method of that id.
-  kNoSuchObject = 4,    ///< Not run: no object has that path or number.
-  kBadRequest = 5,      ///< Not run: the payload is not what the method takes.
-  kNotLeaseHolder = 6,  ///< Not run: another client holds the lease that the method needs.
-  kGone = 7,            ///< Not run: the object was there and was taken away.
-  kServantFailed = 8,   ///< The servant ran and ended with a fault of its own.
-  kTooLarge = 9,        ///< A message or item exceeds the session's limit. On a reply: it ran.
+  kOk = 0,                   ///< The servant ran and its result is the payload.
+  kOverload = 1,             ///< Not run: a queue or table is full. Send less, or later.
+  kExpired = 2,              ///< Not run: the caller's deadline passed before the servant began.
+  kNoSuchMethod = 3,         ///< Not run: the object has no method of that id.
+  kNoSuchObject = 4,         ///< Not run: no object has that path or number.
+  kBadRequest = 5,           ///< Not run: the payload is not what the method takes.
+  kNotLeaseHolder = 6,       ///< Not run: another client holds the lease that the method needs.
+  kGone = 7,                 ///< Not run: the object was removed from its server.
+  kServantFailed = 8,        ///< The servant ran and failed.
+  kTooLarge = 9,             ///< A message or item exceeds the session's limit. On a reply: it ran.
   kPriorityNotAllowed = 10,  ///< Not run: the priority is above the session's ceiling.
   kWrongBand = 11,       ///< Not run: the priority is outside the session's or the object's bands.
-  kUnknownSession = 12,  ///< The server has no such session (any more): handshake again.
+  kUnknownSession = 12,  ///< The server has no such session, or no longer: handshake again.
   kVersionUnsupported = 13,  ///< Handshake refused: no protocol version in common.
-  kBadLimits = 14,           ///< Handshake refused: a limit in it is absurd.
+  kBadLimits = 14,           ///< Handshake refused: a limit in it is out of range.
   kWrongInterface = 15,      ///< Bind refused: the object has another interface.
-  kCancelled = 16,           ///< It ended early because its caller did not wait any more.
+  kCancelled = 16,           ///< It ended early because its caller gave up.
   kStopping = 17,            ///< The server stops. A call that ran may have had an effect.
-  kLost = 18,  ///< The stream ended because its client was not heard in time. It may have run.
+  kLost = 18,  ///< The stream ended because its client was silent for too long. It may have run.
 };
 inline constexpr std::uint16_t kStatusCount = 19;
 
-/// The status's name as the spec writes it, "unknown" for a number that has none.
+/// The name in the specification; "unknown" for a number that has none.
 [[nodiscard]] std::string_view to_string(Status status) noexcept;
 
 }  // namespace rtpm::wire
