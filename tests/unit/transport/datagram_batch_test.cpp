@@ -20,7 +20,7 @@ constexpr const char* kHere = "127.0.0.1";
 constexpr wire::PeerAddress kPeer{.low = 1, .port = 2};
 
 DatagramBatch batch_of(const std::vector<Bytes>& frames) {
-  DatagramBatch batch = DatagramBatch::with_room();
+  DatagramBatch batch = DatagramBatch::allocate();
   for (const Bytes& frame : frames)
     EXPECT_TRUE(batch.add(frame));
   return batch;
@@ -58,7 +58,7 @@ TEST(DatagramBatch, TakesFramesOfOneSizeAndASmallerLast) {
 
 TEST(DatagramBatch, TakesAWindowOfTheLargestFramesAndNoMore) {
   const Bytes largest = frame_of(wire::kDatagramPayloadSizeMax);
-  DatagramBatch batch = DatagramBatch::with_room();
+  DatagramBatch batch = DatagramBatch::allocate();
   for (std::size_t i = 0; i < wire::kFragmentWindow; ++i)
     ASSERT_TRUE(batch.add(largest)) << i;
   EXPECT_FALSE(batch.add(largest));
@@ -71,9 +71,9 @@ TEST(DatagramBatch, TakesAWindowOfTheLargestFramesAndNoMore) {
 
 TEST(DatagramBatch, TakesNoneWithoutRoom) {
   DatagramBatch none;
-  EXPECT_FALSE(none.has_room());
+  EXPECT_FALSE(none.is_allocated());
   EXPECT_FALSE(none.add(frame_of(0)));
-  DatagramBatch batch = DatagramBatch::with_room();
+  DatagramBatch batch = DatagramBatch::allocate();
   EXPECT_FALSE(batch.add(frame_of(wire::kStreamPayloadSizeMax)));
   EXPECT_TRUE(batch.is_empty());
 }

@@ -23,7 +23,7 @@
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/transport/udp.hpp"
 #include "rtpm/wire/medium.hpp"
-#include "sockets/accept.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -393,8 +393,9 @@ TEST(TcpTransport, SaysThatNobodyIsThere) {
   const std::uint16_t number = free_port();
   const auto client = open_tcp_transport(kHere, number, 0, 1000, rt::now() + 20s);
   ASSERT_FALSE(client);
-  expect_text(client.error().text(), {"nobody answers at TCP 127.0.0.1:" + std::to_string(number),
-                                      "Connection refused", "Remedy"});
+  expect_text(client.error().text(),
+              {"no server answers at TCP 127.0.0.1:" + std::to_string(number), "Connection refused",
+               "Remedy"});
 }
 
 // A listener that takes nobody off its queue, which holds one: further ones get no answer.
@@ -414,8 +415,9 @@ TEST(TcpTransport, GivesUpAtItsDeadline) {
   const auto client = open_tcp_transport(kHere, number, 0, 1000, deadline);
   EXPECT_GE(rt::now(), deadline);
   ASSERT_FALSE(client);
-  expect_text(client.error().text(),
-              {"nobody answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
+  expect_text(
+      client.error().text(),
+      {"no server answers at TCP 127.0.0.1:" + std::to_string(number), "timed out", "Remedy"});
 }
 
 TEST(TcpTransport, CarriesFramesBothWays) {

@@ -353,9 +353,9 @@ bool CallChannel::send_all(ConstBytes frame, MonotonicTime now) noexcept {
 // Keeps a frame, and whatever more there is to send behind it, for send_held(); or sends it, where
 // there is no room for more.
 bool CallChannel::hold_all(ConstBytes frame, MonotonicTime now) noexcept {
-  if (!held_.has_room()) {
+  if (!held_.is_allocated()) {
     const rt::AllowAllocationScope is_allowed;
-    held_ = transport::DatagramBatch::with_room();
+    held_ = transport::DatagramBatch::allocate();
   }
   for (; !frame.empty(); frame = wire_.next_frame(now)) {
     if (held_.add(frame)) continue;

@@ -50,7 +50,7 @@ class DatagramPort {
   std::optional<transport::UdpPort> port_;  ///< None once closed.
   LaneReport& report_;
   transport::Datagrams batch_{};  ///< What is left in buffer_.
-  transport::DatagramBatch answers_ = transport::DatagramBatch::with_room();
+  transport::DatagramBatch answers_ = transport::DatagramBatch::allocate();
   wire::PeerAddress answers_peer_{};
   std::uint32_t quick_service_ = wire::kSessionService;  ///< Whose last call took next to no time,
   std::uint16_t quick_method_ = 0;                       ///< and its method.

@@ -1,11 +1,7 @@
 #include "rtpm/transport/broadcast_memory.hpp"
 
 #include <fcntl.h>
-#include <linux/futex.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
-#include <sys/syscall.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -15,13 +11,12 @@
 #include <climits>
 #include <cstdio>
 #include <cstring>
-#include <ctime>
 #include <string>
 
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/native_time.hpp"
+#include "shared_memory/memory.hpp"
 #include "shared_memory/unix_socket.hpp"
-#include "sockets/accept.hpp"
+#include "sockets/native.hpp"
 
 #ifndef F_SEAL_FUTURE_WRITE
 #define F_SEAL_FUTURE_WRITE 0x0010
@@ -32,7 +27,7 @@ namespace {
 
 // The one byte that comes with the descriptor.
 constexpr std::byte kHere{0x42};
-constexpr off_t kBellSize = 4096;
+constexpr std::size_t kBellSize = 4096;
 
 SetupError not_made(const std::string& cause) {
   return {"memory to broadcast in can't be made", cause,
@@ -59,33 +54,19 @@ socklen_t to_native(std::uint64_t id, sockaddr_un& native) noexcept {
 expected<BroadcastMemory, SetupError> BroadcastMemory::make(std::size_t size) {
   auto bell = BroadcastBell::make();
   if (!bell) return unexpected{not_made(std::strerror(errno))};
-  const Descriptor writable(memfd_create("rtpm-broadcast", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (!writable.is_open() || ftruncate(writable.number(), static_cast<off_t>(size)) != 0) {
-    return unexpected{not_made(std::strerror(errno))};
-  }
-  void* const begin =
-      mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, writable.number(), 0);
-  if (begin == MAP_FAILED) return unexpected{not_made(std::strerror(errno))};
-  const MutableBytes bytes{static_cast<std::byte*>(begin), size};
-  // The mapping that there is stays writable; from here on nobody gets another, nor changes the
-  // size under those who read.
-  const int seals = F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_FUTURE_WRITE | F_SEAL_SEAL;
-  const std::string path = "/proc/self/fd/" + std::to_string(writable.number());
+  const Descriptor writable = make_memory("rtpm-broadcast", size);
+  if (!writable.is_open()) return unexpected{not_made(std::strerror(errno))};
+  SharedMapping mapping(writable.number(), size);
+  if (mapping.bytes().empty()) return unexpected{not_made(std::strerror(errno))};
+  // This mapping stays writable; from here on no other can be, nor can the size change.
   Descriptor readable;
-  if (fcntl(writable.number(), F_ADD_SEALS, seals) == 0) {
+  if (seal_memory(writable.number(), F_SEAL_FUTURE_WRITE)) {
+    const std::string path = "/proc/self/fd/" + std::to_string(writable.number());
     readable = Descriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
   }
-  if (!readable.is_open()) {
-    const int error = errno;
-    munmap(begin, size);
-    return unexpected{not_made(std::strerror(error))};
-  }
-  return BroadcastMemory(std::move(readable), bytes, std::move(bell->first),
+  if (!readable.is_open()) return unexpected{not_made(std::strerror(errno))};
+  return BroadcastMemory(std::move(readable), std::move(mapping), std::move(bell->first),
                          std::move(bell->second));
-}
-
-BroadcastMemory::~BroadcastMemory() {
-  if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
 }
 
 expected<BroadcastDoor, SetupError> BroadcastDoor::open(std::uint64_t id) {
@@ -108,7 +89,7 @@ void BroadcastDoor::let_in(const BroadcastMemory& memory) noexcept {
     const Descriptor& asking = accepted.socket;
     if (!asking.is_open()) return;
     if (!is_trusted(asking.number())) continue;
-    // One message always fits a new socket; who left already needs none.
+    // One message always fits a new socket; a reader that has left needs none.
     static_cast<void>(send_message(asking.number(), std::array{kHere},
                                    std::array{memory.descriptor(), memory.bell_descriptor()}));
   }
@@ -128,64 +109,41 @@ expected<BroadcastView, SetupError> BroadcastView::open(std::uint64_t id, Monoto
   }
   std::array<std::byte, 2> message{};
   const ReceivedMessage received = receive_message(socket.number(), message);
-  struct stat status {};
   const int memory = received.descriptors[0].number();
-  const int seals = fcntl(memory, F_GET_SEALS);
-  if (received.size != 1 || seals < 0 || (seals & F_SEAL_SHRINK) == 0 ||
-      fstat(memory, &status) != 0 || status.st_size <= 0) {
-    return unexpected{not_got("the writer refused")};
-  }
-  const auto bytes = static_cast<std::size_t>(status.st_size);
+  const std::size_t memory_size = sealed_size(memory);
+  if (received.size != 1 || memory_size == 0) return unexpected{not_got("the writer refused")};
   auto bell = BroadcastBell::map(received.descriptors[1].number());
   if (!bell) return unexpected{not_got("it has no bell")};
-  void* const begin = mmap(nullptr, bytes, PROT_READ, MAP_SHARED | MAP_POPULATE, memory, 0);
-  if (begin == MAP_FAILED) return unexpected{not_got(std::strerror(errno))};
-  return BroadcastView(ConstBytes{static_cast<const std::byte*>(begin), bytes}, std::move(*bell));
-}
-
-BroadcastView::~BroadcastView() {
-  if (!bytes_.empty()) munmap(const_cast<std::byte*>(bytes_.data()), bytes_.size());
+  SharedMapping mapping(memory, memory_size, SharedMapping::Access::kRead);
+  if (mapping.bytes().empty()) return unexpected{not_got(std::strerror(errno))};
+  return BroadcastView(std::move(mapping), std::move(*bell));
 }
 
 std::optional<std::pair<BroadcastBell, Descriptor>> BroadcastBell::make() noexcept {
-  Descriptor descriptor(memfd_create("rtpm-bell", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (!descriptor.is_open() || ftruncate(descriptor.number(), kBellSize) != 0 ||
-      fcntl(descriptor.number(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) != 0) {
-    return std::nullopt;
-  }
+  Descriptor descriptor = make_memory("rtpm-bell", kBellSize);
+  if (!descriptor.is_open() || !seal_memory(descriptor.number())) return std::nullopt;
   auto bell = map(descriptor.number());
   if (!bell) return std::nullopt;
   return std::pair(std::move(*bell), std::move(descriptor));
 }
 
 std::optional<BroadcastBell> BroadcastBell::map(int descriptor) noexcept {
-  struct stat status {};
-  const int seals = fcntl(descriptor, F_GET_SEALS);
-  if (seals < 0 || (seals & F_SEAL_SHRINK) == 0 || fstat(descriptor, &status) != 0 ||
-      status.st_size < kBellSize) {
-    return std::nullopt;
-  }
-  void* const begin =
-      mmap(nullptr, kBellSize, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_POPULATE, descriptor, 0);
-  if (begin == MAP_FAILED) return std::nullopt;
-  // In fresh memory the word is zero, which is how it begins.
-  return BroadcastBell(static_cast<std::atomic<std::uint32_t>*>(begin));
-}
-
-BroadcastBell::~BroadcastBell() {
-  if (word_ != nullptr) munmap(word_, kBellSize);
+  if (sealed_size(descriptor) < kBellSize) return std::nullopt;
+  // The word begins as 0, as fresh memory is.
+  SharedMapping mapping(descriptor, kBellSize);
+  if (mapping.bytes().empty()) return std::nullopt;
+  return BroadcastBell(std::move(mapping));
 }
 
 void BroadcastBell::ring(std::uint32_t bits) noexcept {
-  // SYNC POINT bell: what there is to see was written before the word changes; who sleeps took the
-  // word before its last look.
-  word_->fetch_add(1, std::memory_order_seq_cst);
-  syscall(SYS_futex, word_, FUTEX_WAKE_BITSET, INT_MAX, nullptr, nullptr, bits);
+  // SYNC POINT bell: the writer stores the event, then changes the word; a sleeper loads the word
+  // before its last check.
+  word().fetch_add(1, std::memory_order_seq_cst);
+  wake_on_word(word(), INT_MAX, bits);
 }
 
 void BroadcastBell::sleep(std::uint32_t seen, std::uint32_t bits, MonotonicTime until) noexcept {
-  const timespec time = rt::to_timespec(std::min(until, rt::now() + kBellLookInterval));
-  syscall(SYS_futex, word_, FUTEX_WAIT_BITSET, seen, &time, nullptr, bits);
+  sleep_on_word(word(), seen, std::min(until, rt::now() + kBellLookInterval), bits);
 }
 
 }  // namespace rtpm::transport

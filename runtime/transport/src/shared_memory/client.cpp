@@ -1,7 +1,5 @@
 #include <fcntl.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/time.h>
 #include <sys/un.h>
 
@@ -13,22 +11,23 @@
 #include <optional>
 
 #include "rtpm/rt/clock.hpp"
+#include "shared_memory/memory.hpp"
 #include "shared_memory/setup.hpp"
 #include "shared_memory/unix_socket.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for room in its ring before it gives the server up.
+// How long a caller waits for a full ring before it gives the server up.
 constexpr Duration kServerPatience = std::chrono::milliseconds{100};
-// Looks at the ring per receive(): together they take several times as long as what callers do
-// between two, such as to read the clock, so that a reply seldom comes when nobody looks.
-constexpr int kLookCount = 128;
-// A caller that spins asks its socket once in so many fruitless receives whether the server lives:
-// every 20 µs or so.
+// Checks of the ring per receive(). They take several times as long as callers take between two
+// calls, such as to read the clock, so that most replies come during a check.
+constexpr int kCheckCount = 128;
+// After so many empty receives, about 20 µs, a spinning caller checks whether the server lives.
 constexpr std::uint32_t kReceivesPerCheck = 128;
 
-// A caller that sleeps looks as often: to wait for the socket as well would take longer to wake.
+// How often a sleeping caller checks. Waiting for the socket as well would delay its wake-up.
 constexpr Duration kCheckInterval = std::chrono::milliseconds{20};
 
 class SharedMemoryTransport final : public ClientTransport {
@@ -38,7 +37,7 @@ class SharedMemoryTransport final : public ClientTransport {
                     SharedMemoryConnection::Side::kClient) {}
 
   expected<void, IoError> send(ConstBytes frame) noexcept override {
-    // The clock is read only where there is no room.
+    // Reads the clock only if the ring is full.
     auto sent = connection_.send(frame, MonotonicTime::min());
     if (!sent && sent.error() == IoError::kFull) {
       sent = connection_.send(frame, rt::now() + kServerPatience);
@@ -47,13 +46,13 @@ class SharedMemoryTransport final : public ClientTransport {
   }
 
   expected<ConstBytes, IoError> receive() noexcept override {
-    for (int look = 0; look < kLookCount; ++look) {
+    for (int check = 0; check < kCheckCount; ++check) {
       if (!connection_.has_buffered()) continue;
       fruitless_count_ = 0;
       return connection_.receive();
     }
     if (++fruitless_count_ % kReceivesPerCheck == 0) connection_.check_peer();
-    // hp-16.4-1: whatever the server wrote before it hung up is in the ring by now.
+    // hp-16.4-1: what the server wrote before it hung up is in the ring by now.
     return connection_.receive();
   }
 
@@ -78,12 +77,12 @@ class SharedMemoryTransport final : public ClientTransport {
 // Connects by the deadline; 0 or the error number.
 int connect_by(int socket, const sockaddr_un& native, unsigned size,
                MonotonicTime deadline) noexcept {
-  // A blocking connect waits while the server's queue is full, for as long as a send may wait.
+  // SO_SNDTIMEO bounds a blocking connect, which waits while the server's backlog is full.
   const MonotonicTime now = rt::now();
   const Duration patience_left = std::max(deadline, now + std::chrono::microseconds{1}) - now;
   const auto left = std::chrono::duration_cast<std::chrono::microseconds>(patience_left).count();
-  const timeval patience{.tv_sec = left / 1'000'000, .tv_usec = left % 1'000'000};
-  setsockopt(socket, SOL_SOCKET, SO_SNDTIMEO, &patience, sizeof patience);
+  set_option(socket, SOL_SOCKET, SO_SNDTIMEO,
+             timeval{.tv_sec = left / 1'000'000, .tv_usec = left % 1'000'000});
   return connect(socket, reinterpret_cast<const sockaddr*>(&native), size) == 0 ? 0 : errno;
 }
 
@@ -135,7 +134,7 @@ expected<Grant, SetupError> ask(const SharedMemoryAddress& address, const SetupR
                                   "start the server on this host, with shared memory, or use "
                                   "another transport.")};
   }
-  // hp-16.1-4: anybody may take a name, and nobody else's memory is to be trusted.
+  // hp-16.1-4: any user may take the name; only the own user's memory is trusted.
   if (!is_trusted(socket)) {
     return unexpected{not_reached(address, "the server is another user's",
                                   "run both as one user, or use another transport.")};
@@ -163,13 +162,10 @@ bool is_possible(std::uint32_t ring_size) noexcept {
   return ring_size >= kRingSizeMin && ring_size <= kRingSizeMax && std::has_single_bit(ring_size);
 }
 
-// hp-16.1-5: memory that can't shrink under us, of the stated size.
+// hp-16.1-5: memory of the stated size that cannot shrink.
 bool is_sound(int memory, RingSizes sizes) noexcept {
-  struct stat status {};
-  const int seals = fcntl(memory, F_GET_SEALS);
-  return is_possible(sizes.to_server) && is_possible(sizes.to_client) && seals >= 0 &&
-         (seals & F_SEAL_SHRINK) != 0 && fstat(memory, &status) == 0 &&
-         static_cast<std::uint64_t>(status.st_size) >= memory_size(sizes);
+  return is_possible(sizes.to_server) && is_possible(sizes.to_client) &&
+         sealed_size(memory) >= memory_size(sizes);
 }
 
 }  // namespace
@@ -187,7 +183,7 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_shared_memory_transp
     return unexpected{not_reached(address, "the server gave memory that breaks the rules",
                                   "use another transport.")};
   }
-  // hp-16.3-3: whatever it is, a signal does not wait.
+  // hp-16.3-3: a signal never waits.
   fcntl(grant->event.number(), F_SETFL, O_NONBLOCK);
   SharedMapping mapping(grant->memory.number(), memory_size(sizes));
   if (mapping.bytes().empty()) return unexpected{exhausted(address, ENOMEM)};

@@ -1,5 +1,4 @@
 #include <poll.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
@@ -7,17 +6,18 @@
 #include <array>
 #include <cerrno>
 
+#include "rtpm/rt/budget.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 #include "rtpm/wire/limits.hpp"
-#include "shared_memory/futex.hpp"
+#include "shared_memory/memory.hpp"
 #include "shared_memory/setup.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// While a ring is full its reader works, or is about to be found dead: a look so often is enough.
-constexpr Duration kRoomLookInterval = std::chrono::microseconds{50};
+// How often a full ring is checked: its reader works, or is about to be found dead.
+constexpr Duration kSpaceCheckInterval = std::chrono::microseconds{50};
 
 using Side = SharedMemoryConnection::Side;
 
@@ -25,8 +25,7 @@ Side other(Side side) noexcept {
   return side == Side::kClient ? Side::kServer : Side::kClient;
 }
 
-// The ring that `reader` reads. In fresh memory the control words are zeros, which is how they
-// begin.
+// The ring that `reader` reads. The control words begin as 0, as fresh memory is.
 RecordRingMemory ring_to(Side reader, MutableBytes memory, RingSizes sizes) noexcept {
   const bool is_to_server = reader == Side::kServer;
   std::byte* const control =
@@ -39,21 +38,6 @@ RecordRingMemory ring_to(Side reader, MutableBytes memory, RingSizes sizes) noex
 }
 
 }  // namespace
-
-SharedMapping::SharedMapping(int descriptor, std::size_t size) noexcept {
-  void* const begin = mmap(nullptr, size, PROT_READ | PROT_WRITE, MAP_SHARED, descriptor, 0);
-  if (begin == MAP_FAILED) return;
-  bytes_ = {static_cast<std::byte*>(begin), size};
-  // MAP_POPULATE would do nothing where memory is locked as it is touched (rt::lock_memory).
-  constexpr std::size_t kPageSize = 4096;
-  for (std::size_t at = 0; at < size; at += kPageSize) {
-    static_cast<void>(*static_cast<const volatile std::byte*>(bytes_.data() + at));
-  }
-}
-
-SharedMapping::~SharedMapping() {
-  if (!bytes_.empty()) munmap(bytes_.data(), bytes_.size());
-}
 
 SharedMemoryConnection::SharedMemoryConnection(Descriptor socket, Descriptor event,
                                                SharedMapping mapping, RingSizes sizes, Side side)
@@ -91,19 +75,19 @@ expected<void, IoError> SharedMemoryConnection::send(ConstBytes frame,
     }
     if (is_closed_) return unexpected{IoError::kClosed};
     if (rt::now() >= until) return unexpected{IoError::kFull};
-    if (!await_room(until)) return unexpected{IoError::kClosed};
+    if (!await_space(until)) return unexpected{IoError::kClosed};
   }
 }
 
 expected<ConstBytes, IoError> SharedMemoryConnection::receive() noexcept {
-  const MutableBytes room(lines_.front().bytes, wire::kSharedFrameSizeMax);
-  const auto size = reader_.read(room);
-  if (size) return ConstBytes(room).first(*size);
+  const MutableBytes buffer(lines_.front().bytes, wire::kSharedFrameSizeMax);
+  const auto size = reader_.read(buffer);
+  if (size) return ConstBytes(buffer).first(*size);
   if (size.error() == RecordError::kBroken) return unexpected{IoError::kBroken};
   return unexpected{is_closed_ ? IoError::kClosed : IoError::kNothing};
 }
 
-// Never waits, whatever the peer does to its end: a full socket has woken it before (hp-16.3-3).
+// Never waits: a full socket has woken the peer before (hp-16.3-3).
 void SharedMemoryConnection::ring_bell() noexcept {
   const std::byte bell{};
   const ssize_t size = ::send(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_NOSIGNAL);
@@ -117,32 +101,27 @@ void SharedMemoryConnection::signal_event() noexcept {
   static_cast<void>(size);
 }
 
-// One bell is taken at a time; more of them keep the socket readable, and wake for nothing
-// (hp-16.3-2).
-void SharedMemoryConnection::on_ready() noexcept {
-  std::byte bell{};
-  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT);
-  if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
-}
-
 void SharedMemoryConnection::wait_for_frame(MonotonicTime until) noexcept {
   if (reader_.announce_sleep(RecordSleep::kAtWord) && !is_closed_) {
+    const rt::AsleepScope asleep;
     sleep_on_word(reader_.sleeping(), static_cast<std::uint32_t>(RecordSleep::kAtWord), until);
   }
   reader_.end_sleep();
 }
 
-void SharedMemoryConnection::check_peer() noexcept {
+// Takes one bell at a time; others keep the socket readable and wake spuriously (hp-16.3-2).
+void SharedMemoryConnection::receive_bell(bool is_peek) noexcept {
   std::byte bell{};
-  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, MSG_DONTWAIT | MSG_PEEK);
+  const int flags = MSG_DONTWAIT | (is_peek ? MSG_PEEK : 0);
+  const ssize_t size = recv(socket_.number(), &bell, sizeof bell, flags);
   if (size == 0 || (size < 0 && errno != EAGAIN && errno != EINTR)) is_closed_ = true;
 }
 
-// Rests for a moment, which the peer's end cuts short; false if it is gone.
-bool SharedMemoryConnection::await_room(MonotonicTime until) noexcept {
+// Pauses for a moment; false: the peer is gone.
+bool SharedMemoryConnection::await_space(MonotonicTime until) noexcept {
   pollfd entry{socket_.number(), 0, 0};
-  const Duration rest = std::clamp<Duration>(until - rt::now(), Duration{0}, kRoomLookInterval);
-  const timespec timeout = rt::to_timespec(rest);
+  const Duration pause = std::clamp<Duration>(until - rt::now(), Duration{0}, kSpaceCheckInterval);
+  const timespec timeout = rt::to_timespec(pause);
   return ppoll(&entry, 1, &timeout, nullptr) <= 0;
 }
 

@@ -1,8 +1,5 @@
-#include <fcntl.h>
 #include <sys/eventfd.h>
-#include <sys/mman.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/un.h>
 #include <unistd.h>
 
@@ -10,14 +7,15 @@
 #include <cerrno>
 #include <cstring>
 
+#include "shared_memory/memory.hpp"
 #include "shared_memory/setup.hpp"
 #include "shared_memory/unix_socket.hpp"
-#include "sockets/accept.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// A file that a killed server left behind is nobody's: nobody answers there.
+// Removes the file of a server that was killed: connects are refused there.
 void remove_if_dead(const std::string& file, const sockaddr_un& native, unsigned size) noexcept {
   const Descriptor probe(::socket(AF_UNIX, SOCK_SEQPACKET | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (connect(probe.number(), reinterpret_cast<const sockaddr*>(&native), size) != 0 &&
@@ -29,17 +27,6 @@ void remove_if_dead(const std::string& file, const sockaddr_un& native, unsigned
 SetupError not_served(const SharedMemoryAddress& address, const std::string& cause,
                       const std::string& remedy) {
   return {in_words(address) + " can't be served", cause, remedy};
-}
-
-// A file of zeros in memory, without a name, whose size nobody can change: so no access to its
-// mapping can fail (hp-16.1-5).
-Descriptor make_memory(std::size_t size) noexcept {
-  Descriptor memory(memfd_create("rtpm", MFD_CLOEXEC | MFD_ALLOW_SEALING));
-  if (memory.is_open() && ftruncate(memory.number(), static_cast<off_t>(size)) == 0 &&
-      fcntl(memory.number(), F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW | F_SEAL_SEAL) == 0) {
-    return memory;
-  }
-  return {};
 }
 
 void refuse(int socket, SetupStatus status) {
@@ -102,10 +89,11 @@ SharedMemoryClient welcome_shared_memory_client(Descriptor socket) {
     refuse(socket.number(), status);
     return {};
   }
-  const Descriptor memory = make_memory(memory_size(kRingSizes));
+  const Descriptor memory = make_memory("rtpm", memory_size(kRingSizes));
   SharedMapping mapping(memory.number(), memory_size(kRingSizes));
   Descriptor event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC));
-  if (!memory.is_open() || !event.is_open() || mapping.bytes().empty()) {
+  if (!memory.is_open() || !seal_memory(memory.number()) || !event.is_open() ||
+      mapping.bytes().empty()) {
     const int error = errno;
     refuse(socket.number(), SetupStatus::kNoMemory);
     return {.shortage = error};

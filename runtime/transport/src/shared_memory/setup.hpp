@@ -9,19 +9,19 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/transport/shared_memory.hpp"
 
-/// What goes over the UNIX socket before the first frame, and where things are in the memory.
-/// Source: spec/hprotocol.md#hp-16.
+/// The messages on the UNIX socket before the first frame, and the layout of the memory.
+/// @source   spec/hprotocol.md#hp-16
 namespace rtpm::transport {
 
 inline constexpr std::uint16_t kSetupVersion = 1;
 
-/// The control words of both rings are in the first page; the slots and the records follow.
+/// The first page holds the control words of both rings; then come the slots, then the records.
 inline constexpr std::size_t kToServerSlotsOffset = 4096;
 inline constexpr std::size_t kToClientSlotsOffset = kToServerSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kRingDataOffset = kToClientSlotsOffset + kRecordSlotsSize;
 inline constexpr std::size_t kToServerControlOffset = 0;
 inline constexpr std::size_t kToClientControlOffset = 256;
-/// What RTPM's servers give, and what its clients take.
+/// What a server offers, and the bounds of what a client accepts.
 inline constexpr RingSizes kRingSizes{128 * 1024, 128 * 1024};
 inline constexpr std::uint32_t kRingSizeMin = 32 * 1024;
 inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
@@ -34,7 +34,7 @@ inline constexpr std::uint32_t kRingSizeMax = 16 * 1024 * 1024;
 struct SetupRequest {
   static constexpr std::size_t kSize = 16;
   Priority priority{};
-  bool only_asks = false;  ///< Wants to know whether it would be taken, and no memory.
+  bool only_asks = false;  ///< Wants no memory, only to know whether it would be accepted.
 };
 
 enum class SetupStatus : std::uint16_t {
@@ -44,8 +44,7 @@ enum class SetupStatus : std::uint16_t {
   kNoMemory = 3,            ///< Or no descriptor.
 };
 
-/// The server's one message; with kOk, unless the client only asked, the memory's descriptor comes
-/// with it.
+/// The server's one message. With kOk, unless the client only asked, the descriptors come with it.
 struct SetupAnswer {
   static constexpr std::size_t kSize = 32;
   SetupStatus status = SetupStatus::kOk;
@@ -53,7 +52,7 @@ struct SetupAnswer {
   RingSizes sizes{};
 };
 
-/// What a request says; of one of another version nothing but that.
+/// A decoded request; of another version only that fact.
 struct ReadRequest {
   bool is_our_version = false;
   SetupRequest request{};
@@ -61,7 +60,7 @@ struct ReadRequest {
 
 [[nodiscard]] std::array<std::byte, SetupRequest::kSize> encode(const SetupRequest& request);
 [[nodiscard]] std::array<std::byte, SetupAnswer::kSize> encode(const SetupAnswer& answer);
-/// Nothing if the bytes are no request, or no answer.
+/// Nothing if the bytes are malformed.
 [[nodiscard]] std::optional<ReadRequest> decode_request(ConstBytes bytes) noexcept;
 [[nodiscard]] std::optional<SetupAnswer> decode_answer(ConstBytes bytes) noexcept;
 

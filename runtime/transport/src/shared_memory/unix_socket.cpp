@@ -49,7 +49,8 @@ bool is_trusted(int socket) noexcept {
 }
 
 bool send_message(int socket, ConstBytes message, std::span<const int> descriptors) noexcept {
-  RTPM_ASSERT(descriptors.size() <= kDescriptorCountMax, "a message has room for its descriptors");
+  RTPM_ASSERT(descriptors.size() <= kDescriptorCountMax,
+              "a message carries at most two descriptors");
   iovec part{const_cast<std::byte*>(message.data()), message.size()};
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(kDescriptorCountMax * sizeof(int))> control{};
   msghdr header{};
@@ -70,7 +71,7 @@ bool send_message(int socket, ConstBytes message, std::span<const int> descripto
 
 ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
   iovec part{to.data(), to.size()};
-  // Room for so many descriptors: the system closes what more a peer may send.
+  // The kernel closes further descriptors of a hostile peer.
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(kDescriptorCountMax * sizeof(int))> control{};
   msghdr header{};
   header.msg_iov = &part;
@@ -90,7 +91,7 @@ ReceivedMessage receive_message(int socket, MutableBytes to) noexcept {
       message.descriptors[i] = Descriptor(number);
     }
   }
-  // More than there is room for are none of ours; a peer of ours sends no more.
+  // A peer of ours sends no more than fit: a truncation is a lack of descriptors.
   message.lacks_descriptors = (header.msg_flags & MSG_CTRUNC) != 0;
   message.size = static_cast<std::size_t>(size);
   return message;

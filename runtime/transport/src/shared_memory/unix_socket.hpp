@@ -10,10 +10,10 @@
 
 struct sockaddr_un;
 
-/// What shared memory needs of UNIX sockets.
+/// UNIX sockets for shared memory.
 namespace rtpm::transport {
 
-/// The file of a server's socket, empty where it has an abstract name.
+/// The file of a server's socket; empty: it has an abstract name.
 [[nodiscard]] std::string socket_file_of(const SharedMemoryAddress& address);
 /// "UNIX socket @rtpm/127.0.0.1:4711", for people.
 [[nodiscard]] std::string in_words(const SharedMemoryAddress& address);
@@ -21,8 +21,9 @@ namespace rtpm::transport {
 /// Fills in the address; its size, or 0 if the name is too long.
 [[nodiscard]] unsigned to_native(const SharedMemoryAddress& address, sockaddr_un& native) noexcept;
 
-/// Whether the other end is of this process's user or of the superuser, as the kernel knows from
-/// when it connected, or began to listen.   Source: spec/hprotocol.md#hp-16.1.
+/// Whether the peer is of this process's user or the superuser, by the kernel's record of its
+/// connect or listen.
+/// @source   spec/hprotocol.md#hp-16.1
 [[nodiscard]] bool is_trusted(int socket) noexcept;
 
 /// How many descriptors a message has at most.
@@ -32,13 +33,12 @@ inline constexpr std::size_t kDescriptorCountMax = 2;
 [[nodiscard]] bool send_message(int socket, ConstBytes message,
                                 std::span<const int> descriptors) noexcept;
 
-/// What one message was.
 struct ReceivedMessage {
   std::size_t size = 0;  ///< 0: none, or the end.
   std::array<Descriptor, kDescriptorCountMax> descriptors;
-  bool lacks_descriptors = false;  ///< Some came for which this process had none left.
+  bool lacks_descriptors = false;  ///< Some were lost: this process had none left.
 };
-/// Takes the message that is there into `to`, and the descriptors that came with it.
+/// Takes one message into `to`, and its descriptors. Never blocks.
 [[nodiscard]] ReceivedMessage receive_message(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport

@@ -14,38 +14,37 @@
 #include "rtpm/transport/stream.hpp"
 #include "rtpm/transport/tcp.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "sockets/native.hpp"
 #include "udp/segments.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// How long a caller waits for a stream's buffer to take a frame before it gives the peer up.
+// How long a caller waits for space in a stream's buffer before it gives the peer up.
 constexpr Duration kSendPatience = std::chrono::milliseconds{100};
 
 SetupError no_socket(const std::string& host, std::uint16_t port, int error) {
   return no_descriptor("a socket to reach " + host + ":" + std::to_string(port), error);
 }
 
-// Of UDP, which asks nobody: there is no way to the host.
+// UDP's connect() asks no peer: it fails if there is no route.
 SetupError not_reached(const std::string& host, std::uint16_t port, int error) {
   if (is_shortage(error)) return no_socket(host, port, error);
   return {host + ":" + std::to_string(port) + " can't be reached over UDP", std::strerror(error),
           "check the host, and this host's routes (ip route)", system_error(error)};
 }
 
-SetupError nobody(std::string_view protocol, const std::string& host, std::uint16_t port,
-                  int error) {
-  return {"nobody answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port),
+SetupError no_answer(std::string_view protocol, const std::string& host, std::uint16_t port,
+                     int error) {
+  return {"no server answers at " + std::string(protocol) + " " + host + ":" + std::to_string(port),
           std::strerror(error), "start the server, or check host and port", system_error(error)};
 }
 
-// Whether a socket was given the very port that it connects to, as may happen where nobody serves a
-// port of those that the system hands out: it would talk to itself.
+// Whether the system gave a socket the very port that it connects to, as may happen if no server
+// has it: the socket would talk to itself.
 bool is_its_own_peer(int socket, const sockaddr_in& peer) noexcept {
-  sockaddr_in own{};
-  socklen_t size = sizeof own;
-  return getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size) == 0 &&
-         own.sin_port == peer.sin_port && own.sin_addr.s_addr == peer.sin_addr.s_addr;
+  const sockaddr_in own = own_address(socket);
+  return own.sin_port == peer.sin_port && own.sin_addr.s_addr == peer.sin_addr.s_addr;
 }
 
 class UdpTransport final : public ClientTransport {
@@ -91,19 +90,14 @@ class UdpTransport final : public ClientTransport {
 
  private:
   expected<ConstBytes, IoError> receive(int flags) noexcept {
-    if (!batch_buffer_.bytes().empty()) return receive_next(flags);
-    const ssize_t count = recv(socket_.number(), buffer_.data(), buffer_.size(), flags);
-    if (count < 0) return unexpected{error_of(errno)};
-    return ConstBytes(buffer_).first(static_cast<std::size_t>(count));
-  }
-  // Of those that came together, or else of what comes.
-  expected<ConstBytes, IoError> receive_next(int flags) noexcept {
     if (received_.is_empty()) {
-      const MutableBytes room = batch_buffer_.bytes();
+      const bool takes_batches = !batch_buffer_.bytes().empty();
+      const MutableBytes buffer = takes_batches ? batch_buffer_.bytes() : MutableBytes(buffer_);
       std::size_t each = 0;
-      const ssize_t count = receive_segments(socket_.number(), room, nullptr, flags, each);
+      const ssize_t count =
+          receive_datagrams(socket_.number(), takes_batches, buffer, nullptr, flags, each);
       if (count < 0) return unexpected{error_of(errno)};
-      received_ = Datagrams{room.first(static_cast<std::size_t>(count)), each, {}};
+      received_ = Datagrams{buffer.first(static_cast<std::size_t>(count)), each, {}};
     }
     return received_.next().value_or(ConstBytes{});
   }
@@ -141,7 +135,7 @@ class TcpTransport final : public ClientTransport {
   expected<ConstBytes, IoError> receive() noexcept override { return stream_.receive(); }
   bool has_buffered() const noexcept override { return stream_.has_buffered(); }
   expected<ConstBytes, IoError> await(MonotonicTime until) noexcept override {
-    // It would wake no poll.
+    // No poll would report a buffered frame.
     if (stream_.has_buffered()) return stream_.receive();
     if (!may_block_until(until)) return ClientTransport::await(until);
     const rt::AsleepScope asleep;
@@ -158,13 +152,10 @@ class TcpTransport final : public ClientTransport {
 bool is_on_host(int socket, const sockaddr_in& peer) noexcept {
   constexpr std::uint32_t kLoopbackNet = 127;
   if (ntohl(peer.sin_addr.s_addr) >> 24 == kLoopbackNet) return true;
-  sockaddr_in own{};
-  socklen_t size = sizeof own;
-  return getsockname(socket, reinterpret_cast<sockaddr*>(&own), &size) == 0 &&
-         own.sin_addr.s_addr == peer.sin_addr.s_addr;
+  return own_address(socket).sin_addr.s_addr == peer.sin_addr.s_addr;
 }
 
-// Waits until a connection that was begun is there; 0 or the error number.
+// Waits until a connection is established; 0 or the error number.
 int finish_connecting(int socket, MonotonicTime deadline) noexcept {
   while (!wait_writable(socket, deadline)) {
     if (rt::now() >= deadline) return ETIMEDOUT;
@@ -197,16 +188,14 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(const 
   if (!address) return unexpected{address.error()};
   Descriptor socket(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
   if (!socket.is_open()) return unexpected{no_socket(host, port, errno)};
-  // Connected, so that the system finds the route once and tells when nobody has the port.
-  if (connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) !=
-      0) {
+  // Connected, so that the system looks the route up once and reports a port without a socket.
+  if (connect(socket.number(), generic(*address), sizeof *address) != 0) {
     return unexpected{not_reached(host, port, errno)};
   }
   if (is_its_own_peer(socket.number(), *address)) {
-    return unexpected{nobody("UDP", host, port, ECONNREFUSED)};
+    return unexpected{no_answer("UDP", host, port, ECONNREFUSED)};
   }
-  const int no_fragments = IP_PMTUDISC_DO;
-  setsockopt(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, &no_fragments, sizeof no_fragments);
+  set_option(socket.number(), IPPROTO_IP, IP_MTU_DISCOVER, int{IP_PMTUDISC_DO});
   set_traffic_class(socket.number(), priority);
   const bool stays_here = is_on_host(socket.number(), *address);
   return std::unique_ptr<ClientTransport>(
@@ -223,13 +212,12 @@ expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
   set_traffic_class(socket.number(), priority);
   prepare_stream(socket.number());
   int error = 0;
-  if (connect(socket.number(), reinterpret_cast<const sockaddr*>(&*address), sizeof *address) !=
-      0) {
+  if (connect(socket.number(), generic(*address), sizeof *address) != 0) {
     error = errno == EINPROGRESS ? finish_connecting(socket.number(), deadline) : errno;
   }
   if (is_shortage(error)) return unexpected{no_socket(host, port, error)};
   if (error == 0 && is_its_own_peer(socket.number(), *address)) error = ECONNREFUSED;
-  if (error != 0) return unexpected{nobody("TCP", host, port, error)};
+  if (error != 0) return unexpected{no_answer("TCP", host, port, error)};
   return std::unique_ptr<ClientTransport>(
       std::make_unique<TcpTransport>(std::move(socket), message_size_max));
 }

@@ -21,6 +21,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 #include "rtpm/rt/semaphore.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 
@@ -54,7 +55,7 @@ void look_up(Lookup& lookup) noexcept {
   lookup.done.post();
 }
 
-// Begins a lookup on a thread that nobody waits for. Null: there are too many, or no thread.
+// Begins a lookup on a detached thread. Null: too many are under way, or no thread is left.
 std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
   if (lookup_count.fetch_add(1) >= kLookupCountMax) {
     lookup_count.fetch_sub(1);
@@ -74,8 +75,6 @@ std::shared_ptr<Lookup> begin_lookup(const std::string& host) {
   return lookup;
 }
 
-constexpr const char* kResolveRemedy = "check the name, or give a numeric address";
-
 }  // namespace
 
 expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint16_t port,
@@ -84,20 +83,19 @@ expected<sockaddr_in, SetupError> address_of(const std::string& host, std::uint1
   address.sin_family = AF_INET;
   address.sin_port = htons(port);
   if (inet_pton(AF_INET, host.c_str(), &address.sin_addr) == 1) return address;
+  const auto not_found = [&host](const std::string& what, const std::string& why) {
+    return setup_error("host '" + host + "' " + what, why,
+                       "check the name, or give a numeric address");
+  };
   const auto lookup = begin_lookup(host);
   if (!lookup) {
-    return setup_error("host '" + host + "' can't be looked up now",
-                       "there is no thread for it, or too many names wait for an answer",
-                       kResolveRemedy);
+    return not_found("can't be looked up now",
+                     "no thread is left, or too many names are asked for");
   }
   if (!lookup->done.wait_until(deadline)) {
-    return setup_error("host '" + host + "' can't be looked up", "no name server answered in time",
-                       kResolveRemedy);
+    return not_found("can't be looked up", "no name server answered in time");
   }
-  if (lookup->error != 0) {
-    return setup_error("host '" + host + "' has no IPv4 address", gai_strerror(lookup->error),
-                       kResolveRemedy);
-  }
+  if (lookup->error != 0) return not_found("has no IPv4 address", gai_strerror(lookup->error));
   address.sin_addr = lookup->address;
   return address;
 }
@@ -150,17 +148,18 @@ wire::PeerAddress host_of(int socket) noexcept {
   return {.low = static_cast<std::uint32_t>(credentials.pid)};
 }
 
-std::string remedy_for_bind(int error) {
-  switch (error) {
-    case EADDRINUSE:
-      return "end the program that has it (ss -lptun), or choose another port; 0 lets the "
-             "system choose.";
-    case EACCES:
-      return "choose a port from 1024 on, or 0, which lets the system choose; lower ones "
-             "need root, or CAP_NET_BIND_SERVICE.";
-    default:
-      return "give an address of this host, such as 127.0.0.1.";
+SetupError not_served(const std::string& what, int error) {
+  const char* remedy = "give an address of this host, such as 127.0.0.1.";
+  if (error == EADDRINUSE) {
+    remedy =
+        "end the program that has it (ss -lptun), or choose another port; 0 lets the system "
+        "choose.";
+  } else if (error == EACCES) {
+    remedy =
+        "choose a port from 1024 on, or 0, which lets the system choose; lower ones need root, "
+        "or CAP_NET_BIND_SERVICE.";
   }
+  return {what + " can't be served", std::strerror(error), remedy, system_error(error)};
 }
 
 void set_traffic_class(int socket, Priority priority) noexcept {
@@ -174,8 +173,8 @@ void set_traffic_class(int socket, Priority priority) noexcept {
   const Class chosen = kClasses[priority.value() / ((Priority::kHighest + 1) / 4)];
   const int type_of_service = chosen.dscp << kDscpShift;
   // IP_TOS sets SO_PRIORITY as well, so it comes first.
-  setsockopt(socket, IPPROTO_IP, IP_TOS, &type_of_service, sizeof type_of_service);
-  setsockopt(socket, SOL_SOCKET, SO_PRIORITY, &chosen.queue, sizeof chosen.queue);
+  set_option(socket, IPPROTO_IP, IP_TOS, type_of_service);
+  set_option(socket, SOL_SOCKET, SO_PRIORITY, chosen.queue);
 }
 
 namespace {
@@ -184,7 +183,7 @@ bool wait_for(int descriptor, short events, MonotonicTime until) noexcept {
   const rt::AsleepScope asleep;
   pollfd entry{descriptor, events, 0};
   if (until == kNever) return ppoll(&entry, 1, nullptr, nullptr) > 0;
-  // A time long past may be so far away that no difference can be told.
+  // The difference to a time long past would overflow.
   const MonotonicTime now = rt::now();
   const Duration left = until > now ? until - now : Duration{0};
   const timespec timeout = rt::to_timespec(left);
@@ -203,7 +202,7 @@ bool wait_writable(int descriptor, MonotonicTime until) noexcept {
 
 void limit_blocking(int socket, Duration time) noexcept {
   const timeval limit{.tv_sec = 0, .tv_usec = time / std::chrono::microseconds{1}};
-  setsockopt(socket, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
+  set_option(socket, SOL_SOCKET, SO_RCVTIMEO, limit);
   const int flags = fcntl(socket, F_GETFL);
   fcntl(socket, F_SETFL, flags & ~O_NONBLOCK);
 }
@@ -212,6 +211,28 @@ bool may_block_until(MonotonicTime until, Duration time) noexcept {
   if (until == kNever) return true;
   const MonotonicTime now = rt::now();
   return until > now && until - now > time + kBlockTimeError;
+}
+
+Descriptor spare_descriptor() noexcept {
+  return Descriptor(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0));
+}
+
+Accepted accept_or_turn_away(int listener, Descriptor& spare) noexcept {
+  Accepted accepted;
+  accepted.socket = Descriptor(accept4(listener, nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (accepted.socket.is_open()) {
+    if (!spare.is_open()) spare = spare_descriptor();
+    return accepted;
+  }
+  if (!is_shortage(errno)) return accepted;
+  accepted.shortage = errno;
+  { const Descriptor closed = std::move(spare); }
+  {
+    const Descriptor unwanted(accept4(listener, nullptr, nullptr, SOCK_CLOEXEC));
+    accepted.still_waits = !unwanted.is_open() && is_shortage(errno);
+  }
+  spare = spare_descriptor();
+  return accepted;
 }
 
 }  // namespace rtpm::transport

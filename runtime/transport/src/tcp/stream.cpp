@@ -14,13 +14,12 @@
 namespace rtpm::transport {
 namespace {
 
-// How much one system call moves. A thread in a call of the kernel gives its CPU to a more urgent
-// one only when it comes out of it, where the kernel is not built to preempt itself; so a large
-// frame would keep a small call of a higher band waiting while all of it is copied. Half of this
-// would gain that little more, and cost large messages much.
+// How much one system call moves. In a kernel without preemption a thread inside a system call
+// keeps its CPU from more urgent ones, so copying a whole large frame would delay a small call of a
+// higher band. Half of this would gain little more and cost large messages much.
 constexpr std::size_t kStepSizeMax = std::size_t{32} * 1024;
 
-// What the send buffer that Linux gives by default holds without waiting: a window of fragments.
+// What Linux's default send buffer holds without waiting: a window of fragments.
 constexpr std::size_t kUnsentMax =
     wire::kStreamFragmentWindow * std::size_t{wire::kStreamFrameSizeMax};
 
@@ -37,7 +36,7 @@ FrameStream::FrameStream(Descriptor socket, std::uint32_t message_size_max)
   int size = 0;
   socklen_t length = sizeof size;
   getsockopt(socket_.number(), SOL_SOCKET, SO_SNDBUF, &size, &length);
-  // Linux counts its own bookkeeping in, for which it doubles what is asked for.
+  // Linux doubles the requested size for its own bookkeeping.
   waiting_max_ = std::min(kUnsentMax, static_cast<std::size_t>(std::max(size, 0)) / 2);
 }
 
@@ -50,7 +49,7 @@ std::size_t FrameStream::complete_size(std::size_t at) const noexcept {
   if (filled.size() < wire::kHeaderSize) return 0;
   const auto header = wire::decode(filled);
   const std::size_t size = wire::kHeaderSize + (header ? header->payload_size : 0);
-  // What can't be a frame, or not one of ours, is given at once: nobody may make us wait for it.
+  // Malformed bytes are returned at once, so that no peer can make its receiver wait for them.
   if (!header || size > lines_.size() * sizeof(CacheLine)) return wire::kHeaderSize;
   return filled.size() >= size ? size : 0;
 }
@@ -68,17 +67,17 @@ expected<ConstBytes, IoError> FrameStream::await() noexcept {
 }
 
 expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
-  take_back_given();
+  release_given();
   std::size_t size = filled_size_ > 0 ? complete_size(0) : 0;
   while (size == 0) {
-    const std::size_t room_size = std::min(buffer().size() - filled_size_, kStepSizeMax);
+    const std::size_t step_size = std::min(buffer().size() - filled_size_, kStepSizeMax);
     const ssize_t count = fill(flags);
     if (count == 0) return unexpected{IoError::kClosed};
     if (count < 0) {
       return unexpected{is_nothing(errno) ? IoError::kNothing : IoError::kClosed};
     }
     size = complete_size(0);
-    if (size == 0 && static_cast<std::size_t>(count) < room_size) {
+    if (size == 0 && static_cast<std::size_t>(count) < step_size) {
       return unexpected{IoError::kNothing};
     }
   }
@@ -86,9 +85,8 @@ expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
   return ConstBytes(buffer().data(), size);
 }
 
-// The frame that was given makes room. Each frame begins at the buffer's begin, so that its payload
-// is aligned.
-void FrameStream::take_back_given() noexcept {
+// Moves the next frame to the beginning of the buffer, so that its payload is aligned.
+void FrameStream::release_given() noexcept {
   if (given_size_ == 0) return;
   filled_size_ -= given_size_;
   if (filled_size_ > 0) {
@@ -97,19 +95,19 @@ void FrameStream::take_back_given() noexcept {
   given_size_ = 0;
 }
 
-// Receives once, behind what is there.
+// Receives once, behind the filled part.
 ssize_t FrameStream::fill(int flags) noexcept {
-  MutableBytes room = buffer().subspan(filled_size_);
-  room = room.first(std::min(room.size(), kStepSizeMax));
-  const ssize_t count = recv(socket_.number(), room.data(), room.size(), flags);
+  const MutableBytes free = buffer().subspan(filled_size_);
+  const std::size_t size = std::min(free.size(), kStepSizeMax);
+  const ssize_t count = recv(socket_.number(), free.data(), size, flags);
   if (count > 0) filled_size_ += static_cast<std::size_t>(count);
   return count;
 }
 
-// The buffer holds more, which is left to frames that may not wait.
+// The socket's buffer holds more, which is left to frames that may not wait.
 bool FrameStream::has_spare_capacity(std::size_t size) noexcept {
   int waiting = 0;
-  // Of a connection that has ended the send tells.
+  // The send reports a connection that has ended.
   if (ioctl(socket_.number(), SIOCOUTQ, &waiting) != 0) return true;
   return waiting == 0 || static_cast<std::size_t>(waiting) + size <= waiting_max_;
 }

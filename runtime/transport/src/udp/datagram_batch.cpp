@@ -6,22 +6,22 @@
 
 namespace rtpm::transport {
 
-DatagramBatch DatagramBatch::with_room() noexcept {
+DatagramBatch DatagramBatch::allocate() noexcept {
   DatagramBatch batch;
-  batch.room_ = rt::LazyMemory(kSizeMax);
+  batch.buffer_ = rt::LazyMemory(kSizeMax);
   return batch;
 }
 
 bool DatagramBatch::add(ConstBytes frame) noexcept {
-  const MutableBytes room = room_.bytes();
-  if (frame.empty() || frame.size() > room.size() - size_) return false;
+  const MutableBytes buffer = buffer_.bytes();
+  if (frame.empty() || frame.size() > buffer.size() - size_) return false;
   if (!is_empty()) {
     const bool is_over = size_ % frame_size_ != 0 || size_ / frame_size_ == kFrameCountMax;
     if (is_over || frame.size() > frame_size_) return false;
   } else {
     frame_size_ = frame.size();
   }
-  std::memcpy(room.data() + size_, frame.data(), frame.size());
+  std::memcpy(buffer.data() + size_, frame.data(), frame.size());
   size_ += frame.size();
   return true;
 }
@@ -34,7 +34,7 @@ std::optional<ConstBytes> Datagrams::next() noexcept {
   bytes_ = bytes_.subspan(size);
   is_empty_ = bytes_.empty();
   const std::size_t kept_size = std::min(size, wire::kDatagramFrameSizeMax + 1);
-  // What lies in front of it was taken before.
+  // The bytes before it were returned before.
   if (const std::size_t excess = reinterpret_cast<std::uintptr_t>(frame) % kAlignment; excess > 0) {
     std::memmove(frame - excess, frame, kept_size);
     frame -= excess;
@@ -44,7 +44,7 @@ std::optional<ConstBytes> Datagrams::next() noexcept {
 
 BatchEstimator::Change BatchEstimator::on_datagrams(const wire::PeerAddress& peer, bool is_batch,
                                                     MonotonicTime now) noexcept {
-  // Less than the way of a reply to its caller, and of its next call, takes through the system.
+  // Less than a reply and its caller's next call take through the kernel.
   constexpr Duration kPause = std::chrono::microseconds{12};
   constexpr std::uint32_t kStreakMin = 3;
   constexpr std::uint32_t kLoneCountMax = 256;

@@ -7,10 +7,12 @@
 #include <cstring>
 #include <utility>
 
+#include "sockets/native.hpp"
+
 namespace rtpm::transport {
 namespace {
 
-// Room for a burst while the receiver's program is busy.
+// For a burst while the receiver's program is busy.
 constexpr int kReceiveBufferSize = 4 << 20;
 
 std::string name_of(const MulticastGroup& group) {
@@ -51,60 +53,50 @@ Descriptor make_socket() noexcept {
   return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
-template <class T>
-bool set(const Descriptor& socket, int level, int option, const T& value) noexcept {
-  return setsockopt(socket.number(), level, option, &value, sizeof value) == 0;
-}
-
 }  // namespace
 
 expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
   Descriptor socket = make_socket();
-  const int hops = group.hops;
-  const int loops_back = 1;
-  const bool is_set =
-      socket.is_open() && set(socket, IPPROTO_IP, IP_MULTICAST_TTL, hops) &&
-      set(socket, IPPROTO_IP, IP_MULTICAST_LOOP, loops_back) &&
-      (group.interface.empty() || set(socket, IPPROTO_IP, IP_MULTICAST_IF, addresses->interface));
+  const int number = socket.number();
+  const bool is_set = socket.is_open() &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, int{group.hops}) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_LOOP, 1) &&
+                      (group.interface.empty() ||
+                       set_option(number, IPPROTO_IP, IP_MULTICAST_IF, addresses->interface));
   if (!is_set) return failed(group, std::strerror(errno));
   return MulticastSender(std::move(socket), addresses->group);
 }
 
 bool MulticastSender::send(ConstBytes datagram) noexcept {
   return sendto(socket_.number(), datagram.data(), datagram.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-                reinterpret_cast<const sockaddr*>(&to_),
-                sizeof to_) == static_cast<ssize_t>(datagram.size());
+                generic(to_), sizeof to_) == static_cast<ssize_t>(datagram.size());
 }
 
 expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
   Descriptor socket = make_socket();
-  const int on = 1;
-  const int off = 0;
+  const int number = socket.number();
   ip_mreq membership{};
   membership.imr_multiaddr = addresses->group.sin_addr;
   membership.imr_interface = addresses->interface;
-  // Of this group alone, not of others that programs of the host have joined on the port.
-  const bool is_set = socket.is_open() && set(socket, SOL_SOCKET, SO_REUSEADDR, on) &&
-                      set(socket, IPPROTO_IP, IP_MULTICAST_ALL, off) &&
-                      bind(socket.number(), reinterpret_cast<const sockaddr*>(&addresses->group),
-                           sizeof addresses->group) == 0 &&
-                      set(socket, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
+  // IP_MULTICAST_ALL off: only this group's, not those of groups that other programs of the host
+  // have joined on the port.
+  const bool is_set = socket.is_open() && set_option(number, SOL_SOCKET, SO_REUSEADDR, 1) &&
+                      set_option(number, IPPROTO_IP, IP_MULTICAST_ALL, 0) &&
+                      bind(number, generic(addresses->group), sizeof addresses->group) == 0 &&
+                      set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
   if (!is_set) return failed(group, std::strerror(errno));
-  // The forced form passes the system's limit where the process may; else the limit holds.
-  if (!set(socket, SOL_SOCKET, SO_RCVBUFFORCE, kReceiveBufferSize)) {
-    static_cast<void>(set(socket, SOL_SOCKET, SO_RCVBUF, kReceiveBufferSize));
-  }
+  enlarge_receive_buffer(number, kReceiveBufferSize);
   return MulticastReceiver(std::move(socket));
 }
 
 ConstBytes MulticastReceiver::receive(MutableBytes buffer) noexcept {
   const ssize_t count =
       recv(socket_.number(), buffer.data(), buffer.size(), MSG_DONTWAIT | MSG_TRUNC);
-  // One that does not fit is none of ours; it is taken for an empty one of no sender.
+  // A datagram that does not fit is none of RTPM's and counts as empty.
   if (count < 0) return {};
   const auto size = static_cast<std::size_t>(count);
   return ConstBytes(buffer).first(size <= buffer.size() ? size : 0);

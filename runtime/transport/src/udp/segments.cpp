@@ -4,12 +4,15 @@
 #include <sys/socket.h>
 #include <sys/uio.h>
 
+#include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstdint>
 #include <cstring>
 
-// Not in every C library's header yet.
+#include "sockets/native.hpp"
+
+// Older C libraries lack them.
 #ifndef UDP_SEGMENT
 #define UDP_SEGMENT 103
 #endif
@@ -33,14 +36,12 @@ msghdr message_of(iovec& part, sockaddr_in* peer) noexcept {
 }  // namespace
 
 void accept_segments(int socket, bool is_on) noexcept {
-  const int on = is_on ? 1 : 0;
-  setsockopt(socket, IPPROTO_UDP, UDP_GRO, &on, sizeof on);
+  set_option(socket, IPPROTO_UDP, UDP_GRO, is_on ? 1 : 0);
 }
 
 ssize_t send_segments(int socket, const sockaddr_in* to, const DatagramBatch& batch) noexcept {
   const auto segment_size = static_cast<std::uint16_t>(batch.frame_size());
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof segment_size)> control{};
-  // What is sent is only read.
   iovec part{.iov_base = const_cast<std::byte*>(batch.bytes().data()),
              .iov_len = batch.bytes().size()};
   msghdr message = message_of(part, const_cast<sockaddr_in*>(to));
@@ -57,12 +58,19 @@ ssize_t send_segments(int socket, const sockaddr_in* to, const DatagramBatch& ba
 }
 
 bool means_no_batches(int error) noexcept {
-  // No checksums by the device, an option that the system does not know, a way with smaller frames.
+  // No checksum offload, an unknown option, a path with a smaller MTU.
   return error == EIO || error == EINVAL || error == EOPNOTSUPP || error == EMSGSIZE;
 }
 
-ssize_t receive_segments(int socket, MutableBytes buffer, sockaddr_in* from, int flags,
-                         std::size_t& each) noexcept {
+ssize_t receive_datagrams(int socket, bool are_segments, MutableBytes buffer, sockaddr_in* from,
+                          int flags, std::size_t& each) noexcept {
+  if (!are_segments) {
+    socklen_t size = sizeof *from;
+    const ssize_t count = recvfrom(socket, buffer.data(), buffer.size(), flags,
+                                   reinterpret_cast<sockaddr*>(from), from ? &size : nullptr);
+    each = static_cast<std::size_t>(std::max<ssize_t>(count, 0));
+    return count;
+  }
   alignas(cmsghdr) std::array<std::byte, CMSG_SPACE(sizeof(int))> control;
   iovec part{.iov_base = buffer.data(), .iov_len = buffer.size()};
   msghdr message = message_of(part, from);

@@ -8,7 +8,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/transport/udp.hpp"
-#include "udp/steering.hpp"
+#include "sockets/native.hpp"
 
 namespace rtpm::transport {
 namespace {
@@ -27,8 +27,7 @@ expected<void, SetupError> steer(const UdpPort& any_lane, std::span<const Priori
   RTPM_ASSERT(!lane_lows.empty() && lane_lows.size() <= 64 && lane_lows.front() == Priority{0} &&
                   std::ranges::is_sorted(lane_lows),
               "1 to 64 lanes ascend from priority 0");
-  // A datagram too short for a priority ends the program at its load, with 0: the lowest lane
-  // counts the garbage.
+  // A load beyond the end of a short datagram ends the program with 0: the lowest lane counts it.
   std::vector<sock_filter> program{statement(BPF_LD | BPF_B | BPF_ABS, kPriorityHighByte),
                                    statement(BPF_ALU | BPF_LSH | BPF_K, 8),
                                    statement(BPF_MISC | BPF_TAX, 0),
@@ -38,17 +37,14 @@ expected<void, SetupError> steer(const UdpPort& any_lane, std::span<const Priori
     program.push_back({static_cast<std::uint16_t>(BPF_JMP | BPF_JGE | BPF_K), 0, 1, low});
     program.push_back(statement(BPF_RET | BPF_K, static_cast<std::uint32_t>(lane)));
   };
-  // Nor has garbage whose priority is none any business with the most urgent lane.
+  // Invalid priorities go to the lowest lane, too.
   send_from(Priority::kHighest + 1, 0);
   for (std::size_t lane = lane_lows.size() - 1; lane > 0; --lane) {
     send_from(lane_lows[lane].value(), lane);
   }
   program.push_back(statement(BPF_RET | BPF_K, 0));
   const sock_fprog filter{static_cast<std::uint16_t>(program.size()), program.data()};
-  if (setsockopt(any_lane.descriptor(), SOL_SOCKET, SO_ATTACH_REUSEPORT_CBPF, &filter,
-                 sizeof filter) == 0) {
-    return {};
-  }
+  if (set_option(any_lane.descriptor(), SOL_SOCKET, SO_ATTACH_REUSEPORT_CBPF, filter)) return {};
   return setup_error("datagrams can't be steered to lanes by priority (SO_ATTACH_REUSEPORT_CBPF)",
                      system_error(errno),
                      "Linux 4.5 or later is needed; serve one lane, or TCP alone");

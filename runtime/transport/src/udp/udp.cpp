@@ -5,17 +5,16 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <cstring>
 #include <utility>
 
 #include "rtpm/wire/header.hpp"
+#include "sockets/native.hpp"
 #include "udp/segments.hpp"
-#include "udp/steering.hpp"
 
 namespace rtpm::transport {
 namespace {
 
-// Room for a burst of small calls while the lane runs a long one.
+// For a burst of small calls while the lane runs a long one.
 constexpr int kReceiveBufferSize = 1 << 20;
 
 // Each call says whether it blocks.
@@ -23,14 +22,13 @@ Descriptor make_socket() noexcept {
   return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_CLOEXEC, 0));
 }
 
-// With a shared port the system lets any process of the same user join, so that a second server on
-// the same port would quietly take half of the first one's traffic. A trial without sharing tells:
-// the error number of what prevents it, or 0.
+// A shared port is open to any process of the same user: a second server on it would silently take
+// half of the first one's traffic. So a socket without sharing tries the port first.
+// Returns the error number, or 0.
 int error_of_trial(const sockaddr_in& address) noexcept {
   const Descriptor trial = make_socket();
   if (!trial.is_open()) return errno;
-  const auto* raw = reinterpret_cast<const sockaddr*>(&address);
-  return bind(trial.number(), raw, sizeof address) == 0 ? 0 : errno;
+  return bind(trial.number(), generic(address), sizeof address) == 0 ? 0 : errno;
 }
 
 wire::PeerAddress peer_of(const sockaddr_in& address) noexcept {
@@ -45,16 +43,7 @@ sockaddr_in address_of(const wire::PeerAddress& peer) noexcept {
   return address;
 }
 
-ssize_t receive_one(int socket, MutableBytes buffer, sockaddr_in& from, int flags,
-                    std::size_t& each) noexcept {
-  socklen_t from_size = sizeof from;
-  const ssize_t count = recvfrom(socket, buffer.data(), buffer.size(), flags,
-                                 reinterpret_cast<sockaddr*>(&from), &from_size);
-  each = static_cast<std::size_t>(std::max<ssize_t>(count, 0));
-  return count;
-}
-
-// Of the first frame, as its header says it.
+// The size of the first frame, by its header.
 std::size_t frame_size_in(ConstBytes bytes) noexcept {
   const auto header = wire::decode(bytes);
   return header ? wire::kHeaderSize + header->payload_size : bytes.size();
@@ -81,39 +70,25 @@ expected<UdpPort, SetupError> UdpPort::open(const UdpPortConfig& config) {
   const std::string name = config.host + ":" + std::to_string(config.port);
   Descriptor socket = make_socket();
   if (!socket.is_open()) return unexpected{no_socket(name)};
-  const int on = 1;
-  setsockopt(socket.number(), SOL_SOCKET, SO_REUSEPORT, &on, sizeof on);
-  // The forced form passes the system's limit where the process may; else the limit holds.
-  if (setsockopt(socket.number(), SOL_SOCKET, SO_RCVBUFFORCE, &kReceiveBufferSize,
-                 sizeof kReceiveBufferSize) != 0) {
-    setsockopt(socket.number(), SOL_SOCKET, SO_RCVBUF, &kReceiveBufferSize,
-               sizeof kReceiveBufferSize);
-  }
+  set_option(socket.number(), SOL_SOCKET, SO_REUSEPORT, 1);
+  enlarge_receive_buffer(socket.number(), kReceiveBufferSize);
   set_traffic_class(socket.number(), config.priority);
   limit_blocking(socket.number());
-  const auto* raw = reinterpret_cast<const sockaddr*>(&*address);
   int error = config.joins ? 0 : error_of_trial(*address);
-  if (error == 0 && bind(socket.number(), raw, sizeof *address) != 0) error = errno;
+  if (error == 0 && bind(socket.number(), generic(*address), sizeof *address) != 0) error = errno;
   if (is_shortage(error)) return unexpected{no_descriptor("a UDP socket for " + name, error)};
-  if (error != 0) {
-    return setup_error("UDP " + name + " can't be served", system_error(error),
-                       remedy_for_bind(error));
-  }
+  if (error != 0) return unexpected{not_served("UDP " + name, error)};
   UdpPort opened(std::move(socket), config.low);
   if (!opened.open_waker()) return unexpected{no_socket(name)};
   return opened;
 }
 
 bool UdpPort::open_waker() noexcept {
-  sockaddr_in own{};
-  socklen_t size = sizeof own;
-  auto* const generic = reinterpret_cast<sockaddr*>(&own);
   waker_ = make_socket();
-  if (!waker_.is_open() || getsockname(socket_.number(), generic, &size) != 0) return false;
+  sockaddr_in own = own_address(socket_.number());
   if (own.sin_addr.s_addr == INADDR_ANY) own.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-  if (connect(waker_.number(), generic, size) != 0) return false;
-  if (getsockname(waker_.number(), generic, &size) != 0) return false;
-  waker_peer_ = peer_of(own);
+  if (!waker_.is_open() || connect(waker_.number(), generic(own), sizeof own) != 0) return false;
+  waker_peer_ = peer_of(own_address(waker_.number()));
   return true;
 }
 
@@ -131,17 +106,16 @@ bool UdpPort::await(MutableBytes buffer) noexcept {
 expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) noexcept {
   sockaddr_in from{};
   std::size_t each = 0;
-  const ssize_t count = sense_.is_on()
-                            ? receive_segments(socket_.number(), buffer, &from, flags, each)
-                            : receive_one(socket_.number(), buffer, from, flags, each);
+  const ssize_t count =
+      receive_datagrams(socket_.number(), estimator_.is_on(), buffer, &from, flags, each);
   if (count < 0) {
     const bool is_nothing = errno == EAGAIN || errno == EWOULDBLOCK || errno == EINTR;
-    sense_.on_nothing();
+    estimator_.on_nothing();
     return unexpected{is_nothing ? IoError::kNothing : IoError::kFailed};
   }
   const auto size = static_cast<std::size_t>(count);
-  // The system says how long its datagrams are only while batches are asked for.
-  if (sense_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
+  // A batch left over from before does not come with its datagrams' size.
+  if (estimator_.may_be_left()) each = std::min(each, frame_size_in(buffer.first(size)));
   const wire::PeerAddress peer = peer_of(from);
   if (peer == waker_peer_) {
     ++woken_count_;
@@ -150,23 +124,24 @@ expected<Datagrams, IoError> UdpPort::receive(MutableBytes buffer, int flags) no
   return Datagrams{buffer.first(size), each, peer};
 }
 
-void UdpPort::heed(BatchEstimator::Change change) noexcept {
-  accept_segments(socket_.number(), change == BatchEstimator::Change::kBegin);
+void UdpPort::note(const Datagrams& datagrams, MonotonicTime received) noexcept {
+  using Change = BatchEstimator::Change;
+  const auto change = estimator_.on_datagrams(datagrams.peer(), datagrams.are_several(), received);
+  if (change != Change::kNone) accept_segments(socket_.number(), change == Change::kBegin);
 }
 
 bool UdpPort::wake() noexcept {
-  // As much of a header as steer() looks at.
+  // As much of a header as steer() reads.
   std::array<std::byte, kPriorityOffset + sizeof(std::uint16_t)> call{};
   store_le(call.data() + kPriorityOffset, low_.value());
-  // No room: there are datagrams, which wake as well.
+  // A full socket has datagrams, which wake as well.
   return ::send(waker_.number(), call.data(), call.size(), MSG_DONTWAIT | MSG_NOSIGNAL) >= 0;
 }
 
 expected<void, IoError> UdpPort::send(const wire::PeerAddress& peer, ConstBytes frame) noexcept {
   const sockaddr_in to = address_of(peer);
-  const ssize_t count =
-      sendto(socket_.number(), frame.data(), frame.size(), MSG_DONTWAIT | MSG_NOSIGNAL,
-             reinterpret_cast<const sockaddr*>(&to), sizeof to);
+  const ssize_t count = sendto(socket_.number(), frame.data(), frame.size(),
+                               MSG_DONTWAIT | MSG_NOSIGNAL, generic(to), sizeof to);
   if (count == static_cast<ssize_t>(frame.size())) return {};
   return unexpected{error_of_send(errno)};
 }

@@ -15,9 +15,10 @@
 
 namespace rtpm::transport {
 
-/// The client's end of a path to one server: frames go out and come in. Every transport implements
-/// it and passes the same conformance suite.
-/// Threads: one at a time.
+/// A client's end of a path to one server: frames go out and come in. Every implementation passes
+/// the same conformance suite.
+/// @threads  one at a time
+/// @realtime alloc-free, but for set-up
 class ClientTransport {
  public:
   ClientTransport() = default;
@@ -25,50 +26,53 @@ class ClientTransport {
   ClientTransport& operator=(const ClientTransport&) = delete;
   virtual ~ClientTransport() = default;
 
-  /// Sends one whole frame. Ownership: `frame` is copied before return.
-  /// RT: alloc-free, one syscall (a stream: per 32 KiB); a stream whose buffer is full waits up to
-  /// 100 ms for room.
+  /// Sends one whole frame, which is copied. A stream with a full buffer waits for at most 100 ms.
+  /// @realtime one system call (a stream: per 32 KiB)
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame) noexcept = 0;
-  /// The same of several frames; together where the transport can. Some may have gone where it
-  /// gives an error.   RT: alloc-free, one syscall where they go together, else as send() of each.
+  /// Sends several frames, together where the transport can. After an error some may have gone.
+  /// @realtime one system call if they go together, else as send() for each
   [[nodiscard]] virtual expected<void, IoError> send_batch(const DatagramBatch& batch) noexcept;
-  /// From here on, frames that a peer sends together may be received together.   Set-up only.
+  /// From now on frames that a peer sends together may be received together. Set-up only.
   virtual void accept_batches() noexcept {}
 
-  /// One whole frame if one is there. It is aligned to 16 bytes and valid until the next receive().
-  /// What a peer sent that is no frame is given as it is, for the protocol to count.
-  /// RT: alloc-free, at most one syscall (a stream: per 32 KiB), never blocks.
+  /// One whole frame, if there is one; aligned to 16 bytes, valid until the next receive().
+  /// Malformed input is passed on as it is, for the protocol to count. Never blocks.
+  /// @realtime at most one system call (a stream: per 32 KiB)
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
-  /// Whether receive() has a frame that came together with an earlier one.   RT: no syscall.
+  /// Whether receive() has a frame that came together with an earlier one.
   [[nodiscard]] virtual bool has_buffered() const noexcept { return false; }
 
-  /// Waits, after receive() had nothing, until it may have something, or until `until`; it may end
-  /// before. Frames that came together end one wait only.   RT: alloc-free, at most two syscalls.
+  /// Waits until receive() may have something or until `until`, or shorter. To be called after
+  /// receive() had nothing: frames that came together end only one wait.
+  /// @realtime at most two system calls
   virtual void wait(MonotonicTime until) noexcept;
-  /// The next frame, for which it waits as wait() does if none is there; which waits for no frame
-  /// that came together with an earlier one.   RT: alloc-free, one syscall where the transport can,
-  /// else three.
+  /// The next frame; waits as wait() does if there is none.
+  /// @realtime one system call where the transport can, else three
   [[nodiscard]] virtual expected<ConstBytes, IoError> await(MonotonicTime until) noexcept;
-  /// The socket. Of one through memory it tells only that the server is gone.
+  /// The socket. Through shared memory it reports only that the server is gone.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
   [[nodiscard]] virtual wire::Medium medium() const noexcept = 0;
-  /// How many sent frames the server has not taken yet, which only memory shared with it tells;
-  /// nothing elsewhere. It outlasts the server's end.   RT: alloc-free, no syscall.
+  /// How many sent frames the server has not taken; nothing where no memory is shared. Stays valid
+  /// after the server's end.
+  /// @realtime no system call
   [[nodiscard]] virtual std::optional<std::uint32_t> unread_count() const noexcept { return {}; }
-  /// Asks the system whether the server hung up, where receive() alone would not notice at once;
-  /// then receive() says so.   RT: alloc-free, at most one syscall.
+  /// Checks whether the server hung up, where receive() alone would not notice soon; then receive()
+  /// reports it.
+  /// @realtime at most one system call
   virtual void check_peer() noexcept {}
-  /// Whether no frame leaves this host, so that none is lost but where an end has no room for it.
+  /// Whether no frame leaves this host: then frames get lost only in full buffers.
   [[nodiscard]] virtual bool is_on_host() const noexcept { return false; }
 };
 
-/// Opens a transport to host:port over UDP. Nothing is sent yet.   Set-up only.
-/// Errors: an unknown host, no descriptor left.
+/// Opens a transport to host:port over UDP. Sends nothing yet.
+/// @realtime set-up only
+/// @errors   an unknown host, no descriptor left
 [[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_udp_transport(
     const std::string& host, std::uint16_t port, Priority priority);
 
-/// Connects to host:port over TCP by `deadline`, for messages of up to `message_size_max` bytes.
-/// Set-up only.   Errors: an unknown host, nobody there, no answer in time, no descriptor left.
+/// Connects to host:port over TCP, for messages of up to `message_size_max` bytes.
+/// @realtime set-up only
+/// @errors   an unknown host, no server, no answer by `deadline`, no descriptor left
 [[nodiscard]] expected<std::unique_ptr<ClientTransport>, SetupError> open_tcp_transport(
     const std::string& host, std::uint16_t port, Priority priority, std::uint32_t message_size_max,
     MonotonicTime deadline);

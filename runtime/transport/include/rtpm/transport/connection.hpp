@@ -8,9 +8,10 @@
 
 namespace rtpm::transport {
 
-/// One peer's connection as a server's lane has it: whole frames in both directions, in order and
-/// without loss. A poll tells when something comes, except where it says otherwise.
-/// Threads: one at a time.   RT: alloc-free.
+/// A server lane's end of one client's connection: whole frames in both directions, in order,
+/// without loss. A poll reports what comes, except where noted.
+/// @threads  one at a time
+/// @realtime alloc-free
 class Connection {
  public:
   Connection() = default;
@@ -18,31 +19,35 @@ class Connection {
   Connection& operator=(const Connection&) = delete;
   virtual ~Connection() = default;
 
-  /// Sends one whole frame; waits for room until `until` if there is none.
+  /// Sends one whole frame; waits while the buffer is full, until `until`.
   [[nodiscard]] virtual expected<void, IoError> send(ConstBytes frame,
                                                      MonotonicTime until) noexcept = 0;
-  /// Whether a frame of so many bytes, which may wait, has room now: frames that may not, such as
-  /// replies, find as much again.   RT: alloc-free, at most one syscall.
+  /// Whether the buffer takes a frame of `size` bytes that may wait, and keeps as much again for
+  /// frames that may not, such as replies.
+  /// @realtime at most one system call
   [[nodiscard]] virtual bool has_spare_capacity(std::size_t size) noexcept = 0;
-  /// One whole frame if it has arrived; valid until the next receive(), aligned to 16
-  /// bytes. Never blocks.
+  /// One whole frame, if it has arrived; aligned to 16 bytes, valid until the next receive(). Never
+  /// blocks.
   [[nodiscard]] virtual expected<ConstBytes, IoError> receive() noexcept = 0;
-  /// Whether there is a whole frame that no poll would tell.
+  /// Whether there is a whole frame that no poll would report.
   [[nodiscard]] virtual bool has_buffered() const noexcept = 0;
-  /// Whose it is: see host_of().   RT: alloc-free, at most two system calls.
+  /// The client, see host_of().
+  /// @realtime at most two system calls
   [[nodiscard]] virtual wire::PeerAddress host() const noexcept { return host_of(descriptor()); }
-  /// To be polled for reading.
+  /// To poll for reading.
   [[nodiscard]] virtual int descriptor() const noexcept = 0;
 
-  /// Whether frames come through memory, which is cheap to look at and which no poll tells of
-  /// unless announce_sleep() was called before.
+  /// Whether frames come through memory: cheap to check, and reported by a poll only after
+  /// announce_sleep().
   [[nodiscard]] virtual bool is_memory() const noexcept { return false; }
-  /// What else wakes: see Trigger::kEdge. Then the frames are there, and on_ready() is not
-  /// called. Negative: nothing.
+  /// A second descriptor that reports frames, by Trigger::kEdge and without on_ready(); negative:
+  /// none.
   [[nodiscard]] virtual int event() const noexcept { return -1; }
-  /// The poll reported the descriptor.   RT: at most one syscall.
+  /// To be called when a poll reported the descriptor.
+  /// @realtime at most one system call
   virtual void on_ready() noexcept {}
-  /// From here on until end_sleep() a poll tells of frames; false if there is one already.
+  /// From now until end_sleep() a poll reports frames.
+  /// @return false: there is a frame already
   [[nodiscard]] virtual bool announce_sleep() noexcept { return !has_buffered(); }
   virtual void end_sleep() noexcept {}
 };

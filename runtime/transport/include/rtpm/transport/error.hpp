@@ -10,10 +10,10 @@ namespace rtpm::transport {
 enum class IoError : std::uint8_t {
   kNothing,  ///< Nothing is there now. Wait, then try again.
   kFull,     ///< The system's buffer is full; nothing was sent. On a stream: end the connection.
-  kRefused,  ///< The host answered that nobody has the port.
+  kRefused,  ///< The host answered that no socket has the port.
   kClosed,   ///< The peer closed the stream, or it broke. Open another.
   kFailed,   ///< The system refused for another reason.
-  kBroken,   ///< The memory shared with the peer holds nonsense. End the connection.
+  kBroken,   ///< The shared memory is invalid. End the connection.
 };
 
 }  // namespace rtpm::transport

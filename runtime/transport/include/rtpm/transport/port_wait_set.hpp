@@ -15,8 +15,8 @@ namespace rtpm::transport {
 /// the last wait was rung, or `until` is nearer than such a receive may take.
 ///
 /// Such a wait may end up to kBlockTime before `until`. A ring ends it by a datagram to the port.
-/// If that was lost, as by a packet filter, the ring is heard when the receive ends, and the set
-/// only polls from then on.
+/// If that gets lost, as by a packet filter, the ring shows when the receive ends; then the set
+/// only polls.
 class PortWaitSet final : public PolledWaitSet {
  public:
   [[nodiscard]] static expected<std::unique_ptr<PortWaitSet>, SetupError> open(
@@ -24,9 +24,7 @@ class PortWaitSet final : public PolledWaitSet {
 
   /// Adds the port as a level-triggered source.
   /// @param port    stays where it is until remove() of its descriptor
-  /// @param buffer  where a wait receives, of Datagrams::kSizeMax; the next UdpPort::receive()
-  /// gives
-  ///                that datagram
+  /// @param buffer  where a wait receives, of Datagrams::kSizeMax, for the next UdpPort::receive()
   [[nodiscard]] bool add_port(UdpPort& port, MutableBytes buffer, SourceTag tag) noexcept;
   void remove(int descriptor) noexcept override;
   [[nodiscard]] std::size_t wait(MonotonicTime until, std::span<SourceTag> ready,

@@ -33,70 +33,69 @@ class Descriptor {
   int number_ = -1;
 };
 
-/// What came of accepting.
+/// The result of accepting a connection.
 struct Accepted {
-  Descriptor socket{};  ///< Not open: nobody is there, or `shortage`.
-  int shortage = 0;     ///< EMFILE or ENFILE: no descriptor was left for the one that is there.
-  /// Of a shortage: not even one to turn it away with. It waits on, and so wakes its acceptor.
-  bool still_waits = false;
+  Descriptor socket{};       ///< Not open: no connection waits, or `shortage`.
+  int shortage = 0;          ///< EMFILE or ENFILE: no descriptor was left for it.
+  bool still_waits = false;  ///< It could not even be closed, and keeps waking its acceptor.
 };
 
-/// How long a name server may take where no deadline is given.
+/// How long a name server may take if no deadline is given.
 inline constexpr Duration kResolvePatience = std::chrono::seconds{5};
 
-/// The IPv4 address of a numeric address, or of a host name, which is asked for on a thread of its
-/// own: that may outlive `deadline`, but few do at a time.   Set-up only.
-/// Errors: the name has no IPv4 address; it was not answered by `deadline`.
+/// The IPv4 address of a numeric address or a host name. A thread of its own asks the name server;
+/// it may outlive `deadline`, and few run at a time.
+/// @realtime set-up only
+/// @errors   the name has no IPv4 address; no answer by `deadline`
 [[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
                                                            std::uint16_t port,
                                                            MonotonicTime deadline);
-/// By kResolvePatience from now on.
+/// As above, within kResolvePatience.
 [[nodiscard]] expected<sockaddr_in, SetupError> address_of(const std::string& host,
                                                            std::uint16_t port);
 
-/// The numeric form of a host's IPv4 address, "127.0.0.1", so that nobody has to ask for it again.
-/// Set-up only.   Errors: as address_of().
+/// The numeric form of a host's IPv4 address, "127.0.0.1".
+/// @realtime set-up only
+/// @errors   as address_of()
 [[nodiscard]] expected<std::string, SetupError> numeric_address_of(const std::string& host,
                                                                    MonotonicTime deadline);
 
-/// Why the system gave no descriptor, or no memory, for `what`, and what to do, by its error
-/// number. Set-up only.
+/// That the system gave no descriptor or memory for `what`, with cause and remedy by its error
+/// number.
 [[nodiscard]] SetupError no_descriptor(const std::string& what, int error);
 /// "raise the limit of open files (ulimit -n; …)." by the error number of a shortage.
 [[nodiscard]] const char* remedy_for_shortage(int error) noexcept;
-/// Whether it says that the system, or the process, has no descriptor or memory left.
+/// Whether the error says that the system or the process has no descriptor or memory left.
 [[nodiscard]] bool is_shortage(int error) noexcept;
 
-/// Who is at the other end of a connected socket, without a port: its host; or, of a UNIX socket,
-/// its process, as the kernel says it. All 0 if that can't be known.
+/// The peer of a connected socket, without a port: its host; for a UNIX socket its process, by the
+/// kernel's record. All 0 if unknown.
 /// @realtime alloc-free, at most two system calls
 [[nodiscard]] wire::PeerAddress host_of(int socket) noexcept;
 
-/// What a person can do about a port that can't be served, by the error of bind(2) or listen(2).
-/// Set-up only.
-[[nodiscard]] std::string remedy_for_bind(int error);
+/// That `what` cannot be served, with cause and remedy by the error of bind(2) or listen(2).
+[[nodiscard]] SetupError not_served(const std::string& what, int error);
 
-/// Has the network treat the socket's traffic by its priority: DSCP (EF for the top quarter, AF41,
-/// AF21, best effort below) and SO_PRIORITY 6, 4, 2, 0, which VLANs and queueing disciplines read.
-/// A system that refuses leaves the traffic best effort, which only a busy link shows.
+/// Marks the socket's traffic by its priority: DSCP EF for the top quarter, then AF41, AF21, best
+/// effort; and SO_PRIORITY 6, 4, 2, 0 for VLANs and queueing disciplines. If the system refuses,
+/// the traffic stays best effort, which shows only on a busy link.
 void set_traffic_class(int socket, Priority priority) noexcept;
 
-/// Blocks until the descriptor can be read (or written), or until `until`; false if it was the time
-/// or a signal.   RT: alloc-free, one syscall.
+/// Blocks until the descriptor is readable (writable), or until `until`; false: the time or a
+/// signal.
+/// @realtime alloc-free, one system call
 bool wait_readable(int descriptor, MonotonicTime until) noexcept;
 bool wait_writable(int descriptor, MonotonicTime until) noexcept;
 
-/// About how long a receive blocks that is meant to, and by how much that may be too long, as the
-/// system counts in ticks of up to 10 ms. It spares the poll before it and a timer of its own,
-/// which costs more than the poll, where nobody needs the wait to end to the nanosecond.
+/// About how long a blocking receive waits, and by how much longer at most: the kernel counts ticks
+/// of up to 10 ms. Such a receive saves a poll and its timer where the end need not be precise.
 inline constexpr Duration kBlockTime = std::chrono::milliseconds{40};
 inline constexpr Duration kBlockTimeError = std::chrono::milliseconds{20};
-/// The same for one that has something to do by itself soon.
+/// The same for a caller with work of its own soon.
 inline constexpr Duration kBlockTimeShort = std::chrono::milliseconds{4};
-/// Has receives on the socket block for `time`, where they don't say that they must not.
-/// Set-up only.
+/// Lets receives without MSG_DONTWAIT block for `time`. Set-up only.
 void limit_blocking(int socket, Duration time = kBlockTime) noexcept;
-/// Whether a wait until then is long enough to begin with such a receive.   RT: alloc-free.
+/// Whether a wait until then is long enough for such a receive.
 [[nodiscard]] bool may_block_until(MonotonicTime until, Duration time = kBlockTime) noexcept;
 
 }  // namespace rtpm::transport

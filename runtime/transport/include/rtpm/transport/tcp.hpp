@@ -9,34 +9,36 @@
 
 namespace rtpm::transport {
 
-/// A listening TCP socket.   Set-up only, except accept(): not for lanes.
+/// A listening TCP socket.
+/// @realtime set-up only, except accept(); not for lanes
 class TcpListener {
  public:
-  /// Port 0: the system chooses. Errors: the port is taken, the address is not this host's.
+  /// @param port  0: the system chooses
+  /// @errors   the port is taken, the address is not this host's
   [[nodiscard]] static expected<TcpListener, SetupError> open(const std::string& host,
                                                               std::uint16_t port);
   [[nodiscard]] std::uint16_t port() const noexcept { return port_; }
   [[nodiscard]] int descriptor() const noexcept { return socket_.number(); }
-  /// The next connection, ready for FrameStream. One for which no descriptor is left is ended.
+  /// The next connection, ready for FrameStream. Closes it if no descriptor is left.
   [[nodiscard]] Accepted accept() noexcept;
 
  private:
   TcpListener(Descriptor socket, std::uint16_t port) noexcept;
 
   Descriptor socket_;
-  Descriptor spare_;  ///< Given up for a moment when no other is left.
+  Descriptor spare_;  ///< Closed for a moment when no other descriptor is left.
   std::uint16_t port_;
 };
 
-/// Sets what every RTPM connection has: no delay by Nagle, keep-alive, an end after 3 s without
-/// acknowledgement, room for a full window of replies.
+/// Sets the options of every RTPM connection: no Nagle delay, keep-alive, an end after 3 s without
+/// acknowledgement, a send buffer for a full window of replies.
 void prepare_stream(int socket) noexcept;
 
-/// Has polls report the stream only when `size` bytes are there, or its end. 1 is the usual.
+/// Lets polls report the stream only once `size` bytes have arrived, or its end. The default is 1.
 void report_from(int socket, std::size_t size) noexcept;
 
-/// Copies what has arrived to the begin of `to` and leaves it in the stream; gives how much, 0 at
-/// the stream's end.   Never blocks.
+/// Copies what has arrived to `to` without taking it from the stream. Never blocks.
+/// @return how many bytes; 0: none, or the stream's end
 [[nodiscard]] std::size_t peek(int socket, MutableBytes to) noexcept;
 
 }  // namespace rtpm::transport

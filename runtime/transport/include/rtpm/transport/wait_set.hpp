@@ -51,7 +51,7 @@ inline constexpr SourceTag kDoorbell{};
 /// When a source is reported.
 enum class Trigger : std::uint8_t {
   kLevel,  ///< In each wait while it can be read.
-  kEdge,   ///< Once per signal: for an eventfd that nobody reads, which saves a system call each.
+  kEdge,   ///< Once per signal: for an eventfd that is never read, which saves a system call each.
 };
 
 /// As a time to wait until: do not block.

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/transport/socket.hpp"
+
+// Memory that processes share: files without a name, passed on by their descriptors, and sleeping
+// on a word of them, which std::atomic::wait does not do. Source: memfd_create(2), futex(2).
+namespace rtpm::transport {
+
+/// A file of `size` zeros; not open if the system refuses, errno says why.
+[[nodiscard]] Descriptor make_memory(const char* name, std::size_t size) noexcept;
+
+/// Fixes the size for good, so that no access to a mapping can fail (hp-16.1-5).
+/// @param more_seals  see F_ADD_SEALS in fcntl(2)
+[[nodiscard]] bool seal_memory(int memory, int more_seals = 0) noexcept;
+
+/// The size of a file that cannot shrink; 0: it can, or is no such file.
+[[nodiscard]] std::size_t sealed_size(int memory) noexcept;
+
+inline constexpr std::uint32_t kAnyBit = 0xffff'ffff;
+
+/// Sleeps while the word is `value`, until a wake-up for one of `bits`, or until `until`. May wake
+/// spuriously.
+/// @realtime alloc-free, one system call
+void sleep_on_word(std::atomic<std::uint32_t>& word, std::uint32_t value, MonotonicTime until,
+                   std::uint32_t bits = kAnyBit) noexcept;
+
+/// Wakes at most `count_max` sleepers for one of `bits`, the most urgent first.
+/// @realtime alloc-free, one system call, never blocks
+void wake_on_word(std::atomic<std::uint32_t>& word, int count_max = 1,
+                  std::uint32_t bits = kAnyBit) noexcept;
+
+}  // namespace rtpm::transport
