@@ -44,7 +44,7 @@ std::string_view to_string(CallError error) noexcept {
     case CallError::kPeerRestarted:
       return "the server restarted during the call; call again if a second run does no harm";
     case CallError::kUnreachable:
-      return "nobody serves the address; check that the server runs";
+      return "no server answers at the address; check that the server runs";
     case CallError::kNoResources:
       return "this process has too many open files, or no memory left, for a connection; raise "
              "its limits (ulimit -n, ulimit -v)";
@@ -58,10 +58,9 @@ std::string_view to_string(CallError error) noexcept {
       return "the object is not there any more; bind again";
     case CallError::kBadRequest:
       return "the server could not accept the request; check its values, and that client and "
-             "server "
-             "share the schema";
+             "server share the schema";
     case CallError::kNotLeaseHolder:
-      return "somebody else holds the lease; acquire it first";
+      return "another client holds the lease; acquire it first";
     case CallError::kServantFailed:
       return "the servant failed; see what its program reports";
     case CallError::kTooLarge:

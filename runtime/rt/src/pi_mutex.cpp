@@ -63,7 +63,7 @@ bool PiMutex::try_lock_until(MonotonicTime deadline) noexcept {
 
 void PiMutex::unlock() noexcept {
   const int error = pthread_mutex_unlock(&mutex_);
-  RTPM_ASSERT(error == 0, "who locked a mutex unlocks it");
+  RTPM_ASSERT(error == 0, "the thread that locked a mutex unlocks it");
 }
 
 }  // namespace rtpm::rt

@@ -55,7 +55,7 @@ TEST_P(BindErrors, SayThatANameNeedsAResolver) {
 
 TEST_P(BindErrors, SayThatNobodyIsThere) {
   const std::string port = std::to_string(free_port());
-  std::string cause = "nobody serves the address";
+  std::string cause = "no server answers at the address";
   if (GetParam() == Transport::kTcp) cause = "no server answers at TCP 127.0.0.1:" + port;
   if (GetParam() == Transport::kSharedMemory) cause = "gives no shared memory";
   expect_text(error_of(node_, "rtpm://127.0.0.1:" + port + "/echo"),

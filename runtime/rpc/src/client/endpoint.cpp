@@ -101,7 +101,7 @@ expected<CallChannel*, CallError> Endpoint::add(Priority priority,
                                     clock_domain_, call_count_max, lost_oneways_);
   CallChannel* channel = channels_[count].get();
   const bool is_taken = channel->try_take();
-  RTPM_ASSERT(is_taken, "nobody else knows a new channel");
+  RTPM_ASSERT(is_taken, "no other thread knows a new channel");
   // SYNC POINT endpoint-channels
   channel_count_.store(count + 1, std::memory_order_release);
   return channel;

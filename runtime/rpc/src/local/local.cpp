@@ -232,7 +232,7 @@ expected<LocalChannel*, CallError> LocalChannels::take() noexcept {
   if (index == channels_.size()) return unexpected{CallError::kNoChannel};
   channels_[index] = std::make_unique<LocalChannel>(message_size_max_);
   const bool is_taken = channels_[index]->try_take();
-  RTPM_ASSERT(is_taken, "nobody else knows a new channel");
+  RTPM_ASSERT(is_taken, "no other thread knows a new channel");
   // SYNC POINT local-channels
   count_.store(index + 1, std::memory_order_release);
   return channels_[index].get();

@@ -22,7 +22,7 @@ enum class CallError : std::uint8_t {
   kDisconnected,   ///< The connection broke; it may have run. The next call connects again.
   kPeerRestarted,  ///< The server restarted in mid-call; it may have run. The next call binds
                    ///< again.
-  kUnreachable,    ///< Not run: nobody serves the address. Check that the server runs.
+  kUnreachable,    ///< Not run: no server answers at the address. Check that it runs.
   kNoResources,    ///< Not run: this process has no descriptor or memory left for a connection.
                    ///< Raise its limits (ulimit -n, ulimit -v), or close what it does not need.
   kRefused,        ///< Not run: the server refused the session (its limits or priority).
