@@ -146,15 +146,19 @@ TEST(Vocabulary, IsTheFields) {
 }
 
 TEST(Vocabulary, FindsHomeMadeWordsInCodeAndFileNames) {
-  const auto faults = find_home_made_words({{"runtime/rpc/src/crew_test.cpp", "\n"},
-                                            {"runtime/rt/src/a.cpp", "int x;\nint kNapMax = 1;\n"},
-                                            {"runtime/rt/src/b.hpp", "bool has_wishes() const;\n"},
-                                            {"clients/a.cpp", "class FrameTrain;\n"}});
+  const auto faults =
+      find_home_made_words({{"runtime/rpc/src/crew_test.cpp", "\n"},
+                            {"runtime/rt/src/a.cpp", "int x;\nint kNapMax = 1;\n"},
+                            {"runtime/rt/src/b.hpp", "bool has_wishes() const;\n"},
+                            {"clients/a.cpp", "class FrameTrain;\n"},
+                            {"clients/b.cpp", "int late_tables; int LookAround;\n"}});
   expect_fault(faults, "runtime/rpc/src/crew_test.cpp:1:", "write: thread pool");
   expect_fault(faults, "runtime/rt/src/a.cpp:2:", "'kNapMax': 'nap' is not the field's word");
   expect_fault(faults, "runtime/rt/src/b.hpp:1:", "write: interest");
   expect_fault(faults, "clients/a.cpp:1:", "write: datagram batch");
-  EXPECT_EQ(faults.size(), 4u);
+  expect_fault(faults, "clients/b.cpp:1:", "write: deferred reply");
+  expect_fault(faults, "clients/b.cpp:1:", "write: poll");
+  EXPECT_EQ(faults.size(), 6u);
 }
 
 TEST(Vocabulary, IsNotReadInCommentsAndTexts) {

@@ -10,9 +10,10 @@
 namespace rtpm::tidy {
 namespace {
 
-// The word, in lower case and without an ending, and the field's term for it.
+// A word, or two in a row, in lower case and without an ending, and the field's term for it.
 const std::map<std::string_view, std::string_view>& terms() {
   static const std::map<std::string_view, std::string_view> kTerms{
+      {"big room", "fragment buffer"},
       {"bulk", "large message, fragment buffer"},
       {"bury", "reap, retire, release"},
       {"crew", "thread pool"},
@@ -20,12 +21,18 @@ const std::map<std::string_view, std::string_view>& terms() {
       {"foresight", "predictor"},
       {"goodbye", "close, disconnect"},
       {"knock", "ring the doorbell, wake up"},
+      {"late answer", "deferred reply"},
+      {"late copy", "stale, duplicate"},
+      {"late table", "deferred reply"},
       {"learner", "estimator"},
       {"linger", "poll, busy-wait, spin"},
       {"loan", "borrowed thread"},
+      {"look around", "poll"},
       {"nap", "pause, idle"},
       {"relief", "follower, rate limit, back-pressure"},
       {"somebody", "the actor's name"},
+      {"spare room", "capacity"},
+      {"spin sense", "estimator"},
       {"train", "datagram batch, segmentation offload"},
       {"whoever", "the actor's name"},
       {"wish", "interest, subscription, request"},
@@ -54,16 +61,22 @@ void check_name(const SourceFile& file, std::size_t line, const std::string& nam
                 std::vector<Fault>& faults) {
   static const std::regex kWord("[A-Z]+(?![a-z])|[A-Z]?[a-z]+");
   if (is_given(name)) return;
+  const auto check = [&](const std::string& word) {
+    const std::string_view term = term_for(word);
+    if (term.empty()) return;
+    faults.push_back(fault_at(
+        file, line,
+        "'" + name + "': '" + word + "' is not the field's word; write: " + std::string(term)));
+  };
+  std::string last;
   for (std::sregex_iterator part(name.begin(), name.end(), kWord), end; part != end; ++part) {
     std::string word = part->str();
     std::ranges::transform(word, word.begin(), [](unsigned char letter) {
       return static_cast<char>(std::tolower(letter));
     });
-    const std::string_view term = term_for(word);
-    if (term.empty()) continue;
-    faults.push_back(fault_at(
-        file, line,
-        "'" + name + "': '" + word + "' is not the field's word; write: " + std::string(term)));
+    check(word);
+    check(last + " " + word);
+    last = word;
   }
 }
 
