@@ -261,7 +261,7 @@ TEST_F(ServerStreams, EndWhereTheirCallerFellSilent) {
 }
 
 // hp-5.10-7: what a newer frame promised is not taken back by a late copy of an older one.
-TEST_F(ServerStreams, OutliveALateCopyOfACredit) {
+TEST_F(ServerStreams, OutliveAStaleCredit) {
   static_cast<void>(begin(1, 8, at(0s)));
   static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 3'000'000), at(1s)));
   static_cast<void>(receive(credit_frame(1, credit(0, 0), 8, false, 10), at(1s)));

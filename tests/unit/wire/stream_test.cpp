@@ -188,7 +188,7 @@ TEST(OutgoingStream, BelievesNoCreditForWhatWasNeverSent) {
   EXPECT_EQ(source.repairs(), Numbers{});
 }
 
-TEST(OutgoingStream, LearnsNothingFromALateCopyOfACredit) {
+TEST(OutgoingStream, LearnsNothingFromAStaleCredit) {
   Source source(8);
   EXPECT_EQ(source.push_all(), 8);
   source.stream.on_credit(credit(6, 0), 8, false);
