@@ -1,5 +1,7 @@
 #include "rtpm/wire/header.hpp"
 
+#include <array>
+
 namespace rtpm::wire {
 namespace {
 
@@ -188,31 +190,11 @@ expected<void, DropReason> decode_frame(ConstBytes frame, Medium medium, Header&
 }
 
 std::string_view to_string(FrameKind kind) noexcept {
-  switch (kind) {
-    case FrameKind::kHello:
-      return "HELLO";
-    case FrameKind::kCookie:
-      return "COOKIE";
-    case FrameKind::kWelcome:
-      return "WELCOME";
-    case FrameKind::kRefuse:
-      return "REFUSE";
-    case FrameKind::kCall:
-      return "CALL";
-    case FrameKind::kReply:
-      return "REPLY";
-    case FrameKind::kClose:
-      return "CLOSE";
-    case FrameKind::kAck:
-      return "ACK";
-    case FrameKind::kCancel:
-      return "CANCEL";
-    case FrameKind::kItem:
-      return "ITEM";
-    case FrameKind::kCredit:
-      return "CREDIT";
-  }
-  return "unknown";
+  static constexpr std::array<std::string_view, kFrameKindLast + 1> kNames{
+      "unknown", "HELLO", "COOKIE", "WELCOME", "REFUSE", "CALL",
+      "REPLY",   "CLOSE", "ACK",    "CANCEL",  "ITEM",   "CREDIT"};
+  const auto index = static_cast<std::size_t>(kind);
+  return kNames[index < kNames.size() ? index : 0];
 }
 
 }  // namespace rtpm::wire
