@@ -130,17 +130,12 @@ class PendingPool {
 
   /// The call has items, or has ended: wakes the lane.
   void notify(PendingCall& call) noexcept;
-  [[nodiscard]] bool has_ready() const noexcept { return taken_ != nullptr || !ready_.is_empty(); }
-  [[nodiscard]] bool may_sleep() const noexcept {
-    return taken_ == nullptr && ready_.is_empty_before_sleep();
-  }
+  [[nodiscard]] bool has_ready() const noexcept { return !ready_.is_empty(); }
+  [[nodiscard]] bool may_sleep() const noexcept { return ready_.is_empty_before_sleep(); }
   /// The call that was notified first, or null.
   [[nodiscard]] PendingCall* take_ready() noexcept {
-    if (taken_ == nullptr) taken_ = ready_.take_chain();
-    PendingCall* const call = taken_;
-    if (call == nullptr) return nullptr;
-    taken_ = call->next_ready.load(std::memory_order_relaxed);
-    call->is_queued.exchange(false, std::memory_order_acq_rel);
+    PendingCall* const call = ready_.take_next();
+    if (call != nullptr) call->is_queued.exchange(false, std::memory_order_acq_rel);
     return call;
   }
 
@@ -154,7 +149,6 @@ class PendingPool {
   std::uint32_t deferred_count_max_;
   std::atomic<std::uint32_t> deferred_count_{0};
   ReadyList<PendingCall> ready_;
-  PendingCall* taken_ = nullptr;  ///< The lane's: those that came before what is in ready_.
   std::shared_ptr<Doorbell> bell_;
 };
 

@@ -41,9 +41,9 @@ class Doorbell {
   transport::WaitSet* bell_;
 };
 
-/// Things that any thread hands to one that takes them all; linked through their `next_ready`, a
-/// std::atomic<T*>. A thing stands in it once at a time.
-/// @threads  push() any; take() one at a time
+/// Things that any thread hands to one that takes them in order; linked through their `next_ready`,
+/// a std::atomic<T*>. A thing stands in it once at a time.
+/// @threads  push() and take_new() any; the rest the one that takes
 /// @realtime alloc-free, no lock
 template <class T>
 class ReadyList {
@@ -57,13 +57,32 @@ class ReadyList {
                                            std::memory_order_relaxed));
   }
   [[nodiscard]] bool is_empty() const noexcept {
-    return first_.load(std::memory_order_relaxed) == nullptr;
+    return taken_ == nullptr && first_.load(std::memory_order_relaxed) == nullptr;
   }
   /// The same, in one order with Doorbell::announce_sleep().
   [[nodiscard]] bool is_empty_before_sleep() const noexcept {
-    return first_.load(std::memory_order_seq_cst) == nullptr;
+    return taken_ == nullptr && first_.load(std::memory_order_seq_cst) == nullptr;
   }
-  /// Takes all, linked by their `next_ready`, the first pushed first; null if there are none.
+  /// The one that was pushed first, or null.
+  [[nodiscard]] T* take_next() noexcept {
+    if (taken_ == nullptr) taken_ = take_chain();
+    T* const thing = taken_;
+    if (thing != nullptr) taken_ = thing->next_ready.load(std::memory_order_relaxed);
+    return thing;
+  }
+  /// Takes and visits, the first pushed first, all that take_next() has not come to.
+  template <class Visitor>
+  void take_new(Visitor visit) noexcept {
+    T* first = take_chain();
+    while (first != nullptr) {
+      T& thing = *first;
+      first = thing.next_ready.load(std::memory_order_relaxed);
+      visit(thing);
+    }
+  }
+
+ private:
+  // All, linked by their `next_ready`, the first pushed first.
   [[nodiscard]] T* take_chain() noexcept {
     // SYNC POINT ready-list
     T* newest = first_.exchange(nullptr, std::memory_order_seq_cst);
@@ -76,22 +95,9 @@ class ReadyList {
     }
     return first;
   }
-  /// Takes all and visits them, the first pushed first; gives back whether there were any. Each is
-  /// out of the list when it is visited.
-  template <class Visitor>
-  bool take(Visitor visit) noexcept {
-    T* first = take_chain();
-    const bool has_some = first != nullptr;
-    while (first != nullptr) {
-      T& thing = *first;
-      first = thing.next_ready.load(std::memory_order_relaxed);
-      visit(thing);
-    }
-    return has_some;
-  }
 
- private:
   std::atomic<T*> first_{nullptr};
+  T* taken_ = nullptr;  ///< What came before that in first_.
 };
 
 }  // namespace rtpm::rpc

@@ -48,7 +48,10 @@ struct CallOutcome {
 /// A transport and a session on it. Carries the calls of the thread that has taken it: one at a
 /// time, or several for a pipeline. The calling thread sends and receives itself: no other thread
 /// stands between it and its reply.
-/// @threads  try_take() from any; everything else by the thread that took it
+/// @threads  try_take(), serves() and has_unconfirmed() from any; everything else by the thread
+/// that
+///           took it
+/// @realtime alloc-free, but for make_ready() without a session, and keep() as it grows
 class CallChannel {
  public:
   /// `call_count_max`: how many calls at a time, 1…wire::kCallWindow. `lost_oneways` is raised by
@@ -62,14 +65,12 @@ class CallChannel {
   CallChannel& operator=(const CallChannel&) = delete;
 
   /// True if it was free and is the caller's now.
-  /// @realtime alloc-free
   [[nodiscard]] bool try_take() noexcept {
     return !is_taken_.exchange(true, std::memory_order_acquire);
   }
   void release() noexcept { is_taken_.store(false, std::memory_order_release); }
 
   /// Whether its session serves the priority; of the last handshake.
-  /// @realtime alloc-free, any thread
   [[nodiscard]] bool serves(Priority priority) const noexcept;
   /// No handshake has told yet which band it serves.
   [[nodiscard]] bool is_new() const noexcept {
@@ -82,19 +83,15 @@ class CallChannel {
     return address_.transport == Transport::kUdp ? Duration{wire::kStreamLease} : Duration::max();
   }
 
-  /// Has a session for `priority`, with a handshake if need be.
-  /// @realtime alloc-free and without a syscall if there is one; else set-up
+  /// Has a session for `priority`, with a handshake if need be; without a syscall if not.
   [[nodiscard]] expected<void, CallError> make_ready(Priority priority,
                                                      MonotonicTime deadline) noexcept;
   /// Why the last make_ready() had no connection to shake hands on, in words; empty: it had one.
   [[nodiscard]] const SetupError& transport_error() const noexcept { return transport_error_; }
-  /// Whether it has one already.
-  /// @realtime alloc-free
   [[nodiscard]] bool is_ready(Priority priority) const noexcept {
     return wire_.is_ready() && serves(priority);
   }
   /// Sends the call and waits for its end. The payload of the outcome is valid until the next.
-  /// @realtime alloc-free
   [[nodiscard]] CallOutcome call(const wire::CallParameters& parameters, ConstBytes request,
                                  MonotonicTime now) noexcept;
   /// The same in two steps. The request must live until the call's end; keep() makes it so. Of a
@@ -121,10 +118,9 @@ class CallChannel {
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
   /// Looks whether the session has ended under oneways that nobody has confirmed; then
   /// `lost_oneways` is raised.
-  /// @realtime alloc-free, at most two syscalls and one per frame that came
+  /// @realtime at most two syscalls and one per frame that came
   void check_oneways(MonotonicTime now) noexcept;
   /// Whether check_oneways() would look.
-  /// @realtime alloc-free, any thread
   [[nodiscard]] bool has_unconfirmed() const noexcept {
     return unconfirmed_count_.load(std::memory_order_relaxed) > 0;
   }
@@ -133,15 +129,10 @@ class CallChannel {
   /// Tells the server that nobody waits for the call any more.
   void cancel(wire::CallIndex call = 0) noexcept;
   /// A copy of the request that lives as long as the call; none if there is no memory for it.
-  /// Set-up, when it grows.
   [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);
 
-  /// What the server said when it gave the session.
   [[nodiscard]] const wire::Welcome& welcome() const noexcept { return wire_.welcome(); }
-  /// The epoch of the server that gave the session.
   [[nodiscard]] std::uint64_t server_epoch() const noexcept { return wire_.welcome().server_epoch; }
-  /// What is known of the server's clock.
-  /// @realtime alloc-free
   [[nodiscard]] std::optional<wire::PeerClock> peer_clock(MonotonicTime now) const noexcept {
     return wire_.peer_clock(now);
   }

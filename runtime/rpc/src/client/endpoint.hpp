@@ -12,6 +12,7 @@ namespace rtpm::rpc {
 
 /// One server as a node sees it: its address and the call channels to it, shared by all bindings.
 /// @threads  any, several at once
+/// @realtime alloc-free, but for take() where none is free, and try_end()
 class Endpoint {
  public:
   /// As many bands as a server of ours has lanes at most.
@@ -22,16 +23,13 @@ class Endpoint {
 
   /// A free channel for `call_count_max` calls at a time that serves `priority` or can be made to;
   /// it is the caller's until it releases it. Opens one more if all are in use.
-  /// @realtime alloc-free if one is free
   /// @errors   kNoChannel
   [[nodiscard]] expected<CallChannel*, CallError> take(Priority priority,
                                                        std::uint16_t call_count_max = 1) noexcept;
 
   /// Looks at the channels that are free whether a session has ended under oneways.
-  /// @realtime alloc-free
   void check_oneways(MonotonicTime now) noexcept;
   /// Oneways over the channels that were sent and may not have arrived, as their sessions ended.
-  /// @realtime alloc-free, no syscall
   [[nodiscard]] std::uint64_t lost_oneway_count() const noexcept {
     // SYNC POINT lost-oneways: the channel of what is counted here has ended.
     return lost_oneways_.load(std::memory_order_acquire);

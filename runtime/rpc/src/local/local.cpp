@@ -114,7 +114,9 @@ void LocalGate::submit(LocalChannel& call, bool is_awaited) noexcept {
   call.submit(is_awaited);
   calls_.push(call);
   // SYNC POINT local-gate: either the lane sees the call after it closed the gate, or we see that.
-  if (is_closed_.load(std::memory_order_seq_cst)) return refuse_new();
+  if (is_closed_.load(std::memory_order_seq_cst)) {
+    return calls_.take_new([](LocalChannel& each) { each.finish(wire::Status::kStopping, 0); });
+  }
   bell_->wake();
 }
 
@@ -145,12 +147,6 @@ LocalChannel* LocalGate::take_place() noexcept {
   return nullptr;
 }
 
-LocalChannel* LocalGate::take_next() noexcept {
-  if (taken_ == nullptr) taken_ = calls_.take_chain();
-  if (taken_ == nullptr) return nullptr;
-  return std::exchange(taken_, taken_->next_ready.load(std::memory_order_relaxed));
-}
-
 std::uint32_t LocalGate::take_refused_count() noexcept {
   if (refused_count_.load(std::memory_order_relaxed) == 0) return 0;
   return refused_count_.exchange(0, std::memory_order_relaxed);
@@ -161,10 +157,6 @@ void LocalGate::close() noexcept {
   is_closed_.store(true, std::memory_order_seq_cst);
   while (LocalChannel* const call = take_next())
     call->finish(wire::Status::kStopping, 0);
-}
-
-void LocalGate::refuse_new() noexcept {
-  calls_.take([](LocalChannel& call) { call.finish(wire::Status::kStopping, 0); });
 }
 
 LocalGate* LocalDoor::gate_of(Priority priority) const noexcept {

@@ -135,15 +135,13 @@ class LocalGate {
   [[nodiscard]] LocalChannel* take_place() noexcept;
 
   [[nodiscard]] bool has_calls() const noexcept {
-    return taken_ != nullptr || !calls_.is_empty() ||
-           refused_count_.load(std::memory_order_relaxed) > 0;
+    return !calls_.is_empty() || refused_count_.load(std::memory_order_relaxed) > 0;
   }
   [[nodiscard]] bool may_sleep() const noexcept {
-    return taken_ == nullptr && calls_.is_empty_before_sleep() &&
-           refused_count_.load(std::memory_order_seq_cst) == 0;
+    return calls_.is_empty_before_sleep() && refused_count_.load(std::memory_order_seq_cst) == 0;
   }
   /// The call that came first, or null.
-  [[nodiscard]] LocalChannel* take_next() noexcept;
+  [[nodiscard]] LocalChannel* take_next() noexcept { return calls_.take_next(); }
   /// How many oneways found no place since it was last asked.
   [[nodiscard]] std::uint32_t take_refused_count() noexcept;
   /// From here on calls end with kStopping.
@@ -155,12 +153,9 @@ class LocalGate {
   [[nodiscard]] Lane& lane() const noexcept { return lane_; }
 
  private:
-  void refuse_new() noexcept;
-
   ReadyList<LocalChannel> calls_;
   std::atomic<std::uint32_t> refused_count_{0};
   std::atomic<bool> is_closed_{false};
-  LocalChannel* taken_ = nullptr;  ///< The lane's: those that came before what is in calls_.
   std::shared_ptr<Doorbell> bell_;
   Lane& lane_;
   std::uint32_t oneway_count_max_;

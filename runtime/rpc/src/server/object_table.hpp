@@ -19,6 +19,7 @@ struct Object {
 
 /// A server's objects by number and by path. Filled before the server starts and unchanged from
 /// then on, so that lanes read it without a lock.
+/// @realtime alloc-free but for add()
 class ObjectTable {
  public:
   static constexpr std::size_t kObjectCountMax = 1024;
@@ -26,13 +27,10 @@ class ObjectTable {
   [[nodiscard]] expected<void, SetupError> add(std::string_view path, Servant& servant,
                                                ObjectOptions options, Priority ceiling);
   /// The object that a bind gave this number, or null.
-  /// @realtime alloc-free
   [[nodiscard]] const Object* find(std::uint32_t service) const noexcept;
   /// Answers a bind (spec/hprotocol.md#hp-6).
-  /// @realtime alloc-free
   [[nodiscard]] DispatchResult bind(ConstBytes request, MutableBytes reply) const noexcept;
   /// Answers a describe (spec/hprotocol.md#hp-6.3).
-  /// @realtime alloc-free
   [[nodiscard]] DispatchResult describe(ConstBytes request, MutableBytes reply) const noexcept;
 
  private:
