@@ -248,7 +248,7 @@ TEST_P(NameSuite, SaysThatTheNameIsGone) {
     expect_error(binding.call(echo::kEcho, {}), CallError::kUnreachable);
     return binding.follow_status().resolve_count >= 1;
   }));
-  EXPECT_EQ(binding.follow_status().trouble, "name 'lab/echo' is not bound");
+  EXPECT_EQ(binding.follow_status().trouble, "name 'lab/echo' is not bound.");
   EXPECT_EQ(binding.follow_status().move_count, 0u);
 }
 
