@@ -113,7 +113,7 @@ TEST(PiMutexDeathTest, UnlockedByAnotherThreadIsABug) {
         mutex.lock();
         std::thread([&] { mutex.unlock(); }).join();
       },
-      testing::KilledBySignal(SIGABRT), "who locked a mutex unlocks it");
+      testing::KilledBySignal(SIGABRT), "the thread that locked a mutex unlocks it");
 }
 
 }  // namespace

@@ -13,7 +13,7 @@ namespace rtpm::transport {
 namespace {
 
 // For a burst while the receiver's program is busy.
-constexpr int kReceiveBufferSize = 4 << 20;
+constexpr int kBurstBufferSize = 4 << 20;
 
 std::string name_of(const MulticastGroup& group) {
   return "multicast group " + group.group + ":" + std::to_string(group.port);
@@ -49,7 +49,7 @@ expected<Addresses, SetupError> addresses_of(const MulticastGroup& group) {
   return addresses;
 }
 
-Descriptor make_socket() noexcept {
+Descriptor make_multicast_socket() noexcept {
   return Descriptor(::socket(AF_INET, SOCK_DGRAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
 }
 
@@ -58,7 +58,7 @@ Descriptor make_socket() noexcept {
 expected<MulticastSender, SetupError> MulticastSender::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
-  Descriptor socket = make_socket();
+  Descriptor socket = make_multicast_socket();
   const int number = socket.number();
   const bool is_set = socket.is_open() &&
                       set_option(number, IPPROTO_IP, IP_MULTICAST_TTL, int{group.hops}) &&
@@ -77,7 +77,7 @@ bool MulticastSender::send(ConstBytes datagram) noexcept {
 expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastGroup& group) {
   const auto addresses = addresses_of(group);
   if (!addresses) return unexpected{addresses.error()};
-  Descriptor socket = make_socket();
+  Descriptor socket = make_multicast_socket();
   const int number = socket.number();
   ip_mreq membership{};
   membership.imr_multiaddr = addresses->group.sin_addr;
@@ -89,7 +89,7 @@ expected<MulticastReceiver, SetupError> MulticastReceiver::open(const MulticastG
                       bind(number, generic(addresses->group), sizeof addresses->group) == 0 &&
                       set_option(number, IPPROTO_IP, IP_ADD_MEMBERSHIP, membership);
   if (!is_set) return failed(group, std::strerror(errno));
-  enlarge_receive_buffer(number, kReceiveBufferSize);
+  enlarge_receive_buffer(number, kBurstBufferSize);
   return MulticastReceiver(std::move(socket));
 }
 
