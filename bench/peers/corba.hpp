@@ -20,8 +20,8 @@ inline Outcome guard_corba(const std::function<Outcome()>& body) {
 
 /// Starts this process's ORB with these options and ones that keep every connection.
 inline CORBA::ORB_var start_orb(std::vector<std::pair<std::string, std::string>> options) {
-  options.insert(options.end(),
-                 {{"threadPerConnectionUpperLimit", "10000"}, {"scanGranularity", "0"}});
+  options.emplace_back("threadPerConnectionUpperLimit", "10000");
+  options.emplace_back("scanGranularity", "0");
   std::vector<std::array<const char*, 2>> texts;
   for (const auto& [key, value] : options)
     texts.push_back({key.c_str(), value.c_str()});
