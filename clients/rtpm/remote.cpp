@@ -13,10 +13,6 @@
 namespace rtpm::tool {
 namespace {
 
-SetupError at(const std::string& url, rpc::CallError error, const std::string& what) {
-  return {what + " of " + printable(url) + ": " + std::string(to_string(error))};
-}
-
 // "; most like it: lab/arm0, lab/arm1", or nothing.
 std::string similar_names(names::Directory& directory, const std::string& name) {
   const auto bound = directory.list();
@@ -42,8 +38,9 @@ SetupError not_in_catalog(rpc::Node& node, const std::string& url) {
   static const rpc::InterfaceDescriptor kAnything{};
   const auto bound = rpc::Binding::bind(node, url, kAnything);
   if (!bound && bound.error().cause == rpc::CallError::kNoSuchObject) return bound.error();
-  return {"the server's catalog does not contain " + url +
-          ". Remedy: add it there (rtpm::introspection::Catalog::add)."};
+  return {"the server's catalog does not contain " + url,
+          {},
+          "add it there (rtpm::introspection::Catalog::add)"};
 }
 
 // How often a silent stream checks whether it is to end.
@@ -69,10 +66,8 @@ expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& reg
   names::Directory directory(node, registry_url);
   auto entry = directory.resolve(target);
   if (entry) return std::move(entry->url);
-  SetupError error = std::move(entry.error());
-  if (entry.error().outcome == names::Outcome::kNotFound) {
-    error.what += similar_names(directory, target);
-  }
+  names::DirectoryError& error = entry.error();
+  if (error.outcome == names::Outcome::kNotFound) error.what += similar_names(directory, target);
   return unexpected{std::move(error)};
 }
 
@@ -100,7 +95,7 @@ expected<std::unique_ptr<RemoteObject>, SetupError> RemoteObject::open(rpc::Node
   if (!description && description.error() == rpc::CallError::kNoSuchObject) {
     return unexpected{not_in_catalog(node, url)};
   }
-  if (!description) return unexpected{at(url, description.error(), "the description")};
+  if (!description) return setup_error("the description of " + url, description.error());
 
   auto object = std::unique_ptr<RemoteObject>(new RemoteObject);
   object->schema_ = (*description)->schema()->str();

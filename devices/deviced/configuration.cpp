@@ -78,9 +78,7 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
   if (configuration.settings.server.host == "0.0.0.0") {
     return options.usage_error(
-        "--host 0.0.0.0 is no address that clients can connect to; give an address of this host "
-        "that "
-        "they reach");
+        "--host 0.0.0.0 is no address that clients can connect to; give one of this host's");
   }
   if (configuration.device_priority <= highest_low(configuration)) {
     return options.usage_error(

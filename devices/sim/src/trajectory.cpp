@@ -112,8 +112,8 @@ expected<Trajectory, SetupError> Trajectory::parse(std::istream& text, std::stri
   std::string line;
   std::size_t line_number = 0;
   bool may_be_header = true;
-  const auto wrong = [&](const std::string& what) {
-    return setup_error(std::string(name) + ":" + std::to_string(line_number) + ": " + what);
+  const auto wrong = [&](const std::string& why) {
+    return setup_error(std::string(name) + ":" + std::to_string(line_number), why);
   };
   while (std::getline(text, line)) {
     ++line_number;
