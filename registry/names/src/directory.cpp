@@ -106,7 +106,12 @@ class Directory::Impl {
       if (client_) return &*client_;
     }
     // A name would recurse into the node's resolver.
-    if (!wire::parse_url(registry_url_)) return unexpected{no_url()};
+    if (!wire::parse_url(registry_url_)) {
+      return unexpected{DirectoryError{
+          {"'" + registry_url_ + "' is no URL of a registry",
+           {},
+           "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}}};
+    }
     auto client = NamesClient::bind(node_, registry_url_, {.deadline = deadline - rt::now()});
     if (!client) {
       const SetupError& error = client.error();
@@ -132,12 +137,6 @@ class Directory::Impl {
       default:
         return {{"the registry at " + registry_url_ + " failed", why}};
     }
-  }
-
-  [[nodiscard]] DirectoryError no_url() const {
-    return {{"'" + registry_url_ + "' is no URL of a registry",
-             {},
-             "give --registry rtpm://host:port/path, such as " + std::string(kDefaultRegistryUrl)}};
   }
 
   [[nodiscard]] DirectoryError not_asked(const std::string& why,

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "rtpm/base/printable.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::names {
@@ -27,6 +28,10 @@ bool is_identifier(std::string_view text) noexcept {
 }
 
 }  // namespace
+
+std::string quoted(std::string_view text) {
+  return "'" + printable(text) + "'";
+}
 
 std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept {
   std::size_t begin = 0;

@@ -3,6 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <string_view>
 
 namespace rtpm::names {
@@ -23,12 +24,14 @@ inline constexpr std::size_t kInterfaceSizeMax = 128;
 [[nodiscard]] std::optional<std::uint8_t> first_bad_component(std::string_view name) noexcept;
 
 /// Whether `url` has the form rtpm://host:port/path and at most kUrlSizeMax bytes.
-/// @realtime set-up only
 [[nodiscard]] bool is_url(std::string_view url);
 
 /// Whether `interface` is a qualified name, identifiers with '.' between.
 /// @realtime alloc-free
 [[nodiscard]] bool is_interface(std::string_view interface) noexcept;
+
+/// `text` in quotes, escaped.
+[[nodiscard]] std::string quoted(std::string_view text);
 
 /// The component of `name` with the number `index`, empty if there are fewer.
 /// @realtime alloc-free

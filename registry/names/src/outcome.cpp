@@ -1,23 +1,15 @@
 #include "rtpm/names/outcome.hpp"
 
 #include "name.hpp"
-#include "quoted.hpp"
-#include "rtpm/base/printable.hpp"
 
 namespace rtpm::names {
-
-std::string quoted(std::string_view text) {
-  return "'" + printable(text) + "'";
-}
-
 namespace {
 
 /// `name` up to and with the component `index`.
 std::string_view up_to(std::string_view name, std::size_t index) {
   const std::string_view component = component_of(name, index);
   if (component.empty()) return name;
-  return name.substr(0,
-                     static_cast<std::size_t>(component.data() - name.data()) + component.size());
+  return {name.begin(), component.end()};
 }
 
 std::string bad_name_text(std::string_view name, std::size_t index) {

@@ -9,7 +9,6 @@
 
 #include "idl.hpp"
 #include "name.hpp"
-#include "quoted.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"

@@ -60,9 +60,7 @@ class Parser {
   expected<void, SetupError> store(const Setting& setting, std::string_view value) {
     const auto [place, is_new] = result_.values.try_emplace(setting.key, value);
     if (is_new) return {};
-    if (!setting.is_list) {
-      return unexpected{SetupError{"--" + setting.key + " is given twice"}};
-    }
+    if (!setting.is_list) return unexpected{SetupError{"--" + setting.key + " is given twice"}};
     place->second.append(",").append(value);
     return {};
   }

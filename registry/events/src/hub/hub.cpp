@@ -47,9 +47,7 @@ expected<std::unique_ptr<Hub>, SetupError> Hub::create(const HubConfig& config) 
   }
   auto hub = std::make_unique<HubImpl>(config, std::move(*wait_set), std::move(ring),
                                        std::move(multicast));
-  if (auto started = hub->start(config); !started) {
-    return unexpected{std::move(started.error())};
-  }
+  if (auto started = hub->start(config); !started) return unexpected{std::move(started.error())};
   return std::unique_ptr<Hub>(std::move(hub));
 }
 

@@ -24,9 +24,7 @@ expected<void, SetupError> HubImpl::link(rpc::Node& node, const std::string& tar
   }
   auto link =
       std::make_unique<Link>(static_cast<LinkHost&>(*this), links_.size(), node, target, config);
-  if (auto started = link->start(); !started) {
-    return unexpected{std::move(started.error())};
-  }
+  if (auto started = link->start(); !started) return unexpected{std::move(started.error())};
   links_.push_back(std::move(link));
   return {};
 }

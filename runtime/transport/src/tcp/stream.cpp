@@ -73,9 +73,7 @@ expected<ConstBytes, IoError> FrameStream::receive(int flags) noexcept {
     const std::size_t step_size = std::min(buffer().size() - filled_size_, kStepSizeMax);
     const ssize_t count = fill(flags);
     if (count == 0) return unexpected{IoError::kClosed};
-    if (count < 0) {
-      return unexpected{is_nothing(errno) ? IoError::kNothing : IoError::kClosed};
-    }
+    if (count < 0) return unexpected{is_nothing(errno) ? IoError::kNothing : IoError::kClosed};
     size = complete_size(0);
     if (size == 0 && static_cast<std::size_t>(count) < step_size) {
       return unexpected{IoError::kNothing};
