@@ -1,268 +1,238 @@
 #include <algorithm>
+#include <CLI/CLI.hpp>
 #include <cstdio>
-#include <optional>
+#include <map>
 #include <string>
 #include <vector>
 
 #include "cases/case.hpp"
-#include "cases/peers_case.hpp"
 #include "figures/disturbance.hpp"
-#include "figures/report.hpp"
-#include "rtpm/options/options.hpp"
+#include "rtpm/options/duration.hpp"
 #include "rtpm/rt/memory.hpp"
-#include "runs/peer_table.hpp"
+#include "runs/peers.hpp"
 #include "settings.hpp"
 #include "sides/standalone.hpp"
 
 namespace rtpm::bench {
 namespace {
 
-/// The command line as people write it, before it is checked.
-struct Arguments {
-  std::string verb;
-  std::vector<std::string> cases;
-  std::vector<std::string> transports{"udp", "tcp", "shm"};
-  std::vector<std::string> waits{"adaptive"};
-  std::vector<std::string> payloads{"48"};
-  std::vector<std::string> low_callers{"0", "1", "4", "16"};
-  std::vector<std::string> clients{"1", "10", "100", "1000"};
-  std::vector<std::string> consumers{"1", "4", "16", "64", "256"};
-  bool is_json = false;
-};
+template <class T>
+using Choices = std::map<std::string, T>;
 
-void add_options(options::Options& options, Arguments& arguments, Settings& settings) {
-  options.add_positional("VERB", arguments.verb,
-                         "list, run followed by cases, or serve followed by rtpm or floor",
-                         options::Presence::kRequired);
-  options.add_positional("CASE", arguments.cases, "what to run; `list` says which there are");
-  options.add("json", arguments.is_json, "print one JSON object per result");
-  options.add("transport", arguments.transports, "udp, tcp, shm or several");
-  options.add("wait", arguments.waits,
-              "how callers and lanes wait: adaptive, periodic, block, spin, or several");
-  options.add("spin", settings.spin, "how long the adaptive wait spins");
-  options.add(
-      "samples", settings.sample_count,
-      "calls per side and result; 0: 100000 for call (fewer of large payloads), 2000 for events, "
-      "10000 for the others",
-      {0, 100'000'000});
-  options.add("payload", arguments.payloads,
-              "bytes that each call of `call` carries each way: 0, 48, 1Ki, 1Mi or several");
-  options.add("latencies", settings.tells_latencies,
-              "with --json, tell every latency of call, two-node, events, isolation and large");
-  options.add("rounds", settings.round_count, "parts of a run, of which the middles are shown",
-              {1, 1000});
-  options.add("rate", settings.rate_hz, "calls per second of paced, isolation and large",
-              {1, 100'000});
-  options.add("low-callers", arguments.low_callers,
-              "numbers of low-priority callers for isolation");
-  options.add("clients", arguments.clients, "numbers of bound clients for scale");
-  options.add("consumers", arguments.consumers, "numbers of consumers for events");
-  options.add("own-threads", settings.has_own_threads,
-              "each consumer of events has a thread of its own, and shares none");
-  options.add(
-      "own-hub", settings.has_own_hub,
-      "with --peers: the supplier's program has the hub of events, beside peers that have no "
-      "broker");
-  options.add("multicast", settings.has_multicast,
-              "with --transport udp: RTPM's hub of events sends each once for all consumers");
-  options.add("work", settings.work, "how long each low-priority call computes",
-              {std::chrono::microseconds{1}, std::chrono::seconds{1}});
-  options.add("in-flight", settings.in_flight, "calls of throughput on their way at a time",
-              {1, 64});
-  options.add("calls", settings.call_count, "calls of two-node; 0: as --samples says",
-              {0, 10'000'000});
-  options.add("deadline", settings.deadline, "deadline of each call of two-node",
-              {std::chrono::microseconds{10}, std::chrono::seconds{10}});
-  options.add("drop", settings.drop_percent,
-              "percent of the packets that two-node loses in each direction, at random", {0, 90});
-  options.add(
-      "peers", settings.peers,
-      "measure other middleware, too: all, or names; call, paced, isolation and events heed it");
-  options.add_realtime(settings.realtime);
+const Choices<Carrier> kCarriers{
+    {"udp", Carrier::kUdp}, {"tcp", Carrier::kTcp}, {"shm", Carrier::kSharedMemory}};
+const Choices<rt::WaitStrategy> kWaits{{"adaptive", rt::WaitStrategy::kAdaptive},
+                                       {"periodic", rt::WaitStrategy::kPeriodic},
+                                       {"block", rt::WaitStrategy::kBlock},
+                                       {"spin", rt::WaitStrategy::kSpin}};
+const Choices<rt::RealtimeMode> kRealtimeModes{{"prefer", rt::RealtimeMode::kPrefer},
+                                               {"require", rt::RealtimeMode::kRequire},
+                                               {"off", rt::RealtimeMode::kOff}};
+
+/// Options by name: CLI11 would print these types by our to_string(), which it can't.
+template <class T>
+void add_choice(CLI::App& app, const std::string& name, T& value, const Choices<T>& choices,
+                const std::string& help) {
+  app.add_option_function<std::string>(
+         name, [&](const std::string& text) { value = choices.at(text); }, help)
+      ->check(CLI::IsMember(choices));
+}
+template <class T>
+void add_choices(CLI::App& app, const std::string& name, std::vector<T>& values,
+                 const Choices<T>& choices, const std::string& help) {
+  const auto take = [&](const std::vector<std::string>& texts) {
+    values.clear();
+    for (const std::string& text : texts)
+      values.push_back(choices.at(text));
+  };
+  app.add_option_function<std::vector<std::string>>(name, take, help)
+      ->delimiter(',')
+      ->allow_extra_args(false)
+      ->check(CLI::IsMember(choices));
 }
 
-std::optional<Carrier> carrier_of(const std::string& text) {
-  if (text == "udp") return Carrier::kUdp;
-  if (text == "tcp") return Carrier::kTcp;
-  if (text == "shm") return Carrier::kSharedMemory;
-  return std::nullopt;
+/// An option with several values, separated by commas.
+template <class T>
+CLI::Option* add_list(CLI::App& app, const std::string& name, std::vector<T>& values,
+                      const std::string& help) {
+  return app.add_option(name, values, help)->delimiter(',')->allow_extra_args(false);
 }
 
-std::optional<rt::WaitStrategy> wait_of(const std::string& text) {
-  for (const auto strategy : {rt::WaitStrategy::kAdaptive, rt::WaitStrategy::kPeriodic,
-                              rt::WaitStrategy::kBlock, rt::WaitStrategy::kSpin}) {
-    if (text == rt::to_string(strategy)) return strategy;
-  }
-  return std::nullopt;
+void add_duration(CLI::App& app, const std::string& name, Duration& value, const std::string& help,
+                  Duration low, Duration high) {
+  const auto wrong = [=](const std::string& text) {
+    const auto duration = options::parse_duration(text);
+    return duration && *duration >= low && *duration <= high
+               ? std::string()
+               : "takes a time from " + options::duration_text(low) + " to " +
+                     options::duration_text(high) + ", not '" + text + "'";
+  };
+  const auto take = [&value](const std::string& text) { value = *options::parse_duration(text); };
+  app.add_option_function<std::string>(name, take, help)
+      ->check(wrong, "TIME")
+      ->default_str(options::duration_text(value));
 }
 
-/// A number of bytes, with Ki or Mi behind it if wanted, of at most 8 MiB.
-std::optional<std::size_t> payload_of(std::string text) {
-  std::size_t unit = 1;
-  if (text.ends_with("Ki")) unit = std::size_t{1} << 10;
-  if (text.ends_with("Mi")) unit = std::size_t{1} << 20;
-  if (unit > 1) text.resize(text.size() - 2);
-  const bool is_number = !text.empty() && text.size() <= 7 &&
-                         std::all_of(text.begin(), text.end(),
-                                     [](char digit) { return digit >= '0' && digit <= '9'; });
-  if (!is_number) return std::nullopt;
-  const std::size_t size = unit * std::stoul(text);
-  if (size > std::size_t{8} << 20) return std::nullopt;
-  return size;
+/// What all cases share, and what serve is given.
+void add_common_options(CLI::App& app, Settings& settings) {
+  add_choices(app, "--transport", settings.carriers, kCarriers, "all three, unless some are named");
+  add_choices(app, "--wait", settings.waits, kWaits, "how callers and lanes wait");
+  add_duration(app, "--spin", settings.spin, "how long the adaptive wait spins", Duration{0},
+               std::chrono::seconds{1});
+  add_choice(app, "--realtime", settings.realtime, kRealtimeModes, "SCHED_FIFO, locked memory");
+  app.add_option("--samples", settings.sample_count,
+                 "calls or events per side and result; 0: the case's own")
+      ->check(CLI::Range(0, 100'000'000));
+  app.add_option("--rounds", settings.round_count,
+                 "parts of a run, whose middles are shown; paced calls have one for each turn")
+      ->check(CLI::Range(1, 1000));
+  app.add_flag("--latencies", settings.tells_latencies, "with --json, tell every latency");
 }
 
-std::optional<int> caller_count_of(const std::string& text) {
-  const bool is_number = !text.empty() && text.size() <= 2 &&
-                         std::all_of(text.begin(), text.end(),
-                                     [](char digit) { return digit >= '0' && digit <= '9'; });
-  if (!is_number || std::stoi(text) > 64) return std::nullopt;
-  return std::stoi(text);
+void add_case_options(CLI::App& app, Settings& settings) {
+  constexpr std::size_t kPayloadSizeMax = std::size_t{8} << 20;
+  add_list(app, "--payload", settings.payload_sizes,
+           "call: bytes each way: 0, 48, 1Ki, 1Mi or several")
+      ->transform(CLI::AsSizeValue(false))
+      ->check(CLI::Range(std::size_t{0}, kPayloadSizeMax));
+  app.add_option("--rate", settings.rate_hz, "calls or events a second where they are paced")
+      ->check(CLI::Range(1.0, 100'000.0));
+  add_list(app, "--low-callers", settings.low_caller_counts, "isolation: low-priority callers")
+      ->check(CLI::Range(0, 64));
+  add_duration(app, "--work", settings.work, "isolation: how long a low-priority call computes",
+               std::chrono::microseconds{1}, std::chrono::seconds{1});
+  add_list(app, "--clients", settings.client_counts, "scale: bound clients")
+      ->check(CLI::Range(1, 4000));
+  add_list(app, "--consumers", settings.consumer_counts, "events: consumers")
+      ->check(CLI::Range(1, 256));
+  app.add_flag("--own-threads", settings.has_own_threads,
+               "events: each consumer has a thread of its own, and shares none");
+  app.add_flag("--multicast", settings.has_multicast,
+               "events over UDP: the hub sends each once for all consumers");
+  app.add_option("--in-flight", settings.in_flight, "throughput: calls on their way at a time")
+      ->check(CLI::Range(1, 64));
+  app.add_option("--calls", settings.call_count, "two-node: calls; 0: as --samples says")
+      ->check(CLI::Range(0, 10'000'000));
+  add_duration(app, "--deadline", settings.deadline, "two-node: deadline of each call",
+               std::chrono::microseconds{10}, std::chrono::seconds{10});
+  app.add_option("--drop", settings.drop_percent,
+                 "two-node: percent of the packets lost in each direction, at random")
+      ->check(CLI::Range(0.0, 90.0));
+  std::vector<std::string> peers{std::string(kAllPeers)};
+  std::ranges::transform(known_peers(), std::back_inserter(peers),
+                         [](const PeerEntry& peer) { return std::string(peer.name); });
+  add_list(app, "--peers", settings.peers,
+           "call, paced, isolation, events: measure other middleware, too")
+      ->check(CLI::IsMember(peers));
+  app.add_flag("--own-hub", settings.has_own_hub,
+               "events with --peers: the supplier's program has the hub, beside peers without a "
+               "broker");
 }
 
-std::optional<int> client_count_of(const std::string& text) {
-  const bool is_number = !text.empty() && text.size() <= 4 &&
-                         std::all_of(text.begin(), text.end(),
-                                     [](char digit) { return digit >= '0' && digit <= '9'; });
-  if (!is_number || std::stoi(text) < 1 || std::stoi(text) > 4000) return std::nullopt;
-  return std::stoi(text);
-}
-
-std::optional<int> consumer_count_of(const std::string& text) {
-  const bool is_number = !text.empty() && text.size() <= 3 &&
-                         std::all_of(text.begin(), text.end(),
-                                     [](char digit) { return digit >= '0' && digit <= '9'; });
-  if (!is_number || std::stoi(text) < 1 || std::stoi(text) > 256) return std::nullopt;
-  return std::stoi(text);
-}
-
-/// Turns every text of a list into what it means.
-/// @return the first that means nothing, or nothing if all do.
-template <class T, class Parse>
-std::optional<std::string> translate(const std::vector<std::string>& texts, std::vector<T>& values,
-                                     Parse parse) {
-  values.clear();
-  for (const std::string& text : texts) {
-    const auto value = parse(text);
-    if (!value) return text;
-    values.push_back(*value);
-  }
-  if (values.empty()) return "";
-  return std::nullopt;
-}
-
-/// What is wrong with the arguments, or nothing; the rest of `settings` is set.
-std::optional<std::string> check(const Arguments& arguments, Settings& settings) {
-  if (const auto wrong = translate(arguments.transports, settings.carriers, carrier_of)) {
-    return "--transport takes udp, tcp and shm, not '" + *wrong + "'";
-  }
-  if (const auto wrong = translate(arguments.waits, settings.waits, wait_of)) {
-    return "--wait takes adaptive, periodic, block and spin, not '" + *wrong + "'";
-  }
-  if (const auto wrong = translate(arguments.payloads, settings.payload_sizes, payload_of)) {
-    return "--payload takes bytes up to 8Mi, such as 48 or 1Ki, not '" + *wrong + "'";
-  }
-  if (const auto wrong =
-          translate(arguments.low_callers, settings.low_caller_counts, caller_count_of)) {
-    return "--low-callers takes numbers from 0 to 64, not '" + *wrong + "'";
-  }
-  if (const auto wrong = translate(arguments.clients, settings.client_counts, client_count_of)) {
-    return "--clients takes numbers from 1 to 4000, not '" + *wrong + "'";
-  }
-  if (const auto wrong =
-          translate(arguments.consumers, settings.consumer_counts, consumer_count_of)) {
-    return "--consumers takes numbers from 1 to 256, not '" + *wrong + "'";
-  }
-  if (arguments.verb == "list") {
-    if (!arguments.cases.empty()) return "list takes no case, but got '" + arguments.cases[0] + "'";
-    return std::nullopt;
-  }
-  if (arguments.verb == "serve") {
-    if (arguments.cases.size() == 1 && standalone_of(arguments.cases.front())) return std::nullopt;
-    return "serve takes rtpm or floor: it is what the cases startup, memory and idle start";
-  }
-  if (arguments.verb != "run")
-    return "there is no verb '" + arguments.verb + "', only list, run and serve";
-  if (const auto peers = choose_peers(settings.peers); !peers) {
-    return "there is no peer '" + peers.error() + "', only all, " + peer_names();
-  }
-  const bool has_events = std::ranges::find(arguments.cases, "events") != arguments.cases.end();
+/// What is wrong with options beside each other; empty if nothing is.
+std::string fault_of(const std::vector<std::string>& cases, const Settings& settings) {
+  const bool has_events = std::ranges::count(cases, "events") > 0;
   if (settings.has_own_hub && (!has_events || settings.peers.empty())) {
-    return "--own-hub is for the case events beside peers without a broker, such as --peers lcm";
+    return "--own-hub is for the case events beside peers: give --peers";
+  }
+  for (const PeerEntry* peer : chosen_peers(settings)) {
+    const std::string name(peer->name);
+    if (settings.has_own_hub && peer->has_broker && std::ranges::count(settings.peers, name) > 0) {
+      return "--own-hub is for peers without a broker, and " + name + " has one";
+    }
   }
   if (settings.has_multicast && (!has_events || settings.carriers != std::vector{Carrier::kUdp})) {
-    return "--multicast is for the case events over UDP: give --transport udp, too";
+    return "--multicast is for the case events: give --transport udp, too";
   }
-  std::string names;
-  for (const Case& known : cases()) {
-    if (!names.empty()) names += ", ";
-    names += known.name;
-  }
-  if (arguments.cases.empty()) return "run needs at least one case of " + names;
-  const auto unknown = std::ranges::find_if(arguments.cases, [](const std::string& name) {
-    return std::ranges::none_of(cases(), [&](const Case& known) { return known.name == name; });
-  });
-  if (unknown == arguments.cases.end()) return std::nullopt;
-  return "there is no case '" + *unknown + "', only " + names;
+  return {};
 }
 
-int list() {
-  for (const Case& known : cases()) {
-    std::printf("%-12.*s %.*s\n", static_cast<int>(known.name.size()), known.name.data(),
-                static_cast<int>(known.description.size()), known.description.data());
-  }
-  return 0;
+int usage_error(const std::string& what) {
+  say("usage", what + "; rtpm-bench run --help says more");
+  return 2;
 }
 
 /// Finds out, on a thread that ends at once, whether the run may have SCHED_FIFO; if not, says so
 /// once here instead of in every server process.
-/// @return nothing if the run cannot be as asked.
-std::optional<bool> settle_realtime(Settings& settings) {
-  if (settings.realtime == rt::RealtimeMode::kOff) return false;
+/// @return the reason if the run cannot be as asked
+expected<void, std::string> settle_realtime(Settings& settings) {
+  if (settings.realtime == rt::RealtimeMode::kOff) return {};
   const auto thread = rt::Thread::start(
       {.name = "bench-probe", .priority = kHighPriority, .realtime = rt::RealtimeMode::kRequire},
       [] {});
-  if (thread) return true;
-  say_not_measured(settings.realtime == rt::RealtimeMode::kRequire ? "error" : "warning",
-                   thread.error().text());
-  if (settings.realtime == rt::RealtimeMode::kRequire) return std::nullopt;
-  settings.realtime = rt::RealtimeMode::kOff;
-  return false;
+  if (!thread && settings.realtime == rt::RealtimeMode::kRequire) {
+    return unexpected{thread.error().text()};
+  }
+  if (!thread) {
+    say("warning", thread.error().text());
+    settings.realtime = rt::RealtimeMode::kOff;
+  }
+  if (auto locked = rt::lock_memory(settings.realtime); !locked) {
+    return unexpected{locked.error().text()};
+  }
+  return {};
 }
 
-int run(const Arguments& arguments, Settings settings) {
-  const auto is_realtime = settle_realtime(settings);
-  if (!is_realtime) return 1;
-  if (auto locked = rt::lock_memory(settings.realtime); !locked) {
-    say_not_measured("error", locked.error().text());
+int run(const std::vector<std::string>& names, Report::Form form, Settings settings) {
+  if (auto settled = settle_realtime(settings); !settled) {
+    say("error", settled.error());
     return 1;
   }
-  const Environment environment = describe_environment(choose_placement(), *is_realtime);
-  Report report(arguments.is_json ? Report::Form::kJsonLines : Report::Form::kTable,
-                environment.json, environment.text);
-  bool is_complete = say_missing_peers(settings);
-  for (const std::string& name : arguments.cases) {
-    for (const Case& known : cases()) {
-      if (known.name == name) is_complete = known.run(settings, report) && is_complete;
-    }
+  Report report(
+      form, describe_environment(choose_placement(), settings.realtime != rt::RealtimeMode::kOff));
+  say_missing_peers(settings, report);
+  for (const std::string& name : names)
+    std::ranges::find(cases(), name, &Case::name)->run(settings, report);
+  return report.is_complete() ? 0 : 1;
+}
+
+int run_program(int argc, char** argv) {
+  CLI::App app("Measures RTPM beside the raw sockets below it, in one interleaved run.",
+               "rtpm-bench");
+  app.require_subcommand(0, 1);
+  app.option_defaults()->always_capture_default();
+  Settings settings;
+  std::vector<std::string> names;
+  bool is_json = false;
+  std::string server;
+  app.add_subcommand("list", "say which cases there are");
+  CLI::App& run_cases = *app.add_subcommand("run", "run cases");
+  CLI::App& serve = *app.add_subcommand("serve", "what startup, memory and idle start");
+  std::vector<std::string> known;
+  std::ranges::transform(cases(), std::back_inserter(known),
+                         [](const Case& each) { return std::string(each.name); });
+  run_cases.add_option("CASE", names, "what to run")->required()->check(CLI::IsMember(known));
+  run_cases.add_flag("--json", is_json, "print one JSON object per result");
+  add_common_options(run_cases, settings);
+  add_case_options(run_cases, settings);
+  serve.add_option("SERVER", server, "rtpm or floor")
+      ->required()
+      ->check(CLI::IsMember({"rtpm", "floor"}));
+  add_common_options(serve, settings);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    return usage_error(error.what());
   }
-  return is_complete ? 0 : 1;
+  if (app.get_subcommands().empty()) return usage_error("give list, run or serve");
+  if (const std::string fault = fault_of(names, settings); !fault.empty())
+    return usage_error(fault);
+  if (serve.parsed()) return serve_standalone(*standalone_of(server), settings);
+  if (run_cases.parsed()) {
+    return run(names, is_json ? Report::Form::kJsonLines : Report::Form::kTable, settings);
+  }
+  for (const Case& each : cases()) {
+    std::printf("%-12s %s\n", std::string(each.name).c_str(),
+                std::string(each.description).c_str());
+  }
+  return 0;
 }
 
 }  // namespace
 }  // namespace rtpm::bench
 
 int main(int argc, char** argv) {
-  namespace bench = rtpm::bench;
-  rtpm::options::Options options(
-      "rtpm-bench", "Measures RTPM beside the raw sockets below it, in one interleaved run.");
-  bench::Arguments arguments;
-  bench::Settings settings;
-  bench::add_options(options, arguments, settings);
-  if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
-  if (const auto wrong = bench::check(arguments, settings)) return options.usage_error(*wrong);
-  if (arguments.verb == "list") return bench::list();
-  if (arguments.verb == "serve") {
-    return bench::serve_standalone(*bench::standalone_of(arguments.cases.front()), settings);
-  }
-  return bench::run(arguments, settings);
+  return rtpm::bench::run_program(argc, argv);
 }

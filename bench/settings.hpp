@@ -16,34 +16,35 @@ namespace rtpm::bench {
 enum class Carrier : std::uint8_t { kUdp, kTcp, kSharedMemory };
 [[nodiscard]] std::string_view to_string(Carrier carrier) noexcept;
 
-/// What a run is asked to do; every case reads its part.
+/// What a run is asked to do; every case reads its part. main.cpp says what each means.
 struct Settings {
-  std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp};
+  std::vector<Carrier> carriers{Carrier::kUdp, Carrier::kTcp, Carrier::kSharedMemory};
   std::vector<rt::WaitStrategy> waits{rt::WaitStrategy::kAdaptive};
-  Duration spin = rt::WaitConfig{}.spin;       ///< How long the adaptive wait spins.
+  Duration spin = rt::WaitConfig{}.spin;
   std::uint64_t sample_count = 0;              ///< Per contender and result; 0: the case's own.
-  std::vector<std::size_t> payload_sizes{48};  ///< Bytes, of `call`; 48 as in the paper.
-  /// Results tell every latency, not only their distribution.
+  std::vector<std::size_t> payload_sizes{48};  ///< As in the paper.
   bool tells_latencies = false;
-  int round_count = 40;   ///< Of which the middles are reported.
-  double rate_hz = 1000;  ///< Of callers that keep a pace.
+  int round_count = 40;
+  double rate_hz = 1000;
   std::vector<int> low_caller_counts{0, 1, 4, 16};
-  std::vector<int> client_counts{1, 10, 100, 1000};     ///< Of scale.
-  std::vector<int> consumer_counts{1, 4, 16, 64, 256};  ///< Of events.
-  /// Each consumer of events has a thread of its own, even where several could share one.
+  std::vector<int> client_counts{1, 10, 100, 1000};
+  std::vector<int> consumer_counts{1, 4, 16, 64, 256};
   bool has_own_threads = false;
-  /// Of events, with peers: the supplier's program has the hub, beside peers without a broker.
   bool has_own_hub = false;
-  /// Of events over UDP: by the hub's multicast.
   bool has_multicast = false;
-  Duration work = std::chrono::microseconds{200};  ///< Of one low-priority call.
-  std::uint32_t in_flight = 64;  ///< Calls of throughput that are on their way at a time.
+  Duration work = std::chrono::microseconds{200};
+  std::uint32_t in_flight = 64;
   std::uint64_t call_count = 0;  ///< Of two-node; 0: sample_count, else the case's own.
-  Duration deadline = std::chrono::milliseconds{20};  ///< Of a call of two-node.
-  double drop_percent = 0;  ///< Of packets, that two-node loses in each direction.
+  Duration deadline = std::chrono::milliseconds{20};
+  double drop_percent = 0;
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
-  std::vector<std::string> peers{};  ///< By name, or "all"; none: RTPM and the floor alone.
+  std::vector<std::string> peers{};  ///< By name, or kAllPeers; none: RTPM and the floor alone.
+
+  [[nodiscard]] Duration period() const {
+    return Duration{static_cast<Duration::rep>(1e9 / rate_hz)};
+  }
 };
+inline constexpr std::string_view kAllPeers = "all";
 
 /// The priorities of the measured caller with its lane, and of the load with its own.
 inline constexpr Priority kHighPriority{24000};
@@ -57,23 +58,10 @@ struct Placement {
   int client_cpu = 0;
   int server_cpu = 0;
 };
-/// The first two CPUs that this process may use.   Set-up only.
+/// The first two CPUs that this process may use.
+/// @realtime set-up only
 [[nodiscard]] Placement choose_placement();
 /// Each of its CPUs once.
 [[nodiscard]] std::vector<int> cpus_of(const Placement& placement);
-
-/// How many samples a round has: a like part of those that were asked for, or else of
-/// `count_default`; at least one.
-[[nodiscard]] std::size_t samples_per_round(const Settings& settings, std::uint64_t count_default);
-
-/// Rounds of a run, from one on and before another.
-struct Rounds {
-  int begin = 0;
-  int end = 0;
-};
-/// The rounds of a run in so many parts, or less where there are less rounds. The servers are
-/// started anew for each: where a process's memory comes to lie, and on which cores of the host,
-/// moves the figures of shared memory by a third, and would else be in all of them.
-[[nodiscard]] std::vector<Rounds> parts_of_run(int round_count, int part_count);
 
 }  // namespace rtpm::bench

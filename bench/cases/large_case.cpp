@@ -1,52 +1,97 @@
-#include "cases/case.hpp"
-#include "runs/loaded_run.hpp"
+#include <sched.h>
 
+#include <atomic>
+#include <vector>
+
+#include "cases/case.hpp"
+#include "runs/duel.hpp"
+#include "runs/run.hpp"
+
+// A caller of high priority at a pace beside messages of 1 MiB. The raw floor, too, is measured
+// beside RTPM's large messages: so the two differ by what RTPM makes of them, while what the kernel
+// does for them delays both.
 namespace rtpm::bench {
 namespace {
 
 constexpr std::size_t kLargeSize = std::size_t{1} << 20;
 
-// The raw floor, too, is measured beside RTPM's large. So the two differ by what RTPM makes of it,
-// while what the kernel does for the large delays both.
-LoadPlan plan_of() {
-  return {.case_name = "large",
-          .field = "large_callers",
-          .people = "large caller",
-          .caller_counts = {0, 1},
-          .connect = [](Duel& duel, Side) -> expected<std::vector<Job>, std::string> {
-            auto job = duel.connect_large(kLargeSize);
-            if (!job) return unexpected{job.error()};
-            return std::vector<Job>{std::move(*job)};
-          },
-          .is_load_on_rtpm = true,
-          .keeps_awake = true};
+/// Takes its turns with both CPUs kept awake, by threads that yield to all others (SCHED_IDLE).
+/// Else a load that leaves the CPUs no sleep makes the measured caller quicker, and hides what it
+/// costs.
+class AwakeContender final : public Contender {
+ public:
+  explicit AwakeContender(std::unique_ptr<Contender> inner) : inner_(std::move(inner)) {}
+
+  expected<void, std::string> take_turn(const TurnPlan& plan, Finding& finding) override {
+    std::atomic<bool> is_over{false};
+    std::vector<rt::Thread> threads;
+    expected<void, std::string> taken;
+    for (const int cpu : cpus_of(choose_placement())) {
+      auto thread = rt::Thread::start(
+          {.name = "bench-awake", .cpus = {cpu}, .realtime = rt::RealtimeMode::kOff}, [&is_over] {
+            // It began with its starter's real-time policy, with which it must not stay.
+            const sched_param parameter{};
+            if (sched_setscheduler(0, SCHED_IDLE, &parameter) != 0) return;
+            while (!is_over.load(std::memory_order_relaxed)) {
+            }
+          });
+      if (thread) {
+        threads.push_back(std::move(*thread));
+      } else {
+        taken = unexpected{thread.error().text()};
+      }
+    }
+    if (taken) taken = inner_->take_turn(plan, finding);
+    is_over.store(true, std::memory_order_relaxed);
+    return taken;
+  }
+
+ private:
+  std::unique_ptr<Contender> inner_;
+};
+
+expected<Contenders, std::string> connect(Duel& duel, const DuelConfig& config) {
+  Contenders contenders;
+  for (const Side side : kBothSides) {
+    std::vector servers{&duel.server(side)};
+    if (side == Side::kFloor) servers.push_back(&duel.server(Side::kRtpm));
+    const Running running(servers);
+    auto high = duel.connect_high(side);
+    if (!high) return unexpected{high.error()};
+    auto large = connect_large_job(duel.low_node(), duel.rtpm_url(), kLowPriority, kLargeSize);
+    if (!large) return unexpected{large.error()};
+    auto load = std::make_unique<LowLoad>(config.placement, config.realtime,
+                                          std::vector<Job>{std::move(*large)});
+    contenders.push_back(std::make_unique<AwakeContender>(
+        std::make_unique<CallContender>(servers, std::move(*high), std::move(load))));
+  }
+  return contenders;
 }
 
 }  // namespace
 
-bool run_large(const Settings& settings, Report& report) {
-  bool is_complete = true;
-  for (const Carrier carrier : settings.carriers) {
-    for (const rt::WaitStrategy strategy : settings.waits) {
-      const DuelConfig config{.carrier = carrier,
-                              .wait = {.strategy = strategy, .spin = settings.spin},
-                              .low_caller_count = 1,
-                              .placement = choose_placement(),
-                              .realtime = settings.realtime};
-      if (strategy == rt::WaitStrategy::kSpin) {
-        say_not_measured(title_of("large", config),
-                         "a lane that spins would starve the large's lane on its CPU; use "
-                         "--wait adaptive or --wait block");
-        is_complete = false;
-        continue;
-      }
-      if (auto measured = measure_loaded(settings, config, plan_of(), report); !measured) {
-        say_not_measured(title_of("large", config), measured.error());
-        is_complete = false;
-      }
-    }
-  }
-  return is_complete;
+void run_large(const Settings& settings, Report& report) {
+  const RunPlan plan{
+      .sample_count = 15'000,
+      .warm_up_count = 20,
+      .turn_size = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(settings.rate_hz / 20)),
+      .is_round_a_turn = true,
+      .rest_part = 0.15,
+      .rate_hz = settings.rate_hz,
+      .loads = {0, 1},
+      .load_field = "large_callers"};
+  measure_each("large", settings, report, true,
+               [&](DuelConfig config) -> expected<void, std::string> {
+                 config.low_caller_count = 1;
+                 Run run(settings, plan, report);
+                 auto measured = run.measure([&]() -> expected<Connect, std::string> {
+                   auto duel = Duel::start(config);
+                   if (!duel) return unexpected{duel.error()};
+                   return Connect([duel = *duel, config] { return connect(*duel, config); });
+                 });
+                 if (measured) run.report(head_of("large", config));
+                 return measured;
+               });
 }
 
 }  // namespace rtpm::bench

@@ -5,7 +5,6 @@
 #include "figures/disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "runs/duel.hpp"
-#include "sides/floor.hpp"
 #include "sides/standalone.hpp"
 
 // What a server costs that does nothing: its memory, by how many clients are bound, and its CPU.
@@ -30,42 +29,25 @@ expected<Client, std::string> bind_client(const DuelConfig& config, const std::s
   return client;
 }
 
-Result begin_result(std::string_view name, const DuelConfig& config) {
-  Result result{.title = title_of(name, config)};
-  result.json.add("case", name);
-  result.json.add("transport", to_string(config.carrier));
-  result.json.add("wait", rt::to_string(config.wait.strategy));
-  return result;
+expected<ServerProcess, std::string> start(const Settings& settings, const DuelConfig& config,
+                                           Standalone which) {
+  return start_standalone(which, config.carrier, config.wait.strategy, settings);
 }
 
-Result memory_result(const DuelConfig& config, int client_count, const MemoryUse& use,
-                     const MemoryUse& empty, const MemoryUse& floor) {
-  Result result = begin_result("memory", config);
-  result.json.add("clients", client_count);
-  result.json.add("rss_mib", use.resident_mib);
-  result.json.add("pss_mib", use.proportional_mib);
-  result.json.add("floor_rss_mib", floor.resident_mib);
-  std::string note = std::to_string(client_count) +
-                     " bound clients: " + short_text(use.resident_mib) + " MiB in memory";
-  if (client_count > 0) {
-    const double per_client_kib = 1024 * (use.resident_mib - empty.resident_mib) / client_count;
-    result.json.add("per_client_kib", per_client_kib);
-    note += ", " + short_text(per_client_kib) + " KiB for each";
-  }
-  result.notes.push_back(note + "; the raw floor's server: " + short_text(floor.resident_mib) +
-                         " MiB");
-  return result;
+Json begin_result(std::string_view name, const DuelConfig& config, int client_count) {
+  return {{"case", name},
+          {"transport", to_string(config.carrier)},
+          {"wait", rt::to_string(config.wait.strategy)},
+          {"clients", client_count}};
 }
 
 expected<void, std::string> measure_memory(const Settings& settings, const DuelConfig& config,
                                            Report& report) {
-  const auto floor =
-      start_standalone(Standalone::kFloor, config.carrier, config.wait.strategy, settings);
+  const auto floor = start(settings, config, Standalone::kFloor);
   if (!floor) return unexpected{floor.error()};
-  const MemoryUse floor_use = memory_of(floor->id());
+  const MemoryUse of_floor = memory_of(floor->id());
   floor->pause();
-  const auto server =
-      start_standalone(Standalone::kRtpm, config.carrier, config.wait.strategy, settings);
+  const auto server = start(settings, config, Standalone::kRtpm);
   if (!server) return unexpected{server.error()};
   const MemoryUse empty = memory_of(server->id());
   std::vector<Client> clients;
@@ -75,66 +57,49 @@ expected<void, std::string> measure_memory(const Settings& settings, const DuelC
       if (!client) return unexpected{client.error()};
       clients.push_back(std::move(*client));
     }
-    report.add(memory_result(config, count, memory_of(server->id()), empty, floor_use));
+    const MemoryUse use = memory_of(server->id());
+    Json result = begin_result("memory", config, count);
+    result["rss_mib"] = rounded(use.resident_mib);
+    result["pss_mib"] = rounded(use.proportional_mib);
+    result["floor_rss_mib"] = rounded(of_floor.resident_mib);
+    if (count > 0) {
+      result["per_client_kib"] = rounded(1024 * (use.resident_mib - empty.resident_mib) / count);
+    }
+    report.add(std::move(result));
   }
   return {};
-}
-
-double idle_percent(const ServerProcess& server) {
-  const Duration before = cpu_time_of(server.id());
-  const MonotonicTime begin = rt::now();
-  rt::sleep_until(begin + kIdleTime);
-  const Duration taken = cpu_time_of(server.id()) - before;
-  return 100 * std::chrono::duration<double>(taken) /
-         std::chrono::duration<double>(rt::now() - begin);
 }
 
 /// With one client bound, who called once and no more.
 expected<void, std::string> measure_idle(const Settings& settings, const DuelConfig& config,
                                          Report& report) {
-  const auto server =
-      start_standalone(Standalone::kRtpm, config.carrier, config.wait.strategy, settings);
+  const auto server = start(settings, config, Standalone::kRtpm);
   if (!server) return unexpected{server.error()};
   const auto client = bind_client(config, server->address());
   if (!client) return unexpected{client.error()};
-  const DisturbanceWatch watch({});
-  const double percent = idle_percent(*server);
-  Result result = begin_result("idle", config);
-  result.json.add("clients", 1);
-  result.json.add("cpu_percent", percent);
-  result.notes.push_back("a server that nobody calls takes " + short_text(percent) + " % of a CPU");
-  watch.finish(result, 0);
-  report.add(result);
+  const CpuTime steal_before = read_cpu_time();
+  const Duration before = cpu_time_of(server->id());
+  const MonotonicTime begin = rt::now();
+  rt::sleep_until(begin + kIdleTime);
+  const std::chrono::duration<double> taken = cpu_time_of(server->id()) - before;
+  const std::chrono::duration<double> time = rt::now() - begin;
+  Json result = begin_result("idle", config, 1);
+  result["cpu_percent"] = rounded(100 * taken / time);
+  add_steal(result, steal_before);
+  report.add(std::move(result));
   return {};
-}
-
-using Measure = expected<void, std::string> (*)(const Settings&, const DuelConfig&, Report&);
-
-bool run_each(std::string_view name, Measure measure, const Settings& settings, Report& report) {
-  bool is_complete = true;
-  for (const Carrier carrier : settings.carriers) {
-    for (const rt::WaitStrategy strategy : settings.waits) {
-      const DuelConfig config{.carrier = carrier,
-                              .wait = {.strategy = strategy, .spin = settings.spin},
-                              .placement = choose_placement(),
-                              .realtime = settings.realtime};
-      if (auto measured = measure(settings, config, report); !measured) {
-        say_not_measured(title_of(name, config), measured.error());
-        is_complete = false;
-      }
-    }
-  }
-  return is_complete;
 }
 
 }  // namespace
 
-bool run_memory(const Settings& settings, Report& report) {
-  return run_each("memory", measure_memory, settings, report);
+void run_memory(const Settings& settings, Report& report) {
+  measure_each("memory", settings, report, false,
+               [&](const DuelConfig& config) { return measure_memory(settings, config, report); });
 }
 
-bool run_idle(const Settings& settings, Report& report) {
-  return run_each("idle", measure_idle, settings, report);
+void run_idle(const Settings& settings, Report& report) {
+  measure_each("idle", settings, report, false,
+               [&](const DuelConfig& config) { return measure_idle(settings, config, report); });
 }
 
 }  // namespace rtpm::bench

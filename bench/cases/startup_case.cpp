@@ -13,89 +13,75 @@ namespace rtpm::bench {
 namespace {
 
 constexpr std::uint64_t kStartCountDefault = 100;
-
-/// What one side took, start by start.
-struct Finding {
-  Finding(int round_count, std::size_t count)
-      : total(round_count, count),
-        ready(round_count, count),
-        bind(round_count, count),
-        first_call(round_count, count) {}
-  void begin_round(int round) {
-    for (Samples* samples : {&total, &ready, &bind, &first_call})
-      samples->begin_round(round);
-  }
-  Samples total;
-  Samples ready;       ///< Until it said where it serves.
-  Samples bind;        ///< Until the caller was bound, or connected.
-  Samples first_call;  ///< The call alone.
-};
+/// All; until it said where it serves; until the caller was bound, or connected; the call alone.
+constexpr std::array kStretches{"", "ready_", "bind_", "first_call_"};
+using Stretches = std::vector<Samples>;
 
 expected<void, std::string> start_once(const Settings& settings, const DuelConfig& config,
-                                       Standalone who, Finding& finding) {
-  const MonotonicTime begin = rt::now();
-  const auto server = start_standalone(who, config.carrier, config.wait.strategy, settings);
+                                       Side side, Stretches& stretches) {
+  const bool is_rtpm = side == Side::kRtpm;
+  // Raw memory has no address by which another program could find it.
+  const Carrier carrier =
+      is_rtpm || config.carrier != Carrier::kSharedMemory ? config.carrier : Carrier::kUdp;
+  std::array<MonotonicTime, 4> times{rt::now()};
+  const auto server = start_standalone(is_rtpm ? Standalone::kRtpm : Standalone::kFloor, carrier,
+                                       config.wait.strategy, settings);
   if (!server) return unexpected{server.error()};
-  const MonotonicTime ready = rt::now();
-  const auto node = who == Standalone::kRtpm ? make_node(config.carrier, config.wait) : nullptr;
-  auto caller = who == Standalone::kRtpm
-                    ? connect_rtpm_caller(*node, server->address(), kHighPriority)
-                    : connect_floor_caller(config.carrier, config.host,
-                                           floor_port(server->address()), config.wait);
+  times[1] = rt::now();
+  const auto node = is_rtpm ? make_node(carrier, config.wait) : nullptr;
+  auto caller = is_rtpm ? connect_rtpm_caller(*node, server->address(), kHighPriority)
+                        : connect_floor_caller(carrier, config.host, floor_port(server->address()),
+                                               config.wait);
   if (!caller) return unexpected{caller.error()};
-  const MonotonicTime bound = rt::now();
+  times[2] = rt::now();
   if (auto called = (*caller)->echo(); !called) return called;
-  const MonotonicTime answered = rt::now();
-  finding.ready.add(ready - begin);
-  finding.bind.add(bound - ready);
-  finding.first_call.add(answered - bound);
-  finding.total.add(answered - begin);
+  times[3] = rt::now();
+  stretches[0].add(times[3] - times[0]);
+  for (std::size_t i = 1; i < times.size(); ++i)
+    stretches[i].add(times[i] - times[i - 1]);
   return {};
 }
 
-expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
-  const std::size_t per_round = samples_per_round(settings, kStartCountDefault);
-  std::array<Finding, 2> findings{Finding(settings.round_count, per_round),
-                                  Finding(settings.round_count, per_round)};
-  DuelConfig floor_config = config;
-  // Raw memory has no address by which another program could find it.
-  if (config.carrier == Carrier::kSharedMemory) floor_config.carrier = Carrier::kUdp;
-  const DisturbanceWatch watch({});
+expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
+                                    Report& report) {
+  const std::uint64_t count =
+      settings.sample_count == 0 ? kStartCountDefault : settings.sample_count;
+  const auto round_count = static_cast<std::uint64_t>(settings.round_count);
+  const auto per_round = static_cast<std::size_t>(std::max<std::uint64_t>(1, count / round_count));
+  const CpuTime before = read_cpu_time();
+  std::array<Stretches, 2> found;
+  for (Stretches& stretches : found) {
+    for (std::size_t i = 0; i < kStretches.size(); ++i)
+      stretches.emplace_back(settings.round_count, per_round);
+  }
   for (int round = 0; round < settings.round_count; ++round) {
-    for (Finding& finding : findings)
-      finding.begin_round(round);
     for (std::size_t i = 0; i < per_round; ++i) {
-      const bool is_rtpm_first = (static_cast<std::size_t>(round) + i) % 2 == 0;
-      for (const bool is_rtpm : {is_rtpm_first, !is_rtpm_first}) {
-        const auto started =
-            start_once(settings, is_rtpm ? config : floor_config,
-                       is_rtpm ? Standalone::kRtpm : Standalone::kFloor, findings[is_rtpm ? 0 : 1]);
-        if (!started) return unexpected{started.error()};
+      for (std::size_t turn = 0; turn < 2; ++turn) {
+        const std::size_t which = (static_cast<std::size_t>(round) + i + turn) % 2;
+        for (Samples& samples : found[which])
+          samples.begin_round(round);
+        auto started = start_once(settings, config, kBothSides[which], found[which]);
+        if (!started) return started;
       }
     }
   }
-  const auto& [rtpm, floor] = findings;
-  Result result{.title = title_of("startup", config)};
-  add_comparison(result, "startup", config, rtpm.total, floor.total);
-  for (const auto& [name, samples] : {std::pair{"ready_", &rtpm.ready},
-                                      {"bind_", &rtpm.bind},
-                                      {"first_call_", &rtpm.first_call},
-                                      {"floor_ready_", &floor.ready},
-                                      {"floor_bind_", &floor.bind},
-                                      {"floor_first_call_", &floor.first_call}}) {
-    add_distribution(result.json, name, *samples);
+  Json result = head_of("startup", config);
+  result["n"] = found[0][0].count();
+  for (std::size_t i = 0; i < kStretches.size(); ++i) {
+    add_distribution(result, kStretches[i], found[0][i]);
+    add_distribution(result, std::string("floor_") + kStretches[i], found[1][i]);
   }
-  result.rows.push_back({"RTPM, until it serves", rtpm.ready.percentiles()});
-  result.rows.push_back({"RTPM, bind", rtpm.bind.percentiles()});
-  result.rows.push_back({"RTPM, first call", rtpm.first_call.percentiles()});
-  watch.finish(result, longest_us(result));
-  return result;
+  add_ratios(result, "ratio_", found[0][0], found[1][0]);
+  add_steal(result, before);
+  report.add(std::move(result));
+  return {};
 }
 
 }  // namespace
 
-bool run_startup(const Settings& settings, Report& report) {
-  return measure_each("startup", measure_one, settings, report);
+void run_startup(const Settings& settings, Report& report) {
+  measure_each("startup", settings, report, false,
+               [&](const DuelConfig& config) { return measure(settings, config, report); });
 }
 
 }  // namespace rtpm::bench

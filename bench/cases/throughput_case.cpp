@@ -6,6 +6,7 @@
 #include "figures/disturbance.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "runs/duel.hpp"
+#include "sides/floor.hpp"
 
 // How many calls a second one thread gets through one lane when it does not wait for each.
 namespace rtpm::bench {
@@ -14,91 +15,88 @@ namespace {
 constexpr std::uint64_t kCallCountDefault = 500'000;
 constexpr std::uint64_t kBlockSize = 20'000;
 
+/// Of one side, round by round.
 struct Rates {
-  std::vector<double> rtpm;
-  std::vector<double> floor;
+  const ServerProcess* server = nullptr;
+  std::unique_ptr<Pipeline> pipeline{};
+  std::vector<double> rounds{};
+
+  expected<void, std::string> measure(std::uint64_t count) {
+    Duration took{0};
+    {
+      const Running running({server});
+      if (auto warm = pipeline->run(count / 10 + 1); !warm) return warm;
+      const MonotonicTime begin = rt::now();
+      if (auto run = pipeline->run(count); !run) return run;
+      took = rt::now() - begin;
+    }
+    rounds.push_back(
+        rounded(static_cast<double>(count) / std::chrono::duration<double>(took).count()));
+    // A tenth of the time belongs to the rest of the system, see calls_case.cpp.
+    rt::sleep_until(rt::now() + took / 10);
+    return {};
+  }
 };
 
-expected<double, std::string> rate_of(Duel& duel, Side side, Pipeline& pipeline,
-                                      std::uint64_t count) {
-  duel.take_turn(side);
-  if (auto warm = pipeline.run(count / 10 + 1); !warm) return unexpected{warm.error()};
-  const MonotonicTime begin = rt::now();
-  if (auto run = pipeline.run(count); !run) return unexpected{run.error()};
-  const MonotonicTime end = rt::now();
-  duel.end_turn();
-  // A tenth of the time belongs to the rest of the system, see call_case.cpp.
-  rt::sleep_until(end + (end - begin) / 10);
-  return static_cast<double>(count) / std::chrono::duration<double>(end - begin).count();
-}
-
-expected<Rates, std::string> measure(Duel& duel, const Settings& settings, bool has_floor) {
+/// RTPM's, and those of the raw floor, which has a pipeline over UDP.
+expected<std::vector<Rates>, std::string> measure(const Settings& settings,
+                                                  const DuelConfig& config, Duel& duel) {
+  std::vector<Rates> sides;
+  for (const Side side : kBothSides) {
+    if (side == Side::kFloor && config.carrier != Carrier::kUdp) continue;
+    const Running running({&duel.server(side)});
+    auto pipeline =
+        side == Side::kRtpm
+            ? connect_rtpm_pipeline(duel.high_node(), duel.rtpm_url(), kHighPriority,
+                                    settings.in_flight)
+            : connect_floor_pipeline(config.host, duel.floor_high_port(), settings.in_flight);
+    if (!pipeline) return unexpected{pipeline.error()};
+    sides.push_back({.server = &duel.server(side), .pipeline = std::move(*pipeline)});
+  }
   const std::uint64_t count =
       settings.sample_count == 0 ? kCallCountDefault : settings.sample_count;
-  Rates rates;
-  duel.take_turn(Side::kRtpm);
-  auto rtpm = duel.connect_pipeline(settings.in_flight);
-  if (!rtpm) return unexpected{rtpm.error()};
-  std::unique_ptr<Pipeline> floor;
-  if (has_floor) {
-    duel.take_turn(Side::kFloor);
-    auto connected = duel.connect_pipeline(settings.in_flight);
-    if (!connected) return unexpected{connected.error()};
-    floor = std::move(*connected);
-  }
   for (std::uint64_t done = 0; done < count; done += kBlockSize) {
-    const std::uint64_t block = std::min(kBlockSize, count - done);
-    const auto rate = rate_of(duel, Side::kRtpm, **rtpm, block);
-    if (!rate) return unexpected{rate.error()};
-    rates.rtpm.push_back(*rate);
-    if (!floor) continue;
-    const auto floor_rate = rate_of(duel, Side::kFloor, *floor, block);
-    if (!floor_rate) return unexpected{floor_rate.error()};
-    rates.floor.push_back(*floor_rate);
+    for (Rates& side : sides) {
+      if (auto measured = side.measure(std::min(kBlockSize, count - done)); !measured) {
+        return unexpected{measured.error()};
+      }
+    }
   }
-  return rates;
+  return sides;
 }
 
-expected<Result, std::string> measure_one(const Settings& settings, const DuelConfig& config) {
+expected<void, std::string> measure_one(const Settings& settings, const DuelConfig& config,
+                                        Report& report) {
   auto duel = Duel::start(config);
   if (!duel) return unexpected{duel.error()};
-  const bool has_floor = config.carrier == Carrier::kUdp;
-  Result result{.title = title_of("throughput", config)};
-  const auto measured = run_as_caller(config, [&]() -> expected<void, std::string> {
-    const DisturbanceWatch watch((*duel)->server_ids());
-    const auto rates = measure(**duel, settings, has_floor);
-    if (!rates) return unexpected{rates.error()};
-    const double rtpm = middle_of(rates->rtpm);
-    result.json.add("case", "throughput");
-    result.json.add("transport", to_string(config.carrier));
-    result.json.add("wait", rt::to_string(config.wait.strategy));
-    result.json.add("payload", static_cast<std::int64_t>(kPayloadSize));
-    result.json.add("in_flight", static_cast<std::int64_t>(settings.in_flight));
-    result.json.add("calls_per_second", rtpm);
-    result.json.add("calls_per_second_low", *std::ranges::min_element(rates->rtpm));
-    result.json.add("calls_per_second_high", *std::ranges::max_element(rates->rtpm));
-    result.json.add("rounds_calls_per_second", rates->rtpm);
-    result.notes.push_back("RTPM makes " + short_text(rtpm / 1000) + " thousand calls a second, " +
-                           std::to_string(settings.in_flight) + " at a time.");
-    if (has_floor) {
-      const double floor = middle_of(rates->floor);
-      result.json.add("floor_calls_per_second", floor);
-      result.json.add("floor_rounds_calls_per_second", rates->floor);
-      result.json.add("ratio", rtpm / floor);
-      result.notes.push_back("The raw socket makes " + short_text(floor / 1000) +
-                             " thousand: RTPM's are " + short_text(rtpm / floor) + " of these.");
+  return run_as_caller(settings, [&]() -> expected<void, std::string> {
+    const CpuTime before = read_cpu_time();
+    const auto sides = measure(settings, config, **duel);
+    if (!sides) return unexpected{sides.error()};
+    const std::vector<double>& rounds = sides->front().rounds;
+    Json result = head_of("throughput", config);
+    result["in_flight"] = settings.in_flight;
+    result["calls_per_second"] = rounded(middle_of(rounds));
+    result["calls_per_second_low"] = *std::ranges::min_element(rounds);
+    result["calls_per_second_high"] = *std::ranges::max_element(rounds);
+    result["rounds_calls_per_second"] = rounds;
+    if (sides->size() > 1) {
+      const std::vector<double>& of_floor = sides->back().rounds;
+      result["floor_calls_per_second"] = rounded(middle_of(of_floor));
+      result["floor_rounds_calls_per_second"] = of_floor;
+      result["ratio"] = rounded(middle_of(rounds) / middle_of(of_floor));
     }
-    watch.finish(result, 0);
+    add_steal(result, before);
+    report.add(std::move(result));
     return {};
   });
-  if (!measured) return unexpected{measured.error()};
-  return result;
 }
 
 }  // namespace
 
-bool run_throughput(const Settings& settings, Report& report) {
-  return measure_each("throughput", measure_one, settings, report);
+void run_throughput(const Settings& settings, Report& report) {
+  measure_each("throughput", settings, report, false,
+               [&](const DuelConfig& config) { return measure_one(settings, config, report); });
 }
 
 }  // namespace rtpm::bench

@@ -1,17 +1,37 @@
 #include "figures/stolen_time.hpp"
 
+#include <sched.h>
+
 #include <algorithm>
 #include <ctime>
 #include <fstream>
 #include <sstream>
 #include <string>
 
-#include "figures/excursion.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/native_time.hpp"
 
 namespace rtpm::bench {
 namespace {
+
+/// Moves the calling thread to other CPUs, and back at its end.
+class Excursion {
+ public:
+  Excursion() noexcept { sched_getaffinity(0, sizeof home_, &home_); }
+  Excursion(const Excursion&) = delete;
+  Excursion& operator=(const Excursion&) = delete;
+  ~Excursion() { sched_setaffinity(0, sizeof home_, &home_); }
+  /// False if there is no such CPU, or it is not for this thread.
+  [[nodiscard]] bool go_to(int cpu) noexcept {
+    cpu_set_t there;
+    CPU_ZERO(&there);
+    CPU_SET(static_cast<std::size_t>(cpu), &there);
+    return sched_setaffinity(0, sizeof there, &there) == 0;
+  }
+
+ private:
+  cpu_set_t home_{};
+};
 
 // By how much the clock for tasks of this CPU is behind. The kernel notes its time as a thread is
 // given the CPU, hence the sleep.

@@ -13,7 +13,6 @@
 #include "peer.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/thread.hpp"
-#include "runs/event_run.hpp"
 #include "runs/turn.hpp"
 
 // The program of a peer, as rtpm-bench starts it: rtpm-peer-NAME ROLE BOARD. serve and call are the
@@ -252,14 +251,9 @@ Outcome take_events(PeerBoard& board) {
   if (auto joined = wait_for_consumers(side, events, consumer_count); !joined) return joined;
   // Above those of the set-up.
   run_plans(board, [&, block = 1'000'000U](Samples& high, Samples& low) mutable {
-    EventFinding finding(1, kEventBlockSize, consumer_count);
-    auto measured =
-        measure_events(Duration{board.plan.period_ns}, static_cast<std::size_t>(board.plan.count),
-                       side, events, block++, consumer_count, finding);
-    high = std::move(finding.each);
-    low = std::move(finding.last);
-    board.missing_count = finding.missing_count;
-    return measured;
+    board.missing_count = 0;
+    return push_events(board.plan, side, events, block++, consumer_count, high, low,
+                       board.missing_count);
   });
 }
 

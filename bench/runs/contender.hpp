@@ -1,18 +1,37 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "figures/samples.hpp"
 #include "rtpm/base/expected.hpp"
-#include "runs/duel.hpp"
 #include "runs/turn.hpp"
-#include "sides/low_load.hpp"
+#include "sides/server_process.hpp"
 
 namespace rtpm::bench {
 
-/// One of those who are measured by turns: RTPM, the raw floor, or a peer.
-/// Threads: one.
+/// What a contender showed: of calls, those measured and those of the load beside them; of events,
+/// each delivery and of each event the last one.
+struct Finding {
+  Samples first;
+  Samples second;
+  std::uint64_t missing_count = 0;  ///< Deliveries that did not come in time.
+
+  void begin_round(int round) noexcept {
+    first.begin_round(round);
+    second.begin_round(round);
+  }
+  void note_disturbed(bool was_disturbed) noexcept {
+    first.note_disturbed(was_disturbed);
+    second.note_disturbed(was_disturbed);
+  }
+};
+
+/// One of those that are measured by turns: RTPM, the raw floor, or a peer.
+/// @threads one
 class Contender {
  public:
   Contender() = default;
@@ -21,14 +40,45 @@ class Contender {
   virtual ~Contender() = default;
 
   /// Lets its server run, makes the turn's calls, and stops the server again.
-  [[nodiscard]] virtual expected<void, std::string> take_turn(const TurnPlan& plan, Samples& high,
-                                                              Samples& low) = 0;
+  [[nodiscard]] virtual expected<void, std::string> take_turn(const TurnPlan& plan,
+                                                              Finding& finding) = 0;
 };
 
-/// RTPM or the floor, connected; both with `config.low_caller_count` callers of low priority whose
-/// calls compute for `work`.   On a thread as run_as_caller() has it.   Set-up only.
-/// Ownership: refers to `duel`.
-[[nodiscard]] expected<std::unique_ptr<Contender>, std::string> connect_contender(
-    Duel& duel, Side side, const DuelConfig& config, Duration work);
+/// Servers that run as long as this lives, and are stopped otherwise.
+class Running {
+ public:
+  explicit Running(std::vector<const ServerProcess*> servers) : servers_(std::move(servers)) {
+    for (const ServerProcess* server : servers_)
+      server->resume();
+  }
+  Running(const Running&) = delete;
+  Running& operator=(const Running&) = delete;
+  ~Running() {
+    for (const ServerProcess* server : servers_)
+      server->pause();
+  }
+
+ private:
+  std::vector<const ServerProcess*> servers_;
+};
+
+/// Calls to servers that run in its turns only, with or without load.
+class CallContender final : public Contender {
+ public:
+  /// @lifetime refers to the servers
+  CallContender(std::vector<const ServerProcess*> servers, std::unique_ptr<Caller> high,
+                std::unique_ptr<LowLoad> load = nullptr)
+      : servers_(std::move(servers)), high_(std::move(high)), load_(std::move(load)) {}
+
+  expected<void, std::string> take_turn(const TurnPlan& plan, Finding& finding) override {
+    const Running running(servers_);
+    return run_turn(plan, *high_, load_.get(), finding.first, finding.second);
+  }
+
+ private:
+  std::vector<const ServerProcess*> servers_;
+  std::unique_ptr<Caller> high_;
+  std::unique_ptr<LowLoad> load_;
+};
 
 }  // namespace rtpm::bench

@@ -1,20 +1,18 @@
 #pragma once
 
-#include <sys/types.h>
-
 #include <cstdint>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
-#include <vector>
+#include <string_view>
 
-#include "figures/disturbance.hpp"
 #include "figures/report.hpp"
-#include "figures/samples.hpp"
 #include "rtpm/base/expected.hpp"
+#include "runs/contender.hpp"
 #include "settings.hpp"
 #include "sides/caller.hpp"
+#include "sides/memory_floor.hpp"
 #include "sides/rtpm_side.hpp"
 #include "sides/server_process.hpp"
 
@@ -40,80 +38,60 @@ struct DuelConfig {
 };
 
 /// An RTPM server and a raw one, each in its own process, with the same wait strategy, scheduling
-/// and CPU, to be measured by turns in one run. Only the one whose turn it is runs; the other is
-/// stopped. Make it before this process starts a thread. Threads: one at a time, connect() from
-/// several.   Set-up only, but for take_turn().
+/// and CPU. Both are stopped until somebody resumes them. Make it before this process starts a
+/// thread.
+/// @threads  one at a time
+/// @realtime set-up only
 class Duel {
  public:
-  [[nodiscard]] static expected<std::unique_ptr<Duel>, std::string> start(const DuelConfig& config);
-  ~Duel();
+  [[nodiscard]] static expected<std::shared_ptr<Duel>, std::string> start(const DuelConfig& config);
 
-  /// Lets `side`'s server run until the next turn.
-  void take_turn(Side side);
-  /// Lets RTPM's server run along with the one whose turn it is, until that ends.
-  void join_rtpm();
-  /// Stops both servers, so that the CPUs rest.
-  void end_turn();
-  /// Ends the turn, so that nobody spins, and watches the round that begins, on the CPUs of the
-  /// callers and servers of high priority.
-  [[nodiscard]] RoundWatch watch_round();
-  /// As end_turn(), and waits for `part` of the time that the turn took. Real-time threads that
-  /// leave nothing to others for about a second are throttled by the kernel. RTPM's take care, the
-  /// floor's do not, and its stalls would fall into RTPM's turns as well.
-  void rest_after(Duration turn, double part = 0.15);
+  [[nodiscard]] const ServerProcess& server(Side side) const {
+    return side == Side::kRtpm ? rtpm_ : floor_;
+  }
+  [[nodiscard]] const std::string& rtpm_url() const { return rtpm_.address(); }
+  [[nodiscard]] std::uint16_t floor_high_port() const { return floor_ports_[0]; }
+  /// Where callers of high priority, and of low priority, are.
+  [[nodiscard]] rpc::Node& high_node() { return *high_node_; }
+  [[nodiscard]] rpc::Node& low_node() { return *low_node_; }
 
-  /// A caller of high priority, to the server whose turn it is.
-  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high();
-  /// RTPM's server runs: a caller of high priority from a node of its own, which must outlive it.
-  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_by(rpc::Node& node);
-  /// A caller of low priority, which blocks while it waits.
-  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low();
+  // The side's server has to run.
+  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_high(Side side);
+  /// Blocks while it waits.
+  [[nodiscard]] expected<std::unique_ptr<Caller>, std::string> connect_low(Side side);
 
-  /// RTPM's server runs: a job that has it bring `size` bytes back, at low priority, and blocks
-  /// while it waits.
-  [[nodiscard]] expected<Job, std::string> connect_large(std::size_t size);
-  /// RTPM's server runs: a caller of high priority whose calls are numbered.
-  [[nodiscard]] expected<std::unique_ptr<NumberedCaller>, std::string> connect_numbered();
-  /// A pipeline of high priority to the server whose turn it is; of the raw one over UDP only.
-  [[nodiscard]] expected<std::unique_ptr<Pipeline>, std::string> connect_pipeline(
-      std::size_t in_flight);
-  /// Where RTPM's server serves.
-  [[nodiscard]] std::uint16_t rtpm_port() const;
-
-  [[nodiscard]] std::vector<pid_t> server_ids() const;
-  /// CPU time that RTPM's server has taken so far.
-  [[nodiscard]] Duration rtpm_server_cpu_time() const;
+  /// A side's measured caller, and as many of low priority as the configuration has, whose calls
+  /// compute for `work`.   On a thread as run_as_caller() has it.
+  /// @lifetime refers to this
+  [[nodiscard]] expected<std::unique_ptr<Contender>, std::string> contender(Side side,
+                                                                            Duration work = {});
 
  private:
-  struct Impl;
-  explicit Duel(std::unique_ptr<Impl> impl);
-  std::unique_ptr<Impl> impl_;
+  Duel(DuelConfig config, std::unique_ptr<MemoryFloor> memory, ServerProcess floor,
+       ServerProcess rtpm);
+
+  DuelConfig config_;
+  std::unique_ptr<MemoryFloor> memory_floor_;  ///< Of shared memory only.
+  ServerProcess floor_;
+  ServerProcess rtpm_;
+  std::uint16_t floor_ports_[2]{};  ///< Of high and of low priority.
+  std::unique_ptr<rpc::Node> high_node_;
+  std::unique_ptr<rpc::Node> low_node_;
 };
 
 /// Runs `body` to its end on a thread as a measured caller has it: high priority, on the clients'
 /// CPU. Gives back what the body gives.
 [[nodiscard]] expected<void, std::string> run_as_caller(
-    const DuelConfig& config, const std::function<expected<void, std::string>()>& body);
+    const Settings& settings, const std::function<expected<void, std::string>()>& body);
 
-/// "call, udp, adaptive wait": how results are headed.
-[[nodiscard]] std::string title_of(std::string_view case_name, const DuelConfig& config);
+/// Measures with each carrier and wait strategy that was asked for; the report says which could not
+/// be measured.
+/// @param shares_cpu  several servers, or lanes, run on a CPU at a time: none of them may spin
+void measure_each(
+    std::string_view case_name, const Settings& settings, Report& report, bool shares_cpu,
+    const std::function<expected<void, std::string>(const DuelConfig& config)>& measure);
 
-/// Measures once with each carrier and wait strategy that was asked for, and reports; false if one
-/// could not be measured, which is said.
-using Measurement = expected<Result, std::string> (*)(const Settings& settings,
-                                                      const DuelConfig& config);
-bool measure_each(std::string_view case_name, Measurement measure, const Settings& settings,
-                  Report& report, std::size_t payload_size = kPayloadSize);
-
-/// Adds the fields and rows that every result has: case, transport, wait, payload, n, both sides'
-/// distributions and their ratios.
-void add_comparison(Result& result, std::string_view case_name, const DuelConfig& config,
-                    const Samples& rtpm, const Samples& floor);
-
-/// Adds every latency of both: latencies_us, floor_latencies_us.
-void add_latencies(Result& result, const Samples& rtpm, const Samples& floor);
-
-/// The largest latency that either side showed in a result that add_comparison() began.
-[[nodiscard]] double longest_us(const Result& result);
+/// What a result begins with: its case, transport, wait and payload.
+[[nodiscard]] Json head_of(std::string_view case_name, const DuelConfig& config);
 
 }  // namespace rtpm::bench

@@ -1,21 +1,32 @@
 #include "runs/turn.hpp"
 
+#include <algorithm>
+
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::bench {
 namespace {
 
+using namespace std::chrono_literals;
+
+/// How long the last event of a turn may take to arrive.
+constexpr Duration kPatience = 500ms;
+
 expected<void, std::string> call(const TurnPlan& plan, Caller& caller, Samples& samples) {
   for (std::uint64_t i = 0; i < plan.warm_up_count; ++i) {
     if (auto called = caller.echo(); !called) return called;
   }
-  if (plan.period_ns > 0) {
-    return call_paced(caller, Duration{plan.period_ns}, plan.count, plan.count_from, samples);
-  }
-  for (std::uint64_t i = 0; i < plan.count; ++i) {
-    const MonotonicTime sent = rt::now();
+  const Duration period{plan.period_ns};
+  MonotonicTime due = rt::now() + period;
+  for (std::uint64_t i = 0; i < plan.count; ++i, due += period) {
+    MonotonicTime begin = rt::now();
+    if (plan.period_ns > 0) {
+      const bool is_late = begin > due;
+      if (!is_late) rt::sleep_until(due);
+      begin = plan.count_from == CountFrom::kDue || is_late ? due : rt::now();
+    }
     if (auto called = caller.echo(); !called) return called;
-    samples.add(rt::now() - sent);
+    samples.add(rt::now() - begin);
   }
   return {};
 }
@@ -35,6 +46,38 @@ expected<void, std::string> run_turn(const TurnPlan& plan, Caller& caller, LowLo
   if (!latencies) return unexpected{latencies.error()};
   for (const Duration latency : *latencies)
     low.add(latency);
+  return {};
+}
+
+expected<void, std::string> push_events(const TurnPlan& plan, EventSide& side, EventBoard& board,
+                                        std::uint32_t block, int consumer_count, Samples& each,
+                                        Samples& last, std::uint64_t& missing_count) {
+  const auto consumers = static_cast<std::size_t>(consumer_count);
+  const std::size_t count = std::min<std::size_t>(plan.count, board.event_count());
+  board.begin(block);
+  const Duration period{plan.period_ns};
+  MonotonicTime due = rt::now() + period;
+  for (std::uint32_t i = 0; i < count; ++i, due += period) {
+    rt::sleep_until(due);
+    const EventStamp stamp{.due_ns = to_ns(rt::now()), .block = block, .number = i};
+    if (auto pushed = side.push(stamp); !pushed) return pushed;
+  }
+  const MonotonicTime give_up = rt::now() + kPatience;
+  while (board.arrived_count() < consumers * count && rt::now() < give_up)
+    rt::sleep_until(rt::now() + 1ms);
+  for (std::size_t event = 0; event < count; ++event) {
+    Duration latest{0};
+    for (std::size_t consumer = 0; consumer < consumers; ++consumer) {
+      const Duration latency = board.at(consumer, event);
+      latest = std::max(latest, latency);
+      if (latency > Duration{0}) {
+        each.add(latency);
+      } else {
+        ++missing_count;
+      }
+    }
+    last.add(latest);
+  }
   return {};
 }
 

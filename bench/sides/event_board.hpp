@@ -19,7 +19,7 @@ struct EventStamp {
 };
 static_assert(sizeof(EventStamp) == 32);
 
-/// Where consumers write down when each event reached them. Threads: note() by each consumer for
+/// Where the first consumers write down when each event reached them. Threads: note() by each consumer for
 /// its own row; the rest by one that waits for them.   RT: note() is alloc-free.
 class EventBoard {
  public:
@@ -38,10 +38,12 @@ class EventBoard {
     EventStamp stamp;
     if (bytes.size() < sizeof stamp) return;
     std::memcpy(&stamp, bytes.data(), sizeof stamp);
-    if (stamp.block != block_.load(std::memory_order_acquire) || stamp.number >= event_count_) {
+    const std::size_t cell = consumer * event_count_ + stamp.number;
+    if (stamp.block != block_.load(std::memory_order_acquire) || stamp.number >= event_count_ ||
+        cell >= cells_.size()) {
       return;
     }
-    cells_[consumer * event_count_ + stamp.number] = to_ns(now) - stamp.due_ns;
+    cells_[cell] = to_ns(now) - stamp.due_ns;
     arrived_count_.fetch_add(1, std::memory_order_release);
   }
   [[nodiscard]] std::uint64_t arrived_count() const noexcept {

@@ -26,8 +26,8 @@ RATIOS_AT_THE_MEDIAN = ("ratio_p50", "ratio_each_p50", "ratio_last_p50", "rtpm_o
 MAIN_FIGURES = (
     "p50_us", "p99_us", "p999_us", "ratio_p50", "ratio_p99", "ratio_p999", "each_p50_us",
     "each_p99_us", "ratio_each_p50", "ratio_each_p99", "ratio_last_p50", "calls_per_second",
-    "rss_mib", "loaded_over_idle_p999", "rtpm_over_peer_p50", "rtpm_over_peer_p999",
-    "rtpm_over_peer_each_p50", "rtpm_over_peer_last_p50",
+    "rss_mib", "rtpm_over_peer_p50", "rtpm_over_peer_p999", "rtpm_over_peer_each_p50",
+    "rtpm_over_peer_last_p50",
 )
 
 

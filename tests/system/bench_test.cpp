@@ -21,15 +21,20 @@ TEST(Bench, ListsItsCases) {
 
 TEST(Bench, RefusesWhatItDoesNotHave) {
   expect_one_sentence(run_program("rtpm-bench", {"run", "nothing"}), 2,
-                      {"there is no case 'nothing'", "call", "isolation"});
-  expect_one_sentence(run_program("rtpm-bench", {"run"}), 2, {"at least one case"});
-  expect_one_sentence(run_program("rtpm-bench", {"walk"}), 2, {"there is no verb 'walk'"});
+                      {"nothing", "call", "isolation"});
+  expect_one_sentence(run_program("rtpm-bench", {"run"}), 2, {"CASE is required"});
+  expect_one_sentence(run_program("rtpm-bench", {"walk"}), 2, {"walk"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--wait", "sleep"}), 2,
-                      {"--wait", "'sleep'"});
+                      {"--wait", "sleep", "adaptive"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--payload", "1Gi"}), 2,
-                      {"--payload", "'1Gi'", "8Mi"});
+                      {"--payload", "8388608"});
+  expect_one_sentence(run_program("rtpm-bench", {"run", "two-node", "--deadline", "soon"}), 2,
+                      {"--deadline", "'soon'"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--own-hub"}), 2,
                       {"--own-hub", "events", "--peers"});
+  expect_one_sentence(
+      run_program("rtpm-bench", {"run", "events", "--own-hub", "--peers", "zeromq"}), 2,
+      {"--own-hub", "broker", "zeromq"});
   expect_one_sentence(run_program("rtpm-bench", {"run", "events", "--multicast"}), 2,
                       {"--multicast", "events", "--transport udp"});
 }
@@ -40,10 +45,10 @@ TEST(Bench, PrintsAnObjectPerResultWithItsFields) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 3) << "one for udp, one for tcp, one for shm";
   for (const std::string_view field :
-       {R"("case": "call")", R"("transport": "udp")", R"("transport": "tcp")",
-        R"("transport": "shm")", R"("wait": "adaptive")", R"("payload": 48)", R"("n": 200)",
-        R"("p50_us": )", R"("p90_us": )", R"("p99_us": )", R"("p999_us": )", R"("p9999_us": )",
-        R"("max_us": )", R"("floor_p50_us": )", R"("ratio_p50": )", R"("environment": {)"}) {
+       {R"("case":"call")", R"("transport":"udp")", R"("transport":"tcp")", R"("transport":"shm")",
+        R"("wait":"adaptive")", R"("payload":48)", R"("n":200)", R"("p50_us":)", R"("p90_us":)",
+        R"("p99_us":)", R"("p999_us":)", R"("p9999_us":)", R"("max_us":)", R"("floor_p50_us":)",
+        R"("ratio_p50":)", R"("environment":{)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }
@@ -54,8 +59,8 @@ TEST(Bench, CarriesPayloadsOfEverySize) {
                                  "--rounds", "2", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 12) << "four payloads over udp, tcp and shm";
-  for (const std::string_view field : {R"("payload": 0,)", R"("payload": 1024,)",
-                                       R"("payload": 65536,)", R"("payload": 1048576,)"}) {
+  for (const std::string_view field :
+       {R"("payload":0,)", R"("payload":1024,)", R"("payload":65536,)", R"("payload":1048576,)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }
@@ -66,7 +71,7 @@ TEST(Bench, TellsEveryLatencyIfAsked) {
                                  "udp", "--realtime", "off", "--json", "--latencies"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   for (const std::string_view name : {"latencies_us", "floor_latencies_us"}) {
-    const std::size_t at = end.output.find("\"" + std::string(name) + "\": [");
+    const std::size_t at = end.output.find("\"" + std::string(name) + "\":[");
     ASSERT_NE(at, std::string::npos) << name;
     const std::string list = end.output.substr(at, end.output.find(']', at) - at);
     EXPECT_EQ(std::count(list.begin(), list.end(), ','), 3) << list;
@@ -80,9 +85,8 @@ TEST(Bench, ComparesTheLoadedServerWithTheIdleOne) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 2) << "one idle, one with two low-priority callers";
   for (const std::string_view field :
-       {R"("low_callers": 0)", R"("low_callers": 2)", R"("ratio_p999": )",
-        R"("loaded_over_idle_p99": )", R"("floor_loaded_over_idle_p99": )",
-        R"("low_growth_p50": )"}) {
+       {R"("low_callers":0)", R"("low_callers":2)", R"("ratio_p999":)",
+        R"("loaded_over_idle_p99":)", R"("floor_loaded_over_idle_p99":)", R"("low_p50_us":)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }
@@ -94,7 +98,7 @@ TEST(Bench, IsolatesOverSharedMemoryBesideSocketsAndBesideRings) {
                      "--transport", "shm", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 2) << end.output;
-  constexpr std::string_view kBesideSockets = R"("floor": "udp")";
+  constexpr std::string_view kBesideSockets = R"("floor":"udp")";
   EXPECT_NE(end.output.find(kBesideSockets), std::string::npos) << end.output;
   EXPECT_EQ(end.output.find(kBesideSockets), end.output.rfind(kBesideSockets)) << end.output;
 }
@@ -103,8 +107,8 @@ TEST(Bench, ClosesALoopThroughADevice) {
   const auto end = run_program("rtpm-bench", {"run", "device", "--samples", "40", "--rounds", "2",
                                               "--transport", "udp", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
-  EXPECT_NE(end.output.find(R"("case": "device")"), std::string::npos) << end.output;
-  EXPECT_NE(end.output.find(R"("ratio_p50": )"), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find(R"("case":"device")"), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find(R"("ratio_p50":)"), std::string::npos) << end.output;
 }
 
 TEST(Bench, ClimbsEveryRungOfTheLadder) {
@@ -113,8 +117,7 @@ TEST(Bench, ClimbsEveryRungOfTheLadder) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   for (const std::string_view rung :
        {"direct call", "callback", "embedded hub", "hub process", "linked hubs"}) {
-    EXPECT_NE(end.output.find("\"rung\": \"" + std::string(rung) + "\""), std::string::npos)
-        << rung;
+    EXPECT_NE(end.output.find("\"rung\":\"" + std::string(rung) + "\""), std::string::npos) << rung;
   }
 }
 
@@ -126,7 +129,7 @@ TEST(Bench, ServesManyClients) {
   EXPECT_EQ(test::line_count(end.output), 12)
       << "scale over three transports, memory three of each";
   for (const std::string_view field :
-       {R"("clients": 20)", R"("clients": 100)", R"("per_client_kib": )", R"("rss_mib": )"}) {
+       {R"("clients":20)", R"("clients":100)", R"("per_client_kib":)", R"("rss_mib":)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }
@@ -136,10 +139,10 @@ TEST(Bench, StartsServersOfTheirOwn) {
                                               "2", "--rounds", "1", "--realtime", "off", "--json"});
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   for (const std::string_view field :
-       {R"("ready_p50_us": )", R"("bind_p50_us": )", R"("floor_ready_p50_us": )"}) {
+       {R"("ready_p50_us":)", R"("bind_p50_us":)", R"("floor_ready_p50_us":)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
-  expect_one_sentence(run_program("rtpm-bench", {"serve", "nothing"}), 2, {"rtpm or floor"});
+  expect_one_sentence(run_program("rtpm-bench", {"serve", "nothing"}), 2, {"rtpm", "floor"});
 }
 
 TEST(Bench, WillNotSpinWhereThatStarvesTheLoad) {
@@ -150,7 +153,7 @@ TEST(Bench, WillNotSpinWhereThatStarvesTheLoad) {
 
 TEST(Bench, KnowsItsPeers) {
   expect_one_sentence(run_program("rtpm-bench", {"run", "call", "--peers", "pigeons"}), 2,
-                      {"there is no peer 'pigeons'", "zeromq", "omniorb"});
+                      {"--peers", "pigeons", "zeromq", "omniorb"});
 }
 
 TEST(Bench, SkipsAPeerThatIsNotBuiltByNameWithItsPackage) {

@@ -128,9 +128,9 @@ TEST(LargeBench, ComparesTheSmallCallsBesideTheLargeOnesWithThoseWithout) {
   ASSERT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 6) << "udp, tcp and shm, each without large and with";
   for (const std::string_view field :
-       {R"("large_callers": 0)", R"("large_callers": 1)", R"("transport": "udp")",
-        R"("transport": "tcp")", R"("transport": "shm")", R"("loaded_over_idle_p99": )",
-        R"("floor_loaded_over_idle_p99": )", R"("low_p50_us": )"}) {
+       {R"("large_callers":0)", R"("large_callers":1)", R"("transport":"udp")",
+        R"("transport":"tcp")", R"("transport":"shm")", R"("loaded_over_idle_p99":)",
+        R"("floor_loaded_over_idle_p99":)", R"("low_p50_us":)"}) {
     EXPECT_NE(end.output.find(field), std::string::npos) << field;
   }
 }

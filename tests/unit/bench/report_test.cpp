@@ -2,104 +2,87 @@
 
 #include <gtest/gtest.h>
 
-#include <limits>
+#include <cmath>
 #include <string>
 
 namespace rtpm::bench {
 namespace {
 
-TEST(JsonObject, KeepsTheOrderAndTheTypesOfItsMembers) {
-  JsonObject inner;
-  inner.add("cpu_count", 2);
-  JsonObject json;
-  json.add("case", "call");
-  json.add("n", std::int64_t{100'000});
-  json.add("p50_us", 6.5707);
-  json.add("virtualised", true);
-  json.add("marks", std::vector<std::string>{"a", "b"});
-  json.add("environment", inner);
-  EXPECT_EQ(json.text(), R"({"case": "call", "n": 100000, "p50_us": 6.571, "virtualised": true, )"
-                         R"("marks": ["a", "b"], "environment": {"cpu_count": 2}})");
-}
-
-TEST(JsonObject, EscapesWhatJsonDoesNotTakeAsItIs) {
-  JsonObject json;
-  json.add("text", "a\"b\\c\n");
-  EXPECT_EQ(json.text(), R"({"text": "a\"b\\c\u000a"})");
-}
-
-TEST(JsonObject, HasNoWordForANumberThatIsNone) {
-  JsonObject json;
-  json.add("ratio", std::numeric_limits<double>::quiet_NaN());
-  EXPECT_EQ(json.text(), R"({"ratio": null})");
-}
-
-TEST(JsonObject, TellsEachRoundOfADistribution) {
+TEST(AddDistribution, TellsEachRoundAndRoundsToThreeDecimals) {
   Samples samples(2, 20);
   for (int round = 0; round < 2; ++round) {
     samples.begin_round(round);
     for (int i = 1; i <= 20; ++i)
       samples.add(std::chrono::microseconds{i + round});
   }
-  JsonObject json;
-  add_distribution(json, "floor_", samples);
-  EXPECT_NE(json.text().find(R"("floor_p50_us": 10.500)"), std::string::npos) << json.text();
-  EXPECT_NE(json.text().find(R"("floor_rounds_p50_us": [10.000, 11.000])"), std::string::npos);
-  EXPECT_NE(json.text().find(R"("floor_rounds_p99_us": [21.000])"), std::string::npos)
+  Json result;
+  add_distribution(result, "floor_", samples);
+  EXPECT_EQ(result.at("floor_p50_us"), 10.5);
+  EXPECT_EQ(result.at("floor_rounds_p50_us"), (Json{10.0, 11.0}));
+  EXPECT_EQ(result.at("floor_rounds_p99_us"), Json::array({21.0}))
       << "of both rounds together, as there are few samples";
+  EXPECT_EQ(rounded(6.57071), 6.571);
 }
 
-TEST(AddRounds, NotesWhichWereLeftOutAndMarksTooMany) {
+TEST(AddRounds, CountsWhichWereLeftOutAndMarksTooMany) {
   Samples samples(6, 1);
   samples.begin_round(0);
   samples.note_disturbed(true);
-  Result few;
+  Json few;
   add_rounds(few, samples, samples);
-  EXPECT_EQ(few.json.text(), R"({"rounds": 6, "rounds_left_out": 1})");
-  ASSERT_EQ(few.notes.size(), 1u);
-  EXPECT_EQ(few.notes[0],
-            "the machine stood still in 1 of 6 rounds, which are left out, but for p99.99 and max");
-  EXPECT_TRUE(few.marks.empty());
+  EXPECT_EQ(few, (Json{{"rounds", 6}, {"rounds_left_out", 1}}));
   for (int round = 1; round < 5; ++round) {
     samples.begin_round(round);
     samples.note_disturbed(true);
   }
-  Result many;
+  Json many;
   add_rounds(many, samples, samples);
-  EXPECT_EQ(many.json.text(), R"({"rounds": 6, "rounds_left_out": 0})");
-  EXPECT_TRUE(many.notes.empty());
-  ASSERT_EQ(many.marks.size(), 1u);
-  EXPECT_EQ(many.marks[0], "the machine stood still in 5 of 6 rounds, too many to be left out");
+  EXPECT_EQ(many.at("rounds_left_out"), 0);
+  EXPECT_EQ(many.at("marks").at(0),
+            "the machine stood still in 5 of 6 rounds, too many to be left out");
 }
 
 TEST(Report, PrintsOneJsonObjectALineWithMarksAndEnvironment) {
-  JsonObject environment;
-  environment.add("kernel", "6.1");
-  Report report(Report::Form::kJsonLines, environment, "a machine");
-  Result result{.title = "call", .marks = {"disturbed"}};
-  result.json.add("case", "call");
+  Report report(Report::Form::kJsonLines, {{"kernel", "6.1"}});
   testing::internal::CaptureStdout();
-  report.add(result);
-  report.add(result);
-  const std::string line =
-      R"({"case": "call", "marks": ["disturbed"], "environment": {"kernel": "6.1"}})"
-      "\n";
-  EXPECT_EQ(testing::internal::GetCapturedStdout(), line + line);
-  EXPECT_EQ(report.result_count(), 2);
+  report.add({{"case", "call"}, {"marks", {"disturbed"}}});
+  report.add({{"case", "call"}, {"ratio", std::nan("")}});
+  EXPECT_EQ(testing::internal::GetCapturedStdout(),
+            R"({"case":"call","marks":["disturbed"],"environment":{"kernel":"6.1"}})"
+            "\n"
+            R"({"case":"call","ratio":null,"marks":[],"environment":{"kernel":"6.1"}})"
+            "\n");
 }
 
 TEST(Report, PrintsTheMachineOnceAndATablePerResult) {
-  Report report(Report::Form::kTable, {}, "a machine");
-  Result result{.title = "call, udp", .notes = {"a note"}, .marks = {"disturbed"}};
-  result.rows.push_back({"RTPM", {.p50 = 6.571, .p90 = 12.34, .p99 = 123.4}});
+  Report report(Report::Form::kTable, {{"cpu", "a machine"}});
   testing::internal::CaptureStdout();
-  report.add(result);
-  report.add(result);
+  for (int i = 0; i < 2; ++i) {
+    report.add({{"case", "call"},
+                {"transport", "udp"},
+                {"floor_p50_us", 6.571},
+                {"floor_p90_us", 12.34},
+                {"floor_p99_us", 123.4},
+                {"ratio_p50", 1.074},
+                {"ratio_p50_low", 1.0},
+                {"marks", {"disturbed"}}});
+  }
   const std::string text = testing::internal::GetCapturedStdout();
-  EXPECT_EQ(text.find("a machine"), 0u);
-  EXPECT_EQ(text.find("a machine", 1), std::string::npos);
-  EXPECT_NE(text.find("RTPM                        6.57      12.3       123"), std::string::npos);
-  EXPECT_NE(text.find("  a note\n  ! disturbed\n"), std::string::npos);
+  EXPECT_EQ(text.find("cpu: a machine"), 0u);
+  EXPECT_EQ(text.find("a machine", 6), std::string::npos);
+  EXPECT_NE(text.find("\ncall, transport udp\n"), std::string::npos) << text;
+  EXPECT_NE(text.find("floor                       6.57      12.3       123"), std::string::npos);
+  EXPECT_NE(text.find("ratio                       1.07"), std::string::npos);
+  EXPECT_NE(text.find("  ! disturbed\n"), std::string::npos);
+}
+
+TEST(Report, IsIncompleteOnceSomethingFailed) {
+  Report report(Report::Form::kTable, {});
+  testing::internal::CaptureStderr();
+  EXPECT_TRUE(report.is_complete());
+  report.fail("call, udp", "no server");
+  EXPECT_FALSE(report.is_complete());
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "rtpm-bench: call, udp: no server\n");
 }
 
 }  // namespace

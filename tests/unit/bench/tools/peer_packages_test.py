@@ -15,7 +15,7 @@ def text_of(path):
 
 def packages_by_peer():
     """As rtpm-bench tells them to whoever lacks a peer."""
-    entries = re.findall(r'PeerEntry\{"(\w+)",\s*"([^"]+)"', text_of("bench/runs/peer_table.cpp"))
+    entries = re.findall(r'PeerEntry\{"(\w+)",\s*"([^"]+)"', text_of("bench/runs/peers.cpp"))
     return {name: packages.split() for name, packages in entries}
 
 

@@ -1,0 +1,150 @@
+#include <algorithm>
+#include <array>
+#include <optional>
+#include <vector>
+
+#include "cases/case.hpp"
+#include "runs/duel.hpp"
+#include "runs/run.hpp"
+#include "sides/standalone.hpp"
+
+// Calls beside the raw floor and, where asked for, beside peers: one after the other, at a pace,
+// and at a pace beside callers of low priority.
+namespace rtpm::bench {
+namespace {
+
+/// How many calls of a payload are worth their time, and how many one side makes before the other's
+/// turn: few enough that both see the same minutes, and that no turn fills a second, after which
+/// the kernel throttles real-time threads. RTPM's take care of that, the floor's do not: hence the
+/// rest after each turn.
+struct Amount {
+  std::size_t payload_size_max;
+  std::uint64_t sample_count;
+  std::uint64_t turn_size;
+  std::uint64_t warm_up_count;
+};
+constexpr std::array<Amount, 3> kAmounts{{{std::size_t{16} * 1024, 100'000, 500, 50},
+                                          {std::size_t{256} * 1024, 10'000, 100, 10},
+                                          {SIZE_MAX, 1'000, 20, 2}}};
+
+std::uint64_t turn_size(const Settings& settings, double turn_s) {
+  return static_cast<std::uint64_t>(std::max(1.0, turn_s * settings.rate_hz));
+}
+
+/// @param duel  the servers of the last part, which stay until it ends
+expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
+                                    const RunPlan& plan, Run& run, std::shared_ptr<Duel>& duel) {
+  const Duration work = plan.load_field.empty() ? Duration{0} : settings.work;
+  if (!settings.peers.empty()) {
+    run.invite(chosen_peers(settings), "call", config.carrier,
+               {.placement = config.placement,
+                .realtime = config.realtime,
+                .low_caller_count = config.low_caller_count,
+                .work_ns = work.count()});
+  }
+  return run.measure([&]() -> expected<Connect, std::string> {
+    duel.reset();
+    auto started = Duel::start(config);
+    if (!started) return unexpected{started.error()};
+    duel = *started;
+    return Connect([&]() -> expected<Contenders, std::string> {
+      Contenders contenders;
+      for (const Side side : kBothSides) {
+        auto contender = duel->contender(side, work);
+        if (!contender) return unexpected{contender.error()};
+        contenders.push_back(std::move(*contender));
+      }
+      return contenders;
+    });
+  });
+}
+
+/// What stands beside a carrier: its own raw floor, and for shared memory also two raw sockets, as
+/// a program would have that serves two priorities without RTPM.
+std::vector<std::optional<Carrier>> floors_beside(const Settings& settings, Carrier carrier) {
+  if (carrier != Carrier::kSharedMemory || !settings.peers.empty()) return {std::nullopt};
+  return {Carrier::kUdp, std::nullopt};
+}
+
+}  // namespace
+
+void run_call(const Settings& settings, Report& report) {
+  for (const std::size_t payload_size : settings.payload_sizes) {
+    measure_each("call", settings, report, false,
+                 [&](DuelConfig config) -> expected<void, std::string> {
+                   // Peers know one payload.
+                   if (settings.peers.empty()) config.payload_size = payload_size;
+                   const Amount& amount = *std::ranges::find_if(kAmounts, [&](const Amount& each) {
+                     return config.payload_size <= each.payload_size_max;
+                   });
+                   const RunPlan plan{.sample_count = amount.sample_count,
+                                      .warm_up_count = amount.warm_up_count,
+                                      .turn_size = amount.turn_size,
+                                      .rest_part = 0.1,
+                                      .part_count = settings.peers.empty() ? 20 : 5};
+                   Run run(settings, plan, report);
+                   std::shared_ptr<Duel> duel;
+                   auto measured = measure(settings, config, plan, run, duel);
+                   if (measured) run.report(head_of("call", config));
+                   return measured;
+                 });
+  }
+}
+
+void run_paced(const Settings& settings, Report& report) {
+  measure_each("paced", settings, report, false,
+               [&](const DuelConfig& config) -> expected<void, std::string> {
+                 // The floor spins where RTPM waits for a rhythm, too.
+                 const bool is_spun = config.wait.strategy == rt::WaitStrategy::kSpin ||
+                                      config.wait.strategy == rt::WaitStrategy::kPeriodic;
+                 // A server that was stopped learns a caller's rhythm anew in each turn.
+                 const RunPlan plan{.sample_count = 10'000,
+                                    .warm_up_count = 5,
+                                    .turn_size = turn_size(settings, 0.25),
+                                    .is_round_a_turn = true,
+                                    .rest_part = is_spun ? 0.15 : 0,
+                                    .rate_hz = settings.rate_hz,
+                                    .count_from = CountFrom::kDue};
+                 Run run(settings, plan, report);
+                 std::shared_ptr<Duel> duel;
+                 auto measured = measure(settings, config, plan, run, duel);
+                 if (!measured || !duel) return measured;
+                 // The server runs in its turns only.
+                 const Duration cpu_time = cpu_time_of(duel->server(Side::kRtpm).id());
+                 const double served_s = std::chrono::duration<double>(run.paced_time()).count();
+                 const double percent =
+                     100 * std::chrono::duration<double>(cpu_time).count() / served_s;
+                 run.report(head_of("paced", config), {{"server_cpu_percent", rounded(percent)}});
+                 return {};
+               });
+}
+
+void run_isolation(const Settings& settings, Report& report) {
+  measure_each(
+      "isolation", settings, report, true, [&](DuelConfig config) -> expected<void, std::string> {
+        const std::vector<int>& loads = settings.low_caller_counts;
+        config.low_caller_count = *std::ranges::max_element(loads);
+        // For each load, or for all together if there are few: a p99.9 takes many.
+        const RunPlan plan{.sample_count = std::max<std::uint64_t>(10'000, 30'000 / loads.size()),
+                           .warm_up_count = 20,
+                           .turn_size = turn_size(settings, settings.peers.empty() ? 0.05 : 0.1),
+                           .is_round_a_turn = true,
+                           .rest_part = 0.15,
+                           .rate_hz = settings.rate_hz,
+                           .loads = loads,
+                           .load_field = "low_callers"};
+        for (const std::optional<Carrier> floor : floors_beside(settings, config.carrier)) {
+          config.floor_carrier = floor;
+          Run run(settings, plan, report);
+          std::shared_ptr<Duel> duel;
+          if (auto measured = measure(settings, config, plan, run, duel); !measured)
+            return measured;
+          Json head = head_of("isolation", config);
+          head["work_us"] = std::chrono::duration<double, std::micro>(settings.work).count();
+          run.report(head);
+        }
+        return {};
+      });
+}
+
+}  // namespace rtpm::bench

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "figures/report.hpp"
+#include "rtpm/base/expected.hpp"
+#include "runs/contender.hpp"
+#include "runs/peer_board.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// Another middleware that RTPM can be measured with. Its program is rtpm-peer-NAME.
+struct PeerEntry {
+  std::string_view name;
+  std::string_view packages;         ///< Debian's, by which it is built and runs.
+  std::string_view call_transports;  ///< Separated by blanks; empty: it makes no calls.
+  std::string_view event_transports;
+  bool has_broker = false;  ///< Its events pass through a process of their own.
+
+  /// Those for `verb` ("call" or "events") that are measured beside that carrier of RTPM's: TCP
+  /// beside UDP and TCP, UDP beside UDP, and what stays within the host ("ipc", "unix", "shm")
+  /// beside shared memory.
+  [[nodiscard]] std::vector<std::string> transports(std::string_view verb, Carrier carrier) const;
+};
+
+/// All that RTPM knows, in the order in which they are shown.
+[[nodiscard]] std::span<const PeerEntry> known_peers();
+
+/// Those that `settings` asks for.
+[[nodiscard]] std::vector<const PeerEntry*> chosen_peers(const Settings& settings);
+
+/// Says on standard error which of the peers asked for are not built, with their packages. The
+/// report lacks those that were asked for by name.
+void say_missing_peers(const Settings& settings, Report& report);
+
+/// The path of a peer's program, which is built beside rtpm-bench; nothing if it is not there.
+/// @realtime set-up only
+[[nodiscard]] std::optional<std::string> find_program(const PeerEntry& peer);
+
+/// Starts a peer with its server and its client, each a process, of which both are stopped but for
+/// the peer's turns. Before this process starts a thread.
+/// @param verb  what the client does, "call" or "events"
+/// @realtime    set-up only
+[[nodiscard]] expected<std::unique_ptr<Contender>, std::string> start_peer(
+    const std::string& program, const std::string& verb, const PeerSetting& setting);
+
+}  // namespace rtpm::bench

@@ -1,0 +1,106 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "figures/disturbance.hpp"
+#include "figures/report.hpp"
+#include "runs/contender.hpp"
+#include "runs/peers.hpp"
+#include "settings.hpp"
+
+namespace rtpm::bench {
+
+/// What a run has its contenders do.
+struct RunPlan {
+  std::uint64_t sample_count = 0;   ///< Of each contender, if the settings do not say.
+  std::uint64_t warm_up_count = 0;  ///< Before each turn.
+  std::uint64_t turn_size = 0;      ///< Calls of one contender before the next one's turn.
+  /// A round is one turn of each, and not what the settings say: where the machine stood still,
+  /// little is lost.
+  bool is_round_a_turn = false;
+  double rest_part = 0;  ///< Of a turn's time, for which the CPUs then rest.
+  /// Starts of the servers in a run: where a process's memory comes to lie, and on which cores of
+  /// the host, moves the figures of shared memory by a third, and would else be in all rounds.
+  int part_count = 1;
+  double rate_hz = 0;  ///< 0: one call after the other.
+  CountFrom count_from = CountFrom::kSent;
+  std::vector<int> loads{0};  ///< Numbers of callers that load the server, each measured by itself.
+  std::string load_field{};   ///< What a result calls that number; empty: there is no load.
+  /// How results call the distributions of a Finding; the second of calls is the load's.
+  std::vector<std::string> names{""};
+};
+
+/// Connects the contenders, RTPM first and the floor last. On the caller's thread; what it has
+/// started lives as long as this function.
+using Contenders = std::vector<std::unique_ptr<Contender>>;
+using Connect = std::function<expected<Contenders, std::string>()>;
+/// Starts the servers of a part of a run, before this process has a thread.
+using Start = std::function<expected<Connect, std::string>()>;
+
+/// RTPM, the raw floor and any number of peers, measured by turns.
+/// @threads one
+class Run {
+ public:
+  /// @lifetime refers to `settings` and `report`
+  Run(const Settings& settings, RunPlan plan, Report& report);
+
+  /// Has those of the peers take part that are built and have a transport to be measured beside
+  /// `carrier`: of calls (`verb` "call") or of events ("events"). If there is none, nothing is
+  /// measured.
+  void invite(std::vector<const PeerEntry*> peers, std::string verb, Carrier carrier,
+              const PeerSetting& setting);
+
+  /// Measures all rounds. A peer that fails is left out, and the report says so.
+  [[nodiscard]] expected<void, std::string> measure(const Start& start);
+
+  /// Reports RTPM beside the floor, and each peer beside RTPM, under each load that was asked for.
+  void report(const Json& head, const Json& tail = Json::object());
+  /// How long a contender's paced calls took together.
+  [[nodiscard]] Duration paced_time() const;
+  /// One contender beside the floor.
+  [[nodiscard]] Json result(const Json& head, std::size_t contender = 0, int load = 0) const;
+
+ private:
+  struct Entrant {
+    std::string peer{};       ///< Empty: RTPM or the floor.
+    std::string transport{};  ///< Of a peer.
+    std::map<int, Finding> findings{};
+    std::unique_ptr<Contender> contender{};  ///< Within a part.
+  };
+
+  Entrant& enter(const std::string& peer, const std::string& transport);
+  void start_peers();
+  [[nodiscard]] expected<void, std::string> measure_part(const Connect& connect, int begin,
+                                                         int end);
+  [[nodiscard]] expected<void, std::string> measure_round(int load, int round);
+  [[nodiscard]] expected<void, std::string> take_turn(Entrant& entrant, int load,
+                                                      std::uint64_t count);
+  [[nodiscard]] Json result_of_peer(const Json& head, const Entrant& peer, int load) const;
+  void add_pair(Json& result, const std::string& over_name, const Finding& over,
+                const std::string& under_name, const Finding& under,
+                const std::string& ratio_name) const;
+  void add_load(Json& result, const std::string& prefix, const Entrant& entrant, int load) const;
+  [[nodiscard]] bool is_asked(int load) const;
+
+  const Settings& settings_;
+  RunPlan plan_;
+  Report& report_;
+  int round_count_;
+  std::uint64_t count_per_round_;
+  std::vector<const PeerEntry*> peers_{};
+  std::string peer_verb_{};
+  Carrier peer_carrier_{};
+  PeerSetting peer_setting_{};
+  CpuTime cpu_time_ = read_cpu_time();
+  std::size_t own_count_ = 0;  ///< RTPM's contenders and the floor, which come before the peers.
+  std::vector<Entrant> entrants_{};
+  std::optional<StallDetector> detector_{};  ///< Within a part: its threads are in no fork's way.
+};
+
+}  // namespace rtpm::bench
