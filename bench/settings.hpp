@@ -1,5 +1,6 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
 #include <string_view>
@@ -40,8 +41,9 @@ struct Settings {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   std::vector<std::string> peers{};  ///< By name, or kAllPeers; none: RTPM and the floor alone.
 
-  [[nodiscard]] Duration period() const {
-    return Duration{static_cast<Duration::rep>(1e9 / rate_hz)};
+  /// Calls or events that have so much time, at least one.
+  [[nodiscard]] std::uint64_t paced_count(double seconds) const {
+    return std::max<std::uint64_t>(1, static_cast<std::uint64_t>(seconds * rate_hz));
   }
 };
 inline constexpr std::string_view kAllPeers = "all";

@@ -27,14 +27,9 @@ constexpr std::array<Amount, 3> kAmounts{{{std::size_t{16} * 1024, 100'000, 500,
                                           {std::size_t{256} * 1024, 10'000, 100, 10},
                                           {SIZE_MAX, 1'000, 20, 2}}};
 
-std::uint64_t turn_size(const Settings& settings, double turn_s) {
-  return static_cast<std::uint64_t>(std::max(1.0, turn_s * settings.rate_hz));
-}
-
-/// @param duel  the servers of the last part, which stay until it ends
+/// @param duel  set to the servers of the last part, which stay until it ends
 expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
-                                    const RunPlan& plan, Run& run, std::shared_ptr<Duel>& duel) {
-  const Duration work = plan.load_field.empty() ? Duration{0} : settings.work;
+                                    Duration work, Run& run, std::shared_ptr<Duel>& duel) {
   if (!settings.peers.empty()) {
     run.invite(chosen_peers(settings), "call", config.carrier,
                {.placement = config.placement,
@@ -47,16 +42,55 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
     auto started = Duel::start(config);
     if (!started) return unexpected{started.error()};
     duel = *started;
-    return Connect([&]() -> expected<Contenders, std::string> {
-      Contenders contenders;
-      for (const Side side : kBothSides) {
-        auto contender = duel->contender(side, work);
-        if (!contender) return unexpected{contender.error()};
-        contenders.push_back(std::move(*contender));
-      }
-      return contenders;
-    });
+    return Connect([&] { return duel->contenders(work); });
   });
+}
+
+expected<void, std::string> measure_calls(const Settings& settings, const DuelConfig& sides,
+                                          Report& report) {
+  const bool has_peers = !settings.peers.empty();
+  DuelConfig config = sides;
+  for (const std::size_t payload_size : settings.payload_sizes) {
+    // Peers know one payload.
+    if (!has_peers) config.payload_size = payload_size;
+    const Amount& amount = *std::ranges::find_if(
+        kAmounts, [&](const Amount& each) { return config.payload_size <= each.payload_size_max; });
+    Run run(settings,
+            {.sample_count = amount.sample_count,
+             .warm_up_count = amount.warm_up_count,
+             .turn_size = amount.turn_size,
+             .rest_part = 0.1,
+             .part_count = has_peers ? 5 : 20},
+            report);
+    std::shared_ptr<Duel> duel;
+    if (auto measured = measure(settings, config, {}, run, duel); !measured) return measured;
+    run.report(head_of("call", config));
+  }
+  return {};
+}
+
+expected<void, std::string> measure_paced(const Settings& settings, const DuelConfig& config,
+                                          Report& report) {
+  // The floor spins where RTPM waits for a rhythm, too.
+  const bool is_spun = config.wait.strategy == rt::WaitStrategy::kSpin ||
+                       config.wait.strategy == rt::WaitStrategy::kPeriodic;
+  // A server that was stopped learns a caller's rhythm anew in each turn.
+  Run run(settings,
+          {.sample_count = 10'000,
+           .warm_up_count = 5,
+           .turn_size = settings.paced_count(0.25),
+           .is_round_a_turn = true,
+           .rest_part = is_spun ? 0.15 : 0,
+           .rate_hz = settings.rate_hz,
+           .count_from = CountFrom::kDue},
+          report);
+  std::shared_ptr<Duel> duel;
+  if (auto measured = measure(settings, config, {}, run, duel); !measured) return measured;
+  // The server runs in its turns only.
+  const std::chrono::duration<double> cpu_time = cpu_time_of(duel->server(Side::kRtpm).id());
+  run.report(head_of("paced", config),
+             {{"server_cpu_percent", rounded(100 * cpu_time.count() / run.paced_seconds())}});
+  return {};
 }
 
 /// What stands beside a carrier: its own raw floor, and for shared memory also two raw sockets, as
@@ -66,85 +100,46 @@ std::vector<std::optional<Carrier>> floors_beside(const Settings& settings, Carr
   return {Carrier::kUdp, std::nullopt};
 }
 
+expected<void, std::string> measure_isolation(const Settings& settings, const DuelConfig& sides,
+                                              Report& report) {
+  const std::vector<int>& loads = settings.low_caller_counts;
+  DuelConfig config = sides;
+  config.low_caller_count = *std::ranges::max_element(loads);
+  for (const std::optional<Carrier> floor : floors_beside(settings, config.carrier)) {
+    config.floor_carrier = floor;
+    // For each load, or for all together if there are few: a p99.9 takes many.
+    Run run(settings,
+            {.sample_count = std::max<std::uint64_t>(10'000, 30'000 / loads.size()),
+             .warm_up_count = 20,
+             .turn_size = settings.paced_count(settings.peers.empty() ? 0.05 : 0.1),
+             .is_round_a_turn = true,
+             .rest_part = 0.15,
+             .rate_hz = settings.rate_hz,
+             .loads = loads,
+             .load_field = "low_callers"},
+            report);
+    std::shared_ptr<Duel> duel;
+    auto measured = measure(settings, config, settings.work, run, duel);
+    if (!measured) return measured;
+    Json head = head_of("isolation", config);
+    head["work_us"] = std::chrono::duration<double, std::micro>(settings.work).count();
+    run.report(head);
+  }
+  return {};
+}
+
 }  // namespace
 
 void run_call(const Settings& settings, Report& report) {
-  for (const std::size_t payload_size : settings.payload_sizes) {
-    measure_each("call", settings, report, false,
-                 [&](DuelConfig config) -> expected<void, std::string> {
-                   // Peers know one payload.
-                   if (settings.peers.empty()) config.payload_size = payload_size;
-                   const Amount& amount = *std::ranges::find_if(kAmounts, [&](const Amount& each) {
-                     return config.payload_size <= each.payload_size_max;
-                   });
-                   const RunPlan plan{.sample_count = amount.sample_count,
-                                      .warm_up_count = amount.warm_up_count,
-                                      .turn_size = amount.turn_size,
-                                      .rest_part = 0.1,
-                                      .part_count = settings.peers.empty() ? 20 : 5};
-                   Run run(settings, plan, report);
-                   std::shared_ptr<Duel> duel;
-                   auto measured = measure(settings, config, plan, run, duel);
-                   if (measured) run.report(head_of("call", config));
-                   return measured;
-                 });
-  }
+  measure_each("call", settings, report, false, measure_calls);
 }
 
 void run_paced(const Settings& settings, Report& report) {
-  measure_each("paced", settings, report, false,
-               [&](const DuelConfig& config) -> expected<void, std::string> {
-                 // The floor spins where RTPM waits for a rhythm, too.
-                 const bool is_spun = config.wait.strategy == rt::WaitStrategy::kSpin ||
-                                      config.wait.strategy == rt::WaitStrategy::kPeriodic;
-                 // A server that was stopped learns a caller's rhythm anew in each turn.
-                 const RunPlan plan{.sample_count = 10'000,
-                                    .warm_up_count = 5,
-                                    .turn_size = turn_size(settings, 0.25),
-                                    .is_round_a_turn = true,
-                                    .rest_part = is_spun ? 0.15 : 0,
-                                    .rate_hz = settings.rate_hz,
-                                    .count_from = CountFrom::kDue};
-                 Run run(settings, plan, report);
-                 std::shared_ptr<Duel> duel;
-                 auto measured = measure(settings, config, plan, run, duel);
-                 if (!measured || !duel) return measured;
-                 // The server runs in its turns only.
-                 const Duration cpu_time = cpu_time_of(duel->server(Side::kRtpm).id());
-                 const double served_s = std::chrono::duration<double>(run.paced_time()).count();
-                 const double percent =
-                     100 * std::chrono::duration<double>(cpu_time).count() / served_s;
-                 run.report(head_of("paced", config), {{"server_cpu_percent", rounded(percent)}});
-                 return {};
-               });
+  measure_each("paced", settings, report, false, measure_paced);
 }
 
 void run_isolation(const Settings& settings, Report& report) {
-  measure_each(
-      "isolation", settings, report, true, [&](DuelConfig config) -> expected<void, std::string> {
-        const std::vector<int>& loads = settings.low_caller_counts;
-        config.low_caller_count = *std::ranges::max_element(loads);
-        // For each load, or for all together if there are few: a p99.9 takes many.
-        const RunPlan plan{.sample_count = std::max<std::uint64_t>(10'000, 30'000 / loads.size()),
-                           .warm_up_count = 20,
-                           .turn_size = turn_size(settings, settings.peers.empty() ? 0.05 : 0.1),
-                           .is_round_a_turn = true,
-                           .rest_part = 0.15,
-                           .rate_hz = settings.rate_hz,
-                           .loads = loads,
-                           .load_field = "low_callers"};
-        for (const std::optional<Carrier> floor : floors_beside(settings, config.carrier)) {
-          config.floor_carrier = floor;
-          Run run(settings, plan, report);
-          std::shared_ptr<Duel> duel;
-          if (auto measured = measure(settings, config, plan, run, duel); !measured)
-            return measured;
-          Json head = head_of("isolation", config);
-          head["work_us"] = std::chrono::duration<double, std::micro>(settings.work).count();
-          run.report(head);
-        }
-        return {};
-      });
+  measure_each("isolation", settings, report, true, measure_isolation);
 }
 
 }  // namespace rtpm::bench

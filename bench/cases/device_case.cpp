@@ -1,5 +1,3 @@
-#include <algorithm>
-
 #include "cases/case.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/client.hpp"
@@ -97,29 +95,28 @@ expected<Contenders, std::string> connect(Duel& duel, const std::string& device)
   return contenders;
 }
 
+expected<void, std::string> measure(const Settings& settings, const DuelConfig& config,
+                                    Report& report) {
+  const auto device = ServerProcess::start([&] { return serve_device(config); });
+  if (!device) return unexpected{device.error()};
+  Run run(settings,
+          {.sample_count = 10'000,
+           .warm_up_count = 20,
+           .turn_size = settings.paced_count(0.25),
+           .is_round_a_turn = true,
+           .rate_hz = settings.rate_hz,
+           .count_from = CountFrom::kDue},
+          report);
+  auto measured =
+      run.measure(start_duel(config, [&](Duel& duel) { return connect(duel, device->address()); }));
+  if (measured) run.report(head_of("device", config));
+  return measured;
+}
+
 }  // namespace
 
 void run_device(const Settings& settings, Report& report) {
-  const RunPlan plan{
-      .sample_count = 10'000,
-      .warm_up_count = 20,
-      .turn_size = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(settings.rate_hz / 4)),
-      .is_round_a_turn = true,
-      .rate_hz = settings.rate_hz,
-      .count_from = CountFrom::kDue};
-  measure_each("device", settings, report, true,
-               [&](const DuelConfig& config) -> expected<void, std::string> {
-                 const auto device = ServerProcess::start([&] { return serve_device(config); });
-                 if (!device) return unexpected{device.error()};
-                 Run run(settings, plan, report);
-                 auto measured = run.measure([&]() -> expected<Connect, std::string> {
-                   auto duel = Duel::start(config);
-                   if (!duel) return unexpected{duel.error()};
-                   return Connect([&, duel = *duel] { return connect(*duel, device->address()); });
-                 });
-                 if (measured) run.report(head_of("device", config));
-                 return measured;
-               });
+  measure_each("device", settings, report, true, measure);
 }
 
 }  // namespace rtpm::bench

@@ -101,8 +101,7 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
 }  // namespace
 
 void run_ladder(const Settings& settings, Report& report) {
-  measure_each("ladder", settings, report, true,
-               [&](const DuelConfig& config) { return measure(settings, config, report); });
+  measure_each("ladder", settings, report, true, measure);
 }
 
 }  // namespace rtpm::bench

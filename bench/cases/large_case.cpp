@@ -68,30 +68,30 @@ expected<Contenders, std::string> connect(Duel& duel, const DuelConfig& config) 
   return contenders;
 }
 
+expected<void, std::string> measure(const Settings& settings, const DuelConfig& sides,
+                                    Report& report) {
+  DuelConfig config = sides;
+  config.low_caller_count = 1;
+  Run run(settings,
+          {.sample_count = 15'000,
+           .warm_up_count = 20,
+           .turn_size = settings.paced_count(0.05),
+           .is_round_a_turn = true,
+           .rest_part = 0.15,
+           .rate_hz = settings.rate_hz,
+           .loads = {0, 1},
+           .load_field = "large_callers"},
+          report);
+  auto measured =
+      run.measure(start_duel(config, [&](Duel& duel) { return connect(duel, config); }));
+  if (measured) run.report(head_of("large", config));
+  return measured;
+}
+
 }  // namespace
 
 void run_large(const Settings& settings, Report& report) {
-  const RunPlan plan{
-      .sample_count = 15'000,
-      .warm_up_count = 20,
-      .turn_size = std::max<std::uint64_t>(1, static_cast<std::uint64_t>(settings.rate_hz / 20)),
-      .is_round_a_turn = true,
-      .rest_part = 0.15,
-      .rate_hz = settings.rate_hz,
-      .loads = {0, 1},
-      .load_field = "large_callers"};
-  measure_each("large", settings, report, true,
-               [&](DuelConfig config) -> expected<void, std::string> {
-                 config.low_caller_count = 1;
-                 Run run(settings, plan, report);
-                 auto measured = run.measure([&]() -> expected<Connect, std::string> {
-                   auto duel = Duel::start(config);
-                   if (!duel) return unexpected{duel.error()};
-                   return Connect([duel = *duel, config] { return connect(*duel, config); });
-                 });
-                 if (measured) run.report(head_of("large", config));
-                 return measured;
-               });
+  measure_each("large", settings, report, true, measure);
 }
 
 }  // namespace rtpm::bench

@@ -14,21 +14,6 @@ namespace {
 constexpr std::array kClientCounts{0, 1, 100};
 constexpr Duration kIdleTime = std::chrono::seconds{3};
 
-/// A client as a program of its own would be one: its own node, hence its own session.
-struct Client {
-  std::unique_ptr<rpc::Node> node;
-  std::unique_ptr<Caller> caller;
-};
-
-expected<Client, std::string> bind_client(const DuelConfig& config, const std::string& url) {
-  Client client{.node = make_node(config.carrier, config.wait), .caller = nullptr};
-  auto caller = connect_rtpm_caller(*client.node, url, kHighPriority);
-  if (!caller) return unexpected{caller.error()};
-  client.caller = std::move(*caller);
-  if (auto called = client.caller->echo(); !called) return unexpected{called.error()};
-  return client;
-}
-
 expected<ServerProcess, std::string> start(const Settings& settings, const DuelConfig& config,
                                            Standalone which) {
   return start_standalone(which, config.carrier, config.wait.strategy, settings);
@@ -53,7 +38,7 @@ expected<void, std::string> measure_memory(const Settings& settings, const DuelC
   std::vector<Client> clients;
   for (const int count : kClientCounts) {
     while (clients.size() < static_cast<std::size_t>(count)) {
-      auto client = bind_client(config, server->address());
+      auto client = bind_client(config.carrier, config.wait, server->address());
       if (!client) return unexpected{client.error()};
       clients.push_back(std::move(*client));
     }
@@ -75,7 +60,7 @@ expected<void, std::string> measure_idle(const Settings& settings, const DuelCon
                                          Report& report) {
   const auto server = start(settings, config, Standalone::kRtpm);
   if (!server) return unexpected{server.error()};
-  const auto client = bind_client(config, server->address());
+  const auto client = bind_client(config.carrier, config.wait, server->address());
   if (!client) return unexpected{client.error()};
   const CpuTime steal_before = read_cpu_time();
   const Duration before = cpu_time_of(server->id());
@@ -93,13 +78,11 @@ expected<void, std::string> measure_idle(const Settings& settings, const DuelCon
 }  // namespace
 
 void run_memory(const Settings& settings, Report& report) {
-  measure_each("memory", settings, report, false,
-               [&](const DuelConfig& config) { return measure_memory(settings, config, report); });
+  measure_each("memory", settings, report, false, measure_memory);
 }
 
 void run_idle(const Settings& settings, Report& report) {
-  measure_each("idle", settings, report, false,
-               [&](const DuelConfig& config) { return measure_idle(settings, config, report); });
+  measure_each("idle", settings, report, false, measure_idle);
 }
 
 }  // namespace rtpm::bench

@@ -80,8 +80,7 @@ expected<void, std::string> measure(const Settings& settings, const DuelConfig& 
 }  // namespace
 
 void run_startup(const Settings& settings, Report& report) {
-  measure_each("startup", settings, report, false,
-               [&](const DuelConfig& config) { return measure(settings, config, report); });
+  measure_each("startup", settings, report, false, measure);
 }
 
 }  // namespace rtpm::bench

@@ -95,8 +95,7 @@ expected<void, std::string> measure_one(const Settings& settings, const DuelConf
 }  // namespace
 
 void run_throughput(const Settings& settings, Report& report) {
-  measure_each("throughput", settings, report, false,
-               [&](const DuelConfig& config) { return measure_one(settings, config, report); });
+  measure_each("throughput", settings, report, false, measure_one);
 }
 
 }  // namespace rtpm::bench

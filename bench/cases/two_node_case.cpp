@@ -109,7 +109,10 @@ Json tell(const Outcomes& outcomes, std::uint64_t dropped_count) {
           {"dropped", dropped_count}};
 }
 
-expected<void, std::string> measure(Settings settings, DuelConfig config, Report& report) {
+expected<void, std::string> measure(const Settings& asked, const DuelConfig& sides,
+                                    Report& report) {
+  Settings settings = asked;
+  DuelConfig config = sides;
   const auto network = NetworkPair::create();
   if (!network) return unexpected{network.error()};
   if (settings.call_count > 0) settings.sample_count = settings.call_count;
@@ -125,12 +128,8 @@ expected<void, std::string> measure(Settings settings, DuelConfig config, Report
   config.numbered_count = count + round_count + kWarmUpCount * (count / kTurnSize + round_count);
   Run run(settings, plan, report);
   Outcomes outcomes;
-  auto measured = run.measure([&]() -> expected<Connect, std::string> {
-    auto duel = Duel::start(config);
-    if (!duel) return unexpected{duel.error()};
-    return Connect(
-        [&, duel = *duel] { return connect(*duel, settings, config, *network, outcomes); });
-  });
+  auto measured = run.measure(start_duel(
+      config, [&](Duel& duel) { return connect(duel, settings, config, *network, outcomes); }));
   if (!measured) return measured;
   Json head = head_of("two-node", config);
   head["drop_percent"] = settings.drop_percent;
@@ -156,8 +155,7 @@ void run_two_node(const Settings& settings, Report& report) {
                 "only UDP and, where nothing is dropped, TCP run between two hosts; add "
                 "--transport udp");
   }
-  measure_each("two-node", chosen, report, false,
-               [&](const DuelConfig& config) { return measure(chosen, config, report); });
+  measure_each("two-node", chosen, report, false, measure);
 }
 
 }  // namespace rtpm::bench

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <utility>
@@ -43,6 +44,13 @@ class Contender {
   [[nodiscard]] virtual expected<void, std::string> take_turn(const TurnPlan& plan,
                                                               Finding& finding) = 0;
 };
+
+/// Connects the contenders, RTPM first and the floor last. On the caller's thread; what it has
+/// started lives as long as this function.
+using Contenders = std::vector<std::unique_ptr<Contender>>;
+using Connect = std::function<expected<Contenders, std::string>()>;
+/// Starts the servers of a part of a run, before this process has a thread.
+using Start = std::function<expected<Connect, std::string>()>;
 
 /// Servers that run as long as this lives, and are stopped otherwise.
 class Running {

@@ -146,6 +146,35 @@ expected<std::unique_ptr<Contender>, std::string> Duel::contender(Side side, Dur
                                          std::move(load));
 }
 
+expected<Contenders, std::string> Duel::contenders(Duration work) {
+  Contenders both;
+  for (const Side side : kBothSides) {
+    auto one = contender(side, work);
+    if (!one) return unexpected{one.error()};
+    both.push_back(std::move(*one));
+  }
+  return both;
+}
+
+Start start_duel(const DuelConfig& config,
+                 std::function<expected<Contenders, std::string>(Duel&)> connect) {
+  return [config, connect = std::move(connect)]() -> expected<Connect, std::string> {
+    auto duel = Duel::start(config);
+    if (!duel) return unexpected{duel.error()};
+    return Connect([duel = *duel, connect] { return connect(*duel); });
+  };
+}
+
+expected<Client, std::string> bind_client(Carrier carrier, const rt::WaitConfig& wait,
+                                          const std::string& url) {
+  Client client{.node = make_node(carrier, wait), .caller = nullptr};
+  auto caller = connect_rtpm_caller(*client.node, url, kHighPriority);
+  if (!caller) return unexpected{caller.error()};
+  client.caller = std::move(*caller);
+  if (auto called = client.caller->echo(); !called) return unexpected{called.error()};
+  return client;
+}
+
 expected<void, std::string> run_as_caller(
     const Settings& settings, const std::function<expected<void, std::string>()>& body) {
   expected<void, std::string> outcome;
@@ -159,9 +188,8 @@ expected<void, std::string> run_as_caller(
   return outcome;
 }
 
-void measure_each(
-    std::string_view case_name, const Settings& settings, Report& report, bool shares_cpu,
-    const std::function<expected<void, std::string>(const DuelConfig& config)>& measure) {
+void measure_each(std::string_view case_name, const Settings& settings, Report& report,
+                  bool shares_cpu, Measure measure) {
   for (const Carrier carrier : settings.carriers) {
     for (const rt::WaitStrategy strategy : settings.waits) {
       const std::string title = std::string(case_name) + ", " + std::string(to_string(carrier)) +
@@ -172,10 +200,12 @@ void measure_each(
                     "--wait block");
         continue;
       }
-      const auto measured = measure({.carrier = carrier,
+      const auto measured = measure(settings,
+                                    {.carrier = carrier,
                                      .wait = {.strategy = strategy, .spin = settings.spin},
                                      .placement = choose_placement(),
-                                     .realtime = settings.realtime});
+                                     .realtime = settings.realtime},
+                                    report);
       if (!measured) report.fail(title, measured.error());
     }
   }

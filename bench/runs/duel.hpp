@@ -65,6 +65,8 @@ class Duel {
   /// @lifetime refers to this
   [[nodiscard]] expected<std::unique_ptr<Contender>, std::string> contender(Side side,
                                                                             Duration work = {});
+  /// RTPM's and the floor's.
+  [[nodiscard]] expected<Contenders, std::string> contenders(Duration work = {});
 
  private:
   Duel(DuelConfig config, std::unique_ptr<MemoryFloor> memory, ServerProcess floor,
@@ -84,12 +86,25 @@ class Duel {
 [[nodiscard]] expected<void, std::string> run_as_caller(
     const Settings& settings, const std::function<expected<void, std::string>()>& body);
 
+/// Starts a duel for each part of a run, which lasts as long as the part.
+[[nodiscard]] Start start_duel(const DuelConfig& config,
+                               std::function<expected<Contenders, std::string>(Duel&)> connect);
+
+/// A client that is bound and has called once: its own node, hence its own session and sockets.
+struct Client {
+  std::unique_ptr<rpc::Node> node;
+  std::unique_ptr<Caller> caller;
+};
+[[nodiscard]] expected<Client, std::string> bind_client(Carrier carrier, const rt::WaitConfig& wait,
+                                                        const std::string& url);
+
 /// Measures with each carrier and wait strategy that was asked for; the report says which could not
 /// be measured.
 /// @param shares_cpu  several servers, or lanes, run on a CPU at a time: none of them may spin
-void measure_each(
-    std::string_view case_name, const Settings& settings, Report& report, bool shares_cpu,
-    const std::function<expected<void, std::string>(const DuelConfig& config)>& measure);
+using Measure = expected<void, std::string> (*)(const Settings& settings, const DuelConfig& config,
+                                                Report& report);
+void measure_each(std::string_view case_name, const Settings& settings, Report& report,
+                  bool shares_cpu, Measure measure);
 
 /// What a result begins with: its case, transport, wait and payload.
 [[nodiscard]] Json head_of(std::string_view case_name, const DuelConfig& config);

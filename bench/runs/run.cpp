@@ -171,8 +171,8 @@ void Run::report(const Json& head, const Json& tail) {
   }
 }
 
-Duration Run::paced_time() const {
-  return settings_.period() * round_count_ * static_cast<Duration::rep>(count_per_round_);
+double Run::paced_seconds() const {
+  return static_cast<double>(count_per_round_) * round_count_ / plan_.rate_hz;
 }
 
 Json Run::result(const Json& head, std::size_t contender, int load) const {

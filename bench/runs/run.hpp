@@ -1,6 +1,5 @@
 #pragma once
 
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -36,13 +35,6 @@ struct RunPlan {
   std::vector<std::string> names{""};
 };
 
-/// Connects the contenders, RTPM first and the floor last. On the caller's thread; what it has
-/// started lives as long as this function.
-using Contenders = std::vector<std::unique_ptr<Contender>>;
-using Connect = std::function<expected<Contenders, std::string>()>;
-/// Starts the servers of a part of a run, before this process has a thread.
-using Start = std::function<expected<Connect, std::string>()>;
-
 /// RTPM, the raw floor and any number of peers, measured by turns.
 /// @threads one
 class Run {
@@ -62,7 +54,7 @@ class Run {
   /// Reports RTPM beside the floor, and each peer beside RTPM, under each load that was asked for.
   void report(const Json& head, const Json& tail = Json::object());
   /// How long a contender's paced calls took together.
-  [[nodiscard]] Duration paced_time() const;
+  [[nodiscard]] double paced_seconds() const;
   /// One contender beside the floor.
   [[nodiscard]] Json result(const Json& head, std::size_t contender = 0, int load = 0) const;
 
