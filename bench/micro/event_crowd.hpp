@@ -9,7 +9,7 @@
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/time.hpp"
 
-/// What is measured of the hub's core, for time and for instructions alike.
+/// What is counted of the hub's core.
 namespace rtpm::bench::micro {
 
 /// Counts what is broadcast, as shared memory would be written once.
@@ -62,7 +62,6 @@ class Crowd {
         .offer({header, std::as_bytes(std::span(payload))}, time_from_ns(time_ns_ += 1'000'000))
         .has_value();
   }
-  [[nodiscard]] std::uint32_t subscription_count() const noexcept { return subscription_count_; }
 
  private:
   static constexpr std::uint64_t kSchema = 7;

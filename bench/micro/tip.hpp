@@ -6,7 +6,7 @@
 
 #include "wrench.rtpm.hpp"
 
-/// What is measured of generated code, for time and for instructions alike.
+/// What is counted of generated code.
 namespace rtpm::bench::micro {
 
 class Tip final : public TipServant {

@@ -12,7 +12,7 @@
 #include "rtpm/wire/limits.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 
-/// What is measured of the protocol, for time and for instructions alike.
+/// What is counted of the protocol.
 namespace rtpm::bench::micro {
 
 /// A call as the force loop makes it.

@@ -70,7 +70,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
-      {std::regex("benchmark/.*"), "Google Benchmark", {}},
+      {std::regex("CLI/.*"), "CLI11", {}},
       // options has the signals and the configuration file that every program shares.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
