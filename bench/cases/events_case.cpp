@@ -102,7 +102,7 @@ expected<void, std::string> measure_fan_out(const Settings& settings, const Even
 class CrowdContender final : public Contender {
  public:
   CrowdContender(std::shared_ptr<EventLine> line, const ServerProcess* stopped)
-      : line_(line), stopped_(stopped), others_(line, kOthers) {}
+      : line_(std::move(line)), stopped_(stopped), others_(line_, kOthers) {}
 
   expected<void, std::string> take_turn(const TurnPlan& plan, Finding& finding) override {
     line_->side->set_slow(stopped_ != nullptr ? kSlow : 0);

@@ -27,7 +27,9 @@ std::string line_of(const Json& result, const std::string& prefix, const std::st
   std::snprintf(text.data(), text.size(), "  %-22s", name.c_str());
   std::string line = text.data();
   for (const char* point : {"p50", "p90", "p99", "p999", "p9999", "max"}) {
-    const auto found = result.find(prefix + point + unit);
+    std::string key = prefix;
+    key.append(point).append(unit);
+    const auto found = result.find(key);
     const bool is_there = found != result.end() && found->is_number();
     std::snprintf(text.data(), text.size(), " %9s", is_there ? text_of(*found).c_str() : "");
     line += text.data();

@@ -12,6 +12,10 @@ namespace {
 /// The idle server may be measured only to be compared with. Then so many rounds will do.
 constexpr int kRoundsPerIdleRound = 4;
 
+std::string title_of_peer(const std::string& name, const std::string& transport) {
+  return "peer " + name + ", " + transport;
+}
+
 }  // namespace
 
 Run::Run(const Settings& settings, RunPlan plan, Report& report)
@@ -67,7 +71,7 @@ void Run::start_peers() {
       if (contender) {
         (is_first_part ? enter(name, transport) : *known).contender = std::move(*contender);
       } else {
-        report_.fail("peer " + name + ", " + transport, contender.error());
+        report_.fail(title_of_peer(name, transport), contender.error());
       }
     }
   }
@@ -132,7 +136,7 @@ expected<void, std::string> Run::measure_round(int load, int round) {
       if (!entrant.contender) continue;
       if (auto taken = take_turn(entrant, load, count); !taken) {
         if (entrant.peer.empty()) return taken;
-        report_.fail("peer " + entrant.peer + ", " + entrant.transport, taken.error());
+        report_.fail(title_of_peer(entrant.peer, entrant.transport), taken.error());
         entrant.contender.reset();
       }
     }
