@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Tests of the tool's own parts. How it judges programs is tested by tests/spec/conform_test.py."""
+"""Tests of the tool's own parts. tests/spec/conform/conform_test.py tests how it judges programs."""
 
 import io
 import json

@@ -5,9 +5,9 @@
 #include <iostream>
 #include <string>
 
-#include "../evolution_samples.hpp"
 #include "cpp/cpp_names.hpp"
 #include "cpp/cpp_writer.hpp"
+#include "evolution_samples.hpp"
 #include "rtpm/schema/back_end.hpp"
 #include "rtpm/schema/compile.hpp"
 

@@ -45,7 +45,7 @@ struct Match {
 };
 
 /// The predicate of a subscription: a tree, built with the functions below and compiled when
-/// subscribing. tests/unit/events/filter_table_test.cpp has a case for each sentence.
+/// subscribing. tests/unit/events/filter/filter_table_test.cpp has a case for each sentence.
 ///
 /// Every node sees every event, so a conjunction's state does not depend on its siblings.
 /// @source   TAO's real-time event service, but for two quirks: a conjunction keeps the newest

@@ -82,7 +82,7 @@ TEST(RuleCoverage, FindsARuleWithoutCodeOrTest) {
       {"protocol/wire/src/a.cpp", "// hp-1-2, hp-2.1-1\nconst char* a = \"hp-1-1\";\n"},
       {"tests/unit/wire/a_test.cpp", "// hp-1-1\n"},
       {"gvd/service/src/a.cpp", "// hp-1-1\n"},
-      {"tests/spec/coverage_test.cpp", "// hp-1-2\n"},
+      {"tests/spec/page/coverage_test.cpp", "// hp-1-2\n"},
   }));
   EXPECT_EQ(faults.size(), 2u);
   expect_fault(faults, "spec/hprotocol.md:4:", "hp-1-1 is cited in no code");

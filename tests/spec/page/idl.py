@@ -10,7 +10,7 @@ import pathlib
 import subprocess
 import sys
 
-SOURCE = pathlib.Path(__file__).resolve().parent.parent.parent
+SOURCE = pathlib.Path(__file__).resolve().parents[3]
 IDL = SOURCE / 'schema' / 'idl'
 PUBLISHED = SOURCE / 'spec' / 'idl'
 REMEDY = 'cmake --build --preset dev --target spec_idl'

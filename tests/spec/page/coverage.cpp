@@ -85,7 +85,7 @@ bool is_code(const SourceFile& file) {
 
 // This check's own files speak of anchors without testing any rule.
 bool is_test(const SourceFile& file) {
-  return file.path.starts_with("tests/") && !file.path.starts_with("tests/spec/coverage");
+  return file.path.starts_with("tests/") && !file.path.starts_with("tests/spec/page/coverage");
 }
 
 bool is_vector(const SourceFile& file) {

@@ -10,7 +10,7 @@ import sys
 import tempfile
 import unittest
 
-SOURCE = pathlib.Path(__file__).resolve().parent.parent.parent
+SOURCE = pathlib.Path(__file__).resolve().parents[3]
 TOOL = SOURCE / 'spec' / 'conform' / 'rtpm-conform'
 PROGRAMS = pathlib.Path('.')
 
