@@ -50,10 +50,10 @@ class DeviceLoop final : public Caller {
 
   expected<void, std::string> echo() override {
     const auto sample = arm_.read();
-    if (!sample) return unexpected{std::string(rpc::to_string(sample.error()))};
+    if (!sample) return unexpected{std::string(gvd::to_string(sample.error()))};
     const driver::Vector3& at = sample->pose.position_m;
     const auto commanded = arm_.set_force({-40 * at.x, -40 * at.y, -40 * at.z});
-    if (!commanded) return unexpected{std::string(rpc::to_string(commanded.error()))};
+    if (!commanded) return unexpected{std::string(gvd::to_string(commanded.error()))};
     return {};
   }
   expected<void, std::string> work(Duration) override { return echo(); }
@@ -81,7 +81,7 @@ expected<Contenders, std::string> connect(Duel& duel, const std::string& device)
   auto arm = gvd::DeviceClient::open(duel.high_node(), device);
   if (!arm) return unexpected{arm.error().text()};
   if (auto acquired = arm->acquire(); !acquired) {
-    return unexpected{std::string(rpc::to_string(acquired.error()))};
+    return unexpected{std::string(gvd::to_string(acquired.error()))};
   }
   const ServerProcess& floor_server = duel.server(Side::kFloor);
   const Running running({&floor_server});

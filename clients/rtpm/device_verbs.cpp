@@ -24,14 +24,15 @@ int fail(const std::string& device, std::string_view text) {
 
 struct Transition {
   std::string_view name{};
-  expected<void, rpc::CallError> (gvd::DeviceClient::*run)() = nullptr;
+  gvd::DeviceResult (gvd::DeviceClient::*run)() = nullptr;
 };
 constexpr std::array kTransitions{Transition{"recover", &gvd::DeviceClient::recover},
                                   Transition{"activate", &gvd::DeviceClient::activate},
-                                  Transition{"deactivate", &gvd::DeviceClient::deactivate}};
+                                  Transition{"deactivate", &gvd::DeviceClient::deactivate},
+                                  Transition{"rearm", &gvd::DeviceClient::rearm}};
 
-std::string why_not(const gvd::DeviceClient& device, rpc::CallError error) {
-  if (error == rpc::CallError::kNotLeaseHolder) {
+std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
+  if (error == gvd::DeviceOutcome::kBelowOperatorPriority) {
     return "calls of a priority below " + std::to_string(device.operator_priority().value()) +
            " do not take the right to command over; give a higher --priority, or none";
   }
@@ -46,7 +47,7 @@ int hold(gvd::DeviceClient& device, const std::string& name, const Request& requ
     const auto renewed = device.renew();
     if (renewed) continue;
     const auto state = device.lease_state();
-    if (renewed.error() != rpc::CallError::kNotLeaseHolder || !state) {
+    if (renewed.error() != gvd::DeviceOutcome::kNotHolder || !state) {
       return fail(name, to_string(renewed.error()));
     }
     std::printf("%s is free: %.*s\n", name.c_str(), static_cast<int>(to_string(*state).size()),
@@ -67,7 +68,7 @@ int take_over(const Request& request) {
   const std::string_view requested = request.arguments.size() > 1 ? request.arguments[1] : "";
   const auto* const transition = std::ranges::find(kTransitions, requested, &Transition::name);
   if (!requested.empty() && transition == kTransitions.end()) {
-    static_cast<void>(fail(name, "a device makes recover, activate or deactivate"));
+    static_cast<void>(fail(name, "a device makes recover, activate, deactivate or rearm"));
     return 2;
   }
   // Ctrl-C gives the lease back from here on.

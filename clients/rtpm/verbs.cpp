@@ -112,7 +112,7 @@ constexpr std::array kVerbs{
          "  rtpm call lab/arm0 set_force '{x: 1}'\n"
          "A stream's items are printed as they come, until it ends, for --for, or until Ctrl-C.\n",
          &call},
-    Verb{"take-over", 1, 2, "DEVICE [recover|activate|deactivate]",
+    Verb{"take-over", 1, 2, "DEVICE [recover|activate|deactivate|rearm]",
          "Take the right to command a device from its holder",
          "The former holder's force goes to zero. The device is held without force for --for, "
          "until\n"

@@ -78,14 +78,14 @@ void Loop::record_call(LatencyHistogram& histogram, Duration latency) noexcept {
   if (latency <= kPaperCall) ++statistics_.call_within_paper_count;
 }
 
-void Loop::fail(rpc::CallError error, MonotonicTime now) noexcept {
+void Loop::fail(gvd::DeviceError error, MonotonicTime now) noexcept {
   ++statistics_.call_count;
   ++statistics_.failed_count;
   view_.failed_count = statistics_.failed_count;
   live_.write(view_);
   if (!failing_since_) failing_since_ = now;
   // Without the lease no further call succeeds; other errors may be transient.
-  const bool is_hopeless = error == rpc::CallError::kNotLeaseHolder;
+  const bool is_hopeless = error == gvd::DeviceOutcome::kNotHolder;
   if (is_hopeless || now - *failing_since_ >= config_.patience) loss_ = error;
 }
 

@@ -10,7 +10,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/gvd/client.hpp"
-#include "rtpm/rpc/error.hpp"
+#include "rtpm/gvd/error.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "wall.hpp"
 
@@ -85,13 +85,13 @@ class Loop {
   /// The results; after join().
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
   /// The error that ended the loop early, if any; after join().
-  [[nodiscard]] std::optional<rpc::CallError> loss() const noexcept { return loss_; }
+  [[nodiscard]] std::optional<gvd::DeviceError> loss() const noexcept { return loss_; }
 
  private:
   void run() noexcept;
   void run_cycle(MonotonicTime due) noexcept;
   void record_call(LatencyHistogram& histogram, Duration latency) noexcept;
-  void fail(rpc::CallError error, MonotonicTime now) noexcept;
+  void fail(gvd::DeviceError error, MonotonicTime now) noexcept;
 
   Latest<Live> live_{};
   SpscRing<Duration, 8192> cycles_{};
@@ -101,7 +101,7 @@ class Loop {
   Statistics statistics_{};
   Live view_{};
   std::optional<MonotonicTime> failing_since_{};
-  std::optional<rpc::CallError> loss_{};
+  std::optional<gvd::DeviceError> loss_{};
   std::atomic<bool> is_stopping_{false};
   std::atomic<bool> is_over_{false};
   rt::Thread thread_{};

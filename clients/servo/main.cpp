@@ -65,8 +65,9 @@ expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
   auto device = gvd::DeviceClient::open(node, configuration.device, options);
   if (!device) return unexpected{device.error()};
   if (auto acquired = device->acquire(); !acquired) {
-    if (acquired.error() != rpc::CallError::kNotLeaseHolder) {
-      return setup_error(configuration.device + " can't be commanded", acquired.error());
+    if (acquired.error() != gvd::DeviceOutcome::kHeld) {
+      return setup_error(configuration.device + " can't be commanded",
+                         std::string(to_string(acquired.error())));
     }
     return setup_error(configuration.device + " is commanded by another client", "",
                        "end that client, take the right to command from it (rtpm take-over), or "
@@ -74,7 +75,8 @@ expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
   }
   if (configuration.is_recovery) {
     if (auto recovered = device->recover(); !recovered) {
-      return setup_error(configuration.device + " does not recover", recovered.error());
+      return setup_error(configuration.device + " does not recover",
+                         std::string(to_string(recovered.error())));
     }
   }
   return device;
@@ -85,7 +87,8 @@ expected<void, SetupError> check_device(gvd::DeviceClient& device,
                                         const Configuration& configuration) {
   const auto sample = device.read();
   if (!sample) {
-    return setup_error(configuration.device + " can't be read", sample.error());
+    return setup_error(configuration.device + " can't be read",
+                       std::string(to_string(sample.error())));
   }
   if (sample->lifecycle != driver::Lifecycle::kActive) {
     return setup_error(configuration.device + " is " +
@@ -100,9 +103,9 @@ expected<void, SetupError> check_device(gvd::DeviceClient& device,
 }
 
 /// Why the loop gave `device` up, in words.
-std::string loss_text(gvd::DeviceClient& device, rpc::CallError loss) {
+std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   std::string text = "was lost: " + std::string(to_string(loss));
-  if (loss != rpc::CallError::kNotLeaseHolder) return text;
+  if (loss != gvd::DeviceOutcome::kNotHolder) return text;
   if (const auto state = device.lease_state()) text += "; " + std::string(to_string(*state));
   return text;
 }

@@ -80,7 +80,7 @@ TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
   // What commands is another's affair: this one's lease was the former server's.
   const auto refused = arm->set_force({});
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::CallError::kNotLeaseHolder);
+  EXPECT_EQ(refused.error(), gvd::DeviceOutcome::kNotHolder);
   EXPECT_TRUE(arm->acquire(kPatience));
   EXPECT_TRUE(arm->set_force({}));
 }

@@ -67,6 +67,7 @@ driver::Descriptor SimDriver::describe() const {
     descriptor.axes.push_back({.name = name, .is_sensed = true, .is_actuated = true});
   }
   descriptor.buttons = {"stylus"};
+  descriptor.modes = {driver::CommandMode::kForce};
   descriptor.limits.force_newton_max = config_.arm.force_newton_max;
   descriptor.limits.stiffness_newton_per_m_max = stiffness_max_of(config_.arm);
   descriptor.limits.damping_newton_s_per_m = config_.arm.damping_newton_s_per_m;

@@ -30,6 +30,40 @@ std::string_view to_string(DeviceClass device_class) noexcept {
       return "tracker";
     case DeviceClass::kInput:
       return "input";
+    case DeviceClass::kDial:
+      return "dial";
+    case DeviceClass::kVibrotactile:
+      return "vibrotactile";
+    case DeviceClass::kPoser:
+      return "poser";
+    case DeviceClass::kOutput:
+      return "output";
+    case DeviceClass::kPlayer:
+      return "player";
+    case DeviceClass::kBiometric:
+      return "biometric";
+  }
+  return "unknown";
+}
+
+std::string_view to_string(CommandMode mode) noexcept {
+  switch (mode) {
+    case CommandMode::kOff:
+      return "off";
+    case CommandMode::kForce:
+      return "force";
+    case CommandMode::kPose:
+      return "pose";
+    case CommandMode::kVelocity:
+      return "velocity";
+    case CommandMode::kJointPosition:
+      return "joint position";
+    case CommandMode::kJointVelocity:
+      return "joint velocity";
+    case CommandMode::kJointEffort:
+      return "joint effort";
+    case CommandMode::kOutputs:
+      return "outputs";
   }
   return "unknown";
 }
@@ -60,6 +94,7 @@ std::string to_text(Faults faults) {
       std::pair{Fault::kForceClamped, "force clamped"},
       std::pair{Fault::kForceRateLimited, "force rate limited"},
       std::pair{Fault::kSoftStart, "soft start"},
+      std::pair{Fault::kEmergencyStop, "emergency stop"},
   };
   std::string text;
   for (const auto& [fault, words] : kWords) {

@@ -23,6 +23,7 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
   descriptor.frame = "lever/base";
   descriptor.axes = {{.name = "x", .is_sensed = true, .is_actuated = true}};
   descriptor.buttons = {"trigger"};
+  descriptor.modes = {rtpm::driver::CommandMode::kForce};
   descriptor.limits.force_newton_max = kForceMaxNewton;
   descriptor.limits.damping_newton_s_per_m = 1.0;
   descriptor.limits.stiffness_newton_per_m_max = 600;

@@ -19,6 +19,12 @@ Duration from_us(std::uint32_t us) noexcept {
   return std::chrono::microseconds{us};
 }
 
+DeviceResult result_of(const expected<device::Outcome, rpc::CallError>& reply) noexcept {
+  if (!reply) return unexpected{reply.error()};
+  if (reply->code() == device::OutcomeCode::Done) return {};
+  return unexpected{static_cast<DeviceOutcome>(reply->code())};
+}
+
 }  // namespace
 
 struct DeviceClient::Impl {
@@ -36,16 +42,18 @@ struct DeviceClient::Impl {
   [[nodiscard]] device::Holder holder() const noexcept {
     return device::Holder{lease.load(std::memory_order_relaxed)};
   }
-  expected<void, rpc::CallError> hold_lease(
-      const expected<device::Lease, rpc::CallError>& granted) {
+  DeviceResult hold_lease(const expected<device::Lease, rpc::CallError>& granted) {
     if (!granted) return unexpected{granted.error()};
+    if (granted->outcome() != device::OutcomeCode::Done) {
+      return unexpected{static_cast<DeviceOutcome>(granted->outcome())};
+    }
     lease.store(granted->id(), std::memory_order_relaxed);
     return {};
   }
-  expected<void, rpc::CallError> release() {
+  DeviceResult release() {
     const std::uint64_t held = lease.exchange(Lease::kNobody, std::memory_order_relaxed);
     if (held == Lease::kNobody) return {};
-    return stub.release(device::Holder{held});
+    return result_of(stub.release(device::Holder{held}));
   }
 
   device::DeviceClient stub;
@@ -93,63 +101,74 @@ Priority DeviceClient::operator_priority() const noexcept {
   return impl_->operator_priority;
 }
 
-expected<driver::Sample, rpc::CallError> DeviceClient::read(
-    const rpc::CallOptions& options) noexcept {
+expected<driver::Sample, DeviceError> DeviceClient::read(const rpc::CallOptions& options) noexcept {
   const auto sample = impl_->stub.read({}, options);
   if (!sample) return unexpected{sample.error()};
+  if (sample->sequence() == 0) return unexpected{DeviceOutcome::kNoSample};
   return from_wire(*sample);
 }
 
-expected<void, rpc::CallError> DeviceClient::set_force(const driver::Vector3& force_newton,
-                                                       const rpc::CallOptions& options) noexcept {
+DeviceResult DeviceClient::set_force(const driver::Vector3& force_newton,
+                                     const rpc::CallOptions& options) noexcept {
   return set_wrench({force_newton, {}}, options);
 }
 
-expected<void, rpc::CallError> DeviceClient::set_wrench(const driver::Wrench& wrench,
-                                                        const rpc::CallOptions& options) noexcept {
-  const auto hold_us = std::chrono::duration_cast<std::chrono::microseconds>(impl_->hold).count();
-  const device::Command command{to_wire(wrench.force_newton), to_wire(wrench.torque_newton_metre),
-                                impl_->lease.load(std::memory_order_relaxed),
-                                impl_->sequence.fetch_add(1, std::memory_order_relaxed),
-                                static_cast<std::uint32_t>(hold_us)};
-  return impl_->stub.command(command, options);
+DeviceResult DeviceClient::set_wrench(const driver::Wrench& wrench,
+                                      const rpc::CallOptions& options) noexcept {
+  return set(driver::Setpoint::with_wrench(wrench), options);
 }
 
-expected<void, rpc::CallError> DeviceClient::acquire(Duration patience) {
+DeviceResult DeviceClient::set(const driver::Setpoint& setpoint,
+                               const rpc::CallOptions& options) noexcept {
+  const ClientCommand command{impl_->lease.load(std::memory_order_relaxed),
+                              impl_->sequence.fetch_add(1, std::memory_order_relaxed), impl_->hold,
+                              setpoint};
+  return result_of(impl_->stub.command(to_wire(command), options));
+}
+
+DeviceResult DeviceClient::acquire(Duration patience) {
   const MonotonicTime until = rt::now() + patience;
   while (true) {
     const auto acquired = impl_->hold_lease(impl_->stub.acquire());
-    if (acquired || acquired.error() != rpc::CallError::kNotLeaseHolder) return acquired;
+    const bool is_busy = !acquired && (acquired.error() == DeviceOutcome::kHeld ||
+                                       acquired.error() == DeviceOutcome::kTooSoon);
+    if (!is_busy) return acquired;
     const MonotonicTime next = rt::now() + kAcquireRetry;
     if (next > until) return acquired;
     rt::sleep_until(next);
   }
 }
-expected<void, rpc::CallError> DeviceClient::take_over(std::optional<Priority> priority) {
+DeviceResult DeviceClient::take_over(std::optional<Priority> priority) {
   rpc::CallOptions options;
   options.priority = priority.value_or(impl_->operator_priority);
   return impl_->hold_lease(impl_->stub.take_over({}, options));
 }
-expected<LeaseState, rpc::CallError> DeviceClient::lease_state() {
+expected<LeaseState, DeviceError> DeviceClient::lease_state() {
   const auto standing = impl_->stub.lease_state(impl_->holder());
   if (!standing) return unexpected{standing.error()};
   return standing->state() < kLeaseStateCount ? static_cast<LeaseState>(standing->state())
                                               : LeaseState::kUnknown;
 }
-expected<void, rpc::CallError> DeviceClient::renew() {
-  return impl_->stub.renew(impl_->holder());
+DeviceResult DeviceClient::renew() {
+  return result_of(impl_->stub.renew(impl_->holder()));
 }
-expected<void, rpc::CallError> DeviceClient::release() {
+DeviceResult DeviceClient::release() {
   return impl_->release();
 }
-expected<void, rpc::CallError> DeviceClient::recover() {
-  return impl_->stub.recover(impl_->holder());
+DeviceResult DeviceClient::recover() {
+  return result_of(impl_->stub.recover(impl_->holder()));
 }
-expected<void, rpc::CallError> DeviceClient::activate() {
-  return impl_->stub.activate(impl_->holder());
+DeviceResult DeviceClient::activate() {
+  return result_of(impl_->stub.activate(impl_->holder()));
 }
-expected<void, rpc::CallError> DeviceClient::deactivate() {
-  return impl_->stub.deactivate(impl_->holder());
+DeviceResult DeviceClient::deactivate() {
+  return result_of(impl_->stub.deactivate(impl_->holder()));
+}
+DeviceResult DeviceClient::emergency_stop() {
+  return result_of(impl_->stub.emergency_stop());
+}
+DeviceResult DeviceClient::rearm() {
+  return result_of(impl_->stub.rearm(impl_->holder()));
 }
 
 }  // namespace rtpm::gvd

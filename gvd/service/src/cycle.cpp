@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "finite.hpp"
@@ -9,9 +10,15 @@
 namespace rtpm::gvd {
 namespace {
 
+using driver::CommandMode;
 using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
+
+template <class Value, std::size_t kCount>
+bool is_whole(const std::array<Value, kCount>& values) noexcept {
+  return std::ranges::all_of(values, [](Value value) { return std::isfinite(value); });
+}
 
 /// Whether every number is finite.
 bool is_whole(const driver::Sample& sample) noexcept {
@@ -19,15 +26,22 @@ bool is_whole(const driver::Sample& sample) noexcept {
   return is_finite(sample.pose.position_m) && is_finite(sample.twist.linear_m_per_s) &&
          is_finite(sample.twist.angular_rad_per_s) && is_finite(sample.wrench_applied) &&
          std::isfinite(turn.x) && std::isfinite(turn.y) && std::isfinite(turn.z) &&
-         std::isfinite(turn.w) &&
-         std::all_of(sample.analogs.begin(), sample.analogs.end(),
-                     [](float value) { return std::isfinite(value); });
+         std::isfinite(turn.w) && is_whole(sample.joints) && is_whole(sample.joint_velocities) &&
+         is_whole(sample.efforts_applied) && is_whole(sample.outputs_applied) &&
+         is_whole(sample.analogs);
 }
 
-constexpr std::uint16_t kRecovery = 1;
+template <class Request>
+constexpr std::uint16_t number_of(Request request) noexcept {
+  return static_cast<std::uint16_t>(static_cast<int>(request) + 1);
+}
 
-constexpr std::uint16_t number_of(Transition transition) noexcept {
-  return static_cast<std::uint16_t>(static_cast<int>(transition) + 1);
+/// As a wrench that latches the filter's fault.
+constexpr driver::Wrench kNotFinite{{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}};
+
+driver::Wrench wrench_of(const driver::Setpoint& setpoint) noexcept {
+  if (!is_finite(setpoint)) return kNotFinite;
+  return setpoint.mode == driver::CommandMode::kForce ? setpoint.wrench : driver::Wrench{};
 }
 
 /// `what` is not 0.
@@ -62,6 +76,7 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
     : driver_(driver),
       config_(config),
       lease_(config_.lease, lease_key),
+      limiter_(driver.describe()),
       filter_(config_.safety ? *config_.safety
                              : SafetyConfig::for_device(driver.describe().limits)) {}
 
@@ -81,15 +96,46 @@ expected<void, SetupError> DeviceCycle::open() {
   return {};
 }
 
-std::optional<WrenchCommand> DeviceCycle::command_of(std::uint64_t holder) noexcept {
+const DeviceCycle::HeldCommand* DeviceCycle::command_of(std::uint64_t holder) noexcept {
   if (const auto newest = mailbox_.take()) held_ = *newest;
-  if (take_request(recovery_request_, holder) != 0) {
-    filter_.recover();
-    // Commands before the recovery belong to the fault.
+  if (const auto what = take_request(release_request_, holder); what != 0) {
+    if (what == number_of(Release::kRearm)) is_stopped_.store(false, std::memory_order_release);
+    if (what == number_of(Release::kRecover)) filter_.recover();
+    // Commands before it belong to the fault or the stop.
     held_ = {};
   }
-  if (holder == Lease::kNobody || held_.lease != holder) return std::nullopt;
-  return held_.command;
+  if (is_stopped_.load(std::memory_order_acquire)) {
+    held_ = {};
+    filter_.reset();
+    sample_.faults.set(Fault::kEmergencyStop);
+  }
+  return holder == Lease::kNobody || held_.lease != holder ? nullptr : &held_;
+}
+
+driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest) noexcept {
+  driver::Command command;
+  const driver::Wrench wrench =
+      filter_.step(now, newest != nullptr ? std::optional(newest->wrench) : std::nullopt);
+  command.outputs = limiter_.safe_outputs();
+  if (filter_.is_following()) {
+    static_cast<driver::Setpoint&>(command) = limiter_.limit(newest->setpoint);
+    efforts_ = {};
+    if (command.mode == CommandMode::kJointEffort) efforts_ = command.joints;
+  }
+  // Efforts fall like a wrench when commands stop; motion and outputs stop at once.
+  if (efforts_ != decltype(efforts_){} && filter_.gain() > 0) {
+    command.mode = CommandMode::kJointEffort;
+    for (std::size_t i = 0; i < efforts_.size(); ++i)
+      command.joints[i] = efforts_[i] * filter_.gain();
+  } else {
+    efforts_ = {};
+  }
+  command.wrench = wrench;
+  if (wrench != driver::Wrench{}) command.mode = CommandMode::kForce;
+  command.sequence = counters_.cycle_count;
+  command.cycle_time = now;
+  command.deadline = filter_.zero_at();
+  return command;
 }
 
 void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
@@ -97,30 +143,25 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   counters_.missed_count += missed_count;
   const std::uint64_t holder = lease_.step(now);
   if (std::exchange(last_holder_, holder) != holder) filter_.change_client();
-  const std::optional<WrenchCommand> newest = command_of(holder);
+  sample_.faults = {};
+  const HeldCommand* const newest = command_of(holder);
   if (const auto what = take_request(transition_request_, holder); what != 0) {
     wanted_ = static_cast<Transition>(what - 1);
   }
-  sample_.faults = {};
   if (lifecycle() != Lifecycle::kActive) {
     rest(now);
     return;
   }
 
-  driver::Command command;
-  command.sequence = counters_.cycle_count;
-  command.cycle_time = now;
-  command.wrench = filter_.step(now, newest);
-  command.mode =
-      command.wrench == driver::Wrench{} ? driver::CommandMode::kOff : driver::CommandMode::kForce;
-  command.deadline = filter_.zero_at();
-  const ExchangeStatus status = exchange(command);
+  const driver::Faults stop_faults = sample_.faults;
+  const ExchangeStatus status = exchange(filter(now, newest));
+  sample_.faults.set(stop_faults);
   if (status == ExchangeStatus::kGone || bad_cycle_count_ > config_.bad_cycle_max) {
     lose();
     retry_at_ = now + config_.retry;
   }
   sample_.faults.set(filter_.faults());
-  const bool has_command = newest && now < newest->deadline;
+  const bool has_command = newest != nullptr && now < newest->wrench.deadline;
   success_.record(status == ExchangeStatus::kOk && missed_count == 0 &&
                   (holder == Lease::kNobody || has_command));
   publish();
@@ -258,16 +299,18 @@ void DeviceCycle::report(std::string_view text) const {
   if (config_.listener != nullptr) config_.listener->report(text);
 }
 
-rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
-                                      MonotonicTime received) noexcept {
+expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
+                                                  MonotonicTime received) noexcept {
   if (!lease_.renew(command.lease)) {
     foreign_command_count_.fetch_add(1, std::memory_order_relaxed);
-    return unexpected{rpc::Refusal::kNotLeaseHolder};
+    return unexpected{DeviceOutcome::kNotHolder};
   }
-  if (lifecycle() != Lifecycle::kActive) return unexpected{rpc::Refusal::kGone};
+  if (is_stopped_.load(std::memory_order_acquire)) return unexpected{DeviceOutcome::kEmergencyStop};
+  if (lifecycle() != Lifecycle::kActive) return unexpected{DeviceOutcome::kNotActive};
+  if (!limiter_.takes(command.setpoint.mode)) return unexpected{DeviceOutcome::kWrongMode};
   const Duration hold = std::clamp(command.hold, Duration{0}, safety().hold_max);
   const HeldCommand next{
-      command.lease, command.sequence, {command.wrench, received, received + hold}};
+      command.lease, command.setpoint, {wrench_of(command.setpoint), received, received + hold}};
   const MailOutcome outcome = mailbox_.put({Lease::serial_of(command.lease), command.sequence},
                                            next, [&] { return lease_.holder() == command.lease; });
   switch (outcome) {
@@ -275,45 +318,48 @@ rpc::Result<void> DeviceCycle::submit(const ForceCommand& command,
       break;
     case MailOutcome::kOld:
       old_command_count_.fetch_add(1, std::memory_order_relaxed);
-      return unexpected{rpc::Refusal::kBadRequest};
+      return unexpected{DeviceOutcome::kSuperseded};
     case MailOutcome::kRefused:
       foreign_command_count_.fetch_add(1, std::memory_order_relaxed);
-      return unexpected{rpc::Refusal::kNotLeaseHolder};
+      return unexpected{DeviceOutcome::kNotHolder};
     case MailOutcome::kBusy:
       hasty_command_count_.fetch_add(1, std::memory_order_relaxed);
-      return unexpected{rpc::Refusal::kOverload};
+      return unexpected{DeviceOutcome::kTooMany};
   }
   static_cast<void>(lease_.use(command.lease));
   command_count_.fetch_add(1, std::memory_order_relaxed);
   // The filter sees it, too: zero force and a latched fault.
-  if (!is_finite(command.wrench)) return unexpected{rpc::Refusal::kBadRequest};
+  if (!is_finite(command.setpoint)) return unexpected{DeviceOutcome::kNotFinite};
   return {};
 }
 
-rpc::Result<void> DeviceCycle::request(std::uint64_t lease, Transition transition) noexcept {
+expected<void, DeviceOutcome> DeviceCycle::request(std::uint64_t lease,
+                                                   Transition transition) noexcept {
   return leave(transition_request_, lease, number_of(transition));
 }
 
-rpc::Result<void> DeviceCycle::request_recovery(std::uint64_t lease) noexcept {
-  return leave(recovery_request_, lease, kRecovery);
+expected<void, DeviceOutcome> DeviceCycle::request(std::uint64_t lease, Release release) noexcept {
+  return leave(release_request_, lease, number_of(release));
 }
 
-rpc::Result<void> DeviceCycle::leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
-                                     std::uint16_t what) noexcept {
+expected<void, DeviceOutcome> DeviceCycle::leave(std::atomic<std::uint32_t>& request,
+                                                 std::uint64_t lease, std::uint16_t what) noexcept {
   std::uint32_t before = request.load(std::memory_order_acquire);
   // Checks the lease again after every concurrent request: a preempted thread of a former holder
   // must not replace the new one's.
   do {
-    if (!lease_.use(lease)) return unexpected{rpc::Refusal::kNotLeaseHolder};
+    if (!lease_.use(lease)) return unexpected{DeviceOutcome::kNotHolder};
   } while (!request.compare_exchange_weak(before, request_of(lease, what),
                                           std::memory_order_acq_rel, std::memory_order_acquire));
   return {};
 }
 
-rpc::Result<std::uint64_t> DeviceCycle::take_over(Priority priority) noexcept {
-  if (priority < config_.operator_priority) return unexpected{rpc::Refusal::kNotLeaseHolder};
+expected<std::uint64_t, DeviceOutcome> DeviceCycle::take_over(Priority priority) noexcept {
+  if (priority < config_.operator_priority) {
+    return unexpected{DeviceOutcome::kBelowOperatorPriority};
+  }
   const auto id = lease_.take_over();
-  if (!id) return unexpected{rpc::Refusal::kOverload};
+  if (!id) return unexpected{DeviceOutcome::kTooSoon};
   taken_over_at_priority_.store(priority.value(), std::memory_order_relaxed);
   return *id;
 }

@@ -7,8 +7,10 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include "client_command.hpp"
 #include "command_lease.hpp"
 #include "mailbox.hpp"
+#include "setpoint_limiter.hpp"
 
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/latest.hpp"
@@ -17,23 +19,20 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
+#include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/safety.hpp"
-#include "rtpm/rpc/error.hpp"
 
 namespace rtpm::gvd {
-
-/// A client's command.
-struct ForceCommand {
-  std::uint64_t lease = Lease::kNobody;
-  std::uint32_t sequence = 0;
-  Duration hold{0};  ///< Shortened to SafetyConfig::hold_max.
-  driver::Wrench wrench{};
-};
 
 /// Transitions that the lease's holder may request.
 enum class Transition : std::uint8_t {
   kActivate,
   kDeactivate,
+};
+/// Ends of latched states that the lease's holder may request.
+enum class Release : std::uint8_t {
+  kRecover,  ///< Of a latched fault.
+  kRearm,    ///< Of an emergency stop.
 };
 
 /// Share of good cycles among the last 100.
@@ -80,20 +79,24 @@ class DeviceCycle {
 
   /// Leaves `command`, received at `received`, for the next cycle.
   /// @errors   as the service's method `command` says in device.fbs
-  [[nodiscard]] rpc::Result<void> submit(const ForceCommand& command,
-                                         MonotonicTime received) noexcept;
+  [[nodiscard]] expected<void, DeviceOutcome> submit(const ClientCommand& command,
+                                                     MonotonicTime received) noexcept;
   /// Leaves a request for the next cycle, valid if `lease` is still held then. The last one per
   /// cycle counts.
-  /// @errors   kNotLeaseHolder
-  [[nodiscard]] rpc::Result<void> request(std::uint64_t lease, Transition transition) noexcept;
-  /// Leaves the request to end a latched fault, likewise.
-  /// @errors   kNotLeaseHolder
-  [[nodiscard]] rpc::Result<void> request_recovery(std::uint64_t lease) noexcept;
+  /// @errors   kNotHolder
+  [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
+                                                      Transition transition) noexcept;
+  /// Leaves the request to end a latched state, likewise.
+  /// @errors   kNotHolder
+  [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
+                                                      Release release) noexcept;
+  /// No force from the next cycle on, and no commands, until Release::kRearm.
+  void emergency_stop() noexcept { is_stopped_.store(true, std::memory_order_release); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
   /// the new holder's commands count.
-  /// @errors   kNotLeaseHolder: the priority is below CycleConfig::operator_priority · kOverload:
-  ///           the last take-over was less than LeaseConfig::take_over_interval ago
-  [[nodiscard]] rpc::Result<std::uint64_t> take_over(Priority priority) noexcept;
+  /// @errors   kBelowOperatorPriority · kTooSoon: the last take-over was less than
+  ///           LeaseConfig::take_over_interval ago
+  [[nodiscard]] expected<std::uint64_t, DeviceOutcome> take_over(Priority priority) noexcept;
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
@@ -107,13 +110,15 @@ class DeviceCycle {
  private:
   struct HeldCommand {
     std::uint64_t lease = Lease::kNobody;
-    std::uint32_t sequence = 0;
-    WrenchCommand command{};
+    driver::Setpoint setpoint{};
+    WrenchCommand wrench{};  ///< Its wrench, zero in other modes.
   };
 
-  [[nodiscard]] std::optional<WrenchCommand> command_of(std::uint64_t holder) noexcept;
-  [[nodiscard]] rpc::Result<void> leave(std::atomic<std::uint32_t>& request, std::uint64_t lease,
-                                        std::uint16_t what) noexcept;
+  [[nodiscard]] const HeldCommand* command_of(std::uint64_t holder) noexcept;
+  [[nodiscard]] driver::Command filter(MonotonicTime now, const HeldCommand* newest) noexcept;
+  [[nodiscard]] expected<void, DeviceOutcome> leave(std::atomic<std::uint32_t>& request,
+                                                    std::uint64_t lease,
+                                                    std::uint16_t what) noexcept;
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command) noexcept;
   [[nodiscard]] expected<void, SetupError> open();
   void lose() noexcept;
@@ -126,6 +131,7 @@ class DeviceCycle {
   driver::Driver& driver_;
   CycleConfig config_;
   Lease lease_;
+  SetpointLimiter limiter_;
   SafetyFilter filter_;
 
   // Shared by the threads.
@@ -134,7 +140,8 @@ class DeviceCycle {
   Latest<DeviceCounters> published_counters_{};
   /// A holder's request and lease serial, packed by request_of(); 0: none.
   std::atomic<std::uint32_t> transition_request_{0};
-  std::atomic<std::uint32_t> recovery_request_{0};
+  std::atomic<std::uint32_t> release_request_{0};
+  std::atomic<bool> is_stopped_{false};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
   std::atomic<std::uint64_t> command_count_{0};
@@ -145,6 +152,7 @@ class DeviceCycle {
   // Of the device's thread.
   driver::Sample sample_{};
   HeldCommand held_{};
+  std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
   SuccessRate success_{};
   DeviceCounters counters_{};

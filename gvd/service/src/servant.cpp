@@ -6,9 +6,13 @@
 namespace rtpm::gvd {
 namespace {
 
-rpc::Result<void> for_holder(bool is_holder) noexcept {
-  if (!is_holder) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  return {};
+device::Outcome to_wire(const expected<void, DeviceOutcome>& done) noexcept {
+  const DeviceOutcome outcome = done ? DeviceOutcome::kDone : done.error();
+  return device::Outcome{static_cast<device::OutcomeCode>(outcome)};
+}
+
+device::Outcome for_holder(bool is_holder) noexcept {
+  return device::Outcome{is_holder ? device::OutcomeCode::Done : device::OutcomeCode::NotHolder};
 }
 
 std::uint64_t to_us(Duration duration) noexcept {
@@ -17,7 +21,11 @@ std::uint64_t to_us(Duration duration) noexcept {
 }
 
 device::Lease to_wire(std::uint64_t id, const LeaseConfig& config) noexcept {
-  return {id, to_us(config.silence_max), to_us(config.idle_max)};
+  return {id, to_us(config.silence_max), to_us(config.idle_max), device::OutcomeCode::Done};
+}
+
+device::Lease refused(DeviceOutcome outcome) noexcept {
+  return {Lease::kNobody, 0, 0, static_cast<device::OutcomeCode>(outcome)};
 }
 
 }  // namespace
@@ -34,53 +42,59 @@ rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>
 }
 
 rpc::Result<device::Sample> DeviceServant::read(const rpc::CallContext&) {
-  const auto sample = cycle_.newest();
-  if (!sample) return unexpected{rpc::Refusal::kGone};
-  return to_wire(*sample);
+  return to_wire(cycle_.newest().value_or(driver::Sample{}));
 }
 
-rpc::Result<void> DeviceServant::command(const device::Command& request,
-                                         const rpc::CallContext& context) {
-  ForceCommand command;
-  command.lease = request.lease();
-  command.sequence = request.sequence();
-  command.hold = std::chrono::microseconds{request.hold_us()};
-  command.wrench = {from_wire(request.force_newton()), from_wire(request.torque_newton_metre())};
-  return cycle_.submit(command, context.received);
+rpc::Result<device::Outcome> DeviceServant::command(const device::Command& request,
+                                                    const rpc::CallContext& context) {
+  return to_wire(cycle_.submit(from_wire(request), context.received));
 }
 
 rpc::Result<device::Lease> DeviceServant::acquire(const rpc::CallContext&) {
   Lease& lease = cycle_.lease();
+  if (lease.holder() != Lease::kNobody) return refused(DeviceOutcome::kHeld);
   const auto id = lease.acquire();
-  if (!id) return unexpected{rpc::Refusal::kNotLeaseHolder};
-  return to_wire(*id, lease.config());
+  return id ? to_wire(*id, lease.config()) : refused(DeviceOutcome::kTooSoon);
 }
 
-rpc::Result<void> DeviceServant::renew(const device::Holder& request, const rpc::CallContext&) {
+rpc::Result<device::Outcome> DeviceServant::renew(const device::Holder& request,
+                                                  const rpc::CallContext&) {
   return for_holder(cycle_.lease().renew(request.lease()));
 }
 
-rpc::Result<void> DeviceServant::release(const device::Holder& request, const rpc::CallContext&) {
+rpc::Result<device::Outcome> DeviceServant::release(const device::Holder& request,
+                                                    const rpc::CallContext&) {
   return for_holder(cycle_.lease().release(request.lease()));
 }
 
-rpc::Result<void> DeviceServant::recover(const device::Holder& request, const rpc::CallContext&) {
-  return cycle_.request_recovery(request.lease());
+rpc::Result<device::Outcome> DeviceServant::recover(const device::Holder& request,
+                                                    const rpc::CallContext&) {
+  return to_wire(cycle_.request(request.lease(), Release::kRecover));
 }
 
-rpc::Result<void> DeviceServant::activate(const device::Holder& request, const rpc::CallContext&) {
-  return cycle_.request(request.lease(), Transition::kActivate);
+rpc::Result<device::Outcome> DeviceServant::activate(const device::Holder& request,
+                                                     const rpc::CallContext&) {
+  return to_wire(cycle_.request(request.lease(), Transition::kActivate));
 }
 
-rpc::Result<void> DeviceServant::deactivate(const device::Holder& request,
-                                            const rpc::CallContext&) {
-  return cycle_.request(request.lease(), Transition::kDeactivate);
+rpc::Result<device::Outcome> DeviceServant::deactivate(const device::Holder& request,
+                                                       const rpc::CallContext&) {
+  return to_wire(cycle_.request(request.lease(), Transition::kDeactivate));
+}
+
+rpc::Result<device::Outcome> DeviceServant::emergency_stop(const rpc::CallContext&) {
+  cycle_.emergency_stop();
+  return device::Outcome{device::OutcomeCode::Done};
+}
+
+rpc::Result<device::Outcome> DeviceServant::rearm(const device::Holder& request,
+                                                  const rpc::CallContext&) {
+  return to_wire(cycle_.request(request.lease(), Release::kRearm));
 }
 
 rpc::Result<device::Lease> DeviceServant::take_over(const rpc::CallContext& context) {
   const auto id = cycle_.take_over(context.priority);
-  if (!id) return unexpected{id.error()};
-  return to_wire(*id, cycle_.lease().config());
+  return id ? to_wire(*id, cycle_.lease().config()) : refused(id.error());
 }
 
 rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Holder& request,

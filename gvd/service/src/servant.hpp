@@ -19,21 +19,25 @@ class DeviceServant final : public device::DeviceServant {
   rpc::Result<void> describe(rpc::ReplyBuilder<device::Description>& reply,
                              const rpc::CallContext& context) override;
   rpc::Result<device::Sample> read(const rpc::CallContext& context) override;
-  rpc::Result<void> command(const device::Command& request,
-                            const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> command(const device::Command& request,
+                                       const rpc::CallContext& context) override;
   rpc::Result<device::Lease> acquire(const rpc::CallContext& context) override;
-  rpc::Result<void> renew(const device::Holder& request, const rpc::CallContext& context) override;
-  rpc::Result<void> release(const device::Holder& request,
-                            const rpc::CallContext& context) override;
-  rpc::Result<void> recover(const device::Holder& request,
-                            const rpc::CallContext& context) override;
-  rpc::Result<void> activate(const device::Holder& request,
-                             const rpc::CallContext& context) override;
-  rpc::Result<void> deactivate(const device::Holder& request,
-                               const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> renew(const device::Holder& request,
+                                     const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> release(const device::Holder& request,
+                                       const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> recover(const device::Holder& request,
+                                       const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> activate(const device::Holder& request,
+                                        const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> deactivate(const device::Holder& request,
+                                          const rpc::CallContext& context) override;
   rpc::Result<device::Lease> take_over(const rpc::CallContext& context) override;
   rpc::Result<device::LeaseStanding> lease_state(const device::Holder& request,
                                                  const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> emergency_stop(const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> rearm(const device::Holder& request,
+                                     const rpc::CallContext& context) override;
 
  private:
   DeviceCycle& cycle_;

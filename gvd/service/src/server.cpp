@@ -41,8 +41,24 @@ expected<void, SetupError> check(const driver::Descriptor& descriptor) {
     return setup_error(device + " leaves model, serial or frame empty", "", "name all three");
   }
   if (descriptor.buttons.size() > driver::kButtonCountMax ||
-      descriptor.analogs.size() > driver::kAnalogCountMax) {
-    return setup_error(device + " has more buttons or analog inputs than a sample holds");
+      descriptor.analogs.size() > driver::kAnalogCountMax ||
+      descriptor.joints.size() > driver::kJointCountMax ||
+      descriptor.outputs.size() > driver::kOutputCountMax) {
+    return setup_error(device + " has more buttons, analogs, joints or outputs than a sample holds",
+                       "", "serve the rest as a second device");
+  }
+  for (const driver::Joint& joint : descriptor.joints) {
+    if (joint.low <= joint.high && joint.velocity_max >= 0 && joint.effort_max >= 0) continue;
+    return setup_error(device + " has a joint \"" + joint.name + "\" with limits in disorder");
+  }
+  for (const driver::Output& output : descriptor.outputs) {
+    if (output.low <= output.safe && output.safe <= output.high) continue;
+    return setup_error(device + " has an output \"" + output.name +
+                       "\" whose safe value is outside its range");
+  }
+  for (const driver::CommandMode mode : descriptor.modes) {
+    if (static_cast<std::uint8_t>(mode) < driver::kCommandModeCount) continue;
+    return setup_error(device + " lists a mode that does not exist");
   }
   const driver::Workspace& workspace = descriptor.workspace;
   if (workspace.low_m.x > workspace.high_m.x || workspace.low_m.y > workspace.high_m.y ||

@@ -2,6 +2,8 @@
 
 #include <device.rtpm.hpp>
 
+#include "client_command.hpp"
+
 #include "rtpm/base/priority.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
@@ -17,6 +19,12 @@ namespace rtpm::gvd {
 /// An unknown lifecycle reads as kFault.
 /// @realtime alloc-free
 [[nodiscard]] driver::Sample from_wire(const device::Sample& wire) noexcept;
+
+/// A mode of a later version reads as one that no device takes.
+/// @realtime alloc-free
+[[nodiscard]] ClientCommand from_wire(const device::Command& wire) noexcept;
+/// @realtime alloc-free
+[[nodiscard]] device::Command to_wire(const ClientCommand& command) noexcept;
 
 /// What a device's server adds to its descriptor.
 struct ServerTerms {

@@ -242,7 +242,8 @@ double product(const Vector3& a, const Vector3& b) {
 Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequence, double newton,
              MonotonicTime now) {
   const Vector3 force{newton, newton, newton};
-  static_cast<void>(cycle.submit({lease, sequence, milliseconds{10}, {force, {}}}, now));
+  static_cast<void>(cycle.submit(
+      {lease, sequence, milliseconds{10}, driver::Setpoint::with_wrench({force, {}})}, now));
   cycle.run(now, 0);
   return cycle.newest()->wrench_applied.force_newton;
 }
@@ -263,7 +264,8 @@ TEST_P(DriverConformance, PassesThroughNoForceWhenAnOperatorTakesItOver) {
   const int ramp_cycle_count = static_cast<int>(cycle.safety().ramp / kPeriod) + 1;
   int zero_at = 0;
   for (int i = 1; i <= 300; ++i) {
-    EXPECT_FALSE(cycle.submit({*client, 1000, milliseconds{10}, {before, {}}}, now_));
+    EXPECT_FALSE(cycle.submit(
+        {*client, 1000, milliseconds{10}, driver::Setpoint::with_wrench({before, {}})}, now_));
     const Vector3 force =
         push(cycle, *taken, static_cast<std::uint32_t>(i), -newton, now_ += kPeriod);
     if (zero_at == 0 && length(force) == 0) zero_at = i;

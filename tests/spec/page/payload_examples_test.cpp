@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <fstream>
 #include <regex>
@@ -121,7 +122,11 @@ TEST(PayloadExamples, DeviceCommand) {
   EXPECT_EQ(command->lease(), 0x1122334455667788U);
   EXPECT_EQ(command->sequence(), 7U);
   EXPECT_EQ(command->hold_us(), 20'000U);
-  const device::Command same({1.5, 0, -0.25}, {0, 0, 0.125}, 0x1122334455667788, 7, 20'000);
+  EXPECT_EQ(command->mode(), device::CommandMode::Force);
+  const device::Vector3 zero(0, 0, 0);
+  const device::Command same({1.5, 0, -0.25}, {0, 0, 0.125}, zero, {0, 0, 0, 1}, zero, zero,
+                             std::array<double, 8>{}, std::array<float, 8>{}, 0x1122334455667788, 7,
+                             20'000, device::CommandMode::Force);
   EXPECT_EQ(std::memcmp(&same, octets.data(), sizeof same), 0);
 }
 

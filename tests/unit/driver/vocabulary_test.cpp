@@ -37,6 +37,9 @@ TEST(Words, NameEveryEnumerator) {
   for (std::uint8_t i = 0; i < kDeviceClassCount; ++i) {
     EXPECT_NE(to_string(static_cast<DeviceClass>(i)), "unknown");
   }
+  for (std::uint8_t i = 0; i < kCommandModeCount; ++i) {
+    EXPECT_NE(to_string(static_cast<CommandMode>(i)), "unknown");
+  }
   EXPECT_EQ(to_string(static_cast<Lifecycle>(kLifecycleCount)), "unknown");
   EXPECT_EQ(to_string(ExchangeStatus::kCorrupt), "corrupt");
 }

@@ -46,8 +46,9 @@ class Cycle : public ::testing::Test {
       if (cycle_->needs_maintenance(now_)) cycle_->maintain(now_);
     }
   }
-  rpc::Result<void> command(double newton, Duration hold = milliseconds{10}) {
-    return cycle_->submit({lease_, ++sequence_, hold, {{newton, 0, 0}, {}}}, now_);
+  expected<void, DeviceOutcome> command(double newton, Duration hold = milliseconds{10}) {
+    return cycle_->submit(
+        {lease_, ++sequence_, hold, driver::Setpoint::with_wrench({{newton, 0, 0}, {}})}, now_);
   }
   void acquire() {
     const auto id = cycle_->lease().acquire();
@@ -137,7 +138,7 @@ TEST_F(Cycle, ASilentHolderLosesTheLease) {
   EXPECT_EQ(cycle_->counters().lease_expired_count, 1u);
   const auto refused = command(1);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kNotHolder);
   EXPECT_FALSE(sample().faults.has(Fault::kCommandLost)) << "no client commands";
 }
 
@@ -145,14 +146,14 @@ TEST_F(Cycle, OnlyTheHolderCommands) {
   run();
   const auto refused = command(1);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kNotHolder);
   acquire();
   EXPECT_TRUE(command(1));
   const std::uint64_t mine = lease_;
   lease_ = mine ^ 1;
   EXPECT_FALSE(command(2));
   EXPECT_FALSE(cycle_->request(lease_, Transition::kDeactivate));
-  EXPECT_FALSE(cycle_->request_recovery(lease_));
+  EXPECT_FALSE(cycle_->request(lease_, Release::kRecover));
   EXPECT_EQ(cycle_->counters().foreign_command_count, 2u);
   EXPECT_EQ(cycle_->counters().command_count, 1u);
 }
@@ -218,14 +219,14 @@ TEST_F(Cycle, AnOperatorTakesTheLeaseOver) {
   const std::uint64_t former = lease_;
   const auto refused = cycle_->take_over(27999);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kNotLeaseHolder) << "no operator";
+  EXPECT_EQ(refused.error(), DeviceOutcome::kBelowOperatorPriority);
   ASSERT_TRUE(command(4.3)) << "nothing has changed";
   run();
   EXPECT_NEAR(applied(), 4.3, 1e-9);
 
   const auto taken = cycle_->take_over(28000);
   ASSERT_TRUE(taken);
-  EXPECT_EQ(command(5).error(), rpc::Refusal::kNotLeaseHolder);
+  EXPECT_EQ(command(5).error(), DeviceOutcome::kNotHolder);
   EXPECT_FALSE(cycle_->lease().renew(former));
   EXPECT_FALSE(cycle_->lease().release(former));
   EXPECT_FALSE(cycle_->request(former, Transition::kDeactivate));
@@ -258,7 +259,7 @@ TEST_F(Cycle, OperatorsTakeOverOnceASecond) {
   run(500);
   const auto refused = cycle_->take_over(32000);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kOverload);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kTooSoon);
   run(502);
   EXPECT_TRUE(cycle_->take_over(28000));
 }
@@ -277,7 +278,7 @@ TEST_F(Cycle, AFormerHoldersRequestsCountForNothing) {
   ASSERT_FALSE(command(std::numeric_limits<double>::quiet_NaN()));
   run();
   ASSERT_TRUE(cycle_->request(lease_, Transition::kDeactivate));
-  ASSERT_TRUE(cycle_->request_recovery(lease_));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   ASSERT_TRUE(cycle_->take_over(28000));
   run(2);
   EXPECT_EQ(sample().lifecycle, Lifecycle::kActive) << "it was not deactivated";
@@ -350,15 +351,16 @@ class Pusher {
         static_cast<void>(cycle_.lease().release(lease_));
         break;
       case 2:
-        static_cast<void>(cycle_.request_recovery(lease_));
+        static_cast<void>(cycle_.request(lease_, Release::kRecover));
         break;
       case 3:
       case 4:
         if (const auto id = cycle_.lease().acquire()) lease_ = *id;
         break;
       default:
-        static_cast<void>(
-            cycle_.submit({lease_, ++sequence_, milliseconds{10}, {{newton_, 0, 0}, {}}}, now));
+        static_cast<void>(cycle_.submit({lease_, ++sequence_, milliseconds{10},
+                                         driver::Setpoint::with_wrench({{newton_, 0, 0}, {}})},
+                                        now));
         break;
     }
   }
@@ -419,7 +421,7 @@ TEST_F(Cycle, AnOlderCommandIsRefused) {
   sequence_ -= 2;
   const auto old = command(1);
   ASSERT_FALSE(old);
-  EXPECT_EQ(old.error(), rpc::Refusal::kBadRequest);
+  EXPECT_EQ(old.error(), DeviceOutcome::kSuperseded);
   EXPECT_EQ(cycle_->counters().old_command_count, 1u);
 }
 
@@ -428,14 +430,14 @@ TEST_F(Cycle, ANumberThatIsNoneIsRefusedAndLatchesTillRecovery) {
   reach(5);
   const auto refused = command(std::numeric_limits<double>::quiet_NaN());
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kBadRequest);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kNotFinite);
   run();
   EXPECT_EQ(applied(), 0);
   EXPECT_TRUE(sample().faults.has(Fault::kCommandNotFinite));
   ASSERT_TRUE(command(5));
   run(5);
   EXPECT_EQ(applied(), 0);
-  ASSERT_TRUE(cycle_->request_recovery(lease_));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   run();
   EXPECT_EQ(applied(), 0) << "a command of before the recovery does not count";
   EXPECT_FALSE(sample().faults.has(Fault::kCommandNotFinite));
@@ -517,7 +519,7 @@ TEST_F(Cycle, TheHolderTakesTheDeviceOutOfAndIntoOperation) {
   const int exchange_count = driver_.exchange_count;
   const auto refused = command(1);
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), rpc::Refusal::kGone);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kNotActive);
   run(900);
   EXPECT_EQ(driver_.exchange_count, exchange_count) << "at rest, and it stays so";
   ASSERT_TRUE(cycle_->lease().renew(lease_));

@@ -14,20 +14,7 @@ class ScriptedDriver final : public driver::Driver {
  public:
   using Script = std::function<driver::ExchangeStatus(const driver::Command&, driver::Sample&)>;
 
-  [[nodiscard]] driver::Descriptor describe() const override {
-    driver::Descriptor descriptor;
-    descriptor.device_class = driver::DeviceClass::kHaptic;
-    descriptor.model = "scripted";
-    descriptor.serial = "s-1";
-    descriptor.frame = "scripted/base";
-    descriptor.axes = {{"x", true, true}};
-    descriptor.buttons = {"left", "right"};
-    descriptor.analogs = {{"grip", "N", 0, 10}};
-    descriptor.limits = {8, 0.5, 500, 1.5};
-    descriptor.workspace = {{-1, -2, -3}, {1, 2, 3}};
-    descriptor.position_resolution_m = 1e-5;
-    return descriptor;
-  }
+  [[nodiscard]] driver::Descriptor describe() const override { return descriptor; }
   [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig&) override {
     ++configure_count;
     if (!configure_error.empty()) return setup_error(configure_error);
@@ -47,12 +34,33 @@ class ScriptedDriver final : public driver::Driver {
   }
   void deactivate() noexcept override { is_active = false; }
 
+  driver::Descriptor descriptor = describe_lever();
   Script script{};
   std::string configure_error{};
   driver::Command last_command{};
   int configure_count = 0;
   int exchange_count = 0;
   bool is_active = false;
+
+ private:
+  [[nodiscard]] static driver::Descriptor describe_lever() {
+    driver::Descriptor descriptor;
+    descriptor.device_class = driver::DeviceClass::kHaptic;
+    descriptor.model = "scripted";
+    descriptor.serial = "s-1";
+    descriptor.frame = "scripted/base";
+    descriptor.axes = {{"x", true, true}};
+    descriptor.buttons = {"left", "right"};
+    descriptor.analogs = {{"grip", "N", 0, 10}};
+    descriptor.limits.force_newton_max = 8;
+    descriptor.limits.torque_newton_metre_max = 0.5;
+    descriptor.limits.stiffness_newton_per_m_max = 500;
+    descriptor.limits.damping_newton_s_per_m = 1.5;
+    descriptor.modes = {driver::CommandMode::kForce};
+    descriptor.workspace = {{-1, -2, -3}, {1, 2, 3}};
+    descriptor.position_resolution_m = 1e-5;
+    return descriptor;
+  }
 };
 
 }  // namespace rtpm::test

@@ -24,7 +24,6 @@ namespace {
 using driver::ExchangeStatus;
 using driver::Fault;
 using driver::Lifecycle;
-using rpc::CallError;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
@@ -95,7 +94,10 @@ rpc::CallOptions patient() {
 }
 
 TEST_F(Served, IsDescribedAcrossTheNetworkAsItIs) {
-  serve(std::make_unique<test::ScriptedDriver>());
+  auto scripted = std::make_unique<test::ScriptedDriver>();
+  scripted->descriptor.joints = {{"elbow", "rad", -1, 2, 3, 0.5}};
+  scripted->descriptor.outputs = {{"lamp", "1", 0, 2, 0.25}};
+  serve(std::move(scripted));
   const driver::Descriptor local = device_->descriptor();
   const DeviceClient client = open();
   const driver::Descriptor& remote = client.descriptor();
@@ -110,6 +112,17 @@ TEST_F(Served, IsDescribedAcrossTheNetworkAsItIs) {
   ASSERT_EQ(remote.analogs.size(), 1u);
   EXPECT_EQ(remote.analogs[0].unit, "N");
   EXPECT_EQ(remote.analogs[0].high, 10);
+  ASSERT_EQ(remote.joints.size(), 1u);
+  EXPECT_EQ(remote.joints[0].name, "elbow");
+  EXPECT_EQ(remote.joints[0].low, -1);
+  EXPECT_EQ(remote.joints[0].high, 2);
+  EXPECT_EQ(remote.joints[0].velocity_max, 3);
+  EXPECT_EQ(remote.joints[0].effort_max, 0.5);
+  ASSERT_EQ(remote.outputs.size(), 1u);
+  EXPECT_EQ(remote.outputs[0].unit, "1");
+  EXPECT_EQ(remote.outputs[0].high, 2);
+  EXPECT_EQ(remote.outputs[0].safe, 0.25);
+  EXPECT_EQ(remote.modes, local.modes);
   EXPECT_EQ(remote.limits.force_newton_max, 8);
   EXPECT_EQ(remote.limits.torque_newton_metre_max, 0.5);
   EXPECT_EQ(remote.limits.stiffness_newton_per_m_max, 500);
@@ -135,6 +148,12 @@ TEST_F(Served, EveryFieldOfASampleArrives) {
     for (std::size_t i = 0; i < driver::kButtonCountMax; ++i) {
       sample.button_edges[i] = static_cast<std::uint16_t>(1000 + i);
     }
+    for (std::size_t i = 0; i < driver::kJointCountMax; ++i) {
+      sample.joints[i] = static_cast<double>(i) + 0.25;
+      sample.joint_velocities[i] = static_cast<double>(i) + 0.5;
+      sample.efforts_applied[i] = static_cast<double>(i) + 0.75;
+      sample.outputs_applied[i] = static_cast<float>(i) + 0.125F;
+    }
     sample.buttons = 0x8001;
     sample.faults.set(Fault::kOutsideWorkspace);
     return ExchangeStatus::kOk;
@@ -153,6 +172,10 @@ TEST_F(Served, EveryFieldOfASampleArrives) {
   EXPECT_EQ(sample->twist.angular_rad_per_s, (driver::Vector3{7, 8, 9}));
   EXPECT_EQ(sample->wrench_applied.force_newton, (driver::Vector3{10, 11, 12}));
   EXPECT_EQ(sample->wrench_applied.torque_newton_metre, (driver::Vector3{13, 14, 15}));
+  EXPECT_EQ(sample->joints[7], 7.25);
+  EXPECT_EQ(sample->joint_velocities[7], 7.5);
+  EXPECT_EQ(sample->efforts_applied[7], 7.75);
+  EXPECT_EQ(sample->outputs_applied[7], 7.125F);
   EXPECT_EQ(sample->analogs[7], 7.5F);
   EXPECT_EQ(sample->button_edges[0], 1000);
   EXPECT_EQ(sample->button_edges[15], 1015);
@@ -200,22 +223,22 @@ TEST_F(Served, AClientThatFallsSilentLosesForceAndThenTheLease) {
   EXPECT_EQ(device_->newest()->wrench_applied.force_newton.x, 0);
   const auto late = client.set_force({1, 0, 0}, patient());
   ASSERT_FALSE(late);
-  EXPECT_EQ(late.error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(late.error(), DeviceOutcome::kNotHolder);
 }
 
 TEST_F(Served, OneClientCommandsAtATimeAndAllRead) {
   serve_sim();
   DeviceClient holder = open();
   DeviceClient other = open();
-  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), DeviceOutcome::kNotHolder);
   ASSERT_TRUE(holder.acquire());
   const auto refused = other.acquire(Duration{0});
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), CallError::kNotLeaseHolder);
-  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
-  EXPECT_EQ(other.deactivate().error(), CallError::kNotLeaseHolder);
-  EXPECT_EQ(other.recover().error(), CallError::kNotLeaseHolder);
-  EXPECT_EQ(other.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kHeld);
+  EXPECT_EQ(other.set_force({1, 0, 0}, patient()).error(), DeviceOutcome::kNotHolder);
+  EXPECT_EQ(other.deactivate().error(), DeviceOutcome::kNotHolder);
+  EXPECT_EQ(other.recover().error(), DeviceOutcome::kNotHolder);
+  EXPECT_EQ(other.renew().error(), DeviceOutcome::kNotHolder);
   EXPECT_TRUE(other.read(patient()));
   EXPECT_TRUE(holder.set_force({1, 0, 0}, patient()));
   ASSERT_TRUE(holder.release());
@@ -231,19 +254,19 @@ TEST_F(Served, AnOperatorTakesTheDeviceOverAndTheFormerHolderLearnsWhy) {
   ASSERT_TRUE(holder.acquire());
   ASSERT_TRUE(command_until(holder, 3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
-  EXPECT_EQ(other.take_over(Priority{27999}).error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(other.take_over(Priority{27999}).error(), DeviceOutcome::kBelowOperatorPriority);
   ASSERT_TRUE(holder.renew());
   EXPECT_EQ(*holder.lease_state(), LeaseState::kHeld);
 
   ASSERT_TRUE(other.take_over());
-  EXPECT_EQ(holder.set_force({3, 0, 0}, patient()).error(), CallError::kNotLeaseHolder);
-  EXPECT_EQ(holder.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(holder.set_force({3, 0, 0}, patient()).error(), DeviceOutcome::kNotHolder);
+  EXPECT_EQ(holder.renew().error(), DeviceOutcome::kNotHolder);
   EXPECT_EQ(*holder.lease_state(), LeaseState::kTakenOver);
   EXPECT_EQ(*other.lease_state(), LeaseState::kHeld);
   EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
   EXPECT_TRUE(command_until(other, -3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x < -2; }));
-  EXPECT_EQ(holder.take_over().error(), CallError::kOverload) << "not so soon";
+  EXPECT_EQ(holder.take_over().error(), DeviceOutcome::kTooSoon) << "not so soon";
   EXPECT_EQ(device_->counters().lease_taken_over_count, 1u);
 }
 
@@ -255,7 +278,7 @@ TEST_F(Served, AClientThatOnlyRenewsLosesTheLease) {
   EXPECT_EQ(*client.lease_state(), LeaseState::kUnknown);
   ASSERT_TRUE(client.acquire());
   ASSERT_TRUE(eventually([&] { return !client.renew(); }));
-  EXPECT_EQ(client.renew().error(), CallError::kNotLeaseHolder);
+  EXPECT_EQ(client.renew().error(), DeviceOutcome::kNotHolder);
   EXPECT_EQ(*client.lease_state(), LeaseState::kIdle);
   EXPECT_EQ(device_->counters().lease_idle_count, 1u);
   EXPECT_TRUE(open().acquire());
@@ -278,7 +301,7 @@ TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
   const auto refused =
       client.set_force({std::numeric_limits<double>::quiet_NaN(), 0, 0}, patient());
   ASSERT_FALSE(refused);
-  EXPECT_EQ(refused.error(), CallError::kBadRequest);
+  EXPECT_EQ(refused.error(), DeviceOutcome::kNotFinite);
   ASSERT_TRUE(eventually([&] { return device_->newest()->faults.has(Fault::kCommandNotFinite); }));
   ASSERT_TRUE(client.recover());
   EXPECT_TRUE(command_until(client, 3,
@@ -295,9 +318,25 @@ TEST_F(Served, IsTakenOutOfAndIntoOperation) {
     return sample && sample->lifecycle == lifecycle;
   };
   ASSERT_TRUE(eventually([&] { return is_in(Lifecycle::kInactive); }));
-  EXPECT_EQ(client.set_force({1, 0, 0}, patient()).error(), CallError::kNoSuchObject);
+  EXPECT_EQ(client.set_force({1, 0, 0}, patient()).error(), DeviceOutcome::kNotActive);
   ASSERT_TRUE(client.activate());
   EXPECT_TRUE(eventually([&] { return is_in(Lifecycle::kActive); }));
+}
+
+TEST_F(Served, AnyClientStopsADeviceAndItsHolderRearmsIt) {
+  serve_sim();
+  DeviceClient holder = open();
+  DeviceClient other = open();
+  ASSERT_TRUE(holder.acquire());
+  ASSERT_TRUE(command_until(holder, 3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
+  ASSERT_TRUE(other.emergency_stop());
+  EXPECT_TRUE(eventually([&] { return device_->newest()->wrench_applied.force_newton.x == 0; }));
+  EXPECT_EQ(holder.set_force({3, 0, 0}, patient()).error(), DeviceOutcome::kEmergencyStop);
+  EXPECT_EQ(other.rearm().error(), DeviceOutcome::kNotHolder);
+  ASSERT_TRUE(holder.rearm());
+  EXPECT_TRUE(command_until(holder, 3,
+                            [&] { return device_->newest()->wrench_applied.force_newton.x > 2; }));
 }
 
 TEST_F(Served, ReadsAndCommandsAllocateNothingOnEitherSide) {

@@ -103,7 +103,7 @@ TEST_F(Tool, TakesOverNothingButADevice) {
   EXPECT_NE(light.errors.find(light_), light.errors.npos) << light.errors;
   const auto refused = run({"take-over", light_, "dim"});
   EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.errors.find("recover, activate or deactivate"), refused.errors.npos);
+  EXPECT_NE(refused.errors.find("recover, activate, deactivate or rearm"), refused.errors.npos);
 }
 
 TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {

@@ -5,18 +5,25 @@
 #include <string_view>
 #include <vector>
 
+#include "rtpm/driver/command.hpp"
 #include "rtpm/driver/geometry.hpp"
 
 namespace rtpm::driver {
 
-/// Class of a device; wire numbers.
+/// Class of a device; wire numbers. It says what a device is for; what it has, the channels say.
 enum class DeviceClass : std::uint8_t {
   kHaptic = 0,   ///< Measures a position and applies a force.
-  kTracker = 1,  ///< Measures a pose.
+  kTracker = 1,  ///< Measures a pose: of a body, a head or a gaze, whose ray is the frame's -z.
   kInput = 2,    ///< Buttons and analog inputs.
+  kDial = 3,     ///< A joint that turns without end, with or without a motor.
+  kVibrotactile = 4,  ///< Vibrates: outputs in pairs, amplitude and frequency.
+  kPoser = 5,         ///< Moves to a pose or with a velocity.
+  kOutput = 6,        ///< Analog outputs and lamps.
+  kPlayer = 7,        ///< Plays media: rate and position as outputs, position as an analog.
+  kBiometric = 8,     ///< Signals of a body as analogs, such as pulse or skin conductance.
 };
-inline constexpr std::uint8_t kDeviceClassCount = 3;
-/// "haptic", "tracker", "input".
+inline constexpr std::uint8_t kDeviceClassCount = 9;
+/// "haptic", "tracker", "input", "dial", "vibrotactile", "poser", "output", "player", "biometric".
 [[nodiscard]] std::string_view to_string(DeviceClass device_class) noexcept;
 
 /// A degree of freedom of the end effector.
@@ -34,6 +41,25 @@ struct Analog {
   double high = 1;   ///< Maximum.
 };
 
+/// One joint, gripper or dial.
+struct Joint {
+  std::string name;         ///< "elbow", "gripper", "dial".
+  std::string unit;         ///< "rad", or "m" of a joint that slides.
+  double low = 0;           ///< Minimum position; equal to `high`: it turns without end.
+  double high = 0;          ///< Maximum position.
+  double velocity_max = 0;  ///< In units per second; 0: no command moves it.
+  double effort_max = 0;    ///< In newton or newton metre; 0: no motor.
+};
+
+/// One output: an analog value, a lamp, an amplitude.
+struct Output {
+  std::string name;
+  std::string unit;  ///< SI, "1" for a plain ratio.
+  double low = 0;    ///< Minimum.
+  double high = 1;   ///< Maximum.
+  double safe = 0;   ///< Its value without a command.
+};
+
 /// Limits of a device; 0: it has no such actuators.
 struct Limits {
   double force_newton_max = 0;         ///< Maximum magnitude in any direction.
@@ -43,6 +69,8 @@ struct Limits {
   /// The mechanics' own damping, which bounds rendering in a remote loop: stiffness × (period / 2 +
   /// delay) must stay below it.
   double damping_newton_s_per_m = 0;
+  double velocity_m_per_s_max = 0;    ///< Of commanded motion; 0: no command moves it.
+  double velocity_rad_per_s_max = 0;  ///< Likewise of commanded turning.
 };
 
 /// The box in which the end effector moves.
@@ -61,6 +89,9 @@ struct Descriptor {
   std::vector<Axis> axes{};
   std::vector<std::string> buttons{};  ///< Names, at most kButtonCountMax.
   std::vector<Analog> analogs{};       ///< At most kAnalogCountMax.
+  std::vector<Joint> joints{};         ///< At most kJointCountMax.
+  std::vector<Output> outputs{};       ///< At most kOutputCountMax.
+  std::vector<CommandMode> modes{};    ///< That it takes, besides kOff; none: it only measures.
   Limits limits{};
   Workspace workspace{};
   double rate_hz = 1000;             ///< Of exchange().

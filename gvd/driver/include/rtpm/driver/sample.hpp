@@ -8,6 +8,7 @@
 #include <type_traits>
 
 #include "rtpm/base/time.hpp"
+#include "rtpm/driver/command.hpp"
 #include "rtpm/driver/geometry.hpp"
 
 namespace rtpm::driver {
@@ -37,6 +38,7 @@ enum class Fault : std::uint32_t {
   kForceClamped = 1u << 10,  ///< This cycle's command was above the force or torque limit.
   kForceRateLimited = 1u << 11,  ///< This cycle's command rose faster than the limit allows.
   kSoftStart = 1u << 12,         ///< The force is rising to the command.
+  kEmergencyStop = 1u << 13,     ///< Latched: no force, and no commands, until rearmed.
 };
 
 /// A set of faults.
@@ -78,6 +80,14 @@ struct Sample {
   Twist twist{};
   /// What the actuators really apply, limits included.
   Wrench wrench_applied{};
+  /// Positions of Descriptor::joints in their units; a joint that turns without end counts turns.
+  std::array<double, kJointCountMax> joints{};
+  /// In units per second.
+  std::array<double, kJointCountMax> joint_velocities{};
+  /// What the motors of the joints really apply, in newton or newton metre.
+  std::array<double, kJointCountMax> efforts_applied{};
+  /// The outputs as they are, in the units of Descriptor::outputs.
+  std::array<float, kOutputCountMax> outputs_applied{};
   /// Analog inputs in the units of Descriptor::analogs, in that order.
   std::array<float, kAnalogCountMax> analogs{};
   /// Bit i is set while button i (of Descriptor::buttons) is pressed.

@@ -9,8 +9,10 @@
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/driver/command.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -25,6 +27,9 @@ struct DeviceClientOptions {
   Duration hold = std::chrono::milliseconds{10};
 };
 
+/// Of a call that returns nothing else.
+using DeviceResult = expected<void, DeviceError>;
+
 /// A remote device as a local object: the paper's GVDClient. Any client reads; commands need the
 /// lease, which one client holds at a time.
 ///
@@ -36,7 +41,7 @@ struct DeviceClientOptions {
 ///     }
 ///
 /// Opened by name, it follows the name as rpc::Binding does: read() continues with another server,
-/// set_force() returns kNotLeaseHolder until acquire() there.
+/// set_force() returns kNotHolder until acquire() there.
 /// @ownership refers to its node, which must outlive it; releases the lease when destroyed
 /// @threads  read() and set_force() from any, several at once; the rest from one
 class DeviceClient {
@@ -63,56 +68,68 @@ class DeviceClient {
 
   /// The device's newest sample.
   /// @realtime as rpc::Binding::call()
-  /// @errors   as CallError · kNoSuchObject: no sample yet
-  [[nodiscard]] expected<driver::Sample, rpc::CallError> read(
+  /// @errors   kNoSample · kCallFailed
+  [[nodiscard]] expected<driver::Sample, DeviceError> read(
       const rpc::CallOptions& options = {}) noexcept;
   /// Sets the force, in newton in the device's frame, until the next command or the end of `hold`.
   /// @realtime as rpc::Binding::call()
-  /// @errors   as CallError · kNotLeaseHolder: acquire() first, or the lease was lost, see
-  ///           lease_state() · kNoSuchObject: the device is not active · kBadRequest: a component
-  ///           is not finite, or another thread's newer command came first · kOverload: too many
-  ///           concurrent commands
-  [[nodiscard]] expected<void, rpc::CallError> set_force(
-      const driver::Vector3& force_newton, const rpc::CallOptions& options = {}) noexcept;
+  /// @errors   as set()
+  [[nodiscard]] DeviceResult set_force(const driver::Vector3& force_newton,
+                                       const rpc::CallOptions& options = {}) noexcept;
   /// As set_force(), with torque.
-  [[nodiscard]] expected<void, rpc::CallError> set_wrench(
-      const driver::Wrench& wrench, const rpc::CallOptions& options = {}) noexcept;
+  [[nodiscard]] DeviceResult set_wrench(const driver::Wrench& wrench,
+                                        const rpc::CallOptions& options = {}) noexcept;
+
+  /// Sets whatever the device takes: wrench, pose, velocity, joints or outputs, by
+  /// Setpoint::mode, until the next command or the end of `hold`; then force and efforts fall to
+  /// zero, motion stops, and outputs go to their safe values.
+  /// @realtime as rpc::Binding::call()
+  /// @errors   kNotHolder · kNotActive · kWrongMode · kSuperseded · kNotFinite · kTooMany ·
+  ///           kEmergencyStop · kCallFailed
+  [[nodiscard]] DeviceResult set(const driver::Setpoint& setpoint,
+                                 const rpc::CallOptions& options = {}) noexcept;
 
   /// Acquires the lease; while another client holds it, retries for `patience`, which covers a
   /// crashed predecessor.
   /// @realtime set-up only
-  /// @errors   as CallError · kNotLeaseHolder: another client holds it
-  [[nodiscard]] expected<void, rpc::CallError> acquire(Duration patience = std::chrono::seconds{2});
+  /// @errors   kHeld · kTooSoon · kCallFailed
+  [[nodiscard]] DeviceResult acquire(Duration patience = std::chrono::seconds{2});
   /// Takes the lease from its holder, with operator_priority() or `priority`. The former holder's
-  /// calls fail with kNotLeaseHolder, and its force goes to zero before this client's commands
+  /// calls fail with kNotHolder, and its force goes to zero before this client's commands
   /// count.
   /// @realtime set-up only
-  /// @errors   as CallError · kNotLeaseHolder: the priority is below operator_priority() ·
-  ///           kOverload: the last take-over was less than a second ago
-  [[nodiscard]] expected<void, rpc::CallError> take_over(
-      std::optional<Priority> priority = std::nullopt);
-  /// State of this client's last lease, or why it ended, for use after kNotLeaseHolder. kUnknown
+  /// @errors   kBelowOperatorPriority · kTooSoon · kCallFailed
+  [[nodiscard]] DeviceResult take_over(std::optional<Priority> priority = std::nullopt);
+  /// State of this client's last lease, or why it ended, for use after kNotHolder. kUnknown
   /// after release().
   /// @realtime set-up only
-  [[nodiscard]] expected<LeaseState, rpc::CallError> lease_state();
+  [[nodiscard]] expected<LeaseState, DeviceError> lease_state();
   /// Keeps the lease without a command, up to LeaseConfig::idle_max (10 s). Commands keep it, too.
   /// @realtime set-up only
-  [[nodiscard]] expected<void, rpc::CallError> renew();
+  [[nodiscard]] DeviceResult renew();
   /// Releases the lease; the force goes to zero.
   /// @realtime set-up only
-  expected<void, rpc::CallError> release();
+  DeviceResult release();
   /// Ends a latched fault.
   /// @realtime set-up only
-  /// @errors   as CallError · kNotLeaseHolder
-  [[nodiscard]] expected<void, rpc::CallError> recover();
+  /// @errors   kNotHolder · kCallFailed
+  [[nodiscard]] DeviceResult recover();
   /// Activates the device; Sample::lifecycle shows the result.
   /// @realtime set-up only
-  /// @errors   as CallError · kNotLeaseHolder
-  [[nodiscard]] expected<void, rpc::CallError> activate();
+  /// @errors   kNotHolder · kCallFailed
+  [[nodiscard]] DeviceResult activate();
   /// Deactivates the device, likewise.
   /// @realtime set-up only
-  /// @errors   as CallError · kNotLeaseHolder
-  [[nodiscard]] expected<void, rpc::CallError> deactivate();
+  /// @errors   kNotHolder · kCallFailed
+  [[nodiscard]] DeviceResult deactivate();
+  /// Takes the force away at once and refuses commands until rearm(). Needs no lease.
+  /// @realtime set-up only
+  /// @errors   kCallFailed
+  [[nodiscard]] DeviceResult emergency_stop();
+  /// Ends an emergency stop; the force returns by soft start.
+  /// @realtime set-up only
+  /// @errors   kNotHolder · kCallFailed
+  [[nodiscard]] DeviceResult rearm();
 
  private:
   struct Impl;

@@ -87,6 +87,10 @@ class SafetyFilter {
   /// The filter's faults as of the last step.
   [[nodiscard]] driver::Faults faults() const noexcept { return faults_; }
   [[nodiscard]] const SafetyCounters& counters() const noexcept { return counters_; }
+  /// Whether the last step had a live command.
+  [[nodiscard]] bool is_following() const noexcept { return is_following_; }
+  /// Share, 0 to 1, of the command that soft start or the ramp admitted in the last step.
+  [[nodiscard]] double gain() const noexcept { return gain_; }
   /// Whether the last step's output was zero.
   [[nodiscard]] bool is_off() const noexcept { return output_ == driver::Wrench{}; }
   /// When the output will be zero without a newer command; in the past if it is.

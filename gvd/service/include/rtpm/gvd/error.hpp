@@ -1,0 +1,57 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "rtpm/rpc/error.hpp"
+
+namespace rtpm::gvd {
+
+/// What became of a call to a device; wire numbers below 254.
+/// @source   OutcomeCode in schema/idl/device.fbs
+enum class DeviceOutcome : std::uint8_t {
+  kDone = 0,
+  kNotHolder = 1,  ///< This client does not hold the lease. Acquire it; lease_state() says why.
+  kHeld = 2,       ///< Another client holds the lease. Wait, or take it over.
+  kTooSoon = 3,    ///< The lease changed a moment ago. Try again, for take_over() after a second.
+  kBelowOperatorPriority = 4,  ///< Call with operator_priority() or above.
+  kNotActive = 5,              ///< The device is not active. Activate it, or wait until it is back.
+  kSuperseded = 6,             ///< Another thread's newer command came first. Nothing to do.
+  kNotFinite = 7,              ///< A NaN or an infinity; no force until recover().
+  kTooMany = 8,                ///< Too many concurrent commands. Command from fewer threads.
+  kWrongMode = 9,              ///< The device does not have the mode. See Descriptor::modes.
+  kEmergencyStop = 10,         ///< An emergency stop is in force. Remove its cause, then rearm().
+  kNoSample = 254,             ///< The device has taken no sample yet. Read again.
+  kCallFailed = 255,           ///< The call itself failed: DeviceError::call() says why.
+};
+inline constexpr std::uint8_t kDeviceOutcomeCount = 11;  ///< On the wire.
+
+/// Why a client's call had no effect: the device refused, or the call failed.
+/// @ownership a value
+/// @realtime alloc-free
+class DeviceError {
+ public:
+  // Implicit: both are errors of a device's client.
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  constexpr DeviceError(DeviceOutcome outcome) noexcept : outcome_(outcome) {}
+  // NOLINTNEXTLINE(google-explicit-constructor)
+  constexpr DeviceError(rpc::CallError call) noexcept
+      : outcome_(DeviceOutcome::kCallFailed), call_(call) {}
+
+  [[nodiscard]] constexpr DeviceOutcome outcome() const noexcept { return outcome_; }
+  /// Why the call failed, with kCallFailed.
+  [[nodiscard]] constexpr rpc::CallError call() const noexcept { return call_; }
+  friend constexpr bool operator==(const DeviceError& a, const DeviceError& b) noexcept {
+    return a.outcome_ == b.outcome_ &&
+           (a.outcome_ != DeviceOutcome::kCallFailed || a.call_ == b.call_);
+  }
+
+ private:
+  DeviceOutcome outcome_;
+  rpc::CallError call_{};
+};
+
+/// A clause for people: the cause and the caller's next move.
+[[nodiscard]] std::string_view to_string(const DeviceError& error) noexcept;
+
+}  // namespace rtpm::gvd
