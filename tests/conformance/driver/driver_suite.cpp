@@ -87,6 +87,50 @@ TEST_P(DriverConformance, DescribesItselfWhole) {
     is_actuated = is_actuated || axis.is_actuated;
   }
   EXPECT_EQ(is_actuated, limits.force_newton_max > 0 || limits.torque_newton_metre_max > 0);
+  const auto takes = [&](CommandMode mode) { return std::ranges::count(descriptor.modes, mode); };
+  EXPECT_EQ(takes(CommandMode::kForce), is_actuated ? 1 : 0);
+  EXPECT_LE(descriptor.joints.size(), driver::kJointCountMax);
+  EXPECT_LE(descriptor.outputs.size(), driver::kOutputCountMax);
+  for (const driver::Joint& joint : descriptor.joints) {
+    EXPECT_FALSE(joint.name.empty());
+    EXPECT_TRUE(joint.unit == "rad" || joint.unit == "m") << joint.unit;
+    EXPECT_LE(joint.low, joint.high);
+  }
+  for (const driver::Output& output : descriptor.outputs) {
+    EXPECT_FALSE(output.name.empty() || output.unit.empty());
+    EXPECT_TRUE(output.low <= output.safe && output.safe <= output.high) << output.name;
+  }
+}
+
+/// Joints and outputs, with which numbers ever.
+TEST_P(DriverConformance, KeepsJointsAndOutputsWithinItsDescriptor) {
+  start();
+  const driver::Descriptor descriptor = driver_->describe();
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  for (const CommandMode mode : {CommandMode::kJointPosition, CommandMode::kJointVelocity,
+                                 CommandMode::kJointEffort, CommandMode::kOutputs}) {
+    for (const double value : {0.0, 0.01, -1e9, 1e308, kNan}) {
+      Command command;
+      command.mode = mode;
+      command.cycle_time = now_ += kPeriod;
+      command.joints.fill(value);
+      command.outputs.fill(static_cast<float>(value));
+      sample_.faults = {};
+      ASSERT_EQ(driver_->exchange(command, sample_), ExchangeStatus::kOk);
+      for (std::size_t i = 0; i < descriptor.joints.size(); ++i) {
+        EXPECT_TRUE(std::isfinite(sample_.joints[i]) && std::isfinite(sample_.joint_velocities[i]));
+        EXPECT_LE(std::abs(sample_.efforts_applied[i]), descriptor.joints[i].effort_max);
+      }
+      for (std::size_t i = 0; i < descriptor.outputs.size(); ++i) {
+        EXPECT_GE(sample_.outputs_applied[i], descriptor.outputs[i].low);
+        EXPECT_LE(sample_.outputs_applied[i], descriptor.outputs[i].high);
+      }
+      for (std::size_t i = 0; i < descriptor.analogs.size(); ++i) {
+        EXPECT_GE(sample_.analogs[i], descriptor.analogs[i].low);
+        EXPECT_LE(sample_.analogs[i], descriptor.analogs[i].high);
+      }
+    }
+  }
 }
 
 TEST_P(DriverConformance, DescribesItselfTheSameInEveryState) {

@@ -9,6 +9,10 @@
 
 #include "lever_driver.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/device_sim/biometric_driver.hpp"
+#include "rtpm/device_sim/gaze_driver.hpp"
+#include "rtpm/device_sim/knob_driver.hpp"
+#include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 
 namespace rtpm::test {
@@ -36,6 +40,12 @@ std::vector<DriverUnderTest> drivers_under_test() {
       {"SimHeld", [] { return make_sim({}); }},
       {"SimFree", [] { return make_sim({.is_held = false}); }},
       {"SimRecorded", [] { return make_sim({.hand_file = recorded_hand()}); }},
+      {"Gaze", [] { return std::make_unique<device_sim::GazeDriver>(device_sim::TwinConfig{}); }},
+      {"Biometric",
+       [] { return std::make_unique<device_sim::BiometricDriver>(device_sim::TwinConfig{}); }},
+      {"Knob", [] { return std::make_unique<device_sim::KnobDriver>(device_sim::TwinConfig{}); }},
+      {"Player",
+       [] { return std::make_unique<device_sim::PlayerDriver>(device_sim::TwinConfig{}); }},
       {"Template", [] { return std::make_unique<lab::LeverDriver>(); }},
   };
 }

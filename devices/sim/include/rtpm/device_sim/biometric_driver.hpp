@@ -1,0 +1,22 @@
+#pragma once
+
+#include "rtpm/device_sim/twin.hpp"
+
+namespace rtpm::device_sim {
+
+/// A sensor on a resting person: analogs "pulse" (blood volume, 0 to 1), "heart_rate" (in Hz) and
+/// "skin_conductance" (in S, with a response to a stimulus every few seconds).
+class BiometricDriver final : public Twin {
+ public:
+  explicit BiometricDriver(TwinConfig twin) : Twin(std::move(twin)) {}
+  [[nodiscard]] driver::Descriptor describe() const override;
+
+ private:
+  void reset() noexcept override { beat_ = 0; }
+  void step(const driver::Command& command, double elapsed_s,
+            driver::Sample& sample) noexcept override;
+
+  double beat_ = 0;  ///< Heart beats since the start.
+};
+
+}  // namespace rtpm::device_sim

@@ -1,0 +1,34 @@
+#pragma once
+
+#include "rtpm/device_sim/twin.hpp"
+
+namespace rtpm::device_sim {
+
+/// Mechanics of the simulated knob, and the fingers that turn it.
+struct KnobConfig {
+  double inertia_kg_m2 = 1e-4;
+  double damping_newton_metre_s_per_rad = 5e-4;
+  double effort_newton_metre_max = 0.05;
+  double hand_newton_metre = 0.004;  ///< Greatest torque of the fingers; 0: no hand.
+  double resolution_rad = 1e-4;      ///< Step of the encoder.
+};
+
+/// A motorised knob with inertia: joint "dial", which turns without end, and button "push".
+/// Fingers turn it to and fro and push it for 0.1 s every 3 s.
+class KnobDriver final : public Twin {
+ public:
+  explicit KnobDriver(TwinConfig twin, KnobConfig knob = {}) : Twin(std::move(twin)), knob_(knob) {}
+  [[nodiscard]] driver::Descriptor describe() const override;
+
+ private:
+  void reset() noexcept override;
+  void step(const driver::Command& command, double elapsed_s,
+            driver::Sample& sample) noexcept override;
+  [[nodiscard]] double hand_newton_metre() const noexcept;
+
+  KnobConfig knob_;
+  double angle_rad_ = 0;
+  double velocity_rad_per_s_ = 0;
+};
+
+}  // namespace rtpm::device_sim

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "rtpm/device_sim/twin.hpp"
+
+namespace rtpm::device_sim {
+
+/// A media player: output "rate" (1 plays, 0 pauses, negative plays backwards) and output "seek"
+/// (jumps there when it changes; below zero: nowhere), analogs "position" and "rate". It stops at
+/// both ends, and without a command.
+class PlayerDriver final : public Twin {
+ public:
+  static constexpr double kLengthSeconds = 60;
+
+  explicit PlayerDriver(TwinConfig twin) : Twin(std::move(twin)) {}
+  [[nodiscard]] driver::Descriptor describe() const override;
+
+ private:
+  void reset() noexcept override;
+  void step(const driver::Command& command, double elapsed_s,
+            driver::Sample& sample) noexcept override;
+
+  double position_s_ = 0;
+  float last_seek_s_ = -1;
+};
+
+}  // namespace rtpm::device_sim

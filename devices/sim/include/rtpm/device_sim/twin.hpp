@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::device_sim {
+
+/// Identity of a simulated device.
+struct TwinConfig {
+  std::string serial = "sim-1";
+  std::string frame = "sim/base";
+  std::uint64_t seed = 1;  ///< Of whatever looks random; the same seed gives the same samples.
+};
+
+/// What the simulated devices without a force in space have in common: a life cycle, and a time
+/// that is the sum of the cycles' spans. The same commands at the same cycle times give the same
+/// samples, bit for bit.
+class Twin : public driver::Driver {
+ public:
+  /// The longest simulated time of one cycle; the rest of a longer one is cut.
+  static constexpr Duration kStepMax = std::chrono::milliseconds{20};
+
+  [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) final;
+  [[nodiscard]] expected<void, SetupError> activate() final;
+  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
+                                                driver::Sample& sample) noexcept final;
+  void deactivate() noexcept final { is_active_ = false; }
+
+ protected:
+  explicit Twin(TwinConfig config) : config_(std::move(config)) {}
+
+  /// Class, model, serial and frame.
+  [[nodiscard]] driver::Descriptor identity(driver::DeviceClass device_class,
+                                            const char* model) const;
+  /// Back to the start.
+  virtual void reset() noexcept = 0;
+  /// Advances by `elapsed_s`, 0 to kStepMax, and fills what it measures.
+  virtual void step(const driver::Command& command, double elapsed_s,
+                    driver::Sample& sample) noexcept = 0;
+
+  /// Since activate(), at the end of this step.
+  [[nodiscard]] double time_s() const noexcept { return time_s_; }
+  [[nodiscard]] const TwinConfig& config() const noexcept { return config_; }
+
+ private:
+  TwinConfig config_;
+  Duration period_{};
+  bool is_active_ = false;
+  double time_s_ = 0;
+  std::optional<MonotonicTime> last_cycle_{};
+};
+
+/// Sets button 0 and counts its edges.
+void set_button(driver::Sample& sample, bool is_pressed) noexcept;
+
+/// A number from 0 to 1, a function of `seed` and `index` only.
+[[nodiscard]] double random_share(std::uint64_t seed, std::uint64_t index) noexcept;
+
+}  // namespace rtpm::device_sim

@@ -1,0 +1,56 @@
+#include "rtpm/device_sim/biometric_driver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace rtpm::device_sim {
+namespace {
+
+double bell(double at, double centre, double width) noexcept {
+  const double distance = (at - centre) / width;
+  return std::exp(-distance * distance);
+}
+
+/// One beat of the blood volume: the pulse and its reflection. `phase` is the share of the beat.
+double pulse_at(double phase) noexcept {
+  return std::min(1.0, 0.9 * bell(phase, 0.2, 0.1) + 0.35 * bell(phase, 0.5, 0.12));
+}
+
+/// Breathing raises and lowers the heart rate.
+double heart_rate_hz_at(double time_s) noexcept {
+  return 1.1 + 0.06 * std::sin(2 * std::numbers::pi * 0.25 * time_s);
+}
+
+/// A slow level, and a response to each stimulus: a rise of a second, then a decay.
+double skin_conductance_at(std::uint64_t seed, double time_s) noexcept {
+  constexpr double kLevel = 5e-6;
+  constexpr double kStimulusEveryS = 7;
+  const double since_s = std::fmod(time_s, kStimulusEveryS);
+  const auto stimulus = static_cast<std::uint64_t>(time_s / kStimulusEveryS);
+  const double height = (1 + 2 * random_share(seed, stimulus)) * 1e-6;
+  return kLevel + height * (std::exp(-since_s / 2) - std::exp(-since_s / 0.5));
+}
+
+}  // namespace
+
+driver::Descriptor BiometricDriver::describe() const {
+  driver::Descriptor descriptor =
+      identity(driver::DeviceClass::kBiometric, "RTPM simulated biometric sensor");
+  descriptor.analogs = {{.name = "pulse", .unit = "1", .low = 0, .high = 1},
+                        {.name = "heart_rate", .unit = "Hz", .low = 0, .high = 4},
+                        {.name = "skin_conductance", .unit = "S", .low = 0, .high = 50e-6}};
+  descriptor.rate_hz = 250;
+  return descriptor;
+}
+
+void BiometricDriver::step(const driver::Command&, double elapsed_s,
+                           driver::Sample& sample) noexcept {
+  const double rate_hz = heart_rate_hz_at(time_s());
+  beat_ += elapsed_s * rate_hz;
+  sample.analogs[0] = static_cast<float>(pulse_at(beat_ - std::floor(beat_)));
+  sample.analogs[1] = static_cast<float>(rate_hz);
+  sample.analogs[2] = static_cast<float>(skin_conductance_at(config().seed, time_s()));
+}
+
+}  // namespace rtpm::device_sim
