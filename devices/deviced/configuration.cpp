@@ -3,22 +3,64 @@
 #include <algorithm>
 #include <vector>
 
+#include "drivers.hpp"
 #include "rtpm/names/defaults.hpp"
 
 namespace rtpm::deviced {
 namespace {
 
-void add_device(options::Options& options, Configuration& configuration) {
-  options.add("name", configuration.name, "Under which clients find the device");
-  options.add_choice("device", configuration.device, {"sim"}, "Which driver: sim, a simulated arm");
-  options.add("hand", configuration.hand,
-              "sim: a recorded hand, a CSV file of t_s,x_m,y_m,z_m, played there and back");
-  options.add("free", configuration.is_free, "sim: no hand holds the arm");
-  options.add("seed", configuration.seed, "sim: fixes the tremor of the hand");
-  options.add("rate", configuration.rate_hz, "Cycles of the device's loop per second, in Hz",
-              {10, 50000});
-  options.add("device-priority", configuration.device_priority,
-              "Of the device's own thread, above every caller's");
+constexpr std::size_t kDeviceNameSizeMax = 24;
+
+/// "arm" of "arm0", where that is a driver's name; else the arm.
+std::string driver_named_like(const std::string& name) {
+  const std::string word = name.substr(0, name.find_last_not_of("0123456789") + 1);
+  return std::ranges::count(simulated_drivers(), word) > 0 ? word : simulated_drivers().front();
+}
+
+std::string words(const std::vector<std::string>& choices) {
+  std::string text;
+  for (const std::string& choice : choices)
+    text += (text.empty() ? "" : ", ") + choice;
+  return text;
+}
+
+void add_device(options::Options& options, DeviceSettings& device) {
+  const std::string key = "device-" + device.name + "-";
+  options.add(key + "driver", device.driver,
+              "Simulated: " + words(simulated_drivers()) + "; else the file of a plug-in");
+  options.add(key + "arguments", device.arguments, "plug-in: what it is told, in its own words");
+  options.add(key + "serial", device.serial,
+              "simulated: its serial number; empty: made of its name");
+  options.add(key + "seed", device.seed, "simulated: fixes whatever looks random");
+  options.add(key + "hand", device.hand,
+              "arm: a recorded hand, a CSV file of t_s,x_m,y_m,z_m, played there and back");
+  options.add(key + "free", device.is_free, "arm: no hand holds it");
+  options.add(key + "rate", device.rate_hz, "Cycles per second, in Hz; 0: the driver's own",
+              {0, 50000});
+  options.add(key + "priority", device.priority, "Of its own thread, above every caller's");
+  options.add(key + "cpus", device.cpus, "The CPUs its thread may run on; none: all");
+  constexpr options::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
+  options.add(key + "force-max", device.force_max_newton,
+              "Greatest force in newton; 0: all that the device gives", {0, 1000});
+  options.add(key + "hold-max", device.hold_max, "Longest life of one command", kUpTo10s);
+  options.add(key + "ramp", device.ramp, "From full force to none when commands stop", kUpTo10s);
+  options.add(key + "soft-start", device.soft_start, "From none to full force", kUpTo10s);
+}
+
+void add_devices(options::Options& options, Configuration& configuration) {
+  options.add("folder", configuration.folder, "The devices' names at the registry are FOLDER/NAME");
+  options.add_group("devices", configuration.names,
+                    "The names of the devices, each with options as below", kDeviceNameSizeMax,
+                    [&options, &configuration](const std::vector<std::string>& names) {
+                      for (const std::string& name : names) {
+                        DeviceSettings device;
+                        device.name = name;
+                        device.driver = driver_named_like(name);
+                        configuration.devices.push_back(device);
+                      }
+                      for (DeviceSettings& device : configuration.devices)
+                        add_device(options, device);
+                    });
 }
 
 /// Two lanes: haptic loops, which come at a steady pace, are waited for as they come and are never
@@ -36,7 +78,14 @@ std::vector<rpc::LaneConfig> default_lanes() {
 void add_service(options::Options& options, Configuration& configuration) {
   options.add_registry(configuration.registry);
   options.add("allow-takeover", configuration.allows_takeover,
-              "Take the name from another server that holds it, at the start");
+              "Take the names from another server that holds them, at the start");
+  constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
+  options.add("lease", configuration.lease.silence_max,
+              "How long a silent client keeps the right to command", kLease);
+  options.add("lease-idle", configuration.lease.idle_max,
+              "How long a client keeps the right to command that only renews it", kLease);
+  options.add("operator-priority", configuration.operator_priority,
+              "From which priority on a call may take the right to command over");
   configuration.settings.server.lanes = default_lanes();
   options::add_server(options, configuration.settings);
 }
@@ -49,20 +98,25 @@ Priority highest_low(const Configuration& configuration) {
   return highest;
 }
 
-void add_safety(options::Options& options, Configuration& configuration) {
-  constexpr options::Range<Duration> kUpTo10s{Duration{0}, std::chrono::seconds{10}};
-  options.add("force-max", configuration.force_max_newton,
-              "Greatest force in newton; 0: all that the device gives", {0, 1000});
-  options.add("hold-max", configuration.hold_max, "Longest life of one command", kUpTo10s);
-  options.add("ramp", configuration.ramp, "From full force to none when commands stop", kUpTo10s);
-  options.add("soft-start", configuration.soft_start, "From none to full force", kUpTo10s);
-  constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
-  options.add("lease", configuration.lease.silence_max,
-              "How long a silent client keeps the right to command", kLease);
-  options.add("lease-idle", configuration.lease.idle_max,
-              "How long a client keeps the right to command that only renews it", kLease);
-  options.add("operator-priority", configuration.operator_priority,
-              "From which priority on a call may take the right to command over");
+std::optional<int> check(const options::Options& options, const Configuration& configuration) {
+  if (configuration.settings.server.host == "0.0.0.0") {
+    return options.usage_error(
+        "--host 0.0.0.0 is no address that clients can connect to; give one of this host's");
+  }
+  for (const DeviceSettings& device : configuration.devices) {
+    const std::string key = "--device-" + device.name;
+    if (device.priority <= highest_low(configuration)) {
+      return options.usage_error(
+          key +
+          "-priority is not above where the most urgent lane begins, so callers could delay the "
+          "device; raise it, or lower that lane's --lane-NAME-low");
+    }
+    if (device.is_free && !device.hand.empty()) {
+      return options.usage_error(key + "-free and " + key +
+                                 "-hand contradict each other; give one of them");
+    }
+  }
+  return std::nullopt;
 }
 
 }  // namespace
@@ -71,24 +125,11 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
   configuration.registry = names::kDefaultRegistryUrl;
   options::Options options("rtpm-deviced",
-                           "hosts a device: runs its driver and serves it under a name");
-  add_device(options, configuration);
+                           "hosts devices: runs their drivers and serves them under names");
+  add_devices(options, configuration);
   add_service(options, configuration);
-  add_safety(options, configuration);
   if (const auto exit_code = options.parse(argc, argv)) return exit_code;
-  if (configuration.settings.server.host == "0.0.0.0") {
-    return options.usage_error(
-        "--host 0.0.0.0 is no address that clients can connect to; give one of this host's");
-  }
-  if (configuration.device_priority <= highest_low(configuration)) {
-    return options.usage_error(
-        "--device-priority is not above where the most urgent lane begins, so callers could delay "
-        "the device; raise it, or lower that lane's --lane-NAME-low");
-  }
-  if (configuration.is_free && !configuration.hand.empty()) {
-    return options.usage_error("--free and --hand contradict each other; give one of them");
-  }
-  return std::nullopt;
+  return check(options, configuration);
 }
 
 }  // namespace rtpm::deviced

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
@@ -12,24 +13,39 @@
 
 namespace rtpm::deviced {
 
-/// The options of rtpm-deviced.
-struct Configuration {
-  std::string name = "lab/arm0";
-  std::string device = "sim";
-  std::string hand{};    ///< A recorded hand; empty: PressingPath.
-  bool is_free = false;  ///< No hand holds the arm.
-  std::uint64_t seed = 1;
-  double rate_hz = 1000;
-  options::ServerSettings settings{};  ///< Its server's.
-  std::string registry{};
-  bool allows_takeover = false;  ///< Of its name, from a live server.
-  Priority device_priority = 30000;
+/// The options of one hosted device.
+struct DeviceSettings {
+  std::string name{};       ///< In options and, behind the folder, at the registry.
+  std::string driver{};     ///< A simulated one's name, or a plug-in's file.
+  std::string arguments{};  ///< For a plug-in.
+  std::string serial{};     ///< Of a simulated one; empty: made of its name.
+  std::string hand{};       ///< Of the arm: a recorded hand; empty: PressingPath.
+  bool is_free = false;     ///< Of the arm: no hand.
+  std::uint64_t seed = 1;   ///< Of a simulated one.
+  double rate_hz = 0;       ///< 0: the driver's.
+  Priority priority = 30000;
+  std::vector<int> cpus{};
   double force_max_newton = 0;  ///< 0: the device's limit.
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};
+};
+
+/// The options of rtpm-deviced.
+struct Configuration {
+  std::string folder = "lab";
+  std::vector<std::string> names{"arm0"};  ///< Of the devices.
+  std::vector<DeviceSettings> devices{};   ///< One per name.
+  options::ServerSettings settings{};      ///< Its server's.
+  std::string registry{};
+  bool allows_takeover = false;  ///< Of its names, from a live server.
   gvd::LeaseConfig lease{};
   Priority operator_priority = gvd::CycleConfig{}.operator_priority;
+
+  /// The name at the registry.
+  [[nodiscard]] std::string name_of(const DeviceSettings& device) const {
+    return folder.empty() ? device.name : folder + "/" + device.name;
+  }
 };
 
 /// The registry's URL that stands for "serve without a registry".

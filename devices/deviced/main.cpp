@@ -1,17 +1,14 @@
-// rtpm-deviced: hosts a device. It runs the device's driver in a real-time loop, serves it to
-// callers in two lanes, and binds its name at the registry.
-#include <algorithm>
+// rtpm-deviced: hosts devices. It runs each device's driver in a real-time loop of its own, serves
+// them to callers in two lanes, and binds their names at the registry.
 #include <cstdio>
 #include <memory>
-#include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "configuration.hpp"
-#include "rtpm/device_sim/sim_driver.hpp"
-#include "rtpm/gvd/server.hpp"
+#include "hosted_device.hpp"
 #include "rtpm/introspection/catalog.hpp"
-#include "rtpm/names/registration.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -20,107 +17,68 @@
 namespace rtpm::deviced {
 namespace {
 
-/// Logs the device's events to standard error.
-class Reporter final : public gvd::DeviceListener {
- public:
-  void report(std::string_view text) override { log_.write(text); }
+using Devices = std::vector<std::unique_ptr<HostedDevice>>;
 
- private:
-  rt::Log log_{"rtpm-deviced"};
-};
-
-int fail(std::string_view text) {
-  rt::print_error("rtpm-deviced", text);
+int fail(const SetupError& error) {
+  rt::print_error("rtpm-deviced", error.text());
   return 1;
 }
 
-/// The last component of a name: "arm0" of "lab/arm0".
-std::string short_name(const std::string& name) {
-  return name.substr(name.rfind('/') + 1);
-}
-
-expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
-    const Configuration& configuration) {
-  device_sim::SimConfig sim;
-  sim.is_held = !configuration.is_free;
-  sim.hand_file = configuration.hand;
-  sim.seed = configuration.seed;
-  sim.serial = "sim-" + short_name(configuration.name);
-  sim.frame = short_name(configuration.name) + "/base";
-  auto made = device_sim::SimDriver::create(std::move(sim));
-  if (!made) return unexpected{made.error()};
-  return std::unique_ptr<driver::Driver>(std::move(*made));
-}
-
-gvd::DeviceServerConfig device_config(const Configuration& configuration,
-                                      const driver::Descriptor& descriptor, Reporter& reporter) {
-  gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor.limits);
-  if (configuration.force_max_newton > 0) {
-    safety.force_newton_max = std::min(safety.force_newton_max, configuration.force_max_newton);
+expected<Devices, SetupError> create_devices(const Configuration& configuration) {
+  Devices devices;
+  for (const DeviceSettings& settings : configuration.devices) {
+    auto device = HostedDevice::create(configuration, settings);
+    if (!device) return unexpected{device.error()};
+    devices.push_back(std::move(*device));
   }
-  safety.hold_max = configuration.hold_max;
-  safety.ramp = configuration.ramp;
-  safety.soft_start = configuration.soft_start;
-  gvd::DeviceServerConfig config;
-  config.cycle.period = std::chrono::duration_cast<Duration>(
-      std::chrono::duration<double>(1.0 / configuration.rate_hz));
-  config.cycle.lease = configuration.lease;
-  config.cycle.operator_priority = configuration.operator_priority;
-  config.cycle.safety = safety;
-  config.cycle.listener = &reporter;
-  config.thread.name = "device";
-  config.thread.priority = configuration.device_priority;
-  config.thread.realtime = configuration.settings.server.realtime;
-  return config;
+  return devices;
+}
+
+expected<void, SetupError> start(Devices& devices, rpc::Server& server,
+                                 introspection::Catalog& catalog) {
+  for (const auto& device : devices) {
+    if (auto added = device->add_to(server, catalog); !added) return added;
+  }
+  if (auto added = server.add(introspection::kPath, catalog); !added) return added;
+  for (const auto& device : devices) {
+    if (auto started = device->start(); !started) return started;
+  }
+  return server.start();
 }
 
 int serve(const Configuration& configuration) {
   const options::StopSignal stop;
-  auto driver = make_driver(configuration);
-  if (!driver) return fail(driver.error().text());
-  Reporter reporter;
-  const driver::Descriptor descriptor = (*driver)->describe();
-  auto device = gvd::DeviceServer::create(std::move(*driver),
-                                          device_config(configuration, descriptor, reporter));
-  if (!device) return fail(device.error().text());
+  auto devices = create_devices(configuration);
+  if (!devices) return fail(devices.error());
   const auto prepared = options::prepare(configuration.settings);
-  if (!prepared) return fail(prepared.error().text());
+  if (!prepared) return fail(prepared.error());
   rpc::ServerConfig server_config = configuration.settings.server;
-  server_config.name = configuration.name;
+  server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));
-  if (!server) return fail(server.error().text());
-  gvd::DeviceServer& served = **device;
-  if (auto added = (*server)->add(configuration.name, served.servant()); !added) {
-    return fail(added.error().text());
-  }
+  if (!server) return fail(server.error());
   introspection::Catalog catalog;
-  catalog.add(configuration.name, served.servant());
-  if (auto added = (*server)->add(introspection::kPath, catalog); !added) {
-    return fail(added.error().text());
-  }
-  if (auto started = served.start(); !started) return fail(started.error().text());
-  if (auto started = (*server)->start(); !started) return fail(started.error().text());
+  if (auto started = start(*devices, **server, catalog); !started) return fail(started.error());
 
   rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
-  const std::string url = (*server)->url(configuration.name);
-  std::unique_ptr<names::Registration> registration;
-  if (configuration.registry != kNoRegistry) {
-    auto bound = names::Registration::create(
-        node, configuration.registry, configuration.name, url,
-        std::string(served.servant().interface().name), names::Registration::kDefaultLease, {},
-        configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused);
-    if (!bound) return fail(bound.error().text());
-    registration = std::move(*bound);
+  for (const auto& device : *devices) {
+    if (auto bound = device->bind(node, **server, configuration); !bound) {
+      return fail(bound.error());
+    }
   }
   options::show_setup(configuration.settings);
-  std::printf("serving %s at %s\n", configuration.name.c_str(), url.c_str());
+  for (const auto& device : *devices) {
+    std::printf("serving %s at %s\n", device->name().c_str(),
+                (*server)->url(device->name()).c_str());
+  }
   std::fflush(stdout);
 
   stop.wait();
-  // The name first, so that no client finds a server about to end; then calls, then the device.
-  registration.reset();
+  // The names first, so that no client finds a server about to end; then calls, then the devices.
+  for (const auto& device : *devices)
+    device->unbind();
   (*server)->stop();
-  served.stop();
+  for (const auto& device : *devices)
+    device->stop();
   return 0;
 }
 

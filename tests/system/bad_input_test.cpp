@@ -132,7 +132,7 @@ TEST_F(FewDescriptors, AreNamedWhereTheyKeepAProgramFromItsWork) {
       {path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off", "--seconds", "0.1",
        "--live", "off"},
       {path_of("rtpm-deviced"), "--registry", registry_->url, "--realtime", "off", "--port", "0",
-       "--name", "lab/other"}};
+       "--devices", "other"}};
   for (const std::vector<std::string>& command : commands) {
     for (int count = 4; count <= 24; count += 2) {
       std::vector<std::string> whole{"prlimit", "--nofile=" + std::to_string(count)};
@@ -184,7 +184,7 @@ TEST(BadSurroundings, ABrokenRecordingIsNamedWithItsLine) {
   const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_broken_hand.csv";
   std::ofstream(file) << "t_s,x_m,y_m,z_m\n0,0,0,0\n0.1,zero,0,0\n";
   const auto end = run_program("rtpm-deviced", {"--port", "0", "--registry", "none", "--realtime",
-                                                "off", "--hand", file.string()});
+                                                "off", "--device-arm0-hand", file.string()});
   expect_one_sentence(end, 1, {"rtpm-deviced", "rtpm_broken_hand.csv:3"});
   std::filesystem::remove(file);
 }

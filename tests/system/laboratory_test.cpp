@@ -53,9 +53,9 @@ TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
 TEST_F(Laboratory, ARecordedHandMovesTheArm) {
   const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_hand.csv";
   std::ofstream(file) << "t_s,x_m,y_m,z_m\n0,0,0,0.02\n0.5,0.01,0,-0.01\n1,0,0.01,0.02\n";
-  const auto device =
-      start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
-                                    "off", "--name", "lab/arm1", "--hand", file.string()});
+  const auto device = start_daemon(
+      "rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime", "off",
+                       "--devices", "arm1", "--device-arm1-hand", file.string()});
   ASSERT_TRUE(device);
   EXPECT_EQ(run_servo({"--seconds", "1", "--device", "lab/arm1"}).exit_code, 0);
   std::filesystem::remove(file);
@@ -98,9 +98,10 @@ TEST_F(Laboratory, AnOperatorTakesTheArmFromAForceLoopThatLearnsWhy) {
 }
 
 TEST_F(Laboratory, ADeviceFreesItselfOfAClientThatOnlyHoldsIt) {
-  const auto device = start_daemon(
-      "rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime", "off", "--name",
-                       "lab/arm1", "--lease-idle", "1s", "--operator-priority", "5"});
+  const auto device =
+      start_daemon("rtpm-deviced",
+                   {"--port", "0", "--registry", registry_->url, "--realtime", "off", "--folder",
+                    "lab", "--devices", "arm1", "--lease-idle", "1s", "--operator-priority", "5"});
   ASSERT_TRUE(device);
   const auto held = run_program("rtpm", {"take-over", "lab/arm1", "--registry", registry_->url,
                                          "--priority", "5", "--deadline", "10s"});

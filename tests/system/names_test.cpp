@@ -145,7 +145,7 @@ TEST_F(Names, OfInventedServersLeaveRoomAndAreGoneSoon) {
     return names && names->size() == 1;
   }));
   const auto other =
-      start_daemon("rtpm-deviced", device_arguments({"--port", "0", "--name", "lab/arm1"}));
+      start_daemon("rtpm-deviced", device_arguments({"--port", "0", "--devices", "arm1"}));
   EXPECT_TRUE(other);
   const std::string told = errors_at_the_end_of(*registry_);
   EXPECT_NE(told.find("rtpm-registryd: refused a bind from 127.0.0.1"), std::string::npos) << told;

@@ -37,12 +37,13 @@ const std::vector<Part>& parts() {
        "",
        {"base", "wire", "rt", "transport", "rpc", "options", "names", "introspection"}},
       {"gvd/driver/", "driver", {"base"}},
+      {"gvd/driver_host/", "driver_host", {"base", "driver"}},
       {"gvd/", "gvd", {"base", "wire", "rt", "rpc", "options", "names", "driver"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
       {"devices/",
        "",
-       {"base", "wire", "rt", "rpc", "options", "names", "introspection", "driver", "gvd",
-        "device_sim"}},
+       {"base", "wire", "rt", "rpc", "options", "names", "introspection", "driver", "driver_host",
+        "gvd", "device_sim"}},
       {"clients/rtpm/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema", "driver",
@@ -71,11 +72,12 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {}},
-      // options has the signals and the configuration file that every program shares.
+      // options has the signals and the configuration file that every program shares; driver_host
+      // loads plug-ins.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
-       {"runtime/rt/", "runtime/transport/", "runtime/options/src/"}},
+       {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/"}},
   };
   return kForeigners;
 }

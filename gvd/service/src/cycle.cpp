@@ -85,6 +85,12 @@ expected<void, SetupError> DeviceCycle::begin(MonotonicTime now) {
   return open();
 }
 
+void DeviceCycle::begin_without(MonotonicTime now, const SetupError& error) {
+  retry_at_ = now + config_.retry;
+  lifecycle_.store(Lifecycle::kFault, std::memory_order_release);
+  report(error.text() + " Trying to reach it again.");
+}
+
 expected<void, SetupError> DeviceCycle::open() {
   if (auto configured = driver_.configure({.period = config_.period}); !configured) {
     return configured;

@@ -64,6 +64,9 @@ class DeviceCycle {
   /// Configures and activates the device.
   /// @errors   as the driver's
   [[nodiscard]] expected<void, SetupError> begin(MonotonicTime now);
+  /// Begins without the device, which begin() did not reach for the reason `error`: reports that,
+  /// and tries again as for a lost one.
+  void begin_without(MonotonicTime now, const SetupError& error);
   /// One cycle: filters the newest command, exchanges it for a sample, and publishes that.
   /// `missed_count` cycles were skipped before.
   /// @realtime no system call but the driver's

@@ -88,6 +88,10 @@ struct DeviceServer::Impl {
     is_stopping.store(false, std::memory_order_relaxed);
     auto thread = rt::Thread::start(config.thread, [this, &begun] {
       auto began = cycle.begin(rt::now());
+      if (!began && config.starts_without_device) {
+        cycle.begin_without(rt::now(), began.error());
+        began = {};
+      }
       const bool is_active = began.has_value();
       // The first sample exists before the first caller.
       if (is_active) cycle.run(rt::now(), 0);

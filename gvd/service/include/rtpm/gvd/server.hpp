@@ -16,6 +16,8 @@ namespace rtpm::gvd {
 /// Configures a device's server.
 struct DeviceServerConfig {
   CycleConfig cycle{};
+  /// start() succeeds without the device, which is then reached for like a lost one.
+  bool starts_without_device = false;
   /// The device's thread, of higher priority than every lane, so that no caller can delay it.
   rt::ThreadConfig thread{.name = "device", .priority = Priority{30000}};
 };

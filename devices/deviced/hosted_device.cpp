@@ -1,0 +1,74 @@
+#include "hosted_device.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "drivers.hpp"
+
+namespace rtpm::deviced {
+namespace {
+
+/// A thread's name has at most 15 bytes.
+std::string thread_name_of(const DeviceSettings& device) {
+  return ("dev-" + device.name).substr(0, 15);
+}
+
+gvd::DeviceServerConfig config_of(const Configuration& configuration, const DeviceSettings& device,
+                                  const driver::Descriptor& descriptor) {
+  gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor.limits);
+  if (device.force_max_newton > 0) {
+    safety.force_newton_max = std::min(safety.force_newton_max, device.force_max_newton);
+  }
+  safety.hold_max = device.hold_max;
+  safety.ramp = device.ramp;
+  safety.soft_start = device.soft_start;
+  const double rate_hz = device.rate_hz > 0 ? device.rate_hz : descriptor.rate_hz;
+  gvd::DeviceServerConfig config;
+  config.cycle.period =
+      std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
+  config.cycle.lease = configuration.lease;
+  config.cycle.operator_priority = configuration.operator_priority;
+  config.cycle.safety = safety;
+  config.starts_without_device = true;
+  config.thread.name = thread_name_of(device);
+  config.thread.priority = device.priority;
+  config.thread.cpus = device.cpus;
+  config.thread.realtime = configuration.settings.server.realtime;
+  return config;
+}
+
+}  // namespace
+
+expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
+    const Configuration& configuration, const DeviceSettings& device) {
+  std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device)));
+  auto driver = make_driver(device);
+  if (!driver) return unexpected{driver.error()};
+  gvd::DeviceServerConfig config = config_of(configuration, device, (*driver)->describe());
+  config.cycle.listener = &hosted->reporter_;
+  auto server = gvd::DeviceServer::create(std::move(*driver), std::move(config));
+  if (!server) return unexpected{server.error()};
+  hosted->server_ = std::move(*server);
+  return hosted;
+}
+
+expected<void, SetupError> HostedDevice::add_to(rpc::Server& server,
+                                                introspection::Catalog& catalog) {
+  if (auto added = server.add(name_, server_->servant()); !added) return added;
+  catalog.add(name_, server_->servant());
+  return {};
+}
+
+expected<void, SetupError> HostedDevice::bind(rpc::Node& node, rpc::Server& server,
+                                              const Configuration& configuration) {
+  if (configuration.registry == kNoRegistry) return {};
+  auto bound = names::Registration::create(
+      node, configuration.registry, name_, server.url(name_),
+      std::string(server_->servant().interface().name), names::Registration::kDefaultLease, {},
+      configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused);
+  if (!bound) return unexpected{bound.error()};
+  registration_ = std::move(*bound);
+  return {};
+}
+
+}  // namespace rtpm::deviced

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "configuration.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/gvd/server.hpp"
+#include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/registration.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/log.hpp"
+
+namespace rtpm::deviced {
+
+/// One device of this program: its driver, its thread, its object and its name.
+/// @threads  set-up from one
+/// @realtime set-up only
+class HostedDevice {
+ public:
+  /// Makes the driver and the device's server.
+  /// @errors   as make_driver() and gvd::DeviceServer::create()
+  [[nodiscard]] static expected<std::unique_ptr<HostedDevice>, SetupError> create(
+      const Configuration& configuration, const DeviceSettings& device);
+
+  /// Adds its objects to `server`.
+  /// @errors   as rpc::Server::add()
+  [[nodiscard]] expected<void, SetupError> add_to(rpc::Server& server,
+                                                  introspection::Catalog& catalog);
+  /// Starts the device's thread.
+  /// @errors   as gvd::DeviceServer::start()
+  [[nodiscard]] expected<void, SetupError> start() { return server_->start(); }
+  /// Binds its name at the registry, if the configuration has one.
+  /// @errors   as names::Registration::create()
+  [[nodiscard]] expected<void, SetupError> bind(rpc::Node& node, rpc::Server& server,
+                                                const Configuration& configuration);
+  /// Removes the name, so that no client finds a server about to end.
+  void unbind() noexcept { registration_.reset(); }
+  void stop() noexcept { server_->stop(); }
+
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+
+ private:
+  /// Logs the device's events to standard error.
+  class Reporter final : public gvd::DeviceListener {
+   public:
+    explicit Reporter(std::string name) : name_(std::move(name)) {}
+    void report(std::string_view text) override { log_.write(name_ + ": " + std::string(text)); }
+
+   private:
+    std::string name_;
+    rt::Log log_{"rtpm-deviced"};
+  };
+
+  explicit HostedDevice(std::string name) : name_(std::move(name)), reporter_(name_) {}
+
+  std::string name_;
+  Reporter reporter_;
+  std::unique_ptr<gvd::DeviceServer> server_{};
+  std::unique_ptr<names::Registration> registration_{};
+};
+
+}  // namespace rtpm::deviced

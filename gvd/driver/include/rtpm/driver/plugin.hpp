@@ -1,0 +1,40 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string_view>
+
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::driver {
+
+/// Raised when Driver, Sample, Command or Descriptor changes in a way that sizes do not show.
+inline constexpr std::uint32_t kPluginAbi = 1;
+inline constexpr std::uint32_t kPluginMagic = 0x52'54'50'44;  ///< "RTPD".
+/// The one symbol of a plug-in.
+inline constexpr const char* kPluginSymbol = "rtpm_driver_plugin";
+
+/// What a plug-in exports: a host compares everything in front of `create` with its own before it
+/// calls anything.
+struct Plugin {
+  std::uint32_t magic = kPluginMagic;
+  std::uint32_t abi = kPluginAbi;
+  std::uint32_t sample_size = sizeof(Sample);
+  std::uint32_t command_size = sizeof(Command);
+  std::uint32_t descriptor_size = sizeof(Descriptor);
+  std::uint32_t compiler_abi = __GXX_ABI_VERSION;
+  /// Makes a driver from the operator's words for it.
+  /// @errors   in words with the remedy
+  expected<std::unique_ptr<Driver>, SetupError> (*create)(std::string_view arguments) = nullptr;
+};
+
+}  // namespace rtpm::driver
+
+/// Makes a shared library a plug-in for rtpm-deviced: once, in one of its sources, outside any
+/// namespace. `function` is as Plugin::create.
+// NOLINTNEXTLINE(cppcoreguidelines-macro-usage)
+#define RTPM_DRIVER_PLUGIN(function)                \
+  extern "C" __attribute__((visibility("default"))) \
+  const rtpm::driver::Plugin rtpm_driver_plugin {   \
+    .create = (function)                            \
+  }
