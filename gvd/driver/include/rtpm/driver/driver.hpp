@@ -1,14 +1,19 @@
 #pragma once
 
 #include <cstdint>
+#include <memory>
+#include <span>
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/driver/calibration.hpp"
 #include "rtpm/driver/command.hpp"
 #include "rtpm/driver/descriptor.hpp"
+#include "rtpm/driver/parameter.hpp"
 #include "rtpm/driver/sample.hpp"
 
 namespace rtpm::driver {
@@ -36,6 +41,7 @@ struct DriverConfig {
 ///
 ///     describe()   at any time
 ///     configure() → activate() → exchange() … exchange() → deactivate()
+///     parameters(), set_parameters(), calibrations(), make_calibration()   between any of these
 ///
 /// A failed configure() or activate() leaves the driver as before it. After deactivate() comes
 /// configure() or the end.
@@ -77,6 +83,29 @@ class Driver {
   /// Sets the force to zero and closes the device, even one that is gone. No effect if not active.
   /// @realtime set-up only
   virtual void deactivate() noexcept = 0;
+
+  /// The device's parameters: constant, available in every state. By default none.
+  /// @realtime set-up only
+  [[nodiscard]] virtual std::vector<ParameterSpec> parameters() const { return {}; }
+
+  /// Changes parameters, all of `settings` or none. Each is one of parameters(), at most once, of
+  /// its type, within its range, and mutable in the present state; check what depends on several.
+  /// On success `settings` holds the values as the device has taken them, such as rounded to its
+  /// steps. Called in any state, between two exchange(). The driver keeps the values across
+  /// deactivate() and configure(), and for as long as the device is gone.
+  /// @realtime set-up only; ends within a few milliseconds, because exchange() waits meanwhile
+  /// @errors   in words with the remedy; nothing has changed
+  [[nodiscard]] virtual expected<void, SetupError> set_parameters(
+      std::span<ParameterSetting> settings);
+
+  /// The device's calibrations, constant. By default none.
+  /// @realtime set-up only
+  [[nodiscard]] virtual std::vector<CalibrationInfo> calibrations() const { return {}; }
+
+  /// Makes a run of the calibration `name`, based on the present values of the parameters; null: no
+  /// such calibration. Called between two exchange().
+  /// @realtime set-up only
+  [[nodiscard]] virtual std::unique_ptr<Calibration> make_calibration(std::string_view name);
 };
 
 }  // namespace rtpm::driver

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "rtpm/driver/parameter.hpp"
+#include "rtpm/driver/sample.hpp"
+
+namespace rtpm::driver {
+
+/// A calibration that a device offers.
+struct CalibrationInfo {
+  std::string name;         ///< As a parameter's: "encoder_offset".
+  std::string description;  ///< What it determines and what the operator has to do, one sentence.
+};
+
+/// It needs further samples.
+struct CalibrationRunning {
+  double progress = 0;  ///< 0 to 1, of the whole calibration.
+};
+
+/// It waits for an answer. Samples go on arriving, and may end the prompt.
+struct CalibrationPrompt {
+  double progress = 0;
+  std::string text;                    ///< What the operator is to do, one sentence.
+  std::vector<std::string> answers{};  ///< The answers it takes, at least one: "ready", "skip".
+};
+
+/// It is over with a result, which a client keeps or discards.
+struct CalibrationDone {
+  std::vector<ParameterSetting> settings{};  ///< Of the device's parameters.
+  std::string summary{};  ///< One sentence for the operator: "the offset is (1, 0, 2) mm ± 0.1 mm".
+};
+
+/// It is over without a result.
+struct CalibrationFailed {
+  std::string reason;  ///< Cause and remedy as a clause: "the arm moved; leave it at rest".
+};
+
+using CalibrationState =
+    std::variant<CalibrationRunning, CalibrationPrompt, CalibrationDone, CalibrationFailed>;
+
+/// One run of a calibration: a state machine without clock, thread and hardware. It sees samples
+/// and answers, and ends with values of parameters or a reason. It changes nothing itself.
+/// @ownership refers to nothing of its driver: it copies what it needs when it is made
+/// @threads  one at a time; never the device's
+class Calibration {
+ public:
+  Calibration() = default;
+  Calibration(const Calibration&) = delete;
+  Calibration& operator=(const Calibration&) = delete;
+  virtual ~Calibration() = default;
+
+  /// Takes a sample of the active device; with an answer if one came to the present prompt. Samples
+  /// are in order, but not every cycle's: use Sample::sequence and host_time for their distance.
+  /// The first call has no answer. Not called again after CalibrationDone or CalibrationFailed.
+  /// @param answer  one of the present prompt's answers
+  /// @realtime set-up only
+  [[nodiscard]] virtual CalibrationState step(const Sample& sample,
+                                              std::optional<std::string_view> answer) = 0;
+};
+
+}  // namespace rtpm::driver
