@@ -1,0 +1,20 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <system_error>
+
+#include "rtpm/base/expected.hpp"
+
+namespace rtpm::rt {
+
+/// Replaces the content of the file at `path`, or makes the file, so that after a crash or a power
+/// failure it has either the old or the new content, and the new one once this has returned.
+/// Writes `path`.new beside it first.
+/// @threads  one per path at a time
+/// @realtime set-up only: waits for the disk
+/// @errors   the operating system's; the old file is still there
+[[nodiscard]] expected<void, std::error_code> replace_file(const std::string& path,
+                                                           std::string_view content);
+
+}  // namespace rtpm::rt
