@@ -1,0 +1,54 @@
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/configuration/configurable.hpp"
+#include "rtpm/rpc/servant.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::gvd {
+
+/// Configures a configuration manager.
+struct ConfigurationManagerConfig {
+  /// Where settings are saved; it and the folder above it, which must exist, must be writable.
+  /// Empty: nowhere, and save() is refused.
+  std::string settings_folder{};
+  ParameterListener* listener = nullptr;  ///< May be null; must outlive the manager.
+  rt::ThreadConfig thread{.name = "configuration", .realtime = rt::RealtimeMode::kOff};
+};
+
+/// Serves the parameters and calibrations of one device, on a time-shared thread of its own: the
+/// paper's Configuration Manager. Calls wait for it, and it waits for the device and the disk; the
+/// device waits for neither.
+/// @ownership refers to its device, which must outlive it
+/// @threads  create and end from one thread
+class ConfigurationManager {
+ public:
+  /// Loads the saved settings and applies them to `device`, then starts. Create it before the
+  /// device's thread starts, so that no cycle sees other values.
+  /// @realtime set-up only
+  /// @errors   an invalid parameter; a settings file that is refused, see SettingsStore::load();
+  /// the
+  ///           device refuses its values
+  [[nodiscard]] static expected<std::unique_ptr<ConfigurationManager>, SetupError> create(
+      Configurable& device, const ConfigurationManagerConfig& config = {});
+  ConfigurationManager(const ConfigurationManager&) = delete;
+  ConfigurationManager& operator=(const ConfigurationManager&) = delete;
+  /// Ends the thread, behind a running request. Stop the rpc::Server before.
+  ~ConfigurationManager();
+
+  /// The object for an rpc::Server, at configuration_path() of the device's; lives as long as this.
+  [[nodiscard]] rpc::Servant& servant() noexcept;
+  /// A sentence for each parameter in the settings file that was ignored.
+  [[nodiscard]] const std::vector<std::string>& ignored() const noexcept;
+
+ private:
+  struct Impl;
+  explicit ConfigurationManager(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::gvd

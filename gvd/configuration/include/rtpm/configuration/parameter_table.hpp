@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/configuration/error.hpp"
+#include "rtpm/driver/parameter.hpp"
+
+namespace rtpm::gvd {
+
+/// A device's parameters with their values and revision: what a change must satisfy, without
+/// device, thread and clock.
+/// @ownership a value
+/// @threads  one at a time
+/// @realtime set-up only
+class ParameterTable {
+ public:
+  /// A table of `specs` with their defaults as values.
+  /// @errors   an invalid specification, two of one name, more than driver::kParameterCountMax
+  [[nodiscard]] static expected<ParameterTable, SetupError> create(
+      std::vector<driver::ParameterSpec> specs, std::uint64_t first_revision = 1);
+
+  [[nodiscard]] const std::vector<driver::ParameterSpec>& specs() const noexcept { return specs_; }
+  /// Values, in the order of specs().
+  [[nodiscard]] const std::vector<driver::ParameterValue>& values() const noexcept {
+    return values_;
+  }
+  /// Increases with each change of a value.
+  [[nodiscard]] std::uint64_t revision() const noexcept { return revision_; }
+
+  /// Values by name; of no names: all.
+  /// @errors   kUnknownParameter
+  [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> settings(
+      std::span<const std::string> names = {}) const;
+  /// The settings that differ from their defaults.
+  [[nodiscard]] std::vector<driver::ParameterSetting> changed_settings() const;
+  /// What resets the named parameters, of no names all that a client may change: the defaults of
+  /// those that differ.
+  /// @errors   kUnknownParameter
+  [[nodiscard]] expected<std::vector<driver::ParameterSetting>, ConfigurationError> reset(
+      std::span<const std::string> names) const;
+
+  /// Whether `revision` is the present one.
+  /// @errors   kStaleRevision
+  [[nodiscard]] expected<void, ConfigurationError> check_revision(std::uint64_t revision) const;
+  /// Whether every one of `settings` may be applied in this state.
+  /// @errors   kUnknownParameter, kRepeatedParameter, kReadOnly, kWrongType, kOutOfRange,
+  ///           kWrongState, of the first that may not
+  [[nodiscard]] expected<void, ConfigurationError> check(
+      std::span<const driver::ParameterSetting> settings, bool is_active) const;
+  /// Whether one of `settings`, which check() accepts, needs an inactive device.
+  [[nodiscard]] bool needs_inactive(std::span<const driver::ParameterSetting> settings) const;
+  /// Takes values as the device has taken them; returns the names of those that changed.
+  std::vector<std::string> commit(std::span<const driver::ParameterSetting> applied);
+
+ private:
+  ParameterTable(std::vector<driver::ParameterSpec> specs, std::uint64_t first_revision);
+  [[nodiscard]] std::size_t index_of(std::string_view name) const noexcept;
+  [[nodiscard]] ConfigurationError unknown(const std::string& name) const;
+
+  std::vector<driver::ParameterSpec> specs_;
+  std::vector<driver::ParameterValue> values_{};
+  std::uint64_t revision_;
+};
+
+}  // namespace rtpm::gvd
