@@ -72,6 +72,20 @@ class PluginDriver final : public Driver {
     return driver_->exchange(command, sample);
   }
   void deactivate() noexcept override { driver_->deactivate(); }
+  [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override {
+    return driver_->parameters();
+  }
+  [[nodiscard]] expected<void, SetupError> set_parameters(
+      std::span<driver::ParameterSetting> settings) override {
+    return guarded(file_, "set_parameters()", [&] { return driver_->set_parameters(settings); });
+  }
+  [[nodiscard]] std::vector<driver::CalibrationInfo> calibrations() const override {
+    return driver_->calibrations();
+  }
+  [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
+      std::string_view name) override {
+    return driver_->make_calibration(name);
+  }
 
  private:
   std::string file_;
