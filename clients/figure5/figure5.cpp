@@ -1,6 +1,6 @@
-// The program of the paper's Figure 5, line by line where it can be: opens a haptic device, reads a
-// position at a high priority and another at a low one, sends a force back; beside it, a consumer
-// prints the device's position at its own pace.
+// The program of the paper's Figure 5, line by line where it can be, with both of its models: a
+// client opens a haptic device, reads a position at a high priority and another at a low one and
+// sends a force back; a consumer gets the device's samples as events, at its own pace.
 #include <cstdio>
 #include <string>
 
@@ -41,10 +41,12 @@ int fail(const std::string& text) {
 
 int main(int argc, char** argv) {
   std::string device = "lab/arm0";
+  std::string hub{rtpm::events::kHubPath};
   std::string registry{rtpm::names::kDefaultRegistryUrl};
   rtpm::options::Options options("rtpm-figure5",
                                  "the paper's Figure 5: one device, two ways to use it");
   options.add("device", device, "The device's name, or its URL");
+  options.add("events", hub, "The hub of the device's events, by name or URL");
   options.add_registry(registry);
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
 
@@ -59,7 +61,9 @@ int main(int argc, char** argv) {
     return fail("no right to command " + device + ": " + std::string(to_string(acquired.error())));
   }
   PositionPrinter printer;
-  auto consumer = rtpm::gvd::DeviceConsumer::start(node, device, {.rate_hz = 2}, printer);
+  rtpm::gvd::DeviceConsumerConfig config{.hub = hub};
+  config.subscription.delivery.interval = std::chrono::milliseconds{500};
+  auto consumer = rtpm::gvd::DeviceConsumer::start(node, device, config, printer);
   if (!consumer) return fail(consumer.error().text());
 
   while (!stop.wait_for(std::chrono::milliseconds{5})) {

@@ -77,6 +77,10 @@ std::vector<rpc::LaneConfig> default_lanes() {
 
 void add_service(options::Options& options, Configuration& configuration) {
   options.add_registry(configuration.registry);
+  options.add("events", configuration.events,
+              "The hub that gets the devices' events, by name or URL; 'none': no events");
+  options.add("serve-events", configuration.serves_events,
+              "Serve that hub in this program, instead of rtpm-eventd, and bind its name");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};
@@ -102,6 +106,10 @@ std::optional<int> check(const options::Options& options, const Configuration& c
   if (configuration.settings.server.host == "0.0.0.0") {
     return options.usage_error(
         "--host 0.0.0.0 is no address that clients can connect to; give one of this host's");
+  }
+  if (configuration.serves_events &&
+      (configuration.events == kNoHub || configuration.events.starts_with("rtpm://"))) {
+    return options.usage_error("--serve-events needs --events with the name that its hub gets");
   }
   for (const DeviceSettings& device : configuration.devices) {
     const std::string key = "--device-" + device.name;

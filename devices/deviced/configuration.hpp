@@ -7,6 +7,7 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/events/defaults.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/options/options.hpp"
 #include "rtpm/options/server_options.hpp"
@@ -38,7 +39,9 @@ struct Configuration {
   std::vector<DeviceSettings> devices{};   ///< One per name.
   options::ServerSettings settings{};      ///< Its server's.
   std::string registry{};
-  bool allows_takeover = false;  ///< Of its names, from a live server.
+  std::string events{events::kHubPath};  ///< The hub's name or URL.
+  bool serves_events = false;            ///< The hub is this program's.
+  bool allows_takeover = false;          ///< Of its names, from a live server.
   gvd::LeaseConfig lease{};
   Priority operator_priority = gvd::CycleConfig{}.operator_priority;
 
@@ -48,6 +51,8 @@ struct Configuration {
   }
 };
 
+/// The hub that stands for "push no events".
+inline constexpr const char* kNoHub = "none";
 /// The registry's URL that stands for "serve without a registry".
 inline constexpr const char* kNoRegistry = "none";
 

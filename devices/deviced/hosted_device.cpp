@@ -40,15 +40,20 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
 }  // namespace
 
 expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
-    const Configuration& configuration, const DeviceSettings& device) {
+    const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events) {
   std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device)));
   auto driver = make_driver(device);
   if (!driver) return unexpected{driver.error()};
   gvd::DeviceServerConfig config = config_of(configuration, device, (*driver)->describe());
   config.cycle.listener = &hosted->reporter_;
+  config.cycle.emergency_stops = &events;
+  auto observer = events.observe(hosted->name_);
+  if (!observer) return unexpected{observer.error()};
+  config.cycle.observer = *observer;
   auto server = gvd::DeviceServer::create(std::move(*driver), std::move(config));
   if (!server) return unexpected{server.error()};
   hosted->server_ = std::move(*server);
+  events.add(*hosted->server_);
   return hosted;
 }
 

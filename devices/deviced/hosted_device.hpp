@@ -4,6 +4,7 @@
 #include <string>
 
 #include "configuration.hpp"
+#include "device_events.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/introspection/catalog.hpp"
@@ -20,9 +21,9 @@ namespace rtpm::deviced {
 class HostedDevice {
  public:
   /// Makes the driver and the device's server.
-  /// @errors   as make_driver() and gvd::DeviceServer::create()
+  /// @errors   as make_driver(), DeviceEvents::observe() and gvd::DeviceServer::create()
   [[nodiscard]] static expected<std::unique_ptr<HostedDevice>, SetupError> create(
-      const Configuration& configuration, const DeviceSettings& device);
+      const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events);
 
   /// Adds its objects to `server`.
   /// @errors   as rpc::Server::add()

@@ -7,8 +7,10 @@
 #include <vector>
 
 #include "configuration.hpp"
+#include "device_events.hpp"
 #include "hosted_device.hpp"
 #include "rtpm/introspection/catalog.hpp"
+#include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
@@ -24,10 +26,11 @@ int fail(const SetupError& error) {
   return 1;
 }
 
-expected<Devices, SetupError> create_devices(const Configuration& configuration) {
+expected<Devices, SetupError> create_devices(const Configuration& configuration,
+                                             DeviceEvents& events) {
   Devices devices;
   for (const DeviceSettings& settings : configuration.devices) {
-    auto device = HostedDevice::create(configuration, settings);
+    auto device = HostedDevice::create(configuration, settings, events);
     if (!device) return unexpected{device.error()};
     devices.push_back(std::move(*device));
   }
@@ -48,10 +51,15 @@ expected<void, SetupError> start(Devices& devices, rpc::Server& server,
 
 int serve(const Configuration& configuration) {
   const options::StopSignal stop;
-  auto devices = create_devices(configuration);
-  if (!devices) return fail(devices.error());
   const auto prepared = options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error());
+  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  names::RegistryResolver resolver(node, configuration.registry);
+  if (configuration.registry != kNoRegistry) node.use(resolver);
+  auto events = DeviceEvents::create(node, configuration);
+  if (!events) return fail(events.error());
+  auto devices = create_devices(configuration, **events);
+  if (!devices) return fail(devices.error());
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));
@@ -59,12 +67,14 @@ int serve(const Configuration& configuration) {
   introspection::Catalog catalog;
   if (auto started = start(*devices, **server, catalog); !started) return fail(started.error());
 
-  rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
+  if (auto started = (*events)->start_publishing(); !started) return fail(started.error());
   for (const auto& device : *devices) {
     if (auto bound = device->bind(node, **server, configuration); !bound) {
       return fail(bound.error());
     }
   }
+  // The last step that may fail: until stop() it refers to the devices.
+  if (auto joined = (*events)->join_system(node); !joined) return fail(joined.error());
   options::show_setup(configuration.settings);
   for (const auto& device : *devices) {
     std::printf("serving %s at %s\n", device->name().c_str(),
@@ -76,6 +86,7 @@ int serve(const Configuration& configuration) {
   // The names first, so that no client finds a server about to end; then calls, then the devices.
   for (const auto& device : *devices)
     device->unbind();
+  (*events)->stop();
   (*server)->stop();
   for (const auto& device : *devices)
     device->stop();

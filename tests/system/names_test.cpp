@@ -7,7 +7,7 @@
 
 #include "programs.hpp"
 #include "rtpm/gvd/client.hpp"
-#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/gvd/poller.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/test/os.hpp"
@@ -61,9 +61,9 @@ TEST_F(Names, LeadDisplaysAndClientsToADeviceThatCameBackAtAnotherPort) {
   ASSERT_TRUE(arm) << arm.error().text();
   ASSERT_TRUE(arm->acquire(kPatience));
   CountingSink sink;
-  gvd::DeviceConsumerConfig config{.rate_hz = 100};
+  gvd::DevicePollerConfig config{.rate_hz = 100};
   config.thread.realtime = rt::RealtimeMode::kOff;
-  const auto consumer = gvd::DeviceConsumer::start(node_, "lab/arm0", config, sink);
+  const auto consumer = gvd::DevicePoller::start(node_, "lab/arm0", config, sink);
   ASSERT_TRUE(consumer) << consumer.error().text();
   ASSERT_TRUE(test::await([&] { return sink.count > 0; }));
   const std::string former = arm->url();

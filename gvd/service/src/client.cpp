@@ -164,8 +164,8 @@ DeviceResult DeviceClient::activate() {
 DeviceResult DeviceClient::deactivate() {
   return result_of(impl_->stub.deactivate(impl_->holder()));
 }
-DeviceResult DeviceClient::emergency_stop() {
-  return result_of(impl_->stub.emergency_stop());
+DeviceResult DeviceClient::emergency_stop(StopScope scope) {
+  return result_of(impl_->stub.emergency_stop(device::Stop{static_cast<device::StopScope>(scope)}));
 }
 DeviceResult DeviceClient::rearm() {
   return result_of(impl_->stub.rearm(impl_->holder()));

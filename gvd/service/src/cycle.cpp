@@ -170,7 +170,7 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   const bool has_command = newest != nullptr && now < newest->wrench.deadline;
   success_.record(status == ExchangeStatus::kOk && missed_count == 0 &&
                   (holder == Lease::kNobody || has_command));
-  publish();
+  publish(now);
 }
 
 ExchangeStatus DeviceCycle::exchange(const driver::Command& command) noexcept {
@@ -219,10 +219,10 @@ void DeviceCycle::rest(MonotonicTime now) noexcept {
     sample_.faults.set(Fault::kDeviceGone);
     success_.record(false);
   }
-  publish();
+  publish(now);
 }
 
-void DeviceCycle::publish() noexcept {
+void DeviceCycle::publish(MonotonicTime now) noexcept {
   sample_.sequence = counters_.cycle_count;
   sample_.success_rate = success_.share();
   sample_.lifecycle = lifecycle();
@@ -232,6 +232,21 @@ void DeviceCycle::publish() noexcept {
   counters_.lease_idle_count = lease_.idle_count();
   counters_.lease_taken_over_count = lease_.taken_over_count();
   published_counters_.write(counters_);
+  show_observer(now);
+}
+
+void DeviceCycle::show_observer(MonotonicTime now) noexcept {
+  if (config_.observer == nullptr) return;
+  const std::uint64_t holder = lease_.holder();
+  if (holder != shown_holder_) {
+    shown_end_ = lease_.state_of(shown_holder_);
+    shown_holder_ = holder;
+  }
+  config_.observer->on_cycle({.time = now,
+                              .sample = sample_,
+                              .lease_serial = Lease::serial_of(holder),
+                              .is_held = holder != Lease::kNobody,
+                              .last_end = shown_end_});
 }
 
 bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {

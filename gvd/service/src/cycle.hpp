@@ -126,7 +126,8 @@ class DeviceCycle {
   [[nodiscard]] expected<void, SetupError> open();
   void lose() noexcept;
   void rest(MonotonicTime now) noexcept;
-  void publish() noexcept;
+  void publish(MonotonicTime now) noexcept;
+  void show_observer(MonotonicTime now) noexcept;
   [[nodiscard]] bool has_lease_report() const noexcept;
   void report_lease();
   void report(std::string_view text) const;
@@ -157,6 +158,8 @@ class DeviceCycle {
   HeldCommand held_{};
   std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
+  std::uint64_t shown_holder_ = Lease::kNobody;  ///< To the observer.
+  LeaseState shown_end_ = LeaseState::kUnknown;
   SuccessRate success_{};
   DeviceCounters counters_{};
   std::uint32_t bad_cycle_count_ = 0;

@@ -26,6 +26,9 @@ std::string_view to_string(const DeviceError& error) noexcept {
       return "the device does not take commands of this mode; its description lists those it takes";
     case DeviceOutcome::kEmergencyStop:
       return "an emergency stop is in force; remove its cause, then rearm the device";
+    case DeviceOutcome::kNotInSystem:
+      return "the device's server takes no part in the system-wide stop; its own devices are "
+             "stopped, so stop the others one by one";
     case DeviceOutcome::kNoSample:
       return "the device has taken no sample yet; read again";
     case DeviceOutcome::kCallFailed:

@@ -82,8 +82,16 @@ rpc::Result<device::Outcome> DeviceServant::deactivate(const device::Holder& req
   return to_wire(cycle_.request(request.lease(), Transition::kDeactivate));
 }
 
-rpc::Result<device::Outcome> DeviceServant::emergency_stop(const rpc::CallContext&) {
+rpc::Result<device::Outcome> DeviceServant::emergency_stop(const device::Stop& request,
+                                                           const rpc::CallContext&) {
+  // A scope of a later version stops at least the device.
   cycle_.emergency_stop();
+  EmergencyStops* const others = cycle_.config().emergency_stops;
+  if (request.scope() == device::StopScope::Server && others != nullptr) others->stop_devices();
+  if (request.scope() == device::StopScope::System &&
+      (others == nullptr || !others->stop_system())) {
+    return device::Outcome{device::OutcomeCode::NotInSystem};
+  }
   return device::Outcome{device::OutcomeCode::Done};
 }
 

@@ -35,7 +35,8 @@ class DeviceServant final : public device::DeviceServant {
   rpc::Result<device::Lease> take_over(const rpc::CallContext& context) override;
   rpc::Result<device::LeaseStanding> lease_state(const device::Holder& request,
                                                  const rpc::CallContext& context) override;
-  rpc::Result<device::Outcome> emergency_stop(const rpc::CallContext& context) override;
+  rpc::Result<device::Outcome> emergency_stop(const device::Stop& request,
+                                              const rpc::CallContext& context) override;
   rpc::Result<device::Outcome> rearm(const device::Holder& request,
                                      const rpc::CallContext& context) override;
 

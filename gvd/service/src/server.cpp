@@ -180,6 +180,9 @@ expected<void, SetupError> DeviceServer::start() {
 void DeviceServer::stop() noexcept {
   impl_->stop();
 }
+void DeviceServer::emergency_stop() noexcept {
+  impl_->cycle.emergency_stop();
+}
 rpc::Servant& DeviceServer::servant() noexcept {
   return impl_->servant;
 }

@@ -9,7 +9,7 @@
 
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/client.hpp"
-#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/gvd/poller.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -409,10 +409,10 @@ class Collector final : public SampleSink {
   std::uint64_t last_sequence = 0;
 };
 
-TEST_F(Served, AConsumerReceivesNewSamplesAtItsOwnPace) {
+TEST_F(Served, APollerReceivesNewSamplesAtItsOwnPace) {
   serve_sim();
   Collector collector;
-  auto consumer = DeviceConsumer::start(node_, url_, {.rate_hz = 200}, collector);
+  auto consumer = DevicePoller::start(node_, url_, {.rate_hz = 200}, collector);
   ASSERT_TRUE(consumer) << consumer.error().text();
   EXPECT_TRUE(eventually([&] { return collector.count > 10; }));
   consumer->stop();
@@ -422,10 +422,10 @@ TEST_F(Served, AConsumerReceivesNewSamplesAtItsOwnPace) {
   EXPECT_FALSE(consumer->last_error());
 }
 
-TEST_F(Served, AConsumerCountsWhatFailsAndGoesOn) {
+TEST_F(Served, APollerCountsWhatFailsAndGoesOn) {
   serve_sim();
   Collector collector;
-  auto consumer = DeviceConsumer::start(node_, url_, {.rate_hz = 1000}, collector);
+  auto consumer = DevicePoller::start(node_, url_, {.rate_hz = 1000}, collector);
   ASSERT_TRUE(consumer);
   EXPECT_TRUE(eventually([&] { return collector.count > 0; }));
   server_->stop();
@@ -433,9 +433,9 @@ TEST_F(Served, AConsumerCountsWhatFailsAndGoesOn) {
   EXPECT_TRUE(consumer->last_error());
 }
 
-TEST_F(Served, AConsumerRefusesARateThatCantBe) {
+TEST_F(Served, APollerRefusesARateThatCantBe) {
   Collector collector;
-  const auto consumer = DeviceConsumer::start(node_, "x", {.rate_hz = 0}, collector);
+  const auto consumer = DevicePoller::start(node_, "x", {.rate_hz = 0}, collector);
   ASSERT_FALSE(consumer);
   EXPECT_EQ(consumer.error().remedy, "choose 0.1 to 10000 Hz");
 }

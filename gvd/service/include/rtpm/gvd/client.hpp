@@ -12,6 +12,7 @@
 #include "rtpm/driver/command.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/emergency.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/rpc/binding.hpp"
@@ -122,10 +123,11 @@ class DeviceClient {
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed
   [[nodiscard]] DeviceResult deactivate();
-  /// Takes the force away at once and refuses commands until rearm(). Needs no lease.
+  /// Takes the force away at once and refuses commands until rearm(), of each device in `scope`.
+  /// Needs no lease.
   /// @realtime set-up only
-  /// @errors   kCallFailed
-  [[nodiscard]] DeviceResult emergency_stop();
+  /// @errors   kNotInSystem, with kSystem · kCallFailed
+  [[nodiscard]] DeviceResult emergency_stop(StopScope scope = StopScope::kDevice);
   /// Ends an emergency stop; the force returns by soft start.
   /// @realtime set-up only
   /// @errors   kNotHolder · kCallFailed

@@ -2,77 +2,79 @@
 
 #include <cstdint>
 #include <memory>
-#include <optional>
+#include <span>
 #include <string>
 #include <string_view>
+#include <vector>
 
-#include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
-#include "rtpm/base/time.hpp"
-#include "rtpm/driver/sample.hpp"
-#include "rtpm/rpc/error.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/gvd/device_event.hpp"
+#include "rtpm/gvd/sample_sink.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/rt/thread.hpp"
 
 namespace rtpm::gvd {
 
-/// Configures a consumer.
+/// Configures a consumer of devices' events.
 struct DeviceConsumerConfig {
-  double rate_hz = 60;  ///< Polling rate, 0.1 to 10000.
-  /// Its thread, whose priority, if any, is also that of its calls.
-  rt::ThreadConfig thread{.name = "consumer"};
-  Priority priority = 1000;  ///< Of its calls, if its thread has none.
+  std::string hub{events::kHubPath};  ///< A name or a URL.
+  /// The devices that DeviceEvent::device names.
+  std::vector<std::string> devices{};
+  /// Filter, delivery, priority and all else of the subscription. Without a filter it receives the
+  /// samples and changes of `devices`. The fields of devices' events need no `types`.
+  events::ConsumerConfig subscription{.name = "devices"};
 };
 
-/// Counters of a consumer.
-struct DeviceConsumerCounters {
-  std::uint64_t pushed_count = 0;     ///< Samples handed to the sink.
-  std::uint64_t unchanged_count = 0;  ///< Polls without a newer sample.
-  std::uint64_t failed_count = 0;     ///< Failed polls.
-};
-
-/// Receives samples; implemented by displays and loggers, as in the paper's Figure 5.
-class SampleSink {
+/// Receives devices' events.
+/// @threads  one call at a time; see events::EventHandler
+class DeviceEventHandler {
  public:
-  SampleSink() = default;
-  SampleSink(const SampleSink&) = delete;
-  SampleSink& operator=(const SampleSink&) = delete;
-  virtual ~SampleSink() = default;
-  /// Receives one sample. May block or allocate: only this consumer waits.
-  /// @threads  the consumer's, one call at a time
-  virtual void push(const driver::Sample& sample) = 0;
+  DeviceEventHandler() = default;
+  DeviceEventHandler(const DeviceEventHandler&) = delete;
+  DeviceEventHandler& operator=(const DeviceEventHandler&) = delete;
+  virtual ~DeviceEventHandler() = default;
+  /// One delivery: an event, or the events of a conjunction in the order of the filter's children.
+  /// Valid during the call.
+  virtual void on_events(std::span<const DeviceEvent> events) = 0;
+  /// What the hub tells besides: subscribed, interrupted, subscribed again after a gap, losses.
+  virtual void on_notice(const events::Notice& notice) { static_cast<void>(notice); }
 };
 
-/// Polls a device's newest sample on a thread of its own, at its own rate and priority, and passes
-/// each new one to a sink: the paper's GVDConsumer, for displays and loggers. Samples between two
-/// polls are not seen. Failed polls are counted and repeated; a name is followed as rpc::Binding
-/// does.
-/// @ownership refers to its node and its sink, which must outlive it
-/// @threads  start and stop from one thread; the rest from any
+/// Subscribes to devices' events at a hub: the paper's GVDConsumer. It decides what, how often and
+/// at which priority, and the devices never wait for it:
+///
+///     DeviceConsumerConfig config{.devices = {"lab/arm0", "lab/gaze0"}};
+///     config.subscription.filter = events::any_of(
+///         {events::correlate({pressed("lab/arm0", 0), samples_of("lab/gaze0")}, 5ms),
+///          events::silence(50ms)});
+///     auto consumer = DeviceConsumer::start(node, config, handler);
+///
+/// It subscribes again by itself when the hub restarts, and tells the gap. A device that is absent
+/// is no error: its events come when it does.
+/// @ownership refers to its node and handler, which must outlive it
+/// @threads  any
 class DeviceConsumer {
  public:
-  /// Binds `device`, a name or a URL, and starts.
   /// @realtime set-up only
-  /// @errors   as rpc::Binding::bind(); a rate out of range; missing real-time rights with
-  ///           RealtimeMode::kRequire
-  [[nodiscard]] static expected<DeviceConsumer, SetupError> start(
-      rpc::Node& node, std::string_view device, const DeviceConsumerConfig& config,
-      SampleSink& sink);
+  /// @errors   as events::Consumer::create(): no hub answers, or it refuses the filter
+  [[nodiscard]] static expected<DeviceConsumer, SetupError> start(rpc::Node& node,
+                                                                  DeviceConsumerConfig config,
+                                                                  DeviceEventHandler& handler);
+  /// Only the samples of `device`, by its name. `config.devices` and the filter are replaced.
+  [[nodiscard]] static expected<DeviceConsumer, SetupError> start(rpc::Node& node,
+                                                                  std::string_view device,
+                                                                  DeviceConsumerConfig config,
+                                                                  SampleSink& sink);
   DeviceConsumer(DeviceConsumer&&) noexcept;
   DeviceConsumer& operator=(DeviceConsumer&&) noexcept;
-  /// Stops.
+  /// Unsubscribes, and waits until the handler has returned.
   ~DeviceConsumer();
 
-  /// Ends the thread after a running push(). May be repeated; not from push().
-  void stop() noexcept;
-
-  /// @threads  any
-  /// @realtime alloc-free
-  [[nodiscard]] DeviceConsumerCounters counters() const noexcept;
-  /// Why the last poll failed; nullopt: it did not.
-  /// @threads  any
-  /// @realtime alloc-free
-  [[nodiscard]] std::optional<rpc::CallError> last_error() const noexcept;
+  /// To change, suspend or end the subscription, and for its counters.
+  [[nodiscard]] events::Consumer& subscription() noexcept;
+  /// Events omitted because they are malformed, of another version, or of no device.
+  [[nodiscard]] std::uint64_t unreadable_count() const noexcept;
 
  private:
   struct Impl;

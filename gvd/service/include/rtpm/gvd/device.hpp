@@ -7,7 +7,9 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/time.hpp"
+#include "rtpm/gvd/emergency.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/gvd/observer.hpp"
 #include "rtpm/gvd/safety.hpp"
 
 namespace rtpm::gvd {
@@ -35,6 +37,9 @@ struct CycleConfig {
   /// Limits of the safety filter; nullopt: SafetyConfig::for_device().
   std::optional<SafetyConfig> safety{};
   DeviceListener* listener = nullptr;  ///< May be null; must outlive the device's server.
+  CycleObserver* observer = nullptr;   ///< Likewise.
+  /// Of the program that hosts the device; likewise. Null: it hosts no other.
+  EmergencyStops* emergency_stops = nullptr;
 };
 
 /// Counters of a device.

@@ -21,10 +21,11 @@ enum class DeviceOutcome : std::uint8_t {
   kTooMany = 8,                ///< Too many concurrent commands. Command from fewer threads.
   kWrongMode = 9,              ///< The device does not have the mode. See Descriptor::modes.
   kEmergencyStop = 10,         ///< An emergency stop is in force. Remove its cause, then rearm().
-  kNoSample = 254,             ///< The device has taken no sample yet. Read again.
-  kCallFailed = 255,           ///< The call itself failed: DeviceError::call() says why.
+  kNotInSystem = 12,  ///< Only the server's own devices are stopped. Stop the others one by one.
+  kNoSample = 254,    ///< The device has taken no sample yet. Read again.
+  kCallFailed = 255,  ///< The call itself failed: DeviceError::call() says why.
 };
-inline constexpr std::uint8_t kDeviceOutcomeCount = 11;  ///< On the wire.
+inline constexpr std::uint8_t kDeviceOutcomeCount = 13;  ///< On the wire.
 
 /// Why a client's call had no effect: the device refused, or the call failed.
 /// @ownership a value

@@ -57,6 +57,11 @@ class DeviceServer {
   /// @realtime set-up only
   void stop() noexcept;
 
+  /// As DeviceClient::emergency_stop() of this device, in the same process.
+  /// @threads  any
+  /// @realtime alloc-free
+  void emergency_stop() noexcept;
+
   /// The object for an rpc::Server; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;

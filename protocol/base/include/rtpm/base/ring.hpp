@@ -15,8 +15,9 @@ namespace rtpm::inline base {
 /// @threads  push() from one thread, pop() from one other
 /// @realtime wait-free, alloc-free
 template <class T, std::size_t Capacity>
-requires(std::has_single_bit(Capacity) &&
-         std::is_nothrow_default_constructible_v<T>) class SpscRing {
+requires(std::has_single_bit(Capacity) && std::is_default_constructible_v<T> &&
+         std::is_nothrow_move_constructible_v<T> &&
+         std::is_nothrow_move_assignable_v<T>) class SpscRing {
  public:
   /// @return false: the ring is full; `value` is unchanged and stays the caller's
   [[nodiscard]] bool push(T& value) noexcept {

@@ -1,4 +1,4 @@
-#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/gvd/poller.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -12,14 +12,14 @@ namespace {
 
 constexpr double kRateMinHz = 0.1;
 constexpr double kRateMaxHz = 10000;
-/// How long stop() may wait for a sleeping consumer.
+/// How long stop() may wait for a sleeping poller.
 constexpr Duration kSleepMax = std::chrono::milliseconds{100};
 constexpr int kNoError = -1;
 
 }  // namespace
 
-struct DeviceConsumer::Impl {
-  Impl(device::DeviceClient bound, const DeviceConsumerConfig& config, SampleSink& receiver)
+struct DevicePoller::Impl {
+  Impl(device::DeviceClient bound, const DevicePollerConfig& config, SampleSink& receiver)
       : stub(std::move(bound)),
         period(std::chrono::duration_cast<Duration>(
             std::chrono::duration<double>(1.0 / config.rate_hz))),
@@ -83,11 +83,11 @@ struct DeviceConsumer::Impl {
   rt::Thread thread{};
 };
 
-expected<DeviceConsumer, SetupError> DeviceConsumer::start(rpc::Node& node, std::string_view device,
-                                                           const DeviceConsumerConfig& config,
-                                                           SampleSink& sink) {
+expected<DevicePoller, SetupError> DevicePoller::start(rpc::Node& node, std::string_view device,
+                                                       const DevicePollerConfig& config,
+                                                       SampleSink& sink) {
   if (!(config.rate_hz >= kRateMinHz && config.rate_hz <= kRateMaxHz)) {
-    return setup_error("a consumer's rate is out of range", "", "choose 0.1 to 10000 Hz");
+    return setup_error("a poller's rate is out of range", "", "choose 0.1 to 10000 Hz");
   }
   rpc::BindOptions bind;
   bind.warm_up = {config.thread.priority.value_or(config.priority)};
@@ -95,25 +95,25 @@ expected<DeviceConsumer, SetupError> DeviceConsumer::start(rpc::Node& node, std:
   if (!stub) return unexpected{stub.error()};
   auto impl = std::make_unique<Impl>(std::move(*stub), config, sink);
   if (auto started = impl->start(config.thread); !started) return unexpected{started.error()};
-  return DeviceConsumer{std::move(impl)};
+  return DevicePoller{std::move(impl)};
 }
 
-DeviceConsumer::DeviceConsumer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
-DeviceConsumer::DeviceConsumer(DeviceConsumer&&) noexcept = default;
-DeviceConsumer& DeviceConsumer::operator=(DeviceConsumer&&) noexcept = default;
-DeviceConsumer::~DeviceConsumer() = default;
+DevicePoller::DevicePoller(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+DevicePoller::DevicePoller(DevicePoller&&) noexcept = default;
+DevicePoller& DevicePoller::operator=(DevicePoller&&) noexcept = default;
+DevicePoller::~DevicePoller() = default;
 
-void DeviceConsumer::stop() noexcept {
+void DevicePoller::stop() noexcept {
   impl_->stop();
 }
 
-DeviceConsumerCounters DeviceConsumer::counters() const noexcept {
+DevicePollerCounters DevicePoller::counters() const noexcept {
   return {impl_->pushed_count.load(std::memory_order_relaxed),
           impl_->unchanged_count.load(std::memory_order_relaxed),
           impl_->failed_count.load(std::memory_order_relaxed)};
 }
 
-std::optional<rpc::CallError> DeviceConsumer::last_error() const noexcept {
+std::optional<rpc::CallError> DevicePoller::last_error() const noexcept {
   const int error = impl_->last_error.load(std::memory_order_relaxed);
   if (error == kNoError) return std::nullopt;
   return static_cast<rpc::CallError>(error);

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "configuration.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/events/hub_server.hpp"
+#include "rtpm/gvd/emergency.hpp"
+#include "rtpm/gvd/publisher.hpp"
+#include "rtpm/gvd/server.hpp"
+#include "rtpm/gvd/system_stop.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/log.hpp"
+
+namespace rtpm::deviced {
+
+/// What this program's devices push to a hub, perhaps its own, and their emergency stops.
+/// @ownership refers to its node; outlives the devices
+/// @threads  set-up from one; stop_devices() and stop_system() from any
+class DeviceEvents final : public gvd::EmergencyStops {
+ public:
+  /// Serves the hub, if the configuration says so.
+  /// @realtime set-up only
+  /// @errors   as events::HubServer::create()
+  [[nodiscard]] static expected<std::unique_ptr<DeviceEvents>, SetupError> create(
+      rpc::Node& node, const Configuration& configuration);
+
+  /// The observer of the device that is bound as `name`; null: events are off.
+  /// @errors   as gvd::DevicePublisher::add()
+  [[nodiscard]] expected<gvd::CycleObserver*, SetupError> observe(std::string_view name);
+  /// Adds a device to what stop_devices() stops, before the rpc::Server starts.
+  void add(gvd::DeviceServer& device) { devices_.push_back(&device); }
+  /// Begins to push events.
+  /// @errors   as gvd::DevicePublisher::start()
+  [[nodiscard]] expected<void, SetupError> start_publishing();
+  /// Takes part in the system-wide emergency stop, until stop().
+  /// @errors   as gvd::SystemStop::start()
+  [[nodiscard]] expected<void, SetupError> join_system(rpc::Node& node);
+  /// Call before the devices end.
+  void stop() noexcept;
+
+  void stop_devices() noexcept override;
+  [[nodiscard]] bool stop_system() noexcept override;
+
+ private:
+  /// Logs what becomes of the hub.
+  class Reporter final : public gvd::DeviceListener {
+   public:
+    void report(std::string_view text) override { log_.write(std::string(text)); }
+
+   private:
+    rt::Log log_{"rtpm-deviced"};
+  };
+
+  explicit DeviceEvents(const Configuration& configuration);
+
+  std::string hub_url_;  ///< Or its name; empty: events are off.
+  rt::RealtimeMode realtime_;
+  Reporter reporter_{};
+  std::unique_ptr<events::HubServer> hub_{};
+  std::unique_ptr<gvd::DevicePublisher> publisher_{};
+  std::vector<gvd::DeviceServer*> devices_{};
+  std::unique_ptr<gvd::SystemStop> system_stop_{};
+};
+
+}  // namespace rtpm::deviced

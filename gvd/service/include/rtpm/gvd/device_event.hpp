@@ -1,0 +1,101 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <variant>
+#include <vector>
+
+#include "rtpm/driver/sample.hpp"
+#include "rtpm/events/event.hpp"
+#include "rtpm/events/filter.hpp"
+#include "rtpm/gvd/lease.hpp"
+
+/// Events of devices: samples, and changes between two of them.
+namespace rtpm::gvd {
+
+/// Their types.
+/// @source   schema/idl/device_events.fbs
+inline constexpr events::EventType kSampled = 1380974593;
+inline constexpr events::EventType kButtonChanged = 1380974594;
+inline constexpr events::EventType kContactChanged = 1380974595;
+inline constexpr events::EventType kLifecycleChanged = 1380974596;
+inline constexpr events::EventType kFaultChanged = 1380974597;
+inline constexpr events::EventType kLeaseChanged = 1380974598;
+inline constexpr events::EventType kStopChanged = 1380974599;
+inline constexpr events::EventType kConfigurationChanged = 1380974600;
+
+/// The source of a device's events: the 32-bit FNV-1a hash of its name, such as "lab/arm0".
+[[nodiscard]] constexpr events::SourceId source_of(std::string_view device) noexcept {
+  std::uint32_t hash = 0x811c9dc5;
+  for (const char byte : device) {
+    hash = (hash ^ static_cast<std::uint8_t>(byte)) * 0x01000193;
+  }
+  return hash;
+}
+
+/// Samples of a device.
+[[nodiscard]] events::Filter samples_of(std::string_view device);
+/// Everything of a device but its samples.
+[[nodiscard]] events::Filter changes_of(std::string_view device);
+/// Presses, or releases, of one of its buttons.
+[[nodiscard]] events::Filter pressed(std::string_view device, std::size_t button);
+[[nodiscard]] events::Filter released(std::string_view device, std::size_t button);
+
+struct ButtonChange {
+  std::size_t button = 0;  ///< Index in Descriptor::buttons.
+  bool is_pressed = false;
+  friend bool operator==(const ButtonChange&, const ButtonChange&) = default;
+};
+/// The device began or ceased to push its user.
+struct ContactChange {
+  bool is_touching = false;
+  double force_newton = 0;  ///< Magnitude.
+  friend bool operator==(const ContactChange&, const ContactChange&) = default;
+};
+struct LifecycleChange {
+  driver::Lifecycle before = driver::Lifecycle::kUnconfigured;
+  driver::Lifecycle after = driver::Lifecycle::kUnconfigured;
+  friend bool operator==(const LifecycleChange&, const LifecycleChange&) = default;
+};
+struct FaultChange {
+  driver::Faults begun{};
+  driver::Faults ended{};
+  friend bool operator==(const FaultChange&, const FaultChange&) = default;
+};
+struct LeaseChange {
+  /// kHeld: a client holds it now; else why it ended.
+  LeaseState state = LeaseState::kUnknown;
+  friend bool operator==(const LeaseChange&, const LeaseChange&) = default;
+};
+/// An emergency stop began or ended.
+struct StopChange {
+  bool is_stopped = false;
+  friend bool operator==(const StopChange&, const StopChange&) = default;
+};
+struct ConfigurationChange {
+  std::uint64_t revision = 0;
+  std::vector<std::string> names{};  ///< Of the changed parameters.
+  friend bool operator==(const ConfigurationChange&, const ConfigurationChange&) = default;
+};
+/// A timeout of the subscription's filter.
+struct Timeout {
+  std::uint32_t tag = 0;  ///< As the filter's.
+  friend bool operator==(const Timeout&, const Timeout&) = default;
+};
+
+/// One event.
+/// @ownership a value, but for `device`
+struct DeviceEvent {
+  /// One of DeviceConsumerConfig::devices; empty: of none, or a timeout.
+  std::string_view device{};
+  std::uint64_t cycle = 0;  ///< Sample::sequence of its cycle; 0: of none.
+  /// With origin and flags, such as is_replayed.
+  events::EventHeader header{};
+  std::variant<Timeout, driver::Sample, ButtonChange, ContactChange, LifecycleChange, FaultChange,
+               LeaseChange, StopChange, ConfigurationChange>
+      what{};
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/lease.hpp"
+
+namespace rtpm::gvd {
+
+/// What a device's cycle leaves behind.
+/// @ownership a value, trivially copyable
+struct CycleRecord {
+  MonotonicTime time{};                        ///< Of the cycle.
+  driver::Sample sample{};                     ///< As published.
+  std::uint16_t lease_serial = 0;              ///< Differs between consecutive leases.
+  bool is_held = false;                        ///< A client holds the lease.
+  LeaseState last_end = LeaseState::kUnknown;  ///< Why the lease before this one ended.
+};
+
+/// Sees every cycle of a device.
+/// @threads  on_cycle() runs on the device's thread
+class CycleObserver {
+ public:
+  CycleObserver() = default;
+  CycleObserver(const CycleObserver&) = delete;
+  CycleObserver& operator=(const CycleObserver&) = delete;
+  virtual ~CycleObserver() = default;
+  /// @realtime alloc-free, without waiting and without a system call
+  virtual void on_cycle(const CycleRecord& record) noexcept = 0;
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "rtpm/driver/sample.hpp"
+
+namespace rtpm::gvd {
+
+/// Receives samples; implemented by displays and loggers, as in the paper's Figure 5.
+/// @threads  one call at a time, on the thread of whoever pushes
+class SampleSink {
+ public:
+  SampleSink() = default;
+  SampleSink(const SampleSink&) = delete;
+  SampleSink& operator=(const SampleSink&) = delete;
+  virtual ~SampleSink() = default;
+  /// Receives one sample. May block or allocate: only its own samples wait.
+  virtual void push(const driver::Sample& sample) = 0;
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/event.hpp"
+#include "rtpm/gvd/emergency.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::gvd {
+
+/// The event that stops every device of a system, and its source.
+/// @source   schema/idl/device_events.fbs
+inline constexpr events::EventType kStopAllRequested = 1380974601;
+inline constexpr events::SourceId kStopAllSource = 0;
+
+/// Configures a part of the system-wide emergency stop.
+struct SystemStopConfig {
+  std::string hub{events::kHubPath};  ///< A name or a URL; the same in the whole system.
+  Duration retry = std::chrono::milliseconds{500};   ///< Between attempts to reach the hub.
+  Duration repeat = std::chrono::milliseconds{100};  ///< Of a request,
+  Duration repeat_for = std::chrono::seconds{5};     ///< from its first push on.
+  /// Of the event, and of the thread that obeys it.
+  Priority priority = Priority::kHighest;
+  rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
+};
+
+/// The system-wide emergency stop, as a program takes part in it: obeys requests of others by
+/// stopping its own devices, and requests it of all. A request is repeated until `repeat_for` after
+/// a hub took it, so it reaches servers that are subscribing again just then; while no hub is there
+/// it waits. What was stopped stays stopped, whatever becomes of the hub.
+/// @ownership refers to its node and devices, which must outlive it
+/// @threads  request() from any
+class SystemStop {
+ public:
+  /// Starts; the hub is reached for in the background.
+  /// @param devices  this program's; null: a program without devices, such as a panic button's
+  /// @realtime set-up only
+  /// @errors   no thread left
+  [[nodiscard]] static expected<std::unique_ptr<SystemStop>, SetupError> start(
+      rpc::Node& node, EmergencyStops* devices, const SystemStopConfig& config = {});
+  SystemStop(const SystemStop&) = delete;
+  SystemStop& operator=(const SystemStop&) = delete;
+  ~SystemStop();
+
+  /// Stops this program's devices at once, and asks all others to.
+  /// @realtime alloc-free
+  void request() noexcept;
+  /// Whether requests of others would arrive now.
+  [[nodiscard]] bool is_subscribed() const noexcept;
+  /// Requests that were pushed or obeyed.
+  [[nodiscard]] std::uint64_t stop_count() const noexcept;
+
+ private:
+  struct Impl;
+  explicit SystemStop(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::gvd
