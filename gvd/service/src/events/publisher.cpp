@@ -19,6 +19,8 @@ namespace {
 /// Cycles of one device that wait for the publisher: 0.25 s at 1 kHz.
 constexpr std::size_t kRingSize = 256;
 constexpr std::size_t kConfigurationCountMax = 64;
+/// A hub may start a little later than the devices; then nobody needs to hear of it.
+constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
 constexpr std::string_view kNoHubRemedy =
     "start rtpm-eventd, or name another hub; devices work without";
 
@@ -61,7 +63,8 @@ struct DevicePublisher::Impl {
   Impl(rpc::Node& used, DevicePublisherConfig given) : node(used), config(std::move(given)) {}
 
   void run() {
-    MonotonicTime due = rt::now();
+    begun = rt::now();
+    MonotonicTime due = begun;
     while (!is_stopping.load(std::memory_order_relaxed)) {
       reach_hub();
       push_all();
@@ -85,7 +88,8 @@ struct DevicePublisher::Impl {
       return;
     }
     retry_at = rt::now() + config.retry;
-    if (std::exchange(is_absence_told, true)) return;
+    if (is_absence_told || rt::now() < begun + kAbsenceUntold) return;
+    is_absence_told = true;
     SetupError error = made.error();
     error.what = "events of the devices are not published: " + error.what;
     error.remedy = kNoHubRemedy;
@@ -147,6 +151,7 @@ struct DevicePublisher::Impl {
   std::vector<LeftConfiguration> configurations{};  ///< Guarded by `mutex`.
   // Of its thread.
   std::unique_ptr<events::Supplier> supplier{};
+  MonotonicTime begun{};
   MonotonicTime retry_at{};
   bool is_absence_told = false;
   rt::Thread thread{};
