@@ -7,7 +7,9 @@
 #include <string_view>
 
 #include "remote.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
+#include "rtpm/names/directory.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
@@ -15,6 +17,7 @@
 namespace rtpm::tool {
 namespace {
 
+constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
 constexpr Duration kRenewal = std::chrono::milliseconds{200};
 
 int fail(const std::string& device, std::string_view text) {
@@ -37,6 +40,55 @@ std::string why_not(const gvd::DeviceClient& device, gvd::DeviceError error) {
            " do not take the right to command over; give a higher --priority, or none";
   }
   return "was not taken over: " + std::string(to_string(error));
+}
+
+struct Scope {
+  std::string_view name{};
+  gvd::StopScope scope{};
+  const char* what = "";
+};
+constexpr std::array kScopes{Scope{"device", gvd::StopScope::kDevice, ""},
+                             Scope{"server", gvd::StopScope::kServer, ", and all of its server"},
+                             Scope{"system", gvd::StopScope::kSystem, ", and all of its system"}};
+
+bool stop_one(const Request& request, const std::string& name, gvd::StopScope scope) {
+  gvd::DeviceClientOptions options;
+  options.bind.deadline = request.options.deadline.value_or(options.bind.deadline);
+  auto device = gvd::DeviceClient::open(request.node, name, options);
+  if (!device) return fail(name, device.error().text()) == 0;
+  if (const auto stopped = device->emergency_stop(scope); !stopped) {
+    return fail(name, to_string(stopped.error())) == 0;
+  }
+  return true;
+}
+
+/// Asks all servers at the hub of the device's; false: it knows none.
+bool tells_system(const Request& request, const std::string& name) {
+  auto device = gvd::DeviceClient::open(request.node, name);
+  return device && device->emergency_stop(gvd::StopScope::kSystem);
+}
+
+/// By both ways: the event of the system, and a call to each device, for those that no hub reaches.
+int stop_all(const Request& request) {
+  names::Directory directory(request.node, request.registry);
+  const auto entries = directory.list();
+  if (!entries) return fail("the system", entries.error().text());
+  bool is_system_told = false;
+  std::size_t device_count = 0;
+  std::size_t stopped_count = 0;
+  for (const names::NameEntry& entry : *entries) {
+    if (entry.interface != kDeviceInterface) continue;
+    ++device_count;
+    if (!stop_one(request, entry.name, gvd::StopScope::kDevice)) continue;
+    ++stopped_count;
+    std::printf("%s is stopped\n", printable(entry.name).c_str());
+    std::fflush(stdout);
+    is_system_told = is_system_told || tells_system(request, entry.name);
+  }
+  if (device_count == 0) return fail("the system", "the registry names no device");
+  std::printf("%zu of %zu devices are stopped%s\n", stopped_count, device_count,
+              is_system_told ? ", and all others at their hub are told" : "");
+  return stopped_count == device_count ? 0 : 1;
 }
 
 /// Keeps the lease for the requested time, or until the device ends it.
@@ -62,6 +114,21 @@ int hold(gvd::DeviceClient& device, const std::string& name, const Request& requ
 }
 
 }  // namespace
+
+int stop_devices(const Request& request) {
+  if (request.arguments.empty()) return stop_all(request);
+  const std::string& name = request.arguments[0];
+  const std::string_view requested = request.arguments.size() > 1 ? request.arguments[1] : "device";
+  const auto* const scope = std::ranges::find(kScopes, requested, &Scope::name);
+  if (scope == kScopes.end()) {
+    static_cast<void>(fail(name, "a stop is of the device, the server or the system"));
+    return 2;
+  }
+  if (!stop_one(request, name, scope->scope)) return 1;
+  std::printf("%s is stopped%s; `rtpm take-over %s rearm` ends that of a device\n",
+              printable(name).c_str(), scope->what, printable(name).c_str());
+  return 0;
+}
 
 int take_over(const Request& request) {
   const std::string& name = request.arguments[0];

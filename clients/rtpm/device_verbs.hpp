@@ -8,4 +8,8 @@ namespace rtpm::tool {
 /// keeps the lease until Ctrl-C, for Request::stream_time, or until the idle lease expires.
 [[nodiscard]] int take_over(const Request& request);
 
+/// stop: stops every device that the registry names, and all others of their system.
+/// stop DEVICE [SCOPE]: stops that device, its server's devices, or the system's.
+[[nodiscard]] int stop_devices(const Request& request);
+
 }  // namespace rtpm::tool

@@ -120,6 +120,12 @@ constexpr std::array kVerbs{
          "--priority is\n"
          "the device's --operator-priority, or above; if none is given, it is that.\n",
          &take_over},
+    Verb{"stop", 0, 2, "[DEVICE [device|server|system]]",
+         "Emergency stop: take the force of devices away at once",
+         "Needs no right to command. Without DEVICE: every device that the registry names, and all "
+         "others\n"
+         "of their system. They stay stopped until `rtpm take-over DEVICE rearm`.\n",
+         &stop_devices},
     Verb{"lanes", 0, 1, "[watch]", "Show what the lanes of this host's servers do",
          "With `watch`: again each second, until Ctrl-C.\n", &lanes},
     Verb{"doctor", 0, 0, "", "Show what this host gives to real-time programs",
