@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "rtpm/introspection/catalog.hpp"
 
 namespace rtpm::events {
 
@@ -18,6 +19,11 @@ expected<std::unique_ptr<HubServer>, SetupError> HubServer::create(rpc::Node& no
   if (auto added = served->server_->add(kHubPath, served->hub_->servant()); !added) {
     return unexpected{std::move(added.error())};
   }
+  served->catalog_ = std::make_unique<introspection::Catalog>();
+  served->catalog_->add(std::string(kHubPath), served->hub_->servant());
+  if (auto added = served->server_->add(introspection::kPath, *served->catalog_); !added) {
+    return unexpected{std::move(added.error())};
+  }
   if (auto started = served->server_->start(); !started) {
     return unexpected{std::move(started.error())};
   }
@@ -27,6 +33,8 @@ expected<std::unique_ptr<HubServer>, SetupError> HubServer::create(rpc::Node& no
   served->name_ = std::move(*name);
   return served;
 }
+
+HubServer::HubServer() noexcept = default;
 
 HubServer::~HubServer() {
   name_.reset();

@@ -13,6 +13,10 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 
+namespace rtpm::introspection {
+class Catalog;
+}  // namespace rtpm::introspection
+
 namespace rtpm::events {
 
 /// Configures a HubServer.
@@ -24,7 +28,8 @@ struct HubServerConfig {
   std::string registry{names::kDefaultRegistryUrl};
 };
 
-/// Hub, server and name in one: a hub in this program that others find by name, like rtpm-eventd.
+/// Hub, server and name in one: a hub in this program that others find by name and tools can ask,
+/// like rtpm-eventd.
 /// Suppliers of this program push without a call:
 ///
 ///     auto served = HubServer::create(node, {.name = "lab/events"}).value();
@@ -52,9 +57,10 @@ class HubServer {
   [[nodiscard]] std::string url() const { return server_->url(kHubPath); }
 
  private:
-  HubServer() = default;
+  HubServer() noexcept;
 
   std::unique_ptr<Hub> hub_{};
+  std::unique_ptr<introspection::Catalog> catalog_{};
   std::unique_ptr<rpc::Server> server_{};
   std::unique_ptr<names::Registration> name_{};
 };
