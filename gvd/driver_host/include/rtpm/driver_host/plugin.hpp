@@ -10,9 +10,11 @@
 /// Loads drivers that are built outside of RTPM.
 namespace rtpm::driver_host {
 
-/// Loads the plug-in in `file` and makes its driver. Nothing of it runs before its ABI is known to
-/// be this program's. What it throws outside of exchange() becomes an error.
-/// @ownership the driver keeps the plug-in loaded
+/// Loads the plug-in in `file` and makes its driver. Nothing of it is called before its ABI is
+/// known to be this program's; constructors of its static objects run on loading. What it throws
+/// becomes an error, but for exchange() and deactivate(), which are noexcept. A bare name is a file
+/// of the working folder.
+/// @ownership the driver and its calibrations keep the plug-in loaded
 /// @realtime set-up only
 /// @errors   no such file, or no shared library; the symbol is missing; another ABI; the plug-in
 ///           fails or throws; each names the file

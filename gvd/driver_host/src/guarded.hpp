@@ -1,0 +1,34 @@
+#pragma once
+
+#include <exception>
+#include <string>
+#include <utility>
+
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::driver_host {
+
+/// Calls into a plug-in; what it throws becomes the text of `to_result`.
+template <class Call, class ToResult>
+auto guarded_by(Call&& call, ToResult&& to_result) -> decltype(call()) {
+  // The text is copied out before the exception's end: its type may be the plug-in's own.
+  try {
+    return std::forward<Call>(call)();
+  } catch (const std::exception& exception) {
+    return to_result(std::string("it threw: ") + exception.what());
+  } catch (...) {
+    return to_result(std::string("it threw something that is no std::exception"));
+  }
+}
+
+/// Calls `where` of the plug-in in `file`; what it throws becomes an error.
+template <class Call>
+auto guarded(const std::string& file, const char* where, Call&& call) -> decltype(call()) {
+  return guarded_by(std::forward<Call>(call), [&](std::string why) {
+    return unexpected{SetupError{.what = "the driver of plug-in " + file + " failed in " + where,
+                                 .why = std::move(why),
+                                 .remedy = "ask its author; a driver returns errors"}};
+  });
+}
+
+}  // namespace rtpm::driver_host

@@ -1,0 +1,86 @@
+#include "plugin_driver.hpp"
+
+#include <utility>
+
+#include "guarded.hpp"
+
+namespace rtpm::driver_host {
+namespace {
+
+using driver::Calibration;
+using driver::CalibrationState;
+
+/// One run of a plug-in's calibration. What the plug-in throws ends the run without a result.
+class PluginCalibration final : public Calibration {
+ public:
+  PluginCalibration(std::shared_ptr<const Library> library,
+                    std::unique_ptr<Calibration> calibration) noexcept
+      : library_(std::move(library)), calibration_(std::move(calibration)) {}
+
+  [[nodiscard]] CalibrationState step(const driver::Sample& sample,
+                                      std::optional<std::string_view> answer) override {
+    return guarded_by([&] { return calibration_->step(sample, answer); },
+                      [](const std::string& why) -> CalibrationState {
+                        return driver::CalibrationFailed{"the driver failed in step(): " + why +
+                                                         "; ask its author"};
+                      });
+  }
+
+ private:
+  std::shared_ptr<const Library> library_;  // Outlives its calibration.
+  std::unique_ptr<Calibration> calibration_;
+};
+
+/// A calibration that could not be made.
+class FailedCalibration final : public Calibration {
+ public:
+  explicit FailedCalibration(std::string reason) noexcept : reason_(std::move(reason)) {}
+  [[nodiscard]] CalibrationState step(const driver::Sample&,
+                                      std::optional<std::string_view>) override {
+    return driver::CalibrationFailed{reason_};
+  }
+
+ private:
+  std::string reason_;
+};
+
+}  // namespace
+
+PluginDriver::PluginDriver(std::string file, std::shared_ptr<const Library> library,
+                           std::unique_ptr<Driver> driver, driver::Descriptor descriptor,
+                           std::vector<driver::ParameterSpec> parameters,
+                           std::vector<driver::CalibrationInfo> calibrations) noexcept
+    : file_(std::move(file)),
+      library_(std::move(library)),
+      driver_(std::move(driver)),
+      descriptor_(std::move(descriptor)),
+      parameters_(std::move(parameters)),
+      calibrations_(std::move(calibrations)) {}
+
+expected<void, SetupError> PluginDriver::configure(const driver::DriverConfig& config) {
+  return guarded(file_, "configure()", [&] { return driver_->configure(config); });
+}
+
+expected<void, SetupError> PluginDriver::activate() {
+  return guarded(file_, "activate()", [&] { return driver_->activate(); });
+}
+
+expected<void, SetupError> PluginDriver::set_parameters(
+    std::span<driver::ParameterSetting> settings) {
+  return guarded(file_, "set_parameters()", [&] { return driver_->set_parameters(settings); });
+}
+
+std::unique_ptr<Calibration> PluginDriver::make_calibration(std::string_view name) {
+  return guarded_by(
+      [&]() -> std::unique_ptr<Calibration> {
+        auto made = driver_->make_calibration(name);
+        if (made == nullptr) return nullptr;
+        return std::make_unique<PluginCalibration>(library_, std::move(made));
+      },
+      [](const std::string& why) -> std::unique_ptr<Calibration> {
+        return std::make_unique<FailedCalibration>(
+            "the driver failed in make_calibration(): " + why + "; ask its author");
+      });
+}
+
+}  // namespace rtpm::driver_host

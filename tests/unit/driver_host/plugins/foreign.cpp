@@ -1,0 +1,25 @@
+// A plug-in of which one fact, FOREIGN, differs from what this RTPM exports. It counts its calls.
+#include "rtpm/driver/plugin.hpp"
+
+extern "C" {
+__attribute__((visibility("default"))) int created_count = 0;
+}
+
+namespace {
+
+rtpm::expected<std::unique_ptr<rtpm::driver::Driver>, rtpm::SetupError> make_nothing(
+    std::string_view) {
+  ++created_count;
+  return rtpm::setup_error("it ran");
+}
+
+rtpm::driver::Plugin foreign_plugin() {
+  rtpm::driver::Plugin plugin{.create = &make_nothing};
+  FOREIGN;
+  return plugin;
+}
+
+}  // namespace
+
+extern "C" __attribute__((visibility("default"))) const rtpm::driver::Plugin rtpm_driver_plugin =
+    foreign_plugin();
