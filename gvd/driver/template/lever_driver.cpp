@@ -2,6 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <memory>
+#include <string_view>
+
+#include "rtpm/driver/plugin.hpp"
 
 namespace lab {
 namespace {
@@ -34,11 +39,16 @@ rtpm::driver::Descriptor LeverDriver::describe() const {
 }
 
 // STEP 3: find and open the device, load its firmware, set its rate. It may take seconds, but must
-// end by itself. Return errors in words, with the remedy.
+// end by itself: while the device is away, it is called twice a second. Return errors in words,
+// with the remedy.
 rtpm::expected<void, rtpm::SetupError> LeverDriver::configure(
     const rtpm::driver::DriverConfig& config) {
   if (config.period <= rtpm::Duration{0}) {
-    return rtpm::setup_error("the lever needs a period above zero", "", "set --rate");
+    return rtpm::setup_error("the lever needs a period above zero", "", "set its rate");
+  }
+  std::error_code error;
+  if (!port_.empty() && !std::filesystem::exists(port_, error)) {
+    return rtpm::setup_error("the lever's port " + port_ + " is not there", "", "plug it in");
   }
   return {};
 }
@@ -80,3 +90,11 @@ void LeverDriver::deactivate() noexcept {
 }
 
 }  // namespace lab
+
+// STEP 7: make the driver from what the operator says in --device-NAME-arguments.
+rtpm::expected<std::unique_ptr<rtpm::driver::Driver>, rtpm::SetupError> make_lever(
+    std::string_view arguments) {
+  return std::make_unique<lab::LeverDriver>(std::string(arguments));
+}
+
+RTPM_DRIVER_PLUGIN(&make_lever);

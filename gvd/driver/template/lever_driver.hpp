@@ -1,6 +1,8 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <utility>
 
 #include "rtpm/driver/driver.hpp"
 
@@ -16,10 +18,14 @@ struct LeverHardware {
 };
 
 /// A lever with one axis, one motor and one button: the template of a driver. Copy it, then go
-/// through STEP 1 to STEP 6. Its "hardware" is the struct LeverHardware, so that it runs as it is
+/// through STEP 1 to STEP 7. Its "hardware" is the struct LeverHardware, so that it runs as it is
 /// and passes the conformance suite.
 class LeverDriver final : public rtpm::driver::Driver {
  public:
+  /// @param port  the file of the lever's port, such as /dev/ttyACM0; empty: a lever that is always
+  ///              plugged in
+  explicit LeverDriver(std::string port = {}) : port_(std::move(port)) {}
+
   [[nodiscard]] rtpm::driver::Descriptor describe() const override;
   [[nodiscard]] rtpm::expected<void, rtpm::SetupError> configure(
       const rtpm::driver::DriverConfig& config) override;
@@ -29,6 +35,7 @@ class LeverDriver final : public rtpm::driver::Driver {
   void deactivate() noexcept override;
 
  private:
+  std::string port_;
   std::optional<LeverHardware> hardware_{};
 };
 
