@@ -13,8 +13,23 @@ std::string thread_name_of(const DeviceSettings& device) {
   return ("dev-" + device.name).substr(0, 15);
 }
 
+constexpr double kRateMinHz = 10;
+constexpr double kRateMaxHz = 50000;
+
+/// The rate of its cycle.
+expected<double, SetupError> rate_hz_of(const DeviceSettings& device,
+                                        const driver::Descriptor& descriptor) {
+  const bool is_given = device.rate_hz > 0;
+  const double rate_hz = is_given ? device.rate_hz : descriptor.rate_hz;
+  if (rate_hz >= kRateMinHz && rate_hz <= kRateMaxHz) return rate_hz;
+  const std::string key = "--device-" + device.name + "-rate";
+  return setup_error((is_given ? key : "its driver's rate") + " is " + std::to_string(rate_hz) +
+                         " Hz, and no device runs at that",
+                     "", "set " + key + " to 10 to 50000 Hz");
+}
+
 gvd::DeviceServerConfig config_of(const Configuration& configuration, const DeviceSettings& device,
-                                  const driver::Descriptor& descriptor) {
+                                  const driver::Descriptor& descriptor, double rate_hz) {
   gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor.limits);
   if (device.force_max_newton > 0) {
     safety.force_newton_max = std::min(safety.force_newton_max, device.force_max_newton);
@@ -22,7 +37,6 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
   safety.hold_max = device.hold_max;
   safety.ramp = device.ramp;
   safety.soft_start = device.soft_start;
-  const double rate_hz = device.rate_hz > 0 ? device.rate_hz : descriptor.rate_hz;
   gvd::DeviceServerConfig config;
   config.cycle.period =
       std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
@@ -43,15 +57,18 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
     const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events) {
   std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device)));
   auto driver = make_driver(device);
-  if (!driver) return unexpected{driver.error()};
-  gvd::DeviceServerConfig config = config_of(configuration, device, (*driver)->describe());
+  if (!driver) return setup_error(hosted->name_, std::move(driver.error()));
+  const driver::Descriptor descriptor = (*driver)->describe();
+  const auto rate_hz = rate_hz_of(device, descriptor);
+  if (!rate_hz) return setup_error(hosted->name_, rate_hz.error());
+  gvd::DeviceServerConfig config = config_of(configuration, device, descriptor, *rate_hz);
   config.cycle.listener = &hosted->reporter_;
   config.cycle.emergency_stops = &events;
   auto observer = events.observe(hosted->name_);
   if (!observer) return unexpected{observer.error()};
   config.cycle.observer = *observer;
   auto server = gvd::DeviceServer::create(std::move(*driver), std::move(config));
-  if (!server) return unexpected{server.error()};
+  if (!server) return setup_error(hosted->name_, std::move(server.error()));
   hosted->server_ = std::move(*server);
   events.add(*hosted->server_);
   return hosted;

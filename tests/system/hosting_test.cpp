@@ -1,0 +1,118 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+
+// Devices that rtpm-deviced hosts side by side, and drivers from plug-ins.
+namespace rtpm::system_test {
+namespace {
+
+std::vector<std::string> alone(std::vector<std::string> arguments) {
+  arguments.insert(arguments.end(), {"--port", "0", "--registry", "none", "--realtime", "off"});
+  return arguments;
+}
+
+/// That rtpm-deviced refuses `arguments`.
+void expect_refusal(const std::vector<std::string>& arguments, int exit_code,
+                    const std::vector<std::string_view>& words) {
+  const auto end = run_program("rtpm-deviced", alone(arguments));
+  SCOPED_TRACE(arguments.back());
+  expect_one_sentence(end, exit_code, words);
+  EXPECT_EQ(end.output, "") << "it must not say that it serves";
+}
+
+TEST(BadDevices, NamesThatCantBeAreRefused) {
+  const std::string bytes_25(25, 'a');
+  for (const std::string& names : {std::string("arm0,arm0"), std::string("cell/arm0"), bytes_25,
+                                   std::string(), std::string(","), std::string("Arm0")}) {
+    expect_refusal({"--devices", names}, 2,
+                   {"rtpm-deviced: --devices '" + names + "'", "different names",
+                    "lower-case letters and digits", "24 bytes"});
+  }
+}
+
+TEST(BadDevices, OptionsOfADeviceThatIsNotThereAreRefused) {
+  expect_refusal({"--devices", "arm0", "--device-arm1-rate", "500"}, 2,
+                 {"--device-arm1-rate", "--device-arm0-rate"});
+}
+
+TEST(BadDevices, AnUnknownDriverIsNamedWithThoseThereAre) {
+  expect_refusal({"--devices", "lever", "--device-lever-driver", "gripper"}, 1,
+                 {"lab/lever", "'gripper'", "arm, biometric, gaze, knob, player", "plug-in"});
+}
+
+TEST(BadDevices, APlugInThatCantBeLoadedIsNamed) {
+  expect_refusal({"--devices", "lever", "--device-lever-driver", "/nowhere/lever.so"}, 1,
+                 {"lab/lever", "/nowhere/lever.so", "No such file", "Remedy"});
+  const auto text = std::filesystem::path(testing::TempDir()) / "rtpm_text.so";
+  std::ofstream(text) << "no library\n";
+  expect_refusal({"--devices", "lever", "--device-lever-driver", text.string()}, 1,
+                 {"lab/lever", "rtpm_text.so", "Remedy"});
+  std::filesystem::remove(text);
+}
+
+std::vector<std::string> stubborn(const std::string& behaviour) {
+  return {
+      "--devices", "arm0,lever", "--device-lever-driver", RTPM_STUBBORN, "--device-lever-arguments",
+      behaviour};
+}
+
+TEST(BadDevices, APlugInsOwnErrorIsPassedOn) {
+  expect_refusal(stubborn("error"), 1, {"lab/lever", "it will not", "ask it nicely"});
+  expect_refusal(stubborn("timeless"), 1, {"lab/lever", "rate", "--device-lever-rate"});
+}
+
+/// The example of rtpm-deviced's README.
+std::string readme_configuration() {
+  std::ifstream file(RTPM_DEVICED_README);
+  const std::string text{std::istreambuf_iterator<char>(file), {}};
+  const std::string begin = "```conf\n";
+  const std::size_t from = text.find(begin) + begin.size();
+  return text.substr(from, text.find("```", from) - from);
+}
+
+TEST(ConfigurationFile, OfTheReadmeHostsItsDevices) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / "rtpm_cell";
+  std::filesystem::create_directory(folder);
+  std::string text = readme_configuration();
+  const std::size_t file = text.find("./lever.so");
+  ASSERT_NE(file, std::string::npos) << text;
+  text.replace(file, std::string("./lever.so").size(), RTPM_STUBBORN);
+  std::ofstream(folder / "cell.conf") << text;
+  const auto config = (folder / "cell.conf").string();
+
+  const auto dumped = run_program("rtpm-deviced", {"--config", config, "--dump-config"});
+  EXPECT_EQ(dumped.exit_code, 0) << dumped.errors;
+  for (const std::string_view line :
+       {"device-arm0-rate = 2000", "device-arm0-ramp = 10ms", "device-gaze0-driver = gaze",
+        "device-lever-arguments = /dev/ttyACM0"}) {
+    EXPECT_NE(dumped.output.find(line), std::string::npos) << line << " is not in\n"
+                                                           << dumped.output;
+  }
+  auto daemon = start_daemon("rtpm-deviced", alone({"--config", config}));
+  ASSERT_TRUE(daemon);
+  for (const std::string_view name : {"cell/arm0", "cell/gaze0", "cell/lever"}) {
+    EXPECT_TRUE(daemon->process.wait_for_output("serving " + std::string(name), kPatience)) << name;
+  }
+  const auto described = run_program("rtpm", {"call", daemon->url, "describe"});
+  EXPECT_NE(described.output.find("\"rate_hz\": 2000.0"), std::string::npos) << described.output;
+  std::filesystem::remove_all(folder);
+}
+
+TEST(ConfigurationFile, AWrongLineOfADeviceIsNamed) {
+  const auto file = std::filesystem::path(testing::TempDir()) / "rtpm_wrong_cell.conf";
+  std::ofstream(file) << "devices = arm0,arm1\ndevice-arm1-rate = fast\n";
+  expect_refusal({"--config", file.string()}, 2,
+                 {"rtpm_wrong_cell.conf", "device-arm1-rate", "fast"});
+  std::ofstream(file, std::ios::trunc) << "devices = arm0\ndevice-arm1-rate = 500\n";
+  expect_refusal({"--config", file.string()}, 2, {"rtpm_wrong_cell.conf", "device-arm1-rate"});
+  std::filesystem::remove(file);
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
