@@ -18,6 +18,7 @@ class ScriptedDriver final : public driver::Driver {
   [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig&) override {
     ++configure_count;
     if (!configure_error.empty()) return setup_error(configure_error);
+    if (is_reachable && !is_reachable()) return setup_error("the cable is out");
     return {};
   }
   [[nodiscard]] expected<void, SetupError> activate() override {
@@ -37,6 +38,7 @@ class ScriptedDriver final : public driver::Driver {
   driver::Descriptor descriptor = describe_lever();
   Script script{};
   std::string configure_error{};
+  std::function<bool()> is_reachable{};  ///< Asked by configure(); empty: it is.
   driver::Command last_command{};
   int configure_count = 0;
   int exchange_count = 0;
