@@ -77,8 +77,9 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
       config_(config),
       lease_(config_.lease, lease_key),
       limiter_(driver.describe()),
-      filter_(config_.safety ? *config_.safety
-                             : SafetyConfig::for_device(driver.describe().limits)) {}
+      safety_(config_.safety ? *config_.safety
+                             : SafetyConfig::for_device(driver.describe().limits)),
+      filter_(safety_) {}
 
 expected<void, SetupError> DeviceCycle::begin(MonotonicTime now) {
   retry_at_ = now;
@@ -250,7 +251,7 @@ void DeviceCycle::show_observer(MonotonicTime now) noexcept {
 }
 
 bool DeviceCycle::needs_maintenance(MonotonicTime now) const noexcept {
-  return is_to_close_ || wanted_ || has_lease_report() ||
+  return is_to_close_ || wanted_ || jobs_.is_waiting() || has_lease_report() ||
          (lifecycle() == Lifecycle::kFault && now >= retry_at_);
 }
 
@@ -282,6 +283,7 @@ void DeviceCycle::maintain(MonotonicTime now) {
     report("the device does not answer any more; force is off, trying to reach it again");
   }
   report_lease();
+  jobs_.run();
   const std::optional<Transition> wanted = std::exchange(wanted_, std::nullopt);
   const Lifecycle before = lifecycle();
   if (wanted == Transition::kDeactivate && before != Lifecycle::kInactive) {

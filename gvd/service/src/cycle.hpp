@@ -9,6 +9,7 @@
 #include <string_view>
 #include "client_command.hpp"
 #include "command_lease.hpp"
+#include "device_jobs.hpp"
 #include "mailbox.hpp"
 #include "setpoint_limiter.hpp"
 
@@ -73,10 +74,13 @@ class DeviceCycle {
   void run(MonotonicTime now, std::uint32_t missed_count) noexcept;
   /// Whether maintain() has something to do.
   [[nodiscard]] bool needs_maintenance(MonotonicTime now) const noexcept;
-  /// Activates, deactivates, or retries a lost device; may take seconds.
+  /// Runs a waiting job; activates, deactivates, or retries a lost device. May take seconds.
   void maintain(MonotonicTime now);
   /// Deactivates the device for good.
   void end(MonotonicTime now) noexcept;
+  /// The limits in force; safety() or tighter. Also from a thread that performs a job.
+  [[nodiscard]] const SafetyConfig& present_safety() const noexcept { return filter_.config(); }
+  void set_present_safety(const SafetyConfig& safety) noexcept { filter_.configure(safety); }
 
   // Any thread.
 
@@ -104,7 +108,10 @@ class DeviceCycle {
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
   [[nodiscard]] DeviceCounters counters() const noexcept;
-  [[nodiscard]] const SafetyConfig& safety() const noexcept { return filter_.config(); }
+  /// The limits that the server was started with.
+  [[nodiscard]] const SafetyConfig& safety() const noexcept { return safety_; }
+  /// What is done with the device between two cycles.
+  [[nodiscard]] DeviceJobs& jobs() noexcept { return jobs_; }
   [[nodiscard]] const CycleConfig& config() const noexcept { return config_; }
   [[nodiscard]] driver::Lifecycle lifecycle() const noexcept {
     return lifecycle_.load(std::memory_order_acquire);
@@ -136,9 +143,11 @@ class DeviceCycle {
   CycleConfig config_;
   Lease lease_;
   SetpointLimiter limiter_;
+  SafetyConfig safety_;
   SafetyFilter filter_;
 
   // Shared by the threads.
+  DeviceJobs jobs_{};
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};

@@ -76,6 +76,9 @@ class SafetyFilter {
   [[nodiscard]] driver::Wrench step(MonotonicTime now,
                                     const std::optional<WrenchCommand>& offered) noexcept;
 
+  /// Replaces the limits from the next step on; a force above a lowered limit falls to it at the
+  /// greatest rate. `config` has passed check().
+  void configure(const SafetyConfig& config) noexcept { config_ = config; }
   /// Ends the latched fault; the force returns by soft start.
   void recover() noexcept;
   /// Call before another client's commands, or none: the force first falls to zero as after a loss,

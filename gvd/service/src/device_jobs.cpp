@@ -1,0 +1,48 @@
+#include "device_jobs.hpp"
+
+#include <mutex>
+
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::gvd {
+
+void DeviceJobs::begin() {
+  const std::lock_guard lock(mutex_);
+  has_thread_ = true;
+}
+
+void DeviceJobs::end() {
+  const std::lock_guard lock(mutex_);
+  has_thread_ = false;
+}
+
+bool DeviceJobs::perform(const std::function<void()>& job, Duration patience) {
+  const std::lock_guard lock(mutex_);
+  if (!has_thread_) {
+    job();
+    return true;
+  }
+  job_ = &job;
+  // SYNC POINT device-job: the device's thread sees the job, and this one what it did.
+  state_.store(State::kOffered, std::memory_order_release);
+  if (done_.wait_until(rt::now() + patience)) return true;
+  State offered = State::kOffered;
+  if (state_.compare_exchange_strong(offered, State::kNone, std::memory_order_acq_rel)) {
+    return false;
+  }
+  // It has begun, and refers to this thread's stack.
+  while (!done_.wait_until(kNever)) {
+  }
+  return true;
+}
+
+void DeviceJobs::run() {
+  // SYNC POINT device-job
+  State offered = State::kOffered;
+  if (!state_.compare_exchange_strong(offered, State::kRunning, std::memory_order_acq_rel)) return;
+  (*job_)();
+  state_.store(State::kNone, std::memory_order_release);
+  done_.post();
+}
+
+}  // namespace rtpm::gvd

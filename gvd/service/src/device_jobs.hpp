@@ -1,0 +1,49 @@
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <functional>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/semaphore.hpp"
+
+namespace rtpm::gvd {
+
+/// Lets other threads do something with the device between two of its cycles: on the device's
+/// thread while there is one, else at once.
+/// @threads  is_waiting() and run() from the device's, the rest from any
+/// @realtime is_waiting() alloc-free, one load; run() never waits, but takes its job's time; the
+///           rest set-up only
+class DeviceJobs {
+ public:
+  /// How long a job waits for the device's thread.
+  static constexpr Duration kPatience = std::chrono::milliseconds{100};
+
+  /// From now on jobs are the device's thread's. Waits for one that runs without it.
+  void begin();
+  /// The device's thread has ended.
+  void end();
+  /// Does `job` and returns true, or false if the device's thread has not begun it within
+  /// `patience`: then it never happens. One that has begun is waited for.
+  [[nodiscard]] bool perform(const std::function<void()>& job, Duration patience = kPatience);
+
+  [[nodiscard]] bool is_waiting() const noexcept {
+    return state_.load(std::memory_order_relaxed) == State::kOffered;
+  }
+  /// Runs the waiting job, if there is one.
+  void run();
+
+ private:
+  enum class State : std::uint8_t { kNone, kOffered, kRunning };
+
+  /// Of the threads that perform(), and begin() and end(); never the device's.
+  rt::PiMutex mutex_{};
+  bool has_thread_ = false;
+  const std::function<void()>* job_ = nullptr;
+  std::atomic<State> state_{State::kNone};
+  rt::Semaphore done_{};
+};
+
+}  // namespace rtpm::gvd
