@@ -7,8 +7,10 @@
 #include <string>
 #include <utility>
 
+#include "configurable_device.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "safety_parameters.hpp"
 #include "servant.hpp"
 
 namespace rtpm::gvd {
@@ -68,6 +70,17 @@ expected<void, SetupError> check(const driver::Descriptor& descriptor) {
   return {};
 }
 
+expected<void, SetupError> check(const std::vector<driver::ParameterSpec>& parameters,
+                                 const std::string& model) {
+  for (const driver::ParameterSpec& spec : parameters) {
+    if (!spec.name.starts_with(kSafetyGroup)) continue;
+    return setup_error("the driver of \"" + model + "\" has a parameter \"" + spec.name + "\"",
+                       "the group \"" + std::string(kSafetyGroup) + "\" is the device server's own",
+                       "name it otherwise");
+  }
+  return {};
+}
+
 }  // namespace
 
 // Members are ordered by construction, not by padding.
@@ -79,13 +92,21 @@ struct DeviceServer::Impl {
         descriptor(std::move(described)),
         config(std::move(given)),
         cycle(*driver, config.cycle, random_key()),
-        servant(cycle, descriptor, config.cycle.period) {}
+        servant(cycle, descriptor, config.cycle.period),
+        configurable(*driver, descriptor, cycle) {}
 
   expected<void, SetupError> start() {
     RTPM_ASSERT(!device_thread.is_running(), "a device server starts once");
+    is_stopping.store(false, std::memory_order_relaxed);
+    cycle.jobs().begin();
+    auto started = start_thread();
+    if (!started) cycle.jobs().end();
+    return started;
+  }
+
+  expected<void, SetupError> start_thread() {
     std::promise<expected<void, SetupError>> begun;
     auto outcome = begun.get_future();
-    is_stopping.store(false, std::memory_order_relaxed);
     auto thread = rt::Thread::start(config.thread, [this, &begun] {
       auto began = cycle.begin(rt::now());
       if (!began && config.starts_without_device) {
@@ -113,6 +134,7 @@ struct DeviceServer::Impl {
     if (!device_thread.is_running()) return;
     is_stopping.store(true, std::memory_order_relaxed);
     device_thread.join();
+    cycle.jobs().end();
   }
 
   /// The device's thread: one cycle per period at absolute times, so that a late wake-up does not
@@ -148,6 +170,7 @@ struct DeviceServer::Impl {
   DeviceServerConfig config;
   DeviceCycle cycle;
   DeviceServant servant;
+  ConfigurableDevice configurable;
   std::atomic<bool> is_stopping{false};
   rt::Thread device_thread{};
 };
@@ -163,6 +186,9 @@ expected<std::unique_ptr<DeviceServer>, SetupError> DeviceServer::create(
   if (auto checked = check(config.cycle.lease); !checked) return unexpected{checked.error()};
   driver::Descriptor descriptor = driver->describe();
   if (auto checked = check(descriptor); !checked) return unexpected{checked.error()};
+  if (auto checked = check(driver->parameters(), descriptor.model); !checked) {
+    return unexpected{checked.error()};
+  }
   const SafetyConfig safety =
       config.cycle.safety.value_or(SafetyConfig::for_device(descriptor.limits));
   if (auto checked = safety.check(); !checked) return unexpected{checked.error()};
@@ -185,6 +211,9 @@ void DeviceServer::emergency_stop() noexcept {
 }
 rpc::Servant& DeviceServer::servant() noexcept {
   return impl_->servant;
+}
+Configurable& DeviceServer::configurable() noexcept {
+  return impl_->configurable;
 }
 const driver::Descriptor& DeviceServer::descriptor() const noexcept {
   return impl_->descriptor;

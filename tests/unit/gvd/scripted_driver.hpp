@@ -10,7 +10,7 @@
 namespace rtpm::test {
 
 /// A simulated device that follows `script` and records its commands.
-class ScriptedDriver final : public driver::Driver {
+class ScriptedDriver : public driver::Driver {
  public:
   using Script = std::function<driver::ExchangeStatus(const driver::Command&, driver::Sample&)>;
 

@@ -5,6 +5,7 @@
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/configuration/configurable.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/rpc/error.hpp"
@@ -37,7 +38,7 @@ class DeviceServer {
   /// Takes `driver` and checks its descriptor.
   /// @realtime set-up only
   /// @errors   a period outside 20 µs to 100 ms; lease times of zero; an invalid safety limit; an
-  ///           inconsistent descriptor
+  ///           inconsistent descriptor; a driver's parameter in the server's group "safety."
   [[nodiscard]] static expected<std::unique_ptr<DeviceServer>, SetupError> create(
       std::unique_ptr<driver::Driver> driver, DeviceServerConfig config = {});
 
@@ -64,6 +65,10 @@ class DeviceServer {
 
   /// The object for an rpc::Server; lives as long as this.
   [[nodiscard]] rpc::Servant& servant() noexcept;
+  /// The device's parameters and calibrations, for a ConfigurationManager; lives as long as this.
+  /// Changes happen between two cycles of a started device, else at once on the caller's thread.
+  /// @threads  any
+  [[nodiscard]] Configurable& configurable() noexcept;
   [[nodiscard]] const driver::Descriptor& descriptor() const noexcept;
   /// The newest sample, for use in the same process; nothing before the first.
   /// @realtime alloc-free
