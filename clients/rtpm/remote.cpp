@@ -64,9 +64,9 @@ expected<std::string, SetupError> url_of(rpc::Node& node, const std::string& reg
                                          const std::string& target) {
   if (wire::is_url(target)) return target;
   names::Directory directory(node, registry_url);
-  auto entry = directory.resolve(target);
-  if (entry) return std::move(entry->url);
-  names::DirectoryError& error = entry.error();
+  auto url = directory.url_of(target);
+  if (url) return std::move(*url);
+  names::DirectoryError& error = url.error();
   if (error.outcome == names::Outcome::kNotFound) error.what += similar_names(directory, target);
   return unexpected{std::move(error)};
 }

@@ -205,6 +205,20 @@ expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
   return entry_of(*found.entry());
 }
 
+expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
+                                                        MonotonicTime deadline) {
+  std::string_view bound = name;
+  auto entry = resolve(bound, deadline);
+  while (!entry && entry.error().outcome == Outcome::kNotADirectory) {
+    const std::size_t slash = bound.rfind('/');
+    if (slash == std::string_view::npos) break;
+    bound = bound.substr(0, slash);
+    entry = resolve(bound, deadline);
+  }
+  if (!entry) return unexpected{std::move(entry.error())};
+  return entry->url + std::string(name.substr(bound.size()));
+}
+
 expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner) {
   Request request;
   const OwnerId id = id_of(owner);

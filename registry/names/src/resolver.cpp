@@ -13,9 +13,9 @@ RegistryResolver::~RegistryResolver() {
 
 expected<std::string, SetupError> RegistryResolver::resolve(std::string_view name,
                                                             MonotonicTime deadline) {
-  auto entry = directory_.resolve(name, deadline);
-  if (!entry) return unexpected{std::move(entry.error())};
-  return std::move(entry->url);
+  auto url = directory_.url_of(name, deadline);
+  if (!url) return unexpected{std::move(url.error())};
+  return std::move(*url);
 }
 
 }  // namespace rtpm::names

@@ -14,6 +14,7 @@
 #include "registry_fixture.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/names/resolver.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/priority.hpp"
 #include "rtpm/test/child.hpp"
 #include "rtpm/wire/limits.hpp"
@@ -207,6 +208,18 @@ TEST_P(DirectoryOver, LetsANodeBindByName) {
   ASSERT_FALSE(unknown);
   expect_part(unknown.error().text(),
               "'rtpm/registyr' is not bound, nothing is at 'rtpm/registyr'");
+}
+
+TEST_P(DirectoryOver, LeadsToTheObjectsBelowABoundName) {
+  ASSERT_TRUE(directory_.bind(claim("lab/arm0")));
+  EXPECT_EQ(*directory_.url_of("lab/arm0"), "rtpm://127.0.0.1:4711/object");
+  EXPECT_EQ(*directory_.url_of("lab/arm0/config"), "rtpm://127.0.0.1:4711/object/config");
+  EXPECT_EQ(*directory_.url_of("lab/arm0/a/b"), "rtpm://127.0.0.1:4711/object/a/b");
+  EXPECT_EQ(directory_.url_of("lab/arm1/config").error().outcome, Outcome::kNotFound);
+  EXPECT_EQ(directory_.url_of("lab").error().outcome, Outcome::kIsADirectory);
+  RegistryResolver resolver(node_, registry_.url());
+  EXPECT_EQ(*resolver.resolve("lab/arm0/config", rt::now() + 20s),
+            "rtpm://127.0.0.1:4711/object/config");
 }
 
 TEST_P(DirectoryOver, AnswersAListInPagesThatFitADatagram) {

@@ -66,6 +66,11 @@ class Directory {
   /// @errors   kNotFound, kNotADirectory, kIsADirectory
   [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
                                                             MonotonicTime deadline = kNever);
+  /// The URL that a name stands for. Below a bound name that is the object below that name's:
+  /// "lab/arm0/config" is /config below the URL of "lab/arm0". Ends by `deadline`.
+  /// @errors   kNotFound, kIsADirectory
+  [[nodiscard]] expected<std::string, DirectoryError> url_of(std::string_view name,
+                                                             MonotonicTime deadline = kNever);
   /// Unbinds a name of this or an earlier start of the owner.
   /// @errors   as renew()
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner);
