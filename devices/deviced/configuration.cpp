@@ -81,6 +81,9 @@ void add_service(options::Options& options, Configuration& configuration) {
               "The hub that gets the devices' events, by name or URL; 'none': no events");
   options.add("serve-events", configuration.serves_events,
               "Serve that hub in this program, instead of rtpm-eventd, and bind its name");
+  options.add(
+      "settings", configuration.settings_folder,
+      "The folder of the devices' saved parameters; empty: they are neither saved nor read");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};

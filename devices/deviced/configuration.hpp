@@ -38,6 +38,7 @@ struct Configuration {
   std::vector<std::string> names{"arm0"};  ///< Of the devices.
   std::vector<DeviceSettings> devices{};   ///< One per name.
   options::ServerSettings settings{};      ///< Its server's.
+  std::string settings_folder{};           ///< Of the devices' parameters; empty: not saved.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   bool serves_events = false;            ///< The hub is this program's.

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "drivers.hpp"
+#include "rtpm/configuration/client.hpp"
 
 namespace rtpm::deviced {
 namespace {
@@ -71,19 +72,46 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
   if (!server) return setup_error(hosted->name_, std::move(server.error()));
   hosted->server_ = std::move(*server);
   events.add(*hosted->server_);
+  if (auto configured = hosted->configure(configuration); !configured) {
+    return unexpected{configured.error()};
+  }
   return hosted;
+}
+
+expected<void, SetupError> HostedDevice::configure(const Configuration& configuration) {
+  auto manager = gvd::ConfigurationManager::create(
+      server_->configurable(),
+      {.settings_folder = configuration.settings_folder, .listener = &change_reporter_});
+  if (!manager) return setup_error(name_, manager.error());
+  manager_ = std::move(*manager);
+  for (const std::string& ignored : manager_->ignored())
+    reporter_.report(ignored);
+  return {};
+}
+
+void HostedDevice::ChangeReporter::on_change(std::uint64_t revision,
+                                             std::span<const std::string> names) {
+  std::string text = "parameters have changed (revision " + std::to_string(revision) + "):";
+  for (const std::string& name : names)
+    text += " " + name;
+  reporter_.report(text);
 }
 
 expected<void, SetupError> HostedDevice::add_to(rpc::Server& server,
                                                 introspection::Catalog& catalog) {
-  if (auto added = server.add(name_, server_->servant()); !added) return added;
-  catalog.add(name_, server_->servant());
-  return {};
+  const auto add = [&](const std::string& path, rpc::Servant& servant) {
+    auto added = server.add(path, servant);
+    if (added) catalog.add(path, servant);
+    return added;
+  };
+  if (auto added = add(name_, server_->servant()); !added) return added;
+  return add(gvd::configuration_path(name_), manager_->servant());
 }
 
 expected<void, SetupError> HostedDevice::bind(rpc::Node& node, rpc::Server& server,
                                               const Configuration& configuration) {
   if (configuration.registry == kNoRegistry) return {};
+  // Names below it, such as its configuration's, need no binding of their own.
   auto bound = names::Registration::create(
       node, configuration.registry, name_, server.url(name_),
       std::string(server_->servant().interface().name), names::Registration::kDefaultLease, {},

@@ -1,11 +1,15 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
+#include <utility>
 
 #include "configuration.hpp"
 #include "device_events.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/configuration/manager.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
@@ -15,13 +19,14 @@
 
 namespace rtpm::deviced {
 
-/// One device of this program: its driver, its thread, its object and its name.
+/// One device of this program: its driver, its thread, its configuration, its objects and its name.
 /// @threads  set-up from one
 /// @realtime set-up only
 class HostedDevice {
  public:
-  /// Makes the driver and the device's server.
-  /// @errors   as make_driver(), DeviceEvents::observe() and gvd::DeviceServer::create()
+  /// Makes the driver, the device's server and its configuration, with the saved settings.
+  /// @errors   as make_driver(), DeviceEvents::observe(), gvd::DeviceServer::create() and
+  ///           gvd::ConfigurationManager::create()
   [[nodiscard]] static expected<std::unique_ptr<HostedDevice>, SetupError> create(
       const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events);
 
@@ -54,11 +59,24 @@ class HostedDevice {
     rt::Log log_{"rtpm-deviced"};
   };
 
+  /// Logs changes of parameters.
+  class ChangeReporter final : public gvd::ParameterListener {
+   public:
+    explicit ChangeReporter(Reporter& reporter) : reporter_(reporter) {}
+    void on_change(std::uint64_t revision, std::span<const std::string> names) override;
+
+   private:
+    Reporter& reporter_;
+  };
+
   explicit HostedDevice(std::string name) : name_(std::move(name)), reporter_(name_) {}
+  [[nodiscard]] expected<void, SetupError> configure(const Configuration& configuration);
 
   std::string name_;
   Reporter reporter_;
+  ChangeReporter change_reporter_{reporter_};
   std::unique_ptr<gvd::DeviceServer> server_{};
+  std::unique_ptr<gvd::ConfigurationManager> manager_{};
   std::unique_ptr<names::Registration> registration_{};
 };
 
