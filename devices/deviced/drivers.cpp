@@ -14,11 +14,15 @@ namespace {
 
 using Made = expected<std::unique_ptr<driver::Driver>, SetupError>;
 
+/// As of a real arm that was not calibrated.
+constexpr double kEncoderErrorMetres = 1e-3;
+
 Made make_arm(const DeviceSettings& device, const device_sim::TwinConfig& twin) {
   device_sim::SimConfig arm;
   arm.is_held = !device.is_free;
   arm.hand_file = device.hand;
   arm.seed = twin.seed;
+  arm.encoder_error_m = kEncoderErrorMetres;
   arm.serial = twin.serial;
   arm.frame = twin.frame;
   auto made = device_sim::SimDriver::create(std::move(arm));

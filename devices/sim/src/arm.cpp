@@ -89,7 +89,7 @@ Eigen::Vector3d VelocityEstimator::update(const Eigen::Vector3d& position_m,
   if (count_ > 0 && time_s <= last.time_s) return velocity_m_per_s_;
   points_[count_ % points_.size()] = {position_m, time_s};
   ++count_;
-  const std::size_t known = std::min(count_, points_.size());
+  const std::size_t known = std::min(count_, window_ + 1);
   const Point& oldest = points_[(count_ - known) % points_.size()];
   if (known > 1) velocity_m_per_s_ = (position_m - oldest.position_m) / (time_s - oldest.time_s);
   return velocity_m_per_s_;

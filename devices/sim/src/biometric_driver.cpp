@@ -4,6 +4,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "settings.hpp"
+
 namespace rtpm::device_sim {
 namespace {
 
@@ -18,8 +20,8 @@ double pulse_at(double phase) noexcept {
 }
 
 /// Breathing raises and lowers the heart rate.
-double heart_rate_hz_at(double time_s) noexcept {
-  return 1.1 + 0.06 * std::sin(2 * std::numbers::pi * 0.25 * time_s);
+double heart_rate_hz_at(double time_s, double rest_hz) noexcept {
+  return rest_hz + 0.06 * std::sin(2 * std::numbers::pi * 0.25 * time_s);
 }
 
 /// A slow level, and a response to each stimulus: a rise of a second, then a decay.
@@ -44,11 +46,35 @@ driver::Descriptor BiometricDriver::describe() const {
   return descriptor;
 }
 
+std::vector<driver::ParameterSpec> BiometricDriver::parameters() const {
+  return {{.name = "pulse.gain",
+           .unit = "1",
+           .low = 0.1,
+           .high = 10,
+           .default_value = 1.0,
+           .description = "Factor of the pulse, which saturates at 1."},
+          {.name = "person.heart_rate_hz",
+           .unit = "Hz",
+           .low = 0.5,
+           .high = 3,
+           .default_value = 1.1,
+           .description = "The simulated person's mean heart rate."}};
+}
+
+expected<void, SetupError> BiometricDriver::set_parameters(
+    std::span<driver::ParameterSetting> settings) {
+  take(settings, "pulse.gain", pulse_gain_);
+  take(settings, "person.heart_rate_hz", rest_hz_);
+  return {};
+}
+
 void BiometricDriver::step(const driver::Command&, double elapsed_s,
                            driver::Sample& sample) noexcept {
-  const double rate_hz = heart_rate_hz_at(time_s());
+  const double rate_hz = heart_rate_hz_at(time_s(), rest_hz_);
   beat_ += elapsed_s * rate_hz;
-  sample.analogs[0] = static_cast<float>(pulse_at(beat_ - std::floor(beat_)));
+  // The sensor saturates at the end of its range.
+  const double pulse = std::min(1.0, pulse_gain_ * pulse_at(beat_ - std::floor(beat_)));
+  sample.analogs[0] = static_cast<float>(pulse);
   sample.analogs[1] = static_cast<float>(rate_hz);
   sample.analogs[2] = static_cast<float>(skin_conductance_at(config().seed, time_s()));
 }

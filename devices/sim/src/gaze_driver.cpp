@@ -4,6 +4,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "gaze_calibration.hpp"
+#include "settings.hpp"
+
 namespace rtpm::device_sim {
 namespace {
 
@@ -48,7 +51,7 @@ Gaze GazeDriver::point(int index) noexcept {
 }
 
 Gaze GazeDriver::gaze() const noexcept {
-  const int told = told_.load(std::memory_order_relaxed);
+  const int told = subject_->told();
   if (told >= 0 && told < kPointCount) return point(told);
   const auto fixation = static_cast<std::uint64_t>(time_s() / kFixationS);
   const auto point_of = [&](std::uint64_t number) {
@@ -75,6 +78,46 @@ void GazeDriver::step(const driver::Command&, double, driver::Sample& sample) no
   sample.pose.orientation = orientation_of(corrected);
   sample.analogs[0] = static_cast<float>(4e-3 + 5e-4 * wave(time_s(), 0.2, phase));
   set_button(sample, std::fmod(time_s(), 4.0) >= 3.85);
+}
+
+std::vector<driver::ParameterSpec> GazeDriver::parameters() const {
+  using driver::ParameterType;
+  return {{.name = "correction.offset_rad",
+           .type = ParameterType::kVector,
+           .unit = "rad",
+           .low = -kOffsetMaxRad,
+           .high = kOffsetMaxRad,
+           .vector_size = 2,
+           .default_value = std::vector<double>{0, 0},
+           .description = "Added to the gaze to the right and upwards, after the gain."},
+          {.name = "correction.gain",
+           .type = ParameterType::kVector,
+           .unit = "1",
+           .low = kGainMin,
+           .high = kGainMax,
+           .vector_size = 2,
+           .default_value = std::vector<double>{1, 1},
+           .description = "Factor of the measured gaze to the right and upwards."}};
+}
+
+expected<void, SetupError> GazeDriver::set_parameters(
+    std::span<driver::ParameterSetting> settings) {
+  const auto take_gaze = [&](std::string_view name, Gaze& to) {
+    const auto* const elements = find<std::vector<double>>(settings, name);
+    if (elements != nullptr) to = {elements->at(0), elements->at(1)};
+  };
+  take_gaze("correction.offset_rad", correction_.offset);
+  take_gaze("correction.gain", correction_.gain);
+  return {};
+}
+
+std::vector<driver::CalibrationInfo> GazeDriver::calibrations() const {
+  return {{"nine_points", "Finds the correction: look at nine points, one after the other."}};
+}
+
+std::unique_ptr<driver::Calibration> GazeDriver::make_calibration(std::string_view name) {
+  if (name != "nine_points") return nullptr;
+  return std::make_unique<NinePointCalibration>(correction_, subject_);
 }
 
 }  // namespace rtpm::device_sim

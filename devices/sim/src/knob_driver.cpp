@@ -4,7 +4,16 @@
 #include <cmath>
 #include <numbers>
 
+#include "settings.hpp"
+
 namespace rtpm::device_sim {
+namespace {
+
+// Their product is the stiffness in a detent, which a step of kStepMax must bear.
+constexpr std::int64_t kDetentCountMax = 36;
+constexpr double kDetentNewtonMetreMax = 0.01;
+
+}  // namespace
 
 driver::Descriptor KnobDriver::describe() const {
   driver::Descriptor descriptor = identity(driver::DeviceClass::kDial, "RTPM simulated knob");
@@ -13,6 +22,28 @@ driver::Descriptor KnobDriver::describe() const {
   descriptor.buttons = {"push"};
   descriptor.modes = {driver::CommandMode::kJointEffort};
   return descriptor;
+}
+
+std::vector<driver::ParameterSpec> KnobDriver::parameters() const {
+  return {{.name = "detent.count",
+           .type = driver::ParameterType::kInteger,
+           .low = 0,
+           .high = kDetentCountMax,
+           .default_value = std::int64_t{0},
+           .description = "Detents of a turn; 0: it turns smoothly."},
+          {.name = "detent.torque_newton_metre",
+           .unit = "N m",
+           .low = 0,
+           .high = kDetentNewtonMetreMax,
+           .default_value = kDetentNewtonMetreMax,
+           .description = "Greatest torque of a detent."}};
+}
+
+expected<void, SetupError> KnobDriver::set_parameters(
+    std::span<driver::ParameterSetting> settings) {
+  take(settings, "detent.count", detent_count_);
+  take(settings, "detent.torque_newton_metre", detent_newton_metre_max_);
+  return {};
 }
 
 void KnobDriver::reset() noexcept {
@@ -27,6 +58,10 @@ double KnobDriver::hand_newton_metre() const noexcept {
   return knob_.hand_newton_metre * std::sin(phase_rad);
 }
 
+double KnobDriver::detent_newton_metre() const noexcept {
+  return -detent_newton_metre_max_ * std::sin(static_cast<double>(detent_count_) * angle_rad_);
+}
+
 void KnobDriver::step(const driver::Command& command, double elapsed_s,
                       driver::Sample& sample) noexcept {
   const bool has_effort = command.mode == driver::CommandMode::kJointEffort;
@@ -34,9 +69,9 @@ void KnobDriver::step(const driver::Command& command, double elapsed_s,
   const double effort =
       std::clamp(asked, -knob_.effort_newton_metre_max, knob_.effort_newton_metre_max);
   // Implicit in the velocity, so that no long step can pump energy in.
-  velocity_rad_per_s_ =
-      (knob_.inertia_kg_m2 * velocity_rad_per_s_ + elapsed_s * (effort + hand_newton_metre())) /
-      (knob_.inertia_kg_m2 + elapsed_s * knob_.damping_newton_metre_s_per_rad);
+  velocity_rad_per_s_ = (knob_.inertia_kg_m2 * velocity_rad_per_s_ +
+                         elapsed_s * (effort + hand_newton_metre() + detent_newton_metre())) /
+                        (knob_.inertia_kg_m2 + elapsed_s * knob_.damping_newton_metre_s_per_rad);
   angle_rad_ += elapsed_s * velocity_rad_per_s_;
   sample.joints[0] = std::round(angle_rad_ / knob_.resolution_rad) * knob_.resolution_rad;
   sample.joint_velocities[0] = velocity_rad_per_s_;

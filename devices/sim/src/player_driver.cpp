@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "settings.hpp"
+
 namespace rtpm::device_sim {
 namespace {
 
@@ -28,6 +30,26 @@ driver::Descriptor PlayerDriver::describe() const {
   return descriptor;
 }
 
+std::vector<driver::ParameterSpec> PlayerDriver::parameters() const {
+  return {{.name = "loop",
+           .type = driver::ParameterType::kBool,
+           .default_value = false,
+           .description = "Plays on at the other end."},
+          {.name = "rate_max",
+           .unit = "1",
+           .low = 0.1,
+           .high = kRateMax,
+           .default_value = double{kRateMax},
+           .description = "Greatest rate, forwards and backwards."}};
+}
+
+expected<void, SetupError> PlayerDriver::set_parameters(
+    std::span<driver::ParameterSetting> settings) {
+  take(settings, "loop", is_looping_);
+  take(settings, "rate_max", rate_max_);
+  return {};
+}
+
 void PlayerDriver::reset() noexcept {
   position_s_ = 0;
   last_seek_s_ = kNowhere;
@@ -36,12 +58,14 @@ void PlayerDriver::reset() noexcept {
 void PlayerDriver::step(const driver::Command& command, double elapsed_s,
                         driver::Sample& sample) noexcept {
   const bool is_commanded = command.mode == driver::CommandMode::kOutputs;
-  float rate = is_commanded ? clamped(command.outputs[0], -kRateMax, kRateMax, 0) : 0;
+  const auto rate_max = static_cast<float>(rate_max_);
+  float rate = is_commanded ? clamped(command.outputs[0], -rate_max, rate_max, 0) : 0;
   const float seek_s =
       is_commanded ? clamped(command.outputs[1], kNowhere, kLengthSeconds, kNowhere) : kNowhere;
   if (seek_s >= 0 && seek_s != last_seek_s_) position_s_ = seek_s;
   last_seek_s_ = seek_s;
-  const double next_s = position_s_ + elapsed_s * rate;
+  double next_s = position_s_ + elapsed_s * rate;
+  if (is_looping_) next_s -= kLengthSeconds * std::floor(next_s / kLengthSeconds);
   position_s_ = std::clamp(next_s, 0.0, kLengthSeconds);
   if (position_s_ != next_s) rate = 0;
   sample.analogs[0] = static_cast<float>(position_s_);

@@ -139,7 +139,10 @@ TEST(GazeDriver, MeasuresThroughItsOptics) {
 
 TEST(GazeDriver, ACorrectionTakesTheOpticsOut) {
   Played<GazeDriver> tracker;
-  tracker.driver.set_correction({{-0.03 / 1.1, 0.02 / 0.93}, {1 / 1.1, 1 / 0.93}});
+  std::vector<driver::ParameterSetting> correction{
+      {"correction.offset_rad", std::vector<double>{-0.03 / 1.1, 0.02 / 0.93}},
+      {"correction.gain", std::vector<double>{1 / 1.1, 1 / 0.93}}};
+  ASSERT_TRUE(tracker.driver.set_parameters(correction));
   tracker.driver.look_at(2);
   tracker.run(1);
   const Gaze gaze = gaze_of(tracker.sample.pose.orientation);

@@ -71,14 +71,15 @@ class Arm {
   bool is_at_stop_ = false;
 };
 
-/// Velocity as a real device computes it: from measured positions, as the mean over the last eight
+/// Velocity as a real device computes it: from measured positions, as the mean over the last few
 /// steps, which smooths the encoders' steps.
 /// @ownership a value
 /// @realtime alloc-free
 class VelocityEstimator {
  public:
-  static constexpr std::size_t kWindow = 8;
+  static constexpr std::size_t kWindow = 8;  ///< The most, and the default.
 
+  explicit VelocityEstimator(std::size_t window = kWindow) noexcept : window_(window) {}
   /// Adds the position measured at `time_s`; returns the velocity in m/s, zero for the first. A
   /// time that has not increased changes nothing.
   Eigen::Vector3d update(const Eigen::Vector3d& position_m, double time_s) noexcept;
@@ -88,6 +89,7 @@ class VelocityEstimator {
     Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
     double time_s = 0;
   };
+  std::size_t window_;  ///< 1 to kWindow.
   std::array<Point, kWindow + 1> points_{};
   std::size_t count_ = 0;
   Eigen::Vector3d velocity_m_per_s_ = Eigen::Vector3d::Zero();

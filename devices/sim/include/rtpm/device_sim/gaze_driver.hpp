@@ -1,7 +1,10 @@
 #pragma once
 
 #include <atomic>
-#include <cstdint>
+#include <memory>
+#include <span>
+#include <string_view>
+#include <vector>
 
 #include "rtpm/device_sim/twin.hpp"
 
@@ -19,11 +22,24 @@ struct GazeCorrection {
   Gaze gain{1, 1};
 };
 
+/// The simulated person before the tracker.
+/// @threads  any
+/// @realtime alloc-free
+class GazeSubject {
+ public:
+  /// Looks at a point until further notice; below zero: at will.
+  void look_at(int point) noexcept { told_.store(point, std::memory_order_relaxed); }
+  [[nodiscard]] int told() const noexcept { return told_.load(std::memory_order_relaxed); }
+
+ private:
+  std::atomic<int> told_{-1};
+};
+
 /// A gaze tracker and its subject: the pose's orientation turns -z to where the subject looks, in
 /// the frame of the head; analog "pupil" is the pupil's diameter; button "blink" is pressed for
 /// 0.15 s every 4 s. The subject looks at one of nine points after the other, with the tremor of an
-/// eye, or where look_at() says. The optics have an offset and a gain of their own, which a
-/// calibration finds and set_correction() takes out.
+/// eye, or where look_at() or a prompt says. The optics have an offset and a gain of their own,
+/// which the calibration "nine_points" finds and the parameters "correction." take out.
 class GazeDriver final : public Twin {
  public:
   /// Nine points: three by three, this far from each other.
@@ -32,18 +48,25 @@ class GazeDriver final : public Twin {
   /// What the optics do to a gaze; a calibration finds the inverse.
   static constexpr Gaze kOpticsOffset{0.03, -0.02};
   static constexpr Gaze kOpticsGain{1.1, 0.93};
+  // The range of a correction.
+  static constexpr double kOffsetMaxRad = 0.5;
+  static constexpr double kGainMin = 0.5;
+  static constexpr double kGainMax = 2;
 
   explicit GazeDriver(TwinConfig twin) : Twin(std::move(twin)) {}
   [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override;
+  [[nodiscard]] expected<void, SetupError> set_parameters(
+      std::span<driver::ParameterSetting> settings) override;
+  [[nodiscard]] std::vector<driver::CalibrationInfo> calibrations() const override;
+  [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
+      std::string_view name) override;
 
   /// Point 0 to kPointCount - 1, row by row from the upper left.
   [[nodiscard]] static Gaze point(int index) noexcept;
   /// Lets the subject look at a point until further notice; below zero: at will.
   /// @threads  any
-  void look_at(int point) noexcept { told_.store(point, std::memory_order_relaxed); }
-  /// Of the next samples.
-  /// @threads  that of exchange()
-  void set_correction(const GazeCorrection& correction) noexcept { correction_ = correction; }
+  void look_at(int point) noexcept { subject_->look_at(point); }
   [[nodiscard]] const GazeCorrection& correction() const noexcept { return correction_; }
 
  private:
@@ -53,7 +76,7 @@ class GazeDriver final : public Twin {
   [[nodiscard]] Gaze gaze() const noexcept;
 
   GazeCorrection correction_{};
-  std::atomic<int> told_{-1};
+  std::shared_ptr<GazeSubject> subject_ = std::make_shared<GazeSubject>();
 };
 
 /// The direction of gaze that a sample's orientation stands for.

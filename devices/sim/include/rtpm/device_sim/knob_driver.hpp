@@ -1,5 +1,9 @@
 #pragma once
 
+#include <cstdint>
+#include <span>
+#include <vector>
+
 #include "rtpm/device_sim/twin.hpp"
 
 namespace rtpm::device_sim {
@@ -14,19 +18,28 @@ struct KnobConfig {
 };
 
 /// A motorised knob with inertia: joint "dial", which turns without end, and button "push".
-/// Fingers turn it to and fro and push it for 0.1 s every 3 s.
+/// Fingers turn it to and fro and push it for 0.1 s every 3 s. It can have mechanical detents,
+/// evenly around.
 class KnobDriver final : public Twin {
  public:
   explicit KnobDriver(TwinConfig twin, KnobConfig knob = {}) : Twin(std::move(twin)), knob_(knob) {}
   [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override;
+  [[nodiscard]] expected<void, SetupError> set_parameters(
+      std::span<driver::ParameterSetting> settings) override;
 
  private:
   void reset() noexcept override;
   void step(const driver::Command& command, double elapsed_s,
             driver::Sample& sample) noexcept override;
+  [[nodiscard]] double detent_newton_metre() const noexcept;
   [[nodiscard]] double hand_newton_metre() const noexcept;
 
   KnobConfig knob_;
+  // Parameters.
+  std::int64_t detent_count_ = 0;
+  double detent_newton_metre_max_ = 0.01;
+
   double angle_rad_ = 0;
   double velocity_rad_per_s_ = 0;
 };

@@ -1,23 +1,33 @@
 #pragma once
 
+#include <span>
+#include <vector>
+
 #include "rtpm/device_sim/twin.hpp"
 
 namespace rtpm::device_sim {
 
 /// A media player: output "rate" (1 plays, 0 pauses, negative plays backwards) and output "seek"
 /// (jumps there when it changes; below zero: nowhere), analogs "position" and "rate". It stops at
-/// both ends, and without a command.
+/// both ends, or plays on at the other with the parameter "loop"; and without a command.
 class PlayerDriver final : public Twin {
  public:
   static constexpr double kLengthSeconds = 60;
 
   explicit PlayerDriver(TwinConfig twin) : Twin(std::move(twin)) {}
   [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override;
+  [[nodiscard]] expected<void, SetupError> set_parameters(
+      std::span<driver::ParameterSetting> settings) override;
 
  private:
   void reset() noexcept override;
   void step(const driver::Command& command, double elapsed_s,
             driver::Sample& sample) noexcept override;
+
+  // Parameters.
+  bool is_looping_ = false;
+  double rate_max_ = 4;
 
   double position_s_ = 0;
   float last_seek_s_ = -1;

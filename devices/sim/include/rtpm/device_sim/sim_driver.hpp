@@ -1,9 +1,13 @@
 #pragma once
 
 #include <cstdint>
+#include <Eigen/Core>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <string_view>
+#include <vector>
 
 #include "rtpm/device_sim/arm.hpp"
 #include "rtpm/driver/driver.hpp"
@@ -16,7 +20,9 @@ struct SimConfig {
   HandConfig hand{};
   bool is_held = true;      ///< False: no hand, only the motors move it.
   std::string hand_file{};  ///< A recorded hand, see Trajectory; empty: PressingPath.
-  std::uint64_t seed = 1;   ///< Of PressingPath.
+  std::uint64_t seed = 1;   ///< Of PressingPath and of the encoders' error.
+  /// What each encoder reads wrong at most, until it is calibrated.
+  double encoder_error_m = 0;
   std::string serial = "sim-1";
   std::string frame = "arm0/base";
 };
@@ -38,16 +44,29 @@ class SimDriver final : public driver::Driver {
   [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
                                                 driver::Sample& sample) noexcept override;
   void deactivate() noexcept override;
+  [[nodiscard]] std::vector<driver::ParameterSpec> parameters() const override;
+  [[nodiscard]] expected<void, SetupError> set_parameters(
+      std::span<driver::ParameterSetting> settings) override;
+  [[nodiscard]] std::vector<driver::CalibrationInfo> calibrations() const override;
+  [[nodiscard]] std::unique_ptr<driver::Calibration> make_calibration(
+      std::string_view name) override;
 
   /// The arm itself, for tests and displays; nothing before activate().
   [[nodiscard]] const std::optional<Arm>& arm() const noexcept { return arm_; }
 
  private:
-  SimDriver(SimConfig config, std::optional<Hand> hand)
-      : config_(std::move(config)), hand_(std::move(hand)) {}
+  SimDriver(SimConfig config, std::optional<Hand> hand);
+  [[nodiscard]] bool is_in_workspace(const Eigen::Vector3d& position_m) const noexcept;
 
   SimConfig config_;
   std::optional<Hand> hand_;
+  Eigen::Vector3d encoder_error_m_;
+  // Parameters.
+  Eigen::Vector3d encoder_offset_m_ = Eigen::Vector3d::Zero();
+  Eigen::Vector3d workspace_low_m_;
+  Eigen::Vector3d workspace_high_m_;
+  std::size_t velocity_window_ = VelocityEstimator::kWindow;
+
   Duration period_{};
   std::optional<Arm> arm_{};
   VelocityEstimator velocity_{};
