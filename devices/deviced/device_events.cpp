@@ -75,6 +75,11 @@ void DeviceEvents::stop() noexcept {
   if (publisher_ != nullptr) publisher_->stop();
 }
 
+void DeviceEvents::publish_configuration(std::string_view name, std::uint64_t revision,
+                                         std::span<const std::string> names) {
+  if (publisher_ != nullptr) publisher_->publish_configuration(name, revision, names);
+}
+
 void DeviceEvents::stop_devices() noexcept {
   for (gvd::DeviceServer* const device : devices_)
     device->emergency_stop();

@@ -1,6 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <memory>
+#include <span>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -41,6 +44,9 @@ class DeviceEvents final : public gvd::EmergencyStops {
   /// Call before the devices end.
   void stop() noexcept;
 
+  /// As gvd::DevicePublisher::publish_configuration().
+  void publish_configuration(std::string_view name, std::uint64_t revision,
+                             std::span<const std::string> names);
   void stop_devices() noexcept override;
   [[nodiscard]] bool stop_system() noexcept override;
 

@@ -56,7 +56,7 @@ gvd::DeviceServerConfig config_of(const Configuration& configuration, const Devi
 
 expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
     const Configuration& configuration, const DeviceSettings& device, DeviceEvents& events) {
-  std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device)));
+  std::unique_ptr<HostedDevice> hosted(new HostedDevice(configuration.name_of(device), events));
   auto driver = make_driver(device);
   if (!driver) return setup_error(hosted->name_, std::move(driver.error()));
   const driver::Descriptor descriptor = (*driver)->describe();
@@ -95,6 +95,7 @@ void HostedDevice::ChangeReporter::on_change(std::uint64_t revision,
   for (const std::string& name : names)
     text += " " + name;
   reporter_.report(text);
+  events_.publish_configuration(name_, revision, names);
 }
 
 expected<void, SetupError> HostedDevice::add_to(rpc::Server& server,

@@ -59,22 +59,26 @@ class HostedDevice {
     rt::Log log_{"rtpm-deviced"};
   };
 
-  /// Logs changes of parameters.
+  /// Logs changes of parameters, and pushes them as events.
   class ChangeReporter final : public gvd::ParameterListener {
    public:
-    explicit ChangeReporter(Reporter& reporter) : reporter_(reporter) {}
+    ChangeReporter(Reporter& reporter, DeviceEvents& events, const std::string& name)
+        : reporter_(reporter), events_(events), name_(name) {}
     void on_change(std::uint64_t revision, std::span<const std::string> names) override;
 
    private:
     Reporter& reporter_;
+    DeviceEvents& events_;
+    const std::string& name_;
   };
 
-  explicit HostedDevice(std::string name) : name_(std::move(name)), reporter_(name_) {}
+  HostedDevice(std::string name, DeviceEvents& events)
+      : name_(std::move(name)), reporter_(name_), change_reporter_(reporter_, events, name_) {}
   [[nodiscard]] expected<void, SetupError> configure(const Configuration& configuration);
 
   std::string name_;
   Reporter reporter_;
-  ChangeReporter change_reporter_{reporter_};
+  ChangeReporter change_reporter_;
   std::unique_ptr<gvd::DeviceServer> server_{};
   std::unique_ptr<gvd::ConfigurationManager> manager_{};
   std::unique_ptr<names::Registration> registration_{};
