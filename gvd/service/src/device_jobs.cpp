@@ -16,10 +16,10 @@ void DeviceJobs::end() {
   has_thread_ = false;
 }
 
-bool DeviceJobs::perform(const std::function<void()>& job, Duration patience) {
+bool DeviceJobs::perform_job(Job& job, Duration patience) {
   const std::lock_guard lock(mutex_);
   if (!has_thread_) {
-    job();
+    job.run();
     return true;
   }
   job_ = &job;
@@ -40,7 +40,7 @@ void DeviceJobs::run() {
   // SYNC POINT device-job
   State offered = State::kOffered;
   if (!state_.compare_exchange_strong(offered, State::kRunning, std::memory_order_acq_rel)) return;
-  (*job_)();
+  job_->run();
   state_.store(State::kNone, std::memory_order_release);
   done_.post();
 }

@@ -3,7 +3,6 @@
 #include <atomic>
 #include <chrono>
 #include <cstdint>
-#include <functional>
 
 #include "rtpm/base/time.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
@@ -25,9 +24,17 @@ class DeviceJobs {
   void begin();
   /// The device's thread has ended.
   void end();
-  /// Does `job` and returns true, or false if the device's thread has not begun it within
+  /// Calls `work` and returns true, or false if the device's thread has not begun it within
   /// `patience`: then it never happens. One that has begun is waited for.
-  [[nodiscard]] bool perform(const std::function<void()>& job, Duration patience = kPatience);
+  template <class Work>
+  [[nodiscard]] bool perform(Work&& work, Duration patience = kPatience) {
+    struct WorkJob final : Job {
+      explicit WorkJob(Work& called) : work(called) {}
+      void run() override { work(); }
+      Work& work;
+    } job(work);
+    return perform_job(job, patience);
+  }
 
   [[nodiscard]] bool is_waiting() const noexcept {
     return state_.load(std::memory_order_relaxed) == State::kOffered;
@@ -36,12 +43,22 @@ class DeviceJobs {
   void run();
 
  private:
+  class Job {
+   public:
+    Job() = default;
+    Job(const Job&) = delete;
+    Job& operator=(const Job&) = delete;
+    virtual ~Job() = default;
+    virtual void run() = 0;
+  };
   enum class State : std::uint8_t { kNone, kOffered, kRunning };
+
+  [[nodiscard]] bool perform_job(Job& job, Duration patience);
 
   /// Of the threads that perform(), and begin() and end(); never the device's.
   rt::PiMutex mutex_{};
   bool has_thread_ = false;
-  const std::function<void()>* job_ = nullptr;
+  Job* job_ = nullptr;
   std::atomic<State> state_{State::kNone};
   rt::Semaphore done_{};
 };
