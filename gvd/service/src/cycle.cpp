@@ -227,6 +227,7 @@ void DeviceCycle::publish(MonotonicTime now) noexcept {
   sample_.sequence = counters_.cycle_count;
   sample_.success_rate = success_.share();
   sample_.lifecycle = lifecycle();
+  published_at_.store(now, std::memory_order_relaxed);
   published_.write(sample_);
   counters_.safety = filter_.counters();
   counters_.lease_expired_count = lease_.expired_count();
@@ -234,6 +235,16 @@ void DeviceCycle::publish(MonotonicTime now) noexcept {
   counters_.lease_taken_over_count = lease_.taken_over_count();
   published_counters_.write(counters_);
   show_observer(now);
+}
+
+std::optional<driver::Sample> DeviceCycle::newest(MonotonicTime now) const noexcept {
+  std::optional<driver::Sample> sample = published_.read();
+  const Duration age_max = (config_.bad_cycle_max + 1) * config_.period;
+  if (sample && sample->lifecycle == Lifecycle::kActive &&
+      now - published_at_.load(std::memory_order_relaxed) > age_max) {
+    sample->faults.set(Fault::kDeviceLate);
+  }
+  return sample;
 }
 
 void DeviceCycle::show_observer(MonotonicTime now) noexcept {

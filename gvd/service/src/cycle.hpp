@@ -107,6 +107,9 @@ class DeviceCycle {
   [[nodiscard]] Lease& lease() noexcept { return lease_; }
   /// The newest sample; nullopt before the first cycle.
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept { return published_.read(); }
+  /// The same at `now`: kDeviceLate is set if an active device has not completed a cycle for as
+  /// long as CycleConfig::bad_cycle_max allows, such as in a driver that does not return.
+  [[nodiscard]] std::optional<driver::Sample> newest(MonotonicTime now) const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
   /// The limits that the server was started with.
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return safety_; }
@@ -151,6 +154,7 @@ class DeviceCycle {
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
   Latest<DeviceCounters> published_counters_{};
+  std::atomic<MonotonicTime> published_at_{};
   /// A holder's request and lease serial, packed by request_of(); 0: none.
   std::atomic<std::uint32_t> transition_request_{0};
   std::atomic<std::uint32_t> release_request_{0};

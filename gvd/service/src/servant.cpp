@@ -41,8 +41,8 @@ rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>
   return {};
 }
 
-rpc::Result<device::Sample> DeviceServant::read(const rpc::CallContext&) {
-  return to_wire(cycle_.newest().value_or(driver::Sample{}));
+rpc::Result<device::Sample> DeviceServant::read(const rpc::CallContext& context) {
+  return to_wire(cycle_.newest(context.received).value_or(driver::Sample{}));
 }
 
 rpc::Result<device::Outcome> DeviceServant::command(const device::Command& request,

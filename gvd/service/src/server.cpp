@@ -3,6 +3,7 @@
 #include <atomic>
 #include <cmath>
 #include <future>
+#include <memory>
 #include <random>
 #include <string>
 #include <utility>
@@ -10,6 +11,7 @@
 #include "configurable_device.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "rtpm/rt/semaphore.hpp"
 #include "safety_parameters.hpp"
 #include "servant.hpp"
 
@@ -18,6 +20,8 @@ namespace {
 
 constexpr Duration kPeriodMin = std::chrono::microseconds{20};
 constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
+/// How long start() waits for a driver that sets its device up, where it need not.
+constexpr std::chrono::seconds kStartPatience{2};
 
 SipKey random_key() {
   std::random_device random;
@@ -105,9 +109,10 @@ struct DeviceServer::Impl {
   }
 
   expected<void, SetupError> start_thread() {
-    std::promise<expected<void, SetupError>> begun;
-    auto outcome = begun.get_future();
-    auto thread = rt::Thread::start(config.thread, [this, &begun] {
+    // Shared, because the driver may return after start() has stopped waiting for it.
+    const auto begun = std::make_shared<std::promise<expected<void, SetupError>>>();
+    auto outcome = begun->get_future();
+    auto thread = rt::Thread::start(config.thread, [this, begun] {
       auto began = cycle.begin(rt::now());
       if (!began && config.starts_without_device) {
         cycle.begin_without(rt::now(), began.error());
@@ -116,11 +121,16 @@ struct DeviceServer::Impl {
       const bool is_active = began.has_value();
       // The first sample exists before the first caller.
       if (is_active) cycle.run(rt::now(), 0);
-      begun.set_value(std::move(began));
-      // `begun` may be gone from here on.
+      begun->set_value(std::move(began));
       if (is_active) loop();
+      has_ended.post();
     });
     if (!thread) return unexpected{std::move(thread.error())};
+    if (config.starts_without_device &&
+        outcome.wait_for(kStartPatience) == std::future_status::timeout) {
+      device_thread = std::move(*thread);
+      return {};
+    }
     const auto began = outcome.get();
     if (!began) {
       thread->join();
@@ -130,11 +140,16 @@ struct DeviceServer::Impl {
     return {};
   }
 
-  void stop() noexcept {
-    if (!device_thread.is_running()) return;
-    is_stopping.store(true, std::memory_order_relaxed);
+  void request_stop() noexcept { is_stopping.store(true, std::memory_order_relaxed); }
+
+  /// False: the driver has not returned by `deadline`, and its thread goes on.
+  bool stop(MonotonicTime deadline) noexcept {
+    if (!device_thread.is_running()) return true;
+    request_stop();
+    if (!has_ended.wait_until(deadline)) return false;
     device_thread.join();
     cycle.jobs().end();
+    return true;
   }
 
   /// The device's thread: one cycle per period at absolute times, so that a late wake-up does not
@@ -172,6 +187,7 @@ struct DeviceServer::Impl {
   DeviceServant servant;
   ConfigurableDevice configurable;
   std::atomic<bool> is_stopping{false};
+  rt::Semaphore has_ended{};  ///< Posted by the device's thread.
   rt::Thread device_thread{};
 };
 
@@ -198,13 +214,16 @@ expected<std::unique_ptr<DeviceServer>, SetupError> DeviceServer::create(
 
 DeviceServer::DeviceServer(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 DeviceServer::~DeviceServer() {
-  impl_->stop();
+  impl_->stop(kNever);
 }
 expected<void, SetupError> DeviceServer::start() {
   return impl_->start();
 }
-void DeviceServer::stop() noexcept {
-  impl_->stop();
+void DeviceServer::request_stop() noexcept {
+  impl_->request_stop();
+}
+bool DeviceServer::stop(Duration patience) noexcept {
+  return impl_->stop(rt::now() + patience);
 }
 void DeviceServer::emergency_stop() noexcept {
   impl_->cycle.emergency_stop();

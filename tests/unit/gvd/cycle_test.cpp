@@ -472,6 +472,15 @@ TEST_F(Cycle, LateAndCorruptCyclesChangeNoValueAndShow) {
   EXPECT_FLOAT_EQ(sample().success_rate, 0.5F);
 }
 
+TEST_F(Cycle, AnActiveDeviceWithoutACycleForLongIsLate) {
+  run();
+  EXPECT_TRUE(cycle_->newest(now_ + milliseconds{21})->faults.empty());
+  EXPECT_TRUE(cycle_->newest(now_ + milliseconds{22})->faults.has(Fault::kDeviceLate));
+  EXPECT_TRUE(sample().faults.empty()) << "only for the reader of that time";
+  cycle_->end(now_);
+  EXPECT_TRUE(cycle_->newest(now_ + milliseconds{22})->faults.empty()) << "nobody waits for it";
+}
+
 TEST_F(Cycle, ALostDeviceLosesForceAndLeaseAndComesBack) {
   acquire();
   reach(5);

@@ -85,8 +85,11 @@ TEST(TwoDevices, ADriverThatBlocksLeavesTheOtherAndAllCallsRunning) {
   const std::uint64_t blocked_at = blocked->counters().cycle_count;
   const std::uint64_t quick_at = quick->counters().cycle_count;
   auto client = DeviceClient::open(node, (*server)->url("lab/blocked"));
-  EXPECT_TRUE(client) << "describe() is answered";
-  EXPECT_TRUE(client->read());
+  ASSERT_TRUE(client) << "describe() is answered";
+  EXPECT_TRUE(eventually([&] {
+    const auto sample = client->read();
+    return sample && sample->faults.has(driver::Fault::kDeviceLate);
+  })) << "the sample shows it";
   EXPECT_TRUE(client->acquire());
   EXPECT_TRUE(client->set_force({1, 0, 0}));
   EXPECT_TRUE(client->emergency_stop());
@@ -103,6 +106,25 @@ TEST(TwoDevices, ADriverThatBlocksLeavesTheOtherAndAllCallsRunning) {
   is_open = true;
   is_open.notify_all();
   EXPECT_TRUE(eventually([&] { return blocked->counters().cycle_count > blocked_at + 20; }));
+}
+
+TEST(BlockedDriver, IsWaitedForAsLongAsTheCallerWants) {
+  std::atomic<bool> is_open{true};
+  std::atomic<bool> is_inside{false};
+  const auto device = start_device([&](const driver::Command&, driver::Sample&) {
+    is_inside = !is_open;
+    is_open.wait(false);
+    return ExchangeStatus::kOk;
+  });
+  is_open = false;
+  ASSERT_TRUE(eventually([&] { return is_inside.load(); }));
+  EXPECT_FALSE(device->stop(milliseconds{10}));
+  EXPECT_EQ(device->newest()->lifecycle, Lifecycle::kActive) << "it was not deactivated";
+  is_open = true;
+  is_open.notify_all();
+  EXPECT_TRUE(device->stop(seconds{20}));
+  EXPECT_EQ(device->newest()->lifecycle, Lifecycle::kFinalized);
+  EXPECT_TRUE(device->stop(milliseconds{0})) << "it has stopped";
 }
 
 TEST(AbsentDevice, IsTheSameObjectWhenItComes) {

@@ -1,10 +1,12 @@
 #pragma once
 
+#include <chrono>
 #include <memory>
 #include <optional>
 
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
 #include "rtpm/configuration/configurable.hpp"
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
@@ -17,7 +19,8 @@ namespace rtpm::gvd {
 /// Configures a device's server.
 struct DeviceServerConfig {
   CycleConfig cycle{};
-  /// start() succeeds without the device, which is then reached for like a lost one.
+  /// start() succeeds without the device, which is then reached for like a lost one; and without
+  /// its driver's answer after 2 s, until which there is no sample.
   bool starts_without_device = false;
   /// The device's thread, of higher priority than every lane, so that no caller can delay it.
   rt::ThreadConfig thread{.name = "device", .priority = Priority{30000}};
@@ -44,7 +47,7 @@ class DeviceServer {
 
   DeviceServer(const DeviceServer&) = delete;
   DeviceServer& operator=(const DeviceServer&) = delete;
-  /// Stops.
+  /// Stops. Waits without a bound for a driver that does not return: call stop() before.
   ~DeviceServer();
 
   /// Configures and activates the device and starts its thread, which from then on is the only one
@@ -53,10 +56,16 @@ class DeviceServer {
   /// @errors   the device can't be set up; missing real-time rights with RealtimeMode::kRequire
   [[nodiscard]] expected<void, SetupError> start();
 
+  /// Asks the thread to stop, without waiting for it: to stop several devices at the same time.
+  /// @threads  any
+  /// @realtime alloc-free
+  void request_stop() noexcept;
   /// Sets the force to zero, deactivates the device and ends the thread. May be repeated, before or
   /// after the rpc::Server's stop().
+  /// @param patience  how long to wait for a driver that does not return
+  /// @return whether the thread has ended; if not, the device was not deactivated
   /// @realtime set-up only
-  void stop() noexcept;
+  bool stop(Duration patience = std::chrono::seconds{2}) noexcept;
 
   /// As DeviceClient::emergency_stop() of this device, in the same process.
   /// @threads  any
