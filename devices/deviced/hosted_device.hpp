@@ -43,7 +43,11 @@ class HostedDevice {
                                                 const Configuration& configuration);
   /// Removes the name, so that no client finds a server about to end.
   void unbind() noexcept { registration_.reset(); }
-  void stop() noexcept { server_->stop(); }
+  /// As gvd::DeviceServer::request_stop() and stop().
+  void request_stop() noexcept { server_->request_stop(); }
+  [[nodiscard]] bool stop(Duration patience) noexcept { return server_->stop(patience); }
+  /// Whether its driver has returned from setting it up.
+  [[nodiscard]] bool has_sample() const noexcept { return server_->newest().has_value(); }
 
   [[nodiscard]] const std::string& name() const noexcept { return name_; }
 

@@ -1,7 +1,10 @@
 // rtpm-deviced: hosts devices. It runs each device's driver in a real-time loop of its own, serves
 // them to callers in two lanes, and binds their names at the registry.
+#include <chrono>
 #include <cstdio>
+#include <cstdlib>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <utility>
 #include <vector>
@@ -14,6 +17,7 @@
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace rtpm::deviced {
@@ -25,6 +29,41 @@ int fail(const SetupError& error) {
   rt::print_error("rtpm-deviced", error.text());
   return 1;
 }
+
+constexpr int kExitDriverBlocks = 3;
+constexpr Duration kStopPatience = std::chrono::seconds{2};
+
+/// Stops all devices. Ends the program if a driver does not return, because nothing that it uses
+/// may be destroyed.
+void stop_devices(const Devices& devices) {
+  for (const auto& device : devices)
+    device->request_stop();
+  const MonotonicTime deadline = rt::now() + kStopPatience;
+  std::string blocked;
+  for (const auto& device : devices) {
+    if (!device->stop(deadline - rt::now()))
+      blocked += (blocked.empty() ? "" : ", ") + device->name();
+  }
+  if (blocked.empty()) return;
+  rt::print_error("rtpm-deviced",
+                  SetupError{.what = blocked + " can't be deactivated and may still apply a force",
+                             .why = "the driver has not returned for 2 s",
+                             .remedy = "switch the device off; each call of a driver must return"}
+                      .text());
+  std::_Exit(kExitDriverBlocks);
+}
+
+/// Stops the devices at the end of a scope.
+class StopAtEnd {
+ public:
+  explicit StopAtEnd(const Devices& devices) noexcept : devices_(devices) {}
+  StopAtEnd(const StopAtEnd&) = delete;
+  StopAtEnd& operator=(const StopAtEnd&) = delete;
+  ~StopAtEnd() { stop_devices(devices_); }
+
+ private:
+  const Devices& devices_;
+};
 
 expected<Devices, SetupError> create_devices(const Configuration& configuration,
                                              DeviceEvents& events) {
@@ -45,6 +84,11 @@ expected<void, SetupError> start(Devices& devices, rpc::Server& server,
   if (auto added = server.add(introspection::kPath, catalog); !added) return added;
   for (const auto& device : devices) {
     if (auto started = device->start(); !started) return started;
+    if (!device->has_sample()) {
+      rt::print_error("rtpm-deviced", device->name() +
+                                          ": its driver has not set it up for 2 s; it "
+                                          "is served without a sample until then");
+    }
   }
   return server.start();
 }
@@ -60,6 +104,7 @@ int serve(const Configuration& configuration) {
   if (!events) return fail(events.error());
   auto devices = create_devices(configuration, **events);
   if (!devices) return fail(devices.error());
+  const StopAtEnd stop_at_end(*devices);
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));
@@ -83,13 +128,12 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
 
   stop.wait();
-  // The names first, so that no client finds a server about to end; then calls, then the devices.
+  // The names first, so that no client finds a server about to end; then calls. The devices follow
+  // at the end of the scope.
   for (const auto& device : *devices)
     device->unbind();
   (*events)->stop();
   (*server)->stop();
-  for (const auto& device : *devices)
-    device->stop();
   return 0;
 }
 

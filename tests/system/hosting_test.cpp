@@ -1,9 +1,14 @@
 #include <gtest/gtest.h>
+#include <signal.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <optional>
 #include <string>
+#include <string_view>
+#include <utility>
 #include <vector>
 
 #include "programs.hpp"
@@ -112,6 +117,75 @@ TEST(ConfigurationFile, AWrongLineOfADeviceIsNamed) {
   std::ofstream(file, std::ios::trunc) << "devices = arm0\ndevice-arm1-rate = 500\n";
   expect_refusal({"--config", file.string()}, 2, {"rtpm_wrong_cell.conf", "device-arm1-rate"});
   std::filesystem::remove(file);
+}
+
+/// A registry, and a server with the simulated arm and a stubborn lever.
+class BlockedDriver : public testing::Test {
+ protected:
+  void serve(const std::string& behaviour) {
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+    std::vector<std::string> arguments = stubborn(behaviour);
+    arguments.insert(arguments.end(),
+                     {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+    device_ = start_daemon("rtpm-deviced", std::move(arguments));
+    ASSERT_TRUE(device_);
+  }
+  [[nodiscard]] std::string run_tool(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
+    const auto end = run_program("rtpm", arguments);
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+    return end.output;
+  }
+  void expect_arm_serves() const {
+    const auto end = run_program("rtpm-servo", {"--registry", registry_->url, "--live", "off",
+                                                "--realtime", "off", "--seconds", "0.3"});
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+  }
+  /// That the server ends in bounded time on SIGTERM, and names the lever.
+  void expect_bounded_end() {
+    device_->process.send_signal(SIGTERM);
+    const auto end = device_->process.wait(std::chrono::seconds{15});
+    ASSERT_TRUE(end) << "it waits for the driver";
+    EXPECT_EQ(end->exit_code, 3);
+    EXPECT_NE(end->errors.find("rtpm-deviced: lab/lever can't be deactivated and may still apply a "
+                               "force: the driver has not returned for 2 s. Remedy: "),
+              std::string::npos)
+        << end->errors;
+    EXPECT_EQ(end->errors.find("lab/arm0"), std::string::npos) << end->errors;
+    EXPECT_EQ(run_tool({"list"}).find("lab/"), std::string::npos) << "its names are gone";
+  }
+
+  std::optional<Daemon> registry_{};
+  std::optional<Daemon> device_{};
+};
+
+TEST_F(BlockedDriver, InExchangeIsShownAndDoesNotKeepItsServer) {
+  serve("exchange");
+  const auto give_up = std::chrono::steady_clock::now() + kPatience;
+  std::string sample;
+  do {
+    sample = run_tool({"call", "lab/lever", "read"});
+  } while (sample.find("\"faults\": 1,") == std::string::npos &&
+           std::chrono::steady_clock::now() < give_up);
+  EXPECT_NE(sample.find("\"faults\": 1,"), std::string::npos) << "device late: " << sample;
+  expect_arm_serves();
+  expect_bounded_end();
+}
+
+TEST_F(BlockedDriver, InItsFirstExchangeDoesNotKeepOthersFromBeingServed) {
+  serve("first");
+  EXPECT_TRUE(device_->process.wait_for_errors("lab/lever: its driver has not", kPatience));
+  EXPECT_NE(run_tool({"call", "lab/lever", "read"}).find("\"sequence\": 0,"), std::string::npos);
+  expect_arm_serves();
+  expect_bounded_end();
+}
+
+TEST_F(BlockedDriver, InConfigureDoesNotKeepOthersFromBeingServed) {
+  serve("configure");
+  EXPECT_TRUE(device_->process.wait_for_errors("lab/lever: its driver has not", kPatience));
+  expect_arm_serves();
+  expect_bounded_end();
 }
 
 }  // namespace

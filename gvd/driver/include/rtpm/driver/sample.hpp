@@ -27,7 +27,9 @@ inline constexpr std::uint8_t kLifecycleCount = 5;
 
 /// Bits of Sample::faults; wire numbers. The driver sets bits 0 to 7, the device server the others.
 enum class Fault : std::uint32_t {
-  kDeviceLate = 1u << 0,        ///< No new data in this cycle.
+  /// No new data in this cycle. To a reader over the network also: no cycle for more than twenty
+  /// periods, because the driver does not return or its thread gets no CPU.
+  kDeviceLate = 1u << 0,
   kDeviceCorrupt = 1u << 1,     ///< Unreadable data in this cycle.
   kDeviceGone = 1u << 2,        ///< The device does not answer.
   kDeviceSaturated = 1u << 3,   ///< Less force than commanded.
