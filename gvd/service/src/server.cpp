@@ -122,7 +122,8 @@ struct DeviceServer::Impl {
       // The first sample exists before the first caller.
       if (is_active) cycle.run(rt::now(), 0);
       begun->set_value(std::move(began));
-      if (is_active) loop();
+      if (!is_active) return;
+      loop();
       has_ended.post();
     });
     if (!thread) return unexpected{std::move(thread.error())};
