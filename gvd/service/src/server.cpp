@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "configurable_device.hpp"
+#include "finite.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/semaphore.hpp"
@@ -41,6 +42,23 @@ expected<void, SetupError> check(const LeaseConfig& lease) {
       "a lease that is over at once commands nothing");
 }
 
+bool is_limit(double value) noexcept {
+  return std::isfinite(value) && value >= 0;
+}
+
+bool is_whole(const driver::Limits& limits) noexcept {
+  return is_limit(limits.force_newton_max) && is_limit(limits.torque_newton_metre_max) &&
+         is_limit(limits.stiffness_newton_per_m_max) && is_limit(limits.damping_newton_s_per_m) &&
+         is_limit(limits.velocity_m_per_s_max) && is_limit(limits.velocity_rad_per_s_max);
+}
+
+/// False for NaN, too.
+bool is_box(const driver::Workspace& workspace) noexcept {
+  const driver::Vector3& low = workspace.low_m;
+  const driver::Vector3& high = workspace.high_m;
+  return is_finite(low) && is_finite(high) && low.x <= high.x && low.y <= high.y && low.z <= high.z;
+}
+
 expected<void, SetupError> check(const driver::Descriptor& descriptor) {
   const std::string device = "the driver of \"" + descriptor.model + "\"";
   if (descriptor.model.empty() || descriptor.serial.empty() || descriptor.frame.empty()) {
@@ -66,10 +84,20 @@ expected<void, SetupError> check(const driver::Descriptor& descriptor) {
     if (static_cast<std::uint8_t>(mode) < driver::kCommandModeCount) continue;
     return setup_error(device + " lists a mode that does not exist");
   }
-  const driver::Workspace& workspace = descriptor.workspace;
-  if (workspace.low_m.x > workspace.high_m.x || workspace.low_m.y > workspace.high_m.y ||
-      workspace.low_m.z > workspace.high_m.z) {
-    return setup_error(device + " has a workspace whose low corner is above its high one");
+  for (const driver::Analog& analog : descriptor.analogs) {
+    if (std::isfinite(analog.low) && std::isfinite(analog.high) && analog.low <= analog.high) {
+      continue;
+    }
+    return setup_error(device + " has an analog \"" + analog.name + "\" with a range in disorder");
+  }
+  if (!is_whole(descriptor.limits)) {
+    return setup_error(device + " has a limit that is negative or no finite number", "",
+                       "state what the maker guarantees, and 0 for actuators that are not there");
+  }
+  if (!is_box(descriptor.workspace)) {
+    return setup_error(device +
+                       " has a workspace that is not finite, or whose low corner is above its "
+                       "high one");
   }
   return {};
 }

@@ -4,8 +4,11 @@
 
 #include <atomic>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/client.hpp"
@@ -395,6 +398,39 @@ TEST(DeviceServer, RefusesAPeriodSafetyOrLeaseThatCantBe) {
   const auto idle = DeviceServer::create(std::make_unique<test::ScriptedDriver>(), config);
   ASSERT_FALSE(idle);
   EXPECT_NE(idle.error().text().find("idle_max"), std::string::npos);
+}
+
+TEST(DeviceServer, RefusesADescriptorThatCantBe) {
+  const double nan = std::numeric_limits<double>::quiet_NaN();
+  const double infinite = std::numeric_limits<double>::infinity();
+  const std::vector<std::pair<std::string, std::function<void(driver::Descriptor&)>>> faults{
+      {"serial", [](auto& descriptor) { descriptor.serial.clear(); }},
+      {"more buttons", [](auto& descriptor) { descriptor.buttons.resize(17); }},
+      {"limit", [&](auto& descriptor) { descriptor.limits.force_newton_max = nan; }},
+      {"limit", [&](auto& descriptor) { descriptor.limits.velocity_m_per_s_max = infinite; }},
+      {"limit", [](auto& descriptor) { descriptor.limits.torque_newton_metre_max = -1; }},
+      {"workspace", [&](auto& descriptor) { descriptor.workspace.low_m.y = nan; }},
+      {"workspace", [](auto& descriptor) { descriptor.workspace.low_m.y = 5; }},
+      {"\"grip\"", [&](auto& descriptor) { descriptor.analogs[0].high = nan; }},
+      {"\"elbow\"",
+       [&](auto& descriptor) {
+         descriptor.joints = {{"elbow", "rad", nan, 1, 1, 1}};
+       }},
+      {"\"lamp\"",
+       [](auto& descriptor) {
+         descriptor.outputs = {{"lamp", "1", 0, 1, 2}};
+       }},
+      {"mode", [](auto& descriptor) {
+         descriptor.modes = {static_cast<driver::CommandMode>(driver::kCommandModeCount)};
+       }}};
+  for (const auto& [word, spoil] : faults) {
+    auto scripted = std::make_unique<test::ScriptedDriver>();
+    spoil(scripted->descriptor);
+    const auto device = DeviceServer::create(std::move(scripted), off_realtime());
+    ASSERT_FALSE(device) << word;
+    EXPECT_NE(device.error().text().find("\"scripted\""), std::string::npos);
+    EXPECT_NE(device.error().text().find(word), std::string::npos) << device.error().text();
+  }
 }
 
 class Collector final : public SampleSink {
