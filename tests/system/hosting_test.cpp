@@ -46,6 +46,11 @@ TEST(BadDevices, OptionsOfADeviceThatIsNotThereAreRefused) {
                  {"--device-arm1-rate", "--device-arm0-rate"});
 }
 
+TEST(BadDevices, ARateThatNoDeviceRunsAtIsRefused) {
+  expect_refusal({"--device-arm0-rate", "5"}, 1, {"lab/arm0", "--device-arm0-rate is 5", "10 to"});
+  expect_refusal({"--device-arm0-rate", "50001"}, 2, {"--device-arm0-rate", "50001"});
+}
+
 TEST(BadDevices, AnUnknownDriverIsNamedWithThoseThereAre) {
   expect_refusal({"--devices", "lever", "--device-lever-driver", "gripper"}, 1,
                  {"lab/lever", "'gripper'", "arm, biometric, gaze, knob, player", "plug-in"});

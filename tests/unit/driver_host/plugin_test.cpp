@@ -64,6 +64,15 @@ TEST(Plugin, StaysLoadedForACalibrationThatOutlivesItsDriver) {
   EXPECT_EQ(std::get<driver::CalibrationDone>(state).summary, "done");
 }
 
+TEST(Plugin, MakesAsManyDriversAsThereAreDevices) {
+  auto first = load("");
+  const auto second = load("configure");
+  EXPECT_TRUE(first->configure({}));
+  EXPECT_FALSE(second->configure({})) << "each has arguments of its own";
+  first.reset();
+  EXPECT_TRUE(second->activate()) << "and keeps the plug-in loaded";
+}
+
 TEST(Plugin, OfTheWorkingFolderNeedsNoPath) {
   const auto before = std::filesystem::current_path();
   std::filesystem::current_path(RTPM_PLUGIN_FOLDER);
