@@ -160,7 +160,7 @@ struct DeviceServer::Impl {
       device_thread = std::move(*thread);
       return {};
     }
-    const auto began = outcome.get();
+    auto began = outcome.get();
     if (!began) {
       thread->join();
       return unexpected{std::move(began.error())};

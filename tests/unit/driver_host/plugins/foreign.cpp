@@ -21,5 +21,6 @@ rtpm::driver::Plugin foreign_plugin() {
 
 }  // namespace
 
+// NOLINTNEXTLINE(readability-identifier-naming): the symbol that a host looks for.
 extern "C" __attribute__((visibility("default"))) const rtpm::driver::Plugin rtpm_driver_plugin =
     foreign_plugin();
