@@ -4,6 +4,8 @@
 #include <optional>
 #include <utility>
 
+#include "rtpm/options/suggestion.hpp"
+
 namespace rtpm::options {
 namespace {
 

@@ -39,8 +39,4 @@ struct CommandLine {
 [[nodiscard]] std::optional<std::string> early_flag(const std::string& flag,
                                                     const std::vector<std::string_view>& arguments);
 
-/// " (did you mean 'port'?)", or nothing if no candidate resembles `word`.
-[[nodiscard]] std::string suggestion(std::string_view word,
-                                     const std::vector<std::string>& candidates);
-
 }  // namespace rtpm::options

@@ -12,6 +12,7 @@
 #include "command_line.hpp"
 #include "config_file.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/log.hpp"
 #include "setting.hpp"
 

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::options {
+
+/// The lines of standard input, for a program that waits for other things, too.
+/// @ownership one per program; it reads ahead
+/// @threads  one
+/// @realtime set-up only
+class LineReader {
+ public:
+  static constexpr std::size_t kLineSizeMax = 4096;  ///< A longer line comes in parts.
+
+  enum class Outcome : std::uint8_t {
+    kLine,
+    kNone,  ///< None has come in time.
+    kEnd,   ///< There are no more.
+  };
+  /// Waits for a line, at most `duration`, and gives it without its end in `line`.
+  [[nodiscard]] Outcome read_for(Duration duration, std::string& line);
+
+ private:
+  [[nodiscard]] bool take_line(std::string& line);
+
+  std::string buffer_{};
+  bool is_at_end_ = false;
+};
+
+}  // namespace rtpm::options
