@@ -14,6 +14,11 @@ Eigen::Vector3d position_of(const driver::Sample& sample) {
   return {position_m.x, position_m.y, position_m.z};
 }
 
+/// To a micrometre, less than a step of the encoders; no negative zero.
+Eigen::Vector3d rounded(const Eigen::Vector3d& metres) {
+  return ((metres.array() * 1e6).round() / 1e6 + 0.0).matrix();
+}
+
 std::vector<double> elements_of(const Eigen::Vector3d& vector) {
   return {vector.x(), vector.y(), vector.z()};
 }
@@ -53,8 +58,8 @@ driver::CalibrationState EncoderOffsetCalibration::step(const driver::Sample& sa
 
 driver::CalibrationState EncoderOffsetCalibration::result() const {
   // A sample is what the encoders read, less the present correction.
-  const Eigen::Vector3d error_m = sum_m_ / static_cast<double>(count_);
-  const Eigen::Vector3d offset_m = offset_m_ + error_m;
+  const Eigen::Vector3d error_m = rounded(sum_m_ / static_cast<double>(count_));
+  const Eigen::Vector3d offset_m = rounded(offset_m_ + error_m);
   if (offset_m.cwiseAbs().maxCoeff() > kOffsetMaxMetres) {
     return driver::CalibrationFailed{"the arm reads " + in_mm(error_m) +
                                      ", too far from its home position; put it there, and "
@@ -76,8 +81,8 @@ driver::CalibrationState WorkspaceCalibration::step(const driver::Sample& sample
 }
 
 driver::CalibrationState WorkspaceCalibration::result() const {
-  const Eigen::Vector3d low_m = low_m_.cwiseMax(range_low_m_);
-  const Eigen::Vector3d high_m = high_m_.cwiseMin(range_high_m_);
+  const Eigen::Vector3d low_m = rounded(low_m_.cwiseMax(range_low_m_));
+  const Eigen::Vector3d high_m = rounded(high_m_.cwiseMin(range_high_m_));
   const Eigen::Vector3d extent_m = high_m - low_m;
   if (extent_m.minCoeff() < kExtentMinMetres) {
     return driver::CalibrationFailed{"the arm moved over " + in_mm(extent_m) +

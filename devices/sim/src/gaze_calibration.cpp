@@ -28,6 +28,11 @@ double distance_rad(const Gaze& a, const Gaze& b) noexcept {
   return std::hypot(a.right_rad - b.right_rad, a.up_rad - b.up_rad);
 }
 
+/// To a millionth, far below the eye's tremor; no negative zero.
+double rounded(double value) noexcept {
+  return std::round(value * 1e6) / 1e6 + 0.0;
+}
+
 /// The line y = offset + gain · x through nine points with the least squares of its error.
 struct Line {
   double offset = 0;
@@ -48,8 +53,8 @@ Line fit(const Points& measured, double Gaze::*direction) noexcept {
     xx += x * x;
     xy += x * (GazeDriver::point(i).*direction - y_mean);
   }
-  const double gain = xx > 0 ? xy / xx : 0;
-  return {y_mean - gain * x_mean, gain};
+  const double gain = rounded(xx > 0 ? xy / xx : 0);
+  return {rounded(y_mean - gain * x_mean), gain};
 }
 
 /// Root mean square over the nine points.
