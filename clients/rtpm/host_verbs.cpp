@@ -15,14 +15,13 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/report.hpp"
+#include "table.hpp"
 
 // Verbs about this host; they call no server.
 namespace rtpm::tool {
 namespace {
 
 constexpr Duration kWatchInterval = std::chrono::seconds{1};
-
-using Row = std::vector<std::string>;
 
 const Row kHead{"PROCESS", "SERVER", "LANE",    "BAND", "WAIT",   "CALLS", "PER-S", "LONGEST",
                 "QUEUE",   "OPEN",   "DROPPED", "LATE", "COPIES", "RESTS", "RUNS",  "FOR"};
@@ -117,24 +116,7 @@ std::string remarks_of(const rpc::LaneReading& lane) {
   return text.empty() ? text : "  " + printable(lane.name) + ":" + text + "\n";
 }
 
-std::string aligned(const std::vector<Row>& rows) {
-  std::vector<std::size_t> widths(kHead.size());
-  for (const Row& row : rows) {
-    for (std::size_t i = 0; i < row.size(); ++i)
-      widths[i] = std::max(widths[i], row[i].size());
-  }
-  std::string text;
-  for (const Row& row : rows) {
-    std::string line;
-    for (std::size_t i = 0; i < row.size(); ++i) {
-      const std::string space(widths[i] - row[i].size(), ' ');
-      constexpr std::size_t kTextColumns = 5;  // Those are flush left, the numbers right.
-      line += (i == 0 ? "" : "  ") + (i < kTextColumns ? row[i] + space : space + row[i]);
-    }
-    text += line.substr(0, line.find_last_not_of(' ') + 1) + "\n";
-  }
-  return text;
-}
+constexpr std::size_t kTextColumnCount = 5;
 
 std::string picture_of_lanes(History& history) {
   std::vector<Row> rows{kHead};
@@ -153,7 +135,7 @@ std::string picture_of_lanes(History& history) {
   if (rows.size() == 1 && remarks.empty()) {
     return "no servers that you may look at run on this host\n";
   }
-  return aligned(rows) + remarks;
+  return aligned(rows, kTextColumnCount) + remarks;
 }
 
 }  // namespace

@@ -28,7 +28,17 @@ int main(int argc, char** argv) {
               "How long a stream is read or a device held; 0s: until it ends, or Ctrl-C",
               {rtpm::Duration{0}, std::chrono::hours{24}});
   options.add("priority", priority, "The call's priority");
+  rtpm::tool::ConfigOptions config;
+  options.add("revision", config.revision,
+              "config: change only what has this revision; 0: whatever it has");
+  options.add("answer", config.answers,
+              "config calibrate: the answers to its prompts, the last for all that follow");
+  options.add("keep", config.keeps, "config calibrate: keep the result without asking");
+  options.add("discard", config.discards, "config calibrate: discard the result without asking");
   if (const auto exit_code = options.parse(argc, argv)) return *exit_code;
+  if (config.keeps && config.discards) {
+    return options.usage_error("--keep and --discard contradict each other; give one of them");
+  }
   if (!rtpm::tool::takes(verb, arguments.size())) return options.usage_error_of_verb(verb);
 
   rtpm::rpc::Node node;
@@ -40,5 +50,6 @@ int main(int argc, char** argv) {
        .registry = registry,
        .arguments = arguments,
        .options = {.priority = priority, .deadline = deadline, .trace_id = 0},
-       .stream_time = stream_time > rtpm::Duration{0} ? std::optional(stream_time) : std::nullopt});
+       .stream_time = stream_time > rtpm::Duration{0} ? std::optional(stream_time) : std::nullopt,
+       .config = config});
 }

@@ -7,11 +7,13 @@
 #include <memory>
 #include <string_view>
 
+#include "config_verbs.hpp"
 #include "device_verbs.hpp"
 #include "host_verbs.hpp"
 #include "remote.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/driver/parameter.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/options/stop_signal.hpp"
@@ -62,6 +64,9 @@ int describe(const Request& request) {
   const auto object = RemoteObject::open(request.node, *url);
   if (!object) return fail(object.error().text());
   std::fputs(printable_lines((*object)->schema()).c_str(), stdout);
+  const auto parameters = parameters_as_comment(request, *url);
+  if (!parameters) return fail(parameters.error().text());
+  std::fputs(parameters->c_str(), stdout);
   return 0;
 }
 
@@ -102,11 +107,15 @@ struct Verb {
   int (*run)(const Request&) = nullptr;
 };
 
+/// Of `config`: an action, a device, and a device's parameters.
+constexpr std::size_t kConfigCountMax = 2 + driver::kParameterCountMax;
+
 constexpr std::array kVerbs{
     Verb{"list", 0, 1, "[TARGET]", "List the registry's names, or a server's objects",
          "TARGET is an object of the server: a name in the registry, or a URL.\n", &list},
-    Verb{"describe", 1, 1, "TARGET", "Print the schema of an object",
-         "TARGET is a name in the registry, or a URL.\n", &describe},
+    Verb{"describe", 1, 1, "TARGET", "Print the schema of an object, and a device's parameters",
+         "TARGET is a name in the registry, or a URL. The parameters are comments of the schema.\n",
+         &describe},
     Verb{"call", 2, 3, "TARGET METHOD [JSON]", "Call a method, and print its reply or its items",
          "TARGET is a name in the registry, or a URL; JSON is the request, such as:\n"
          "  rtpm call lab/arm0 set_force '{x: 1}'\n"
@@ -126,6 +135,19 @@ constexpr std::array kVerbs{
          "others\n"
          "of their system. They stay stopped until `rtpm take-over DEVICE rearm`.\n",
          &stop_devices},
+    Verb{"config", 2, kConfigCountMax, "list|get|set|save|reset|calibrate DEVICE ...",
+         "Show, change, save and calibrate a device's parameters",
+         "DEVICE is a name in the registry, or a URL.\n"
+         "  rtpm config list lab/arm0                   every parameter, its range and default\n"
+         "  rtpm config get lab/arm0 [NAME ...]         values as NAME=VALUE\n"
+         "  rtpm config set lab/arm0 NAME=VALUE ...     all of these changes, or none\n"
+         "  rtpm config reset lab/arm0 [NAME ...]       defaults, of no names all\n"
+         "  rtpm config save lab/arm0                   for the next start of its server\n"
+         "  rtpm config calibrate lab/arm0 [NAME]       a dialogue; without NAME: what there is\n"
+         "With --revision N a change is refused if another came since; 'list' shows the revision.\n"
+         "A calibration reads answers from standard input, or --answer has them; Ctrl-C cancels\n"
+         "it. At its end it asks whether to keep the result, or --keep or --discard say so.\n",
+         &config},
     Verb{"lanes", 0, 1, "[watch]", "Show what the lanes of this host's servers do",
          "With `watch`: again each second, until Ctrl-C.\n", &lanes},
     Verb{"doctor", 0, 0, "", "Show what this host gives to real-time programs",

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,14 @@
 
 namespace rtpm::tool {
 
+/// Options of `config`.
+struct ConfigOptions {
+  std::uint64_t revision = 0;          ///< What a change is based on; 0: the present one.
+  std::vector<std::string> answers{};  ///< To a calibration's prompts; the last stands for more.
+  bool keeps = false;                  ///< A calibration's result, without asking,
+  bool discards = false;               ///< or not.
+};
+
 /// The input of every verb.
 struct Request {
   rpc::Node& node;
@@ -17,6 +26,7 @@ struct Request {
   std::vector<std::string> arguments{};  ///< Behind the verb.
   rpc::CallOptions options{};
   std::optional<Duration> stream_time{};  ///< Of a stream or held device; none: until it ends.
+  ConfigOptions config{};
 };
 
 /// Adds all verbs to the program's options.

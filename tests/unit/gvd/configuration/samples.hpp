@@ -76,7 +76,7 @@ class MeanCalibration final : public driver::Calibration {
 };
 
 /// A device with the sample parameters, and a calibration "offset".
-class SampleDevice final : public gvd::Configurable {
+class SampleDevice : public gvd::Configurable {
  public:
   SampleDevice() {
     described.model = "test arm";
