@@ -29,12 +29,13 @@ class Configured : public testing::Test {
     std::filesystem::remove_all(folder_);
     std::filesystem::create_directory(folder_);
   }
-  ~Configured() override { std::filesystem::remove_all(folder_); }
   void SetUp() override {
     registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
     ASSERT_TRUE(registry_);
     start_device();
   }
+
+  void TearDown() override { std::filesystem::remove_all(folder_); }
 
   [[nodiscard]] std::vector<std::string> device_arguments() const {
     return {"--port",     "0",        "--registry", registry_->url, "--realtime",        "off",

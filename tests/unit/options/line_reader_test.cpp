@@ -23,7 +23,7 @@ class Lines : public testing::Test {
     close(ends[0]);
     writer_ = ends[1];
   }
-  ~Lines() override {
+  void TearDown() override {
     hang_up();
     dup2(saved_, STDIN_FILENO);
     close(saved_);
