@@ -76,8 +76,8 @@ void print_lines(const std::vector<Shown>& devices, std::size_t width, bool is_r
   std::fflush(stdout);
 }
 
-void watch(const std::vector<Shown>& devices, const Configuration& configuration) {
-  const options::StopSignal stop;
+void watch(const std::vector<Shown>& devices, const Configuration& configuration,
+           const options::StopSignal& stop) {
   const bool is_rewriting = configuration.live == "rewrite";
   const Duration pause =
       is_rewriting ? Duration{std::chrono::milliseconds{100}} : Duration{std::chrono::seconds{1}};
@@ -114,6 +114,8 @@ void print_summary(const std::vector<Shown>& devices) {
 }
 
 int serve(const Configuration& configuration) {
+  // Before any thread, which would else be ended by the signal.
+  const options::StopSignal stop;
   rpc::Node node({.wait = {.strategy = rt::WaitStrategy::kBlock}});
   names::RegistryResolver resolver(node, configuration.registry);
   node.use(resolver);
@@ -126,7 +128,7 @@ int serve(const Configuration& configuration) {
     }
     devices.push_back(std::move(*shown));
   }
-  watch(devices, configuration);
+  watch(devices, configuration, stop);
   print_summary(devices);
   return 0;
 }

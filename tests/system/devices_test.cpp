@@ -1,0 +1,127 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+#include "rtpm/test/os.hpp"
+
+/// Several devices at once: their events, their display, and the emergency stop of all.
+namespace rtpm::system_test {
+namespace {
+
+class Devices : public testing::Test {
+ protected:
+  void SetUp() override {
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+  }
+  [[nodiscard]] std::optional<Daemon> host(const std::string& devices,
+                                           const std::vector<std::string>& options = {}) const {
+    std::vector<std::string> arguments{"--port",     "0",   "--registry", registry_->url,
+                                       "--realtime", "off", "--devices",  devices};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    return start_daemon("rtpm-deviced", arguments);
+  }
+  [[nodiscard]] std::vector<std::string> display_arguments(const std::string& devices,
+                                                           const std::string& seconds) const {
+    return {"--registry", registry_->url, "--devices", devices,
+            "--seconds",  seconds,        "--live",    "lines"};
+  }
+  [[nodiscard]] test::Process::End run_tool(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
+    return run_program("rtpm", arguments);
+  }
+  /// Whether the device's sample has the fault bit of the emergency stop.
+  [[nodiscard]] bool is_stopped(const std::string& device) const {
+    const auto read = run_tool({"call", device, "read"});
+    return read.output.find("\"faults\": 8192") != std::string::npos;
+  }
+
+  std::optional<Daemon> registry_{};
+};
+
+TEST_F(Devices, OfFourKindsAreShownTogetherByTheirEvents) {
+  const auto devices = host("arm0,gaze0,biometric0,knob0", {"--serve-events"});
+  ASSERT_TRUE(devices);
+  const auto shown = run_program(
+      "rtpm-display", display_arguments("lab/arm0,lab/gaze0,lab/biometric0,lab/knob0", "2.5"));
+  EXPECT_EQ(shown.exit_code, 0) << shown.errors;
+  for (const std::string_view word :
+       {"lab/arm0 ", " mm  force ", "lab/gaze0 ", "looks ", "lab/biometric0 ", "pulse ",
+        "lab/knob0 ", "dial ", "lab/knob0: "}) {
+    EXPECT_NE(shown.output.find(word), std::string::npos) << word << " is not in " << shown.output;
+  }
+}
+
+TEST_F(Devices, GoOnWhileTheirHubIsKilledAndComesBack) {
+  auto hub = start_daemon("rtpm-eventd",
+                          {"--port", "0", "--registry", registry_->url, "--realtime", "off"});
+  ASSERT_TRUE(hub);
+  const auto devices = host("knob0");
+  ASSERT_TRUE(devices);
+  std::vector<std::string> command = display_arguments("lab/knob0", "0");
+  command.insert(command.begin(), path_of("rtpm-display"));
+  test::Process display(command);
+  ASSERT_TRUE(display.wait_for_output("dial ", kPatience)) << display.errors();
+  const std::string port = std::to_string(hub->port());
+  hub->process.send_signal(SIGKILL);
+  ASSERT_TRUE(hub->process.wait(kPatience));
+  ASSERT_TRUE(display.wait_for_output("no hub", kPatience)) << display.output();
+  EXPECT_EQ(run_tool({"call", "lab/knob0", "read"}).exit_code, 0) << "the device does not notice";
+  hub = start_daemon("rtpm-eventd",
+                     {"--port", port, "--registry", registry_->url, "--realtime", "off"});
+  ASSERT_TRUE(hub);
+  const std::string before = display.output();
+  ASSERT_TRUE(test::await(
+      [&] {
+        // A line without the mark, behind those that have it.
+        static_cast<void>(display.wait_for_output("never printed", std::chrono::milliseconds{100}));
+        const std::string& output = display.output();
+        return output.size() > before.size() && output.rfind("dial ") > output.rfind("no hub");
+      },
+      kPatience))
+      << display.output();
+  display.send_signal(SIGINT);
+  const auto end = display.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_NE(end->output.find("1 gaps"), std::string::npos) << end->output;
+}
+
+TEST_F(Devices, OfAllServersStopTogether) {
+  const auto first = host("arm0", {"--serve-events"});
+  const auto second = host("gaze0,knob0");
+  ASSERT_TRUE(first && second);
+  ASSERT_TRUE(test::await(
+      [&] {
+        // The second server subscribes to the first's hub within its retry.
+        const auto report = run_tool({"call", "rtpm/events", "report"});
+        return report.output.find("emergency stop") != report.output.rfind("emergency stop");
+      },
+      kPatience));
+  const auto stopped = run_tool({"stop", "lab/arm0", "system"});
+  EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
+  for (const std::string device : {"lab/arm0", "lab/gaze0", "lab/knob0"}) {
+    EXPECT_TRUE(test::await([&] { return is_stopped(device); }, kPatience)) << device;
+  }
+  const auto rearmed = run_tool({"take-over", "lab/knob0", "rearm", "--for", "100ms"});
+  EXPECT_EQ(rearmed.exit_code, 0) << rearmed.errors;
+  EXPECT_FALSE(is_stopped("lab/knob0"));
+  EXPECT_TRUE(is_stopped("lab/gaze0")) << "each is rearmed by itself";
+}
+
+TEST_F(Devices, OfARegistryAreStoppedByOneCommand) {
+  const auto devices = host("gaze0,knob0", {"--events", "none"});
+  ASSERT_TRUE(devices);
+  const auto stopped = run_tool({"stop"});
+  EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
+  EXPECT_NE(stopped.output.find("2 of 2 devices are stopped\n"), std::string::npos)
+      << stopped.output;
+  EXPECT_TRUE(is_stopped("lab/gaze0"));
+  expect_one_sentence(run_tool({"stop", "lab/gaze0", "system"}), 1, {"takes no part"});
+  EXPECT_EQ(run_tool({"stop", "lab/gaze0", "house"}).exit_code, 2);
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
