@@ -1,0 +1,66 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/models/model.hpp"
+
+namespace rtpm::gvd {
+
+/// The most that a model may ask of a device. Stiffness K and damping B of one model share what a
+/// loop of this period keeps passive: K / stiffness max + B / damping max ≤ 1. Models that overlap
+/// add up: bounding that is left to the safety filter.
+/// @ownership a value
+struct ModelLimits {
+  /// Furthest position and longest length, far beyond any workspace, so that no force overflows.
+  static constexpr double kExtentMax_m = 100;
+
+  double force_newton_max = 0;  ///< 0: the device takes no force.
+  double stiffness_newton_per_m_max = 0;
+  double damping_newton_s_per_m_max = 0;
+  /// Of each joint that turns and takes efforts; 0: it does not.
+  std::array<double, driver::kJointCountMax> efforts_newton_metre_max{};
+  std::array<double, driver::kJointCountMax> stiffness_newton_metre_per_rad_max{};
+  std::array<double, driver::kJointCountMax> damping_newton_metre_s_per_rad_max{};
+
+  /// Of a device whose loop runs every `period`:
+  /// - damping max: the mechanics' own b, or 1.5 · device period · its stiffness max if it names
+  ///   none;
+  /// - stiffness max: b / (1.5 · period), as a position is one period old when its force acts, and
+  ///   the force stands half a period on average; at most the descriptor's own;
+  /// - of a joint, whose damping descriptors do not name, a plausible bound only: its full effort
+  ///   over 0.02 rad, for periods above 1 ms over as much more; and at 1 rad/s.
+  /// @source   Colgate's condition for sampled walls, b > K · (T / 2 + delay) + B
+  /// @realtime alloc-free
+  [[nodiscard]] static ModelLimits for_device(const driver::Descriptor& descriptor,
+                                              Duration period) noexcept;
+};
+
+/// Why a list was refused: a field of one of its models is outside of its range.
+/// @ownership a value; the name is static
+struct ModelError {
+  std::size_t index = 0;     ///< Of the model, from 0.
+  std::string_view kind{};   ///< As to_string(Model).
+  std::string_view field{};  ///< "stiffness_newton_per_m".
+  double value = 0;          ///< May be a NaN. Of a direction: its length.
+  double low = 0;            ///< The range, bounds included.
+  double high = 0;
+};
+
+/// "model 2 (plane): stiffness_newton_per_m is 1e+09; choose 0 to 1667".
+/// @realtime set-up only
+[[nodiscard]] std::string to_text(const ModelError& error);
+
+/// Whether a device of `limits` may render `list`; an empty one always.
+/// @realtime alloc-free
+/// @errors   the first field that is not finite or outside of its range
+[[nodiscard]] expected<void, ModelError> check(const ModelList& list,
+                                               const ModelLimits& limits) noexcept;
+
+}  // namespace rtpm::gvd
