@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "command_lease.hpp"
+#include "models_wire.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "wire.hpp"
@@ -124,6 +125,24 @@ DeviceResult DeviceClient::set(const driver::Setpoint& setpoint,
                               impl_->sequence.fetch_add(1, std::memory_order_relaxed), impl_->hold,
                               setpoint};
   return result_of(impl_->stub.command(to_wire(command), options));
+}
+
+expected<void, ModelsError> DeviceClient::set_models(std::span<const Model> models) {
+  device::SetModelsRequestT request;
+  request.lease = impl_->lease.load(std::memory_order_relaxed);
+  request.sequence = impl_->sequence.fetch_add(1, std::memory_order_relaxed);
+  request.models = to_wire(models);
+  const auto reply = impl_->stub.set_models(request);
+  if (!reply) {
+    const DeviceError error = reply.error();
+    return unexpected{ModelsError{error, std::string(to_string(error))}};
+  }
+  const auto code = (*reply)->outcome()->code();
+  if (code == device::OutcomeCode::Done) return {};
+  const DeviceError error = static_cast<DeviceOutcome>(code);
+  const flatbuffers::String* words = (*reply)->words();
+  return unexpected{
+      ModelsError{error, words != nullptr ? words->str() : std::string(to_string(error))}};
 }
 
 DeviceResult DeviceClient::acquire(Duration patience) {

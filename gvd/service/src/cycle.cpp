@@ -31,6 +31,33 @@ bool is_whole(const driver::Sample& sample) noexcept {
          is_whole(sample.analogs);
 }
 
+/// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.
+constexpr Duration kModelHold = std::chrono::milliseconds{10};
+
+driver::Vector3 sum(const driver::Vector3& a, const driver::Vector3& b) noexcept {
+  return {a.x + b.x, a.y + b.y, a.z + b.z};
+}
+
+/// A setpoint has one mode: a wrench goes before efforts, and both before nothing. A client's
+/// motion goes before the models.
+void add(const ModelForces& forces, driver::Setpoint& setpoint) noexcept {
+  const bool is_idle = setpoint.mode == CommandMode::kOff || setpoint.mode == CommandMode::kOutputs;
+  if (is_idle && forces.wrench != driver::Wrench{}) {
+    setpoint.mode = CommandMode::kForce;
+    setpoint.wrench = {};
+  } else if (is_idle && forces.efforts != decltype(forces.efforts){}) {
+    setpoint.mode = CommandMode::kJointEffort;
+    setpoint.joints = {};
+  }
+  if (setpoint.mode == CommandMode::kForce) {
+    setpoint.wrench.force_newton = sum(setpoint.wrench.force_newton, forces.wrench.force_newton);
+  }
+  if (setpoint.mode == CommandMode::kJointEffort) {
+    for (std::size_t i = 0; i < forces.efforts.size(); ++i)
+      setpoint.joints[i] += forces.efforts[i];
+  }
+}
+
 template <class Request>
 constexpr std::uint16_t number_of(Request request) noexcept {
   return static_cast<std::uint16_t>(static_cast<int>(request) + 1);
@@ -79,7 +106,8 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
       limiter_(driver.describe()),
       safety_(config_.safety ? *config_.safety
                              : SafetyConfig::for_device(driver.describe().limits)),
-      filter_(safety_) {}
+      filter_(safety_),
+      models_(driver.describe(), config_.period) {}
 
 expected<void, SetupError> DeviceCycle::begin(MonotonicTime now) {
   retry_at_ = now;
@@ -110,13 +138,31 @@ const DeviceCycle::HeldCommand* DeviceCycle::command_of(std::uint64_t holder) no
     if (what == number_of(Release::kRecover)) filter_.recover();
     // Commands before it belong to the fault or the stop.
     held_ = {};
+    models_.drop_before_release();
   }
   if (is_stopped_.load(std::memory_order_acquire)) {
     held_ = {};
+    models_.drop();
     filter_.reset();
     sample_.faults.set(Fault::kEmergencyStop);
   }
   return holder == Lease::kNobody || held_.lease != holder ? nullptr : &held_;
+}
+
+const DeviceCycle::HeldCommand* DeviceCycle::with_models(MonotonicTime now, std::uint64_t holder,
+                                                         const HeldCommand* newest) noexcept {
+  models_.take_for(holder);
+  // A number that is not finite latches the filter's fault, whatever the models.
+  const bool is_finite_command = newest == nullptr || is_finite(newest->wrench.wrench);
+  if (models_.is_empty() || !is_finite_command) return newest;
+  const bool is_live = newest != nullptr && now < newest->wrench.deadline;
+  rendered_ = is_live ? *newest : HeldCommand{.lease = holder};
+  driver::Setpoint& setpoint = rendered_.setpoint;
+  if (setpoint.mode == CommandMode::kOff) setpoint.outputs = limiter_.safe_outputs();
+  add(models_.evaluate(sample_), setpoint);
+  const Duration hold = std::max(kModelHold, 2 * config_.period);
+  rendered_.wrench = {wrench_of(setpoint), now, now + hold};
+  return &rendered_;
 }
 
 driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest) noexcept {
@@ -151,7 +197,7 @@ void DeviceCycle::run(MonotonicTime now, std::uint32_t missed_count) noexcept {
   const std::uint64_t holder = lease_.step(now);
   if (std::exchange(last_holder_, holder) != holder) filter_.change_client();
   sample_.faults = {};
-  const HeldCommand* const newest = command_of(holder);
+  const HeldCommand* const newest = with_models(now, holder, command_of(holder));
   if (const auto what = take_request(transition_request_, holder); what != 0) {
     wanted_ = static_cast<Transition>(what - 1);
   }
@@ -215,6 +261,7 @@ void DeviceCycle::lose() noexcept {
 void DeviceCycle::rest(MonotonicTime now) noexcept {
   // The filter keeps running, so that a latched fault shows and soft start begins at zero.
   static_cast<void>(filter_.step(now, std::nullopt));
+  models_.drop();
   sample_.faults.set(filter_.faults());
   if (lifecycle() == Lifecycle::kFault) {
     sample_.faults.set(Fault::kDeviceGone);
@@ -364,6 +411,35 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
   command_count_.fetch_add(1, std::memory_order_relaxed);
   // The filter sees it, too: zero force and a latched fault.
   if (!is_finite(command.setpoint)) return unexpected{DeviceOutcome::kNotFinite};
+  return {};
+}
+
+expected<void, ModelsRefusal> DeviceCycle::set_models(const ClientModels& models) noexcept {
+  if (!lease_.renew(models.lease)) return unexpected{ModelsRefusal{DeviceOutcome::kNotHolder}};
+  if (is_stopped_.load(std::memory_order_acquire)) {
+    return unexpected{ModelsRefusal{DeviceOutcome::kEmergencyStop}};
+  }
+  if (lifecycle() != Lifecycle::kActive) {
+    return unexpected{ModelsRefusal{DeviceOutcome::kNotActive}};
+  }
+  if (const auto checked = check(models.list, models_.limits()); !checked) {
+    return unexpected{ModelsRefusal{DeviceOutcome::kOutOfRange, checked.error()}};
+  }
+  const bool is_after_release = release_request_.load(std::memory_order_acquire) != 0;
+  const MailOutcome outcome =
+      models_.put({Lease::serial_of(models.lease), models.sequence}, models, is_after_release,
+                  [&] { return lease_.holder() == models.lease; });
+  switch (outcome) {
+    case MailOutcome::kPut:
+      break;
+    case MailOutcome::kOld:
+      return unexpected{ModelsRefusal{DeviceOutcome::kSuperseded}};
+    case MailOutcome::kRefused:
+      return unexpected{ModelsRefusal{DeviceOutcome::kNotHolder}};
+    case MailOutcome::kBusy:
+      return unexpected{ModelsRefusal{DeviceOutcome::kTooMany}};
+  }
+  static_cast<void>(lease_.use(models.lease));
   return {};
 }
 

@@ -10,6 +10,7 @@
 #include "client_command.hpp"
 #include "command_lease.hpp"
 #include "device_jobs.hpp"
+#include "local_models.hpp"
 #include "mailbox.hpp"
 #include "setpoint_limiter.hpp"
 
@@ -97,6 +98,9 @@ class DeviceCycle {
   /// @errors   kNotHolder
   [[nodiscard]] expected<void, DeviceOutcome> request(std::uint64_t lease,
                                                       Release release) noexcept;
+  /// Leaves the lease's models for the next cycle, in place of its former ones.
+  /// @errors   as the service's method `set_models` says in device.fbs
+  [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
   /// No force from the next cycle on, and no commands, until Release::kRearm.
   void emergency_stop() noexcept { is_stopped_.store(true, std::memory_order_release); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
@@ -128,6 +132,9 @@ class DeviceCycle {
   };
 
   [[nodiscard]] const HeldCommand* command_of(std::uint64_t holder) noexcept;
+  /// The command with the holder's models: until its lease ends, these need no command.
+  [[nodiscard]] const HeldCommand* with_models(MonotonicTime now, std::uint64_t holder,
+                                               const HeldCommand* newest) noexcept;
   [[nodiscard]] driver::Command filter(MonotonicTime now, const HeldCommand* newest) noexcept;
   [[nodiscard]] expected<void, DeviceOutcome> leave(std::atomic<std::uint32_t>& request,
                                                     std::uint64_t lease,
@@ -150,6 +157,7 @@ class DeviceCycle {
   SafetyFilter filter_;
 
   // Shared by the threads.
+  LocalModels models_;
   DeviceJobs jobs_{};
   Mailbox<HeldCommand> mailbox_{};
   Latest<driver::Sample> published_{};
@@ -169,6 +177,7 @@ class DeviceCycle {
   // Of the device's thread.
   driver::Sample sample_{};
   HeldCommand held_{};
+  HeldCommand rendered_{};  ///< The held command with the models' forces.
   std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
   std::uint64_t shown_holder_ = Lease::kNobody;  ///< To the observer.

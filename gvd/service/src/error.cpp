@@ -26,6 +26,8 @@ std::string_view to_string(const DeviceError& error) noexcept {
       return "the device does not take commands of this mode; its description lists those it takes";
     case DeviceOutcome::kEmergencyStop:
       return "an emergency stop is in force; remove its cause, then rearm the device";
+    case DeviceOutcome::kOutOfRange:
+      return "a number is outside of its range; choose one within";
     case DeviceOutcome::kNotInSystem:
       return "the device's server takes no part in the system-wide stop; its own devices are "
              "stopped, so stop the others one by one";

@@ -1,5 +1,8 @@
 #include "servant.hpp"
 
+#include <string>
+
+#include "models_wire.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "wire.hpp"
 
@@ -108,6 +111,28 @@ rpc::Result<device::Lease> DeviceServant::take_over(const rpc::CallContext& cont
 rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Holder& request,
                                                               const rpc::CallContext&) {
   return device::LeaseStanding{static_cast<std::uint8_t>(cycle_.lease().state_of(request.lease()))};
+}
+
+rpc::Result<void> DeviceServant::set_models(const device::SetModelsRequest& request,
+                                            rpc::ReplyBuilder<device::SetModelsReply>& reply,
+                                            const rpc::CallContext&) {
+  // Rare, and refusals come with words.
+  const rt::AllowAllocationScope set_up;
+  device::Outcome outcome{device::OutcomeCode::Done};
+  std::string words;
+  if (const auto list = from_wire(request); !list) {
+    outcome = device::Outcome{device::OutcomeCode::OutOfRange};
+    words = list.error();
+  } else if (const auto set = cycle_.set_models({request.lease(), request.sequence(), *list});
+             !set) {
+    outcome = device::Outcome{static_cast<device::OutcomeCode>(set.error().outcome)};
+    if (set.error().error) words = to_text(*set.error().error);
+  }
+  flatbuffers::FlatBufferBuilder& builder = reply.builder();
+  const auto words_at =
+      words.empty() ? flatbuffers::Offset<flatbuffers::String>{} : builder.CreateString(words);
+  reply.finish(device::CreateSetModelsReply(builder, &outcome, words_at));
+  return {};
 }
 
 }  // namespace rtpm::gvd

@@ -9,7 +9,8 @@ namespace rtpm::gvd {
 /// The service rtpm.device.Device over one device's cycle.
 /// @ownership refers to the cycle and the descriptor, which must outlive it
 /// @threads  any lane
-/// @realtime as each method of the cycle; describe() builds its reply in the lane's buffer and is
+/// @realtime as each method of the cycle; describe() and set_models() build their replies in the
+/// lane's buffer and are
 ///           set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
@@ -39,6 +40,10 @@ class DeviceServant final : public device::DeviceServant {
                                               const rpc::CallContext& context) override;
   rpc::Result<device::Outcome> rearm(const device::Holder& request,
                                      const rpc::CallContext& context) override;
+
+  rpc::Result<void> set_models(const device::SetModelsRequest& request,
+                               rpc::ReplyBuilder<device::SetModelsReply>& reply,
+                               const rpc::CallContext& context) override;
 
  private:
   DeviceCycle& cycle_;

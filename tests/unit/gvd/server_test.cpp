@@ -13,6 +13,7 @@
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/poller.hpp"
+#include "rtpm/models/evaluator.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -309,6 +310,78 @@ TEST_F(Served, ANumberThatIsNoneIsToldAndTakesTheForceAwayTillRecovery) {
   ASSERT_TRUE(client.recover());
   EXPECT_TRUE(command_until(client, 3,
                             [&] { return device_->newest()->wrench_applied.force_newton.x > 1; }));
+}
+
+TEST_F(Served, ModelsOfEveryKindAreRenderedAsTheClientSetThem) {
+  driver::Sample at;
+  at.pose.position_m = {0.01, -0.02, -0.004};
+  at.twist.linear_m_per_s = {0.1, -0.2, 0.3};
+  auto scripted = std::make_unique<test::ScriptedDriver>();
+  scripted->script = [at](const driver::Command&, driver::Sample& sample) {
+    sample.pose = at.pose;
+    sample.twist = at.twist;
+    return ExchangeStatus::kOk;
+  };
+  serve(std::move(scripted));
+  DeviceClient client = open();
+  EXPECT_EQ(client.set_models({}).error().error, DeviceOutcome::kNotHolder);
+  ASSERT_TRUE(client.acquire());
+  std::vector<Model> models{
+      Plane{{0, 0, 0.001}, {0, 0, 1}, 200, 0.1},
+      Sphere{{0.011, -0.02, 0}, 0.01, Side::kSolid, 100, 0.2},
+      Sphere{{0.1, 0, 0}, 0.08, Side::kHollow, 90, 0},
+      Box{{0, -0.03, -0.01}, {0.02, 0.01, 0.05}, Side::kSolid, 80, 0.1},
+      Box{{0.02, 0, 0}, {0.03, 0.03, 0.03}, Side::kHollow, 40, 0.1},
+      Spring{{0.02, 0.03, 0.04}, 50, 0.15, 1.5},
+      AffineField{{0.001, 0.002, 0.003}, {0.1, 0.2, 0.3}, {1, 2, 3, 4, 5, 6, 7, 8, 9}, 0.02, 0.05},
+      Friction{0, 0, 0.3},
+      Detents{{0.001, 0.002, 0.003}, {0, 1, 0}, 0.03, 0.4, 0.05},
+      DialDetents{.spacing_rad = 1}};
+  models.resize(ModelList::kCountMax, Friction{});
+  Evaluator evaluator;
+  evaluator.set(ModelList{models});
+  const driver::Vector3 expected = evaluator.evaluate(at).wrench.force_newton;
+  ASSERT_GT(std::hypot(expected.x, expected.y, expected.z), 1);
+  ASSERT_LT(std::hypot(expected.x, expected.y, expected.z), 8) << "the device's limit";
+  const auto is_rendered = [&] {
+    if (!client.set_models(models)) return false;
+    const auto sample = client.read(patient());
+    if (!sample) return false;
+    const driver::Vector3 applied = sample->wrench_applied.force_newton;
+    return std::hypot(applied.x - expected.x, applied.y - expected.y, applied.z - expected.z) <
+           1e-9;
+  };
+  EXPECT_TRUE(eventually(is_rendered));
+  ASSERT_TRUE(client.set_models({}));
+  EXPECT_TRUE(eventually([&] {
+    const auto sample = client.read(patient());
+    return sample && sample->wrench_applied == driver::Wrench{};
+  }));
+}
+
+TEST_F(Served, ModelsThatCantBeRenderedAreRefusedInWords) {
+  serve_sim();
+  DeviceClient client = open();
+  ASSERT_TRUE(client.acquire());
+  const auto text_of = [&client](const std::vector<Model>& models) {
+    const auto refused = client.set_models(models);
+    if (refused) return std::string("rendered");
+    EXPECT_EQ(refused.error().error, DeviceOutcome::kOutOfRange);
+    return refused.error().text;
+  };
+  EXPECT_EQ(text_of({Friction{}, Plane{{}, {0, 0, 1}, 1e9, 0}}),
+            "model 1 (plane): stiffness_newton_per_m is 1e+09; choose 0 to 1667");
+  EXPECT_EQ(text_of({Sphere{{}, std::numeric_limits<double>::quiet_NaN(), Side::kSolid, 1, 0}}),
+            "model 0 (sphere): radius_m is nan; choose 1e-09 to 100");
+  EXPECT_EQ(text_of({DialDetents{.joint = 9}}),
+            "model 0 (dial detents): joint is 9; choose 0 to 7");
+  EXPECT_EQ(text_of(std::vector<Model>(17, Friction{})), "17 models; send at most 16");
+  EXPECT_EQ(text_of(std::vector<Model>(16, Friction{})), "rendered");
+  ASSERT_TRUE(client.emergency_stop());
+  const auto stopped = client.set_models({});
+  ASSERT_FALSE(stopped);
+  EXPECT_EQ(stopped.error().error, DeviceOutcome::kEmergencyStop);
+  EXPECT_EQ(stopped.error().text, to_string(DeviceError{DeviceOutcome::kEmergencyStop}));
 }
 
 TEST_F(Served, IsTakenOutOfAndIntoOperation) {

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <string_view>
 
@@ -15,6 +16,7 @@
 #include "rtpm/gvd/emergency.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/models/model.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
@@ -30,6 +32,14 @@ struct DeviceClientOptions {
 
 /// Of a call that returns nothing else.
 using DeviceResult = expected<void, DeviceError>;
+
+/// Why a device does not render a list of models.
+struct ModelsError {
+  DeviceError error;
+  /// For people; with kOutOfRange "model 2 (plane): stiffness_newton_per_m is 1e+09; choose 0 to
+  /// 1667".
+  std::string text{};
+};
 
 /// A remote device as a local object: the paper's GVDClient. Any client reads; commands need the
 /// lease, which one client holds at a time.
@@ -89,6 +99,18 @@ class DeviceClient {
   ///           kEmergencyStop · kCallFailed
   [[nodiscard]] DeviceResult set(const driver::Setpoint& setpoint,
                                  const rpc::CallOptions& options = {}) noexcept;
+
+  /// Has the device's own loop render `models`, at most ModelList::kCountMax, in place of the
+  /// former ones, from one cycle to the next. Their force is added to the commands' and passes the
+  /// same limits; it needs no command and no link, but the lease, with which it ends by the ramp:
+  /// when this client falls silent, after LeaseConfig::silence_max (1 s), not after `hold`. Call
+  /// set_models() again, or command, to keep the lease; renew() alone keeps it for 10 s. The models
+  /// also end with a lost device, deactivate(), an emergency stop and recover(). None: removes
+  /// them.
+  /// @realtime set-up only
+  /// @errors   kNotHolder · kNotActive · kOutOfRange · kSuperseded · kTooMany · kEmergencyStop ·
+  ///           kCallFailed; the former models stay
+  [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
 
   /// Acquires the lease; while another client holds it, retries for `patience`, which covers a
   /// crashed predecessor.

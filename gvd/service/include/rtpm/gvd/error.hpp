@@ -21,6 +21,7 @@ enum class DeviceOutcome : std::uint8_t {
   kTooMany = 8,                ///< Too many concurrent commands. Command from fewer threads.
   kWrongMode = 9,              ///< The device does not have the mode. See Descriptor::modes.
   kEmergencyStop = 10,         ///< An emergency stop is in force. Remove its cause, then rearm().
+  kOutOfRange = 11,   ///< A number of a model is outside of its range. See ModelsError::text.
   kNotInSystem = 12,  ///< Only the server's own devices are stopped. Stop the others one by one.
   kNoSample = 254,    ///< The device has taken no sample yet. Read again.
   kCallFailed = 255,  ///< The call itself failed: DeviceError::call() says why.

@@ -31,7 +31,8 @@ struct DeviceServerConfig {
 ///
 /// Losing the client, the link or this server brings the force to zero within a stated bound:
 /// - the client or the link: a command's hold, at most SafetyConfig::hold_max, then
-///   SafetyConfig::ramp, then one period of the device;
+///   SafetyConfig::ramp, then one period of the device; while models are set, instead of the hold
+///   LeaseConfig::silence_max;
 /// - this server, stopped in order: at once, by Driver::deactivate();
 /// - this process, killed: by the device's own watchdog (see Command::deadline).
 /// @ownership owns its driver

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <device.rtpm.hpp>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/models/model.hpp"
+
+/// Conversions between models and the schema's.
+namespace rtpm::gvd {
+
+/// @realtime set-up only
+[[nodiscard]] std::vector<std::unique_ptr<device::ModelT>> to_wire(std::span<const Model> models);
+/// @realtime alloc-free, but for an error
+/// @errors   in words: more than ModelList::kCountMax models; a model without kind, or of a later
+///           version's
+[[nodiscard]] expected<ModelList, std::string> from_wire(const device::SetModelsRequest& wire);
+
+}  // namespace rtpm::gvd
