@@ -31,7 +31,7 @@ expected<double, SetupError> rate_hz_of(const DeviceSettings& device,
 
 gvd::DeviceServerConfig config_of(const Configuration& configuration, const DeviceSettings& device,
                                   const driver::Descriptor& descriptor, double rate_hz) {
-  gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor.limits);
+  gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor);
   if (device.force_max_newton > 0) {
     safety.force_newton_max = std::min(safety.force_newton_max, device.force_max_newton);
   }

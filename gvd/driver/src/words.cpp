@@ -95,6 +95,11 @@ std::string to_text(Faults faults) {
       std::pair{Fault::kForceRateLimited, "force rate limited"},
       std::pair{Fault::kSoftStart, "soft start"},
       std::pair{Fault::kEmergencyStop, "emergency stop"},
+      std::pair{Fault::kTooFast, "too fast"},
+      std::pair{Fault::kSoftWall, "pushed back into the workspace"},
+      std::pair{Fault::kPowerLimited, "power limited"},
+      std::pair{Fault::kBraked, "braked"},
+      std::pair{Fault::kHeatLimited, "heat limited"},
   };
   std::string text;
   for (const auto& [fault, words] : kWords) {

@@ -4,7 +4,7 @@
 #include <string>
 #include <utility>
 
-#include "safety_parameters.hpp"
+#include "rtpm/safety/parameters.hpp"
 
 namespace rtpm::gvd {
 namespace {

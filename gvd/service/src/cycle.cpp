@@ -5,7 +5,7 @@
 #include <limits>
 #include <utility>
 
-#include "finite.hpp"
+#include "rtpm/safety/finite.hpp"
 
 namespace rtpm::gvd {
 namespace {
@@ -104,8 +104,7 @@ DeviceCycle::DeviceCycle(driver::Driver& driver, CycleConfig config, SipKey leas
       config_(config),
       lease_(config_.lease, lease_key),
       limiter_(driver.describe()),
-      safety_(config_.safety ? *config_.safety
-                             : SafetyConfig::for_device(driver.describe().limits)),
+      safety_(config_.safety ? *config_.safety : SafetyConfig::for_device(driver.describe())),
       filter_(safety_),
       models_(driver.describe(), config_.period) {}
 
@@ -134,13 +133,13 @@ expected<void, SetupError> DeviceCycle::open() {
 const DeviceCycle::HeldCommand* DeviceCycle::command_of(std::uint64_t holder) noexcept {
   if (const auto newest = mailbox_.take()) held_ = *newest;
   if (const auto what = take_request(release_request_, holder); what != 0) {
-    if (what == number_of(Release::kRearm)) is_stopped_.store(false, std::memory_order_release);
+    if (what == number_of(Release::kRearm)) emergency_.rearm();
     if (what == number_of(Release::kRecover)) filter_.recover();
     // Commands before it belong to the fault or the stop.
     held_ = {};
     models_.drop_before_release();
   }
-  if (is_stopped_.load(std::memory_order_acquire)) {
+  if (emergency_.is_set()) {
     held_ = {};
     models_.drop();
     filter_.reset();
@@ -168,7 +167,8 @@ const DeviceCycle::HeldCommand* DeviceCycle::with_models(MonotonicTime now, std:
 driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest) noexcept {
   driver::Command command;
   const driver::Wrench wrench =
-      filter_.step(now, newest != nullptr ? std::optional(newest->wrench) : std::nullopt);
+      filter_.step(now, newest != nullptr ? std::optional(newest->wrench) : std::nullopt,
+                   {sample_.pose.position_m, sample_.twist, sample_.wrench_applied});
   command.outputs = limiter_.safe_outputs();
   if (filter_.is_following()) {
     static_cast<driver::Setpoint&>(command) = limiter_.limit(newest->setpoint);
@@ -386,7 +386,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
     foreign_command_count_.fetch_add(1, std::memory_order_relaxed);
     return unexpected{DeviceOutcome::kNotHolder};
   }
-  if (is_stopped_.load(std::memory_order_acquire)) return unexpected{DeviceOutcome::kEmergencyStop};
+  if (emergency_.is_set()) return unexpected{DeviceOutcome::kEmergencyStop};
   if (lifecycle() != Lifecycle::kActive) return unexpected{DeviceOutcome::kNotActive};
   if (!limiter_.takes(command.setpoint.mode)) return unexpected{DeviceOutcome::kWrongMode};
   const Duration hold = std::clamp(command.hold, Duration{0}, safety().hold_max);
@@ -416,7 +416,7 @@ expected<void, DeviceOutcome> DeviceCycle::submit(const ClientCommand& command,
 
 expected<void, ModelsRefusal> DeviceCycle::set_models(const ClientModels& models) noexcept {
   if (!lease_.renew(models.lease)) return unexpected{ModelsRefusal{DeviceOutcome::kNotHolder}};
-  if (is_stopped_.load(std::memory_order_acquire)) {
+  if (emergency_.is_set()) {
     return unexpected{ModelsRefusal{DeviceOutcome::kEmergencyStop}};
   }
   if (lifecycle() != Lifecycle::kActive) {

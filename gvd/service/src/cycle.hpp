@@ -22,7 +22,8 @@
 #include "rtpm/driver/driver.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/gvd/error.hpp"
-#include "rtpm/gvd/safety.hpp"
+#include "rtpm/safety/emergency_latch.hpp"
+#include "rtpm/safety/filter.hpp"
 
 namespace rtpm::gvd {
 
@@ -102,7 +103,7 @@ class DeviceCycle {
   /// @errors   as the service's method `set_models` says in device.fbs
   [[nodiscard]] expected<void, ModelsRefusal> set_models(const ClientModels& models) noexcept;
   /// No force from the next cycle on, and no commands, until Release::kRearm.
-  void emergency_stop() noexcept { is_stopped_.store(true, std::memory_order_release); }
+  void emergency_stop() noexcept { emergency_.stop(); }
   /// Takes the lease for a call of `priority`; returns its number. The force goes to zero before
   /// the new holder's commands count.
   /// @errors   kBelowOperatorPriority · kTooSoon: the last take-over was less than
@@ -166,7 +167,7 @@ class DeviceCycle {
   /// A holder's request and lease serial, packed by request_of(); 0: none.
   std::atomic<std::uint32_t> transition_request_{0};
   std::atomic<std::uint32_t> release_request_{0};
-  std::atomic<bool> is_stopped_{false};
+  EmergencyLatch emergency_{};
   std::atomic<std::uint16_t> taken_over_at_priority_{0};
   std::atomic<driver::Lifecycle> lifecycle_{driver::Lifecycle::kUnconfigured};
   std::atomic<std::uint64_t> command_count_{0};

@@ -39,7 +39,7 @@ rpc::Result<void> DeviceServant::describe(rpc::ReplyBuilder<device::Description>
   const rt::AllowAllocationScope set_up;
   const SafetyConfig& safety = cycle_.safety();
   reply.finish(to_wire(descriptor_,
-                       {period_, safety.hold_max, safety.ramp, cycle_.config().operator_priority},
+                       {period_, safety.hold_max, safety.rest(), cycle_.config().operator_priority},
                        reply.builder()));
   return {};
 }

@@ -9,11 +9,11 @@
 #include <utility>
 
 #include "configurable_device.hpp"
-#include "finite.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/semaphore.hpp"
-#include "safety_parameters.hpp"
+#include "rtpm/safety/finite.hpp"
+#include "rtpm/safety/parameters.hpp"
 #include "servant.hpp"
 
 namespace rtpm::gvd {
@@ -234,8 +234,7 @@ expected<std::unique_ptr<DeviceServer>, SetupError> DeviceServer::create(
   if (auto checked = check(driver->parameters(), descriptor.model); !checked) {
     return unexpected{checked.error()};
   }
-  const SafetyConfig safety =
-      config.cycle.safety.value_or(SafetyConfig::for_device(descriptor.limits));
+  const SafetyConfig safety = config.cycle.safety.value_or(SafetyConfig::for_device(descriptor));
   if (auto checked = safety.check(); !checked) return unexpected{checked.error()};
   return std::unique_ptr<DeviceServer>(new DeviceServer(
       std::make_unique<Impl>(std::move(driver), std::move(descriptor), std::move(config))));

@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "finite.hpp"
+#include "rtpm/safety/finite.hpp"
 
 namespace rtpm::gvd {
 namespace {

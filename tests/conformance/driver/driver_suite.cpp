@@ -294,7 +294,12 @@ Vector3 push(gvd::DeviceCycle& cycle, std::uint64_t lease, std::uint32_t sequenc
 
 TEST_P(DriverConformance, PassesThroughNoForceWhenAnOperatorTakesItOver) {
   const double newton = driver_->describe().limits.force_newton_max / 4;
-  gvd::DeviceCycle cycle(*driver_, {}, SipKey{1, 2});
+  // Neither the wall nor the guard, whose forces are nobody's, for a device that flies away.
+  gvd::CycleConfig config;
+  config.safety = gvd::SafetyConfig::for_device(driver_->describe());
+  config.safety->wall_newton_per_m = 0;
+  config.safety->has_passivity_guard = false;
+  gvd::DeviceCycle cycle(*driver_, config, SipKey{1, 2});
   ASSERT_TRUE(cycle.begin(now_));
   const auto client = cycle.lease().acquire();
   ASSERT_TRUE(client);

@@ -13,6 +13,7 @@
 #include "device_jobs.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/safety/parameters.hpp"
 #include "scripted_driver.hpp"
 
 /// A served device's parameters: changed between two cycles, by the device's thread.
@@ -107,7 +108,7 @@ TEST_F(Cycled, HasTheDriversParametersAndTheServersOwn) {
     return *std::ranges::find(specs, name,
                               [](const auto& spec) -> std::string_view { return spec.name; });
   };
-  EXPECT_EQ(specs.size(), 2 + 7U);
+  EXPECT_EQ(specs.size(), 2 + safety_parameters(cycle_.safety()).size());
   EXPECT_EQ(specs[0].name, "gain");
   for (const driver::ParameterSpec& spec : specs)
     EXPECT_EQ(fault_of(spec), "") << spec.name;

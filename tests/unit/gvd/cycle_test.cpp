@@ -559,7 +559,7 @@ TEST_F(Cycle, TheEndTakesTheForceAway) {
 
 TEST_F(Cycle, TakesTighterLimitsThanTheDevices) {
   CycleConfig config;
-  config.safety = SafetyConfig::for_device(driver_.describe().limits);
+  config.safety = SafetyConfig::for_device(driver_.describe());
   config.safety->force_newton_max = 2;
   make(config);
   acquire();

@@ -303,7 +303,7 @@ TEST_F(ModelsInTheCycle, OfAnyListKeepTheLimits) {
     ASSERT_TRUE(set(models));
     for (int i = 0; i < 20; ++i) {
       at_m_ = point(0.2);
-      velocity_m_per_s_ = point(3);
+      velocity_m_per_s_ = point(2);
       run();
       const Vector3 now = applied();
       const double newton = std::hypot(now.x, now.y, now.z);

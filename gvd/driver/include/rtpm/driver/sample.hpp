@@ -41,6 +41,11 @@ enum class Fault : std::uint32_t {
   kForceRateLimited = 1u << 11,  ///< This cycle's command rose faster than the limit allows.
   kSoftStart = 1u << 12,         ///< The force is rising to the command.
   kEmergencyStop = 1u << 13,     ///< Latched: no force, and no commands, until rearmed.
+  kTooFast = 1u << 14,           ///< Latched: moved faster than the limit. No force until recovery.
+  kSoftWall = 1u << 15,          ///< Outside of the workspace, which pushes back.
+  kPowerLimited = 1u << 16,      ///< The command would give its user more power than the limit.
+  kBraked = 1u << 17,            ///< The passivity guard brakes.
+  kHeatLimited = 1u << 18,       ///< The force is shortened for the motors' heat.
 };
 
 /// A set of faults.

@@ -10,7 +10,7 @@
 #include "rtpm/gvd/emergency.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/gvd/observer.hpp"
-#include "rtpm/gvd/safety.hpp"
+#include "rtpm/safety/filter.hpp"
 
 namespace rtpm::gvd {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "rtpm/driver/parameter.hpp"
-#include "rtpm/gvd/safety.hpp"
+#include "rtpm/safety/config.hpp"
 
 namespace rtpm::gvd {
 

@@ -1,4 +1,4 @@
-#include "safety_parameters.hpp"
+#include "rtpm/safety/parameters.hpp"
 
 #include <algorithm>
 #include <array>
@@ -9,6 +9,9 @@ namespace rtpm::gvd {
 namespace {
 
 constexpr double kTimeMaxSeconds = 10;
+constexpr const char* kWatchdog = "watchdog";
+constexpr const char* kLowCorner = "workspace_low_m";
+constexpr const char* kHighCorner = "workspace_high_m";
 
 /// Whether a client may lower a value or raise it.
 enum class Safer : std::uint8_t { kLower, kHigher };
@@ -30,6 +33,16 @@ constexpr std::array kLimits{
           &SafetyConfig::force_newton_per_s_max, 0.1},
     Limit{"torque_newton_metre_per_s_max", "N m/s", "Greatest rate of change of the torque.",
           &SafetyConfig::torque_newton_metre_per_s_max, 0.1},
+    Limit{"power_watt_max", "W", "Greatest power that the force gives.",
+          &SafetyConfig::power_watt_max, 0.01},
+    Limit{"velocity_m_per_s_max", "m/s", "Faster motion takes the force away until recovery.",
+          &SafetyConfig::velocity_m_per_s_max, 0.01},
+    Limit{"force_newton_continuous", "N", "Force that the motors endure for ever.",
+          &SafetyConfig::force_newton_continuous, 0.1},
+    Limit{"passivity_watt", "W", "Power that the passivity guard lets through for ever.",
+          &SafetyConfig::passivity_watt, 0},
+    Limit{"passivity_reserve_joule", "J", "Energy that may be given before it was taken.",
+          &SafetyConfig::passivity_reserve_joule, 0},
 };
 
 struct Time {
@@ -41,6 +54,8 @@ struct Time {
 constexpr std::array kTimes{
     Time{"hold_max_s", "Longest life of a command.", &SafetyConfig::hold_max, Safer::kLower},
     Time{"ramp_s", "Time from full force to zero when commands stop.", &SafetyConfig::ramp,
+         Safer::kLower},
+    Time{"heat_time_s", "Time that the motors endure the greatest force.", &SafetyConfig::heat_time,
          Safer::kLower},
     Time{"soft_start_s", "Time from zero to full force.", &SafetyConfig::soft_start,
          Safer::kHigher},
@@ -58,6 +73,49 @@ driver::ParameterSpec spec_of(const char* name, const char* unit, double configu
   spec.default_value = configured;
   spec.description = description;
   return spec;
+}
+
+/// The configured policy, or off at once: whatever else would lengthen the force's life.
+driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
+  driver::ParameterSpec spec;
+  spec.name = std::string(kSafetyGroup) + kWatchdog;
+  spec.type = driver::ParameterType::kChoice;
+  spec.choices = {std::string(to_string(configured.watchdog))};
+  if (configured.watchdog != WatchdogPolicy::kOff) spec.choices.emplace_back("off");
+  spec.default_value = spec.choices.front();
+  spec.description = "What happens to the force when commands stop.";
+  return spec;
+}
+
+WatchdogPolicy policy_of(std::string_view name) noexcept {
+  for (const WatchdogPolicy policy :
+       {WatchdogPolicy::kRamp, WatchdogPolicy::kHold, WatchdogPolicy::kDamp}) {
+    if (to_string(policy) == name) return policy;
+  }
+  return WatchdogPolicy::kOff;
+}
+
+/// A corner of the workspace, which a client makes smaller. Its range is the same for each axis:
+/// the least and the greatest coordinate of the configured one.
+driver::ParameterSpec corner_spec(const char* name, const SafetyConfig& configured,
+                                  const driver::Vector3& corner) {
+  const driver::Vector3& low_m = configured.workspace.low_m;
+  const driver::Vector3& high_m = configured.workspace.high_m;
+  driver::ParameterSpec spec;
+  spec.name = std::string(kSafetyGroup) + name;
+  spec.type = driver::ParameterType::kVector;
+  spec.unit = "m";
+  spec.vector_size = 3;
+  spec.low = std::min({low_m.x, low_m.y, low_m.z, 0.0});
+  spec.high = std::max({high_m.x, high_m.y, high_m.z, 0.0});
+  spec.default_value = std::vector<double>{corner.x, corner.y, corner.z};
+  spec.description = "Corner of the box behind which the soft wall pushes back.";
+  return spec;
+}
+
+driver::Vector3 vector_of(const driver::ParameterSetting& setting) {
+  const auto& elements = std::get<std::vector<double>>(setting.value);
+  return {elements[0], elements[1], elements[2]};
 }
 
 const driver::ParameterSetting* find(std::span<const driver::ParameterSetting> settings,
@@ -83,6 +141,9 @@ std::vector<driver::ParameterSpec> safety_parameters(const SafetyConfig& configu
     spec.low = time.safer == Safer::kLower ? 0 : value;
     spec.high = time.safer == Safer::kLower ? value : kTimeMaxSeconds;
   }
+  specs.push_back(watchdog_spec(configured));
+  specs.push_back(corner_spec(kLowCorner, configured, configured.workspace.low_m));
+  specs.push_back(corner_spec(kHighCorner, configured, configured.workspace.high_m));
   return specs;
 }
 
@@ -97,6 +158,15 @@ SafetyConfig with_settings(SafetyConfig config,
     if (setting == nullptr) continue;
     const std::chrono::duration<double> value{std::get<double>(setting->value)};
     config.*time.value = std::chrono::round<Duration>(value);
+  }
+  if (const auto* const setting = find(settings, kWatchdog)) {
+    config.watchdog = policy_of(std::get<std::string>(setting->value));
+  }
+  if (const auto* const setting = find(settings, kLowCorner)) {
+    config.workspace.low_m = vector_of(*setting);
+  }
+  if (const auto* const setting = find(settings, kHighCorner)) {
+    config.workspace.high_m = vector_of(*setting);
   }
   return config;
 }

@@ -1,4 +1,4 @@
-#include "rtpm/gvd/safety.hpp"
+#include "rtpm/safety/filter.hpp"
 
 #include <gtest/gtest.h>
 
@@ -299,12 +299,21 @@ TEST(HostileTime, AClockThatGoesBackChangesNothing) {
   EXPECT_EQ(filter.step(at(milliseconds{ms + 30}), last).force_newton.x, 0) << "nor the bound";
 }
 
-TEST(SafetyConfig, TakesTheDevicesLimits) {
-  driver::Limits limits;
-  limits.force_newton_max = 3.5;
-  EXPECT_EQ(SafetyConfig::for_device(limits).force_newton_max, 3.5);
-  EXPECT_EQ(SafetyConfig::for_device(limits).torque_newton_metre_max, 0);
-  EXPECT_TRUE(SafetyConfig::for_device(limits).check());
+TEST(SafetyConfig, TakesTheDevicesLimitsWithEveryMechanismOn) {
+  driver::Descriptor device;
+  device.limits.force_newton_max = 3.5;
+  device.limits.stiffness_newton_per_m_max = 400;
+  device.workspace = {{-0.1, -0.1, -0.1}, {0.1, 0.1, 0.1}};
+  const SafetyConfig config = SafetyConfig::for_device(device);
+  EXPECT_EQ(config.force_newton_max, 3.5);
+  EXPECT_EQ(config.torque_newton_metre_max, 0);
+  EXPECT_GT(config.power_watt_max, 0);
+  EXPECT_GT(config.velocity_m_per_s_max, 0);
+  EXPECT_GT(config.wall_newton_per_m, 0);
+  EXPECT_GT(config.force_newton_continuous, 0);
+  EXPECT_TRUE(config.has_passivity_guard);
+  EXPECT_GT(config.passivity_newton_s_per_m_max, 0);
+  EXPECT_TRUE(config.check());
 }
 
 TEST(SafetyConfig, NamesWhatCantBeUsed) {

@@ -1,0 +1,65 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <string_view>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/descriptor.hpp"
+
+namespace rtpm::gvd {
+
+/// What happens to the force when commands stop.
+enum class WatchdogPolicy : std::uint8_t {
+  kRamp = 0,  ///< It falls to zero in a straight line within SafetyConfig::ramp.
+  kHold = 1,  ///< It stays for SafetyConfig::watchdog_span, then falls so.
+  kDamp = 2,  ///< It brakes the motion for SafetyConfig::watchdog_span, then is off.
+  kOff = 3,   ///< It is off at once.
+};
+inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
+/// "ramp", "hold", "damp", "off".
+[[nodiscard]] std::string_view to_string(WatchdogPolicy policy) noexcept;
+
+/// Limits of the safety filter, which can't be turned off as a whole. Where 0 stands for "none",
+/// for_device() gives a limit.
+/// @ownership a value
+struct SafetyConfig {
+  double force_newton_max = 0;                           ///< Maximum magnitude; 0: no force.
+  double torque_newton_metre_max = 0;                    ///< Likewise.
+  double force_newton_per_s_max = 1000;                  ///< Maximum rate of change.
+  double torque_newton_metre_per_s_max = 50;             ///< Likewise.
+  Duration hold_max = std::chrono::milliseconds{100};    ///< Maximum life of a command.
+  Duration ramp = std::chrono::milliseconds{20};         ///< From full force to zero, after a loss.
+  Duration soft_start = std::chrono::milliseconds{200};  ///< From zero to full force.
+
+  WatchdogPolicy watchdog = WatchdogPolicy::kRamp;
+  Duration watchdog_span = std::chrono::milliseconds{100};  ///< Of kHold and kDamp.
+  double watchdog_newton_s_per_m = 0;                       ///< The damping of kDamp.
+
+  double power_watt_max = 0;           ///< That the device may give its user; 0: none.
+  double velocity_m_per_s_max = 0;     ///< Faster, the force is off until recover(); 0: none.
+  driver::Workspace workspace{};       ///< Where the soft wall begins; no wall on an empty axis.
+  double wall_newton_per_m = 0;        ///< Stiffness of the wall; 0: no wall.
+  double wall_newton_s_per_m = 0;      ///< Its damping.
+  double force_newton_continuous = 0;  ///< That the motors endure for ever; 0: any.
+  Duration heat_time = std::chrono::seconds{30};  ///< How long they endure force_newton_max.
+
+  bool has_passivity_guard = false;
+  double passivity_reserve_joule = 0.05;    ///< That may be given before it was taken.
+  double passivity_store_joule = 1;         ///< That counts at most of what was taken.
+  double passivity_watt = 0.001;             ///< At which the reserve refills.
+  double passivity_newton_s_per_m_max = 0;  ///< Greatest damping that the guard adds.
+
+  /// The defaults, with every mechanism on, as far as the device's description allows.
+  [[nodiscard]] static SafetyConfig for_device(const driver::Descriptor& device) noexcept;
+  /// How long a force lasts behind the end of its command.
+  [[nodiscard]] Duration rest() const noexcept;
+  /// Whether every value is valid.
+  /// @realtime set-up only
+  /// @errors   names a limit that is negative or not finite, or a time that is negative or above 10
+  ///           s (heat_time: an hour)
+  [[nodiscard]] expected<void, SetupError> check() const;
+};
+
+}  // namespace rtpm::gvd

@@ -1,0 +1,42 @@
+#include "rtpm/safety/watchdog.hpp"
+
+#include <algorithm>
+
+#include "vector.hpp"
+
+namespace rtpm::gvd {
+namespace {
+
+/// `time` + `span`, saturating at kNever.
+MonotonicTime after(MonotonicTime time, Duration span) noexcept {
+  return time > kNever - span ? kNever : time + span;
+}
+
+}  // namespace
+
+void Watchdog::follow(const SafetyConfig& config, MonotonicTime ends) noexcept {
+  zero_at_ = after(ends, config.rest());
+}
+
+double Watchdog::fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends,
+                      Duration elapsed, const Motion& motion, driver::Wrench& output) noexcept {
+  zero_at_ = std::min(zero_at_, after(ends, config.rest()));
+  if (now >= zero_at_) {
+    output = {};
+    return 0;
+  }
+  const Duration rest_now = zero_at_ - now;
+  if (config.watchdog == WatchdogPolicy::kDamp) {
+    output = {scaled(motion.twist.linear_m_per_s, -config.watchdog_newton_s_per_m), {}};
+    return 1;
+  }
+  if (rest_now > config.ramp) return 1;
+  // The ramp began at zero_at − ramp, perhaps between two steps. Each step shrinks the force by the
+  // elapsed share of the remaining time, which is linear from any start.
+  const Duration rest_before = std::min(rest_now + elapsed, config.ramp);
+  const double share = std::clamp(seconds(rest_now) / seconds(rest_before), 0.0, 1.0);
+  output = scaled(output, share);
+  return share;
+}
+
+}  // namespace rtpm::gvd
