@@ -4,11 +4,28 @@
 #include <array>
 #include <cstdio>
 
+#include "rtpm/models/check.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/options/options.hpp"
 
 namespace rtpm::servo {
 namespace {
+
+/// The stiffest passive wall of `damping_newton_s_per_m`.
+double stiffness_bound_of(const Configuration& configuration, const driver::Descriptor& device,
+                          double damping_newton_s_per_m) {
+  const auto device_period = std::chrono::duration_cast<Duration>(
+      std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
+  if (configuration.is_local()) {
+    const auto limits = gvd::ModelLimits::for_device(device, device_period);
+    if (damping_newton_s_per_m >= limits.damping_newton_s_per_m_max) return 0;
+    return limits.stiffness_newton_per_m_max *
+           (1 - damping_newton_s_per_m / limits.damping_newton_s_per_m_max);
+  }
+  return std::min(stiffness_bound(device.limits.damping_newton_s_per_m, damping_newton_s_per_m,
+                                  configuration.period(), device_period),
+                  device.limits.stiffness_newton_per_m_max);
+}
 
 /// The default wall's share of its passivity bound.
 constexpr double kShareOfBound = 0.75;
@@ -37,6 +54,11 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("damping", configuration.wall.damping_newton_s_per_m, "The wall's, in N s/m",
               {0, 1e4});
   options.add("face", configuration.wall.face_m, "Where the wall's face is, z in metre", {-1, 1});
+  options.add_choice("render", configuration.render, {"remote", "local"},
+                     "Where the wall's force is computed: here, or in the device's own loop");
+  options.add("delay", configuration.delay,
+              "Delays each sample and each command artificially; a local wall does without",
+              {Duration{0}, kDelayMax});
   options.add("hold", configuration.hold, "How long each force stands without a newer one");
   options.add("deadline", configuration.deadline, "How long one call may take",
               {std::chrono::microseconds{100}, std::chrono::seconds{1}});
@@ -61,13 +83,8 @@ expected<Wall, SetupError> choose_wall(const Configuration& configuration,
                            " device without force along z",
                        "", "choose a haptic device with --device");
   }
-  const auto device_period = std::chrono::duration_cast<Duration>(
-      std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
   Wall wall = configuration.wall;
-  const double bound =
-      std::min(stiffness_bound(device.limits.damping_newton_s_per_m, wall.damping_newton_s_per_m,
-                               configuration.period(), device_period),
-               device.limits.stiffness_newton_per_m_max);
+  const double bound = stiffness_bound_of(configuration, device, wall.damping_newton_s_per_m);
   if (bound <= 0) {
     return setup_error("a wall of --damping " + shown(wall.damping_newton_s_per_m) +
                            " N s/m leaves nothing of the device's own " +
@@ -78,7 +95,8 @@ expected<Wall, SetupError> choose_wall(const Configuration& configuration,
   if (wall.stiffness_newton_per_m > bound) {
     return setup_error(
         "a wall of --stiffness " + shown(wall.stiffness_newton_per_m) + " N/m would buzz",
-        "at this rate up to " + shown(bound) + " N/m is passive", "lower it, or raise --rate");
+        "at this rate up to " + shown(bound) + " N/m is passive",
+        configuration.is_local() ? "lower it" : "lower it, raise --rate, or give --render local");
   }
   if (wall.stiffness_newton_per_m <= 0) wall.stiffness_newton_per_m = kShareOfBound * bound;
   return wall;

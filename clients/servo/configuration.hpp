@@ -22,6 +22,8 @@ struct Configuration {
   double rate_hz = 1000;
   Priority priority = 24000;
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
+  std::string render = "remote";  ///< "remote" or "local".
+  Duration delay{0};              ///< Of the link, artificial, each way; of a remote wall.
   Duration hold = std::chrono::milliseconds{10};
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
@@ -30,6 +32,7 @@ struct Configuration {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rt::WaitConfig wait{};
 
+  [[nodiscard]] bool is_local() const noexcept { return render == "local"; }
   [[nodiscard]] Duration period() const noexcept {
     return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
   }
@@ -39,7 +42,11 @@ struct Configuration {
 [[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
                                                     Configuration& configuration);
 
-/// The wall for this device; without a configured stiffness, three quarters of its bound.
+/// Longest Configuration::delay.
+inline constexpr Duration kDelayMax = std::chrono::milliseconds{100};
+
+/// The wall for this device, rendered as configured; without a configured stiffness, three quarters
+/// of its bound.
 /// @realtime set-up only
 /// @errors   a device without force along z; a stiffness above the bound, which the text names
 [[nodiscard]] expected<Wall, SetupError> choose_wall(const Configuration& configuration,

@@ -49,12 +49,9 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   if (!sample) return fail(sample.error(), read);
   record_call(statistics_.read, read - begun);
 
-  const driver::Vector3 force = config_.wall.force_newton(*sample);
-  const MonotonicTime computed = rt::now();
-  const auto sent = device_.set_force(force, call_);
+  const auto force = render(*sample, read);
   const MonotonicTime done = rt::now();
-  if (!sent) return fail(sent.error(), done);
-  record_call(statistics_.command, done - computed);
+  if (!force) return fail(force.error(), done);
   failing_since_.reset();
 
   Duration latency = done - begun;
@@ -63,13 +60,26 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   static_cast<void>(cycles_.push(latency));  // When full, only the display loses it.
 
   view_.sample = *sample;
-  view_.force_newton = force;
+  view_.force_newton = *force;
   view_.depth_m = config_.wall.depth_m(*sample);
   view_.cycle_count = statistics_.cycle_count;
   view_.failed_count = statistics_.failed_count;
   if (view_.depth_m > 0) ++statistics_.contact_count;
-  statistics_.force_newton_max = std::max(statistics_.force_newton_max, std::abs(force.z));
+  statistics_.force_newton_max = std::max(statistics_.force_newton_max, std::abs(force->z));
+  statistics_.feel.record(config_.wall, *sample);
   live_.write(view_);
+}
+
+/// Commands the wall's force and returns it; of a local wall, the force that the device applies.
+expected<driver::Vector3, gvd::DeviceError> Loop::render(const driver::Sample& sample,
+                                                         MonotonicTime now) noexcept {
+  if (config_.is_local) return sample.wrench_applied.force_newton;
+  const driver::Vector3 force = link_.pass(now, config_.wall.force_newton(sample));
+  const MonotonicTime computed = rt::now();
+  const auto sent = device_.set_force(force, call_);
+  if (!sent) return unexpected{sent.error()};
+  record_call(statistics_.command, rt::now() - computed);
+  return force;
 }
 
 void Loop::record_call(LatencyHistogram& histogram, Duration latency) noexcept {

@@ -4,6 +4,8 @@
 #include <cstdint>
 #include <optional>
 
+#include "delay_line.hpp"
+#include "feel.hpp"
 #include "rtpm/base/histogram.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/ring.hpp"
@@ -26,7 +28,7 @@ inline constexpr Duration kPaperCycle = std::chrono::milliseconds{1};
 struct Statistics {
   LatencyHistogram read{};  ///< One call each, until its reply.
   LatencyHistogram command{};
-  LatencyHistogram cycle{};         ///< Both calls and the wall between them.
+  LatencyHistogram cycle{};         ///< Both calls and the wall between them; of a local wall one.
   LatencyHistogram lateness{};      ///< From a cycle's due time to its begin.
   std::uint64_t cycle_count = 0;    ///< Cycles begun.
   std::uint64_t missed_count = 0;   ///< Cycles that ended after the next was due, or were skipped.
@@ -35,7 +37,8 @@ struct Statistics {
   std::uint64_t failed_count = 0;   ///< Calls that failed.
   std::uint64_t call_within_paper_count = 0;   ///< Calls that succeeded within kPaperCall.
   std::uint64_t cycle_within_paper_count = 0;  ///< Cycles that succeeded within kPaperCycle.
-  double force_newton_max = 0;                 ///< The greatest force commanded.
+  double force_newton_max = 0;  ///< The greatest force commanded; of a local wall, applied.
+  Feel feel{};
 };
 
 /// The loop's current state, for display.
@@ -50,6 +53,8 @@ struct Live {
 /// Settings of the loop.
 struct LoopConfig {
   Wall wall{};
+  bool is_local = false;  ///< The device renders the wall, the loop only watches.
+  Duration delay{0};      ///< Artificial, of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
   Duration duration{0};  ///< 0: until stop().
   Duration deadline = std::chrono::milliseconds{10};
@@ -58,14 +63,14 @@ struct LoopConfig {
 };
 
 /// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
-/// at a steady rate on a thread of its own, which prints nothing. About 100 KiB: not for a stack.
+/// at a steady rate on a thread of its own, which prints nothing. About 200 KiB: not for a stack.
 /// @ownership refers to the device, which must outlive it
 /// @threads  start(), join(), statistics(): one; live(), next_cycle(): one other; stop(): any
 /// @realtime the loop's thread is alloc-free
 class Loop {
  public:
   Loop(gvd::DeviceClient& device, const LoopConfig& config) noexcept
-      : device_(device), config_(config) {}
+      : device_(device), config_(config), link_(2 * config.delay) {}
 
   /// @realtime set-up only
   /// @errors   with RealtimeMode::kRequire, a right that the process lacks
@@ -90,6 +95,8 @@ class Loop {
  private:
   void run() noexcept;
   void run_cycle(MonotonicTime due) noexcept;
+  [[nodiscard]] expected<driver::Vector3, gvd::DeviceError> render(const driver::Sample& sample,
+                                                                   MonotonicTime now) noexcept;
   void record_call(LatencyHistogram& histogram, Duration latency) noexcept;
   void fail(gvd::DeviceError error, MonotonicTime now) noexcept;
 
@@ -98,6 +105,8 @@ class Loop {
   gvd::DeviceClient& device_;
   LoopConfig config_;
   rpc::CallOptions call_{};
+  /// The wall has no memory: its force arrives as late as if sample and command were each delayed.
+  DelayLine<driver::Vector3, 2048> link_;
   Statistics statistics_{};
   Live view_{};
   std::optional<MonotonicTime> failing_since_{};

@@ -31,9 +31,50 @@ int fail(int exit_code, std::string_view text) {
   return exit_code;
 }
 
+/// How often a local wall is set again. That keeps the lease, which the wall's force needs.
+constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
+
+/// Keeps the wall in the device's loop while this program runs.
+class LocalWall {
+ public:
+  LocalWall(gvd::DeviceClient& device, const Wall& wall, Duration patience)
+      : device_(device), model_(wall.as_plane()), patience_(patience) {}
+
+  /// @errors   in words, as DeviceClient::set_models()
+  [[nodiscard]] expected<void, gvd::ModelsError> set(MonotonicTime now) {
+    next_ = now + kModelsInterval;
+    return device_.set_models({&model_, 1});
+  }
+  /// Sets the wall again when it is time; returns the error that has lasted for the patience, or
+  /// that no further attempt ends.
+  [[nodiscard]] std::optional<gvd::DeviceError> keep(MonotonicTime now) {
+    if (now < next_) return std::nullopt;
+    const auto kept = set(now);
+    if (kept) {
+      failing_since_.reset();
+      return std::nullopt;
+    }
+    if (!failing_since_) failing_since_ = now;
+    const gvd::DeviceError error = kept.error().error;
+    const bool is_over =
+        error == gvd::DeviceOutcome::kNotHolder || now - *failing_since_ >= patience_;
+    return is_over ? std::optional(error) : std::nullopt;
+  }
+
+ private:
+  gvd::DeviceClient& device_;
+  gvd::Model model_;
+  Duration patience_;
+  MonotonicTime next_{};
+  std::optional<MonotonicTime> failing_since_{};
+};
+
 /// Displays the loop until it ends, or ends it on a stop request. Nothing else prints while the
 /// loop runs; this thread is time-shared.
-void watch(Loop& loop, const options::StopSignal& stop, const std::string& live) {
+/// @errors   of the local wall, if there is one
+std::optional<gvd::DeviceError> watch(Loop& loop, LocalWall* wall, const options::StopSignal& stop,
+                                      const std::string& live) {
+  std::optional<gvd::DeviceError> loss;
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
       is_rewriting ? Duration{std::chrono::milliseconds{100}} : Duration{std::chrono::seconds{1}};
@@ -45,6 +86,8 @@ void watch(Loop& loop, const options::StopSignal& stop, const std::string& live)
     while (const auto cycle = loop.next_cycle())
       cycles->record(*cycle);
     const MonotonicTime now = rt::now();
+    if (wall != nullptr && !loss) loss = wall->keep(now);
+    if (loss) loop.stop();
     const auto view = loop.live();
     if (live == "off" || now < next || !view) continue;
     next = now + pause;
@@ -55,6 +98,7 @@ void watch(Loop& loop, const options::StopSignal& stop, const std::string& live)
     std::fflush(stdout);
   }
   if (is_rewriting) std::printf("\n");
+  return loss;
 }
 
 expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
@@ -128,6 +172,8 @@ int serve(const Configuration& configuration) {
 
   LoopConfig config;
   config.wall = *wall;
+  config.is_local = configuration.is_local();
+  config.delay = configuration.delay;
   config.period = configuration.period();
   config.duration =
       std::chrono::duration_cast<Duration>(std::chrono::duration<double>(configuration.seconds));
@@ -136,16 +182,26 @@ int serve(const Configuration& configuration) {
   config.thread.priority = configuration.priority;
   config.thread.realtime = configuration.realtime;
   const auto loop = std::make_unique<Loop>(*device, config);
-  std::printf("%s at %s: a wall of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
+  std::printf("%s at %s: a %s wall of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
               printable(configuration.device).c_str(), printable(device->url()).c_str(),
-              wall->stiffness_newton_per_m, wall->damping_newton_s_per_m, configuration.rate_hz);
+              configuration.render.c_str(), wall->stiffness_newton_per_m,
+              wall->damping_newton_s_per_m, configuration.rate_hz);
   std::fflush(stdout);
+  LocalWall local_wall(*device, *wall, configuration.patience);
+  if (config.is_local) {
+    if (auto set = local_wall.set(rt::now()); !set) {
+      return fail(kSetUpFailed,
+                  configuration.device + " can't render the wall: " + set.error().text);
+    }
+  }
   if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text());
-  watch(*loop, stop, configuration.live);
+  const auto wall_loss =
+      watch(*loop, config.is_local ? &local_wall : nullptr, stop, configuration.live);
   loop->join();
-  std::printf("\n%s", table_text(loop->statistics()).c_str());
+  std::printf("\n%s%s", table_text(loop->statistics()).c_str(),
+              feel_text(loop->statistics().feel, config).c_str());
   std::fflush(stdout);
-  if (const auto loss = loop->loss()) {
+  if (const auto loss = loop->loss() ? loop->loss() : wall_loss) {
     return fail(kDeviceLost, configuration.device + " " + loss_text(*device, *loss));
   }
   static_cast<void>(device->release());

@@ -47,12 +47,29 @@ std::string live_text(const Live& live, const LatencyHistogram& cycles, Duration
   return line;
 }
 
+std::string feel_text(const Feel& feel, const LoopConfig& config) {
+  std::string line = text("  the wall of %.0f N/m, rendered ", config.wall.stiffness_newton_per_m);
+  if (config.is_local) {
+    line += "in the device's loop";
+  } else {
+    line += "by this program";
+    if (config.delay > Duration{0}) {
+      line += text(" with %.1f ms of delay each way", to_us(config.delay) / 1e3);
+    }
+  }
+  if (feel.depth_m_max() <= 0) return line + ": not touched\n";
+  return line + text(": felt as %.0f N/m, entered by %.2f mm at most\n",
+                     feel.stiffness_newton_per_m(), feel.depth_m_max() * 1e3);
+}
+
 std::string table_text(const Statistics& statistics) {
   std::string table = text("  %-24s %8s %8s %8s %8s %8s %8s\n", "latency in us", "p50", "p90",
                            "p99", "p99.9", "p99.99", "max");
   table += row("one call: read", statistics.read);
-  table += row("one call: command", statistics.command);
-  table += row("one cycle of two calls", statistics.cycle);
+  // A wall that the device renders needs no commands.
+  const bool is_watching = statistics.command.count() == 0 && statistics.read.count() > 0;
+  if (!is_watching) table += row("one call: command", statistics.command);
+  table += row(is_watching ? "one cycle of one call" : "one cycle of two calls", statistics.cycle);
   table += row("begun late by", statistics.lateness);
   table += text(
       "  cycles %llu   missed deadlines %llu   failed calls %llu   in contact %.0f %%   "

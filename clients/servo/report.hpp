@@ -13,6 +13,10 @@ namespace rtpm::servo {
 [[nodiscard]] std::string live_text(const Live& live, const LatencyHistogram& cycles,
                                     Duration since_start);
 
+/// One line: how the wall was rendered, and how stiff it was felt.
+/// @realtime set-up only
+[[nodiscard]] std::string feel_text(const Feel& feel, const LoopConfig& config);
+
 /// The table of latencies beside the paper's figures.
 /// @realtime set-up only
 [[nodiscard]] std::string table_text(const Statistics& statistics);

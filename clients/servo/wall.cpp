@@ -16,6 +16,13 @@ driver::Vector3 Wall::force_newton(const driver::Sample& sample) const noexcept 
   return {0, 0, std::max(0.0, out_newton)};
 }
 
+gvd::Plane Wall::as_plane() const noexcept {
+  return {.point_m = {0, 0, face_m},
+          .normal = {0, 0, 1},
+          .stiffness_newton_per_m = stiffness_newton_per_m,
+          .damping_newton_s_per_m = damping_newton_s_per_m};
+}
+
 double stiffness_bound(double device_damping_newton_s_per_m, double wall_damping_newton_s_per_m,
                        Duration loop_period, Duration device_period) noexcept {
   const double delay_s = std::chrono::duration<double>(loop_period).count() / 2 +

@@ -3,6 +3,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/models/model.hpp"
 
 namespace rtpm::servo {
 
@@ -17,6 +18,8 @@ struct Wall {
   [[nodiscard]] double depth_m(const driver::Sample& sample) const noexcept;
   /// The wall's force on the end effector, in newton. Alloc-free.
   [[nodiscard]] driver::Vector3 force_newton(const driver::Sample& sample) const noexcept;
+  /// The same wall for the device's own loop. Alloc-free.
+  [[nodiscard]] gvd::Plane as_plane() const noexcept;
 };
 
 /// The stiffest passive wall (it feeds no energy back), rendered over a loop of `loop_period` to a

@@ -44,6 +44,7 @@ TEST(TableText, HasARowForEachMeasureAndThePapersFigures) {
   const auto statistics = std::make_unique<Statistics>();
   for (int i = 0; i < 1000; ++i) {
     statistics->read.record(microseconds{10});
+    statistics->command.record(microseconds{10});
     statistics->cycle.record(microseconds{20});
   }
   statistics->cycle.record(milliseconds{7});
@@ -60,6 +61,32 @@ TEST(TableText, HasARowForEachMeasureAndThePapersFigures) {
         "200 us"}) {
     EXPECT_TRUE(has(text, part)) << part << " is not in\n" << text;
   }
+}
+
+TEST(TableText, OfALocalWallHasNoCommands) {
+  const auto statistics = std::make_unique<Statistics>();
+  statistics->read.record(microseconds{10});
+  const std::string text = table_text(*statistics);
+  EXPECT_FALSE(has(text, "one call: command")) << text;
+  EXPECT_TRUE(has(text, "one cycle of one call")) << text;
+}
+
+TEST(FeelText, SaysHowTheWallWasRenderedAndFelt) {
+  LoopConfig config;
+  config.wall.stiffness_newton_per_m = 600;
+  config.delay = milliseconds{20};
+  Feel feel;
+  EXPECT_EQ(feel_text(feel, config),
+            "  the wall of 600 N/m, rendered by this program with 20.0 ms of delay each way: not "
+            "touched\n");
+  driver::Sample sample;
+  sample.pose.position_m.z = -0.004;
+  sample.wrench_applied.force_newton.z = 1.2;
+  feel.record(config.wall, sample);
+  config.is_local = true;
+  EXPECT_EQ(feel_text(feel, config),
+            "  the wall of 600 N/m, rendered in the device's loop: felt as 300 N/m, entered by "
+            "4.00 mm at most\n");
 }
 
 TEST(TableText, OfARunWithoutCyclesHasNoNumberThatIsNone) {

@@ -4,8 +4,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "configuration.hpp"
+#include "rtpm/models/evaluator.hpp"
 
 namespace rtpm::servo {
 namespace {
@@ -23,6 +25,7 @@ driver::Descriptor arm() {
   driver::Descriptor descriptor;
   descriptor.device_class = driver::DeviceClass::kHaptic;
   descriptor.axes = {{"x", true, true}, {"y", true, true}, {"z", true, true}};
+  descriptor.modes = {driver::CommandMode::kForce};
   descriptor.limits = {9, 0, 1667, 2.5};
   return descriptor;
 }
@@ -100,11 +103,35 @@ TEST(ChooseWall, RefusesAWallThatWouldBuzzAndNamesTheBound) {
   ASSERT_FALSE(wall);
   EXPECT_EQ(wall.error().text(),
             "a wall of --stiffness 5000 N/m would buzz: at this rate up to 800 N/m is passive. "
-            "Remedy: lower it, or raise --rate.");
+            "Remedy: lower it, raise --rate, or give --render local.");
   configuration.wall = {.stiffness_newton_per_m = 100, .damping_newton_s_per_m = 3};
   const auto damped = choose_wall(configuration, arm());
   ASSERT_FALSE(damped);
   EXPECT_NE(damped.error().text().find("--damping 3 "), std::string::npos) << damped.error().text();
+}
+
+TEST(ChooseWall, LetsALocalWallBeStiffer) {
+  Configuration configuration;
+  configuration.render = "local";
+  // (2.5 − 0.5) / 1.5 ms
+  EXPECT_NEAR(choose_wall(configuration, arm())->stiffness_newton_per_m, 0.75 * 1333, 1);
+  configuration.wall.stiffness_newton_per_m = 1500;
+  const auto wall = choose_wall(configuration, arm());
+  ASSERT_FALSE(wall);
+  EXPECT_NE(wall.error().text().find("up to 1333 N/m"), std::string::npos) << wall.error().text();
+}
+
+TEST(WallAsPlane, IsTheSameWall) {
+  const Wall wall{.face_m = 0.005, .stiffness_newton_per_m = 500, .damping_newton_s_per_m = 2};
+  gvd::Evaluator device;
+  device.set(gvd::ModelList{std::vector<gvd::Model>{wall.as_plane()}});
+  for (const double z_m : {0.006, 0.005, 0.003, -0.02}) {
+    for (const double velocity : {-0.3, 0.0, 0.3, 10.0}) {
+      const driver::Sample sample = sample_at(z_m, velocity);
+      EXPECT_NEAR(device.evaluate(sample).wrench.force_newton.z, wall.force_newton(sample).z,
+                  1e-12);
+    }
+  }
 }
 
 TEST(ChooseWall, RefusesADeviceWithoutForce) {

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::servo {
+
+/// Gives values back a fixed time after they were put in.
+/// @ownership holds at most `kCapacity` values in place; of more, the oldest are lost
+/// @threads  one at a time
+/// @realtime alloc-free
+template <class T, std::size_t kCapacity>
+class DelayLine {
+ public:
+  explicit DelayLine(Duration delay) noexcept : delay_(delay) {}
+
+  /// Puts `value` in; returns the newest that is at least the delay old, T{} before the first.
+  /// `now` never decreases.
+  T pass(MonotonicTime now, const T& value) noexcept {
+    if (count_ == kCapacity) drop_oldest();
+    entries_[(oldest_ + count_++) % kCapacity] = {now, value};
+    while (count_ > 0 && now - entries_[oldest_].put_at >= delay_) {
+      out_ = entries_[oldest_].value;
+      drop_oldest();
+    }
+    return out_;
+  }
+
+ private:
+  struct Entry {
+    MonotonicTime put_at{};
+    T value{};
+  };
+
+  void drop_oldest() noexcept {
+    oldest_ = (oldest_ + 1) % kCapacity;
+    --count_;
+  }
+
+  Duration delay_;
+  std::array<Entry, kCapacity> entries_{};
+  std::size_t oldest_ = 0;
+  std::size_t count_ = 0;
+  T out_{};
+};
+
+}  // namespace rtpm::servo

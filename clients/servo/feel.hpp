@@ -1,0 +1,38 @@
+#pragma once
+
+#include <algorithm>
+
+#include "rtpm/driver/sample.hpp"
+#include "wall.hpp"
+
+namespace rtpm::servo {
+
+/// How stiff a wall is felt: the force that the device applied against the depth that it measured.
+/// @ownership a value
+/// @threads  one at a time
+/// @realtime alloc-free
+class Feel {
+ public:
+  /// Samples outside of the wall, and during soft start, do not count.
+  void record(const Wall& wall, const driver::Sample& sample) noexcept {
+    const double depth_m = wall.depth_m(sample);
+    if (depth_m <= 0 || sample.faults.has(driver::Fault::kSoftStart)) return;
+    force_by_depth_ += sample.wrench_applied.force_newton.z * depth_m;
+    depth_square_ += depth_m * depth_m;
+    depth_m_max_ = std::max(depth_m_max_, depth_m);
+  }
+
+  /// The straight line through 0 of force over depth that fits best, by least squares, in N/m; 0
+  /// without contact.
+  [[nodiscard]] double stiffness_newton_per_m() const noexcept {
+    return depth_square_ > 0 ? force_by_depth_ / depth_square_ : 0;
+  }
+  [[nodiscard]] double depth_m_max() const noexcept { return depth_m_max_; }
+
+ private:
+  double force_by_depth_ = 0;  ///< Sum, in newton metre.
+  double depth_square_ = 0;    ///< Sum, in square metre.
+  double depth_m_max_ = 0;
+};
+
+}  // namespace rtpm::servo
