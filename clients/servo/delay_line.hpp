@@ -8,10 +8,10 @@
 namespace rtpm::servo {
 
 /// Gives values back a fixed time after they were put in.
-/// @ownership holds at most `kCapacity` values in place; of more, the oldest are lost
+/// @ownership holds at most `Capacity` values in place; of more, the oldest are lost
 /// @threads  one at a time
 /// @realtime alloc-free
-template <class T, std::size_t kCapacity>
+template <class T, std::size_t Capacity>
 class DelayLine {
  public:
   explicit DelayLine(Duration delay) noexcept : delay_(delay) {}
@@ -19,8 +19,8 @@ class DelayLine {
   /// Puts `value` in; returns the newest that is at least the delay old, T{} before the first.
   /// `now` never decreases.
   T pass(MonotonicTime now, const T& value) noexcept {
-    if (count_ == kCapacity) drop_oldest();
-    entries_[(oldest_ + count_++) % kCapacity] = {now, value};
+    if (count_ == Capacity) drop_oldest();
+    entries_[(oldest_ + count_++) % Capacity] = {now, value};
     while (count_ > 0 && now - entries_[oldest_].put_at >= delay_) {
       out_ = entries_[oldest_].value;
       drop_oldest();
@@ -35,12 +35,12 @@ class DelayLine {
   };
 
   void drop_oldest() noexcept {
-    oldest_ = (oldest_ + 1) % kCapacity;
+    oldest_ = (oldest_ + 1) % Capacity;
     --count_;
   }
 
   Duration delay_;
-  std::array<Entry, kCapacity> entries_{};
+  std::array<Entry, Capacity> entries_{};
   std::size_t oldest_ = 0;
   std::size_t count_ = 0;
   T out_{};

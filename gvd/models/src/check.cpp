@@ -11,9 +11,9 @@
 namespace rtpm::gvd {
 namespace {
 
-constexpr double kExtent_m = ModelLimits::kExtentMax_m;
+constexpr double kExtentMetre = ModelLimits::kExtentMaxMetre;
 /// A nanometre: above zero, and no force overflows.
-constexpr double kLengthMin_m = 1e-9;
+constexpr double kLengthMinMetre = 1e-9;
 constexpr double kSpacingMinRad = 1e-6;
 constexpr double kAngleMaxRad = 1e6;
 constexpr double kUnitTolerance = 1e-6;
@@ -34,15 +34,15 @@ class Checker {
   }
   void operator()(const Sphere& sphere) noexcept {
     position("centre_m", sphere.centre_m);
-    number("radius_m", sphere.radius_m, kLengthMin_m, kExtent_m);
+    number("radius_m", sphere.radius_m, kLengthMinMetre, kExtentMetre);
     side(sphere.side);
     surface(sphere);
   }
   void operator()(const Box& box) noexcept {
     position("low_m", box.low_m);
-    number("high_m", box.high_m.x, box.low_m.x + kLengthMin_m, kExtent_m);
-    number("high_m", box.high_m.y, box.low_m.y + kLengthMin_m, kExtent_m);
-    number("high_m", box.high_m.z, box.low_m.z + kLengthMin_m, kExtent_m);
+    number("high_m", box.high_m.x, box.low_m.x + kLengthMinMetre, kExtentMetre);
+    number("high_m", box.high_m.y, box.low_m.y + kLengthMinMetre, kExtentMetre);
+    number("high_m", box.high_m.z, box.low_m.z + kLengthMinMetre, kExtentMetre);
     side(box.side);
     surface(box);
   }
@@ -54,7 +54,8 @@ class Checker {
   void operator()(const AffineField& field) noexcept;
   void operator()(const Friction& friction) noexcept {
     number("force_newton", friction.force_newton, 0, limits_.force_newton_max);
-    const double stiffness_min = friction.force_newton > 0 ? friction.force_newton / kExtent_m : 0;
+    const double stiffness_min =
+        friction.force_newton > 0 ? friction.force_newton / kExtentMetre : 0;
     number("stiffness_newton_per_m", friction.stiffness_newton_per_m, stiffness_min,
            limits_.stiffness_newton_per_m_max);
     damping("viscosity_newton_s_per_m", friction.viscosity_newton_s_per_m,
@@ -63,7 +64,7 @@ class Checker {
   void operator()(const Detents& detents) noexcept {
     position("origin_m", detents.origin_m);
     direction("direction", detents.direction);
-    number("spacing_m", detents.spacing_m, kLengthMin_m, kExtent_m);
+    number("spacing_m", detents.spacing_m, kLengthMinMetre, kExtentMetre);
     // The stiffness of a detent is 2π · force / spacing.
     const double force_max = limits_.stiffness_newton_per_m_max * detents.spacing_m / kTwoPi;
     number("force_newton", detents.force_newton, 0, std::min(force_max, limits_.force_newton_max));
@@ -79,7 +80,7 @@ class Checker {
   }
   void position(std::string_view field, const driver::Vector3& at) noexcept {
     for (const double value : {at.x, at.y, at.z})
-      number(field, value, -kExtent_m, kExtent_m);
+      number(field, value, -kExtentMetre, kExtentMetre);
   }
   void direction(std::string_view field, const driver::Vector3& along) noexcept {
     number(field, vector::length(along), 1 - kUnitTolerance, 1 + kUnitTolerance);
@@ -120,12 +121,12 @@ void Checker::operator()(const AffineField& field) noexcept {
   const double stiffness = std::sqrt(square);
   const double stiffness_max = limits_.stiffness_newton_per_m_max;
   number("jacobian_newton_per_m", stiffness, 0, stiffness_max / 4);
-  number("radius_m", field.radius_m, 0, kExtent_m);
+  number("radius_m", field.radius_m, 0, kExtentMetre);
   // The fade adds its greatest force over its width:
   // K + (F + K · (radius + fade)) / fade ≤ stiffness max, solved for the fade.
   const double fade_min_m =
       (force_newton + stiffness * field.radius_m) / (stiffness_max - 2 * stiffness);
-  number("fade_m", field.fade_m, std::max(kLengthMin_m, fade_min_m), kExtent_m);
+  number("fade_m", field.fade_m, std::max(kLengthMinMetre, fade_min_m), kExtentMetre);
 }
 
 void Checker::operator()(const DialDetents& detents) noexcept {

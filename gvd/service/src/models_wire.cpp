@@ -70,8 +70,9 @@ AffineField model_of(const device::AffineField& wire) {
                     {},
                     wire.radius_m(),
                     wire.fade_m()};
-  for (std::uint16_t i = 0; i < field.jacobian_newton_per_m.size(); ++i)
-    field.jacobian_newton_per_m[i] = wire.jacobian_newton_per_m()->Get(i);
+  std::uint16_t at = 0;
+  for (double& element : field.jacobian_newton_per_m)
+    element = wire.jacobian_newton_per_m()->Get(at++);
   return field;
 }
 Friction model_of(const device::Friction& wire) {

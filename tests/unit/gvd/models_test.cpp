@@ -19,9 +19,9 @@ using driver::Vector3;
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-constexpr double kDepth_m = 0.01;
+constexpr double kDepthMetre = 0.01;
 
-/// Material below z = 0: at kDepth_m, 4 N.
+/// Material below z = 0: at kDepthMetre, 4 N.
 constexpr Plane kFloor{{}, {0, 0, 1}, 400, 0};
 
 class ModelsInTheCycle : public ::testing::Test {
@@ -79,7 +79,7 @@ class ModelsInTheCycle : public ::testing::Test {
   Vector3 applied() const { return driver_.last_command.wrench.force_newton; }
   driver::Sample sample() const { return *cycle_->newest(); }
 
-  Vector3 at_m_{0, 0, -kDepth_m};
+  Vector3 at_m_{0, 0, -kDepthMetre};
   Vector3 velocity_m_per_s_{};
   double angle_rad_ = 0;
   driver::ExchangeStatus status_ = driver::ExchangeStatus::kOk;
@@ -96,7 +96,7 @@ TEST_F(ModelsInTheCycle, NeedNoCommandsWhileTheLeaseIsHeld) {
   EXPECT_NEAR(applied().z, 4, 1e-9);
   EXPECT_FALSE(sample().faults.has(Fault::kCommandLost));
   EXPECT_EQ(sample().success_rate, 1.0F);
-  at_m_.z = -kDepth_m / 2;
+  at_m_.z = -kDepthMetre / 2;
   run(3);
   EXPECT_NEAR(applied().z, 2, 1e-9) << "at most two cycles after the motion, and by the force rate";
   EXPECT_EQ(driver_.last_command.deadline, now_ + milliseconds{10 + 20})
@@ -224,7 +224,11 @@ TEST_F(ModelsInTheCycle, EndWithRecoverButThoseSetAfterItStay) {
   ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   run_renewed(300);
   EXPECT_EQ(applied(), Vector3{});
-  // Both before one cycle.
+  // Both before one cycle, in either order.
+  ASSERT_TRUE(set({kFloor}));
+  ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
+  run_renewed(300);
+  EXPECT_EQ(applied(), Vector3{});
   ASSERT_TRUE(cycle_->request(lease_, Release::kRecover));
   ASSERT_TRUE(set({kFloor}));
   run_renewed(300);

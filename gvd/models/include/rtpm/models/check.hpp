@@ -19,7 +19,7 @@ namespace rtpm::gvd {
 /// @ownership a value
 struct ModelLimits {
   /// Furthest position and longest length, far beyond any workspace, so that no force overflows.
-  static constexpr double kExtentMax_m = 100;
+  static constexpr double kExtentMaxMetre = 100;
 
   double force_newton_max = 0;  ///< 0: the device takes no force.
   double stiffness_newton_per_m_max = 0;
