@@ -235,6 +235,17 @@ TEST_F(ModelsInTheCycle, EndWithRecoverButThoseSetAfterItStay) {
   EXPECT_NEAR(applied().z, 4, 1e-9);
 }
 
+TEST_F(ModelsInTheCycle, HideNoCommandThatIsNotFinite) {
+  rest_on_the_floor();
+  // Over before the next cycle.
+  const auto setpoint =
+      driver::Setpoint::with_wrench({{std::numeric_limits<double>::quiet_NaN(), 0, 0}, {}});
+  ASSERT_FALSE(cycle_->submit({lease_, ++sequence_, Duration{0}, setpoint}, now_));
+  run_renewed(50);
+  EXPECT_EQ(applied(), Vector3{});
+  EXPECT_TRUE(sample().faults.has(Fault::kCommandNotFinite));
+}
+
 TEST_F(ModelsInTheCycle, EndWithDeactivate) {
   rest_on_the_floor();
   ASSERT_TRUE(cycle_->request(lease_, Transition::kDeactivate));
