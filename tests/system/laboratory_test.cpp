@@ -34,6 +34,26 @@ TEST_F(Laboratory, AForceLoopDrivesTheArmThatItFoundByItsName) {
   expect_orderly_end(*registry_);
 }
 
+TEST_F(Laboratory, TheArmRendersAWallInItsOwnLoop) {
+  const auto end = run_servo({"--seconds", "3", "--render", "local", "--stiffness", "500"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("500 N/m, rendered in the device's loop: felt as"), std::string::npos)
+      << end.output;
+  EXPECT_EQ(end.output.find("one call: command"), std::string::npos) << end.output;
+}
+
+TEST_F(Laboratory, AForceLoopWithALocalWallLearnsThatItLostTheArm) {
+  test::Process servo({path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off",
+                       "--live", "lines", "--seconds", "60", "--render", "local"});
+  ASSERT_TRUE(servo.wait_for_output(" mm ", kPatience)) << servo.errors();
+  const auto taken = run_program("rtpm", {"take-over", "lab/arm0", "--registry", registry_->url,
+                                          "--deadline", "10s", "--for", "500ms"});
+  EXPECT_EQ(taken.exit_code, 0) << taken.errors;
+  const auto end = servo.wait(kPatience);
+  ASSERT_TRUE(end) << "it goes on without the lease";
+  expect_one_sentence(*end, 3, {"lab/arm0", "an operator took the lease over"});
+}
+
 TEST_F(Laboratory, AToolWithoutGeneratedCodeCallsDeviceAndRegistry) {
   const auto run_tool = [&](std::vector<std::string> arguments) {
     arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
