@@ -207,6 +207,20 @@ TEST_F(Configured, SavedValuesAreThereAfterARestart) {
             "safety.hold_max_s=0.1\nsafety.ramp_s=0.01\n");
 }
 
+TEST_F(Configured, ASavedLimitIsIgnoredByAServerWithATighterOne) {
+  ASSERT_EQ(
+      config({"set", "lab/arm0", "safety.force_newton_max=8", "safety.ramp_s=0.01"}).exit_code, 0);
+  ASSERT_EQ(config({"save", "lab/arm0"}).exit_code, 0);
+  stop_device();
+  auto arguments = device_arguments();
+  arguments.insert(arguments.end(), {"--device-arm0-force-max", "5"});
+  device_ = start_daemon("rtpm-deviced", arguments);
+  ASSERT_TRUE(device_);
+  EXPECT_EQ(output_of({"get", "lab/arm0", "safety.force_newton_max", "safety.ramp_s"}),
+            "safety.force_newton_max=5\nsafety.ramp_s=0.01\n");
+  EXPECT_TRUE(device_->process.wait_for_errors("safety.force_newton_max = 8", kPatience));
+}
+
 TEST_F(Configured, RefusesToStartWithABrokenOrForeignFile) {
   ASSERT_EQ(config({"set", "lab/arm0", "safety.ramp_s=0.01"}).exit_code, 0);
   ASSERT_EQ(config({"save", "lab/arm0"}).exit_code, 0);
