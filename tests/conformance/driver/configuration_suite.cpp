@@ -114,7 +114,10 @@ TEST_P(DriverConfiguration, TakesParametersInEveryState) {
   driver_->deactivate();
   try_all(false);
   start();
-  exchange();
+  const driver::Vector3 position_m = exchange().pose.position_m;
+  driver_ = GetParam().make();
+  start();
+  EXPECT_EQ(exchange().pose.position_m, position_m) << "with its defaults it is as a new one";
 }
 
 TEST_P(DriverConfiguration, CalibrationsEndWithValuesOrWords) {
