@@ -49,7 +49,8 @@ driver::Wrench SafetyFilter::step(MonotonicTime now, const std::optional<WrenchC
     }
     // A loss ends with a new command, or when no client may command.
     if (!newest) is_lost_ = false;
-    const double share = watchdog_.fall(config_, now, ends, elapsed, motion, output_);
+    const double share =
+        watchdog_.fall(config_, now, ends, elapsed, newest.has_value(), motion, output_);
     static_cast<void>(Clamp::apply(config_, output_));
     soft_start_.fall(share);
     if (share <= 0) passivity_.restart();

@@ -19,14 +19,15 @@ void Watchdog::follow(const SafetyConfig& config, MonotonicTime ends) noexcept {
 }
 
 double Watchdog::fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends,
-                      Duration elapsed, const Motion& motion, driver::Wrench& output) noexcept {
-  zero_at_ = std::min(zero_at_, after(ends, config.rest()));
+                      Duration elapsed, bool has_client, const Motion& motion,
+                      driver::Wrench& output) noexcept {
+  zero_at_ = std::min(zero_at_, after(ends, has_client ? config.rest() : config.ramp));
   if (now >= zero_at_) {
     output = {};
     return 0;
   }
   const Duration rest_now = zero_at_ - now;
-  if (config.watchdog == WatchdogPolicy::kDamp) {
+  if (has_client && config.watchdog == WatchdogPolicy::kDamp) {
     output = {scaled(motion.twist.linear_m_per_s, -config.watchdog_newton_s_per_m), {}};
     return 1;
   }

@@ -74,6 +74,16 @@ TEST(WatchdogPolicy, IsOffAtOnce) {
   EXPECT_EQ(after_the_loss(WatchdogPolicy::kOff, 0, 1)[0], 0);
 }
 
+TEST(WatchdogPolicy, OfALeaseThatEndsIsTheRampAtMost) {
+  for (const WatchdogPolicy policy : {WatchdogPolicy::kHold, WatchdogPolicy::kDamp}) {
+    WrenchCommand last;
+    SafetyFilter filter = lost(config_of(policy), last);
+    static_cast<void>(filter.step(at(10), std::nullopt));
+    EXPECT_NEAR(filter.step(at(20), std::nullopt).force_newton.x, 3, 1e-9) << to_string(policy);
+    EXPECT_EQ(filter.step(at(30), std::nullopt), driver::Wrench{}) << to_string(policy);
+  }
+}
+
 TEST(WatchdogPolicy, KeepsItsBound) {
   for (const WatchdogPolicy policy : {WatchdogPolicy::kRamp, WatchdogPolicy::kHold,
                                       WatchdogPolicy::kDamp, WatchdogPolicy::kOff}) {

@@ -48,7 +48,7 @@ struct SafetyConfig {
   bool has_passivity_guard = false;
   double passivity_reserve_joule = 0.05;    ///< That may be given before it was taken.
   double passivity_store_joule = 1;         ///< That counts at most of what was taken.
-  double passivity_watt = 0.001;             ///< At which the reserve refills.
+  double passivity_watt = 0.001;            ///< At which the reserve refills.
   double passivity_newton_s_per_m_max = 0;  ///< Greatest damping that the guard adds.
 
   /// The defaults, with every mechanism on, as far as the device's description allows.

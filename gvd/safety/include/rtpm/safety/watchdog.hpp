@@ -17,9 +17,10 @@ class Watchdog {
   /// A live command that ends at `ends`.
   void follow(const SafetyConfig& config, MonotonicTime ends) noexcept;
   /// No live command any more, since `ends`: what is left of the force at `now`. Returns the share
-  /// by which the force fell, 0 to 1.
+  /// by which the force fell, 0 to 1. Without a client, whose lease has ended, it falls by the ramp
+  /// at most, whatever the policy.
   double fall(const SafetyConfig& config, MonotonicTime now, MonotonicTime ends, Duration elapsed,
-              const Motion& motion, driver::Wrench& output) noexcept;
+              bool has_client, const Motion& motion, driver::Wrench& output) noexcept;
   /// As if commands had ended long ago.
   void go_off(MonotonicTime now) noexcept { zero_at_ = now; }
   [[nodiscard]] MonotonicTime zero_at() const noexcept { return zero_at_; }
