@@ -45,6 +45,17 @@ void add_device(options::Options& options, DeviceSettings& device) {
   options.add(key + "hold-max", device.hold_max, "Longest life of one command", kUpTo10s);
   options.add(key + "ramp", device.ramp, "From full force to none when commands stop", kUpTo10s);
   options.add(key + "soft-start", device.soft_start, "From none to full force", kUpTo10s);
+  options.add_choice(key + "watchdog", device.watchdog, {"ramp", "hold", "damp", "off"},
+                     "What happens to the force when commands stop");
+  options.add(key + "power-max", device.power_max_watt,
+              "Greatest power that the force gives, in watt; 0: full force at 1 m/s", {0, 1e6});
+  options.add(key + "velocity-max", device.velocity_max_m_per_s,
+              "Faster motion takes the force away, in m/s; 0: 5 m/s", {0, 1000});
+  options.add(key + "force-continuous", device.force_continuous_newton,
+              "Force that the motors endure for ever, in newton; 0: 0.6 of the greatest",
+              {0, 1000});
+  options.add(key + "passivity-watt", device.passivity_watt,
+              "Power that the passivity guard lets through for ever; 0: 0.001 W", {0, 1000});
 }
 
 void add_devices(options::Options& options, Configuration& configuration) {

@@ -30,6 +30,11 @@ struct DeviceSettings {
   Duration hold_max = std::chrono::milliseconds{100};
   Duration ramp = std::chrono::milliseconds{20};
   Duration soft_start = std::chrono::milliseconds{200};
+  std::string watchdog = "ramp";  ///< As gvd::to_string(WatchdogPolicy).
+  double power_max_watt = 0;      ///< Here and below, 0: the default for the device.
+  double velocity_max_m_per_s = 0;
+  double force_continuous_newton = 0;
+  double passivity_watt = 0;
 };
 
 /// The options of rtpm-deviced.

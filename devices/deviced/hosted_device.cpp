@@ -29,21 +29,33 @@ expected<double, SetupError> rate_hz_of(const DeviceSettings& device,
                      "", "set " + key + " to 10 to 50000 Hz");
 }
 
-gvd::DeviceServerConfig config_of(const Configuration& configuration, const DeviceSettings& device,
-                                  const driver::Descriptor& descriptor, double rate_hz) {
+gvd::SafetyConfig safety_of(const DeviceSettings& device, const driver::Descriptor& descriptor) {
   gvd::SafetyConfig safety = gvd::SafetyConfig::for_device(descriptor);
+  const auto set = [](double& limit, double given) {
+    if (given > 0) limit = given;
+  };
   if (device.force_max_newton > 0) {
     safety.force_newton_max = std::min(safety.force_newton_max, device.force_max_newton);
   }
   safety.hold_max = device.hold_max;
   safety.ramp = device.ramp;
   safety.soft_start = device.soft_start;
+  safety.watchdog = gvd::watchdog_policy_of(device.watchdog);
+  set(safety.power_watt_max, device.power_max_watt);
+  set(safety.velocity_m_per_s_max, device.velocity_max_m_per_s);
+  set(safety.force_newton_continuous, device.force_continuous_newton);
+  set(safety.passivity_watt, device.passivity_watt);
+  return safety;
+}
+
+gvd::DeviceServerConfig config_of(const Configuration& configuration, const DeviceSettings& device,
+                                  const driver::Descriptor& descriptor, double rate_hz) {
   gvd::DeviceServerConfig config;
   config.cycle.period =
       std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
   config.cycle.lease = configuration.lease;
   config.cycle.operator_priority = configuration.operator_priority;
-  config.cycle.safety = safety;
+  config.cycle.safety = safety_of(device, descriptor);
   config.starts_without_device = true;
   config.thread.name = thread_name_of(device);
   config.thread.priority = device.priority;

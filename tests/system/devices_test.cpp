@@ -55,6 +55,20 @@ TEST_F(Devices, OfFourKindsAreShownTogetherByTheirEvents) {
   }
 }
 
+TEST_F(Devices, AreUsedByThePapersProgramInBothItsWays) {
+  const auto devices = host("arm0", {"--serve-events", "--device-arm0-watchdog", "damp"});
+  ASSERT_TRUE(devices);
+  test::Process figure5({path_of("rtpm-figure5"), "--registry", registry_->url});
+  ASSERT_TRUE(figure5.wait_for_output("new position = ", kPatience)) << figure5.errors();
+  const auto read = run_tool({"call", "lab/arm0", "read"});
+  EXPECT_EQ(read.output.find("\"force_newton\": {\"x\": 0.0, \"y\": 0.0"), std::string::npos)
+      << "the client's force arrives: " << read.output;
+  figure5.send_signal(SIGINT);
+  const auto end = figure5.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+}
+
 TEST_F(Devices, GoOnWhileTheirHubIsKilledAndComesBack) {
   auto hub = start_daemon("rtpm-eventd",
                           {"--port", "0", "--registry", registry_->url, "--realtime", "off"});

@@ -86,6 +86,14 @@ std::string_view to_string(WatchdogPolicy policy) noexcept {
   return "off";
 }
 
+WatchdogPolicy watchdog_policy_of(std::string_view name) noexcept {
+  for (const WatchdogPolicy policy :
+       {WatchdogPolicy::kRamp, WatchdogPolicy::kHold, WatchdogPolicy::kDamp}) {
+    if (to_string(policy) == name) return policy;
+  }
+  return WatchdogPolicy::kOff;
+}
+
 SafetyConfig SafetyConfig::for_device(const driver::Descriptor& device) noexcept {
   const driver::Limits& limits = device.limits;
   const double own_damping = limits.damping_newton_s_per_m;

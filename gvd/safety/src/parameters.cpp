@@ -87,14 +87,6 @@ driver::ParameterSpec watchdog_spec(const SafetyConfig& configured) {
   return spec;
 }
 
-WatchdogPolicy policy_of(std::string_view name) noexcept {
-  for (const WatchdogPolicy policy :
-       {WatchdogPolicy::kRamp, WatchdogPolicy::kHold, WatchdogPolicy::kDamp}) {
-    if (to_string(policy) == name) return policy;
-  }
-  return WatchdogPolicy::kOff;
-}
-
 /// A corner of the workspace, which a client makes smaller. Its range is the same for each axis:
 /// the least and the greatest coordinate of the configured one.
 driver::ParameterSpec corner_spec(const char* name, const SafetyConfig& configured,
@@ -160,7 +152,7 @@ SafetyConfig with_settings(SafetyConfig config,
     config.*time.value = std::chrono::round<Duration>(value);
   }
   if (const auto* const setting = find(settings, kWatchdog)) {
-    config.watchdog = policy_of(std::get<std::string>(setting->value));
+    config.watchdog = watchdog_policy_of(std::get<std::string>(setting->value));
   }
   if (const auto* const setting = find(settings, kLowCorner)) {
     config.workspace.low_m = vector_of(*setting);

@@ -20,6 +20,8 @@ enum class WatchdogPolicy : std::uint8_t {
 inline constexpr std::uint8_t kWatchdogPolicyCount = 4;
 /// "ramp", "hold", "damp", "off".
 [[nodiscard]] std::string_view to_string(WatchdogPolicy policy) noexcept;
+/// The policy of that name; of any other kOff.
+[[nodiscard]] WatchdogPolicy watchdog_policy_of(std::string_view name) noexcept;
 
 /// Limits of the safety filter, which can't be turned off as a whole. Where 0 stands for "none",
 /// for_device() gives a limit.
