@@ -188,6 +188,9 @@ driver::Command DeviceCycle::filter(MonotonicTime now, const HeldCommand* newest
   command.sequence = counters_.cycle_count;
   command.cycle_time = now;
   command.deadline = filter_.zero_at();
+  flight_.has_command = newest != nullptr;
+  if (newest != nullptr) flight_.received = newest->wrench.wrench;
+  flight_.applied = wrench;
   return command;
 }
 
@@ -281,7 +284,21 @@ void DeviceCycle::publish(MonotonicTime now) noexcept {
   counters_.lease_idle_count = lease_.idle_count();
   counters_.lease_taken_over_count = lease_.taken_over_count();
   published_counters_.write(counters_);
+  record_flight(now);
   show_observer(now);
+}
+
+void DeviceCycle::record_flight(MonotonicTime now) noexcept {
+  flight_.cycle = counters_.cycle_count;
+  flight_.time = now;
+  flight_.position_m = sample_.pose.position_m;
+  flight_.velocity_m_per_s = sample_.twist.linear_m_per_s;
+  flight_.faults = sample_.faults;
+  flight_.gain = filter_.gain();
+  flight_.energy_joule = filter_.passivity().energy_joule();
+  flight_.heat = filter_.heat().fill();
+  recorder_.record(flight_);
+  flight_ = {};
 }
 
 std::optional<driver::Sample> DeviceCycle::newest(MonotonicTime now) const noexcept {

@@ -24,6 +24,7 @@
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/safety/emergency_latch.hpp"
 #include "rtpm/safety/filter.hpp"
+#include "rtpm/safety/flight_recorder.hpp"
 
 namespace rtpm::gvd {
 
@@ -118,6 +119,8 @@ class DeviceCycle {
   [[nodiscard]] DeviceCounters counters() const noexcept;
   /// The limits that the server was started with.
   [[nodiscard]] const SafetyConfig& safety() const noexcept { return safety_; }
+  /// The cycles around the newest fault.
+  [[nodiscard]] const FlightRecorder& flight_recorder() const noexcept { return recorder_; }
   /// What is done with the device between two cycles.
   [[nodiscard]] DeviceJobs& jobs() noexcept { return jobs_; }
   [[nodiscard]] const CycleConfig& config() const noexcept { return config_; }
@@ -145,6 +148,7 @@ class DeviceCycle {
   void lose() noexcept;
   void rest(MonotonicTime now) noexcept;
   void publish(MonotonicTime now) noexcept;
+  void record_flight(MonotonicTime now) noexcept;
   void show_observer(MonotonicTime now) noexcept;
   [[nodiscard]] bool has_lease_report() const noexcept;
   void report_lease();
@@ -156,6 +160,7 @@ class DeviceCycle {
   SetpointLimiter limiter_;
   SafetyConfig safety_;
   SafetyFilter filter_;
+  FlightRecorder recorder_{};
 
   // Shared by the threads.
   LocalModels models_;
@@ -179,6 +184,7 @@ class DeviceCycle {
   driver::Sample sample_{};
   HeldCommand held_{};
   HeldCommand rendered_{};  ///< The held command with the models' forces.
+  FlightRecord flight_{};   ///< The command of this cycle; publish() adds the rest.
   std::array<double, driver::kJointCountMax> efforts_{};  ///< Last followed, limited.
   std::uint64_t last_holder_ = Lease::kNobody;
   std::uint64_t shown_holder_ = Lease::kNobody;  ///< To the observer.

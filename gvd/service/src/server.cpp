@@ -14,6 +14,7 @@
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/safety/finite.hpp"
 #include "rtpm/safety/parameters.hpp"
+#include "rtpm/safety/vector.hpp"
 #include "servant.hpp"
 
 namespace rtpm::gvd {
@@ -255,6 +256,9 @@ bool DeviceServer::stop(Duration patience) noexcept {
 }
 void DeviceServer::emergency_stop() noexcept {
   impl_->cycle.emergency_stop();
+}
+const FlightRecorder& DeviceServer::flight_recorder() const noexcept {
+  return impl_->cycle.flight_recorder();
 }
 rpc::Servant& DeviceServer::servant() noexcept {
   return impl_->servant;

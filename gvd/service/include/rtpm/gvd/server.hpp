@@ -13,6 +13,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/servant.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "rtpm/safety/flight_recorder.hpp"
 
 namespace rtpm::gvd {
 
@@ -84,6 +85,8 @@ class DeviceServer {
   /// @realtime alloc-free
   [[nodiscard]] std::optional<driver::Sample> newest() const noexcept;
   [[nodiscard]] DeviceCounters counters() const noexcept;
+  /// The cycles around the device's faults.
+  [[nodiscard]] const FlightRecorder& flight_recorder() const noexcept;
 
  private:
   struct Impl;

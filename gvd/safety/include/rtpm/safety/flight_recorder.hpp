@@ -1,0 +1,108 @@
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <string>
+#include <string_view>
+#include <type_traits>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+#include "rtpm/driver/command.hpp"
+#include "rtpm/driver/geometry.hpp"
+#include "rtpm/driver/sample.hpp"
+
+namespace rtpm::gvd {
+
+/// One cycle of a device: what was measured, asked for and applied, and what the mechanisms of the
+/// safety filter decided.
+/// @ownership plain value, trivially copyable
+struct FlightRecord {
+  std::uint64_t cycle = 0;
+  MonotonicTime time{};
+  driver::Vector3 position_m{};
+  driver::Vector3 velocity_m_per_s{};
+  driver::Wrench received{};  ///< The command with its models; zero: none.
+  driver::Wrench applied{};   ///< What the driver was given.
+  driver::Faults faults{};    ///< The mechanisms that acted, one bit each.
+  bool has_command = false;
+  double gain = 0;          ///< Of soft start and watchdog.
+  double energy_joule = 0;  ///< Of the passivity guard.
+  double heat = 0;          ///< 0 cold, 1 full: the heat limit acts.
+};
+static_assert(std::is_trivially_copyable_v<FlightRecord>);
+
+/// What froze a flight record; wire numbers.
+enum class FlightCause : std::uint8_t {
+  kNone = 0,
+  kCommandNotFinite = 1,
+  kTooFast = 2,
+  kEmergencyStop = 3,
+  kDeviceGone = 4,
+};
+/// "none", "command not finite", "too fast", "emergency stop", "device gone".
+[[nodiscard]] std::string_view to_string(FlightCause cause) noexcept;
+
+/// The last cycles around a fault.
+struct FlightLog {
+  std::uint64_t number = 0;  ///< Counts a device's faults from 1; 0: there was none.
+  FlightCause cause = FlightCause::kNone;
+  std::uint64_t cycle = 0;              ///< The one of the fault.
+  std::size_t record_count = 0;         ///< Of the whole log.
+  std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
+};
+
+/// One line per cycle, after two that name cause, cycle and columns.
+/// @realtime set-up only
+[[nodiscard]] std::string to_csv(const FlightLog& log);
+
+/// A ring of the last cycles, frozen kAfterCount cycles after each fault. The newest frozen one
+/// stays readable until the next.
+/// @ownership two rings of kCycleCount records, below 2 MiB together
+/// @threads  record() from one; newest(), number() from any
+/// @realtime record() is alloc-free and never waits; newest() copies
+/// @source   libfranka's log of the last states and commands in its ControlException
+class FlightRecorder {
+ public:
+  static constexpr std::size_t kCycleCount = 4096;
+  static constexpr std::size_t kAfterCount = 256;
+
+  FlightRecorder() : rings_{Ring(kCycleCount), Ring(kCycleCount)} {}
+
+  /// Adds a cycle. Its faults that latch and were not set in the last cycle begin a flight log.
+  void record(const FlightRecord& record) noexcept;
+  /// The number of the newest frozen log; 0: none.
+  [[nodiscard]] std::uint64_t number() const noexcept {
+    return number_.load(std::memory_order_acquire);
+  }
+  /// The newest frozen log.
+  /// @param first, count  of its records, oldest first
+  [[nodiscard]] FlightLog newest(std::size_t first = 0, std::size_t count = kCycleCount) const;
+
+ private:
+  using Ring = std::vector<FlightRecord>;
+
+  void freeze() noexcept;
+
+  std::array<Ring, 2> rings_;
+  std::uint64_t count_ = 0;  ///< Records in the ring that is being written.
+  std::size_t writing_ = 0;  ///< The ring that is.
+  driver::Faults last_faults_{};
+  FlightCause pending_cause_ = FlightCause::kNone;
+  std::uint64_t pending_cycle_ = 0;
+  std::size_t cycles_left_ = 0;
+
+  // Of the frozen log; written while is_swapping_ only.
+  FlightCause cause_ = FlightCause::kNone;
+  std::uint64_t cycle_ = 0;
+  std::uint64_t frozen_count_ = 0;
+  std::atomic<std::uint64_t> number_{0};
+  std::atomic<bool> is_swapping_{false};
+  mutable std::atomic<bool> is_reading_{false};
+  mutable std::mutex readers_{};  ///< One reader at a time; the writer never takes it.
+};
+
+}  // namespace rtpm::gvd
