@@ -53,7 +53,7 @@ const std::vector<Part>& parts() {
       {"clients/rtpm/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema", "driver",
-        "configuration", "gvd"}},
+        "configuration", "safety", "gvd"}},
       {"clients/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "events", "driver", "models", "gvd"}},

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "command_lease.hpp"
+#include "flight_wire.hpp"
 #include "models_wire.hpp"
 #include "rtpm/gvd/lease.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -143,6 +144,25 @@ expected<void, ModelsError> DeviceClient::set_models(std::span<const Model> mode
   const flatbuffers::String* words = (*reply)->words();
   return unexpected{
       ModelsError{error, words != nullptr ? words->str() : std::string(to_string(error))}};
+}
+
+expected<FlightLog, DeviceError> DeviceClient::flight_record() {
+  FlightLog log;
+  do {
+    device::FlightRecordRequestT request;
+    request.first = static_cast<std::uint32_t>(log.records.size());
+    const auto reply = impl_->stub.read_flight_record(request);
+    if (!reply) return unexpected{reply.error()};
+    const device::FlightRecordReply& part = **reply;
+    // Another fault came meanwhile: its record from the beginning.
+    if (log.number != 0 && part.number() != log.number) {
+      log = {};
+      continue;
+    }
+    if (part.cycles()->size() == 0) break;
+    add_from_wire(part, log);
+  } while (log.records.size() < log.record_count || log.number == 0);
+  return log;
 }
 
 DeviceResult DeviceClient::acquire(Duration patience) {

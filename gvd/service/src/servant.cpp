@@ -2,6 +2,7 @@
 
 #include <string>
 
+#include "flight_wire.hpp"
 #include "models_wire.hpp"
 #include "rtpm/rt/memory.hpp"
 #include "wire.hpp"
@@ -132,6 +133,16 @@ rpc::Result<void> DeviceServant::set_models(const device::SetModelsRequest& requ
   const auto words_at =
       words.empty() ? flatbuffers::Offset<flatbuffers::String>{} : builder.CreateString(words);
   reply.finish(device::CreateSetModelsReply(builder, &outcome, words_at));
+  return {};
+}
+
+rpc::Result<void> DeviceServant::read_flight_record(
+    const device::FlightRecordRequest& request, rpc::ReplyBuilder<device::FlightRecordReply>& reply,
+    const rpc::CallContext&) {
+  // For people, after a fault.
+  const rt::AllowAllocationScope set_up;
+  reply.finish(
+      to_wire(cycle_.flight_recorder().newest(request.first(), kFlightPageSize), reply.builder()));
   return {};
 }
 

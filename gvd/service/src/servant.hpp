@@ -9,8 +9,8 @@ namespace rtpm::gvd {
 /// The service rtpm.device.Device over one device's cycle.
 /// @ownership refers to the cycle and the descriptor, which must outlive it
 /// @threads  any lane
-/// @realtime as each method of the cycle; describe() and set_models() build their replies in the
-/// lane's buffer and are
+/// @realtime as each method of the cycle; describe(), set_models() and read_flight_record() build
+/// their replies in the lane's buffer and are
 ///           set-up only
 class DeviceServant final : public device::DeviceServant {
  public:
@@ -44,6 +44,9 @@ class DeviceServant final : public device::DeviceServant {
   rpc::Result<void> set_models(const device::SetModelsRequest& request,
                                rpc::ReplyBuilder<device::SetModelsReply>& reply,
                                const rpc::CallContext& context) override;
+  rpc::Result<void> read_flight_record(const device::FlightRecordRequest& request,
+                                       rpc::ReplyBuilder<device::FlightRecordReply>& reply,
+                                       const rpc::CallContext& context) override;
 
  private:
   DeviceCycle& cycle_;

@@ -14,7 +14,6 @@
 #include "rtpm/rt/semaphore.hpp"
 #include "rtpm/safety/finite.hpp"
 #include "rtpm/safety/parameters.hpp"
-#include "rtpm/safety/vector.hpp"
 #include "servant.hpp"
 
 namespace rtpm::gvd {

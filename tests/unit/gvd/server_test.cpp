@@ -97,6 +97,27 @@ rpc::CallOptions patient() {
   return options;
 }
 
+TEST_F(Served, GivesTheCyclesAroundAnEmergencyStop) {
+  serve_sim();
+  DeviceClient client = open();
+  auto log = client.flight_record();
+  ASSERT_TRUE(log);
+  EXPECT_EQ(log->number, 0u) << "there was no fault";
+  ASSERT_TRUE(client.emergency_stop());
+  ASSERT_TRUE(eventually([&] {
+    log = client.flight_record();
+    return log && log->number == 1;
+  }));
+  EXPECT_EQ(log->cause, FlightCause::kEmergencyStop);
+  ASSERT_EQ(log->records.size(), log->record_count);
+  ASSERT_GT(log->records.size(), FlightRecorder::kAfterCount) << "of several parts";
+  for (std::size_t i = 1; i < log->records.size(); ++i)
+    ASSERT_EQ(log->records[i].cycle, log->records[0].cycle + i);
+  const FlightRecord& at_fault = log->records.at(log->cycle - log->records[0].cycle);
+  EXPECT_TRUE(at_fault.faults.has(driver::Fault::kEmergencyStop));
+  EXPECT_EQ(to_csv(*log), to_csv(device_->flight_recorder().newest())) << "as it is in the server";
+}
+
 TEST_F(Served, IsDescribedAcrossTheNetworkAsItIs) {
   auto scripted = std::make_unique<test::ScriptedDriver>();
   scripted->descriptor.joints = {{"elbow", "rad", -1, 2, 3, 0.5}};

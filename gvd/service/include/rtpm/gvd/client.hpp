@@ -20,6 +20,7 @@
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
+#include "rtpm/safety/flight_recorder.hpp"
 
 namespace rtpm::gvd {
 
@@ -111,6 +112,11 @@ class DeviceClient {
   /// @errors   kNotHolder · kNotActive · kOutOfRange · kSuperseded · kTooMany · kEmergencyStop ·
   ///           kCallFailed; the former models stay
   [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
+
+  /// The cycles around the device's newest fault; its number is 0 if there was none.
+  /// @realtime set-up only
+  /// @errors   kCallFailed
+  [[nodiscard]] expected<FlightLog, DeviceError> flight_record();
 
   /// Acquires the lease; while another client holds it, retries for `patience`, which covers a
   /// crashed predecessor.
