@@ -159,4 +159,19 @@ int take_over(const Request& request) {
   return hold(*device, name, request, stop);
 }
 
+int flight_record(const Request& request) {
+  const std::string& name = request.arguments[0];
+  gvd::DeviceClientOptions options;
+  options.bind.deadline = request.options.deadline.value_or(options.bind.deadline);
+  auto device = gvd::DeviceClient::open(request.node, name, options);
+  if (!device) return fail(name, device.error().text());
+  const auto log = device->flight_record();
+  if (!log)
+    return fail(name, "its flight record was not read: " + std::string(to_string(log.error())));
+  if (log->number == 0)
+    return fail(name, "has no flight record: there was no fault since its start");
+  std::fputs(gvd::to_csv(*log).c_str(), stdout);
+  return 0;
+}
+
 }  // namespace rtpm::tool

@@ -12,4 +12,7 @@ namespace rtpm::tool {
 /// stop DEVICE [SCOPE]: stops that device, its server's devices, or the system's.
 [[nodiscard]] int stop_devices(const Request& request);
 
+/// flight-record DEVICE: prints the cycles around the device's newest fault as CSV.
+[[nodiscard]] int flight_record(const Request& request);
+
 }  // namespace rtpm::tool

@@ -135,6 +135,9 @@ constexpr std::array kVerbs{
          "others\n"
          "of their system. They stay stopped until `rtpm take-over DEVICE rearm`.\n",
          &stop_devices},
+    Verb{"flight-record", 1, 1, "DEVICE", "Print the cycles around a device's newest fault as CSV",
+         "Each line is a cycle: what was measured, asked for, decided and applied.\n",
+         &flight_record},
     Verb{"config", 2, kConfigCountMax, "list|get|set|save|reset|calibrate DEVICE ...",
          "Show, change, save and calibrate a device's parameters",
          "DEVICE is a name in the registry, or a URL.\n"

@@ -95,6 +95,8 @@ void add_service(options::Options& options, Configuration& configuration) {
   options.add(
       "settings", configuration.settings_folder,
       "The folder of the devices' saved parameters; empty: they are neither saved nor read");
+  options.add("flight-records", configuration.flight_folder,
+              "The folder of a CSV file for each fault, at most 16 per device; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};

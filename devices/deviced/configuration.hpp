@@ -44,6 +44,7 @@ struct Configuration {
   std::vector<DeviceSettings> devices{};   ///< One per name.
   options::ServerSettings settings{};      ///< Its server's.
   std::string settings_folder{};           ///< Of the devices' parameters; empty: not saved.
+  std::string flight_folder{};             ///< Of flight records; empty: not written.
   std::string registry{};
   std::string events{events::kHubPath};  ///< The hub's name or URL.
   bool serves_events = false;            ///< The hub is this program's.

@@ -11,6 +11,7 @@
 
 #include "configuration.hpp"
 #include "device_events.hpp"
+#include "flight_files.hpp"
 #include "hosted_device.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/resolver.hpp"
@@ -104,7 +105,12 @@ int serve(const Configuration& configuration) {
   if (!events) return fail(events.error());
   auto devices = create_devices(configuration, **events);
   if (!devices) return fail(devices.error());
+  // Ends after the devices have stopped, so that their last faults are written, too.
+  FlightFiles flight_files(configuration.flight_folder);
+  for (const auto& device : *devices)
+    flight_files.add(device->name(), device->flight_recorder());
   const StopAtEnd stop_at_end(*devices);
+  if (auto started = flight_files.start(); !started) return fail(started.error());
   rpc::ServerConfig server_config = configuration.settings.server;
   server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));

@@ -1,0 +1,68 @@
+#include "flight_files.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/durable_file.hpp"
+
+namespace rtpm::deviced {
+namespace {
+
+constexpr Duration kInterval = std::chrono::milliseconds{100};
+
+}  // namespace
+
+FlightFiles::~FlightFiles() {
+  is_stopping_.store(true, std::memory_order_relaxed);
+  if (thread_.is_running()) thread_.join();
+}
+
+expected<void, SetupError> FlightFiles::start() {
+  if (folder_.empty()) return {};
+  std::error_code error;
+  std::filesystem::create_directories(folder_, error);
+  if (error) {
+    return setup_error("the folder of flight records, " + folder_ + ", can't be made",
+                       error.message(), "set --flight-records to a folder that can be written");
+  }
+  rt::ThreadConfig config;
+  config.name = "flight-files";
+  auto started = rt::Thread::start(config, [this] { loop(); });
+  if (!started) return unexpected{std::move(started.error())};
+  thread_ = std::move(*started);
+  return {};
+}
+
+void FlightFiles::loop() {
+  while (!is_stopping_.load(std::memory_order_relaxed)) {
+    for (Device& device : devices_)
+      write_new(device);
+    rt::sleep_until(rt::now() + kInterval);
+  }
+  for (Device& device : devices_)
+    write_new(device);
+}
+
+void FlightFiles::write_new(Device& device) {
+  if (device.recorder->number() == device.written_number) return;
+  const gvd::FlightLog log = device.recorder->newest();
+  device.written_number = log.number;
+  std::string file = device.name;
+  std::ranges::replace(file, '/', '-');
+  const std::string path =
+      folder_ + "/" + file + "." + std::to_string(log.number % kFileCountMax) + ".csv";
+  const std::string cause(to_string(log.cause));
+  if (const auto written = rt::replace_file(path, to_csv(log)); !written) {
+    log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +
+               "; its flight record was not written to " + path + ": " + written.error().message());
+    return;
+  }
+  log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +
+             "; its flight record is " + path);
+}
+
+}  // namespace rtpm::deviced
