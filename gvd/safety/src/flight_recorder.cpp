@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdio>
-#include <thread>
 
 namespace rtpm::gvd {
 namespace {
@@ -109,7 +108,7 @@ void FlightRecorder::record(const FlightRecord& record) noexcept {
 // The writer backs off: while a reader copies, the log is frozen in a later cycle.
 void FlightRecorder::freeze() noexcept {
   is_swapping_.store(true);
-  if (!is_reading_.load()) {
+  if (reader_count_.load() == 0) {
     cause_ = pending_cause_;
     cycle_ = pending_cycle_;
     frozen_count_ = count_;
@@ -122,13 +121,11 @@ void FlightRecorder::freeze() noexcept {
 }
 
 FlightLog FlightRecorder::newest(std::size_t first, std::size_t count) const {
-  const std::scoped_lock one_at_a_time(readers_);
   FlightLog log;
   log.records.reserve(std::min(count, kCycleCount));
-  for (is_reading_.store(true); is_swapping_.load(); is_reading_.store(true)) {
-    is_reading_.store(false);
-    std::this_thread::yield();
-  }
+  // A swap is a few assignments of a thread of higher priority: worth no sleep.
+  for (reader_count_.fetch_add(1); is_swapping_.load(); reader_count_.fetch_add(1))
+    reader_count_.fetch_sub(1);
   log.number = number_.load(std::memory_order_acquire);
   if (log.number > 0) {
     log.cause = cause_;
@@ -141,7 +138,7 @@ FlightLog FlightRecorder::newest(std::size_t first, std::size_t count) const {
     for (std::uint64_t i = begin; i < end; ++i)
       log.records.push_back(ring[i % kCycleCount]);
   }
-  is_reading_.store(false);
+  reader_count_.fetch_sub(1);
   return log;
 }
 

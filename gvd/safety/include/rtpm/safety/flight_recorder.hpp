@@ -4,7 +4,6 @@
 #include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <mutex>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -63,7 +62,8 @@ struct FlightLog {
 /// stays readable until the next.
 /// @ownership two rings of kCycleCount records, below 2 MiB together
 /// @threads  record() from one; newest(), number() from any
-/// @realtime record() is alloc-free and never waits; newest() copies
+/// @realtime record() is alloc-free and never waits: while a reader copies, it freezes a later
+///           cycle. newest() is set-up only; its thread's priority is below the writer's
 /// @source   libfranka's log of the last states and commands in its ControlException
 class FlightRecorder {
  public:
@@ -101,8 +101,7 @@ class FlightRecorder {
   std::uint64_t frozen_count_ = 0;
   std::atomic<std::uint64_t> number_{0};
   std::atomic<bool> is_swapping_{false};
-  mutable std::atomic<bool> is_reading_{false};
-  mutable std::mutex readers_{};  ///< One reader at a time; the writer never takes it.
+  mutable std::atomic<std::uint32_t> reader_count_{0};
 };
 
 }  // namespace rtpm::gvd
