@@ -1,6 +1,9 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <filesystem>
+#include <fstream>
+#include <iterator>
 #include <string>
 #include <vector>
 
@@ -123,6 +126,28 @@ TEST_F(Devices, OfAllServersStopTogether) {
   EXPECT_EQ(rearmed.exit_code, 0) << rearmed.errors;
   EXPECT_FALSE(is_stopped("lab/knob0"));
   EXPECT_TRUE(is_stopped("lab/gaze0")) << "each is rearmed by itself";
+}
+
+TEST_F(Devices, WriteAFlightRecordAtEachFault) {
+  const auto folder = std::filesystem::path(testing::TempDir()) / "rtpm_flights";
+  std::filesystem::remove_all(folder);
+  std::filesystem::create_directory(folder);
+  const auto devices = host("arm0", {"--events", "none", "--flight-records", folder.string()});
+  ASSERT_TRUE(devices);
+  expect_one_sentence(run_tool({"flight-record", "lab/arm0"}), 1, {"lab/arm0"});
+  EXPECT_EQ(run_tool({"stop", "lab/arm0"}).exit_code, 0);
+  const auto file = folder / "lab-arm0.1.csv";
+  const auto content = [&] {
+    std::ifstream stream(file);
+    return std::string(std::istreambuf_iterator<char>(stream), {});
+  };
+  ASSERT_TRUE(test::await([&] { return content().ends_with("\"emergency stop\"\n"); }, kPatience))
+      << content();
+  const auto printed = run_tool({"flight-record", "lab/arm0"});
+  EXPECT_EQ(printed.exit_code, 0) << printed.errors;
+  EXPECT_EQ(printed.output, content()) << "the call and the file say the same";
+  EXPECT_EQ(printed.output.find("# fault 1: emergency stop in cycle "), 0u) << printed.output;
+  std::filesystem::remove_all(folder);
 }
 
 TEST_F(Devices, OfARegistryAreStoppedByOneCommand) {
