@@ -1,13 +1,18 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <atomic>
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "programs.hpp"
+#include "rtpm/gvd/consumer.hpp"
+#include "rtpm/names/resolver.hpp"
+#include "rtpm/rpc/node.hpp"
 #include "rtpm/test/os.hpp"
 
 /// Several devices at once: their events, their display, and the emergency stop of all.
@@ -126,6 +131,34 @@ TEST_F(Devices, OfAllServersStopTogether) {
   EXPECT_EQ(rearmed.exit_code, 0) << rearmed.errors;
   EXPECT_FALSE(is_stopped("lab/knob0"));
   EXPECT_TRUE(is_stopped("lab/gaze0")) << "each is rearmed by itself";
+}
+
+TEST_F(Devices, TellTheirConsumersOfChangedParameters) {
+  const auto devices = host("knob0", {"--serve-events"});
+  ASSERT_TRUE(devices);
+  class Handler final : public gvd::DeviceEventHandler {
+   public:
+    void on_events(std::span<const gvd::DeviceEvent> events) override {
+      for (const gvd::DeviceEvent& event : events) {
+        const auto* const change = std::get_if<gvd::ConfigurationChange>(&event.what);
+        if (change != nullptr && change->names == std::vector<std::string>{"safety.ramp_s"}) {
+          has_come = true;
+        }
+      }
+    }
+    std::atomic<bool> has_come{false};
+  } handler;
+  rpc::Node node;
+  names::RegistryResolver resolver(node, registry_->url);
+  node.use(resolver);
+  gvd::DeviceConsumerConfig config{.devices = {"lab/knob0"}};
+  config.subscription.filter = gvd::changes_of("lab/knob0");
+  config.subscription.realtime = rt::RealtimeMode::kOff;
+  config.subscription.deadline = kPatience;
+  const auto consumer = gvd::DeviceConsumer::start(node, config, handler);
+  ASSERT_TRUE(consumer) << consumer.error().text();
+  EXPECT_EQ(run_tool({"config", "set", "lab/knob0", "safety.ramp_s=0.01"}).exit_code, 0);
+  EXPECT_TRUE(test::await([&] { return handler.has_come.load(); }, kPatience));
 }
 
 TEST_F(Devices, WriteAFlightRecordAtEachFault) {
