@@ -176,6 +176,11 @@ TEST_F(Chain, TellsWhichMechanismActs) {
   EXPECT_TRUE(filter_.faults().has(Fault::kHeatLimited));
 }
 
+TEST_F(Chain, KeepsTheLimitWhateverTheMechanismsAdd) {
+  // The command pushes in with all it may, and the wall pushes, too.
+  EXPECT_EQ(run(10, {.position_m = {-0.5, 0, 0}}, 500), force(10));
+}
+
 TEST_F(Chain, MovesToLowerLimitsAtThePermittedRate) {
   static_cast<void>(run(8, moving(0), 500));
   SafetyConfig lower = defaults();
