@@ -66,6 +66,18 @@ class StopAtEnd {
   const Devices& devices_;
 };
 
+/// Leaves the system-wide stop, which refers to the devices, before they are gone.
+class LeaveAtEnd {
+ public:
+  explicit LeaveAtEnd(DeviceEvents& events) noexcept : events_(events) {}
+  LeaveAtEnd(const LeaveAtEnd&) = delete;
+  LeaveAtEnd& operator=(const LeaveAtEnd&) = delete;
+  ~LeaveAtEnd() { events_.stop(); }
+
+ private:
+  DeviceEvents& events_;
+};
+
 expected<Devices, SetupError> create_devices(const Configuration& configuration,
                                              DeviceEvents& events) {
   Devices devices;
@@ -105,6 +117,7 @@ int serve(const Configuration& configuration) {
   if (!events) return fail(events.error());
   auto devices = create_devices(configuration, **events);
   if (!devices) return fail(devices.error());
+  const LeaveAtEnd leave_at_end(**events);
   // Ends after the devices have stopped, so that their last faults are written, too.
   FlightFiles flight_files(configuration.flight_folder);
   for (const auto& device : *devices)
@@ -115,17 +128,16 @@ int serve(const Configuration& configuration) {
   server_config.name = "rtpm-deviced";
   auto server = rpc::Server::create(std::move(server_config));
   if (!server) return fail(server.error());
+  if (auto joined = (*events)->join_system(node); !joined) return fail(joined.error());
+  if (auto started = (*events)->start_publishing(); !started) return fail(started.error());
   introspection::Catalog catalog;
   if (auto started = start(*devices, **server, catalog); !started) return fail(started.error());
 
-  if (auto started = (*events)->start_publishing(); !started) return fail(started.error());
   for (const auto& device : *devices) {
     if (auto bound = device->bind(node, **server, configuration); !bound) {
       return fail(bound.error());
     }
   }
-  // The last step that may fail: until stop() it refers to the devices.
-  if (auto joined = (*events)->join_system(node); !joined) return fail(joined.error());
   options::show_setup(configuration.settings);
   for (const auto& device : *devices) {
     std::printf("serving %s at %s\n", device->name().c_str(),
@@ -134,11 +146,10 @@ int serve(const Configuration& configuration) {
   std::fflush(stdout);
 
   stop.wait();
-  // The names first, so that no client finds a server about to end; then calls. The devices follow
-  // at the end of the scope.
+  // The names first, so that no client finds a server about to end; then calls. Devices and their
+  // events follow at the end of the scope.
   for (const auto& device : *devices)
     device->unbind();
-  (*events)->stop();
   (*server)->stop();
   return 0;
 }
