@@ -27,7 +27,7 @@ std::span<const Case> cases() {
       {"scale", "48-byte calls while 1…1000 clients are bound, and the server's memory", run_scale},
       {"startup", "from a server's program start to the first answered call", run_startup},
       {"memory", "what a server has in memory with 0, 1 and 100 bound clients", run_memory},
-      {"idle", "what CPU time a server takes that nobody calls", run_idle},
+      {"idle", "what CPU time an idle server takes", run_idle},
   }};
   return kCases;
 }

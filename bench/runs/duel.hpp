@@ -38,7 +38,7 @@ struct DuelConfig {
 };
 
 /// An RTPM server and a raw one, each in its own process, with the same wait strategy, scheduling
-/// and CPU. Both are stopped until somebody resumes them. Make it before this process starts a
+/// and CPU. Both are stopped until the run resumes them. Make it before this process starts a
 /// thread.
 /// @threads  one at a time
 /// @realtime set-up only

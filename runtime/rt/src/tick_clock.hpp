@@ -29,7 +29,7 @@ class TickClock {
   [[nodiscard]] std::int64_t time_at(std::uint64_t ticks) noexcept {
     return tell(anchor_ns_ + passed_ns(ticks - anchor_ticks_));
   }
-  /// The system's clock showed `ns`, and nobody knows at which tick.
+  /// The system's clock showed `ns`, at an unknown tick.
   [[nodiscard]] std::int64_t tell(std::int64_t ns) noexcept {
     return last_ns_ = std::max(last_ns_, ns);
   }

@@ -19,7 +19,7 @@ namespace {
 /// Cycles of one device that wait for the publisher: 0.25 s at 1 kHz.
 constexpr std::size_t kRingSize = 256;
 constexpr std::size_t kConfigurationCountMax = 64;
-/// A hub may start a little later than the devices; then nobody needs to hear of it.
+/// A hub may start a little later than the devices; then its absence is no news.
 constexpr Duration kAbsenceUntold = std::chrono::seconds{3};
 constexpr std::string_view kNoHubRemedy =
     "start rtpm-eventd, or name another hub; devices work without";

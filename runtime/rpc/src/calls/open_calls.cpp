@@ -94,7 +94,7 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   const auto peer = sessions.peer_of(call.request);
   const MutableBytes room =
       reserved.empty() ? sessions.reply_buffer(call.request, now) : MutableBytes{};
-  // It waited for a buffer until nobody waited for it.
+  // It waited for a buffer until its caller no longer waited.
   const bool is_given_up = reserved.empty() && call.size > room.size();
   if (is_given_up) {
     call.size = 0;
@@ -131,7 +131,7 @@ bool OpenCalls::must_wait_for_buffer(PendingCall& call, MonotonicTime now) noexc
   const bool waits = may_wait && call.size > sessions.reply_buffer(call.request, now).size();
   const bool has_waited = std::exchange(call.waits_for_room, waits);
   waiting_reply_count_ = waiting_reply_count_ - (has_waited ? 1 : 0) + (waits ? 1 : 0);
-  // A time that nobody looks at any more would keep the lane from sleeping.
+  // A time that matters no longer would keep the lane from sleeping.
   if (waiting_reply_count_ == 0) waiting_reply_due_ = kNever;
   if (waits) {
     waiting_reply_due_ =

@@ -13,7 +13,7 @@ namespace rtpm::rpc {
 
 /// The calls of a lane that were not answered when they came: deferred replies, streams, calls that
 /// wait for a thread, large replies that wait for a buffer. Sends what they have, ends them in
-/// time, and reports to their methods when nobody waits any more.
+/// time, and reports to their methods when the caller no longer waits.
 /// @threads  the leader's
 /// @realtime alloc-free but for construction
 class OpenCalls {

@@ -29,7 +29,7 @@ class Doorbell {
     is_asleep_.store(true, std::memory_order_seq_cst);
   }
   void end_sleep() noexcept { is_asleep_.store(false, std::memory_order_relaxed); }
-  /// The lane ends: nobody rings any more.
+  /// The lane ends: no thread rings it any more.
   void close() noexcept {
     const std::lock_guard lock(ringing_);
     bell_ = nullptr;

@@ -66,7 +66,7 @@ Binding::Impl::Plan Binding::Impl::plan(const MethodDescriptor& method,
       method.default_deadline > Duration{0} ? method.default_deadline : default_deadline;
   const MonotonicTime now = rt::now();
   MonotonicTime deadline = deadline_after(options.deadline.value_or(usual), now);
-  // Beyond that nobody waits for what this call is for.
+  // Beyond that the outer call's caller no longer waits.
   const CallContext* const outer = CurrentCall::get();
   if (outer != nullptr && !options.deadline) deadline = std::min(deadline, outer->deadline);
   return {

@@ -116,7 +116,7 @@ class CallChannel {
   }
   /// Waits for a call's end, or its items, but not beyond `until`: then the outcome is kGoing.
   [[nodiscard]] CallOutcome finish(MonotonicTime until, MonotonicTime now) noexcept;
-  /// Looks whether the session has ended under oneways that nobody has confirmed; then
+  /// Looks whether the session has ended under unconfirmed oneways; then
   /// `lost_oneways` is raised.
   /// @realtime at most two syscalls and one per frame that came
   void check_oneways(MonotonicTime now) noexcept;
@@ -126,7 +126,7 @@ class CallChannel {
   }
   /// The next item of the stream that is here, valid until the next call of this.
   [[nodiscard]] std::optional<ConstBytes> next_item() noexcept;
-  /// Tells the server that nobody waits for the call any more.
+  /// Tells the server that the caller no longer waits.
   void cancel(wire::CallIndex call = 0) noexcept;
   /// A copy of the request that lives as long as the call; none if there is no memory for it.
   [[nodiscard]] std::optional<ConstBytes> keep(ConstBytes request);

@@ -74,7 +74,7 @@ bool Binding::Impl::follow(const std::string& at_url) {
   }
   const bool has_moved = to.url != settled->url;
   if (!is_same) {
-    // Nobody else looks there any more.
+    // No other thread looks there any more.
     settled->endpoint.check_oneways(rt::now());
     settle(std::move(*opened));
   }

@@ -21,7 +21,7 @@ class Node::Impl {
   static constexpr std::size_t kUnusedEndpointMax = 16;
 
   /// The endpoint of the address, made at its first use, until it is given back as often. A private
-  /// one nobody else uses meanwhile.
+  /// one that no other channel uses meanwhile.
   /// @realtime set-up only
   [[nodiscard]] Endpoint& endpoint(const ServerAddress& address, bool is_private);
   void give_back(Endpoint& endpoint) noexcept;

@@ -18,7 +18,7 @@ struct PendingReply::State {
   [[nodiscard]] virtual expected<ReplyLease, CallError> take() noexcept = 0;
   /// If it has not ended: it has now.
   virtual void cancel() noexcept = 0;
-  /// Nobody asks for it any more.
+  /// Its caller no longer asks for it.
   virtual void drop() noexcept = 0;
 };
 

@@ -15,7 +15,7 @@ namespace rtpm::rpc {
 class PipelineSession;
 
 /// Where a pipeline has one of its calls, with copies of its request and reply, for as long as
-/// anybody asks for it or holds the reply.
+/// a caller asks for it or holds the reply.
 class PipelinePlace final : public PendingReply::State {
  public:
   [[nodiscard]] bool is_free() const noexcept { return !is_taken_; }
@@ -35,7 +35,7 @@ class PipelinePlace final : public PendingReply::State {
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept override;
   void cancel() noexcept override;
   void drop() noexcept override;
-  /// Nobody holds the reply any more.
+  /// The reply is no longer held.
   void release() noexcept;
 
  private:

@@ -43,7 +43,7 @@ class DatagramPort {
   [[nodiscard]] transport::UdpPort& socket() noexcept { return *port_; }
   /// Where waits may receive while there are no leftovers.
   [[nodiscard]] MutableBytes buffer() noexcept { return buffer_; }
-  /// Callers see at once that nobody serves them.
+  /// Callers see at once that no lane serves them.
   void close() noexcept { port_.reset(); }
 
  private:

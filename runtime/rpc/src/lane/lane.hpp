@@ -44,7 +44,7 @@ class Lane {
   /// Starts the dynamic thread that is wanted, and joins those that have ended.
   /// @realtime set-up only
   void maintain_threads() noexcept { execution_->maintain_threads(); }
-  /// After join(): closes the sockets, so that callers see at once that nobody serves them.
+  /// After join(): closes the sockets, so that callers see at once that no lane serves them.
   void close() noexcept;
 
   /// Gives the lane an accepted connection; false if too many wait already.

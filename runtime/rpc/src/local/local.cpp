@@ -95,7 +95,7 @@ bool LocalChannel::wait(const rt::WaitConfig& how) noexcept {
 void LocalChannel::finish(wire::Status status, std::uint32_t size) noexcept {
   status_ = status;
   size_ = size;
-  if (home_ != nullptr) return home_->give_back(*this);  // Nobody waits.
+  if (home_ != nullptr) return home_->give_back(*this);  // Its caller no longer waits.
   const State before = state_.exchange(State::kDone, std::memory_order_acq_rel);
   if (before == State::kWaiting) done_.post();
   if (before == State::kLeft) release();

@@ -55,7 +55,7 @@ class LocalChannel {
   }
   void release() noexcept { state_.store(State::kFree, std::memory_order_release); }
   [[nodiscard]] std::uint32_t number() const noexcept { return number_; }
-  /// Nobody has it.
+  /// Free.
   [[nodiscard]] bool is_free() const noexcept {
     return state_.load(std::memory_order_acquire) == State::kFree;
   }
@@ -93,7 +93,7 @@ class LocalChannel {
     kTaken,
     kSubmitted,  ///< The lane's; the caller looks at it.
     kWaiting,    ///< The lane's; the caller sleeps.
-    kLeft,       ///< The lane's; nobody waits.
+    kLeft,       ///< The lane's; its caller no longer waits.
     kDone,
   };
 
@@ -131,7 +131,7 @@ class LocalGate {
   /// Whether a oneway of that size has places of its own.
   [[nodiscard]] bool has_places_for(std::size_t size) const noexcept;
   /// One of them; null if oneways wait or run in all, which the lane counts as overload.
-  /// Allocates at first if nobody opened the places.
+  /// Allocates at first, unless the places were opened.
   [[nodiscard]] LocalChannel* take_place() noexcept;
 
   [[nodiscard]] bool has_calls() const noexcept {

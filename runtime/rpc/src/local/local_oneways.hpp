@@ -28,7 +28,7 @@ class LocalOneways {
 
  private:
   rt::LazyMemory requests_;
-  /// One for all, as nobody reads it; a lane of several threads has them write elsewhere.
+  /// One for all, as it is never read; a lane of several threads has them write elsewhere.
   rt::LazyMemory replies_;
   std::deque<LocalChannel> places_;                    ///< Sized once, never moved.
   std::vector<std::atomic<std::uint32_t>> next_free_;  ///< Of each place: as the low half below.

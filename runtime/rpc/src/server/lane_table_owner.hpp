@@ -12,7 +12,7 @@
 /// The server's side of its table of lanes.
 namespace rtpm::rpc {
 
-/// A table with a slot for each lane of `config`, which nobody takes for one yet.
+/// A table with a slot for each lane of `config`, which tools do not take for one yet.
 /// @realtime set-up only
 /// @errors   as rt::PublicMemory::create()
 [[nodiscard]] expected<rt::PublicMemory, SetupError> make_lane_table(const ServerConfig& config,

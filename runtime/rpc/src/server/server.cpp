@@ -179,7 +179,7 @@ expected<void, SetupError> ServerImpl::open() {
   if (!host) return setup_error(subject_of(config_), host.error());
   config_.host = std::move(*host);
   if (config_.host == "0.0.0.0") {
-    // Callers are told this address, and nobody can call 0.0.0.0.
+    // Callers are told this address, and can't call 0.0.0.0.
     return setup_error(subject_of(config_), "host 0.0.0.0 is no address that callers could use",
                        "give this host's own address on the network to be served (see: ip addr)");
   }

@@ -5,7 +5,7 @@
 namespace rtpm::gvd {
 
 /// Receives samples; implemented by displays and loggers, as in the paper's Figure 5.
-/// @threads  one call at a time, on the thread of whoever pushes
+/// @threads  one call at a time, on the pusher's thread
 class SampleSink {
  public:
   SampleSink() = default;

@@ -36,8 +36,8 @@ class PendingReply {
   /// Waits for the end and gives the reply, once.
   /// @errors   as CallError says
   [[nodiscard]] expected<ReplyLease, CallError> take() noexcept;
-  /// Ends the call: nobody waits for it any more. The server is told, once; it may have run, or
-  /// run yet: a lane with one thread and no buffer hears nothing while it runs a call, so a call
+  /// Ends the call: the caller no longer waits for it. The server is told, once; it may have run,
+  /// or run yet: a lane with one thread and no buffer hears nothing while it runs a call, so a call
   /// that waits for that runs before its cancellation is heard. A lane that receives meanwhile
   /// (LaneConfig::static_threads, buffered_request_max) does not begin it any more; no lane does
   /// after CallOptions::deadline. Nothing happens if it is done.

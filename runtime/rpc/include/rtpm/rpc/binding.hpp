@@ -139,7 +139,8 @@ class Binding {
   /// Binds `target`, a URL "rtpm://host:port/path" or a name for the node's resolver, checks that
   /// the object has `interface`, and opens the channels of `options.warm_up`.
   /// @realtime set-up only
-  /// @errors   no resolver, unknown name, nobody there, refused, or an interface that differs (the
+  /// @errors   no resolver, unknown name, no server there, refused, or an interface that differs
+  /// (the
   ///           text says in which method)
   [[nodiscard]] static expected<Binding, SetupError> bind(Node& node, std::string_view target,
                                                           const InterfaceDescriptor& interface,

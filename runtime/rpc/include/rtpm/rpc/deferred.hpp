@@ -42,7 +42,7 @@ class UnfinishedCall {
   UnfinishedCall() noexcept = default;
   UnfinishedCall(UnfinishedCall&& other) noexcept { *this = std::move(other); }
   UnfinishedCall& operator=(UnfinishedCall&& other) noexcept;
-  /// Ends a call that nobody has ended as failed, so that its caller does not wait in vain.
+  /// Ends a call that has not been ended as failed, so that its caller does not wait in vain.
   ~UnfinishedCall();
 
   /// False once it was ended, or moved away.
@@ -56,7 +56,7 @@ class UnfinishedCall {
   /// @threads  any
   /// @realtime alloc-free
   [[nodiscard]] CallEnding ending() const noexcept;
-  /// After which nobody waits for the result. Of a stream: by when it had to begin.
+  /// After which the caller no longer waits. Of a stream: by when it had to begin.
   [[nodiscard]] MonotonicTime deadline() const noexcept;
 
  protected:

@@ -34,7 +34,7 @@ class Pending {
   /// Waits for the end, but not beyond `until`; true if it is there.
   /// @realtime alloc-free
   [[nodiscard]] bool wait(MonotonicTime until) noexcept { return reply_.wait(until); }
-  /// Ends the call: nobody waits for it any more; it may have run.
+  /// Ends the call: its caller no longer waits; it may have run.
   /// @realtime alloc-free
   void cancel() noexcept { reply_.cancel(); }
 
@@ -161,7 +161,7 @@ template <class Stream, class... More>
 
 /// What all handles for an answer that comes later have in common; Call is one of UnfinishedCall's
 /// kinds.
-/// @ownership move-only; what nobody ended ends as failed
+/// @ownership move-only; what was not ended ends as failed
 /// @threads  one at a time, any
 template <class Call>
 class DeferredAnswer {
@@ -173,7 +173,7 @@ class DeferredAnswer {
   /// @realtime alloc-free
   [[nodiscard]] bool is_awaited() const noexcept { return call_.is_awaited(); }
   [[nodiscard]] CallEnding ending() const noexcept { return call_.ending(); }
-  /// After which nobody waits for the answer.
+  /// After which the caller no longer waits.
   /// @realtime alloc-free
   [[nodiscard]] MonotonicTime deadline() const noexcept { return call_.deadline(); }
   /// False once it was ended, or moved away.

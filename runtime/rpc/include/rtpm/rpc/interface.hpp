@@ -13,7 +13,7 @@ namespace rtpm::rpc {
 enum class PriorityModel : std::uint8_t {
   kClientPropagated,  ///< The caller: its priority travels with the call. Without one: `priority`.
   kServerDeclared,    ///< The object: always `priority`, whatever the caller's is.
-  kNone,              ///< Nobody: methods run at the lane's own priority. For servers of one lane.
+  kNone,              ///< None: methods run at the lane's own priority. For servers of one lane.
 };
 
 /// Gives a call another priority than the one it carries: that at which its method runs

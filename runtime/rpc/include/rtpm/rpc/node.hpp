@@ -75,7 +75,7 @@ class Node {
   /// It must outlive the node, or forget() comes before its end.
   /// @realtime set-up only
   void use(Resolver& resolver) noexcept;
-  /// Nobody asks `resolver` any more when this returns, which takes as long as a question that is
+  /// `resolver` is asked no more when this returns, which takes as long as a question that is
   /// under way, 1 s at most. Bindings by name stay with the servers that they have.
   /// @realtime set-up only
   void forget(Resolver& resolver) noexcept;

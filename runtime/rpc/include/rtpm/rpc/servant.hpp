@@ -32,7 +32,7 @@ inline constexpr CallerHost kThisHost{0x7f00'0001};
 /// What a servant's method may know of the call it serves. Valid during the call only.
 struct CallContext {
   Priority priority;           ///< At which the method runs.
-  MonotonicTime deadline;      ///< After which nobody waits for the result.
+  MonotonicTime deadline;      ///< After which the caller no longer waits.
   MonotonicTime received;      ///< When the lane took the request up.
   std::uint64_t session = 0;   ///< The caller's session: the same number, the same caller.
   std::uint64_t trace_id = 0;  ///< Given by the caller, 0 if none.

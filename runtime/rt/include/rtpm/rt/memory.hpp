@@ -19,7 +19,7 @@ namespace rtpm::rt {
 /// Makes `memory` resident by touching each page; what it holds stays. Of use before a real-time
 /// thread touches it first, as memory is locked only once it is resident. Threads' stacks are made
 /// so by Thread::start.
-/// @threads  nobody else writes there meanwhile
+/// @threads  no other thread writes there meanwhile
 /// @realtime set-up only
 void prefault(MutableBytes memory) noexcept;
 

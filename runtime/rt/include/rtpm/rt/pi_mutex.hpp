@@ -10,7 +10,7 @@ namespace rtpm::rt {
 /// so that a lower lane can't keep a higher one waiting behind a middle one. Works with
 /// std::lock_guard.
 /// @threads  any
-/// @realtime alloc-free; no syscall while nobody else wants it
+/// @realtime alloc-free; no syscall without a second thread
 class PiMutex {
  public:
   PiMutex() noexcept;

@@ -18,8 +18,8 @@ namespace rtpm::rt {
 class PublicMemory {
  public:
   PublicMemory() noexcept = default;
-  /// Zeros, aligned to a page, resident. Nobody else can write there or change the size. `name`: of
-  /// letters, digits and '-', the same for all memory of one kind.
+  /// Zeros, aligned to a page, resident. No other process can write there or change the size.
+  /// `name`: of letters, digits and '-', the same for all memory of one kind.
   /// @realtime set-up only
   /// @errors   no descriptor or memory left: a sentence with the remedy
   [[nodiscard]] static expected<PublicMemory, SetupError> create(std::string_view name,
