@@ -27,8 +27,8 @@ std::string words(const std::vector<std::string>& choices) {
 void add_device(options::Options& options, DeviceSettings& device) {
   const std::string key = "device-" + device.name + "-";
   options.add(key + "driver", device.driver,
-              "Simulated: " + words(simulated_drivers()) + "; else the file of a plug-in");
-  options.add(key + "arguments", device.arguments, "plug-in: what it is told, in its own words");
+              "One of " + words(simulated_drivers()) + "; else the file of a plug-in");
+  options.add(key + "arguments", device.arguments, "mpv, plug-in: what it is told, in its own words");
   options.add(key + "serial", device.serial,
               "simulated: its serial number; empty: made of its name");
   options.add(key + "seed", device.seed, "simulated: fixes whatever looks random");

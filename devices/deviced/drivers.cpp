@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "rtpm/device_mpv/mpv_driver.hpp"
+#include "rtpm/device_mpv/settings.hpp"
 #include "rtpm/device_sim/biometric_driver.hpp"
 #include "rtpm/device_sim/gaze_driver.hpp"
 #include "rtpm/device_sim/knob_driver.hpp"
@@ -35,6 +37,14 @@ Made make_twin(const DeviceSettings&, const device_sim::TwinConfig& twin) {
   return std::unique_ptr<driver::Driver>(std::make_unique<Driver>(twin));
 }
 
+Made make_mpv(const DeviceSettings& device, const device_sim::TwinConfig& twin) {
+  const auto settings = device_mpv::read_settings(device.arguments);
+  if (!settings) return unexpected{settings.error()};
+  const std::string serial = device.serial.empty() ? "mpv-" + device.name : device.serial;
+  return std::unique_ptr<driver::Driver>(
+      std::make_unique<device_mpv::MpvDriver>(device_mpv::open_mpv(*settings), serial, twin.frame));
+}
+
 struct Simulated {
   const char* name;
   Made (*make)(const DeviceSettings&, const device_sim::TwinConfig&);
@@ -44,6 +54,7 @@ constexpr std::array kSimulated{
     Simulated{"biometric", &make_twin<device_sim::BiometricDriver>},
     Simulated{"gaze", &make_twin<device_sim::GazeDriver>},
     Simulated{"knob", &make_twin<device_sim::KnobDriver>},
+    Simulated{"mpv", &make_mpv},
     Simulated{"player", &make_twin<device_sim::PlayerDriver>},
 };
 

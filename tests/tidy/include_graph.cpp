@@ -45,11 +45,12 @@ const std::vector<Part>& parts() {
        "gvd",
        {"base", "wire", "rt", "rpc", "options", "names", "events", "driver", "configuration",
         "models", "safety"}},
+      {"devices/mpv/", "device_mpv", {"base", "driver"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
       {"devices/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "events", "driver",
-        "driver_host", "configuration", "safety", "gvd", "device_sim"}},
+        "driver_host", "configuration", "safety", "gvd", "device_mpv", "device_sim"}},
       {"clients/rtpm/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema", "driver",
@@ -79,11 +80,12 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {}},
       // options has the signals and the configuration file that every program shares; driver_host
-      // loads plug-ins.
+      // loads plug-ins; devices/mpv starts a program.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
-       {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/"}},
+       {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/",
+        "devices/mpv/src/"}},
   };
   return kForeigners;
 }

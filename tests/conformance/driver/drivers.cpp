@@ -9,11 +9,13 @@
 
 #include "lever_driver.hpp"
 #include "rtpm/base/assert.hpp"
+#include "rtpm/device_mpv/mpv_driver.hpp"
 #include "rtpm/device_sim/biometric_driver.hpp"
 #include "rtpm/device_sim/gaze_driver.hpp"
 #include "rtpm/device_sim/knob_driver.hpp"
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
+#include "scripted_player.hpp"
 
 namespace rtpm::test {
 namespace {
@@ -46,6 +48,11 @@ std::vector<DriverUnderTest> drivers_under_test() {
       {"Knob", [] { return std::make_unique<device_sim::KnobDriver>(device_sim::TwinConfig{}); }},
       {"Player",
        [] { return std::make_unique<device_sim::PlayerDriver>(device_sim::TwinConfig{}); }},
+      {"Mpv",
+       [] {
+         return std::make_unique<device_mpv::MpvDriver>(
+             [] { return std::make_unique<ScriptedPlayer>(); }, "scripted-1", "player/base");
+       }},
       {"Template", [] { return std::make_unique<lab::LeverDriver>(); }},
   };
 }

@@ -1,0 +1,66 @@
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+
+#include "rtpm/base/latest.hpp"
+#include "rtpm/device_mpv/session.hpp"
+#include "rtpm/device_mpv/transport.hpp"
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::device_mpv {
+
+/// A media player: outputs "rate" (1 plays, 0 pauses, negative plays backwards) and "seek" (jumps
+/// there when it changes; below zero: nowhere), analogs "position", "rate", "duration", "pause" and
+/// "frame" (the length of one). It pauses without a command, also a player that it joined.
+/// @threads  the player is talked to by a thread of its own, from activate() to deactivate()
+class MpvDriver final : public driver::Driver {
+ public:
+  static constexpr float kRateMax = 4;
+  static constexpr double kLengthMaxSeconds = 86'400;
+  /// How long configure() waits for the first report of a player, and then for a file.
+  static constexpr Duration kStartMax = std::chrono::seconds{5};
+  static constexpr Duration kLoadMax = std::chrono::seconds{2};
+
+  /// @param serial  of the descriptor; not empty
+  MpvDriver(OpenTransport open, std::string serial, std::string frame);
+  ~MpvDriver() override;
+
+  [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) override;
+  [[nodiscard]] expected<void, SetupError> activate() override;
+  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
+                                                driver::Sample& sample) noexcept override;
+  void deactivate() noexcept override;
+
+ private:
+  /// What the thread last found.
+  struct Report {
+    PlayerState state{};
+    std::uint64_t corrupt_count = 0;
+    bool is_late = false;
+    bool is_gone = false;
+  };
+
+  [[nodiscard]] bool await_report();
+  void report(bool is_gone) noexcept;
+  void run() noexcept;
+
+  OpenTransport open_;
+  std::string serial_;
+  std::string frame_;
+  Duration period_{};
+  std::unique_ptr<Transport> transport_{};
+  std::optional<Session> session_{};
+  Latest<Report> reports_{};
+  Latest<Wish> wishes_{};
+  std::uint64_t seen_corrupt_count_ = 0;
+  bool is_active_ = false;
+  std::atomic<bool> is_stopping_{false};
+  std::thread thread_{};
+};
+
+}  // namespace rtpm::device_mpv

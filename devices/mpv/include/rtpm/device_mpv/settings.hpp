@@ -1,0 +1,27 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_mpv/transport.hpp"
+
+namespace rtpm::device_mpv {
+
+/// Which player, as an operator says it: "headless=yes file=CLIP" starts mpv, "socket=PATH" joins
+/// one. `file` and `socket` take the rest of the words, spaces included.
+struct Settings {
+  std::string file{};        ///< To play; empty: joins `socket`.
+  std::string socket{};      ///< Of a running mpv: its option --input-ipc-server.
+  bool is_headless = false;  ///< Starts mpv without window and sound.
+};
+
+/// @errors   an unknown word, neither or both of file and socket
+[[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view words);
+
+/// The transport to that player. What it opens owns its process: mpv ends with it, also when this
+/// program is killed.
+/// @errors   of the result: mpv is not installed, no such file, nobody listens at the socket
+[[nodiscard]] OpenTransport open_mpv(Settings settings);
+
+}  // namespace rtpm::device_mpv
