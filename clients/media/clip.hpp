@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::media {
+
+/// An uncompressed clip: a bar that goes once around, and a light that is on in each even second.
+struct ClipConfig {
+  int width = 160;  ///< In pixels, even.
+  int height = 90;  ///< Likewise.
+  int frames_per_s = 25;
+  int duration_s = 20;
+};
+
+/// Writes it to `path` as YUV4MPEG2 (.y4m), in which each frame can be sought at once.
+/// @realtime set-up only
+/// @errors   the file can't be written
+/// @source   yuv4mpeg(5) of mjpegtools
+[[nodiscard]] expected<void, SetupError> write_clip(const std::string& path,
+                                                    const ClipConfig& config = {});
+
+}  // namespace rtpm::media

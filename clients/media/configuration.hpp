@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::media {
+
+/// The options of rtpm-media.
+struct Configuration {
+  std::string knob = "lab/knob0";
+  std::string player = "lab/player0";
+  std::string registry{};
+  std::string mode = "speed";   ///< "speed", "scrub" or "frame": at the start.
+  bool has_fixed_mode = false;  ///< The knob's button changes nothing.
+  double seconds = 0;           ///< 0: until SIGINT or SIGTERM.
+  double rate_hz = 100;
+  bool is_headless = false;
+  std::string clip{};  ///< Writes the example's clip here, and ends.
+  Priority priority = 20000;
+  Duration patience = std::chrono::seconds{2};
+
+  [[nodiscard]] Duration period() const noexcept {
+    return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
+  }
+};
+
+/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+[[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
+                                                    Configuration& configuration);
+
+}  // namespace rtpm::media

@@ -1,0 +1,63 @@
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "configuration.hpp"
+#include "control.hpp"
+#include "follow_meter.hpp"
+#include "player_channels.hpp"
+#include "rtpm/gvd/client.hpp"
+
+namespace rtpm::media {
+
+/// The paper's "Master Control" of §3.2: a client of the knob, whose feel it sets, and of the
+/// player, whose rate and position it commands.
+/// @threads  one
+/// @realtime set-up only
+class Session {
+ public:
+  /// Opens both devices and acquires both leases.
+  /// @errors   as gvd::DeviceClient::open(); the lease is held; a device of another class
+  [[nodiscard]] static expected<std::unique_ptr<Session>, SetupError> open(
+      rpc::Node& node, const Configuration& configuration);
+
+  /// One cycle: reads both, commands the player, and keeps the knob's feel.
+  /// @errors   what went on for the patience, or what no further attempt ends
+  [[nodiscard]] expected<void, SetupError> step();
+
+  [[nodiscard]] std::string line() const;
+  [[nodiscard]] const FollowMeter& meter() const noexcept { return meter_; }
+
+ private:
+  Session(Configuration configuration, gvd::DeviceClient knob, gvd::DeviceClient player,
+          KnobChannel knob_channel, PlayerChannels channels) noexcept;
+  /// Why a cycle failed: which device, and what it said.
+  struct Failure {
+    const std::string* device = nullptr;
+    gvd::DeviceError error;
+  };
+  using Result = expected<void, Failure>;
+  [[nodiscard]] Result run_cycle(MonotonicTime now);
+  [[nodiscard]] Result command(MonotonicTime now);
+  [[nodiscard]] Result keep_feel(MonotonicTime now);
+  [[nodiscard]] double angle_rad() const noexcept;
+
+  Configuration configuration_;
+  gvd::DeviceClient knob_;
+  gvd::DeviceClient player_;
+  KnobChannel knob_channel_;
+  PlayerChannels channels_;
+  rpc::CallOptions call_{};
+  Control control_;
+  FollowMeter meter_{};
+  driver::Sample knob_sample_{};
+  PlayerView view_{};
+  std::uint16_t edges_ = 0;
+  bool has_entered_ = false;
+  MonotonicTime next_models_{};
+  std::optional<MonotonicTime> failing_since_{};
+};
+
+}  // namespace rtpm::media
