@@ -1,0 +1,92 @@
+#include <algorithm>
+#include <string>
+
+#include "player.hpp"
+#include "programs.hpp"
+#include "rtpm/rt/clock.hpp"
+
+/// rtpm-media with a simulated knob and the real mpv, each behind the network.
+namespace rtpm::system_test {
+namespace {
+
+class Media : public WithMpv {
+ protected:
+  void SetUp() override {
+    WithMpv::SetUp();
+    if (IsSkipped() || HasFatalFailure()) return;
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+  }
+  [[nodiscard]] std::optional<Daemon> host(const std::string& arguments) const {
+    return start_daemon("rtpm-deviced",
+                        {"--port", "0", "--registry", registry_->url, "--realtime", "off",
+                         "--devices", "knob0,mpv0", "--device-mpv0-arguments", arguments});
+  }
+  [[nodiscard]] std::vector<std::string> media(std::vector<std::string> options) const {
+    options.insert(options.end(),
+                   {"--registry", registry_->url, "--player", "lab/mpv0", "--headless"});
+    return options;
+  }
+
+  std::optional<Daemon> registry_{};
+};
+
+TEST_F(Media, ScrubsAClipForwardsAndBackwards) {
+  start_mpv();
+  const auto devices = host("socket=" + socket_);
+  ASSERT_TRUE(devices);
+  Observer mpv = observe();
+  std::vector<std::string> command = media({"--mode", "scrub", "--fixed-mode", "--seconds", "6"});
+  command.insert(command.begin(), path_of("rtpm-media"));
+  test::Process program(command);
+  double forwards_s = 0;
+  double backwards_s = 0;
+  double before_s = mpv.shown_s().value_or(0);
+  for (const MonotonicTime end = rt::now() + std::chrono::seconds{6}; rt::now() < end;) {
+    rt::sleep_until(rt::now() + std::chrono::milliseconds{5});
+    const double shown_s = mpv.shown_s().value_or(before_s);
+    (shown_s > before_s ? forwards_s : backwards_s) += std::abs(shown_s - before_s);
+    before_s = shown_s;
+  }
+  const auto end = program.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_GT(forwards_s, 1) << end->output;
+  EXPECT_GT(backwards_s, 1) << end->output;
+  EXPECT_NE(end->output.find("scrub ["), std::string::npos) << end->output;
+  const std::size_t summary = end->output.find("followed ");
+  ASSERT_NE(summary, std::string::npos) << end->output;
+  std::printf("%s", end->output.substr(summary).c_str());
+}
+
+TEST_F(Media, ChangesItsModeByTheKnobsButton) {
+  const auto devices = host("headless=yes file=" + clip_);
+  ASSERT_TRUE(devices);
+  const auto end = run_program("rtpm-media", media({"--seconds", "7"}));
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const std::string_view mode : {"speed [", "scrub ["}) {
+    EXPECT_NE(end.output.find(mode), std::string::npos) << mode << " is not in " << end.output;
+  }
+}
+
+TEST_F(Media, EndsWithASentenceWhenSomethingIsMissing) {
+  const auto devices = host("headless=yes file=" + clip_);
+  ASSERT_TRUE(devices);
+  expect_one_sentence(run_program("rtpm-media", media({"--knob", "lab/mpv0"})), 1,
+                      {"lab/mpv0", "--knob"});
+  expect_one_sentence(run_program("rtpm-media", {"--registry", registry_->url, "--player",
+                                                 "lab/nobody", "--headless"}),
+                      1, {"lab/nobody"});
+  expect_one_sentence(run_program("rtpm-media", {"--make-clip", "/no/such/folder/clip.y4m"}), 1,
+                      {"/no/such/folder/clip.y4m"});
+  EXPECT_EQ(run_program("rtpm-media", {"--mode", "dance"}).exit_code, 2);
+}
+
+TEST_F(Media, PlayerWithWrongWordsIsRefused) {
+  const auto end = run_program("rtpm-deviced", {"--port", "0", "--registry", registry_->url,
+                                                "--realtime", "off", "--devices", "mpv0"});
+  expect_one_sentence(end, 1, {"file=CLIP", "socket=PATH"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
