@@ -82,7 +82,7 @@ bool MpvDriver::await_report() {
 expected<void, SetupError> MpvDriver::activate() {
   if (!session_ || is_active_) return setup_error("mpv's driver is not configured");
   seen_corrupt_count_ = session_->corrupt_count();
-  wishes_.write({});
+  requests_.write({});
   report(false);
   is_stopping_.store(false, std::memory_order_relaxed);
   try {
@@ -98,12 +98,12 @@ void MpvDriver::report(bool is_gone) noexcept {
   reports_.write({session_->state(), session_->corrupt_count(), session_->is_late(), is_gone});
 }
 
-/// Looks for a newer wish several times per period, without any wake-up by the device's thread.
+/// Looks for a newer request several times per period, without any wake-up by the device's thread.
 void MpvDriver::run() noexcept {
   const Duration patience = std::max(period_ / 4, Duration{std::chrono::milliseconds{1}});
   bool is_alive = true;
   while (is_alive && !is_stopping_.load(std::memory_order_relaxed)) {
-    is_alive = session_->step(wishes_.read().value_or(Wish{}), patience);
+    is_alive = session_->step(requests_.read().value_or(PlayerRequest{}), patience);
     report(!is_alive);
   }
 }
@@ -111,12 +111,12 @@ void MpvDriver::run() noexcept {
 driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
                                            driver::Sample& sample) noexcept {
   if (!is_active_) return driver::ExchangeStatus::kGone;
-  Wish wish;
+  PlayerRequest request;
   if (command.mode == driver::CommandMode::kOutputs) {
-    wish.rate = clamped(command.outputs[0], -kRateMax, kRateMax, 0);
-    wish.seek_s = clamped(command.outputs[1], kNowhere, kLengthMaxSeconds, kNowhere);
+    request.rate = clamped(command.outputs[0], -kRateMax, kRateMax, 0);
+    request.seek_s = clamped(command.outputs[1], kNowhere, kLengthMaxSeconds, kNowhere);
   }
-  wishes_.write(wish);
+  requests_.write(request);
   const auto report = reports_.read();
   if (report && report->is_gone) return driver::ExchangeStatus::kGone;
   if (!report || report->is_late) return driver::ExchangeStatus::kLate;
@@ -131,7 +131,7 @@ driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
   sample.analogs[2] = analog(player.duration_s, 0, kLengthMaxSeconds);
   sample.analogs[3] = player.is_paused ? 1 : 0;
   sample.analogs[4] = analog(player.frame_s, 0, 1);
-  sample.outputs_applied = {wish.rate, wish.seek_s};
+  sample.outputs_applied = {request.rate, request.seek_s};
   return driver::ExchangeStatus::kOk;
 }
 

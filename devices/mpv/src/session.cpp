@@ -12,11 +12,11 @@ Session::Session(Transport& transport, Duration period)
       next_round_(transport.now()),
       reported_at_(transport.now()) {}
 
-bool Session::step(const std::optional<Wish>& wish, Duration patience) {
+bool Session::step(const std::optional<PlayerRequest>& request, Duration patience) {
   const MonotonicTime now = transport_.now();
   // One that was only just started may take longer.
   if (state_.report_count > 0 && now - reported_at_ > kGoneAfter) return false;
-  if (wish && !tell(*wish, now)) return false;
+  if (request && !send_changes(*request, now)) return false;
   if (!ask(now)) return false;
   std::array<char, 4096> buffer{};
   const Received received = transport_.receive(buffer, patience);
@@ -45,28 +45,28 @@ bool Session::ask(MonotonicTime now) {
                              [this](const char* name) { return send("get_property", {name}); });
 }
 
-bool Session::tell(const Wish& wish, MonotonicTime now) {
-  if (wish.seek_s < 0) told_seek_s_ = wish.seek_s;
+bool Session::send_changes(const PlayerRequest& request, MonotonicTime now) {
+  if (request.seek_s < 0) sent_seek_s_ = request.seek_s;
   const bool is_seeking = seeking_since_ && now - *seeking_since_ < kSeekMax;
-  if (wish.seek_s != told_seek_s_ && !is_seeking) {
-    told_seek_s_ = wish.seek_s;
+  if (request.seek_s != sent_seek_s_ && !is_seeking) {
+    sent_seek_s_ = request.seek_s;
     seeking_since_ = now;
-    if (!send("seek", {static_cast<double>(wish.seek_s), "absolute+exact"})) return false;
+    if (!send("seek", {static_cast<double>(request.seek_s), "absolute+exact"})) return false;
     seek_id_ = last_id_;
     // mpv pauses by itself at the end of the file, so that a player that left it is told again.
-    told_rate_.reset();
+    sent_rate_.reset();
   }
-  if (told_rate_ == wish.rate) return true;
-  told_rate_ = wish.rate;
-  return tell_rate(wish.rate);
+  if (sent_rate_ == request.rate) return true;
+  sent_rate_ = request.rate;
+  return send_rate(request.rate);
 }
 
-bool Session::tell_rate(float rate) {
+bool Session::send_rate(float rate) {
   if (rate == 0) return send("set_property", {"pause", true});
   // Setting the direction seeks, so it is set only where it changes.
   const bool is_backwards = rate < 0;
-  if (told_backwards_ != is_backwards) {
-    told_backwards_ = is_backwards;
+  if (sent_backwards_ != is_backwards) {
+    sent_backwards_ = is_backwards;
     if (!send("set_property", {"play-dir", is_backwards ? "backward" : "forward"})) return false;
   }
   return send("set_property", {"speed", static_cast<double>(std::abs(rate))}) &&
@@ -96,7 +96,7 @@ void Session::finish(MonotonicTime now) {
   const double frames_per_s = number(kFrameRate, 0);
   state_.frame_s = frames_per_s > 0 ? 1 / frames_per_s : 0;
   state_.is_paused = answers_[kPause]->flag.value_or(true);
-  state_.is_backwards = told_backwards_.value_or(false);
+  state_.is_backwards = sent_backwards_.value_or(false);
   ++state_.report_count;
   if (!is_seeking && round_id_ > seek_id_) seeking_since_.reset();
   reported_at_ = now;

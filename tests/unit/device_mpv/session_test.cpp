@@ -18,10 +18,10 @@ constexpr Duration kPeriod = milliseconds{10};
 constexpr Duration kPatience = kPeriod / 4;
 
 /// Steps for `span` of the player's time; false if the player is gone before.
-bool run(Session& session, ScriptedPlayer& player, const Wish& wish, Duration span) {
+bool run(Session& session, ScriptedPlayer& player, const PlayerRequest& request, Duration span) {
   const MonotonicTime end = player.now() + span;
   while (player.now() < end) {
-    if (!session.step(wish, kPatience)) return false;
+    if (!session.step(request, kPatience)) return false;
   }
   return true;
 }
@@ -41,7 +41,7 @@ TEST(MpvSession, KnowsThePlayersState) {
   EXPECT_NEAR(static_cast<double>(session.state().report_count), 5, 1) << "one per period";
 }
 
-TEST(MpvSession, OnlyAsksWithoutAWish) {
+TEST(MpvSession, OnlyAsksWithoutARequest) {
   ScriptedPlayer player;
   Session session(player, kPeriod);
   for (int i = 0; i < 50; ++i)
@@ -123,9 +123,9 @@ TEST(MpvSession, SurvivesEachFaultAtEachCommand) {
       // As the driver does, which gives a player longer to start than to answer.
       while (session.state().report_count == 0)
         ASSERT_TRUE(session.step(std::nullopt, kPatience));
-      const Wish wish{.rate = 0.5F, .seek_s = 3};
+      const PlayerRequest request{.rate = 0.5F, .seek_s = 3};
       const MonotonicTime begin = player.now();
-      const bool lives = run(session, player, wish, std::chrono::seconds{3});
+      const bool lives = run(session, player, request, std::chrono::seconds{3});
       const bool is_mortal = fault == PlayerFault::kDies || fault == PlayerFault::kHangs ||
                              fault == PlayerFault::kGarbage || fault == PlayerFault::kWrongTypes ||
                              fault == PlayerFault::kWrongIds || fault == PlayerFault::kFull;
@@ -146,7 +146,7 @@ TEST(MpvSession, IsLateWhileAnswersAre) {
   Session session(player, kPeriod);
   bool was_late = false;
   for (int i = 0; i < 200; ++i) {
-    ASSERT_TRUE(session.step(Wish{}, kPatience));
+    ASSERT_TRUE(session.step(PlayerRequest{}, kPatience));
     was_late = was_late || session.is_late();
   }
   EXPECT_TRUE(was_late);

@@ -56,7 +56,7 @@ class MpvDriver final : public driver::Driver {
   std::unique_ptr<Transport> transport_{};
   std::optional<Session> session_{};
   Latest<Report> reports_{};
-  Latest<Wish> wishes_{};
+  Latest<PlayerRequest> requests_{};
   std::uint64_t seen_corrupt_count_ = 0;
   bool is_active_ = false;
   std::atomic<bool> is_stopping_{false};

@@ -22,15 +22,15 @@ struct PlayerState {
   std::uint64_t report_count = 0;
 };
 
-/// What the player is asked for.
+/// What a client asks of the player.
 /// @ownership plain value, trivially copyable
-struct Wish {
+struct PlayerRequest {
   float rate = 0;     ///< 0: pause; below 0: backwards.
   float seek_s = -1;  ///< Below 0: nowhere.
 };
 
 /// The conversation with one player: asks for its state once per period, sends what changed in the
-/// wish. The newest wish wins: while the player seeks, no further seek is sent. Time is the
+/// request. The newest request wins: while the player seeks, no further seek is sent. Time is the
 /// transport's, so that a test needs no clock.
 /// @ownership refers to its transport, which must outlive it
 /// @threads  one at a time
@@ -46,9 +46,9 @@ class Session {
   Session(Transport& transport, Duration period);
 
   /// Sends what is due and takes what came; waits for at most `patience`.
-  /// @param wish  nothing: only asks
+  /// @param request  nothing: only asks
   /// @return false: the player is gone
-  [[nodiscard]] bool step(const std::optional<Wish>& wish, Duration patience);
+  [[nodiscard]] bool step(const std::optional<PlayerRequest>& request, Duration patience);
 
   [[nodiscard]] const PlayerState& state() const noexcept { return state_; }
   /// No report for kLateAfter.
@@ -71,8 +71,8 @@ class Session {
   };
 
   [[nodiscard]] bool ask(MonotonicTime now);
-  [[nodiscard]] bool tell(const Wish& wish, MonotonicTime now);
-  [[nodiscard]] bool tell_rate(float rate);
+  [[nodiscard]] bool send_changes(const PlayerRequest& request, MonotonicTime now);
+  [[nodiscard]] bool send_rate(float rate);
   [[nodiscard]] bool send(std::string_view name, std::initializer_list<Word> arguments);
   void take(const Message& message);
   void finish(MonotonicTime now);
@@ -89,9 +89,9 @@ class Session {
   MonotonicTime reported_at_;
   std::uint64_t unreadable_count_ = 0;
 
-  std::optional<float> told_rate_{};
-  std::optional<bool> told_backwards_{};
-  float told_seek_s_ = -1;
+  std::optional<float> sent_rate_{};
+  std::optional<bool> sent_backwards_{};
+  float sent_seek_s_ = -1;
   std::optional<MonotonicTime> seeking_since_{};
   /// Rounds asked before the seek was sent do not say that it has ended.
   std::int64_t seek_id_ = 0;
