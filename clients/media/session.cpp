@@ -41,6 +41,7 @@ Session::Session(Configuration configuration, gvd::DeviceClient knob, gvd::Devic
       knob_channel_(knob_channel),
       channels_(channels),
       control_(knob_channel, channels.rate_max()) {
+  control_.enter(mode_of(configuration_.mode), 0, {});
   call_.priority = configuration_.priority;
   call_.deadline = std::chrono::milliseconds{50};
 }
@@ -85,15 +86,21 @@ Session::Result Session::run_cycle(MonotonicTime now) {
   // A press is two edges; the second, of the release, does not count.
   const std::uint16_t edges = knob_sample_.button_edges[0];
   const bool is_pushed = edges != std::exchange(edges_, edges) && (knob_sample_.buttons & 1u) != 0;
-  if (!has_entered_) {
-    control_.enter(mode_of(configuration_.mode), angle_rad(), view_);
-    has_entered_ = true;
-  } else if (is_pushed && !configuration_.has_fixed_mode) {
-    control_.enter(next(control_.mode()), angle_rad(), view_);
-    next_models_ = now;
+  const bool is_first = duration_s_ < 0;
+  // A file that is loaded later has its own length, and ends that can be felt.
+  const bool is_another_file = std::exchange(duration_s_, view_.duration_s) != view_.duration_s;
+  if (is_pushed && !is_first && !configuration_.has_fixed_mode) {
+    enter(next(control_.mode()), now);
+  } else if (is_another_file) {
+    enter(control_.mode(), now);
   }
   if (const Result commanded = command(now); !commanded) return commanded;
   return keep_feel(now);
+}
+
+void Session::enter(Mode mode, MonotonicTime now) noexcept {
+  control_.enter(mode, angle_rad(), view_);
+  next_models_ = now;
 }
 
 Session::Result Session::command(MonotonicTime now) {

@@ -40,6 +40,7 @@ class Session {
   };
   using Result = expected<void, Failure>;
   [[nodiscard]] Result run_cycle(MonotonicTime now);
+  void enter(Mode mode, MonotonicTime now) noexcept;
   [[nodiscard]] Result command(MonotonicTime now);
   [[nodiscard]] Result keep_feel(MonotonicTime now);
   [[nodiscard]] double angle_rad() const noexcept;
@@ -55,7 +56,7 @@ class Session {
   driver::Sample knob_sample_{};
   PlayerView view_{};
   std::uint16_t edges_ = 0;
-  bool has_entered_ = false;
+  double duration_s_ = -1;  ///< Of the file that the control knows; -1: of none.
   MonotonicTime next_models_{};
   std::optional<MonotonicTime> failing_since_{};
 };

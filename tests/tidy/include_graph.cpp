@@ -45,6 +45,9 @@ const std::vector<Part>& parts() {
        "gvd",
        {"base", "wire", "rt", "rpc", "options", "names", "events", "driver", "configuration",
         "models", "safety"}},
+      {"devices/mpv/plugin/",
+       "",
+       {"base", "rpc", "rt", "names", "introspection", "events", "driver", "gvd", "device_mpv"}},
       {"devices/mpv/", "device_mpv", {"base", "driver"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
       {"devices/",
@@ -77,6 +80,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
       {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
+      {std::regex("mpv/.*"), "libmpv", {"devices/mpv/plugin/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {}},
       // options has the signals and the configuration file that every program shares; driver_host

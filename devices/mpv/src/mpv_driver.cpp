@@ -1,25 +1,10 @@
 #include "rtpm/device_mpv/mpv_driver.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <system_error>
 #include <utility>
 
 namespace rtpm::device_mpv {
-namespace {
-
-constexpr float kNowhere = -1;
-
-float clamped(float value, float low, float high, float otherwise) noexcept {
-  return std::isfinite(value) ? std::clamp(value, low, high) : otherwise;
-}
-
-/// Within the descriptor's range, whatever the player says.
-float analog(double value, double low, double high) noexcept {
-  return static_cast<float>(std::clamp(value, low, high));
-}
-
-}  // namespace
 
 MpvDriver::MpvDriver(OpenTransport open, std::string serial, std::string frame)
     : open_(std::move(open)), serial_(std::move(serial)), frame_(std::move(frame)) {}
@@ -29,22 +14,7 @@ MpvDriver::~MpvDriver() {
 }
 
 driver::Descriptor MpvDriver::describe() const {
-  driver::Descriptor descriptor;
-  descriptor.device_class = driver::DeviceClass::kPlayer;
-  descriptor.model = "mpv media player";
-  descriptor.serial = serial_;
-  descriptor.frame = frame_;
-  descriptor.outputs = {
-      {.name = "rate", .unit = "1", .low = -kRateMax, .high = kRateMax, .safe = 0},
-      {.name = "seek", .unit = "s", .low = kNowhere, .high = kLengthMaxSeconds, .safe = kNowhere}};
-  descriptor.analogs = {{.name = "position", .unit = "s", .low = 0, .high = kLengthMaxSeconds},
-                        {.name = "rate", .unit = "1", .low = -kRateMax, .high = kRateMax},
-                        {.name = "duration", .unit = "s", .low = 0, .high = kLengthMaxSeconds},
-                        {.name = "pause", .unit = "1", .low = 0, .high = 1},
-                        {.name = "frame", .unit = "s", .low = 0, .high = 1}};
-  descriptor.modes = {driver::CommandMode::kOutputs};
-  descriptor.rate_hz = 100;
-  return descriptor;
+  return player_descriptor(serial_, frame_);
 }
 
 expected<void, SetupError> MpvDriver::configure(const driver::DriverConfig& config) {
@@ -111,11 +81,7 @@ void MpvDriver::run() noexcept {
 driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
                                            driver::Sample& sample) noexcept {
   if (!is_active_) return driver::ExchangeStatus::kGone;
-  PlayerRequest request;
-  if (command.mode == driver::CommandMode::kOutputs) {
-    request.rate = clamped(command.outputs[0], -kRateMax, kRateMax, 0);
-    request.seek_s = clamped(command.outputs[1], kNowhere, kLengthMaxSeconds, kNowhere);
-  }
+  const PlayerRequest request = request_of(command);
   requests_.write(request);
   const auto report = reports_.read();
   if (report && report->is_gone) return driver::ExchangeStatus::kGone;
@@ -123,15 +89,8 @@ driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
   if (std::exchange(seen_corrupt_count_, report->corrupt_count) != report->corrupt_count) {
     return driver::ExchangeStatus::kCorrupt;
   }
-  const PlayerState& player = report->state;
-  const double rate = player.is_paused ? 0 : (player.is_backwards ? -player.speed : player.speed);
   sample.host_time = command.cycle_time;
-  sample.analogs[0] = analog(player.position_s, 0, kLengthMaxSeconds);
-  sample.analogs[1] = analog(rate, -kRateMax, kRateMax);
-  sample.analogs[2] = analog(player.duration_s, 0, kLengthMaxSeconds);
-  sample.analogs[3] = player.is_paused ? 1 : 0;
-  sample.analogs[4] = analog(player.frame_s, 0, 1);
-  sample.outputs_applied = {request.rate, request.seek_s};
+  fill(sample, report->state, request);
   return driver::ExchangeStatus::kOk;
 }
 

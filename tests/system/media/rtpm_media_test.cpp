@@ -1,3 +1,5 @@
+#include <signal.h>
+
 #include <algorithm>
 #include <string>
 
@@ -67,6 +69,36 @@ TEST_F(Media, ChangesItsModeByTheKnobsButton) {
   for (const std::string_view mode : {"speed [", "scrub ["}) {
     EXPECT_NE(end.output.find(mode), std::string::npos) << mode << " is not in " << end.output;
   }
+}
+
+/// A player that nothing but the plug-in makes a device: its server and its supplier of events.
+TEST_F(Media, DrivesAPlayerThatHasTheDeviceInside) {
+#ifndef RTPM_MPV_PLUGIN
+  GTEST_SKIP() << "libmpv-dev is not installed, so that the plug-in was not built";
+#else
+  const auto devices =
+      start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
+                                    "off", "--devices", "knob0", "--serve-events"});
+  ASSERT_TRUE(devices);
+  // Not --no-terminal, with which mpv leaves SIGTERM to the system, and does not end in order.
+  mpv_.emplace(std::vector<std::string>{
+      mpv_path(), "--no-config", "--quiet", "--vo=null", "--ao=null", "--idle=yes", "--pause",
+      "--keep-open=yes", "--script=" RTPM_MPV_PLUGIN,
+      "--script-opts=rtpm-name=lab/mpv0,rtpm-registry=" + registry_->url, clip_});
+  ASSERT_TRUE(mpv_->wait_for_output("serving lab/mpv0 at ", kPatience)) << mpv_->errors();
+  const auto end =
+      run_program("rtpm-media", media({"--mode", "scrub", "--fixed-mode", "--seconds", "6"}));
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("scrub [=="), std::string::npos) << end.output;
+  const auto shown =
+      run_program("rtpm-display", {"--registry", registry_->url, "--devices", "lab/mpv0",
+                                   "--seconds", "1.5", "--live", "lines"});
+  EXPECT_NE(shown.output.find("position"), std::string::npos) << shown.output << shown.errors;
+  mpv_->send_signal(SIGTERM);
+  const auto ended = mpv_->wait(kPatience);
+  ASSERT_TRUE(ended) << "the plug-in ends with its player";
+  EXPECT_TRUE(ended->exit_code) << "in order, and not by a crash";
+#endif
 }
 
 TEST_F(Media, EndsWithASentenceWhenSomethingIsMissing) {

@@ -13,14 +13,11 @@
 
 namespace rtpm::device_mpv {
 
-/// A media player: outputs "rate" (1 plays, 0 pauses, negative plays backwards) and "seek" (jumps
-/// there when it changes; below zero: nowhere), analogs "position", "rate", "duration", "pause" and
-/// "frame" (the length of one). It pauses without a command, also a player that it joined.
+/// A media player, with the channels of player_descriptor(). It pauses without a command, also a
+/// player that it joined.
 /// @threads  the player is talked to by a thread of its own, from activate() to deactivate()
 class MpvDriver final : public driver::Driver {
  public:
-  static constexpr float kRateMax = 4;
-  static constexpr double kLengthMaxSeconds = 86'400;
   /// How long configure() waits for the first report of a player, and then for a file.
   static constexpr Duration kStartMax = std::chrono::seconds{5};
   static constexpr Duration kLoadMax = std::chrono::seconds{2};

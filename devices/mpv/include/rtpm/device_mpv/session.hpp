@@ -5,29 +5,11 @@
 #include <optional>
 
 #include "rtpm/base/time.hpp"
+#include "rtpm/device_mpv/player.hpp"
 #include "rtpm/device_mpv/protocol.hpp"
 #include "rtpm/device_mpv/transport.hpp"
 
 namespace rtpm::device_mpv {
-
-/// The player as it last said.
-/// @ownership plain value, trivially copyable
-struct PlayerState {
-  double position_s = 0;  ///< Of the picture shown.
-  double duration_s = 0;  ///< 0: nothing is loaded, or the length is unknown.
-  double speed = 1;       ///< As set, also while paused.
-  double frame_s = 0;     ///< Length of a frame; 0: no video.
-  bool is_paused = true;
-  bool is_backwards = false;
-  std::uint64_t report_count = 0;
-};
-
-/// What a client asks of the player.
-/// @ownership plain value, trivially copyable
-struct PlayerRequest {
-  float rate = 0;     ///< 0: pause; below 0: backwards.
-  float seek_s = -1;  ///< Below 0: nowhere.
-};
 
 /// The conversation with one player: asks for its state once per period, sends what changed in the
 /// request. The newest request wins: while the player seeks, no further seek is sent. Time is the

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/driver/command.hpp"
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/driver/sample.hpp"
+
+/// What mpv looks like as a device, however it is reached.
+namespace rtpm::device_mpv {
+
+inline constexpr float kRateMax = 4;
+inline constexpr double kLengthMaxSeconds = 86'400;
+
+/// The player as it last said.
+/// @ownership plain value, trivially copyable
+struct PlayerState {
+  double position_s = 0;  ///< Of the picture shown.
+  double duration_s = 0;  ///< 0: nothing is loaded, or the length is unknown.
+  double speed = 1;       ///< As set, also while paused.
+  double frame_s = 0;     ///< Length of a frame; 0: no video.
+  bool is_paused = true;
+  bool is_backwards = false;
+  std::uint64_t report_count = 0;
+};
+
+/// What a client asks of the player.
+/// @ownership plain value, trivially copyable
+struct PlayerRequest {
+  float rate = 0;     ///< 0: pause; below 0: backwards.
+  float seek_s = -1;  ///< Below 0: nowhere.
+};
+
+/// Outputs "rate" (1 plays, 0 pauses, negative plays backwards) and "seek" (jumps there when it
+/// changes; below zero: nowhere), analogs "position", "rate", "duration", "pause" and "frame".
+/// @realtime set-up only
+[[nodiscard]] driver::Descriptor player_descriptor(std::string serial, std::string frame);
+
+/// Within the descriptor's ranges, whatever the command says; in any other mode a pause.
+/// @realtime alloc-free
+[[nodiscard]] PlayerRequest request_of(const driver::Command& command) noexcept;
+
+/// Fills what the descriptor names, within its ranges, whatever the player says.
+/// @realtime alloc-free
+void fill(driver::Sample& sample, const PlayerState& player, const PlayerRequest& request) noexcept;
+
+}  // namespace rtpm::device_mpv

@@ -1,0 +1,68 @@
+#pragma once
+
+#include <mpv/client.h>
+
+#include <atomic>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/latest.hpp"
+#include "rtpm/device_mpv/player.hpp"
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::mpv_plugin {
+
+/// What the device's thread and the plug-in's thread, which alone calls mpv, pass each other.
+/// @threads  each side from one
+/// @realtime wait-free
+struct Exchange {
+  Latest<device_mpv::PlayerState> state{};      ///< By the plug-in's thread.
+  Latest<device_mpv::PlayerRequest> request{};  ///< By the device's thread.
+  std::atomic<bool> is_over{false};             ///< mpv ends.
+};
+
+/// The player around this program as a driver.
+/// @ownership refers to the exchange, which must outlive it
+class InsideDriver final : public driver::Driver {
+ public:
+  InsideDriver(Exchange& exchange, std::string serial, std::string frame)
+      : exchange_(exchange), serial_(std::move(serial)), frame_(std::move(frame)) {}
+  [[nodiscard]] driver::Descriptor describe() const override {
+    return device_mpv::player_descriptor(serial_, frame_);
+  }
+  [[nodiscard]] expected<void, SetupError> configure(const driver::DriverConfig& config) override;
+  [[nodiscard]] expected<void, SetupError> activate() override;
+  [[nodiscard]] driver::ExchangeStatus exchange(const driver::Command& command,
+                                                driver::Sample& sample) noexcept override;
+  void deactivate() noexcept override { is_active_ = false; }
+
+ private:
+  Exchange& exchange_;
+  std::string serial_;
+  std::string frame_;
+  bool is_active_ = false;
+};
+
+/// mpv, as the plug-in's thread has it: tells it what changed, asks it for its state.
+/// @threads  the plug-in's
+/// @realtime set-up only
+class Player {
+ public:
+  explicit Player(mpv_handle* handle) noexcept : handle_(handle) {}
+  void apply(const device_mpv::PlayerRequest& request);
+  [[nodiscard]] const device_mpv::PlayerState& look();
+
+ private:
+  [[nodiscard]] double number(const char* property, double otherwise) const;
+  [[nodiscard]] bool flag(const char* property, bool otherwise) const;
+  void seek(double position_s);
+  void set_rate(float rate);
+
+  mpv_handle* handle_;
+  device_mpv::PlayerState state_{};
+  std::optional<float> sent_rate_{};
+  float sent_seek_s_ = -1;
+  bool is_backwards_ = false;
+};
+
+}  // namespace rtpm::mpv_plugin
