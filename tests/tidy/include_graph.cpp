@@ -48,12 +48,18 @@ const std::vector<Part>& parts() {
       {"devices/mpv/plugin/",
        "",
        {"base", "rpc", "rt", "names", "introspection", "events", "driver", "gvd", "device_mpv"}},
+      {"devices/io/", "device_io", {"base", "rt"}},
       {"devices/mpv/", "device_mpv", {"base", "driver"}},
+      {"devices/evdev/", "device_evdev", {"base", "rt", "driver", "device_io"}},
+      {"devices/falcon/", "device_falcon", {"base", "rt", "driver", "device_io"}},
+      {"devices/hid/", "device_hid", {"base", "rt", "driver", "device_io"}},
+      {"devices/serial/", "device_serial", {"base", "rt", "driver", "device_io"}},
       {"devices/sim/", "device_sim", {"base", "driver"}},
       {"devices/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "events", "driver",
-        "driver_host", "configuration", "safety", "gvd", "device_mpv", "device_sim"}},
+        "driver_host", "configuration", "safety", "gvd", "device_evdev", "device_falcon",
+        "device_hid", "device_io", "device_mpv", "device_serial", "device_sim"}},
       {"clients/rtpm/",
        "",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema", "driver",
@@ -78,18 +84,23 @@ struct Foreign {
 const std::vector<Foreign>& foreigners() {
   static const std::vector<Foreign> kForeigners{
       {std::regex("flatbuffers/.*"), "FlatBuffers", {"schema/", "runtime/rpc/"}},
-      {std::regex("Eigen/.*"), "Eigen", {"devices/sim/", "gvd/", "clients/"}},
+      {std::regex("Eigen/.*"), "Eigen", {"devices/falcon/", "devices/sim/", "gvd/", "clients/"}},
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
       {std::regex("mpv/.*"), "libmpv", {"devices/mpv/plugin/"}},
+      {std::regex("libusb.*"), "libusb", {"devices/falcon/src/"}},
+      {std::regex("hidapi.*"), "hidapi", {"devices/hid/src/"}},
+      {std::regex("libserialport\\.h"), "libserialport", {"devices/serial/src/"}},
+      {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {}},
       // options has the signals and the configuration file that every program shares; driver_host
-      // loads plug-ins; devices/mpv starts a program.
+      // loads plug-ins; the devices are drivers of hardware and a program that devices/mpv starts.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
        {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/",
-        "devices/mpv/src/"}},
+        "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/", "devices/io/src/",
+        "devices/mpv/src/", "devices/serial/src/"}},
   };
   return kForeigners;
 }

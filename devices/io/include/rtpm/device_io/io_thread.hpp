@@ -1,0 +1,36 @@
+#pragma once
+
+#include <atomic>
+#include <functional>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::device_io {
+
+/// The thread of a driver that talks to its hardware, so that exchange() never waits for it. Pass
+/// values to and from it by base::Latest.
+/// @threads  start and stop from one thread
+class IoThread {
+ public:
+  IoThread() = default;
+  IoThread(const IoThread&) = delete;
+  IoThread& operator=(const IoThread&) = delete;
+  /// Stops.
+  ~IoThread() { stop(); }
+
+  /// Calls `step` until it returns false or stop() is called. `step` waits for its hardware, with a
+  /// deadline of at most some 100 ms: so long may stop() take.
+  /// @param step  throws nothing
+  /// @errors   as of rt::Thread::start()
+  [[nodiscard]] expected<void, SetupError> start(const rt::ThreadConfig& config,
+                                                 std::function<bool()> step);
+  /// Waits until `step` has returned. No effect if not started.
+  void stop() noexcept;
+
+ private:
+  std::atomic<bool> is_stopping_{false};
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::device_io
