@@ -11,24 +11,17 @@ namespace {
 
 constexpr std::size_t kDeviceNameSizeMax = 24;
 
-/// "arm" of "arm0", where that is a driver's name; else the arm.
+/// "arm" of "arm0", where that is a driver's name; else the default.
 std::string driver_named_like(const std::string& name) {
   const std::string word = name.substr(0, name.find_last_not_of("0123456789") + 1);
-  return std::ranges::count(simulated_drivers(), word) > 0 ? word : simulated_drivers().front();
-}
-
-std::string words(const std::vector<std::string>& choices) {
-  std::string text;
-  for (const std::string& choice : choices)
-    text += (text.empty() ? "" : ", ") + choice;
-  return text;
+  return is_driver(word) ? word : drivers().front().name;
 }
 
 void add_device(options::Options& options, DeviceSettings& device) {
   const std::string key = "device-" + device.name + "-";
-  options.add(key + "driver", device.driver,
-              "One of " + words(simulated_drivers()) + "; else the file of a plug-in");
-  options.add(key + "arguments", device.arguments, "mpv, plug-in: what it is told, in its own words");
+  options.add(key + "driver", device.driver, "One of --list-drivers; else the file of a plug-in");
+  options.add(key + "arguments", device.arguments,
+              "real devices, plug-ins: what the driver is told, in its own words");
   options.add(key + "serial", device.serial,
               "simulated: its serial number; empty: made of its name");
   options.add(key + "seed", device.seed, "simulated: fixes whatever looks random");
@@ -59,6 +52,9 @@ void add_device(options::Options& options, DeviceSettings& device) {
 }
 
 void add_devices(options::Options& options, Configuration& configuration) {
+  options.add("list-drivers", configuration.lists_drivers, "List the drivers, and end");
+  options.add("probe", configuration.probes,
+              "List the devices at this machine, with the driver and the rights of each, and end");
   options.add("folder", configuration.folder, "The devices' names at the registry are FOLDER/NAME");
   options.add_group("devices", configuration.names,
                     "The names of the devices, each with options as below", kDeviceNameSizeMax,

@@ -17,8 +17,8 @@ namespace rtpm::deviced {
 /// The options of one hosted device.
 struct DeviceSettings {
   std::string name{};       ///< In options and, behind the folder, at the registry.
-  std::string driver{};     ///< A simulated one's name, or a plug-in's file.
-  std::string arguments{};  ///< For a plug-in.
+  std::string driver{};     ///< One of drivers(), or a plug-in's file.
+  std::string arguments{};  ///< For a real device or a plug-in.
   std::string serial{};     ///< Of a simulated one; empty: made of its name.
   std::string hand{};       ///< Of the arm: a recorded hand; empty: PressingPath.
   bool is_free = false;     ///< Of the arm: no hand.
@@ -39,6 +39,8 @@ struct DeviceSettings {
 
 /// The options of rtpm-deviced.
 struct Configuration {
+  bool lists_drivers = false;  ///< Prints them and ends.
+  bool probes = false;         ///< Prints the devices at this machine and ends.
   std::string folder = "lab";
   std::vector<std::string> names{"arm0"};  ///< Of the devices.
   std::vector<DeviceSettings> devices{};   ///< One per name.

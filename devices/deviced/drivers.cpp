@@ -1,6 +1,7 @@
 #include "drivers.hpp"
 
 #include <algorithm>
+#include <array>
 
 #include "rtpm/device_mpv/mpv_driver.hpp"
 #include "rtpm/device_mpv/settings.hpp"
@@ -11,6 +12,32 @@
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
+// A driver whose library was not found is not built, and its header not in sight.
+#if __has_include("rtpm/device_evdev/open.hpp")
+#include "rtpm/device_evdev/open.hpp"
+#define RTPM_EVDEV &make_hardware<&device_evdev::open>, &device_evdev::probe
+#else
+#define RTPM_EVDEV nullptr, nullptr
+#endif
+#if __has_include("rtpm/device_falcon/open.hpp")
+#include "rtpm/device_falcon/open.hpp"
+#define RTPM_FALCON &make_hardware<&device_falcon::open>, &device_falcon::probe
+#else
+#define RTPM_FALCON nullptr, nullptr
+#endif
+#if __has_include("rtpm/device_hid/open.hpp")
+#include "rtpm/device_hid/open.hpp"
+#define RTPM_HID &make_hardware<&device_hid::open>, &device_hid::probe
+#else
+#define RTPM_HID nullptr, nullptr
+#endif
+#if __has_include("rtpm/device_serial/open.hpp")
+#include "rtpm/device_serial/open.hpp"
+#define RTPM_SERIAL &make_hardware<&device_serial::open>, &device_serial::probe
+#else
+#define RTPM_SERIAL nullptr, nullptr
+#endif
+
 namespace rtpm::deviced {
 namespace {
 
@@ -19,7 +46,16 @@ using Made = expected<std::unique_ptr<driver::Driver>, SetupError>;
 /// As of a real arm that was not calibrated.
 constexpr double kEncoderErrorMetres = 1e-3;
 
-Made make_arm(const DeviceSettings& device, const device_sim::TwinConfig& twin) {
+device_sim::TwinConfig twin_of(const DeviceSettings& device) {
+  device_sim::TwinConfig twin;
+  twin.serial = device.serial.empty() ? "sim-" + device.name : device.serial;
+  twin.frame = device.name + "/base";
+  twin.seed = device.seed;
+  return twin;
+}
+
+Made make_arm(const DeviceSettings& device) {
+  const device_sim::TwinConfig twin = twin_of(device);
   device_sim::SimConfig arm;
   arm.is_held = !device.is_free;
   arm.hand_file = device.hand;
@@ -33,60 +69,79 @@ Made make_arm(const DeviceSettings& device, const device_sim::TwinConfig& twin) 
 }
 
 template <class Driver>
-Made make_twin(const DeviceSettings&, const device_sim::TwinConfig& twin) {
-  return std::unique_ptr<driver::Driver>(std::make_unique<Driver>(twin));
+Made make_twin(const DeviceSettings& device) {
+  return std::unique_ptr<driver::Driver>(std::make_unique<Driver>(twin_of(device)));
 }
 
-Made make_mpv(const DeviceSettings& device, const device_sim::TwinConfig& twin) {
+Made make_mpv(const DeviceSettings& device) {
   const auto settings = device_mpv::read_settings(device.arguments);
   if (!settings) return unexpected{settings.error()};
   const std::string serial = device.serial.empty() ? "mpv-" + device.name : device.serial;
-  return std::unique_ptr<driver::Driver>(
-      std::make_unique<device_mpv::MpvDriver>(device_mpv::open_mpv(*settings), serial, twin.frame));
+  return std::unique_ptr<driver::Driver>(std::make_unique<device_mpv::MpvDriver>(
+      device_mpv::open_mpv(*settings), serial, device.name + "/base"));
 }
 
-struct Simulated {
-  const char* name;
-  Made (*make)(const DeviceSettings&, const device_sim::TwinConfig&);
+/// @tparam open  of a driver of hardware: (arguments, name of the device)
+template <auto open>
+[[maybe_unused]] Made make_hardware(const DeviceSettings& device) {
+  return open(device.arguments, device.name);
+}
+
+constexpr std::array kDrivers{
+    DriverInfo{"arm", "simulated: a haptic arm in a hand", &make_arm, nullptr, ""},
+    DriverInfo{"biometric", "simulated: pulse and skin conductance",
+               &make_twin<device_sim::BiometricDriver>, nullptr, ""},
+    DriverInfo{"gaze", "simulated: a gaze tracker", &make_twin<device_sim::GazeDriver>, nullptr,
+               ""},
+    DriverInfo{"knob", "simulated: a knob with a motor", &make_twin<device_sim::KnobDriver>,
+               nullptr, ""},
+    DriverInfo{"player", "simulated: a media player", &make_twin<device_sim::PlayerDriver>, nullptr,
+               ""},
+    DriverInfo{"mpv", "the media player mpv", &make_mpv, nullptr, ""},
+    DriverInfo{"evdev", "input devices of Linux, with force feedback", RTPM_EVDEV, "libevdev-dev"},
+    DriverInfo{"falcon", "Novint Falcon", RTPM_FALCON, "libusb-1.0-0-dev"},
+    DriverInfo{"hid", "3Dconnexion SpaceMouse, game pads, DualShock 4, DualSense, OpenFFBoard",
+               RTPM_HID, "libhidapi-dev"},
+    DriverInfo{"serial", "microcontroller boards at a serial port", RTPM_SERIAL,
+               "libserialport-dev"},
 };
-constexpr std::array kSimulated{
-    Simulated{"arm", &make_arm},
-    Simulated{"biometric", &make_twin<device_sim::BiometricDriver>},
-    Simulated{"gaze", &make_twin<device_sim::GazeDriver>},
-    Simulated{"knob", &make_twin<device_sim::KnobDriver>},
-    Simulated{"mpv", &make_mpv},
-    Simulated{"player", &make_twin<device_sim::PlayerDriver>},
-};
+
+const DriverInfo* find(std::string_view name) {
+  return std::ranges::find_if(kDrivers, [&](const DriverInfo& info) { return info.name == name; });
+}
 
 }  // namespace
 
-const std::vector<std::string>& simulated_drivers() {
-  static const std::vector<std::string> names = [] {
-    std::vector<std::string> found;
-    for (const Simulated& simulated : kSimulated)
-      found.emplace_back(simulated.name);
-    return found;
-  }();
+std::span<const DriverInfo> drivers() {
+  return kDrivers;
+}
+
+std::string driver_names() {
+  std::string names;
+  for (const DriverInfo& info : kDrivers)
+    names += std::string(names.empty() ? "" : ", ") + info.name;
   return names;
+}
+
+bool is_driver(std::string_view name) {
+  return find(name) != kDrivers.end();
 }
 
 Made make_driver(const DeviceSettings& device) {
   if (device.driver.find('/') != std::string::npos || device.driver.ends_with(".so")) {
     return driver_host::load_plugin(device.driver, device.arguments);
   }
-  const auto* const simulated = std::ranges::find(kSimulated, device.driver, &Simulated::name);
-  if (simulated == kSimulated.end()) {
-    std::string names;
-    for (const std::string& name : simulated_drivers())
-      names += (names.empty() ? "" : ", ") + name;
+  const DriverInfo* const info = find(device.driver);
+  if (info == kDrivers.end()) {
     return setup_error("there is no driver '" + device.driver + "'", "",
-                       "name one of " + names + ", or the file of a plug-in");
+                       "name one of " + driver_names() + ", or the file of a plug-in");
   }
-  device_sim::TwinConfig twin;
-  twin.serial = device.serial.empty() ? "sim-" + device.name : device.serial;
-  twin.frame = device.name + "/base";
-  twin.seed = device.seed;
-  return simulated->make(device, twin);
+  if (info->make == nullptr) {
+    return setup_error(
+        "this build has no driver '" + device.driver + "'", "its library was not found",
+        std::string("install the Debian package ") + info->package + " and build again");
+  }
+  return info->make(device);
 }
 
 }  // namespace rtpm::deviced

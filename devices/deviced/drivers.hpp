@@ -1,21 +1,41 @@
 #pragma once
 
 #include <memory>
+#include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "configuration.hpp"
 #include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_io/found_device.hpp"
 #include "rtpm/driver/driver.hpp"
 
 namespace rtpm::deviced {
 
-/// The names of the simulated drivers: "arm", …; the first is the default.
-[[nodiscard]] const std::vector<std::string>& simulated_drivers();
+/// A driver that this program has without a plug-in.
+struct DriverInfo {
+  const char* name;     ///< As --device-NAME-driver takes it.
+  const char* devices;  ///< Which it serves, for people.
+  /// Null: left out of this build for want of `package`.
+  expected<std::unique_ptr<driver::Driver>, SetupError> (*make)(const DeviceSettings&);
+  std::vector<device_io::FoundDevice> (*probe)();  ///< Null: there is nothing to look for.
+  const char* package;  ///< Debian's, which its build needs; empty: none.
+};
 
-/// Makes the driver that the settings name: a simulated one, or a plug-in's.
+/// All of them, also those left out; the first is the default.
+[[nodiscard]] std::span<const DriverInfo> drivers();
+
+/// Their names, comma-separated.
+[[nodiscard]] std::string driver_names();
+
+/// Whether one of them has this name.
+[[nodiscard]] bool is_driver(std::string_view name);
+
+/// Makes the driver that the settings name, or a plug-in's.
 /// @realtime set-up only
-/// @errors   no such driver; a broken recording; as driver_host::load_plugin()
+/// @errors   no such driver; left out of this build; wrong arguments; a broken recording; as
+///           driver_host::load_plugin()
 [[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> make_driver(
     const DeviceSettings& device);
 

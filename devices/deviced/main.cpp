@@ -13,6 +13,7 @@
 #include "device_events.hpp"
 #include "flight_files.hpp"
 #include "hosted_device.hpp"
+#include "inventory.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
@@ -162,5 +163,9 @@ int main(int argc, char** argv) {
   if (const auto exit_code = rtpm::deviced::read_configuration(argc, argv, configuration)) {
     return *exit_code;
   }
+  using namespace rtpm::deviced;
+  if (configuration.lists_drivers) std::fputs(list_text(drivers()).c_str(), stdout);
+  if (configuration.probes) std::fputs(probe_text(probe(drivers())).c_str(), stdout);
+  if (configuration.lists_drivers || configuration.probes) return 0;
   return rtpm::deviced::serve(configuration);
 }

@@ -56,6 +56,17 @@ TEST(BadDevices, AnUnknownDriverIsNamedWithThoseThereAre) {
                  {"lab/lever", "'gripper'", "arm, biometric, gaze, knob, player", "plug-in"});
 }
 
+TEST(Inventory, ListsDriversAndDevicesAndEnds) {
+  const auto listed = run_program("rtpm-deviced", {"--list-drivers"});
+  EXPECT_EQ(listed.exit_code, 0) << listed.errors;
+  for (const std::string_view name : {"arm", "mpv", "evdev", "falcon", "hid", "serial"})
+    EXPECT_NE(("\n" + listed.output).find("\n" + std::string(name) + " "), std::string::npos)
+        << name;
+  const auto probed = run_program("rtpm-deviced", {"--probe"});
+  EXPECT_EQ(probed.exit_code, 0) << probed.errors;
+  EXPECT_NE(probed.output, "") << "what is here, or that nothing is";
+}
+
 TEST(BadDevices, APlugInThatCantBeLoadedIsNamed) {
   expect_refusal({"--devices", "lever", "--device-lever-driver", "/nowhere/lever.so"}, 1,
                  {"lab/lever", "/nowhere/lever.so", "No such file", "Remedy"});

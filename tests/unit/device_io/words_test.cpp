@@ -25,9 +25,10 @@ TEST(Words, AreRefusedInWordsThatNameTheKnownOnes) {
     const auto read = device_io::read_words("serial", words, kKnown);
     return read ? "taken" : read.error().text();
   };
-  EXPECT_EQ(text("sped=9600"),
-            "the driver serial does not know the word 'sped'; give words like 'name=value'; the "
-            "names are port, speed, file");
+  EXPECT_EQ(
+      text("sped=9600"),
+      "the driver serial does not know the word 'sped'. Remedy: give words like 'name=value'; "
+      "the names are port, speed, file.");
   EXPECT_NE(text("port").find("needs a value for 'port'"), std::string::npos);
   EXPECT_NE(text("port=").find("needs a value for 'port'"), std::string::npos);
   EXPECT_NE(text("file=").find("needs a value for 'file'"), std::string::npos);

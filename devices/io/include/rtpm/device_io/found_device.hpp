@@ -8,13 +8,13 @@ namespace rtpm::device_io {
 
 /// A device that a driver's probe() found on this machine. The device's own words are not escaped.
 struct FoundDevice {
-  std::string driver;         ///< That takes it: "hid".
-  std::string model;          ///< "3Dconnexion SpaceNavigator".
-  std::string serial;         ///< Empty: it has none.
-  std::string node;           ///< Which is opened: "/dev/hidraw0".
-  std::string arguments;      ///< For the driver, so that it takes this one: "node=/dev/hidraw0".
-  std::string missing_right;  ///< As missing_right() says; empty: this process may open it.
-  std::string udev_rule;      ///< That gives the right to the user at the machine.
+  std::string driver{};         ///< That takes it: "hid".
+  std::string model{};          ///< "3Dconnexion SpaceNavigator".
+  std::string serial{};         ///< Empty: it has none.
+  std::string node{};           ///< Which is opened: "/dev/hidraw0".
+  std::string arguments{};      ///< For the driver, so that it takes this one: "node=/dev/hidraw0".
+  std::string missing_right{};  ///< As missing_right() says; empty: this process may open it.
+  std::string udev_rule{};      ///< That gives the right to the user at the machine.
 };
 
 /// What keeps this process from reading and writing `node`: "reading and writing /dev/hidraw0",

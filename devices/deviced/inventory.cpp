@@ -1,0 +1,85 @@
+#include "inventory.hpp"
+
+#include <algorithm>
+#include <iterator>
+#include <map>
+#include <set>
+
+#include "rtpm/base/printable.hpp"
+
+namespace rtpm::deviced {
+namespace {
+
+constexpr std::size_t kNameWidth = 11;
+constexpr const char* kRulesFile = "/etc/udev/rules.d/70-rtpm.rules";
+
+std::string padded(std::string_view text) {
+  std::string cell(text);
+  cell.resize(std::max(cell.size() + 1, kNameWidth), ' ');
+  return cell;
+}
+
+/// For a shell, in single quotes.
+std::string quoted(std::string_view text) {
+  std::string word = "'";
+  for (const char letter : text)
+    word += letter == '\'' ? std::string("'\\''") : std::string(1, letter);
+  return word + "'";
+}
+
+/// @param name  free for this device: "falcon0"
+std::string paragraph(const device_io::FoundDevice& device, const std::string& name) {
+  std::string text = padded(device.driver) + printable(device.model);
+  if (!device.serial.empty()) text += ", serial " + printable(device.serial);
+  text += ", at " + printable(device.node) + "\n";
+  const std::string indent(kNameWidth, ' ');
+  text += indent + "rtpm-deviced --devices " + name + " --device-" + name + "-arguments " +
+          printable(quoted(device.arguments)) + "\n";
+  if (!device.missing_right.empty()) {
+    text += indent + "missing: " + printable(device.missing_right) + "\n";
+  }
+  return text;
+}
+
+}  // namespace
+
+std::string list_text(std::span<const DriverInfo> drivers) {
+  std::string text;
+  for (const DriverInfo& info : drivers) {
+    text += padded(info.name) + info.devices;
+    if (info.make == nullptr) {
+      text += std::string(" (not in this build; it needs the Debian package ") + info.package + ")";
+    }
+    text += '\n';
+  }
+  return text;
+}
+
+std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers) {
+  std::vector<device_io::FoundDevice> devices;
+  for (const DriverInfo& info : drivers) {
+    if (info.probe != nullptr) std::ranges::move(info.probe(), std::back_inserter(devices));
+  }
+  return devices;
+}
+
+std::string probe_text(const std::vector<device_io::FoundDevice>& devices) {
+  if (devices.empty()) {
+    return "no device that a driver takes is plugged in; --list-drivers lists the drivers\n";
+  }
+  std::string text;
+  std::map<std::string, int> counts;
+  std::set<std::string> rules;
+  for (const device_io::FoundDevice& device : devices) {
+    const int number = counts[device.driver]++;
+    text += paragraph(device, device.driver + std::to_string(number));
+    if (!device.missing_right.empty() && !device.udev_rule.empty()) rules.insert(device.udev_rule);
+  }
+  if (rules.empty()) return text;
+  text += std::string("\nTo get the missing rights, put into ") + kRulesFile + "\n\n";
+  for (const std::string& rule : rules)
+    text += "    " + printable(rule) + "\n";
+  return text + "\nthen run 'udevadm control --reload && udevadm trigger' as root.\n";
+}
+
+}  // namespace rtpm::deviced

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "drivers.hpp"
+#include "rtpm/device_io/found_device.hpp"
+
+/// What --list-drivers and --probe print.
+namespace rtpm::deviced {
+
+/// A line per driver: its name and which devices it serves, or what its build lacks.
+[[nodiscard]] std::string list_text(std::span<const DriverInfo> drivers);
+
+/// What each driver's probe() finds.
+/// @realtime set-up only: asks the hardware
+[[nodiscard]] std::vector<device_io::FoundDevice> probe(std::span<const DriverInfo> drivers);
+
+/// A paragraph per device: what it is, how to serve it, which right is missing; then the udev rules
+/// that give the rights. The devices' own words are escaped.
+[[nodiscard]] std::string probe_text(const std::vector<device_io::FoundDevice>& devices);
+
+}  // namespace rtpm::deviced
