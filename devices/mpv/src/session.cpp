@@ -5,6 +5,11 @@
 #include <cmath>
 
 namespace rtpm::device_mpv {
+namespace {
+
+constexpr float kNowhere = -1;
+
+}  // namespace
 
 Session::Session(Transport& transport, Duration period)
     : transport_(transport),
@@ -76,7 +81,10 @@ bool Session::send_rate(float rate) {
 void Session::take(const Message& message) {
   if (std::holds_alternative<Unreadable>(message)) ++unreadable_count_;
   const auto* const reply = std::get_if<Reply>(&message);
-  if (reply == nullptr || round_id_ == 0) return;
+  if (reply == nullptr) return;
+  // A player that still loads its file refuses to seek, and is told again in the next round.
+  if (reply->request_id == seek_id_ && !reply->is_success) sent_seek_s_ = kNowhere;
+  if (round_id_ == 0) return;
   // Unsigned: a foreign number below the round's first is above every question, too.
   const auto question =
       static_cast<std::uint64_t>(reply->request_id) - static_cast<std::uint64_t>(round_id_);

@@ -32,7 +32,8 @@ void ScriptedPlayer::take(const std::string& line) {
   } else {
     commands_.push_back(text);
   }
-  if (name == "seek") {
+  const bool is_loaded = !is_faulty() || fault_ != PlayerFault::kNothingLoaded;
+  if (name == "seek" && is_loaded) {
     position_s_ = words[1];
     seek_end_ = now_ + seek_time_;
   } else if (name == "set_property") {

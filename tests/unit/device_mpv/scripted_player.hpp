@@ -23,7 +23,7 @@ enum class PlayerFault : std::uint8_t {
   kLongLine,       ///< A line of 20 kB comes in front of each answer.
   kSplit,          ///< Answers come one byte at a time.
   kFull,           ///< It does not read, and there is no room for another command.
-  kNothingLoaded,  ///< Each property is unavailable.
+  kNothingLoaded,  ///< Each property is unavailable, each seek refused.
 };
 inline constexpr PlayerFault kLastPlayerFault = PlayerFault::kNothingLoaded;
 

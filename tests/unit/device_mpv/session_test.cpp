@@ -90,6 +90,20 @@ TEST(MpvSession, SeeksToTheNewestTargetWhenASeekEnds) {
   EXPECT_EQ(session.state().position_s, 12.5);
 }
 
+TEST(MpvSession, SeeksAgainWhenAPlayerThatStillLoadsRefused) {
+  ScriptedPlayer player(PlayerFault::kNothingLoaded);
+  Session session(player, kPeriod);
+  const PlayerRequest request{.rate = 0, .seek_s = 7};
+  ASSERT_TRUE(run(session, player, request, milliseconds{500}));
+  EXPECT_LE(count(player, "seek"), 51u) << "at most once per period";
+  player.set_fault(PlayerFault::kNone);
+  ASSERT_TRUE(run(session, player, request, milliseconds{50}));
+  EXPECT_EQ(player.position_s(), 7);
+  const std::size_t seek_count = count(player, "seek");
+  ASSERT_TRUE(run(session, player, request, milliseconds{500}));
+  EXPECT_EQ(count(player, "seek"), seek_count) << "taken once";
+}
+
 TEST(MpvSession, StatesThePictureShownAndNotTheTarget) {
   ScriptedPlayer player;
   player.set_seek_time(milliseconds{80});
