@@ -1,0 +1,76 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+
+/// Recordings: files in the format MCAP, which Foxglove and others read.
+/// @source   https://mcap.dev/spec
+namespace rtpm::recording {
+
+/// How chunks are compressed.
+enum class Compression : std::uint8_t { kNone, kLz4, kZstd };
+
+/// How the payloads of a channel are to be read.
+/// @ownership a value
+struct Schema {
+  std::string name;             ///< "lab.Touched".
+  std::string encoding;         ///< "flatbuffer" of a reflection.Schema, "jsonschema"; empty: none.
+  std::vector<std::byte> data;  ///< In that encoding.
+  friend bool operator==(const Schema&, const Schema&) = default;
+};
+
+/// One sequence of messages.
+/// @ownership a value
+struct Channel {
+  std::uint16_t schema_id = 0;  ///< 0: none.
+  std::string topic;
+  std::string message_encoding;  ///< "flatbuffer", "json".
+  std::map<std::string, std::string> metadata{};
+  friend bool operator==(const Channel&, const Channel&) = default;
+};
+
+/// One recorded message.
+/// @ownership views its bytes
+struct Message {
+  std::uint16_t channel_id = 0;
+  std::uint32_t sequence = 0;         ///< The sender's count; 0: it has none.
+  std::uint64_t log_time_ns = 0;      ///< When it was recorded, since 1970 in UTC.
+  std::uint64_t publish_time_ns = 0;  ///< When it was sent; the log time if that is unknown.
+  ConstBytes data{};
+};
+
+/// A named set of texts about the whole recording.
+/// @ownership a value
+struct Metadata {
+  std::string name;
+  std::map<std::string, std::string> values{};
+  friend bool operator==(const Metadata&, const Metadata&) = default;
+};
+
+/// A file inside the recording, such as a configuration.
+/// @ownership a value
+struct Attachment {
+  std::string name;
+  std::string media_type;  ///< "text/plain".
+  std::uint64_t log_time_ns = 0;
+  std::uint64_t create_time_ns = 0;  ///< 0: unknown.
+  std::vector<std::byte> data;
+  friend bool operator==(const Attachment&, const Attachment&) = default;
+};
+
+/// What a recording holds.
+/// @ownership a value
+struct Statistics {
+  std::uint64_t message_count = 0;
+  std::uint32_t chunk_count = 0;
+  std::uint64_t begin_ns = 0;  ///< Log time of the first message; 0: there is none.
+  std::uint64_t end_ns = 0;    ///< Of the last one.
+  std::map<std::uint16_t, std::uint64_t> message_counts{};  ///< By channel.
+};
+
+}  // namespace rtpm::recording

@@ -1,0 +1,259 @@
+#include "rtpm/recording/file_writer.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "compression.hpp"
+#include "output_file.hpp"
+#include "records.hpp"
+#include "rtpm/base/assert.hpp"
+
+namespace rtpm::recording {
+namespace {
+
+constexpr const char* kLibrary = "rtpm";
+constexpr std::size_t kNumberMax = 65535;
+
+/// The number, from 1, of `value` in `values`, where it is added if need be; 0: there is no room.
+template <class T>
+std::pair<std::uint16_t, bool> number_of(std::vector<T>& values, const T& value) {
+  const auto found = std::ranges::find(values, value);
+  const bool is_new = found == values.end();
+  if (is_new && values.size() == kNumberMax) return {std::uint16_t{0}, false};
+  const auto number = static_cast<std::uint16_t>(found - values.begin() + 1);
+  if (is_new) values.push_back(value);
+  return {number, is_new};
+}
+
+}  // namespace
+
+struct FileWriter::Impl {
+  Impl(OutputFile opened, WriterConfig writer_config)
+      : file(std::move(opened)), config(std::move(writer_config)) {}
+
+  expected<void, SetupError> append() {
+    data_crc = crc32(bytes, data_crc);
+    return file.append(std::exchange(bytes, {}));
+  }
+  expected<void, SetupError> end_chunk();
+  void write_indexes(std::uint64_t chunk_offset, const ChunkHead& head);
+  void write_summary();
+
+  OutputFile file;
+  WriterConfig config;
+  std::uint32_t data_crc = 0;
+  /// Records that the next append() puts into the file.
+  std::vector<std::byte> bytes{};
+
+  std::vector<Schema> schemas{};
+  std::vector<Channel> channels{};
+  Statistics statistics{};
+
+  /// The chunk under way: its uncompressed records.
+  std::vector<std::byte> chunk{};
+  MessageIndexes indexes{};
+  std::uint64_t chunk_begin_ns = 0;
+  std::uint64_t chunk_end_ns = 0;
+
+  std::vector<ChunkIndex> chunk_indexes{};
+  std::vector<AttachmentIndex> attachment_indexes{};
+  std::vector<MetadataIndex> metadata_indexes{};
+  std::vector<std::byte> compressed{};
+};
+
+expected<void, SetupError> FileWriter::Impl::end_chunk() {
+  if (chunk.empty()) return {};
+  compress(config.compression, chunk, compressed);
+  // Without messages, times are 0.
+  const ChunkHead head{.begin_ns = indexes.empty() ? 0 : chunk_begin_ns,
+                       .end_ns = indexes.empty() ? 0 : chunk_end_ns,
+                       .uncompressed_size = chunk.size(),
+                       .uncompressed_crc = crc32(chunk),
+                       .compression = std::string(to_string(config.compression)),
+                       .records = compressed};
+  const std::uint64_t offset = file.size();
+  RecordWriter(bytes).chunk(head);
+  write_indexes(offset, head);
+  chunk.clear();
+  indexes.clear();
+  return append();
+}
+
+void FileWriter::Impl::write_indexes(std::uint64_t chunk_offset, const ChunkHead& head) {
+  ChunkIndex index{.begin_ns = head.begin_ns,
+                   .end_ns = head.end_ns,
+                   .chunk_offset = chunk_offset,
+                   .chunk_size = bytes.size(),
+                   .compression = head.compression,
+                   .compressed_size = head.records.size(),
+                   .uncompressed_size = head.uncompressed_size};
+  const std::size_t indexes_begin = bytes.size();
+  for (const auto& [channel_id, entries] : indexes) {
+    index.index_offsets[channel_id] = chunk_offset + bytes.size();
+    RecordWriter(bytes).message_index(channel_id, entries);
+  }
+  index.indexes_size = bytes.size() - indexes_begin;
+  chunk_indexes.push_back(std::move(index));
+  ++statistics.chunk_count;
+}
+
+/// From the summary on; `bytes` is empty before.
+void FileWriter::Impl::write_summary() {
+  RecordWriter out(bytes);
+  const std::uint64_t begin = file.size();
+  struct Group {
+    Opcode opcode;
+    std::uint64_t begin;
+    std::uint64_t size;
+  };
+  std::vector<Group> groups;
+  const auto add = [&](Opcode opcode, const auto& write_all) {
+    const std::size_t from = bytes.size();
+    write_all();
+    if (bytes.size() > from) groups.push_back({opcode, begin + from, bytes.size() - from});
+  };
+  add(Opcode::kSchema, [&] {
+    for (std::size_t i = 0; i < schemas.size(); ++i)
+      out.schema(static_cast<std::uint16_t>(i + 1), schemas[i]);
+  });
+  add(Opcode::kChannel, [&] {
+    for (std::size_t i = 0; i < channels.size(); ++i)
+      out.channel(static_cast<std::uint16_t>(i + 1), channels[i]);
+  });
+  add(Opcode::kStatistics, [&] {
+    out.statistics(statistics,
+                   {.schemas = static_cast<std::uint16_t>(schemas.size()),
+                    .channels = static_cast<std::uint32_t>(channels.size()),
+                    .attachments = static_cast<std::uint32_t>(attachment_indexes.size()),
+                    .metadata = static_cast<std::uint32_t>(metadata_indexes.size())});
+  });
+  add(Opcode::kChunkIndex, [&] {
+    std::ranges::for_each(chunk_indexes, [&](const auto& index) { out.chunk_index(index); });
+  });
+  add(Opcode::kAttachmentIndex, [&] {
+    std::ranges::for_each(attachment_indexes,
+                          [&](const auto& index) { out.attachment_index(index); });
+  });
+  add(Opcode::kMetadataIndex, [&] {
+    std::ranges::for_each(metadata_indexes, [&](const auto& index) { out.metadata_index(index); });
+  });
+  const std::uint64_t offsets_begin = begin + bytes.size();
+  for (const Group& group : groups)
+    out.summary_offset(group.opcode, group.begin, group.size);
+
+  // The sum covers the footer up to itself.
+  out.footer({.summary_begin = begin, .summary_offsets_begin = offsets_begin});
+  const std::size_t crc_offset = bytes.size() - sizeof(std::uint32_t);
+  store_le(bytes.data() + crc_offset, crc32(ConstBytes(bytes).first(crc_offset)));
+}
+
+expected<std::unique_ptr<FileWriter>, SetupError> FileWriter::create(const std::string& path,
+                                                                     WriterConfig config) {
+  auto file = OutputFile::create(path);
+  if (!file) return unexpected{file.error()};
+  auto impl = std::make_unique<Impl>(std::move(*file), std::move(config));
+  const auto magic = std::as_bytes(std::span(kMagic));
+  impl->bytes.assign(magic.begin(), magic.end());
+  RecordWriter(impl->bytes).header(impl->config.profile, kLibrary);
+  if (auto written = impl->append(); !written) return unexpected{written.error()};
+  return std::unique_ptr<FileWriter>(new FileWriter(std::move(impl)));
+}
+
+FileWriter::FileWriter(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+
+FileWriter::~FileWriter() {
+  if (impl_->file.is_open()) static_cast<void>(close());
+}
+
+expected<std::uint16_t, SetupError> FileWriter::add_schema(const Schema& schema) {
+  const auto [number, is_new] = number_of(impl_->schemas, schema);
+  if (number == 0) return setup_error("a recording has at most 65535 schemas");
+  if (is_new) RecordWriter(impl_->chunk).schema(number, schema);
+  return number;
+}
+
+expected<std::uint16_t, SetupError> FileWriter::add_channel(const Channel& channel) {
+  if (channel.schema_id > impl_->schemas.size()) {
+    return setup_error("the channel " + channel.topic + " has a schema that was not added");
+  }
+  const auto [number, is_new] = number_of(impl_->channels, channel);
+  if (number == 0) return setup_error("a recording has at most 65535 channels");
+  if (is_new) RecordWriter(impl_->chunk).channel(number, channel);
+  return number;
+}
+
+expected<void, SetupError> FileWriter::write(const Message& message) {
+  if (message.channel_id == 0 || message.channel_id > impl_->channels.size()) {
+    return setup_error("a message has a channel that was not added");
+  }
+  // Begin and end are those of messages; a chunk may begin with schemas and channels.
+  if (impl_->indexes.empty()) impl_->chunk_begin_ns = impl_->chunk_end_ns = message.log_time_ns;
+  impl_->chunk_begin_ns = std::min(impl_->chunk_begin_ns, message.log_time_ns);
+  impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);
+  impl_->indexes[message.channel_id].emplace_back(message.log_time_ns, impl_->chunk.size());
+  RecordWriter(impl_->chunk).message(message);
+
+  Statistics& statistics = impl_->statistics;
+  const bool is_first = statistics.message_count == 0;
+  statistics.begin_ns =
+      is_first ? message.log_time_ns : std::min(statistics.begin_ns, message.log_time_ns);
+  statistics.end_ns = std::max(statistics.end_ns, message.log_time_ns);
+  ++statistics.message_count;
+  ++statistics.message_counts[message.channel_id];
+  return impl_->chunk.size() < impl_->config.chunk_byte_max ? expected<void, SetupError>{}
+                                                            : impl_->end_chunk();
+}
+
+expected<void, SetupError> FileWriter::write(const Attachment& attachment) {
+  if (auto ended = impl_->end_chunk(); !ended) return ended;
+  const std::uint64_t offset = impl_->file.size();
+  RecordWriter(impl_->bytes).attachment(attachment);
+  AttachmentIndex index;
+  index.offset = offset;
+  index.size = impl_->bytes.size();
+  index.log_time_ns = attachment.log_time_ns;
+  index.create_time_ns = attachment.create_time_ns;
+  index.data_size = attachment.data.size();
+  index.name = attachment.name;
+  index.media_type = attachment.media_type;
+  impl_->attachment_indexes.push_back(std::move(index));
+  return impl_->append();
+}
+
+expected<void, SetupError> FileWriter::write(const Metadata& metadata) {
+  if (auto ended = impl_->end_chunk(); !ended) return ended;
+  const std::uint64_t offset = impl_->file.size();
+  RecordWriter(impl_->bytes).metadata(metadata);
+  MetadataIndex index;
+  index.offset = offset;
+  index.size = impl_->bytes.size();
+  index.name = metadata.name;
+  impl_->metadata_indexes.push_back(std::move(index));
+  return impl_->append();
+}
+
+expected<void, SetupError> FileWriter::end_chunk() {
+  return impl_->end_chunk();
+}
+
+expected<void, SetupError> FileWriter::close() {
+  RTPM_ASSERT(impl_->file.is_open(), "closed twice");
+  if (auto ended = impl_->end_chunk(); !ended) return ended;
+  RecordWriter(impl_->bytes).data_end(impl_->data_crc);
+  if (auto written = impl_->append(); !written) return written;
+  impl_->write_summary();
+  const auto magic = std::as_bytes(std::span(kMagic));
+  impl_->bytes.insert(impl_->bytes.end(), magic.begin(), magic.end());
+  if (auto written = impl_->append(); !written) return written;
+  return impl_->file.close();
+}
+
+const Statistics& FileWriter::statistics() const noexcept {
+  return impl_->statistics;
+}
+
+std::uint64_t FileWriter::size() const noexcept {
+  return impl_->file.size();
+}
+
+}  // namespace rtpm::recording

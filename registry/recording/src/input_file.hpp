@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "records.hpp"
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::recording {
+
+/// A record in the file.
+struct RecordPlace {
+  Opcode opcode{};
+  std::uint64_t offset = 0;  ///< Of its opcode.
+  std::uint64_t content_size = 0;
+  [[nodiscard]] std::uint64_t content_offset() const noexcept { return offset + kRecordHeaderSize; }
+  [[nodiscard]] std::uint64_t end() const noexcept { return content_offset() + content_size; }
+};
+
+/// A file that is read at any place. It may shrink meanwhile: what is read is checked.
+/// @ownership owns the descriptor
+class InputFile {
+ public:
+  [[nodiscard]] static expected<InputFile, SetupError> open(const std::string& path);
+  InputFile(InputFile&& other) noexcept;
+  InputFile& operator=(InputFile&&) = delete;
+  ~InputFile();
+
+  /// @errors   fewer bytes are there; the disk
+  [[nodiscard]] expected<std::vector<std::byte>, SetupError> read(std::uint64_t offset,
+                                                                  std::uint64_t size) const;
+  /// The record at `offset`; nothing: it does not lie whole in the file.
+  [[nodiscard]] std::optional<RecordPlace> record_at(std::uint64_t offset) const;
+  [[nodiscard]] expected<std::vector<std::byte>, SetupError> content(
+      const RecordPlace& record) const;
+
+  [[nodiscard]] std::uint64_t size() const noexcept { return size_; }
+  [[nodiscard]] const std::string& path() const noexcept { return path_; }
+
+ private:
+  InputFile(std::string path, int descriptor, std::uint64_t size) noexcept;
+
+  std::string path_;
+  int descriptor_;
+  std::uint64_t size_;
+};
+
+/// The uncompressed records of a chunk.
+/// @errors   an unknown compression, damage, a wrong checksum: in words with the place
+[[nodiscard]] expected<std::vector<std::byte>, SetupError> unpack(const InputFile& file,
+                                                                  const RecordPlace& chunk);
+
+/// Calls `visit(opcode, content, offset)` for each record in `records`, until it returns false.
+/// @return whether all of them are whole
+template <class Visit>
+bool for_each_record(ConstBytes records, const Visit& visit) {
+  std::uint64_t offset = 0;
+  while (offset < records.size()) {
+    ByteReader reader(records.subspan(offset));
+    const auto opcode = static_cast<Opcode>(reader.take<std::uint8_t>());
+    const ConstBytes content = reader.take_bytes(reader.take<std::uint64_t>());
+    if (!reader.ok()) return false;
+    if (!visit(opcode, content, offset)) return true;
+    offset += kRecordHeaderSize + content.size();
+  }
+  return true;
+}
+
+}  // namespace rtpm::recording
