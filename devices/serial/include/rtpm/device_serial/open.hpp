@@ -1,0 +1,41 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_io/found_device.hpp"
+#include "rtpm/device_serial/board.hpp"
+#include "rtpm/device_serial/ports.hpp"
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::device_serial {
+
+/// What the firmware in this folder has: a paddle with a motor. Taken for a board that is not
+/// plugged in when its driver is made.
+[[nodiscard]] BoardDescription fallback_board();
+
+/// @errors   an unknown word, a speed that is no number
+[[nodiscard]] expected<PortSettings, SetupError> read_settings(std::string_view arguments);
+
+/// The driver of one board. If it is plugged in, it is asked what it is, which takes up to 5 s;
+/// else it is taken for fallback_board().
+/// @param arguments    "port=/dev/ttyACM0 speed=115200 serial=12345", each word optional
+/// @param device_name  in front of the frame's name
+/// @realtime set-up only
+/// @errors   as of read_settings()
+[[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
+    std::string_view arguments, std::string_view device_name);
+
+/// Likewise, with ports and transport of a test's own.
+[[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
+    std::string_view arguments, std::string_view device_name, const ListPorts& list,
+    const OpenTransport& open_transport);
+
+/// The USB serial ports of this machine, whether a board speaks RTPM's frames or not: asking one
+/// would reset it.
+/// @realtime set-up only
+[[nodiscard]] std::vector<device_io::FoundDevice> probe();
+
+}  // namespace rtpm::device_serial

@@ -1,0 +1,138 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_serial/board.hpp"
+#include "rtpm/device_serial/frames.hpp"
+#include "rtpm/device_serial/transport.hpp"
+
+namespace rtpm::device_serial {
+
+/// What a cycle asks of the board, within its ranges.
+/// @ownership plain value, trivially copyable
+struct Request {
+  std::uint64_t number = 0;  ///< Another one: another cycle.
+  bool is_on = false;
+  Duration time_left{0};  ///< For which it may stay in force.
+  std::array<float, driver::kJointCountMax> efforts{};
+  std::array<float, driver::kOutputCountMax> outputs{};
+};
+
+/// What went wrong on the line since greet(); counts only.
+struct LineCounters {
+  std::uint64_t corrupt = 0;     ///< Bytes that were no frame, and frames with impossible contents.
+  std::uint64_t lost = 0;        ///< States that the board sent and that did not come.
+  std::uint64_t duplicate = 0;   ///< States that came again.
+  std::uint64_t stale = 0;       ///< States older than one that came before them.
+  std::uint64_t unanswered = 0;  ///< Commands whose answer did not come in time.
+};
+
+/// What the session last learned.
+/// @ownership plain value, trivially copyable
+struct Report {
+  BoardState state{};
+  std::uint64_t state_count = 0;
+  MonotonicTime received_at{};
+  Duration board_time{0};  ///< The board's clock, unwrapped.
+  /// Presses and releases in all states, also in those that were overtaken.
+  std::array<std::uint16_t, driver::kButtonCountMax> button_edges{};
+  LineCounters counters{};
+  bool is_late = false;
+  bool is_gone = false;
+};
+
+struct SessionConfig {
+  Duration period{};  ///< Of requests.
+  std::int64_t speed_baud = 115'200;
+  std::uint32_t nonce = 1;  ///< Tells this session from another one; not zero.
+};
+
+/// The conversation with one board: greets it, sends each request as a command, takes the newest
+/// state. At most kWindow commands are unanswered, so that a slow line never fills up. A request
+/// that is not renewed ends by itself, on the host and by the board's watchdog. Time is the
+/// transport's.
+/// @ownership refers to its transport, which must outlive it
+/// @threads  one at a time
+class Session {
+ public:
+  /// A board that its port's opening resets runs its boot loader for up to 2 s.
+  static constexpr Duration kGreetingMax = std::chrono::seconds{5};
+  static constexpr Duration kHelloEvery = std::chrono::milliseconds{250};
+  static constexpr std::uint16_t kWindow = 2;
+  /// The longest time for which a request stays in force.
+  static constexpr Duration kRequestMax = std::chrono::milliseconds{100};
+  /// Of silence, on a fast line.
+  static constexpr Duration kGoneAfter = std::chrono::milliseconds{500};
+  static constexpr Duration kStopMax = std::chrono::milliseconds{100};
+
+  Session(Transport& transport, const SessionConfig& config);
+
+  /// Asks the board what it is, again and again for kGreetingMax. Its efforts are zero then.
+  /// @realtime set-up only
+  /// @errors   in words: silence, other bytes, another version, an impossible description
+  [[nodiscard]] expected<BoardDescription, SetupError> greet();
+  /// Starts the clock of late and gone. After greet().
+  void begin();
+  /// Sends what is due and takes what came; waits for at most `patience`.
+  /// @return false: the board is gone
+  /// @realtime alloc-free
+  [[nodiscard]] bool step(const Request& request, Duration patience);
+  /// Switches the board off, and waits for its confirmation at most kStopMax longer than for an
+  /// answer. No effect before begin().
+  void stop();
+
+  [[nodiscard]] Report report() const;
+
+ private:
+  void transfer(const Request& request, Duration patience);
+  void close() noexcept;
+  [[nodiscard]] bool send_frame(FrameType type, ConstBytes payload);
+  [[nodiscard]] bool flush();
+  [[nodiscard]] bool send_due(const Request& request, MonotonicTime now);
+  [[nodiscard]] bool send_command(const Request& request, MonotonicTime now);
+  void take(const expected<Frame, FrameFault>& frame);
+  void take_state(const Frame& frame);
+  void accept(const BoardState& state);
+  void take_description(const Frame& frame);
+  [[nodiscard]] SetupError silence() const;
+  [[nodiscard]] std::uint16_t unanswered() const noexcept;
+
+  Transport& transport_;
+  SessionConfig config_;
+  FrameCutter cutter_{};
+  BoardShape shape_{};
+  Duration answer_max_{};
+  Duration late_after_{};
+  Duration gone_after_{};
+
+  // Of greet() only.
+  std::optional<expected<BoardDescription, std::string>> description_{};
+  bool is_greeting_ = true;
+  bool has_started_again_ = false;  ///< The board announced itself.
+  bool has_other_version_ = false;
+  std::uint64_t byte_count_ = 0;
+
+  /// What the port did not take yet, of one frame.
+  std::array<std::byte, kWireSizeMax> unsent_{};
+  std::size_t unsent_begin_ = 0;
+  std::size_t unsent_end_ = 0;
+
+  std::uint16_t sent_sequence_ = 0;
+  std::uint64_t sent_count_ = 0;
+  std::uint16_t answered_sequence_ = 0;
+  MonotonicTime sent_at_{};
+  std::uint64_t request_number_ = 0;
+  MonotonicTime request_end_{};
+  bool is_request_new_ = false;
+
+  std::uint16_t board_sequence_ = 0;
+  Report report_{};
+  bool is_closed_ = false;  ///< The port.
+  bool is_gone_ = false;    ///< The board.
+};
+
+}  // namespace rtpm::device_serial

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::device_serial {
+
+/// Result of Transport::send() and receive().
+struct Transferred {
+  std::size_t size = 0;    ///< Bytes.
+  bool is_closed = false;  ///< The port is gone.
+};
+
+/// A stream of bytes to and from one board, and the clock by which it is awaited.
+/// @threads  one at a time; wake() any
+class Transport {
+ public:
+  Transport() = default;
+  Transport(const Transport&) = delete;
+  Transport& operator=(const Transport&) = delete;
+  /// Closes the port.
+  virtual ~Transport() = default;
+
+  /// Sends as many of `bytes` as the port takes without waiting.
+  /// @realtime alloc-free, waits for nothing
+  [[nodiscard]] virtual Transferred send(ConstBytes bytes) = 0;
+  /// Waits for bytes, at most `patience` or until wake().
+  /// @realtime alloc-free
+  [[nodiscard]] virtual Transferred receive(MutableBytes buffer, Duration patience) = 0;
+  /// Ends the receive() under way, or the next one, without bytes.
+  /// @realtime alloc-free, waits for nothing
+  virtual void wake() noexcept = 0;
+  /// The present time; never decreases.
+  [[nodiscard]] virtual MonotonicTime now() const = 0;
+};
+
+/// Which board, and the speed of its line.
+struct PortSettings {
+  std::string port{};    ///< "/dev/ttyACM0", or a link to it; empty: by the serial number.
+  std::string serial{};  ///< Of the board's USB interface; empty: the only one plugged in.
+  std::int64_t speed_baud = 115'200;
+};
+
+/// Opens the port of a board.
+/// @errors   in words with the remedy
+using OpenTransport =
+    std::function<expected<std::unique_ptr<Transport>, SetupError>(const PortSettings&)>;
+
+}  // namespace rtpm::device_serial

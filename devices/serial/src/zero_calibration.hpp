@@ -1,0 +1,36 @@
+#pragma once
+
+#include <cstddef>
+#include <optional>
+#include <string_view>
+#include <utility>
+#include <vector>
+
+#include "rtpm/driver/calibration.hpp"
+
+namespace rtpm::device_serial {
+
+/// Finds what the board reads of its joints in their zero position: the mean over some samples.
+class ZeroCalibration final : public driver::Calibration {
+ public:
+  static constexpr std::size_t kSampleCount = 50;
+  /// In rad or m; a hand that holds a paddle moves it by less.
+  static constexpr double kMovementMax = 0.02;
+
+  /// @param zero  the present correction, which samples contain
+  explicit ZeroCalibration(std::vector<double> zero)
+      : zero_(std::move(zero)), first_(zero_.size()), sum_(zero_.size()) {}
+  [[nodiscard]] driver::CalibrationState step(const driver::Sample& sample,
+                                              std::optional<std::string_view> answer) override;
+
+ private:
+  [[nodiscard]] driver::CalibrationState result() const;
+
+  std::vector<double> zero_;
+  std::vector<double> first_;
+  std::vector<double> sum_;
+  std::size_t count_ = 0;
+  bool is_ready_ = false;
+};
+
+}  // namespace rtpm::device_serial
