@@ -5,7 +5,6 @@
 #include <limits>
 #include <utility>
 
-#define RTPM_PAYLOAD_SIZE_MAX 512
 #include "../../../devices/serial/firmware/rtpm_board/rtpm_frames.h"
 #include "rtpm/device_serial/frames.hpp"
 
@@ -88,7 +87,10 @@ SerialModel::SerialModel(SerialFault fault, std::uint64_t faulty_from)
 SerialModel::~SerialModel() = default;
 
 bool SerialModel::is_faulty() const noexcept {
-  return fault_ != SerialFault::kNone && host_frame_count_ > faulty_from_;
+  // A port has its fault before it takes the frame, a board when it has it.
+  const bool is_ports = fault_ == SerialFault::kStuck || fault_ == SerialFault::kUnplugged;
+  return fault_ != SerialFault::kNone &&
+         (is_ports ? host_frame_count_ >= faulty_from_ : host_frame_count_ > faulty_from_);
 }
 
 bool SerialModel::is_unplugged() const {
@@ -212,7 +214,7 @@ void SerialModel::send(ConstBytes wire) {
       bytes[random_() % (bytes.size() - 1)] ^= static_cast<std::byte>(1U << (random_() % 8));
       break;
     case SerialFault::kTruncated:
-      bytes.resize(bytes.size() / 2);
+      if (board_frame_count_ % 2 == 0) bytes.resize(bytes.size() / 2);
       break;
     case SerialFault::kWrongVersion:
       bytes = changed(bytes, [](auto& frame) { frame[0] = std::byte{2}; });

@@ -26,7 +26,7 @@ enum class SerialFault : std::uint8_t {
   kSplit,           ///< Bytes arrive one at a time.
   kGlued,           ///< Frames arrive three at a time.
   kFlippedBit,      ///< One bit of each frame is another one.
-  kTruncated,       ///< The second half of each frame is missing, its delimiter included.
+  kTruncated,       ///< Every other frame is cut in half, its delimiter missing.
   kWrongVersion,    ///< Frames are of version 2.
   kWrongChecksum,   ///< Frames have another checksum.
   kWrongLength,     ///< Frames state another length.
