@@ -125,6 +125,11 @@ expected<void, SetupError> SerialDriver::activate() {
   if (!session_ || is_active_) return setup_error("the driver serial is not configured");
   last_ = {};
   session_->begin();
+  while (session_->report().state_count == 0) {
+    if (!session_->step({}, milliseconds{1}))
+      return setup_error(place() + " does not answer", "",
+                         "see whether it is still plugged in; it is asked again");
+  }
   requests_.write({.number = request_number_});
   reports_.write(session_->report());
   const rt::ThreadConfig thread{
