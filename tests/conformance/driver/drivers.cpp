@@ -16,6 +16,10 @@
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "scripted_player.hpp"
+#ifdef RTPM_HAS_DEVICE_SERIAL
+#include "rtpm/device_serial/open.hpp"
+#include "serial_model.hpp"
+#endif
 
 namespace rtpm::test {
 namespace {
@@ -35,10 +39,25 @@ std::string recorded_hand() {
   return path;
 }
 
+#ifdef RTPM_HAS_DEVICE_SERIAL
+/// A paddle whose port its opening resets.
+std::unique_ptr<driver::Driver> make_serial() {
+  const auto model = std::make_shared<SerialModel>();
+  auto opened = device_serial::open(
+      "port=/dev/ttyACM0", "paddle", [] { return std::vector<device_serial::Port>{}; },
+      open_model(model, true));
+  RTPM_ASSERT(opened.has_value(), "the scripted board could not be opened");
+  return std::move(*opened);
+}
+#endif
+
 }  // namespace
 
 std::vector<DriverUnderTest> drivers_under_test() {
   return {
+#ifdef RTPM_HAS_DEVICE_SERIAL
+      {"Serial", make_serial},
+#endif
       {"SimHeld", [] { return make_sim({}); }},
       {"SimFree", [] { return make_sim({.is_held = false}); }},
       {"SimRecorded", [] { return make_sim({.hand_file = recorded_hand()}); }},
