@@ -23,13 +23,16 @@ std::uint16_t step_from(std::uint16_t last, std::uint16_t sequence) noexcept {
 
 constexpr std::uint16_t kStepMax = 0x7fff;
 
+/// A host that does not run hears nothing, which says nothing of the board.
+constexpr Duration kListenMax = milliseconds{50};
+
 }  // namespace
 
 Session::Session(Transport& transport, const SessionConfig& config)
     : transport_(transport), config_(config) {}
 
 expected<BoardDescription, SetupError> Session::greet() {
-  const MonotonicTime end = transport_.now() + kGreetingMax;
+  const MonotonicTime end = transport_.now() + config_.greeting_max;
   MonotonicTime next_hello = transport_.now();
   std::array<std::byte, 4> nonce{};
   store_le(nonce.data(), config_.nonce);
@@ -42,7 +45,7 @@ expected<BoardDescription, SetupError> Session::greet() {
     }
     transfer({}, milliseconds{10});
   }
-  if (!description_) return unexpected{silence()};
+  if (!description_) return unexpected{greeting_error()};
   if (!*description_)
     return setup_error("the board's description is wrong", description_->error(),
                        "correct its firmware, see devices/serial/FRAMES.md");
@@ -50,7 +53,7 @@ expected<BoardDescription, SetupError> Session::greet() {
   return **description_;
 }
 
-SetupError Session::silence() const {
+SetupError Session::greeting_error() const {
   if (is_closed_) return {"the port closed", "the board was unplugged", "plug it in, and leave it"};
   if (has_other_version_)
     return {"the board speaks another version of the frames",
@@ -59,7 +62,7 @@ SetupError Session::silence() const {
   if (byte_count_ > 0)
     return {"the board sends bytes, but no description", "its speed or firmware is another one",
             "give 'speed=' as in the board's firmware, or load devices/serial/firmware"};
-  return {"the board does not answer", "it sent nothing for 5 s",
+  return {"the board does not answer", "it sent nothing",
           "see whether this is its port, and whether its firmware is RTPM's"};
 }
 
@@ -71,6 +74,8 @@ void Session::begin() {
   gone_after_ = std::max(kGoneAfter, 4 * answer_max_);
   report_ = {};
   report_.received_at = transport_.now();
+  stepped_at_ = transport_.now();
+  silence_ = {};
   request_number_ = 0;
   request_end_ = transport_.now();
   sent_at_ = transport_.now() - config_.period * 2;
@@ -79,8 +84,12 @@ void Session::begin() {
 }
 
 bool Session::step(const Request& request, Duration patience) {
-  if (transport_.now() - report_.received_at > gone_after_) is_gone_ = true;
   if (!is_gone_) transfer(request, patience);
+  const MonotonicTime now = transport_.now();
+  const Duration listened = std::min(now - std::exchange(stepped_at_, now), kListenMax);
+  silence_ = has_accepted_ ? Duration{0} : silence_ + listened;
+  has_accepted_ = false;
+  if (silence_ > gone_after_) is_gone_ = true;
   return !is_gone_;
 }
 
@@ -211,6 +220,7 @@ void Session::accept(const BoardState& state) {
   report_.state = state;
   ++report_.state_count;
   report_.received_at = transport_.now();
+  has_accepted_ = true;
 }
 
 void Session::stop() {

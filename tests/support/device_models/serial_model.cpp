@@ -107,7 +107,7 @@ void SerialModel::open(MonotonicTime now, bool resets) {
 void SerialModel::reset(bool is_announced) {
   paddle_ = std::make_unique<Paddle>(*this);
   arriving_.clear();
-  boots_until_ = now_ + kBootTime;
+  boots_until_ = now_ + boot_time_;
   is_booting_ = true;
   is_announced_ = is_announced;
 }
@@ -122,11 +122,15 @@ void SerialModel::advance(MonotonicTime now) {
   paddle_->watch(static_cast<std::uint32_t>(now_ms.count()));
 }
 
+std::size_t SerialModel::capacity() const {
+  if (is_faulty() && fault_ == SerialFault::kStuck) return 0;
+  if (is_faulty() && fault_ == SerialFault::kHalfStuck) return 3;
+  return std::numeric_limits<std::size_t>::max();
+}
+
 std::size_t SerialModel::take(ConstBytes bytes, MonotonicTime now) {
   advance(now);
-  if (is_faulty() && fault_ == SerialFault::kStuck) return 0;
-  if (is_faulty() && fault_ == SerialFault::kHalfStuck)
-    bytes = bytes.first(std::min<std::size_t>(bytes.size(), 3));
+  bytes = bytes.first(std::min(bytes.size(), capacity()));
   const auto now_ms = std::chrono::duration_cast<milliseconds>(now_.time_since_epoch());
   for (const std::byte byte : bytes) {
     if (byte == std::byte{0}) ++host_frame_count_;

@@ -60,6 +60,8 @@ class SerialModel {
 
   /// The port is opened, which resets a board whose opening does.
   void open(MonotonicTime now, bool resets);
+  /// How many bytes the port takes at once.
+  [[nodiscard]] std::size_t capacity() const;
   /// Takes bytes from the host.
   /// @return how many the port takes
   std::size_t take(ConstBytes bytes, MonotonicTime now);
@@ -75,6 +77,7 @@ class SerialModel {
   void set_fault(SerialFault fault);
   /// The fault begins now.
   void set_fault_now(SerialFault fault);
+  void set_boot_time(Duration time) { boot_time_ = time; }
   /// Turns the paddle by hand.
   void set_position(float rad);
   void press(bool is_pressed);
@@ -107,7 +110,8 @@ class SerialModel {
   std::uint64_t host_frame_count_ = 0;
   bool has_reset_ = false;
   bool is_announced_ = true;
-  MonotonicTime now_{std::chrono::seconds{5000}};
+  MonotonicTime now_{std::chrono::seconds{1}};
+  Duration boot_time_ = kBootTime;
   MonotonicTime boots_until_{};
   bool is_booting_ = false;
   std::string serial_ = kSerial;

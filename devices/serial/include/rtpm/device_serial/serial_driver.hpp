@@ -21,6 +21,7 @@ struct SerialConfig {
   BoardDescription board{};  ///< What configure() expects. With a serial number: that board only.
   std::string serial{};      ///< Of the descriptor; not empty.
   std::string frame{};
+  Duration greeting_max = kGreetingMax;  ///< How long configure() waits for the board.
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;  ///< Of the thread.
 };
 

@@ -45,10 +45,14 @@ struct Report {
   bool is_gone = false;
 };
 
+/// A board that its port's opening resets runs its boot loader for up to 2 s.
+inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
+
 struct SessionConfig {
   Duration period{};  ///< Of requests.
   std::int64_t speed_baud = 115'200;
   std::uint32_t nonce = 1;  ///< Tells this session from another one; not zero.
+  Duration greeting_max = kGreetingMax;
 };
 
 /// The conversation with one board: greets it, sends each request as a command, takes the newest
@@ -59,8 +63,6 @@ struct SessionConfig {
 /// @threads  one at a time
 class Session {
  public:
-  /// A board that its port's opening resets runs its boot loader for up to 2 s.
-  static constexpr Duration kGreetingMax = std::chrono::seconds{5};
   static constexpr Duration kHelloEvery = std::chrono::milliseconds{250};
   static constexpr std::uint16_t kWindow = 2;
   /// The longest time for which a request stays in force.
@@ -71,7 +73,7 @@ class Session {
 
   Session(Transport& transport, const SessionConfig& config);
 
-  /// Asks the board what it is, again and again for kGreetingMax. Its efforts are zero then.
+  /// Asks the board what it is, again and again for the greeting's time. Its efforts are zero then.
   /// @realtime set-up only
   /// @errors   in words: silence, other bytes, another version, an impossible description
   [[nodiscard]] expected<BoardDescription, SetupError> greet();
@@ -98,7 +100,7 @@ class Session {
   void take_state(const Frame& frame);
   void accept(const BoardState& state);
   void take_description(const Frame& frame);
-  [[nodiscard]] SetupError silence() const;
+  [[nodiscard]] SetupError greeting_error() const;
   [[nodiscard]] std::uint16_t unanswered() const noexcept;
 
   Transport& transport_;
@@ -131,6 +133,9 @@ class Session {
 
   std::uint16_t board_sequence_ = 0;
   Report report_{};
+  MonotonicTime stepped_at_{};
+  Duration silence_{};  ///< For which it listened in vain.
+  bool has_accepted_ = false;
   bool is_closed_ = false;  ///< The port.
   bool is_gone_ = false;    ///< The board.
 };
