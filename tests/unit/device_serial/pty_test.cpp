@@ -206,7 +206,7 @@ Finding find(SerialFault fault, std::uint64_t faulty_from) {
   const int attempt_count = is_survived(fault) ? 3 : 1;
   for (int i = 0; i < attempt_count && !finding.is_started; ++i)
     finding.is_started = start(*driver);
-  const Duration span = milliseconds{is_survived(fault) ? 400 : 5000};
+  const Duration span = milliseconds{is_survived(fault) || faulty_from == 0 ? 400 : 5000};
   if (finding.is_started) finding.cycles = run(*driver, span, 0.1);
   driver->deactivate();
   finding.comes_to_rest = board.comes_to_rest();
