@@ -9,6 +9,10 @@
 
 #include "lever_driver.hpp"
 #include "rtpm/base/assert.hpp"
+#ifdef RTPM_HAS_DEVICE_FALCON
+#include "rtpm/device_falcon/falcon_driver.hpp"
+#include "scripted_falcon.hpp"
+#endif
 #include "rtpm/device_mpv/mpv_driver.hpp"
 #include "rtpm/device_sim/biometric_driver.hpp"
 #include "rtpm/device_sim/gaze_driver.hpp"
@@ -72,6 +76,14 @@ std::vector<DriverUnderTest> drivers_under_test() {
          return std::make_unique<device_mpv::MpvDriver>(
              [] { return std::make_unique<ScriptedPlayer>(); }, "scripted-1", "player/base");
        }},
+#ifdef RTPM_HAS_DEVICE_FALCON
+      {"Falcon",
+       [] {
+         return std::make_unique<device_falcon::FalconDriver>(
+             device_falcon::FalconConfig{.serial = "FALCON01"},
+             open_scripted(std::make_shared<FalconModel>()));
+       }},
+#endif
       {"Template", [] { return std::make_unique<lab::LeverDriver>(); }},
   };
 }

@@ -28,6 +28,8 @@ struct LegAngles {
 inline constexpr double kRadianPerCount = 14.25 / 110 * 2 * std::numbers::pi / 1280;
 /// The grip's position where all encoders read zero.
 inline constexpr double kZeroCountsZMetres = 0.13460243;
+/// The middle of the workspace.
+inline constexpr driver::Vector3 kCentreMetres{0, 0, 0.125};
 /// The step of the position per encoder count, along z.
 inline constexpr double kResolutionMetres = 4.6e-5;
 

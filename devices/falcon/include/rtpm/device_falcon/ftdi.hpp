@@ -1,0 +1,37 @@
+#pragma once
+
+#include <cstdint>
+
+/// What the Falcon needs of its FTDI chip: vendor requests to the device, without data.
+/// @source   FTDI's AN232B-04 and libftdi; the values for the Falcon from libnifalcon
+namespace rtpm::device_falcon {
+
+inline constexpr std::uint16_t kVendor = 0x0403;
+inline constexpr std::uint16_t kProduct = 0xcb48;
+inline constexpr std::uint8_t kEndpointOut = 0x02;
+inline constexpr std::uint8_t kEndpointIn = 0x81;
+inline constexpr std::uint8_t kVendorRequestType = 0x40;
+
+enum class FtdiRequest : std::uint8_t {
+  kReset = 0,
+  kModemControl = 1,
+  kFlowControl = 2,
+  kBaudRate = 3,
+  kDataBits = 4,
+  kLatencyTimer = 9,  ///< In milliseconds, after which the chip sends what it has.
+};
+
+inline constexpr std::uint16_t kPurgeReceived = 1;     ///< Of kReset: bytes for the host.
+inline constexpr std::uint16_t kPurgeTransmitted = 2;  ///< Of kReset: bytes for the device.
+inline constexpr std::uint16_t kDtrLow = 0x0100;
+inline constexpr std::uint16_t kDtrHigh = 0x0101;
+inline constexpr std::uint16_t kRtsLow = 0x0200;
+inline constexpr std::uint16_t kNoFlowControl = 0;
+inline constexpr std::uint16_t kEightBitsNoParity = 0x0008;
+
+// Divisors of 3 MHz.
+inline constexpr std::uint16_t kBootDivisor = 0x4138;  ///< 9600 baud: the boot loader's greeting.
+inline constexpr std::uint16_t kLoadDivisor = 0x0015;  ///< 142 857 baud: the firmware.
+inline constexpr std::uint16_t kRunDivisor = 0x0002;   ///< 1.5 Mbaud: the firmware's packets.
+
+}  // namespace rtpm::device_falcon

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/device_falcon/ftdi.hpp"
+
+namespace rtpm::device_falcon {
+
+/// Result of a transfer.
+enum class UsbStatus : std::uint8_t {
+  kOk,
+  kTimeout,   ///< Nothing came within the patience.
+  kBusy,      ///< The former bytes are still on their way.
+  kStalled,   ///< The device refuses.
+  kOverflow,  ///< The device sent more than fits: the bytes are lost.
+  kGone,      ///< The device is unplugged, or the bus has failed.
+};
+
+/// Result of Transport::receive().
+struct Received {
+  UsbStatus status = UsbStatus::kTimeout;
+  std::size_t size = 0;  ///< Of the transfer, FTDI's status bytes included.
+  MonotonicTime time{};  ///< When it was complete.
+};
+
+/// A transfer to the host is at most so long, so that no device can overflow it.
+inline constexpr std::size_t kTransferSize = 512;
+
+/// The USB connection to one unit, and the clock by which it is awaited.
+/// @threads  one at a time
+class Transport {
+ public:
+  Transport() = default;
+  Transport(const Transport&) = delete;
+  Transport& operator=(const Transport&) = delete;
+  /// Ends the connection.
+  virtual ~Transport() = default;
+
+  /// Sends a vendor request and waits until it is done, for at most 100 ms.
+  /// @realtime set-up only
+  [[nodiscard]] virtual UsbStatus request(FtdiRequest request, std::uint16_t value) = 0;
+  /// Begins to send `bytes`, at most kTransferSize; receive() goes on with it.
+  /// @return kBusy: nothing was sent
+  [[nodiscard]] virtual UsbStatus send(std::span<const std::byte> bytes) = 0;
+  /// Waits for one transfer from the device, at most `patience`.
+  /// @param buffer  of kTransferSize
+  [[nodiscard]] virtual Received receive(std::span<std::byte> buffer, Duration patience) = 0;
+  /// The present time; never decreases.
+  [[nodiscard]] virtual MonotonicTime now() const = 0;
+};
+
+/// Opens the unit.
+/// @errors   in words with the remedy
+using OpenTransport = std::function<expected<std::unique_ptr<Transport>, SetupError>()>;
+
+}  // namespace rtpm::device_falcon
