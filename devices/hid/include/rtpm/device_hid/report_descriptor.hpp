@@ -1,0 +1,56 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/base/expected.hpp"
+
+/// What a HID device says of its reports.
+/// @source   USB "Device Class Definition for HID" 1.11, section 6.2.2
+namespace rtpm::device_hid {
+
+/// Usages as page and number: 0x0001'0030 is X of the desktop page.
+inline constexpr std::uint32_t kDesktopPage = 0x0001'0000;
+inline constexpr std::uint32_t kSimulationPage = 0x0002'0000;
+inline constexpr std::uint32_t kButtonPage = 0x0009'0000;
+
+/// One number of an input report.
+/// @ownership plain value
+struct Field {
+  std::uint32_t usage = 0;        ///< Page and number.
+  std::uint32_t application = 0;  ///< Usage of the application collection around it.
+  std::uint8_t report_id = 0;     ///< 0: the device numbers no reports.
+  std::uint32_t bit_offset = 0;   ///< From the begin of the report, its number included.
+  std::uint8_t bit_size = 0;      ///< 1 to 32.
+  std::int64_t logical_low = 0;
+  std::int64_t logical_high = 0;
+  bool is_relative = false;
+  bool has_null = false;  ///< Values outside of the logical range say "none".
+};
+
+/// @ownership a value
+struct ReportDescriptor {
+  std::vector<Field> inputs{};  ///< Variable fields of up to 32 bits, in their order.
+  bool has_report_ids = false;
+  /// Bytes of the input report of each number, the number included; 0: there is none.
+  std::array<std::uint16_t, 256> input_sizes{};
+};
+
+inline constexpr std::size_t kDescriptorSizeMax = 4096;  ///< As of Linux.
+inline constexpr std::size_t kFieldCountMax = 512;
+
+/// Reads a report descriptor. Foreign data: any bytes give a descriptor or an error. Array fields
+/// (keyboards) and fields of more than 32 bits take their space only.
+/// @errors   what is wrong, as a clause
+[[nodiscard]] expected<ReportDescriptor, std::string> parse_report_descriptor(ConstBytes bytes);
+
+/// The value of `field` in `report`, sign-extended where its range goes below zero; nothing: the
+/// report is another one, or too short.
+/// @realtime alloc-free
+[[nodiscard]] std::optional<std::int64_t> value_of(const Field& field, ConstBytes report) noexcept;
+
+}  // namespace rtpm::device_hid

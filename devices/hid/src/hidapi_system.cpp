@@ -1,0 +1,142 @@
+#include <hidapi/hidapi.h>
+
+#include <algorithm>
+#include <array>
+#include <fstream>
+#include <iterator>
+#include <utility>
+
+#include "rtpm/device_hid/transport.hpp"
+#include "rtpm/device_io/found_device.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::device_hid {
+namespace {
+
+struct CloseDevice {
+  void operator()(hid_device* device) const noexcept { hid_close(device); }
+};
+using DeviceHandle = std::unique_ptr<hid_device, CloseDevice>;
+
+// NOLINTBEGIN(cppcoreguidelines-pro-type-reinterpret-cast): hidapi's bytes are unsigned char
+unsigned char* raw(MutableBytes bytes) {
+  return reinterpret_cast<unsigned char*>(bytes.data());
+}
+const unsigned char* raw(ConstBytes bytes) {
+  return reinterpret_cast<const unsigned char*>(bytes.data());
+}
+// NOLINTEND(cppcoreguidelines-pro-type-reinterpret-cast)
+
+/// hidapi keeps the last error in its handle without a lock, so reading and writing have one each.
+class HidapiTransport final : public HidTransport {
+ public:
+  HidapiTransport(DeviceHandle reading, DeviceHandle writing)
+      : reading_(std::move(reading)), writing_(std::move(writing)) {}
+
+  [[nodiscard]] Received read(MutableBytes buffer, Duration patience) override {
+    const auto wait_ms = std::chrono::ceil<std::chrono::milliseconds>(patience).count();
+    const int size = hid_read_timeout(reading_.get(), raw(buffer), buffer.size(),
+                                      static_cast<int>(std::max<std::int64_t>(wait_ms, 0)));
+    if (size < 0) return {0, true};
+    return {static_cast<std::size_t>(size), false};
+  }
+  [[nodiscard]] bool write(ConstBytes report) override {
+    return hid_write(writing_.get(), raw(report), report.size()) >= 0;
+  }
+  [[nodiscard]] std::size_t read_feature(MutableBytes report) override {
+    const int size = hid_get_feature_report(writing_.get(), raw(report), report.size());
+    return static_cast<std::size_t>(std::max(size, 0));
+  }
+  [[nodiscard]] MonotonicTime now() const override { return rt::now(); }
+
+ private:
+  DeviceHandle reading_;
+  DeviceHandle writing_;
+};
+
+/// The ASCII part of what the device says; its other letters become '?'.
+std::string narrow(const wchar_t* text) {
+  std::string narrowed;
+  for (; text != nullptr && *text != 0; ++text)
+    narrowed += *text >= ' ' && *text <= '~' ? static_cast<char>(*text) : '?';
+  return narrowed;
+}
+
+std::string sysfs_folder(const std::string& node) {
+  return "/sys/class/hidraw/" + node.substr(node.rfind('/') + 1) + "/device/";
+}
+
+std::vector<std::byte> read_report_descriptor(const std::string& node) {
+  std::ifstream file(sysfs_folder(node) + "report_descriptor", std::ios::binary);
+  std::vector<std::byte> bytes;
+  std::transform(std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>(),
+                 std::back_inserter(bytes), [](char c) { return static_cast<std::byte>(c); });
+  return bytes;
+}
+
+std::string read_port(const std::string& node) {
+  constexpr std::string_view kKey = "HID_PHYS=";
+  std::ifstream file(sysfs_folder(node) + "uevent");
+  for (std::string line; std::getline(file, line);) {
+    if (line.starts_with(kKey)) return line.substr(kKey.size());
+  }
+  return {};
+}
+
+Bus bus_of(hid_bus_type type) noexcept {
+  if (type == HID_API_BUS_USB) return Bus::kUsb;
+  return type == HID_API_BUS_BLUETOOTH ? Bus::kBluetooth : Bus::kOther;
+}
+
+class HidapiSystem final : public HidSystem {
+ public:
+  HidapiSystem() { static_cast<void>(hid_init()); }
+
+  [[nodiscard]] std::vector<Unit> units() override {
+    const std::unique_ptr<hid_device_info, decltype(&hid_free_enumeration)> first(
+        hid_enumerate(0, 0), &hid_free_enumeration);
+    std::vector<Unit> found;
+    for (const auto* info = first.get(); info != nullptr; info = info->next) {
+      const std::string node = info->path != nullptr ? info->path : "";
+      // A device with several top-level collections comes once for each.
+      if (node.empty() || std::ranges::count(found, node, &Unit::node) > 0) continue;
+      const std::string maker = narrow(info->manufacturer_string);
+      const std::string product = narrow(info->product_string);
+      found.push_back({.vendor = info->vendor_id,
+                       .product = info->product_id,
+                       .bus = bus_of(info->bus_type),
+                       .model = maker.empty() ? product : maker + " " + product,
+                       .serial = narrow(info->serial_number),
+                       .port = read_port(node),
+                       .node = node,
+                       .report_descriptor = read_report_descriptor(node)});
+    }
+    return found;
+  }
+
+  [[nodiscard]] expected<std::unique_ptr<HidTransport>, SetupError> open(
+      const Unit& unit) override {
+    DeviceHandle reading(hid_open_path(unit.node.c_str()));
+    DeviceHandle writing(reading ? hid_open_path(unit.node.c_str()) : nullptr);
+    if (!writing) {
+      const std::string missing = device_io::missing_right(unit.node);
+      if (missing.empty())
+        return setup_error(unit.node + " can't be opened", narrow(hid_error({})));
+      return setup_error(
+          unit.node + " can't be opened", "this needs " + missing,
+          "put this line into /etc/udev/rules.d/70-rtpm.rules and plug the device in "
+          "again: " +
+              device_io::udev_rule("hidraw", unit.vendor, unit.product));
+    }
+    return std::unique_ptr<HidTransport>(
+        std::make_unique<HidapiTransport>(std::move(reading), std::move(writing)));
+  }
+};
+
+}  // namespace
+
+std::unique_ptr<HidSystem> make_hid_system() {
+  return std::make_unique<HidapiSystem>();
+}
+
+}  // namespace rtpm::device_hid
