@@ -1,0 +1,24 @@
+#pragma once
+
+#include <memory>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_io/found_device.hpp"
+#include "rtpm/driver/driver.hpp"
+
+namespace rtpm::device_hid {
+
+/// A driver from an operator's words, as read_settings() reads them. It opens no device yet.
+/// @param device_name  "pad0": the frame is "pad0/base"
+/// @realtime set-up only
+/// @errors   an unknown word; several devices fit; none is plugged in, and kind= is not given
+[[nodiscard]] expected<std::unique_ptr<driver::Driver>, SetupError> open(
+    std::string_view arguments, std::string_view device_name);
+
+/// The devices that are plugged in now and that this driver takes.
+/// @realtime set-up only
+[[nodiscard]] std::vector<device_io::FoundDevice> probe();
+
+}  // namespace rtpm::device_hid

@@ -1,0 +1,119 @@
+#pragma once
+
+#include <array>
+#include <string>
+#include <vector>
+
+#include "rtpm/device_hid/profile.hpp"
+#include "rtpm/device_hid/report_descriptor.hpp"
+
+/// The kinds of device, one class each.
+namespace rtpm::device_hid {
+
+/// 3Dconnexion's cap with six degrees of freedom: analogs "x", "y", "z" (its displacement in
+/// metres) and "rx", "ry", "rz" (-1 to 1), buttons, output "light".
+/// @source   the report descriptors of SpaceNavigator and SpaceMouse Wireless
+class SpaceMouse final : public Profile {
+ public:
+  explicit SpaceMouse(std::uint16_t product);
+  [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
+                                                 const Unit& unit) override;
+  [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
+  [[nodiscard]] OutputReport encode(const Request& request) noexcept override;
+
+ private:
+  [[nodiscard]] bool has_axes_size(ConstBytes report, std::size_t size) const noexcept;
+  [[nodiscard]] Verdict take_buttons(ConstBytes report, State& state) const noexcept;
+
+  std::vector<std::string> names_{};
+  std::vector<std::uint8_t> bits_{};  ///< Of each button in report 3.
+  std::size_t axes_size_ = 0;         ///< Of report 1; 0: unknown.
+};
+
+/// Any game pad, from its report descriptor: axes as analogs, the hat as two, buttons.
+class GamePad final : public Profile {
+ public:
+  /// @param unit  null: a usual pad is described, see README.md
+  explicit GamePad(const Unit* unit);
+  [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
+                                                 const Unit& unit) override;
+  [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
+
+ private:
+  enum class Part : std::uint8_t { kWhole, kHatX, kHatY };
+  struct Channel {
+    std::string name;
+    std::uint32_t usage = 0;
+    Part part = Part::kWhole;
+    std::optional<Field> field{};  ///< Nothing: the unit that is plugged in lacks it.
+  };
+
+  void add_analog(std::uint32_t usage);
+  void bind(const ReportDescriptor& descriptor);
+
+  std::vector<Channel> analogs_{};
+  std::vector<Channel> buttons_{};
+  ReportDescriptor layout_{};
+  std::string model_ = "game pad";
+};
+
+/// Sony's DualShock 4 and DualSense: sticks, triggers and hat as analogs, 14 or 15 buttons; rumble
+/// and light as outputs.
+/// @source   Linux, drivers/hid/hid-playstation.c
+class SonyPad final : public Profile {
+ public:
+  enum class Model : std::uint8_t { kDualShock4, kDualSense };
+  explicit SonyPad(Model model) : model_(model) {}
+  [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
+                                                 const Unit& unit) override;
+  [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
+  [[nodiscard]] OutputReport encode(const Request& request) noexcept override;
+  [[nodiscard]] std::optional<Duration> silence_max() const override;
+
+ private:
+  [[nodiscard]] Verdict take_dualshock4(ConstBytes common, State& state) noexcept;
+  [[nodiscard]] Verdict take_dualsense(ConstBytes common, State& state) noexcept;
+  [[nodiscard]] bool is_repeated(std::uint32_t counter, std::uint32_t ticks) noexcept;
+
+  Model model_;
+  Bus bus_ = Bus::kUsb;
+  bool has_report_ = false;
+  std::uint32_t counter_ = 0;  ///< Of the last report.
+  std::uint32_t ticks_ = 0;    ///< Its time on the device's clock.
+  std::uint8_t output_sequence_ = 0;
+};
+
+/// OpenFFBoard's force wheel: joint "wheel", whose motor is commanded by a constant-force effect of
+/// the board's effects manager; further axes as analogs.
+/// @source   OpenFFBoard's wiki, "Commands", and its firmware's HidCommandInterface.h
+class OpenFfBoard final : public Profile {
+ public:
+  explicit OpenFfBoard(double torque_newton_metre_max) : torque_max_(torque_newton_metre_max) {}
+  [[nodiscard]] driver::Descriptor describe() const override;
+  [[nodiscard]] expected<void, SetupError> begin(HidTransport& transport,
+                                                 const Unit& unit) override;
+  [[nodiscard]] Verdict take(ConstBytes report, MonotonicTime now, State& state) noexcept override;
+  [[nodiscard]] OutputReport encode(const Request& request) noexcept override;
+  void end(HidTransport& transport) noexcept override;
+  [[nodiscard]] std::optional<Duration> silence_max() const override;
+
+ private:
+  [[nodiscard]] expected<void, SetupError> begin_effect(HidTransport& transport);
+  void set_velocity(MonotonicTime now, State& state) noexcept;
+
+  double torque_max_;
+  double range_rad_ = 0;
+  std::int64_t effect_ = -1;  ///< Its number on the board; -1: none.
+  ReportDescriptor layout_{};
+  std::optional<Field> wheel_{};
+  std::array<std::optional<Field>, driver::kAnalogCountMax> axes_{};
+  std::array<std::optional<Field>, driver::kButtonCountMax> buttons_{};
+  bool has_reference_ = false;
+  MonotonicTime reference_time_{};
+  double reference_rad_ = 0;
+};
+
+}  // namespace rtpm::device_hid

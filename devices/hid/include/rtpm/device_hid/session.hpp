@@ -1,0 +1,79 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+
+#include "rtpm/device_hid/profile.hpp"
+#include "rtpm/device_hid/transport.hpp"
+
+namespace rtpm::device_hid {
+
+/// Takes what a device sends. The newest report wins; of the buttons each edge counts.
+/// @ownership refers to all three, which must outlive it
+/// @threads  one at a time
+/// @realtime set-up only
+class Reader {
+ public:
+  /// A device that reports all the time is gone after this silence.
+  static constexpr Duration kGoneAfter = std::chrono::seconds{1};
+
+  Reader(HidTransport& transport, Profile& profile, State& state);
+
+  /// Waits for a report, at most `patience`, and takes all that have come.
+  /// @return false: the device is gone
+  [[nodiscard]] bool step(Duration patience);
+  /// Silent for longer than a healthy device is.
+  [[nodiscard]] bool is_late() const;
+  [[nodiscard]] std::uint64_t report_count() const noexcept { return report_count_; }
+  [[nodiscard]] std::uint64_t corrupt_count() const noexcept { return corrupt_count_; }
+  /// When the last understood report came; nothing: none, or the device reports only changes, so
+  /// that its state is that of any later time, too.
+  [[nodiscard]] std::optional<MonotonicTime> measured_at() const;
+
+ private:
+  HidTransport& transport_;
+  Profile& profile_;
+  State& state_;
+  std::optional<Duration> silence_max_;
+  MonotonicTime heard_at_;
+  std::uint64_t report_count_ = 0;
+  std::uint64_t corrupt_count_ = 0;
+};
+
+/// Gives a device what is asked of it, when it changes.
+/// @ownership refers to both, which must outlive it
+/// @threads  one at a time; a write may last for seconds
+/// @realtime set-up only
+class Writer {
+ public:
+  /// A request other than `safe` is repeated so often, should the device have lost it.
+  static constexpr Duration kRepeatPeriod = std::chrono::milliseconds{500};
+  /// A refused one is repeated so often, and after so many refusals the device is gone.
+  static constexpr Duration kRetryPeriod = std::chrono::milliseconds{20};
+  static constexpr int kRefusalMax = 10;
+
+  Writer(HidTransport& transport, Profile& profile, const Request& safe)
+      : transport_(transport), profile_(profile), safe_(safe), delivered_(safe) {}
+
+  /// Writes `request`, if it is due.
+  void step(const Request& request, MonotonicTime now);
+  /// Writes the safe values, several times if the device refuses.
+  void make_safe();
+
+  /// What the device has taken last.
+  [[nodiscard]] const Request& delivered() const noexcept { return delivered_; }
+  [[nodiscard]] bool is_refused() const noexcept { return refusal_count_ > 0; }
+  [[nodiscard]] bool is_gone() const noexcept { return refusal_count_ >= kRefusalMax; }
+
+ private:
+  [[nodiscard]] bool write(const Request& request);
+
+  HidTransport& transport_;
+  Profile& profile_;
+  Request safe_;
+  Request delivered_;
+  MonotonicTime written_at_{};
+  int refusal_count_ = 0;
+};
+
+}  // namespace rtpm::device_hid

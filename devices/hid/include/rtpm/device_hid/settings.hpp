@@ -1,0 +1,44 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/device_hid/profile.hpp"
+
+namespace rtpm::device_hid {
+
+/// Which device, as an operator says it.
+struct Settings {
+  std::optional<Kind> kind{};      ///< Nothing: the device's own.
+  std::string serial{};            ///< Empty: any.
+  std::string node{};              ///< "/dev/hidraw0"; empty: any.
+  double torque_newton_metre = 0;  ///< Of a force wheel's motor; 0: unknown.
+};
+
+/// Reads "kind=gamepad serial=123 node=/dev/hidraw0 torque_newton_metre=5".
+/// @errors   an unknown word or kind; a torque that is none
+[[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view arguments);
+
+/// By what a unit is found again after it was plugged in again.
+struct Identity {
+  std::string serial{};
+  std::string port{};
+  std::string node{};  ///< Counts only for a unit with neither.
+};
+[[nodiscard]] Identity identity_of(const Unit& unit);
+
+/// The kind that `settings` make of `unit`; nothing: it is none of those asked for. Any joystick
+/// may be asked for as a plain game pad.
+[[nodiscard]] std::optional<Kind> kind_for(const Settings& settings, const Unit& unit);
+
+/// The one unit of `units` that is asked for.
+/// @param known  null: the first time; else only this unit will do, wherever it is plugged in
+/// @return null: it is not plugged in
+/// @errors   several units fit, by name
+[[nodiscard]] expected<const Unit*, SetupError> choose(const std::vector<Unit>& units,
+                                                       const Settings& settings,
+                                                       const Identity* known);
+
+}  // namespace rtpm::device_hid
