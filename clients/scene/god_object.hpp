@@ -1,0 +1,64 @@
+#pragma once
+
+#include <optional>
+
+#include "rtpm/driver/sample.hpp"
+#include "scene.hpp"
+
+namespace rtpm::scene {
+
+/// What the device feels of a solid.
+struct Material {
+  double stiffness_newton_per_m = 0;
+  double damping_newton_s_per_m = 0;
+};
+
+/// A device at a scene.
+struct Touch {
+  driver::Vector3 device_m{};
+  driver::Vector3 proxy_m{};  ///< Outside of the solid; the device's position in free space.
+  driver::Vector3 force_newton{};
+  double depth_m = 0;  ///< From the device to the proxy; 0 in free space.
+};
+
+/// A proxy that follows a device but never enters the solid, and a spring between the two. The
+/// proxy goes straight to the device; what stops it makes it slide, without friction, to where the
+/// device is nearest. So it remembers where the device entered: a device that jumps through a thin
+/// part is pushed back, not out behind it. It has no clock.
+///
+/// force = stiffness · (proxy − device) − damping · (velocity along that direction); it never
+/// pulls.
+/// @ownership a value
+/// @threads  one at a time
+/// @realtime alloc-free; a bounded number of steps: a proxy that needs more arrives in later calls
+/// @source   Zilles and Salisbury, "A constraint-based god-object method for haptic display" (1995)
+class GodObject {
+ public:
+  /// The distance from the surface at which the proxy rests.
+  static constexpr double kSkinMetre = 1e-7;
+  /// A position beyond, as one that is not finite, is none: the proxy stays, and there is no force.
+  static constexpr double kExtentMetre = 100;
+
+  GodObject(const Scene& scene, const Material& material) noexcept
+      : scene_(scene), material_(material) {}
+
+  /// Follows the device. The first call puts the proxy where the device is, or on the surface
+  /// above.
+  [[nodiscard]] Touch touch(const driver::Sample& sample) noexcept;
+  [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
+
+ private:
+  [[nodiscard]] driver::Vector3 lifted_out(driver::Vector3 point_m) const noexcept;
+  [[nodiscard]] driver::Vector3 travel(driver::Vector3 from_m,
+                                       const driver::Vector3& to_m) const noexcept;
+  [[nodiscard]] driver::Vector3 slide(driver::Vector3 from_m,
+                                      const driver::Vector3& goal_m) const noexcept;
+  [[nodiscard]] driver::Vector3 force_newton(const Touch& touch,
+                                             const driver::Vector3& velocity) const noexcept;
+
+  Scene scene_;
+  Material material_;
+  std::optional<driver::Vector3> proxy_m_{};
+};
+
+}  // namespace rtpm::scene

@@ -1,0 +1,48 @@
+#pragma once
+
+#include <cstdint>
+#include <numbers>
+#include <string_view>
+
+#include "rtpm/driver/geometry.hpp"
+
+/// What the haptic servo lets its user touch.
+namespace rtpm::scene {
+
+enum class Shape : std::uint8_t {
+  kPlane = 0,    ///< All below the face.
+  kSphere = 1,   ///< A ball below the face, which touches it at x = y = 0.
+  kTexture = 2,  ///< A height field below the face: ridges along y, whose crests touch the face.
+};
+inline constexpr std::uint8_t kShapeCount = 3;
+
+/// "plane", "sphere", "texture".
+[[nodiscard]] std::string_view to_string(Shape shape) noexcept;
+
+/// A solid in the device's frame. Its highest point is at z = face_m, and +z leads out of it.
+/// @ownership a value
+/// @realtime alloc-free
+struct Scene {
+  static constexpr double kRadiusMetre = 0.03;         ///< Of the sphere.
+  static constexpr double kRidgeMetre = 0.003;         ///< Of the texture, from trough to crest.
+  static constexpr double kRidgeSpacingMetre = 0.015;  ///< From crest to crest.
+  /// Along x.
+  static constexpr double kRidgeRadPerMetre = 2 * std::numbers::pi / kRidgeSpacingMetre;
+
+  Shape shape = Shape::kPlane;
+  double face_m = 0;
+
+  /// A lower bound of the distance to the surface, negative inside; 0 exactly at the surface. It
+  /// changes by at most the distance between two points.
+  [[nodiscard]] double clearance_m(const driver::Vector3& point_m) const noexcept;
+  /// Where the clearance grows fastest, of length 1; +z in the sphere's centre.
+  [[nodiscard]] driver::Vector3 normal(const driver::Vector3& point_m) const noexcept;
+  /// Of plane and texture: the surface's z.
+  [[nodiscard]] double height_m(double x_m) const noexcept;
+  /// Of the sphere.
+  [[nodiscard]] driver::Vector3 centre_m() const noexcept { return {0, 0, face_m - kRadiusMetre}; }
+
+  friend constexpr bool operator==(const Scene&, const Scene&) noexcept = default;
+};
+
+}  // namespace rtpm::scene
