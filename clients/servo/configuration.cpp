@@ -27,6 +27,18 @@ double stiffness_bound_of(const Configuration& configuration, const driver::Desc
                   device.limits.stiffness_newton_per_m_max);
 }
 
+scene::Shape shape_of(std::string_view name) {
+  for (const scene::Shape shape : {scene::Shape::kSphere, scene::Shape::kTexture}) {
+    if (to_string(shape) == name) return shape;
+  }
+  return scene::Shape::kPlane;
+}
+
+bool has_force_along(const driver::Descriptor& device, std::string_view axis) {
+  return std::ranges::any_of(
+      device.axes, [axis](const driver::Axis& one) { return one.name == axis && one.is_actuated; });
+}
+
 /// The default wall's share of its passivity bound.
 constexpr double kShareOfBound = 0.75;
 
@@ -54,6 +66,10 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("damping", configuration.wall.damping_newton_s_per_m, "The wall's, in N s/m",
               {0, 1e4});
   options.add("face", configuration.wall.face_m, "Where the wall's face is, z in metre", {-1, 1});
+  options.add_choice("scene", configuration.scene, {"plane", "sphere", "texture"},
+                     "What is touched: a flat wall, a ball, or ridges");
+  options.add("events", configuration.events,
+              "The hub that gets each touch, for rtpm-scene, by name or URL; none: no hub");
   options.add_choice("render", configuration.render, {"remote", "local"},
                      "Where the wall's force is computed: here, or in the device's own loop");
   options.add("delay", configuration.delay,
@@ -74,16 +90,22 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
 
 expected<Wall, SetupError> choose_wall(const Configuration& configuration,
                                        const driver::Descriptor& device) {
-  const bool has_force_z =
-      std::any_of(device.axes.begin(), device.axes.end(),
-                  [](const driver::Axis& axis) { return axis.name == "z" && axis.is_actuated; });
-  if (!has_force_z || device.limits.force_newton_max <= 0) {
+  Wall wall = configuration.wall;
+  wall.shape = shape_of(configuration.scene);
+  for (const std::string axis : {"z", "y", "x"}) {
+    const bool is_needed = axis == "z" || wall.shape != scene::Shape::kPlane;
+    if (!is_needed || (has_force_along(device, axis) && device.limits.force_newton_max > 0)) {
+      continue;
+    }
     return setup_error(configuration.device + " is a " +
                            std::string(to_string(device.device_class)) +
-                           " device without force along z",
+                           " device without force along " + axis,
                        "", "choose a haptic device with --device");
   }
-  Wall wall = configuration.wall;
+  if (configuration.is_local() && wall.shape != scene::Shape::kPlane) {
+    return setup_error("--render local has no " + configuration.scene, "",
+                       "give --scene plane, or --render remote");
+  }
   const double bound = stiffness_bound_of(configuration, device, wall.damping_newton_s_per_m);
   if (bound <= 0) {
     return setup_error("a wall of --damping " + shown(wall.damping_newton_s_per_m) +

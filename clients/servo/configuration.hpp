@@ -18,10 +18,12 @@ namespace rtpm::servo {
 struct Configuration {
   std::string device = "lab/arm0";
   std::string registry{};
-  double seconds = 10;  ///< 0: until SIGINT or SIGTERM.
+  std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
+  double seconds = 10;          ///< 0: until SIGINT or SIGTERM.
   double rate_hz = 1000;
   Priority priority = 24000;
   Wall wall{.face_m = 0, .stiffness_newton_per_m = 0, .damping_newton_s_per_m = 0.5};
+  std::string scene = "plane";    ///< "plane", "sphere" or "texture".
   std::string render = "remote";  ///< "remote" or "local".
   Duration delay{0};              ///< Of the link, artificial, each way; of a remote wall.
   Duration hold = std::chrono::milliseconds{10};
@@ -32,6 +34,7 @@ struct Configuration {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rt::WaitConfig wait{};
 
+  [[nodiscard]] bool is_publishing() const noexcept { return events != "none"; }
   [[nodiscard]] bool is_local() const noexcept { return render == "local"; }
   [[nodiscard]] Duration period() const noexcept {
     return std::chrono::duration_cast<Duration>(std::chrono::duration<double>(1.0 / rate_hz));
@@ -48,7 +51,8 @@ inline constexpr Duration kDelayMax = std::chrono::milliseconds{100};
 /// The wall for this device, rendered as configured; without a configured stiffness, three quarters
 /// of its bound.
 /// @realtime set-up only
-/// @errors   a device without force along z; a stiffness above the bound, which the text names
+/// @errors   a device without force along the axes that the scene needs; a stiffness above the
+///           bound, which the text names; a local scene other than the plane
 [[nodiscard]] expected<Wall, SetupError> choose_wall(const Configuration& configuration,
                                                      const driver::Descriptor& device);
 

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 
+#include "god_object.hpp"
 #include "rtpm/driver/sample.hpp"
-#include "wall.hpp"
+#include "vector.hpp"
 
 namespace rtpm::servo {
 
@@ -14,12 +15,12 @@ namespace rtpm::servo {
 class Feel {
  public:
   /// Samples outside of the wall, and during soft start, do not count.
-  void record(const Wall& wall, const driver::Sample& sample) noexcept {
-    const double depth_m = wall.depth_m(sample);
-    if (depth_m <= 0 || sample.faults.has(driver::Fault::kSoftStart)) return;
-    force_by_depth_ += sample.wrench_applied.force_newton.z * depth_m;
-    depth_square_ += depth_m * depth_m;
-    depth_m_max_ = std::max(depth_m_max_, depth_m);
+  void record(const scene::Touch& touch, const driver::Sample& sample) noexcept {
+    if (touch.depth_m <= 0 || sample.faults.has(driver::Fault::kSoftStart)) return;
+    force_by_depth_ += scene::dot(sample.wrench_applied.force_newton,
+                                  scene::difference(touch.proxy_m, touch.device_m));
+    depth_square_ += touch.depth_m * touch.depth_m;
+    depth_m_max_ = std::max(depth_m_max_, touch.depth_m);
   }
 
   /// The straight line through 0 of force over depth that fits best, by least squares, in N/m; 0

@@ -1,11 +1,11 @@
 #include "loop.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "vector.hpp"
 
 namespace rtpm::servo {
 
@@ -49,7 +49,8 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   if (!sample) return fail(sample.error(), read);
   record_call(statistics_.read, read - begun);
 
-  const auto force = render(*sample, read);
+  const scene::Touch touch = proxy_.touch(*sample);
+  const auto force = render(*sample, touch, read);
   const MonotonicTime done = rt::now();
   if (!force) return fail(force.error(), done);
   failing_since_.reset();
@@ -61,20 +62,29 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
 
   view_.sample = *sample;
   view_.force_newton = *force;
-  view_.depth_m = config_.wall.depth_m(*sample);
+  view_.depth_m = touch.depth_m;
   view_.cycle_count = statistics_.cycle_count;
   view_.failed_count = statistics_.failed_count;
   if (view_.depth_m > 0) ++statistics_.contact_count;
-  statistics_.force_newton_max = std::max(statistics_.force_newton_max, std::abs(force->z));
-  statistics_.feel.record(config_.wall, *sample);
+  statistics_.force_newton_max = std::max(statistics_.force_newton_max, scene::length(*force));
+  statistics_.feel.record(touch, *sample);
   live_.write(view_);
+  publish(*sample, touch, *force);
+}
+
+void Loop::publish(const driver::Sample& sample, scene::Touch touch,
+                   const driver::Vector3& force_newton) noexcept {
+  touch.force_newton = force_newton;
+  scene::TouchReport report{sample.sequence, proxy_.scene(), touch};
+  static_cast<void>(touches_.push(report));  // When full, only displays lose it.
 }
 
 /// Commands the wall's force and returns it; of a local wall, the force that the device applies.
 expected<driver::Vector3, gvd::DeviceError> Loop::render(const driver::Sample& sample,
+                                                         const scene::Touch& touch,
                                                          MonotonicTime now) noexcept {
   if (config_.is_local) return sample.wrench_applied.force_newton;
-  const driver::Vector3 force = link_.pass(now, config_.wall.force_newton(sample));
+  const driver::Vector3 force = link_.pass(now, touch.force_newton);
   const MonotonicTime computed = rt::now();
   const auto sent = device_.set_force(force, call_);
   if (!sent) return unexpected{sent.error()};

@@ -14,6 +14,7 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/rt/thread.hpp"
+#include "touch_event.hpp"
 #include "wall.hpp"
 
 namespace rtpm::servo {
@@ -63,14 +64,14 @@ struct LoopConfig {
 };
 
 /// The paper's §3.1: reads the device's position, computes the force of a virtual wall, sends it,
-/// at a steady rate on a thread of its own, which prints nothing. About 200 KiB: not for a stack.
+/// at a steady rate on a thread of its own, which prints nothing. About 350 KiB: not for a stack.
 /// @ownership refers to the device, which must outlive it
 /// @threads  start(), join(), statistics(): one; live(), next_cycle(): one other; stop(): any
 /// @realtime the loop's thread is alloc-free
 class Loop {
  public:
   Loop(gvd::DeviceClient& device, const LoopConfig& config) noexcept
-      : device_(device), config_(config), link_(2 * config.delay) {}
+      : device_(device), config_(config), proxy_(config.wall.proxy()), link_(2 * config.delay) {}
 
   /// @realtime set-up only
   /// @errors   with RealtimeMode::kRequire, a right that the process lacks
@@ -86,6 +87,8 @@ class Loop {
   [[nodiscard]] std::optional<Live> live() const noexcept { return live_.read(); }
   /// The latency of the next unread cycle.
   [[nodiscard]] std::optional<Duration> next_cycle() noexcept { return cycles_.pop(); }
+  /// The next unread touch. When 1024 are unread, newer ones are lost.
+  [[nodiscard]] std::optional<scene::TouchReport> next_touch() noexcept { return touches_.pop(); }
 
   /// The results; after join().
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
@@ -96,16 +99,22 @@ class Loop {
   void run() noexcept;
   void run_cycle(MonotonicTime due) noexcept;
   [[nodiscard]] expected<driver::Vector3, gvd::DeviceError> render(const driver::Sample& sample,
+                                                                   const scene::Touch& touch,
                                                                    MonotonicTime now) noexcept;
+  void publish(const driver::Sample& sample, scene::Touch touch,
+               const driver::Vector3& force_newton) noexcept;
   void record_call(LatencyHistogram& histogram, Duration latency) noexcept;
   void fail(gvd::DeviceError error, MonotonicTime now) noexcept;
 
   Latest<Live> live_{};
   SpscRing<Duration, 8192> cycles_{};
+  SpscRing<scene::TouchReport, 1024> touches_{};
   gvd::DeviceClient& device_;
   LoopConfig config_;
   rpc::CallOptions call_{};
-  /// The wall has no memory: its force arrives as late as if sample and command were each delayed.
+  scene::GodObject proxy_;
+  /// Each force depends on the samples up to its own: it arrives as late as if sample and command
+  /// were each delayed.
   DelayLine<driver::Vector3, 2048> link_;
   Statistics statistics_{};
   Live view_{};

@@ -1,11 +1,12 @@
-// rtpm-servo: the haptic servo of the paper's §3.1. It renders a virtual wall on a haptic device,
-// wherever that is, and measures every cycle.
+// rtpm-servo: the force node of the paper's §3.1. It renders a virtual wall, a ball or ridges on a
+// haptic device, wherever that is, and measures every cycle.
 #include <algorithm>
 #include <cstddef>
 #include <cstdio>
 #include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
 #include "configuration.hpp"
 #include "loop.hpp"
@@ -18,6 +19,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "touch_event.hpp"
 
 namespace rtpm::servo {
 namespace {
@@ -69,11 +71,28 @@ class LocalWall {
   std::optional<MonotonicTime> failing_since_{};
 };
 
+/// What the thread beside the loop attends to.
+struct Attended {
+  LocalWall* wall = nullptr;  ///< May be null.
+  std::optional<scene::TouchSupplier> touches{};
+};
+
+/// Often enough for a display's 60 frames per second.
+constexpr Duration kPublishInterval = std::chrono::milliseconds{4};
+constexpr Duration kAttendInterval = std::chrono::milliseconds{20};
+
+/// Sends the unread touches of the loop, which itself waits for no hub.
+void publish(Loop& loop, scene::TouchSupplier& touches) {
+  while (const auto touch = loop.next_touch())
+    touches.add(*touch);
+  touches.flush();
+}
+
 /// Displays the loop until it ends, or ends it on a stop request. Nothing else prints while the
 /// loop runs; this thread is time-shared.
 /// @errors   of the local wall, if there is one
-std::optional<gvd::DeviceError> watch(Loop& loop, LocalWall* wall, const options::StopSignal& stop,
-                                      const std::string& live) {
+std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
+                                      const options::StopSignal& stop, const std::string& live) {
   std::optional<gvd::DeviceError> loss;
   const bool is_rewriting = live == "rewrite";
   const Duration pause =
@@ -82,11 +101,12 @@ std::optional<gvd::DeviceError> watch(Loop& loop, LocalWall* wall, const options
   const MonotonicTime begin = rt::now();
   MonotonicTime next = begin + pause;
   while (loop.is_running()) {
-    if (stop.wait_for(std::chrono::milliseconds{20})) loop.stop();
+    if (stop.wait_for(attended.touches ? kPublishInterval : kAttendInterval)) loop.stop();
+    if (attended.touches) publish(loop, *attended.touches);
     while (const auto cycle = loop.next_cycle())
       cycles->record(*cycle);
     const MonotonicTime now = rt::now();
-    if (wall != nullptr && !loss) loss = wall->keep(now);
+    if (attended.wall != nullptr && !loss) loss = attended.wall->keep(now);
     if (loss) loop.stop();
     const auto view = loop.live();
     if (live == "off" || now < next || !view) continue;
@@ -170,6 +190,13 @@ int serve(const Configuration& configuration) {
   const auto wall = choose_wall(configuration, device->descriptor());
   if (!wall) return fail(kSetUpFailed, wall.error().text());
 
+  Attended attended;
+  if (configuration.is_publishing()) {
+    auto touches = scene::TouchSupplier::create(node, configuration.events, configuration.device);
+    if (!touches) return fail(kSetUpFailed, touches.error().text());
+    attended.touches = std::move(*touches);
+  }
+
   LoopConfig config;
   config.wall = *wall;
   config.is_local = configuration.is_local();
@@ -182,21 +209,21 @@ int serve(const Configuration& configuration) {
   config.thread.priority = configuration.priority;
   config.thread.realtime = configuration.realtime;
   const auto loop = std::make_unique<Loop>(*device, config);
-  std::printf("%s at %s: a %s wall of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
+  std::printf("%s at %s: a %s %s of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
               printable(configuration.device).c_str(), printable(device->url()).c_str(),
-              configuration.render.c_str(), wall->stiffness_newton_per_m,
-              wall->damping_newton_s_per_m, configuration.rate_hz);
+              configuration.render.c_str(), configuration.scene.c_str(),
+              wall->stiffness_newton_per_m, wall->damping_newton_s_per_m, configuration.rate_hz);
   std::fflush(stdout);
   LocalWall local_wall(*device, *wall, configuration.patience);
   if (config.is_local) {
+    attended.wall = &local_wall;
     if (auto set = local_wall.set(rt::now()); !set) {
       return fail(kSetUpFailed,
                   configuration.device + " can't render the wall: " + set.error().text);
     }
   }
   if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text());
-  const auto wall_loss =
-      watch(*loop, config.is_local ? &local_wall : nullptr, stop, configuration.live);
+  const auto wall_loss = watch(*loop, attended, stop, configuration.live);
   loop->join();
   std::printf("\n%s%s", table_text(loop->statistics()).c_str(),
               feel_text(loop->statistics().feel, config).c_str());

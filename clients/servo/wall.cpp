@@ -4,16 +4,8 @@
 
 namespace rtpm::servo {
 
-double Wall::depth_m(const driver::Sample& sample) const noexcept {
-  return std::max(0.0, face_m - sample.pose.position_m.z);
-}
-
-driver::Vector3 Wall::force_newton(const driver::Sample& sample) const noexcept {
-  const double depth = depth_m(sample);
-  if (depth <= 0) return {};
-  const double out_newton =
-      stiffness_newton_per_m * depth - damping_newton_s_per_m * sample.twist.linear_m_per_s.z;
-  return {0, 0, std::max(0.0, out_newton)};
+scene::GodObject Wall::proxy() const noexcept {
+  return {{shape, face_m}, {stiffness_newton_per_m, damping_newton_s_per_m}};
 }
 
 gvd::Plane Wall::as_plane() const noexcept {

@@ -1,24 +1,23 @@
 #pragma once
 
+#include "god_object.hpp"
 #include "rtpm/base/time.hpp"
-#include "rtpm/driver/descriptor.hpp"
-#include "rtpm/driver/sample.hpp"
 #include "rtpm/models/model.hpp"
+#include "scene.hpp"
 
 namespace rtpm::servo {
 
-/// A flat wall with its face towards the operator: all below z = `face_m` is wall. Inside, a spring
-/// and a damper push out along z; a wall never pulls.
+/// The solid that the loop renders. By default a flat wall with its face towards the operator: all
+/// below z = `face_m` is wall. Inside, a spring and a damper push out; a wall never pulls.
 struct Wall {
   double face_m = 0;
   double stiffness_newton_per_m = 0;
   double damping_newton_s_per_m = 0;
+  scene::Shape shape = scene::Shape::kPlane;
 
-  /// Penetration depth of `sample` in metre; 0 outside. Alloc-free.
-  [[nodiscard]] double depth_m(const driver::Sample& sample) const noexcept;
-  /// The wall's force on the end effector, in newton. Alloc-free.
-  [[nodiscard]] driver::Vector3 force_newton(const driver::Sample& sample) const noexcept;
-  /// The same wall for the device's own loop. Alloc-free.
+  /// What follows the end effector and computes the force on it. Alloc-free.
+  [[nodiscard]] scene::GodObject proxy() const noexcept;
+  /// The same wall for the device's own loop, of a plane. Alloc-free.
   [[nodiscard]] gvd::Plane as_plane() const noexcept;
 };
 

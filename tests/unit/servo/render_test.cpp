@@ -43,7 +43,7 @@ class Pressed {
   Feel render_remotely(Duration delay) {
     DelayLine<driver::Vector3, 2048> link(2 * delay);
     for (int i = 0; i < 10'000; ++i) {
-      const driver::Vector3 force = link.pass(now_, kWall.force_newton(*cycle_->newest()));
+      const driver::Vector3 force = link.pass(now_, touch_.force_newton);
       static_cast<void>(cycle_->submit(
           {lease_, ++sequence_, milliseconds{10}, driver::Setpoint::with_wrench({force, {}})},
           now_));
@@ -69,7 +69,8 @@ class Pressed {
   void step() {
     now_ += milliseconds{1};
     cycle_->run(now_, 0);
-    feel_.record(kWall, *cycle_->newest());
+    touch_ = proxy_.touch(*cycle_->newest());
+    feel_.record(touch_, *cycle_->newest());
   }
 
   std::unique_ptr<device_sim::SimDriver> driver_;
@@ -77,6 +78,8 @@ class Pressed {
   MonotonicTime now_{seconds{1000}};
   std::uint64_t lease_ = gvd::Lease::kNobody;
   std::uint32_t sequence_ = 0;
+  scene::GodObject proxy_{kWall.proxy()};
+  scene::Touch touch_{};
   Feel feel_{};
 };
 

@@ -77,15 +77,15 @@ TEST(FeelText, SaysHowTheWallWasRenderedAndFelt) {
   config.delay = milliseconds{20};
   Feel feel;
   EXPECT_EQ(feel_text(feel, config),
-            "  the wall of 600 N/m, rendered by this program with 20.0 ms of delay each way: not "
+            "  the plane of 600 N/m, rendered by this program with 20.0 ms of delay each way: not "
             "touched\n");
   driver::Sample sample;
   sample.pose.position_m.z = -0.004;
   sample.wrench_applied.force_newton.z = 1.2;
-  feel.record(config.wall, sample);
+  feel.record({.device_m = {0, 0, -0.004}, .proxy_m = {}, .depth_m = 0.004}, sample);
   config.is_local = true;
   EXPECT_EQ(feel_text(feel, config),
-            "  the wall of 600 N/m, rendered in the device's loop: felt as 300 N/m, entered by "
+            "  the plane of 600 N/m, rendered in the device's loop: felt as 300 N/m, entered by "
             "4.00 mm at most\n");
 }
 

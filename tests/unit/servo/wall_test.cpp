@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <vector>
 
 #include "configuration.hpp"
@@ -30,17 +31,6 @@ driver::Descriptor arm() {
   return descriptor;
 }
 
-TEST(Wall, PushesOutOnlyAndAlongZOnly) {
-  const Wall wall{.face_m = 0.005, .stiffness_newton_per_m = 500, .damping_newton_s_per_m = 2};
-  EXPECT_EQ(wall.force_newton(sample_at(0.006, -1)), driver::Vector3{}) << "outside";
-  EXPECT_NEAR(wall.force_newton(sample_at(0.003, 0)).z, 1.0, 1e-12);
-  EXPECT_NEAR(wall.force_newton(sample_at(0.003, -0.1)).z, 1.2, 1e-12) << "going in";
-  EXPECT_NEAR(wall.force_newton(sample_at(0.003, 0.1)).z, 0.8, 1e-12) << "coming out";
-  EXPECT_EQ(wall.force_newton(sample_at(0.003, 10)).z, 0) << "it never pulls";
-  EXPECT_EQ(wall.force_newton(sample_at(0.003, 0)).x, 0);
-  EXPECT_NEAR(wall.depth_m(sample_at(0.003, 0)), 0.002, 1e-12);
-}
-
 TEST(StiffnessBound, FollowsItsFormula) {
   // (2.5 − 0.5) / (0.5 ms + 2 ms)
   EXPECT_NEAR(stiffness_bound(2.5, 0.5, milliseconds{1}, milliseconds{1}), 800, 1e-9);
@@ -59,10 +49,11 @@ double buzz(const Wall& wall, double device_damping) {
   double fastest = 0;
   driver::Sample measured = sample_at(z_m, velocity);
   driver::Vector3 waiting{};
+  scene::GodObject proxy = wall.proxy();
   for (int cycle = 0; cycle < 4000; ++cycle) {
     // The device takes the force of the last cycle and measures; the loop sees the former sample.
     const double applied_newton = waiting.z;
-    waiting = wall.force_newton(measured);
+    waiting = proxy.touch(measured).force_newton;
     measured = sample_at(z_m, velocity);
     for (int slice = 0; slice < kSliceCount; ++slice) {
       velocity += (applied_newton - 1.0 - device_damping * velocity) / kMassKg * kSliceSeconds;
@@ -110,6 +101,43 @@ TEST(ChooseWall, RefusesAWallThatWouldBuzzAndNamesTheBound) {
   EXPECT_NE(damped.error().text().find("--damping 3 "), std::string::npos) << damped.error().text();
 }
 
+TEST(ChooseWall, HasTheSameBoundForEachScene) {
+  for (const scene::Shape shape :
+       {scene::Shape::kPlane, scene::Shape::kSphere, scene::Shape::kTexture}) {
+    Configuration configuration;
+    configuration.scene = to_string(shape);
+    const auto wall = choose_wall(configuration, arm());
+    ASSERT_TRUE(wall) << wall.error().text();
+    EXPECT_EQ(wall->shape, shape);
+    EXPECT_NEAR(wall->stiffness_newton_per_m, 600, 1e-9);
+    configuration.wall.stiffness_newton_per_m = 801;
+    EXPECT_FALSE(choose_wall(configuration, arm()));
+  }
+}
+
+TEST(ChooseWall, RefusesASolidWithTooFewAxes) {
+  driver::Descriptor flat = arm();
+  flat.axes[0].is_actuated = false;
+  Configuration configuration;
+  EXPECT_TRUE(choose_wall(configuration, flat)) << "a plane needs z only";
+  configuration.scene = "sphere";
+  const auto wall = choose_wall(configuration, flat);
+  ASSERT_FALSE(wall);
+  EXPECT_EQ(wall.error().text(),
+            "lab/arm0 is a haptic device without force along x. Remedy: choose a haptic device "
+            "with --device.");
+}
+
+TEST(ChooseWall, RefusesALocalBall) {
+  Configuration configuration;
+  configuration.render = "local";
+  configuration.scene = "sphere";
+  const auto wall = choose_wall(configuration, arm());
+  ASSERT_FALSE(wall);
+  EXPECT_EQ(wall.error().text(),
+            "--render local has no sphere. Remedy: give --scene plane, or --render remote.");
+}
+
 TEST(ChooseWall, LetsALocalWallBeStiffer) {
   Configuration configuration;
   configuration.render = "local";
@@ -125,11 +153,13 @@ TEST(WallAsPlane, IsTheSameWall) {
   const Wall wall{.face_m = 0.005, .stiffness_newton_per_m = 500, .damping_newton_s_per_m = 2};
   gvd::Evaluator device;
   device.set(gvd::ModelList{std::vector<gvd::Model>{wall.as_plane()}});
-  for (const double z_m : {0.006, 0.005, 0.003, -0.02}) {
+  for (const double z_m : {0.006, 0.0049, 0.003, -0.02}) {
     for (const double velocity : {-0.3, 0.0, 0.3, 10.0}) {
       const driver::Sample sample = sample_at(z_m, velocity);
-      EXPECT_NEAR(device.evaluate(sample).wrench.force_newton.z, wall.force_newton(sample).z,
-                  1e-12);
+      // The proxy rests a little above the face.
+      EXPECT_NEAR(device.evaluate(sample).wrench.force_newton.z,
+                  wall.proxy().touch(sample).force_newton.z,
+                  wall.stiffness_newton_per_m * 3 * scene::GodObject::kSkinMetre);
     }
   }
 }
