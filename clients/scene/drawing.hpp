@@ -1,0 +1,63 @@
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rtpm/driver/geometry.hpp"
+#include "touch_event.hpp"
+
+/// A scene and what happened at it, as lines in two flat panels. No clock, no output.
+namespace rtpm::scene {
+
+/// What a line stands for.
+enum class Ink : std::uint8_t {
+  kSolid = 0,   ///< The scene.
+  kDevice = 1,  ///< The path of the device.
+  kProxy = 2,   ///< The path of the proxy.
+  kSpring = 3,  ///< From the device to the proxy.
+  kForce = 4,   ///< On the device, drawn from the proxy.
+};
+inline constexpr std::uint8_t kInkCount = 5;
+
+/// In a panel.
+struct Point {
+  double right_mm = 0;
+  double up_mm = 0;
+};
+
+struct Line {
+  Ink ink = Ink::kSolid;
+  std::vector<Point> points{};
+};
+
+/// One view: a window of kPanelWidthMm by kPanelHeightMm. Lines may leave it.
+struct Panel {
+  std::string title{};
+  std::string right_axis{};
+  std::string up_axis{};
+  Point low{};                 ///< The window's lower left corner.
+  std::vector<Point> solid{};  ///< A closed polygon to fill; may be empty.
+  std::vector<Line> lines{};   ///< Later ones lie above.
+};
+inline constexpr double kPanelWidthMm = 90;
+inline constexpr double kPanelHeightMm = 60;
+/// The length of a force.
+inline constexpr double kMmPerNewton = 3;
+
+/// What is drawn.
+struct Story {
+  std::span<const driver::Vector3> device_m{};
+  std::span<const TouchReport> touches{};
+  /// Each so many touches one force, counted from the newest; 0: none.
+  std::size_t force_stride = 0;
+};
+
+/// Across the surface: x to the right, z up.
+/// @realtime set-up only
+[[nodiscard]] Panel section_panel(const Story& story);
+/// As the operator sees it: x to the right, y up.
+/// @realtime set-up only
+[[nodiscard]] Panel front_panel(const Story& story);
+
+}  // namespace rtpm::scene
