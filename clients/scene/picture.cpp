@@ -19,7 +19,7 @@ constexpr double kGridMm = 10;
 
 /// A force that points at the viewer is too short for a head.
 constexpr double kHeadedMm = 2.5;
-constexpr double kPointStepMm = 0.15;
+constexpr double kPointStepMm = 0.3;
 
 constexpr const char* kArrowHead = " marker-end=\"url(#head)\"";
 struct Style {
