@@ -12,28 +12,33 @@
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "rtpm/driver_host/plugin.hpp"
 
+/// Members make and probe of DriverInfo, of a driver whose namespace has open() and probe().
+#define RTPM_HARDWARE(part)                                                                       \
+  [](const DeviceSettings& device) -> Made { return part::open(device.arguments, device.name); }, \
+      [] { return part::probe(); }
+
 // A driver whose library was not found is not built, and its header not in sight.
 #if __has_include("rtpm/device_evdev/open.hpp")
 #include "rtpm/device_evdev/open.hpp"
-#define RTPM_EVDEV &make_hardware<&device_evdev::open>, &device_evdev::probe
+#define RTPM_EVDEV RTPM_HARDWARE(device_evdev)
 #else
 #define RTPM_EVDEV nullptr, nullptr
 #endif
 #if __has_include("rtpm/device_falcon/open.hpp")
 #include "rtpm/device_falcon/open.hpp"
-#define RTPM_FALCON &make_hardware<&device_falcon::open>, &device_falcon::probe
+#define RTPM_FALCON RTPM_HARDWARE(device_falcon)
 #else
 #define RTPM_FALCON nullptr, nullptr
 #endif
 #if __has_include("rtpm/device_hid/open.hpp")
 #include "rtpm/device_hid/open.hpp"
-#define RTPM_HID &make_hardware<&device_hid::open>, &device_hid::probe
+#define RTPM_HID RTPM_HARDWARE(device_hid)
 #else
 #define RTPM_HID nullptr, nullptr
 #endif
 #if __has_include("rtpm/device_serial/open.hpp")
 #include "rtpm/device_serial/open.hpp"
-#define RTPM_SERIAL &make_hardware<&device_serial::open>, &device_serial::probe
+#define RTPM_SERIAL RTPM_HARDWARE(device_serial)
 #else
 #define RTPM_SERIAL nullptr, nullptr
 #endif
@@ -79,12 +84,6 @@ Made make_mpv(const DeviceSettings& device) {
   const std::string serial = device.serial.empty() ? "mpv-" + device.name : device.serial;
   return std::unique_ptr<driver::Driver>(std::make_unique<device_mpv::MpvDriver>(
       device_mpv::open_mpv(*settings), serial, device.name + "/base"));
-}
-
-/// @tparam open  of a driver of hardware: (arguments, name of the device)
-template <auto open>
-[[maybe_unused]] Made make_hardware(const DeviceSettings& device) {
-  return open(device.arguments, device.name);
 }
 
 constexpr std::array kDrivers{

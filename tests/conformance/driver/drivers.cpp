@@ -9,10 +9,6 @@
 
 #include "lever_driver.hpp"
 #include "rtpm/base/assert.hpp"
-#ifdef RTPM_HAS_DEVICE_FALCON
-#include "rtpm/device_falcon/falcon_driver.hpp"
-#include "scripted_falcon.hpp"
-#endif
 #include "rtpm/device_mpv/mpv_driver.hpp"
 #include "rtpm/device_sim/biometric_driver.hpp"
 #include "rtpm/device_sim/gaze_driver.hpp"
@@ -20,10 +16,6 @@
 #include "rtpm/device_sim/player_driver.hpp"
 #include "rtpm/device_sim/sim_driver.hpp"
 #include "scripted_player.hpp"
-#ifdef RTPM_HAS_DEVICE_SERIAL
-#include "rtpm/device_serial/open.hpp"
-#include "serial_model.hpp"
-#endif
 
 namespace rtpm::test {
 namespace {
@@ -43,25 +35,9 @@ std::string recorded_hand() {
   return path;
 }
 
-#ifdef RTPM_HAS_DEVICE_SERIAL
-/// A paddle whose port its opening resets.
-std::unique_ptr<driver::Driver> make_serial() {
-  const auto model = std::make_shared<SerialModel>();
-  auto opened = device_serial::open(
-      "port=/dev/ttyACM0", "paddle", [] { return std::vector<device_serial::Port>{}; },
-      open_model(model, true));
-  RTPM_ASSERT(opened.has_value(), "the scripted board could not be opened");
-  return std::move(*opened);
-}
-#endif
-
-}  // namespace
-
-std::vector<DriverUnderTest> drivers_under_test() {
-  return {
-#ifdef RTPM_HAS_DEVICE_SERIAL
-      {"Serial", make_serial},
-#endif
+/// Of this file's drivers; a file of its own adds one whose library may be missing.
+std::vector<DriverUnderTest>& drivers() {
+  static std::vector<DriverUnderTest> drivers{
       {"SimHeld", [] { return make_sim({}); }},
       {"SimFree", [] { return make_sim({.is_held = false}); }},
       {"SimRecorded", [] { return make_sim({.hand_file = recorded_hand()}); }},
@@ -76,16 +52,20 @@ std::vector<DriverUnderTest> drivers_under_test() {
          return std::make_unique<device_mpv::MpvDriver>(
              [] { return std::make_unique<ScriptedPlayer>(); }, "scripted-1", "player/base");
        }},
-#ifdef RTPM_HAS_DEVICE_FALCON
-      {"Falcon",
-       [] {
-         return std::make_unique<device_falcon::FalconDriver>(
-             device_falcon::FalconConfig{.serial = "FALCON01"},
-             open_scripted(std::make_shared<FalconModel>()));
-       }},
-#endif
       {"Template", [] { return std::make_unique<lab::LeverDriver>(); }},
   };
+  return drivers;
+}
+
+}  // namespace
+
+std::vector<DriverUnderTest> drivers_under_test() {
+  return drivers();
+}
+
+bool add_driver(DriverUnderTest driver) {
+  drivers().push_back(std::move(driver));
+  return true;
 }
 
 }  // namespace rtpm::test
