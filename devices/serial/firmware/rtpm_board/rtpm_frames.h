@@ -160,7 +160,7 @@ class Reader {
            u16_at(4) == body_size - kHeaderSize;
   }
   uint16_t u16_at(size_t at) const {
-    return static_cast<uint16_t>(bytes_[at] | (bytes_[at + 1] << 8));
+    return static_cast<uint16_t>(bytes_[at] | (static_cast<uint16_t>(bytes_[at + 1]) << 8));
   }
 
   uint8_t bytes_[kWireSizeMax];
@@ -236,7 +236,8 @@ class Board {
     if (reader_.payload_size() != 3u + 4u * (joint_count_ + output_count_)) return false;
     const uint16_t step = static_cast<uint16_t>(reader_.sequence() - command_sequence_);
     if (step == 0 || step > 0x7fff) return false;  // A repeated or stale command.
-    const uint16_t watchdog_ms = static_cast<uint16_t>(payload[1] | (payload[2] << 8));
+    const uint16_t watchdog_ms =
+        static_cast<uint16_t>(payload[1] | (static_cast<uint16_t>(payload[2]) << 8));
     if (payload[0] > 1 || watchdog_ms == 0 || watchdog_ms > kWatchdogMaxMs) return false;
     for (size_t i = 0; i < static_cast<size_t>(joint_count_) + output_count_; ++i)
       if (!is_finite(payload + 3 + 4 * i)) return false;
