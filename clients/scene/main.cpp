@@ -28,7 +28,7 @@ constexpr std::size_t kPanelColumns = 38;
 constexpr std::size_t kPanelRows = 13;
 /// What a live frame shows of the past: 2 s at 60 Hz.
 constexpr std::size_t kTrailCount = 120;
-constexpr std::size_t kPictureForceStride = 8;
+constexpr std::size_t kPictureForceStride = 10;
 
 using TouchConsumer = events::TypedConsumer<touch::TouchedEvent>;
 
