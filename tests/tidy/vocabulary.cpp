@@ -44,8 +44,8 @@ const std::map<std::string_view, std::string_view>& terms() {
 // Names that are not RTPM's to choose.
 bool is_given(std::string_view identifier) {
   return identifier == "RepairWish" ||  // Of spec/idl/events.fbs, and part of its fingerprint.
-         identifier == "libusb_fill_bulk_transfer" || identifier == "SO_LINGER" ||
-         identifier == "ZMQ_LINGER";
+         identifier == "SO_LINGER" || identifier == "ZMQ_LINGER" ||
+         identifier.starts_with("libusb_");
 }
 
 // The term in whose place `word` stands, a plural or past form included; empty if it may stand.
