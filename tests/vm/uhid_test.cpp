@@ -49,8 +49,8 @@ struct Counter {
                                  std::byte{3}};
 };
 
-test::HidModel model_of(Counter& counter, const std::string& serial_number) {
-  test::HidModel model;
+device_bridges::HidModel model_of(Counter& counter, const std::string& serial_number) {
+  device_bridges::HidModel model;
   model.identity = {.vendor = 0x1209,
                     .product = 0x0001,
                     .version = 1,
@@ -115,7 +115,7 @@ class Uhid : public testing::Test {
   }
 
   Counter counter_{};
-  test::UhidBridge bridge_{model_of(counter_, "counter-7")};
+  device_bridges::UhidBridge bridge_{model_of(counter_, "counter-7")};
   std::string node_{};
 };
 

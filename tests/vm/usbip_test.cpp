@@ -38,8 +38,8 @@ struct Echo {
   std::uint16_t value = 0;
 };
 
-test::UsbModel model_of(Echo& echo) {
-  test::UsbModel model;
+device_bridges::UsbModel model_of(Echo& echo) {
+  device_bridges::UsbModel model;
   model.device_descriptor = bytes_of<18>(
       {18, 1, 0x00, 0x02, 0xFF, 0, 0, 64, 0x09, 0x12, 0x02, 0x00, 0x00, 0x01, 1, 2, 3, 1});
   const auto configuration = bytes_of<39>({9, 2,    39,
@@ -59,20 +59,22 @@ test::UsbModel model_of(Echo& echo) {
                                            0});  // any size.
   model.configuration_descriptor.assign(configuration.begin(), configuration.end());
   model.strings = {"RTPM", "test echo", "echo-7"};
-  model.on_control = [&echo](const test::UsbSetup& setup, std::span<const std::byte>) {
-    if (setup.request == 9) return test::UsbAnswer{test::UsbStatus::kStall};
+  model.on_control = [&echo](const device_bridges::UsbSetup& setup, std::span<const std::byte>) {
+    if (setup.request == 9) return device_bridges::UsbAnswer{device_bridges::UsbStatus::kStall};
     if (setup.request_type == kVendorToDevice) echo.value = setup.value;
-    return test::UsbAnswer{
+    return device_bridges::UsbAnswer{
         .data = {static_cast<std::byte>(echo.value), static_cast<std::byte>(echo.value >> 8U)}};
   };
   model.on_out = [&echo](std::uint8_t endpoint, std::span<const std::byte> data) {
-    if (endpoint == kStallingOut) return test::UsbAnswer{test::UsbStatus::kStall};
+    if (endpoint == kStallingOut)
+      return device_bridges::UsbAnswer{device_bridges::UsbStatus::kStall};
     echo.packets.emplace_back(data.begin(), data.end());
-    return test::UsbAnswer{};
+    return device_bridges::UsbAnswer{};
   };
   model.on_in = [&echo](std::uint8_t, std::size_t, MonotonicTime) {
-    if (echo.packets.empty()) return test::UsbAnswer{test::UsbStatus::kNotReady};
-    test::UsbAnswer answer{.data = echo.packets.front()};
+    if (echo.packets.empty())
+      return device_bridges::UsbAnswer{device_bridges::UsbStatus::kNotReady};
+    device_bridges::UsbAnswer answer{.data = echo.packets.front()};
     echo.packets.pop_front();
     return answer;
   };
@@ -114,7 +116,7 @@ class Usbip : public testing::Test {
   }
 
   Echo echo_{};
-  test::UsbipBridge bridge_{model_of(echo_)};
+  device_bridges::UsbipBridge bridge_{model_of(echo_)};
   libusb_context* context_ = nullptr;
   libusb_device_handle* device_ = nullptr;
 };

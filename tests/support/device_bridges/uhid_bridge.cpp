@@ -12,7 +12,7 @@
 
 #include "rtpm/rt/clock.hpp"
 
-namespace rtpm::test {
+namespace rtpm::device_bridges {
 namespace {
 
 constexpr const char* kNode = "/dev/uhid";
@@ -142,4 +142,4 @@ void UhidBridge::take_event() {
   }
 }
 
-}  // namespace rtpm::test
+}  // namespace rtpm::device_bridges

@@ -14,7 +14,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::test {
+namespace rtpm::device_bridges {
 
 /// How a HID device presents itself.
 struct HidIdentity {
@@ -82,4 +82,4 @@ class UhidBridge {
   std::thread thread_{};
 };
 
-}  // namespace rtpm::test
+}  // namespace rtpm::device_bridges

@@ -13,7 +13,7 @@
 
 #include "rtpm/rt/clock.hpp"
 
-namespace rtpm::test {
+namespace rtpm::device_bridges {
 namespace {
 
 constexpr std::size_t kHeaderSize = 48;
@@ -285,4 +285,4 @@ void UsbipBridge::reply(const Transfer& transfer, const UsbAnswer& answer) {
   write_all(socket_, data);
 }
 
-}  // namespace rtpm::test
+}  // namespace rtpm::device_bridges

@@ -16,7 +16,7 @@
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 
-namespace rtpm::test {
+namespace rtpm::device_bridges {
 
 /// The setup packet of a control transfer, in this machine's byte order.
 /// @source   USB 2.0 specification, table 9-2
@@ -115,4 +115,4 @@ class UsbipBridge {
   std::thread thread_{};
 };
 
-}  // namespace rtpm::test
+}  // namespace rtpm::device_bridges
