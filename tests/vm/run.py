@@ -301,10 +301,16 @@ def boot(options, kernel, image, results):
             process.wait()
     if results.is_finished:
         return None
-    last = console.read_text(errors="replace").splitlines()[-CONSOLE_LINES:]
+    lines = console.read_text(errors="replace").splitlines()
+    panics = [number for number, line in enumerate(lines)
+              if re.search(r"Kernel panic|Oops:|BUG: ", line)]
+    if panics:
+        reason = f"the guest's kernel has failed: {re.sub(r'^.*?[]] ', '', lines[panics[0]])}"
+        lines = lines[:panics[0] + CONSOLE_LINES]
     running = f", while it ran {results.running}" if results.running else ""
-    shown = "\n".join("    " + line for line in [*results.output[-CONSOLE_LINES:], *last])
-    return f"{reason}{running}. The last lines of the test and of its console:\n{shown}"
+    shown = [*results.output[-CONSOLE_LINES:], *lines[-CONSOLE_LINES:]]
+    return (f"{reason}{running}. The last lines of the test and of {console}:\n" +
+            "\n".join("    " + line for line in shown))
 
 
 def arguments():
