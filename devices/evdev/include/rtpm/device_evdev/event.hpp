@@ -1,0 +1,46 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+
+/// Numbers of types and codes are the kernel's.
+/// @source   linux/input-event-codes.h
+namespace rtpm::device_evdev {
+
+/// One event as the kernel gives it.
+/// @ownership plain value
+struct Event {
+  MonotonicTime time{};
+  std::uint16_t type = 0;
+  std::uint16_t code = 0;
+  std::int32_t value = 0;
+};
+
+/// What the kernel says of an absolute axis. Untrusted: the minimum may be above the maximum.
+struct AbsoluteAxis {
+  std::uint16_t code = 0;
+  std::int32_t minimum = 0;
+  std::int32_t maximum = 0;
+  std::int32_t flat = 0;        ///< Values this close to the centre are the centre.
+  std::int32_t resolution = 0;  ///< Counts per unit; 0: unknown.
+  std::int32_t value = 0;       ///< When it was opened.
+
+  friend bool operator==(const AbsoluteAxis&, const AbsoluteAxis&) = default;
+};
+
+/// What an input device has, as read when it was opened.
+struct Capabilities {
+  std::string name;
+  std::vector<AbsoluteAxis> absolute{};
+  std::vector<std::uint16_t> relative{};
+  std::vector<std::uint16_t> keys{};
+  std::vector<std::uint16_t> pressed{};         ///< Of `keys`, when it was opened.
+  std::vector<std::uint16_t> force_feedback{};  ///< FF_RUMBLE, FF_GAIN, …
+  int effect_count = 0;                         ///< How many effects it keeps at a time.
+  bool is_accelerometer = false;                ///< INPUT_PROP_ACCELEROMETER.
+};
+
+}  // namespace rtpm::device_evdev

@@ -1,0 +1,71 @@
+#pragma once
+
+#include <cstdint>
+#include <numbers>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/device_evdev/effects.hpp"
+#include "rtpm/device_evdev/event.hpp"
+#include "rtpm/driver/descriptor.hpp"
+
+namespace rtpm::device_evdev {
+
+/// What the kernel does not say of a device.
+struct Scales {
+  /// Of a steering wheel from end to end. 900°, which most wheels with a motor have.
+  double wheel_range_rad = 5 * std::numbers::pi;
+  double effort_newton_metre_max = 2;  ///< At the full level.
+  double counts_per_m = 39'370;        ///< Of relative axes in m: 1000 counts per inch.
+  double counts_per_turn = 24;         ///< Of relative axes in rad.
+  bool is_reversed = false;            ///< A positive effort turns towards smaller positions.
+};
+
+/// An absolute axis as an analog: the count times `scale`, or normalised if `scale` is 0.
+struct AnalogChannel {
+  AbsoluteAxis axis{};
+  double scale = 0;
+  bool is_one_sided = false;  ///< Normalised to 0 to 1, such as a trigger; else to −1 to 1.
+};
+
+/// An axis as a joint.
+struct JointChannel {
+  std::uint16_t code = 0;
+  double scale = 0;                    ///< In the joint's unit per count.
+  double end_rad = 0;                  ///< A wheel's position at its maximum.
+  std::optional<AbsoluteAxis> axis{};  ///< A wheel's; nothing: a relative axis, which adds up.
+};
+
+/// Which channel of the descriptor each axis, key and effect is.
+struct Layout {
+  driver::Descriptor descriptor{};  ///< Without serial and frame.
+  std::vector<AnalogChannel> analogs{};
+  std::vector<JointChannel> joints{};
+  std::vector<std::uint16_t> buttons{};
+  std::vector<EffectKind> effects{};
+  bool has_gain = false;
+  bool has_autocenter = false;
+};
+
+/// The layout of a device: as many axes, keys and effects as a descriptor and the device have
+/// capacity for. Axes without a range are left out, and so are those of touch points.
+/// @realtime set-up only
+[[nodiscard]] Layout make_layout(const Capabilities& capabilities, const Scales& scales);
+
+/// The layout of a device that was not there to be asked: the game pad of the kernel's
+/// documentation, with two sticks, two triggers, a cross, eleven buttons and rumble.
+/// @source   Linux, Documentation/input/gamepad.rst
+[[nodiscard]] Layout game_pad_layout();
+
+/// Whether both have the same channels, so that a program that knows one can use the other.
+[[nodiscard]] bool has_same_channels(const Layout& a, const Layout& b);
+
+/// The value of `axis` as an analog, within the analog's range.
+/// @realtime alloc-free
+[[nodiscard]] float analog_value(const AnalogChannel& channel, std::int32_t count) noexcept;
+/// The position of a wheel, within its joint's range.
+/// @realtime alloc-free
+[[nodiscard]] double wheel_position(const JointChannel& channel, std::int32_t count) noexcept;
+
+}  // namespace rtpm::device_evdev

@@ -1,0 +1,80 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/device_evdev/effects.hpp"
+#include "rtpm/device_evdev/event.hpp"
+
+namespace rtpm::device_evdev {
+
+/// Result of Transport::read().
+enum class ReadStatus : std::uint8_t {
+  kOk,       ///< Perhaps without events, if none came within the patience.
+  kCorrupt,  ///< What came was not whole events; it was dropped.
+  kGone,     ///< The device is gone.
+};
+struct ReadResult {
+  ReadStatus status = ReadStatus::kOk;
+  std::size_t count = 0;
+};
+
+/// One opened input device.
+/// @threads  read() on one, the others on another at the same time
+class Transport {
+ public:
+  Transport() = default;
+  Transport(const Transport&) = delete;
+  Transport& operator=(const Transport&) = delete;
+  virtual ~Transport() = default;
+
+  [[nodiscard]] virtual const Capabilities& capabilities() const = 0;
+  /// Waits for events, at most `patience`. After SYN_DROPPED come the differences to the present
+  /// state and a SYN_REPORT.
+  [[nodiscard]] virtual ReadResult read(std::span<Event> events, Duration patience) noexcept = 0;
+  /// Uploads a new effect, and sets its id, or changes one.
+  /// @return an errno, 0: done
+  [[nodiscard]] virtual int upload(Effect& effect) noexcept = 0;
+  /// @return an errno, 0: done
+  [[nodiscard]] virtual int erase(int effect_id) noexcept = 0;
+  /// Starts or stops an effect.
+  /// @return an errno, 0: done
+  [[nodiscard]] virtual int play(int effect_id, bool is_on) noexcept = 0;
+  /// @param share  of the full gain, 0 to 1
+  /// @return an errno, 0: done
+  [[nodiscard]] virtual int set_gain(double share) noexcept = 0;
+  /// Sets the spring that the device has of its own to zero.
+  /// @return an errno, 0: done
+  [[nodiscard]] virtual int disable_autocenter() noexcept = 0;
+  /// The present time; never decreases.
+  [[nodiscard]] virtual MonotonicTime now() const noexcept = 0;
+};
+
+/// An input device that is plugged in.
+struct Unit {
+  std::string node;    ///< "/dev/input/event5".
+  std::string name;    ///< The device's own words.
+  std::string serial;  ///< Empty: it has none.
+  std::string path;    ///< Of the port: "pci-0000:00:14.0-usb-0:2:1.0"; empty: unknown.
+  std::uint16_t vendor = 0;
+  std::uint16_t product = 0;
+  bool is_joystick = false;  ///< A joystick, game pad or wheel to udev.
+};
+
+/// The input devices of a machine.
+struct Access {
+  std::function<std::vector<Unit>()> list{};
+  /// @param is_grabbed  no other program gets its events
+  /// @errors   in words: it is gone, a right is missing
+  std::function<expected<std::unique_ptr<Transport>, SetupError>(const Unit&, bool is_grabbed)>
+      open{};
+};
+
+}  // namespace rtpm::device_evdev

@@ -1,0 +1,15 @@
+#pragma once
+
+#include <memory>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/device_evdev/transport.hpp"
+
+namespace rtpm::device_evdev {
+
+/// Opens the node of `unit` with libevdev.
+/// @errors   in words: a missing right with the udev rule that gives it
+[[nodiscard]] expected<std::unique_ptr<Transport>, SetupError> open_node(const Unit& unit,
+                                                                         bool is_grabbed);
+
+}  // namespace rtpm::device_evdev
