@@ -221,6 +221,10 @@ bool EvdevModel::is_grabbed() const {
   const Lock lock(mutex_);
   return is_grabbed_;
 }
+bool EvdevModel::is_plugged_in() const {
+  const Lock lock(mutex_);
+  return is_plugged_in_;
+}
 std::size_t EvdevModel::waiting_event_count() const {
   const Lock lock(mutex_);
   return events_.size();

@@ -80,6 +80,7 @@ class EvdevModel {
   [[nodiscard]] double gain() const;
   [[nodiscard]] bool has_autocenter() const;
   [[nodiscard]] bool is_grabbed() const;
+  [[nodiscard]] bool is_plugged_in() const;
   [[nodiscard]] std::size_t waiting_event_count() const;
 
   [[nodiscard]] device_evdev::Unit unit() const;
