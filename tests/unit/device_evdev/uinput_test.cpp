@@ -1,0 +1,134 @@
+#include <gtest/gtest.h>
+#include <linux/input.h>
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <thread>
+
+#include "rtpm/device_evdev/open.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "uinput_device.hpp"
+
+/// The driver as a user opens it, before this machine's own kernel. Needs /dev/uinput and the right
+/// to it; udev need not run.
+namespace rtpm::device_evdev {
+namespace {
+
+using driver::Command;
+using driver::CommandMode;
+using driver::ExchangeStatus;
+using std::chrono::milliseconds;
+using test::UinputDevice;
+
+UinputDevice::Description pad() {
+  return {.name = "RTPM Test Pad",
+          .axes = {{ABS_X, -32'768, 32'767}, {ABS_Y, -32'768, 32'767}},
+          .keys = {BTN_SOUTH, BTN_EAST},
+          .effects = {FF_RUMBLE, FF_GAIN}};
+}
+
+UinputDevice::Description wheel() {
+  return {.name = "RTPM Test Wheel",
+          .axes = {{ABS_X, 0, 65'535}, {ABS_Z, 0, 255}},
+          .keys = {BTN_TRIGGER, BTN_THUMB},
+          .effects = {FF_CONSTANT, FF_SPRING, FF_DAMPER, FF_GAIN}};
+}
+
+class EvdevUinputTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (const std::string obstacle = UinputDevice::obstacle(); !obstacle.empty()) {
+      GTEST_SKIP() << obstacle;
+    }
+  }
+  void use(const UinputDevice::Description& description, const std::string& words) {
+    device_.emplace(description);
+    ASSERT_NE(device_->node(), "");
+    auto opened = open(words + "name=" + description.name, "device0");
+    ASSERT_TRUE(opened) << opened.error().text();
+    driver_ = std::move(*opened);
+    start();
+  }
+  void start() {
+    const auto configured = driver_->configure({.period = milliseconds{1}});
+    ASSERT_TRUE(configured) << configured.error().text();
+    const auto activated = driver_->activate();
+    ASSERT_TRUE(activated) << activated.error().text();
+  }
+  bool exchange_until(CommandMode mode, double value,
+                      const std::function<bool(ExchangeStatus)>& is_done) {
+    for (int i = 0; i < 4000; ++i) {
+      Command command;
+      command.mode = mode;
+      command.cycle_time = rt::now();
+      command.joints[0] = value;
+      command.outputs.fill(static_cast<float>(value));
+      sample_.faults = {};
+      if (is_done(driver_->exchange(command, sample_))) return true;
+      std::this_thread::sleep_for(milliseconds{1});
+    }
+    return false;
+  }
+
+  std::optional<UinputDevice> device_{};
+  std::unique_ptr<driver::Driver> driver_{};
+  driver::Sample sample_{};
+};
+
+TEST_F(EvdevUinputTest, ReadsAPad) {
+  use(pad(), "");
+  const driver::Descriptor descriptor = driver_->describe();
+  EXPECT_EQ(descriptor.analogs.size(), 2u);
+  EXPECT_EQ(descriptor.buttons, (std::vector<std::string>{"south", "east"}));
+  const MonotonicTime before = rt::now();
+  device_->send(EV_ABS, ABS_X, 32'767);
+  device_->send(EV_KEY, BTN_EAST, 1);
+  device_->send(EV_SYN, SYN_REPORT, 0);
+  ASSERT_TRUE(exchange_until(CommandMode::kOff, 0, [&](auto) { return sample_.buttons == 2; }));
+  EXPECT_EQ(sample_.analogs[0], 1);
+  EXPECT_GE(sample_.host_time, before - milliseconds{1}) << "on the monotonic clock";
+}
+
+TEST_F(EvdevUinputTest, Rumbles) {
+  use(pad(), "gain=0.5 ");
+  EXPECT_TRUE(exchange_until(CommandMode::kOutputs, 1,
+                             [&](auto) { return device_->level(FF_RUMBLE) == 65'535; }));
+  EXPECT_NEAR(device_->gain(), 32'767, 1);
+  EXPECT_TRUE(
+      exchange_until(CommandMode::kOff, 0, [&](auto) { return device_->level(FF_RUMBLE) == 0; }));
+}
+
+TEST_F(EvdevUinputTest, AppliesAConstantForceAndErasesIt) {
+  use(wheel(), "");
+  EXPECT_EQ(device_->effect_count(), 3u);
+  for (const double newton_metre : {1.0, -2.0}) {
+    const int level = static_cast<int>(newton_metre / 2 * 32'767);
+    EXPECT_TRUE(exchange_until(CommandMode::kJointEffort, newton_metre,
+                               [&](auto) { return device_->level(FF_CONSTANT) == level; }));
+  }
+  EXPECT_TRUE(exchange_until(CommandMode::kOutputs, 1, [&](auto) {
+    return device_->level(FF_SPRING) == 32'767 && device_->level(FF_CONSTANT) == 0;
+  }));
+  driver_->deactivate();
+  EXPECT_EQ(device_->effect_count(), 0u);
+}
+
+TEST_F(EvdevUinputTest, IsGoneWhenUnpluggedAndBack) {
+  use(wheel(), "");
+  for (int round = 0; round < 3; ++round) {
+    ASSERT_TRUE(exchange_until(CommandMode::kJointEffort, 1,
+                               [&](auto) { return device_->level(FF_CONSTANT) > 0; }));
+    device_.reset();
+    ASSERT_TRUE(exchange_until(CommandMode::kJointEffort, 1, [](ExchangeStatus status) {
+      return status == ExchangeStatus::kGone;
+    }));
+    driver_->deactivate();
+    EXPECT_FALSE(driver_->configure({.period = milliseconds{1}}));
+    device_.emplace(wheel());
+    start();
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::device_evdev
