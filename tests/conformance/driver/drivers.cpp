@@ -4,14 +4,9 @@
 
 #include <algorithm>
 #include <fstream>
-#include <iterator>
 #include <string>
 #include <utility>
 
-#if __has_include("evdev_model.hpp")
-#include "evdev_model.hpp"
-#include "rtpm/device_evdev/evdev_driver.hpp"
-#endif
 #include "lever_driver.hpp"
 #include "rtpm/base/assert.hpp"
 #include "rtpm/device_mpv/mpv_driver.hpp"
@@ -43,27 +38,6 @@ std::string recorded_hand() {
 /// Of this file's drivers; a file of its own adds one whose library may be missing.
 std::vector<DriverUnderTest>& drivers() {
   static std::vector<DriverUnderTest> drivers{
-#if __has_include("evdev_model.hpp")
-/// A driver and the model that it reaches.
-struct EvdevUnderTest final : EvdevModel, device_evdev::EvdevDriver {
-  explicit EvdevUnderTest(const Capabilities& capabilities)
-      : EvdevModel(capabilities), EvdevDriver(access(), {}, "device/base") {}
-};
-std::vector<DriverUnderTest> evdev_drivers() {
-  return {{"EvdevPad", [] { return std::make_unique<EvdevUnderTest>(EvdevModel::pad()); }},
-          {"EvdevWheel", [] { return std::make_unique<EvdevUnderTest>(EvdevModel::wheel()); }},
-          {"EvdevDial", [] { return std::make_unique<EvdevUnderTest>(EvdevModel::dial()); }}};
-}
-#else
-std::vector<DriverUnderTest> evdev_drivers() {
-  return {};
-}
-#endif
-
-}  // namespace
-
-std::vector<DriverUnderTest> drivers_under_test() {
-  std::vector<DriverUnderTest> drivers{
       {"SimHeld", [] { return make_sim({}); }},
       {"SimFree", [] { return make_sim({.is_held = false}); }},
       {"SimRecorded", [] { return make_sim({.hand_file = recorded_hand()}); }},
@@ -92,9 +66,6 @@ std::vector<DriverUnderTest> drivers_under_test() {
 bool add_driver(DriverUnderTest driver) {
   drivers().push_back(std::move(driver));
   return true;
-  // Those whose libraries this build has.
-  std::ranges::move(evdev_drivers(), std::back_inserter(drivers));
-  return drivers;
 }
 
 }  // namespace rtpm::test
