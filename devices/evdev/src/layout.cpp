@@ -126,7 +126,7 @@ void add_buttons(Layout& layout, const Capabilities& capabilities) {
   const auto is_button = [](std::uint16_t code) {
     return (code >= BTN_MISC && code < KEY_OK) || code >= BTN_DPAD_UP;
   };
-  std::ranges::stable_partition(keys, is_button);
+  std::stable_partition(keys.begin(), keys.end(), is_button);
   keys.resize(std::min(keys.size(), driver::kButtonCountMax));
   for (const std::uint16_t code : keys)
     layout.descriptor.buttons.push_back(name_of(EV_KEY, code));
