@@ -16,7 +16,6 @@ namespace {
 
 constexpr int kThreadPriority = 24'000;
 constexpr double kScaleMax = 1e6;
-constexpr double kZeroMax = 1e6;
 
 /// Elements of a parameter as wide as the device has channels.
 struct VectorParameter {
@@ -251,7 +250,7 @@ std::vector<driver::ParameterSpec> SerialDriver::parameters() const {
                       "Added to each analog, in its unit, after the scale."},
       VectorParameter{"analog.scale", board.analogs.size(), kScaleMax, 1,
                       "By which what the board reads of each analog is multiplied."},
-      VectorParameter{"joint.zero", board.joints.size(), kZeroMax, 0,
+      VectorParameter{"joint.zero", board.joints.size(), ZeroCalibration::kZeroMax, 0,
                       "What the board reads of each joint in its zero position."}};
   for (const VectorParameter& vector : vectors) {
     if (vector.size > 0) specs.push_back(spec_of(vector));

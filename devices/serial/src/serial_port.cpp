@@ -31,8 +31,15 @@ class SerialPort final : public Transport {
  public:
   /// @param fd  of the port, which owns it
   SerialPort(PortHandle port, int fd, int wake_fd)
-      : port_(std::move(port)), fd_(fd), wake_fd_(wake_fd) {}
-  ~SerialPort() override { ::close(wake_fd_); }
+      : port_(std::move(port)), fd_(fd), wake_fd_(wake_fd) {
+    // Two programs would take each other's frames.
+    static_cast<void>(::ioctl(fd_, TIOCEXCL));
+  }
+  ~SerialPort() override {
+    // A terminal that outlives its closing, such as a pseudo terminal, would stay exclusive.
+    static_cast<void>(::ioctl(fd_, TIOCNXCL));
+    ::close(wake_fd_);
+  }
 
   [[nodiscard]] Transferred send(ConstBytes bytes) override {
     const int sent = sp_nonblocking_write(port_.get(), bytes.data(), bytes.size());
@@ -119,8 +126,6 @@ expected<std::unique_ptr<Transport>, SetupError> open_port(const Port& port,
   int fd = -1;
   if (sp_get_port_handle(handle->get(), &fd) != SP_OK || fd < 0)
     return setup_error(port.node + " has no file descriptor");
-  // Two programs would take each other's frames.
-  static_cast<void>(::ioctl(fd, TIOCEXCL));
   const int wake_fd = ::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK);
   if (wake_fd < 0) return setup_error(port.node + " gets no eventfd", system_error(errno));
   return std::make_unique<SerialPort>(std::move(*handle), fd, wake_fd);

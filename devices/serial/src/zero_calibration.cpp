@@ -29,6 +29,9 @@ driver::CalibrationState ZeroCalibration::result() const {
   for (std::size_t i = 0; i < zero.size(); ++i) {
     const double correction = sum_[i] / static_cast<double>(count_);
     zero[i] += correction;
+    if (!(std::abs(zero[i]) <= kZeroMax))
+      return driver::CalibrationFailed{"joint " + std::to_string(i) +
+                                       " reads a position beyond any joint's; check its sensor"};
     corrections += (i == 0 ? "" : ", ") + std::to_string(correction);
   }
   return driver::CalibrationDone{{{"joint.zero", zero}},

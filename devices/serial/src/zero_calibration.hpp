@@ -17,6 +17,9 @@ class ZeroCalibration final : public driver::Calibration {
   /// In rad or m; a hand that holds a paddle moves it by less.
   static constexpr double kMovementMax = 0.02;
 
+  /// The greatest zero position, in rad or m.
+  static constexpr double kZeroMax = 1e6;
+
   /// @param zero  the present correction, which samples contain
   explicit ZeroCalibration(std::vector<double> zero)
       : zero_(std::move(zero)), first_(zero_.size()), sum_(zero_.size()) {}
