@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
+#include <filesystem>
 #include <fstream>
 #include <future>
 #include <memory>
@@ -127,7 +128,9 @@ TEST(SerialPty, SaysWhatIsNoPort) {
 
 TEST(SerialPty, SaysWhichRightIsMissing) {
   if (::geteuid() == 0) GTEST_SKIP() << "root has every right; run as a user";
-  const auto configured = make_driver({.port = "/dev/ttyS0"})->configure({.period = kPeriod});
+  const PtyBoard board;
+  std::filesystem::permissions(board.port(), std::filesystem::perms::none);
+  const auto configured = make_driver({.port = board.port()})->configure({.period = kPeriod});
   ASSERT_FALSE(configured);
   EXPECT_NE(configured.error().text().find("dialout"), std::string::npos)
       << configured.error().text();
