@@ -1,5 +1,6 @@
 #include "rtpm/device_evdev/settings.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <numbers>
 #include <utility>

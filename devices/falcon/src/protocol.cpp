@@ -12,7 +12,6 @@ constexpr int kZeroDigit = 'A';
 constexpr int kStateMax = 0x7f;
 constexpr std::size_t kStateIndex = 13;
 constexpr std::size_t kSpareIndex = 14;
-constexpr std::size_t kEndIndex = 15;
 
 int digit_of(std::byte byte) noexcept {
   return std::to_integer<int>(byte) - kZeroDigit;

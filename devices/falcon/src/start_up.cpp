@@ -190,8 +190,10 @@ class StartUp {
       outcome = send(kGreeting);
       if (outcome != Outcome::kOk) break;
       // Some hosts see a zero in front of it.
-      outcome = await(kGreetingPatience, Outcome::kBootSilent,
-                      [&] { return !std::ranges::search(received_, kGreetingReply).empty(); });
+      outcome = await(kGreetingPatience, Outcome::kBootSilent, [&] {
+        return std::search(received_.begin(), received_.end(), kGreetingReply.begin(),
+                           kGreetingReply.end()) != received_.end();
+      });
     }
     return outcome;
   }

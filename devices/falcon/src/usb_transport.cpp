@@ -252,7 +252,7 @@ void UsbTransport::take(InTransfer& in) {
   slot.received = {status_of(*in.transfer), static_cast<std::size_t>(in.transfer->actual_length),
                    rt::now()};
   if (ready_count_ == order_.size()) {
-    std::ranges::rotate(order_, order_.begin() + 1);
+    std::rotate(order_.begin(), order_.begin() + 1, order_.end());
     --ready_count_;
   }
   in.slot = std::exchange(order_[ready_count_++], filled);
@@ -318,7 +318,7 @@ Received UsbTransport::receive(std::span<std::byte> buffer, Duration patience) {
   Received received = slot.received;
   received.size = std::min(received.size, buffer.size());
   std::copy_n(slot.bytes.begin(), received.size, buffer.begin());
-  std::ranges::rotate(order_, order_.begin() + 1);
+  std::rotate(order_.begin(), order_.begin() + 1, order_.end());
   --ready_count_;
   return received;
 }
