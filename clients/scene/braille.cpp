@@ -92,10 +92,10 @@ class Canvas {
     const double down = dot_down(to.up_mm) - y;
     // A longer line leaves the window anyway.
     const double step_count_max = 4.0 * static_cast<double>(columns_ + rows_) * kDotsDown;
-    const double step_count =
-        std::min(std::ceil(std::max(std::abs(across), std::abs(down))), step_count_max);
-    for (double step = 0; step <= step_count; ++step) {
-      const double share = step_count > 0 ? step / step_count : 0;
+    const int step_count = static_cast<int>(
+        std::min(std::ceil(std::max(std::abs(across), std::abs(down))), step_count_max));
+    for (int step = 0; step <= step_count; ++step) {
+      const double share = step_count > 0 ? static_cast<double>(step) / step_count : 0;
       set_at(x + share * across, y + share * down, ink);
     }
   }

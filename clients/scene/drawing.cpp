@@ -38,8 +38,8 @@ std::vector<Point> circle(const Point& centre) {
 /// Of plane and texture, from the left of the window to its right.
 std::vector<Point> surface(const Scene& scene, const Panel& panel) {
   std::vector<Point> points;
-  for (double mm = 0; mm <= kPanelWidthMm; mm += kSurfaceStepMm) {
-    const double right_mm = panel.low.right_mm + mm;
+  for (int i = 0; i <= static_cast<int>(kPanelWidthMm / kSurfaceStepMm); ++i) {
+    const double right_mm = panel.low.right_mm + kSurfaceStepMm * i;
     points.push_back({right_mm, scene.height_m(right_mm / kMmPerMetre) * kMmPerMetre});
   }
   return points;
@@ -69,8 +69,9 @@ void add_front(Panel& panel, const Scene& scene) {
       panel.low, {right_mm, panel.low.up_mm}, {right_mm, top_mm}, {panel.low.right_mm, top_mm}};
   if (scene.shape != Shape::kTexture) return;
   constexpr double kSpacingMm = Scene::kRidgeSpacingMetre * kMmPerMetre;
-  for (double crest_mm = std::ceil(panel.low.right_mm / kSpacingMm) * kSpacingMm;
-       crest_mm <= right_mm; crest_mm += kSpacingMm) {
+  const int first = static_cast<int>(std::ceil(panel.low.right_mm / kSpacingMm));
+  for (int i = first; i * kSpacingMm <= right_mm; ++i) {
+    const double crest_mm = i * kSpacingMm;
     panel.lines.push_back({Ink::kSolid, {{crest_mm, panel.low.up_mm}, {crest_mm, top_mm}}});
   }
 }

@@ -22,14 +22,12 @@ constexpr double kStrideMinMetre = 1e-8;
 /// far below the smallest radius of a hollow, so that the lift itself meets nothing.
 constexpr double kLiftShare = 0.25;
 
+}  // namespace
+
 bool is_position(const Vector3& point_m) noexcept {
-  const auto is_near = [](double coordinate) {
-    return std::abs(coordinate) <= GodObject::kExtentMetre;
-  };
+  const auto is_near = [](double coordinate) { return std::abs(coordinate) <= kExtentMetre; };
   return is_near(point_m.x) && is_near(point_m.y) && is_near(point_m.z);
 }
-
-}  // namespace
 
 Touch GodObject::touch(const driver::Sample& sample) noexcept {
   const Vector3& device_m = sample.pose.position_m;

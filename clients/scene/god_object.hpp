@@ -7,6 +7,11 @@
 
 namespace rtpm::scene {
 
+/// Far beyond any workspace.
+inline constexpr double kExtentMetre = 100;
+/// Whether a point is finite and within kExtentMetre. Alloc-free.
+[[nodiscard]] bool is_position(const driver::Vector3& point_m) noexcept;
+
 /// What the device feels of a solid.
 struct Material {
   double stiffness_newton_per_m = 0;
@@ -36,14 +41,12 @@ class GodObject {
  public:
   /// The distance from the surface at which the proxy rests.
   static constexpr double kSkinMetre = 1e-7;
-  /// A position beyond, as one that is not finite, is none: the proxy stays, and there is no force.
-  static constexpr double kExtentMetre = 100;
 
   GodObject(const Scene& scene, const Material& material) noexcept
       : scene_(scene), material_(material) {}
 
   /// Follows the device. The first call puts the proxy where the device is, or on the surface
-  /// above.
+  /// above. Where the device has no is_position(), the proxy stays, and there is no force.
   [[nodiscard]] Touch touch(const driver::Sample& sample) noexcept;
   [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
 

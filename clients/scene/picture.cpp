@@ -184,9 +184,9 @@ std::string svg_text(std::span<const Panel> panels, std::string_view caption) {
   return svg + "</svg>\n";
 }
 
-expected<void, SetupError> write_file(const std::string& path, std::string_view content) {
+expected<void, SetupError> write_file(const std::string& path, std::string_view svg) {
   std::ofstream file(path, std::ios::binary | std::ios::trunc);
-  file.write(content.data(), static_cast<std::streamsize>(content.size()));
+  file.write(svg.data(), static_cast<std::streamsize>(svg.size()));
   file.close();
   if (file) return {};
   return setup_error("the picture " + path + " can't be written", "",

@@ -15,6 +15,6 @@ namespace rtpm::scene {
 
 /// @realtime set-up only
 /// @errors   the file can't be written
-[[nodiscard]] expected<void, SetupError> write_file(const std::string& path, std::string_view text);
+[[nodiscard]] expected<void, SetupError> write_file(const std::string& path, std::string_view svg);
 
 }  // namespace rtpm::scene

@@ -9,6 +9,9 @@
 namespace rtpm::scene {
 namespace {
 
+/// Above what any force loop commands, and far from overflow where it is drawn.
+constexpr double kForceMaxNewton = 1e9;
+
 touch::Vector3 wire_of(const driver::Vector3& vector) noexcept {
   return {vector.x, vector.y, vector.z};
 }
@@ -36,9 +39,9 @@ std::optional<TouchReport> from_wire(const touch::State& state) noexcept {
                                .proxy_m = vector_of(state.proxy_m()),
                                .force_newton = vector_of(state.force_newton())}};
   report.touch.depth_m = length(difference(report.touch.proxy_m, report.touch.device_m));
-  // A sum of squares that overflows is not finite either.
-  const bool is_known = std::isfinite(report.scene.face_m) && std::isfinite(report.touch.depth_m) &&
-                        is_finite(report.touch.device_m) && is_finite(report.touch.force_newton);
+  const bool is_known = std::abs(report.scene.face_m) <= kExtentMetre &&
+                        is_position(report.touch.device_m) && is_position(report.touch.proxy_m) &&
+                        length(report.touch.force_newton) <= kForceMaxNewton;
   return is_known ? std::optional(report) : std::nullopt;
 }
 

@@ -23,7 +23,7 @@ struct TouchReport {
 };
 
 [[nodiscard]] touch::State to_wire(const TouchReport& report) noexcept;
-/// Nothing if it has a number that is not finite, or an unknown shape.
+/// Nothing if it has an unknown shape, no is_position(), or no plausible force.
 [[nodiscard]] std::optional<TouchReport> from_wire(const touch::State& state) noexcept;
 
 /// The source of a device's touches.

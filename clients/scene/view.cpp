@@ -60,7 +60,7 @@ void View::see(const driver::Sample& sample, MonotonicTime now) {
   const std::lock_guard lock(mutex_);
   sight_.samples.record(now);
   sight_.sample = sample;
-  keep(device_m_, sample.pose.position_m);
+  if (is_position(sample.pose.position_m)) keep(device_m_, sample.pose.position_m);
 }
 
 void View::see(const TouchReport& report, MonotonicTime now) {

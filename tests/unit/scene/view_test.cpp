@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 
 namespace rtpm::scene {
@@ -56,14 +57,22 @@ TEST(View, CountsTheContactsWhoseProxyIsAtTheSurface) {
 TEST(View, KeepsTheNewestOfItsHistory) {
   View view;
   for (std::size_t i = 0; i < View::kHistoryMax + 10; ++i)
-    view.see(sample_at(static_cast<double>(i)), kBegin);
+    view.see(sample_at(1e-3 * static_cast<double>(i)), kBegin);
   const auto all = view.history(2 * View::kHistoryMax).device_m;
   ASSERT_EQ(all.size(), View::kHistoryMax);
-  EXPECT_EQ(all.front().z, 10);
+  EXPECT_DOUBLE_EQ(all.front().z, 0.010);
   const auto newest = view.history(3).device_m;
   ASSERT_EQ(newest.size(), 3u);
-  EXPECT_EQ(newest.back().z, static_cast<double>(View::kHistoryMax + 9));
+  EXPECT_DOUBLE_EQ(newest.back().z, 1e-3 * static_cast<double>(View::kHistoryMax + 9));
   EXPECT_TRUE(view.history(3).touches.empty());
+}
+
+TEST(View, DrawsNoPositionThatIsNone) {
+  View view;
+  for (const double z_m : {0.001, std::nan(""), HUGE_VAL, 1e300})
+    view.see(sample_at(z_m), kBegin);
+  EXPECT_EQ(view.history(10).device_m.size(), 1u);
+  EXPECT_EQ(view.sight().samples.count(), 4u) << "they came all the same";
 }
 
 TEST(StatusText, NamesTheNodeThatIsSilent) {
