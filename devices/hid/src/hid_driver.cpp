@@ -116,7 +116,7 @@ expected<void, SetupError> HidDriver::activate() {
   is_stopping_.store(false, std::memory_order_relaxed);
   seen_corrupt_count_ = reader_->corrupt_count();
   last_request_ = safe_;
-  orders_.write({safe_, kNever});
+  orders_.write({safe_, rt::now()});
   deliveries_.write({safe_, false, false});
   report(false);
   auto started =
