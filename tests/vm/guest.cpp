@@ -5,7 +5,7 @@
 #include <string_view>
 #include <system_error>
 
-#include "rtpm/test/os.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::vm_test {
 namespace {
@@ -26,14 +26,15 @@ std::string hidraw_node(const std::string& serial_number) {
 }
 
 std::string wait_for_hidraw_node(const std::string& serial_number) {
-  std::string node;
-  static_cast<void>(test::await(
-      [&] {
-        node = hidraw_node(serial_number);
-        return !node.empty() && std::filesystem::exists(node);
-      },
-      kPatience));
-  return node;
+  // Each look costs the emulated CPU some milliseconds.
+  constexpr Duration kPause = std::chrono::milliseconds{20};
+  const MonotonicTime end = rt::now() + kPatience;
+  while (rt::now() < end) {
+    const std::string node = hidraw_node(serial_number);
+    if (!node.empty() && std::filesystem::exists(node)) return node;
+    rt::sleep_until(rt::now() + kPause);
+  }
+  return {};
 }
 
 std::string missing_uhid() {

@@ -10,7 +10,7 @@
 namespace rtpm::vm_test {
 
 /// Software emulation is slow; nothing waits so long when all is well.
-inline constexpr Duration kPatience = std::chrono::seconds{15};
+inline constexpr Duration kPatience = std::chrono::seconds{10};
 
 /// The node of the HID device with this serial number, "/dev/hidraw0"; empty: there is none.
 [[nodiscard]] std::string hidraw_node(const std::string& serial_number);

@@ -19,6 +19,8 @@ hostname guest
 
 ln -s udevadm /bin/systemd-udevd
 systemd-udevd --daemon || echo "udevd did not start"
+# Drivers for single makes, such as hid-logitech, take devices of usbhid only, not of uhid.
+modprobe hid ignore_special_drivers=1
 while read -r module; do
   modprobe "$module" || echo "the module $module is missing"
 done </tests/modules
@@ -33,6 +35,7 @@ while read -r deadline name; do
   begin=$(now)
   timeout -s KILL "$deadline" vm_test --gtest_filter="$name" --gtest_color=no
   exit_code=$?
+  [ $exit_code = 0 ] || dmesg | tail -n 8
   # Of a test that was killed, its programs remain.
   killall -q -KILL rtpm-registryd rtpm-deviced
   printf '\n@end %s %d %d\n' "$name" "$exit_code" $(($(now) - begin))
