@@ -30,10 +30,10 @@ udevadm settle
 # Hundredths of a second since the start.
 now() { read -r time rest </proc/uptime; echo "${time%.*}${time#*.}"; }
 
-while read -r deadline name; do
+while read -r deadline program name; do
   echo "@begin $name"
   begin=$(now)
-  timeout -s KILL "$deadline" vm_test --gtest_filter="$name" --gtest_color=no
+  timeout -s KILL "$deadline" "$program" --gtest_filter="$name" --gtest_color=no
   exit_code=$?
   [ $exit_code = 0 ] || dmesg | tail -n 8
   # Of a test that was killed, its programs remain.

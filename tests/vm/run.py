@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Boots a PREEMPT_RT guest and runs vm_test's cases in it: see README.md.
+"""Boots a PREEMPT_RT guest and runs tests in it: see README.md.
 
 Exit codes: 0 all passed; 1 a test failed, or the guest did not finish; 2 a wrong option;
 77 the guest cannot run on this machine, said in a sentence.
@@ -21,6 +21,8 @@ KERNEL = "linux-image-rt-amd64"
 # The manager of device nodes: libusb and libudev learn from it what is plugged in and out.
 UDEV = "udev"
 MODULES = ("uhid", "hid-generic", "hid-playstation", "vhci-hcd", "uinput", "evdev", "joydev")
+# Those with the tests; the others are built only where their driver's library is.
+TEST_PROGRAMS = ("vm_test", "device_evdev_uinput_test")
 PROGRAMS = ("rtpm-registryd", "rtpm-deviced", "rtpm")
 # The guest's CPUs. `virtual`: one, whose clock counts its instructions, 4 ns each, and skips idle
 # time: a busy host delays nothing that the tests see, and waiting costs nothing.
@@ -165,16 +167,21 @@ class FileSystem:
                            input=names.encode(), stdout=output, cwd=self.root, check=True)
 
 
-def tests_of(program, pattern):
-    """The names of the program's cases that match."""
-    names, suite = [], ""
-    for line in run(program, "--gtest_list_tests", f"--gtest_filter={pattern}").splitlines():
-        line = line.split("#")[0].rstrip()
-        if line.startswith("  "):
-            names.append(suite + line.strip())
-        elif line.endswith("."):
-            suite = line
-    return names
+def tests_of(folder, pattern):
+    """The cases of the test programs that match: the program of each name."""
+    programs = {}
+    for program in TEST_PROGRAMS:
+        if not (folder / program).exists():
+            continue
+        suite = ""
+        for line in run(folder / program, "--gtest_list_tests",
+                        f"--gtest_filter={pattern}").splitlines():
+            line = line.split("#")[0].rstrip()
+            if line.startswith("  "):
+                programs[suite + line.strip()] = program
+            elif line.endswith("."):
+                suite = line
+    return programs
 
 
 def write_guest(options, cache, tests):
@@ -186,11 +193,11 @@ def write_guest(options, cache, tests):
     guest.add(SOURCES / "init.sh", "/init").chmod(0o755)
     guest.add_modules(kernel, version)
     guest.add_udev(unpacked(UDEV, cache))
-    for program in ("vm_test", *PROGRAMS):
+    for program in sorted({*tests.values(), *PROGRAMS}):
         guest.add_program(options.build / "bin" / program, f"/tests/{program}")
     (guest.root / "tests/modules").write_text("\n".join(MODULES) + "\n")
     (guest.root / "tests/list").write_text(
-        "".join(f"{options.test_deadline} {name}\n" for name in tests))
+        "".join(f"{options.test_deadline} {tests[name]} {name}\n" for name in tests))
     image = options.folder / "initramfs"
     guest.write_image(image)
     return kernel / "boot" / f"vmlinuz-{version}", image
@@ -333,7 +340,7 @@ def main():
     try:
         for name in NEEDED_TOOLS:
             tool(name)
-        tests = tests_of(options.build / "bin/vm_test", options.filter)
+        tests = tests_of(options.build / "bin", options.filter)
         if not tests:
             print(f"test-vm: no test matches '{options.filter}'")
             return 2
@@ -346,7 +353,7 @@ def main():
         return 1
     print(f"test-vm: booting {kernel.name} with {image.stat().st_size >> 20} MB of files",
           flush=True)
-    results = Results(tests)
+    results = Results(list(tests))
     reason = boot(options, kernel, image, results)
     if reason:
         print(f"test-vm: {reason}")
