@@ -151,7 +151,7 @@ class FileSystem:
 
     def add_udev(self, package):
         self.add_program(next(package.rglob("bin/udevadm")), "/bin/udevadm")
-        for name in ("50-udev-default.rules", "80-drivers.rules"):
+        for name in ("50-udev-default.rules", "60-input-id.rules", "80-drivers.rules"):
             self.add(next(package.rglob(f"rules.d/{name}")), f"/lib/udev/rules.d/{name}")
         # The groups that the rules name.
         names = ("root", "tty", "input", "dialout", "kmem", "disk", "lp", "video", "audio", "cdrom",
