@@ -116,6 +116,9 @@ TEST_F(Falcon, IsReadUnpluggedAndReplugged) {
   ASSERT_TRUE(host("falcon", ""));
   ASSERT_TRUE(await_lifecycle(Lifecycle::kActive));
   EXPECT_EQ(client_->descriptor().serial, wiring_.model.serial());
+  const auto probe = system_test::run_program("rtpm-deviced", {"--probe"});
+  EXPECT_NE(probe.output.find("serial " + wiring_.model.serial()), std::string::npos)
+      << probe.output;
   expect_motion(0.02);
   bridge_.unplug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kFault));

@@ -93,10 +93,11 @@ std::string name_of(const testing::TestParamInfo<Case>& tested) {
 
 class HidDevice : public HostedDevice, public testing::WithParamInterface<Case> {
  protected:
-  void SetUp() override {
+  void SetUp() override { set_up("hid"); }
+  void set_up(const std::string& driver) {
     if (const std::string missing = missing_uhid(); !missing.empty()) GTEST_SKIP() << missing;
     plug();
-    ASSERT_TRUE(host("hid", std::string("serial=") + kSerialNumber));
+    ASSERT_TRUE(host(driver, std::string("serial=") + kSerialNumber));
     ASSERT_TRUE(await_lifecycle(Lifecycle::kActive));
   }
   void plug() {
@@ -138,8 +139,31 @@ class HidDevice : public HostedDevice, public testing::WithParamInterface<Case> 
 };
 /// Of devices that have outputs.
 class HidOutputs : public HidDevice {};
+/// As the kernel's input layer shows it.
+class InputDevice : public HidDevice {
+ protected:
+  void SetUp() override { set_up("evdev"); }
+};
 
 TEST_P(HidDevice, IsReadUnpluggedAndReplugged) {
+  expect_input();
+  bridge_.unplug();
+  EXPECT_TRUE(await_lifecycle(Lifecycle::kFault));
+  plug();
+  EXPECT_TRUE(await_lifecycle(Lifecycle::kActive));
+  expect_input();
+}
+
+TEST_P(HidDevice, IsFoundByProbe) {
+  const auto probe = system_test::run_program("rtpm-deviced", {"--probe"});
+  EXPECT_EQ(probe.exit_code, 0) << probe.errors;
+  for (const std::string& text :
+       {std::string("hid "), "serial " + std::string(kSerialNumber), hidraw_node(kSerialNumber)}) {
+    EXPECT_NE(probe.output.find(text), std::string::npos) << text << " is not in " << probe.output;
+  }
+}
+
+TEST_P(InputDevice, IsReadUnpluggedAndReplugged) {
   expect_input();
   bridge_.unplug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kFault));
@@ -176,6 +200,7 @@ TEST_P(HidOutputs, AreOffWhenTheServerStops) {
 
 INSTANTIATE_TEST_SUITE_P(Uhid, HidDevice, testing::Values(kSpaceMouse, kGamePad, kDualShock4),
                          name_of);
+INSTANTIATE_TEST_SUITE_P(Uhid, InputDevice, testing::Values(kGamePad), name_of);
 INSTANTIATE_TEST_SUITE_P(Uhid, HidOutputs, testing::Values(kSpaceMouse, kDualShock4), name_of);
 
 }  // namespace

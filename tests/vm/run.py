@@ -20,7 +20,7 @@ SOURCES = Path(__file__).resolve().parent
 KERNEL = "linux-image-rt-amd64"
 # The manager of device nodes: libusb and libudev learn from it what is plugged in and out.
 UDEV = "udev"
-MODULES = ("uhid", "hid-generic", "hid-playstation", "vhci-hcd", "uinput", "evdev", "joydev")
+MODULES = ("uhid", "hid-generic", "vhci-hcd", "uinput", "evdev", "joydev")
 # Those with the tests; the others are built only where their driver's library is.
 TEST_PROGRAMS = ("vm_test", "device_evdev_uinput_test")
 PROGRAMS = ("rtpm-registryd", "rtpm-deviced", "rtpm")
