@@ -88,13 +88,15 @@ class ThreeNodes : public testing::Test {
     std::ofstream(hand_) << "0,0.004,0,0.01\n0.3,0.004,0,-0.01\n600,0.004,0,-0.01\n";
     registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
     ASSERT_TRUE(registry_);
-    device_ =
-        start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
-                                      "off", "--serve-events", "--device-arm0-hand", hand_});
+    device_ = start_device("0");
     ASSERT_TRUE(device_);
   }
   void TearDown() override { std::filesystem::remove(hand_); }
 
+  [[nodiscard]] std::optional<Daemon> start_device(const std::string& port) const {
+    return start_daemon("rtpm-deviced", {"--port", port, "--registry", registry_->url, "--realtime",
+                                         "off", "--serve-events", "--device-arm0-hand", hand_});
+  }
   [[nodiscard]] test::Process start_force(const std::string& scene,
                                           const std::string& seconds) const {
     return test::Process({path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off",
@@ -220,11 +222,23 @@ TEST_F(ThreeNodes, GraphicsOutliveTheDevice) {
   test::Process force = start_force("texture", "60");
   test::Process graphics = start_graphics();
   ASSERT_TRUE(graphics.wait_for_output("touching", kPatience)) << graphics.errors();
+  const std::string port = std::to_string(device_->port());
   kill(device_->process);
   const auto end = force.wait(kPatience);
   ASSERT_TRUE(end) << "it goes on without its device";
   expect_one_sentence(*end, 3, {kDevice});
   ASSERT_TRUE(graphics.wait_for_output("device is silent", kPatience)) << graphics.output();
+  device_ = start_device(port);
+  ASSERT_TRUE(device_);
+  EXPECT_TRUE(test::await(
+      [&] {
+        static_cast<void>(graphics.wait_for_output("never printed", milliseconds{100}));
+        const std::string& output = graphics.output();
+        return output.rfind("force is silent") != std::string::npos &&
+               output.rfind("force is silent") > output.rfind("device is silent");
+      },
+      kPatience))
+      << "it does not draw the device that is back: " << graphics.output();
   interrupt(graphics);
 }
 
