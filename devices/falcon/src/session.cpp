@@ -8,8 +8,8 @@ namespace rtpm::device_falcon {
 namespace {
 
 constexpr driver::Vector3 kStartMetres{0, 0, kZeroCountsZMetres};
-/// A leap is no smaller after a gap than after these.
-constexpr std::int64_t kGapMillisecondMax = 4;
+/// After a longer gap a leg may not have moved further: else a leap that lasts would be taken.
+constexpr std::int64_t kGapMillisecondMax = 2;
 /// A unit that refuses does so at once, so that time alone does not end the attempts.
 constexpr int kStopAttemptMax = 25;
 
@@ -54,8 +54,11 @@ bool Session::step(const ForceRequest& request, Duration patience) {
   }
   if (received.status == UsbStatus::kOk) {
     const std::span<std::byte> bytes = std::span(transfer_).first(received.size);
+    const std::uint64_t corrupt_count = parser_.corrupt_count();
     parser_.push(bytes.first(strip_status(bytes)),
                  [&](const EncoderReport& report) { take(report, received.time); });
+    // A damaged answer is one, too: the next packet need not wait.
+    if (parser_.corrupt_count() != corrupt_count) is_awaiting_ = false;
   }
   state_.corrupt_count = parser_.corrupt_count() + refused_count_;
   return true;

@@ -93,7 +93,8 @@ class FalconModel {
  public:
   using Config = FalconModelConfig;
   static constexpr Duration kLateness = std::chrono::milliseconds{12};
-  static constexpr std::int16_t kJumpCounts = 1500;
+  /// So few that the mechanism would reach the position.
+  static constexpr std::int16_t kJumpCounts = 700;
   static constexpr std::size_t kFirmwareSize = 7500;
   static constexpr double kCountsPerNewtonMetre = 10'000;
 
