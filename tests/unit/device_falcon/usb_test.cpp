@@ -166,6 +166,32 @@ TEST_F(FalconUsb, SaysThatNoneIsPluggedIn) {
   EXPECT_NE(configured.error().text().find("plug it in"), std::string::npos);
 }
 
+TEST_F(FalconUsb, OvercomesARequestThatIsRefusedOrNotAnsweredOnce) {
+  for (const auto fault : {FalconFault::kStall, FalconFault::kNoAnswer}) {
+    const auto model = plug_in({.plan = {fault, FalconStep::kRequest, 2, 1}}, 1, 5);
+    make("");
+    start();
+    EXPECT_TRUE(goes_on());
+    driver_.reset();
+    bus_.reset();
+    bus_ = std::make_unique<EmulatedBus>();
+  }
+}
+
+TEST_F(FalconUsb, SaysInWordsThatRequestsAreNotAnswered) {
+  for (const auto fault : {FalconFault::kStall, FalconFault::kNoAnswer, FalconFault::kNoDevice}) {
+    const auto model = plug_in({.plan = {fault, FalconStep::kRequest, 1}}, 1, 5);
+    make("");
+    const auto configured = driver_->configure(kConfig);
+    ASSERT_FALSE(configured);
+    EXPECT_NE(configured.error().text().find("Remedy"), std::string::npos);
+    EXPECT_FALSE(has_force(model));
+    driver_.reset();
+    bus_.reset();
+    bus_ = std::make_unique<EmulatedBus>();
+  }
+}
+
 class FalconUsbFaults : public FalconUsb, public testing::WithParamInterface<FalconFault> {};
 
 TEST_P(FalconUsbFaults, EndWithoutForce) {
