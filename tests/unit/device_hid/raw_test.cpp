@@ -1,0 +1,152 @@
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <functional>
+#include <thread>
+
+#include "emulated_hidraw.hpp"
+#include "rtpm/device_hid/open.hpp"
+#include "rtpm/device_hid/profile.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "scripted_hid.hpp"
+
+/// The driver with the real hidapi and udev, before models that umockdev shows as hidraw nodes.
+namespace rtpm::device_hid {
+namespace {
+
+using driver::CommandMode;
+using driver::ExchangeStatus;
+using std::chrono::milliseconds;
+using test::EmulatedHidraw;
+
+class HidRawTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (!EmulatedHidraw::is_possible()) {
+      GTEST_SKIP() << "umockdev's library can't be preloaded: install the package umockdev; under "
+                      "a sanitizer it never is";
+    }
+    hidraw_ = std::make_unique<EmulatedHidraw>();
+  }
+  void open(const std::string& arguments) {
+    auto opened = device_hid::open(arguments, "pad0");
+    ASSERT_TRUE(opened) << opened.error().text();
+    driver_ = std::move(*opened);
+  }
+  void start() {
+    const auto configured = driver_->configure({.period = milliseconds{4}});
+    ASSERT_TRUE(configured) << configured.error().text();
+    ASSERT_TRUE(driver_->activate());
+  }
+  /// Exchanges for at most five seconds.
+  bool exchange_until(CommandMode mode, const std::function<bool(ExchangeStatus)>& is_done) {
+    for (int i = 0; i < 1250; ++i) {
+      driver::Command command;
+      command.mode = mode;
+      command.cycle_time = rt::now();
+      command.outputs.fill(1);
+      command.joints[0] = 2;
+      if (is_done(driver_->exchange(command, sample_))) return true;
+      std::this_thread::sleep_for(milliseconds{4});
+    }
+    return false;
+  }
+  bool is_safe(int number) {
+    return hidraw_->with_model(number, [](test::HidModel& model) { return model.is_safe(); });
+  }
+
+  std::unique_ptr<EmulatedHidraw> hidraw_{};
+  std::unique_ptr<driver::Driver> driver_{};
+  driver::Sample sample_{};
+};
+
+TEST_F(HidRawTest, FindsWhatIsPluggedIn) {
+  for (std::size_t i = 0; i < kKinds.size(); ++i) {
+    const std::string number = std::to_string(i);
+    hidraw_->plug(test::make_model(i), static_cast<int>(i), "serial-" + number, "port-" + number);
+  }
+  const auto found = probe();
+  ASSERT_EQ(found.size(), kKinds.size());
+  for (const auto& device : found) {
+    EXPECT_EQ(device.driver, "hid");
+    EXPECT_EQ(device.arguments, "node=" + device.node);
+    EXPECT_EQ(device.serial.substr(7), device.node.substr(11));
+    EXPECT_EQ(device.missing_right, "");
+    EXPECT_NE(device.udev_rule.find("idVendor"), std::string::npos);
+  }
+}
+
+TEST_F(HidRawTest, ServesEachKind) {
+  int node = 0;  // umockdev takes a node's number once.
+  for (const bool is_bluetooth : {false, true}) {
+    for (std::size_t kind = 0; kind < kKinds.size(); ++kind) {
+      const bool has_bluetooth =
+          kKinds[kind] == Kind::kDualShock4 || kKinds[kind] == Kind::kDualSense;
+      if (is_bluetooth && !has_bluetooth) continue;
+      SCOPED_TRACE(testing::Message() << to_string(kKinds[kind]) << ' ' << is_bluetooth);
+      hidraw_->plug(test::make_model(kind, is_bluetooth), ++node, "1", "usb-1/input0");
+      open(kKinds[kind] == Kind::kOpenFfBoard ? "torque_newton_metre=2" : "");
+      start();
+      hidraw_->with_model(node, [](test::HidModel& model) {
+        model.move(0, -1);
+        return model.press(1, true), 0;
+      });
+      EXPECT_TRUE(exchange_until(CommandMode::kOff, [&](auto) {
+        return sample_.buttons == 2 && (sample_.analogs[0] < 0 || sample_.joints[0] < -1);
+      }));
+      const bool has_outputs = !driver_->describe().modes.empty();
+      EXPECT_EQ(exchange_until(CommandMode::kJointEffort,
+                               [&](auto) { return !has_outputs || !is_safe(node); }),
+                true);
+      driver_.reset();
+      EXPECT_TRUE(is_safe(node));
+      hidraw_->unplug(node);
+    }
+  }
+}
+
+TEST_F(HidRawTest, ComesBackAtAnotherNode) {
+  hidraw_->plug(test::make_model(2), 0, "AB", "usb-1/input0");
+  open("serial=AB");
+  start();
+  hidraw_->unplug(0);
+  ASSERT_TRUE(exchange_until(CommandMode::kOutputs,
+                             [](auto status) { return status == ExchangeStatus::kGone; }));
+  driver_->deactivate();
+  const auto missing = driver_->configure({.period = milliseconds{4}});
+  ASSERT_FALSE(missing);
+  EXPECT_NE(missing.error().text().find("not plugged in"), std::string::npos);
+  hidraw_->plug(test::make_model(2), 1, "CD", "usb-1/input0");
+  EXPECT_FALSE(driver_->configure({.period = milliseconds{4}})) << "another unit";
+  hidraw_->plug(test::make_model(2), 2, "AB", "usb-2/input0");
+  start();
+  EXPECT_TRUE(exchange_until(CommandMode::kOutputs, [&](auto) { return !is_safe(2); }));
+  EXPECT_TRUE(is_safe(1));
+}
+
+TEST_F(HidRawTest, RefusesTwoUnitsOfOneSerialNumberUnlessOneIsNamed) {
+  hidraw_->plug(test::make_model(1), 0, "AB", "usb-1/input0");
+  hidraw_->plug(test::make_model(1), 1, "AB", "usb-2/input0");
+  const auto refused = device_hid::open("serial=AB", "pad0");
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().text().find("/dev/hidraw1"), std::string::npos);
+  open("serial=AB node=/dev/hidraw1");
+  start();
+}
+
+}  // namespace
+}  // namespace rtpm::device_hid
+
+/// umockdev replaces system calls by a library that the program is started with.
+int main(int argc, char** argv) {
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
+  if (!rtpm::test::EmulatedHidraw::is_possible() && std::getenv("RTPM_TEST_PRELOADED") == nullptr) {
+    setenv("RTPM_TEST_PRELOADED", "1", 1);
+    setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
+    execv("/proc/self/exe", argv);
+  }
+#endif
+  testing::InitGoogleTest(&argc, argv);
+  return RUN_ALL_TESTS();
+}
