@@ -40,12 +40,19 @@ ExchangeStatus use(HidDriver& driver, test::ScriptedPort& port, bool& was_corrup
   const MonotonicTime end = port.now() + milliseconds{1200};
   ExchangeStatus status = ExchangeStatus::kOk;
   bool is_last = false;
-  for (int i = 0; !is_last && status != ExchangeStatus::kGone; ++i) {
-    is_last = port.now() >= end;
-    if (i % 8 == 0) {
+  bool is_moved = false;
+  int move_count = 0;
+  MonotonicTime moved_at{};
+  while (!is_last && status != ExchangeStatus::kGone) {
+    is_last = port.now() >= end && move_count >= 20;
+    // A device that reports what changes must come to rest, or its time would stand still.
+    if (port.now() > moved_at + milliseconds{10}) {
+      moved_at = port.now();
+      is_moved = !is_moved;
+      ++move_count;
       port.with_model([&](test::HidModel& model) {
-        model.move(0, (i / 8) % 2 == 0 ? 0.5 : -0.5);
-        return model.press(1, (i / 8) % 2 == 0), 0;
+        model.move(0, is_moved ? 0.5 : -0.5);
+        return model.press(1, is_moved), 0;
       });
     }
     driver::Command command;
@@ -64,7 +71,7 @@ ExchangeStatus use(HidDriver& driver, test::ScriptedPort& port, bool& was_corrup
       EXPECT_EQ(sample.analogs, before.analogs);
       EXPECT_EQ(sample.buttons, before.buttons);
     }
-    std::this_thread::yield();
+    std::this_thread::sleep_for(std::chrono::microseconds{50});
   }
   return status;
 }
