@@ -1,6 +1,7 @@
 #include <gtest/gtest.h>
 #include <linux/input.h>
 
+#include <cmath>
 #include <functional>
 #include <memory>
 #include <thread>
