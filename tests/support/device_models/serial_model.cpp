@@ -308,13 +308,13 @@ std::uint64_t SerialModel::host_frame_count() const {
   return host_frame_count_;
 }
 
-device_serial::Transferred ScriptedPort::send(ConstBytes bytes) {
+device_serial::Transferred ScriptedSerialPort::send(ConstBytes bytes) {
   if (model_.is_unplugged()) return {0, true};
   const std::size_t size = model_.take(bytes, now_);
   return {size, model_.is_unplugged()};
 }
 
-device_serial::Transferred ScriptedPort::receive(MutableBytes buffer, Duration patience) {
+device_serial::Transferred ScriptedSerialPort::receive(MutableBytes buffer, Duration patience) {
   if (model_.is_unplugged()) {
     model_.advance(now_ += patience);
     return {0, true};
@@ -332,7 +332,7 @@ device_serial::OpenTransport open_model(std::shared_ptr<SerialModel> model, bool
   return [model = std::move(model), resets](const device_serial::PortSettings&)
              -> expected<std::unique_ptr<device_serial::Transport>, SetupError> {
     if (model->is_unplugged()) return setup_error("the model is not plugged in");
-    return std::make_unique<ScriptedPort>(*model, resets);
+    return std::make_unique<ScriptedSerialPort>(*model, resets);
   };
 }
 

@@ -129,10 +129,10 @@ class SerialModel {
 };
 
 /// A port to a model on a simulated time line, which only receive() advances.
-class ScriptedPort final : public device_serial::Transport {
+class ScriptedSerialPort final : public device_serial::Transport {
  public:
   /// @param resets  opening it resets the board
-  explicit ScriptedPort(SerialModel& model, bool resets = false)
+  explicit ScriptedSerialPort(SerialModel& model, bool resets = false)
       : model_(model), now_(model.now()) {
     model_.open(now_, resets);
   }

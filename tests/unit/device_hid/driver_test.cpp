@@ -63,7 +63,7 @@ class HidDriverTest : public testing::Test {
   }
 
   std::shared_ptr<test::ScriptedHidSystem> system_;
-  std::shared_ptr<test::ScriptedPort> port_;
+  std::shared_ptr<test::ScriptedHidPort> port_;
   std::unique_ptr<HidDriver> driver_;
   driver::Sample sample_{};
   MonotonicTime now_{std::chrono::seconds{1000}};

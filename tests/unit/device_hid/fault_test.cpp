@@ -34,7 +34,8 @@ class HidFaultTest : public testing::TestWithParam<std::tuple<int, HidFault>> {
 
 /// Reads and commands until the device is gone, or for a while of its time.
 /// @return the last status
-ExchangeStatus use(HidDriver& driver, test::ScriptedPort& port, bool& was_corrupt, bool& was_late) {
+ExchangeStatus use(HidDriver& driver, test::ScriptedHidPort& port, bool& was_corrupt,
+                   bool& was_late) {
   driver::Sample sample;
   MonotonicTime now{std::chrono::seconds{1000}};
   const MonotonicTime end = port.now() + milliseconds{1200};

@@ -30,7 +30,7 @@ std::size_t copy(const HidReport& report, MutableBytes to) {
 
 class ScriptedTransport final : public device_hid::HidTransport {
  public:
-  explicit ScriptedTransport(std::shared_ptr<ScriptedPort> port) : port_(std::move(port)) {}
+  explicit ScriptedTransport(std::shared_ptr<ScriptedHidPort> port) : port_(std::move(port)) {}
   [[nodiscard]] device_hid::Received read(MutableBytes buffer, Duration patience) override {
     // Simulated time is fast, and a wheel's driver reads at SCHED_FIFO: the others need the CPU,
     // too.
@@ -44,37 +44,37 @@ class ScriptedTransport final : public device_hid::HidTransport {
   [[nodiscard]] MonotonicTime now() const override { return port_->now(); }
 
  private:
-  std::shared_ptr<ScriptedPort> port_;
+  std::shared_ptr<ScriptedHidPort> port_;
   std::uint64_t read_count_ = 0;
 };
 
 }  // namespace
 
-void ScriptedPort::set_fault(HidFault fault, std::uint64_t from_step) {
+void ScriptedHidPort::set_fault(HidFault fault, std::uint64_t from_step) {
   const std::lock_guard lock(mutex_);
   fault_ = fault;
   from_step_ = from_step;
 }
 
-std::uint64_t ScriptedPort::step_count() const {
+std::uint64_t ScriptedHidPort::step_count() const {
   const std::lock_guard lock(mutex_);
   return step_count_;
 }
 
-MonotonicTime ScriptedPort::now() const {
+MonotonicTime ScriptedHidPort::now() const {
   const std::lock_guard lock(mutex_);
   return now_;
 }
 
-void ScriptedPort::hold_writes() {
+void ScriptedHidPort::hold_writes() {
   write_mutex_.lock();
 }
-void ScriptedPort::release_writes() {
+void ScriptedHidPort::release_writes() {
   write_mutex_.unlock();
 }
 
 /// Puts what arrives instead of `report` into the queue.
-void ScriptedPort::spoil(HidReport report) {
+void ScriptedHidPort::spoil(HidReport report) {
   const auto middle = static_cast<std::ptrdiff_t>(report.size() / 2);
   if (has(HidFault::kShort)) report.pop_back();
   if (has(HidFault::kLong)) report.push_back(7);
@@ -91,7 +91,7 @@ void ScriptedPort::spoil(HidReport report) {
   spoilt_.push_back(std::move(report));
 }
 
-device_hid::Received ScriptedPort::read(MutableBytes buffer, Duration patience) {
+device_hid::Received ScriptedHidPort::read(MutableBytes buffer, Duration patience) {
   const std::lock_guard lock(mutex_);
   const MonotonicTime end = now_ + patience;
   while (true) {
@@ -114,7 +114,7 @@ device_hid::Received ScriptedPort::read(MutableBytes buffer, Duration patience) 
   }
 }
 
-bool ScriptedPort::write(ConstBytes report) {
+bool ScriptedHidPort::write(ConstBytes report) {
   const std::lock_guard write_lock(write_mutex_);
   const std::lock_guard lock(mutex_);
   ++step_count_;
@@ -122,7 +122,7 @@ bool ScriptedPort::write(ConstBytes report) {
   return model_->write(to_report(report));
 }
 
-std::size_t ScriptedPort::read_feature(MutableBytes report) {
+std::size_t ScriptedHidPort::read_feature(MutableBytes report) {
   const std::lock_guard lock(mutex_);
   ++step_count_;
   if (has(HidFault::kUnplugged) || has(HidFault::kRefuses)) return 0;
@@ -131,10 +131,10 @@ std::size_t ScriptedPort::read_feature(MutableBytes report) {
   return copy(feature, report);
 }
 
-std::shared_ptr<ScriptedPort> ScriptedHidSystem::plug(std::shared_ptr<HidModel> model,
-                                                      const std::string& serial,
-                                                      const std::string& port,
-                                                      const std::string& node) {
+std::shared_ptr<ScriptedHidPort> ScriptedHidSystem::plug(std::shared_ptr<HidModel> model,
+                                                         const std::string& serial,
+                                                         const std::string& port,
+                                                         const std::string& node) {
   const HidIdentity identity = model->identity();
   device_hid::Unit unit{
       .vendor = identity.vendor,
@@ -146,7 +146,7 @@ std::shared_ptr<ScriptedPort> ScriptedHidSystem::plug(std::shared_ptr<HidModel> 
       .node = node};
   for (const std::uint8_t byte : model->report_descriptor())
     unit.report_descriptor.push_back(static_cast<std::byte>(byte));
-  plugged.push_back({unit, std::make_shared<ScriptedPort>(std::move(model))});
+  plugged.push_back({unit, std::make_shared<ScriptedHidPort>(std::move(model))});
   return plugged.back().port;
 }
 

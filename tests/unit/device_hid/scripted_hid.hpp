@@ -31,9 +31,9 @@ inline constexpr HidFault kLastHidFault = HidFault::kStuckButton;
 
 /// A port into which a device model is plugged. Its time goes on only where a report is awaited.
 /// @threads  any
-class ScriptedPort {
+class ScriptedHidPort {
  public:
-  explicit ScriptedPort(std::shared_ptr<HidModel> model) : model_(std::move(model)) {}
+  explicit ScriptedHidPort(std::shared_ptr<HidModel> model) : model_(std::move(model)) {}
 
   /// @param from_step  the number of the report, of either direction, with which the fault begins
   void set_fault(HidFault fault, std::uint64_t from_step = 0);
@@ -76,12 +76,12 @@ class ScriptedHidSystem final : public device_hid::HidSystem {
  public:
   struct Plugged {
     device_hid::Unit unit{};
-    std::shared_ptr<ScriptedPort> port{};
+    std::shared_ptr<ScriptedHidPort> port{};
     bool is_forbidden = false;
   };
   /// @return the port
-  std::shared_ptr<ScriptedPort> plug(std::shared_ptr<HidModel> model, const std::string& serial,
-                                     const std::string& port, const std::string& node);
+  std::shared_ptr<ScriptedHidPort> plug(std::shared_ptr<HidModel> model, const std::string& serial,
+                                        const std::string& port, const std::string& node);
   [[nodiscard]] std::vector<device_hid::Unit> units() override;
   [[nodiscard]] expected<std::unique_ptr<device_hid::HidTransport>, SetupError> open(
       const device_hid::Unit& unit) override;

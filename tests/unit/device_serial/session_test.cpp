@@ -12,7 +12,7 @@ namespace rtpm::device_serial {
 namespace {
 
 using std::chrono::milliseconds;
-using test::ScriptedPort;
+using test::ScriptedSerialPort;
 using test::SerialFault;
 using test::SerialModel;
 
@@ -54,7 +54,7 @@ struct Bench {
   }
 
   SerialModel model;
-  ScriptedPort port;
+  ScriptedSerialPort port;
   Session session;
   std::uint64_t number = 0;
   std::uint64_t cycle_count = 0;
@@ -116,7 +116,7 @@ TEST(SerialSession, UnwrapsTheBoardsClock) {
   const MonotonicTime wrap{std::chrono::microseconds{std::int64_t{1} << 32}};
   ASSERT_GT(wrap, bench.port.now());
   bench.model.advance(wrap - milliseconds{4});
-  ScriptedPort port(bench.model);
+  ScriptedSerialPort port(bench.model);
   Session session(port, kConfig);
   ASSERT_TRUE(session.greet());
   session.begin();
