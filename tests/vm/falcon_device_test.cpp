@@ -3,13 +3,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <cstdint>
 #include <fstream>
-#include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "falcon_model.hpp"
 #include "hosted_device.hpp"
+#include "rtpm/rt/clock.hpp"
 #include "usbip_bridge.hpp"
 
 /// The model of a Falcon behind the kernel's USB stack, served by the driver `falcon` with libusb.

@@ -1,10 +1,13 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include <atomic>
+#include <algorithm>
 #include <cmath>
-#include <cstring>
+#include <cstddef>
+#include <cstdint>
 #include <memory>
+#include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -78,9 +81,9 @@ void PrintTo(const Case& value, std::ostream* out) {
   *out << value.name;
 }
 
-template <class Model, auto... kArguments>
+template <class Model, auto... arguments>
 std::unique_ptr<test::HidModel> make() {
-  return std::make_unique<Model>(kArguments...);
+  return std::make_unique<Model>(arguments...);
 }
 constexpr Case kSpaceMouse{
     "SpaceMouse", &make<test::SpaceMouseModel, test::SpaceMouseModel::Layout::kTwoReports>};

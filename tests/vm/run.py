@@ -170,6 +170,9 @@ class FileSystem:
 def tests_of(folder, pattern):
     """The cases of the test programs that match: the program of each name."""
     programs = {}
+    if not (folder / TEST_PROGRAMS[0]).exists():
+        raise Unavailable(f"{folder} has no {TEST_PROGRAMS[0]}. Remedy: apt-get install "
+                          "pkg-config libusb-1.0-0-dev, and build again")
     for program in TEST_PROGRAMS:
         if not (folder / program).exists():
             continue

@@ -8,7 +8,10 @@
 #include <array>
 #include <cerrno>
 #include <cstddef>
-#include <utility>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "guest.hpp"

@@ -1,10 +1,13 @@
 #include <gtest/gtest.h>
 #include <libusb.h>
 
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
+#include <span>
+#include <string>
 #include <vector>
 
 #include "guest.hpp"
@@ -24,10 +27,10 @@ constexpr std::uint8_t kVendorToDevice = 0x40;
 constexpr std::uint8_t kVendorToHost = 0xC0;
 constexpr unsigned kPatienceMs = 10'000;
 
-template <std::size_t kSize>
-std::array<std::byte, kSize> bytes_of(const std::array<int, kSize>& values) {
-  std::array<std::byte, kSize> bytes{};
-  for (std::size_t i = 0; i < kSize; ++i)
+template <std::size_t size>
+std::array<std::byte, size> bytes_of(const std::array<int, size>& values) {
+  std::array<std::byte, size> bytes{};
+  for (std::size_t i = 0; i < size; ++i)
     bytes[i] = static_cast<std::byte>(values[i]);
   return bytes;
 }
