@@ -135,7 +135,7 @@ TEST_F(Falcon, HasNoForceWhenItsCommandEnds) {
   ASSERT_TRUE(host("falcon", ""));
   ASSERT_TRUE(await_lifecycle(Lifecycle::kActive));
   command_force();
-  EXPECT_TRUE(test::await([&] { return !has_force(); }, kPatience));
+  EXPECT_TRUE(await([&] { return !has_force(); }));
 }
 
 TEST_F(Falcon, HasNoForceWhenItComesBack) {
@@ -148,7 +148,7 @@ TEST_F(Falcon, HasNoForceWhenItComesBack) {
   const std::uint64_t before = force_count();
   plug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kActive));
-  EXPECT_TRUE(test::await([&] { return !has_force(); }, kPatience));
+  EXPECT_TRUE(await([&] { return !has_force(); }));
   EXPECT_EQ(force_count(), before) << "there was a force before a client commanded it";
 }
 

@@ -5,8 +5,6 @@
 #include <string_view>
 #include <system_error>
 
-#include "rtpm/rt/clock.hpp"
-
 namespace rtpm::vm_test {
 namespace {
 
@@ -26,15 +24,12 @@ std::string hidraw_node(const std::string& serial_number) {
 }
 
 std::string wait_for_hidraw_node(const std::string& serial_number) {
-  // Each look costs the emulated CPU some milliseconds.
-  constexpr Duration kPause = std::chrono::milliseconds{20};
-  const MonotonicTime end = rt::now() + kPatience;
-  while (rt::now() < end) {
-    const std::string node = hidraw_node(serial_number);
-    if (!node.empty() && std::filesystem::exists(node)) return node;
-    rt::sleep_until(rt::now() + kPause);
-  }
-  return {};
+  std::string node;
+  const bool is_found = await([&] {
+    node = hidraw_node(serial_number);
+    return !node.empty() && std::filesystem::exists(node);
+  });
+  return is_found ? node : "";
 }
 
 std::string missing_uhid() {

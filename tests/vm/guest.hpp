@@ -5,12 +5,26 @@
 #include <string>
 
 #include "rtpm/base/time.hpp"
+#include "rtpm/rt/clock.hpp"
 
 /// What the tests of the guest share.
 namespace rtpm::vm_test {
 
 /// Software emulation is slow; nothing waits so long when all is well.
 inline constexpr Duration kPatience = std::chrono::seconds{10};
+
+/// Waits until `is_so()`; false after kPatience. Between two looks it pauses for long: each costs
+/// the emulated CPU some milliseconds of the host's time, while a pause costs none.
+template <class Condition>
+[[nodiscard]] bool await(Condition is_so) {
+  constexpr Duration kPause = std::chrono::milliseconds{10};
+  const MonotonicTime end = rt::now() + kPatience;
+  while (!is_so()) {
+    if (rt::now() >= end) return false;
+    rt::sleep_until(rt::now() + kPause);
+  }
+  return true;
+}
 
 /// The node of the HID device with this serial number, "/dev/hidraw0"; empty: there is none.
 [[nodiscard]] std::string hidraw_node(const std::string& serial_number);

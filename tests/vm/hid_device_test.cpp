@@ -177,7 +177,7 @@ TEST_P(InputDevice, IsReadUnpluggedAndReplugged) {
 
 TEST_P(HidOutputs, AreOffWhenTheirCommandEnds) {
   command_output();
-  EXPECT_TRUE(test::await([&] { return is_safe(); }, kPatience));
+  EXPECT_TRUE(await([&] { return is_safe(); }));
 }
 
 TEST_P(HidOutputs, AreOffWhenTheDeviceComesBack) {
@@ -188,7 +188,7 @@ TEST_P(HidOutputs, AreOffWhenTheDeviceComesBack) {
   const std::uint64_t before = unsafe_count();
   plug();
   EXPECT_TRUE(await_lifecycle(Lifecycle::kActive));
-  EXPECT_TRUE(test::await([&] { return is_safe(); }, kPatience));
+  EXPECT_TRUE(await([&] { return is_safe(); }));
   EXPECT_EQ(unsafe_count(), before) << "an output was on before a client commanded it";
 }
 
@@ -198,7 +198,7 @@ TEST_P(HidOutputs, AreOffWhenTheServerStops) {
   const auto end = device_->process.wait(kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->errors;
-  EXPECT_TRUE(test::await([&] { return is_safe(); }, kPatience));
+  EXPECT_TRUE(await([&] { return is_safe(); }));
 }
 
 INSTANTIATE_TEST_SUITE_P(Uhid, HidDevice, testing::Values(kSpaceMouse, kGamePad, kDualShock4),

@@ -10,7 +10,6 @@
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/rpc/node.hpp"
-#include "rtpm/test/os.hpp"
 
 namespace rtpm::vm_test {
 
@@ -42,12 +41,10 @@ class HostedDevice : public testing::Test {
   /// Waits for a sample that fits.
   template <class Fits>
   [[nodiscard]] bool await_sample(Fits fits) {
-    return test::await(
-        [&] {
-          const auto sample = client_->read(kPatient);
-          return sample && fits(*sample);
-        },
-        kPatience);
+    return await([&] {
+      const auto sample = client_->read(kPatient);
+      return sample && fits(*sample);
+    });
   }
   [[nodiscard]] bool await_lifecycle(driver::Lifecycle lifecycle) {
     return await_sample(
@@ -56,12 +53,10 @@ class HostedDevice : public testing::Test {
   /// Sends the setpoint again and again until `is_so`, as a client's loop does.
   template <class Condition>
   [[nodiscard]] bool command_until(const driver::Setpoint& setpoint, Condition is_so) {
-    return test::await(
-        [&] {
-          static_cast<void>(client_->set(setpoint, kPatient));
-          return is_so();
-        },
-        kPatience);
+    return await([&] {
+      static_cast<void>(client_->set(setpoint, kPatient));
+      return is_so();
+    });
   }
 
   static constexpr rpc::CallOptions kPatient{.deadline = std::chrono::seconds{1}};

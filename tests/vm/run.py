@@ -329,7 +329,7 @@ def arguments():
     add("--build", type=Path, required=True, help="the folder with bin/vm_test")
     add("--folder", type=Path, required=True, help="for the guest's files; kept")
     add("--filter", default="*", help="the tests to run, as --gtest_filter takes it")
-    add("--deadline", type=int, default=240, help="for all, in seconds of the host's time")
+    add("--deadline", type=int, default=480, help="for all, in seconds of the host's time")
     add("--test-deadline", type=int, default=60, help="for each, in seconds of the guest's time")
     add("--machine", choices=MACHINES, default="virtual",
         help="virtual: its time counts its instructions; tcg: software emulation in the host's "

@@ -15,7 +15,6 @@
 #include <vector>
 
 #include "guest.hpp"
-#include "rtpm/test/os.hpp"
 #include "uhid_bridge.hpp"
 
 /// The bridge itself: a HID device of a few bytes, over hidraw.
@@ -139,12 +138,10 @@ TEST_F(Uhid, OutputReportsReachTheModelAndItsAnswerTheReader) {
   constexpr Report kOutput{kOutputNumber, 0x42, 0, 0};
   ASSERT_EQ(::write(node.handle(), kOutput.data(), kOutput.size()),
             static_cast<ssize_t>(kOutput.size()));
-  ASSERT_TRUE(test::await(
-      [&] {
-        const auto report = node.read();
-        return report && (*report)[2] == 0x42;
-      },
-      kPatience));
+  ASSERT_TRUE(await([&] {
+    const auto report = node.read();
+    return report && (*report)[2] == 0x42;
+  }));
 }
 
 TEST_F(Uhid, FeatureReportsAreReadAndWritten) {
@@ -164,7 +161,7 @@ TEST_F(Uhid, AnUnpluggedDeviceIsGoneAndComesBack) {
     ASSERT_TRUE(node.read());
     bridge_.unplug();
     // What had arrived is still read; then the node says that it is gone.
-    ASSERT_TRUE(test::await([&] { return !node.read(); }, kPatience));
+    ASSERT_TRUE(await([&] { return !node.read(); }));
     constexpr Report kOutput{kOutputNumber, 1, 0, 0};
     EXPECT_LT(::write(node.handle(), kOutput.data(), kOutput.size()), 0);
     EXPECT_EQ(errno, ENODEV);

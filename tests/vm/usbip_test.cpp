@@ -11,7 +11,6 @@
 #include <vector>
 
 #include "guest.hpp"
-#include "rtpm/test/os.hpp"
 #include "usbip_bridge.hpp"
 
 /// The bridge itself: a USB device that sends back what it gets, through libusb.
@@ -98,12 +97,10 @@ class Usbip : public testing::Test {
     if (context_ != nullptr) libusb_exit(context_);
   }
   [[nodiscard]] bool open() {
-    return test::await(
-        [&] {
-          device_ = libusb_open_device_with_vid_pid(context_, kVendor, kProduct);
-          return device_ != nullptr && libusb_claim_interface(device_, 0) == 0;
-        },
-        kPatience);
+    return await([&] {
+      device_ = libusb_open_device_with_vid_pid(context_, kVendor, kProduct);
+      return device_ != nullptr && libusb_claim_interface(device_, 0) == 0;
+    });
   }
   void close() {
     if (device_ != nullptr) libusb_close(device_);
@@ -166,8 +163,7 @@ TEST_F(Usbip, ATransferWithoutAnAnswerIsTakenBack) {
 TEST_F(Usbip, AnUnpluggedDeviceIsGoneAndComesBack) {
   bridge_.unplug();
   std::array<std::uint8_t, 64> bytes{};
-  EXPECT_TRUE(
-      test::await([&] { return transfer(kIn, bytes, 100) == LIBUSB_ERROR_NO_DEVICE; }, kPatience));
+  EXPECT_TRUE(await([&] { return transfer(kIn, bytes, 100) == LIBUSB_ERROR_NO_DEVICE; }));
   close();
   ASSERT_TRUE(bridge_.plug());
   ASSERT_TRUE(open());
