@@ -81,9 +81,9 @@ void PrintTo(const Case& value, std::ostream* out) {
   *out << value.name;
 }
 
-template <class Model, auto... arguments>
+template <class Model, auto... Arguments>
 std::unique_ptr<test::HidModel> make() {
-  return std::make_unique<Model>(arguments...);
+  return std::make_unique<Model>(Arguments...);
 }
 constexpr Case kSpaceMouse{
     "SpaceMouse", &make<test::SpaceMouseModel, test::SpaceMouseModel::Layout::kTwoReports>};

@@ -26,10 +26,10 @@ constexpr std::uint8_t kVendorToDevice = 0x40;
 constexpr std::uint8_t kVendorToHost = 0xC0;
 constexpr unsigned kPatienceMs = 10'000;
 
-template <std::size_t size>
-std::array<std::byte, size> bytes_of(const std::array<int, size>& values) {
-  std::array<std::byte, size> bytes{};
-  for (std::size_t i = 0; i < size; ++i)
+template <std::size_t Size>
+std::array<std::byte, Size> bytes_of(const std::array<int, Size>& values) {
+  std::array<std::byte, Size> bytes{};
+  for (std::size_t i = 0; i < Size; ++i)
     bytes[i] = static_cast<std::byte>(values[i]);
   return bytes;
 }
