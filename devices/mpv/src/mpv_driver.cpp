@@ -1,7 +1,6 @@
 #include "rtpm/device_mpv/mpv_driver.hpp"
 
 #include <algorithm>
-#include <system_error>
 #include <utility>
 
 namespace rtpm::device_mpv {
@@ -54,12 +53,8 @@ expected<void, SetupError> MpvDriver::activate() {
   seen_corrupt_count_ = session_->corrupt_count();
   requests_.write({});
   report(false);
-  is_stopping_.store(false, std::memory_order_relaxed);
-  try {
-    thread_ = std::thread([this] { run(); });
-  } catch (const std::system_error& error) {
-    return setup_error("mpv's driver gets no thread", error.code());
-  }
+  const rt::ThreadConfig thread{.name = "mpv", .realtime = rt::RealtimeMode::kOff};
+  if (auto started = thread_.start(thread, [this] { return step(); }); !started) return started;
   is_active_ = true;
   return {};
 }
@@ -69,13 +64,11 @@ void MpvDriver::report(bool is_gone) noexcept {
 }
 
 /// Looks for a newer request several times per period, without any wake-up by the device's thread.
-void MpvDriver::run() noexcept {
+bool MpvDriver::step() noexcept {
   const Duration patience = std::max(period_ / 4, Duration{std::chrono::milliseconds{1}});
-  bool is_alive = true;
-  while (is_alive && !is_stopping_.load(std::memory_order_relaxed)) {
-    is_alive = session_->step(requests_.read().value_or(PlayerRequest{}), patience);
-    report(!is_alive);
-  }
+  const bool is_alive = session_->step(requests_.read().value_or(PlayerRequest{}), patience);
+  report(!is_alive);
+  return is_alive;
 }
 
 driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
@@ -95,8 +88,7 @@ driver::ExchangeStatus MpvDriver::exchange(const driver::Command& command,
 }
 
 void MpvDriver::deactivate() noexcept {
-  is_stopping_.store(true, std::memory_order_relaxed);
-  if (thread_.joinable()) thread_.join();
+  thread_.stop();
   is_active_ = false;
   session_.reset();
   transport_.reset();

@@ -1,48 +1,38 @@
 #include "rtpm/device_mpv/settings.hpp"
 
-#include <algorithm>
+#include <utility>
+
+#include "rtpm/device_io/words.hpp"
 
 namespace rtpm::device_mpv {
 namespace {
 
-/// Cuts the first word off.
-std::string_view next_word(std::string_view& words) {
-  const std::size_t begin = std::min(words.find_first_not_of(' '), words.size());
-  words.remove_prefix(begin);
-  const std::string_view word = words.substr(0, words.find(' '));
-  return word;
-}
-
-unexpected<SetupError> refusal(const std::string& what) {
-  return setup_error(what, "", "give 'file=CLIP', 'headless=yes file=CLIP' or 'socket=PATH'");
+unexpected<SetupError> refusal(std::string what) {
+  return setup_error(std::move(what), "",
+                     "give 'file=CLIP', 'headless=yes file=CLIP' or 'socket=PATH'");
 }
 
 }  // namespace
 
 expected<Settings, SetupError> read_settings(std::string_view words) {
-  Settings settings;
-  while (true) {
-    const std::string_view word = next_word(words);
-    if (word.empty()) break;
-    if (word.starts_with("file=")) {
-      settings.file = words.substr(5);
-      break;
-    }
-    if (word.starts_with("socket=")) {
-      settings.socket = words.substr(7);
-      break;
-    }
-    if (word != "headless=yes" && word != "headless=no") {
-      return refusal("mpv's driver does not know the word '" + std::string(word) + "'");
-    }
-    settings.is_headless = word == "headless=yes";
-    words.remove_prefix(word.size());
+  const auto read = device_io::read_words(
+      "mpv", words, {.names = {"headless"}, .names_to_the_end = {"file", "socket"}});
+  if (!read) return refusal(read.error().what);
+  const auto value = [&](std::string_view name) {
+    const auto found = read->find(name);
+    return found == read->end() ? std::string() : found->second;
+  };
+  const std::string headless = value("headless");
+  if (headless != "" && headless != "yes" && headless != "no") {
+    return refusal("the driver mpv was told headless=" + headless);
   }
+  Settings settings{
+      .file = value("file"), .socket = value("socket"), .is_headless = headless == "yes"};
   if (settings.file.empty() && settings.socket.empty()) {
-    return refusal("mpv's driver was told neither a file nor a socket");
+    return refusal("the driver mpv was told neither a file nor a socket");
   }
   if (settings.is_headless && !settings.socket.empty()) {
-    return refusal("mpv's driver can't make a running player headless");
+    return refusal("the driver mpv can't make a running player headless");
   }
   return settings;
 }

@@ -2,6 +2,7 @@
 
 #include <functional>
 #include <thread>
+#include <utility>
 
 #include "rtpm/device_mpv/mpv_driver.hpp"
 #include "scripted_player.hpp"
@@ -18,9 +19,14 @@ using test::ScriptedPlayer;
 
 class MpvDriverTest : public testing::Test {
  protected:
+  /// Only the first player has the fault; one that follows it is sound.
   void start(PlayerFault fault, std::uint64_t faulty_from) {
     driver_ = std::make_unique<MpvDriver>(
-        [=] { return std::make_unique<ScriptedPlayer>(fault, faulty_from); }, "scripted-1", "p");
+        [fault, faulty_from]() mutable {
+          return std::make_unique<ScriptedPlayer>(std::exchange(fault, PlayerFault::kNone),
+                                                  faulty_from);
+        },
+        "scripted-1", "p");
     ASSERT_TRUE(driver_->configure({.period = std::chrono::milliseconds{10}}));
     ASSERT_TRUE(driver_->activate());
   }

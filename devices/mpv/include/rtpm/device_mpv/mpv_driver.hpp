@@ -1,12 +1,11 @@
 #pragma once
 
-#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 
 #include "rtpm/base/latest.hpp"
+#include "rtpm/device_io/io_thread.hpp"
 #include "rtpm/device_mpv/session.hpp"
 #include "rtpm/device_mpv/transport.hpp"
 #include "rtpm/driver/driver.hpp"
@@ -44,7 +43,7 @@ class MpvDriver final : public driver::Driver {
 
   [[nodiscard]] bool await_report();
   void report(bool is_gone) noexcept;
-  void run() noexcept;
+  [[nodiscard]] bool step() noexcept;
 
   OpenTransport open_;
   std::string serial_;
@@ -56,8 +55,7 @@ class MpvDriver final : public driver::Driver {
   Latest<PlayerRequest> requests_{};
   std::uint64_t seen_corrupt_count_ = 0;
   bool is_active_ = false;
-  std::atomic<bool> is_stopping_{false};
-  std::thread thread_{};
+  device_io::IoThread thread_{};
 };
 
 }  // namespace rtpm::device_mpv
