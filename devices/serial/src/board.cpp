@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <string>
+#include <string_view>
 #include <tuple>
 
 #include "rtpm/device_serial/frames.hpp"
@@ -47,7 +49,7 @@ class DescriptionReader {
   }
 
  private:
-  void check(bool is_right, const char* fault) {
+  void check(bool is_right, std::string_view fault) {
     if (!is_right && fault_.empty()) fault_ = reader_.ok() ? fault : "it ends too early";
   }
 
@@ -58,10 +60,9 @@ class DescriptionReader {
       text += std::to_integer<char>(byte);
     const bool is_plain = std::ranges::all_of(text, [](char c) { return c >= ' ' && c <= '~'; });
     const bool has_size = text.size() >= size_min && text.size() <= kBoardTextSizeMax;
-    if (!is_plain || !has_size)
-      check(false, (std::string(what) + " is not " + std::to_string(size_min) +
-                    " to 31 characters of ASCII")
-                       .c_str());
+    std::string fault = what;
+    fault += " is not " + std::to_string(size_min) + " to 31 characters of ASCII";
+    check(is_plain && has_size, fault);
     return text;
   }
 
@@ -69,7 +70,9 @@ class DescriptionReader {
   void take_list(std::vector<Item>& list, std::size_t count_max, const char* what,
                  TakeItem&& take_item) {
     const std::size_t count = reader_.take<std::uint8_t>();
-    if (count > count_max) check(false, (std::string("it has too many ") + what).c_str());
+    std::string fault = "it has too many ";
+    fault += what;
+    check(count <= count_max, fault);
     for (std::size_t i = 0; i < count && fault_.empty(); ++i)
       list.push_back(take_item());
   }
