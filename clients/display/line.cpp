@@ -8,6 +8,7 @@
 #include <numbers>
 
 #include "rtpm/base/printable.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::display {
 namespace {
@@ -37,8 +38,7 @@ bool has_force(const Descriptor& descriptor) {
 }
 
 double force_newton(const Sample& sample) noexcept {
-  const driver::Vector3& force = sample.wrench_applied.force_newton;
-  return std::hypot(force.x, force.y, force.z);
+  return length(sample.wrench_applied.force_newton);
 }
 
 /// Where the frame's -z points, in degrees.

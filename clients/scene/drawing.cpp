@@ -4,7 +4,7 @@
 #include <numbers>
 #include <utility>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::scene {
 namespace {

@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::scene {
 namespace {

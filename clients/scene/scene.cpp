@@ -2,7 +2,7 @@
 
 #include <cmath>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::scene {
 namespace {

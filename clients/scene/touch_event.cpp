@@ -3,8 +3,8 @@
 #include <cmath>
 #include <utility>
 
+#include "rtpm/driver/vector.hpp"
 #include "rtpm/gvd/device_event.hpp"
-#include "vector.hpp"
 
 namespace rtpm::scene {
 namespace {

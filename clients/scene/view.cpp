@@ -5,7 +5,7 @@
 #include <cstdarg>
 #include <cstdio>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::scene {
 namespace {

@@ -4,7 +4,7 @@
 
 #include "god_object.hpp"
 #include "rtpm/driver/sample.hpp"
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::servo {
 
@@ -17,8 +17,8 @@ class Feel {
   /// Samples outside of the wall, and during soft start, do not count.
   void record(const scene::Touch& touch, const driver::Sample& sample) noexcept {
     if (touch.depth_m <= 0 || sample.faults.has(driver::Fault::kSoftStart)) return;
-    force_by_depth_ += scene::dot(sample.wrench_applied.force_newton,
-                                  scene::difference(touch.proxy_m, touch.device_m));
+    force_by_depth_ +=
+        dot(sample.wrench_applied.force_newton, difference(touch.proxy_m, touch.device_m));
     depth_square_ += touch.depth_m * touch.depth_m;
     depth_m_max_ = std::max(depth_m_max_, touch.depth_m);
   }

@@ -3,9 +3,9 @@
 #include <algorithm>
 #include <utility>
 
+#include "rtpm/driver/vector.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/memory.hpp"
-#include "vector.hpp"
 
 namespace rtpm::servo {
 
@@ -66,7 +66,7 @@ void Loop::run_cycle(MonotonicTime due) noexcept {
   view_.cycle_count = statistics_.cycle_count;
   view_.failed_count = statistics_.failed_count;
   if (view_.depth_m > 0) ++statistics_.contact_count;
-  statistics_.force_newton_max = std::max(statistics_.force_newton_max, scene::length(*force));
+  statistics_.force_newton_max = std::max(statistics_.force_newton_max, length(*force));
   statistics_.feel.record(touch, *sample);
   live_.write(view_);
   publish(*sample, touch, *force);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rtpm/device_falcon/start_up.hpp"
+#include "rtpm/driver/vector.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::device_falcon {
@@ -13,11 +14,6 @@ namespace {
 constexpr const char* kScaleName = "motor.counts_per_newton_metre";
 constexpr std::size_t kHomedAnalog = 0;
 constexpr Duration kPatience = std::chrono::milliseconds{1};
-
-driver::Vector3 from_centre(const driver::Vector3& position_m) noexcept {
-  return {position_m.x - kCentreMetres.x, position_m.y - kCentreMetres.y,
-          position_m.z - kCentreMetres.z};
-}
 
 bool is_in_workspace(const driver::Vector3& position_m) noexcept {
   return std::max({std::abs(position_m.x), std::abs(position_m.y), std::abs(position_m.z)}) <
@@ -137,7 +133,7 @@ void FalconDriver::fill(driver::Sample& sample, const FalconState& state,
   sample.host_time = std::max(sample.host_time, state.time);
   sample.twist = {};
   if (state.is_homed) {
-    sample.pose = {from_centre(state.position_m), {}};
+    sample.pose = {difference(state.position_m, kCentreMetres), {}};
     sample.twist.linear_m_per_s = state.velocity_m_per_s;
   }
   sample.wrench_applied = {force.applied_newton, {}};

@@ -1,8 +1,9 @@
 #include "rtpm/device_falcon/session.hpp"
 
 #include <algorithm>
-#include <cmath>
 #include <cstdlib>
+
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::device_falcon {
 namespace {
@@ -14,12 +15,7 @@ constexpr std::int64_t kGapMillisecondMax = 2;
 constexpr int kStopAttemptMax = 25;
 
 bool is_within_reach(const driver::Vector3& position_m) {
-  return std::hypot(position_m.x - kCentreMetres.x, position_m.y - kCentreMetres.y,
-                    position_m.z - kCentreMetres.z) < Session::kReachMetres;
-}
-
-double rate(double from, double to, Duration span) {
-  return (to - from) / std::chrono::duration<double>(span).count();
+  return length(difference(position_m, kCentreMetres)) < Session::kReachMetres;
 }
 
 }  // namespace
@@ -34,9 +30,8 @@ driver::Vector3 VelocityWindow::update(const driver::Vector3& position_m, Monoto
   const Point& oldest = points_[(newest_ + kPointCount + 1 - size_) % kPointCount];
   const Duration span = time - oldest.time;
   if (span <= Duration{0}) return {};
-  return {rate(oldest.position_m.x, position_m.x, span),
-          rate(oldest.position_m.y, position_m.y, span),
-          rate(oldest.position_m.z, position_m.z, span)};
+  return scaled(difference(position_m, oldest.position_m),
+                1 / std::chrono::duration<double>(span).count());
 }
 
 Session::Session(Transport& transport) : transport_(transport), answered_at_(transport.now()) {}

@@ -1,12 +1,11 @@
 #include "rtpm/models/check.hpp"
+#include "rtpm/driver/vector.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
 #include <numbers>
-
-#include "vector.hpp"
 
 namespace rtpm::gvd {
 namespace {
@@ -83,7 +82,7 @@ class Checker {
       number(field, value, -kExtentMetre, kExtentMetre);
   }
   void direction(std::string_view field, const driver::Vector3& along) noexcept {
-    number(field, vector::length(along), 1 - kUnitTolerance, 1 + kUnitTolerance);
+    number(field, length(along), 1 - kUnitTolerance, 1 + kUnitTolerance);
   }
   void side(Side value) noexcept { number("side", static_cast<double>(value), 0, kSideCount - 1); }
   template <class WithStiffness>
@@ -112,7 +111,7 @@ class Checker {
 void Checker::operator()(const AffineField& field) noexcept {
   position("origin_m", field.origin_m);
   // A NaN is neither above nor below: its length is one, too.
-  const double force_newton = vector::length(field.force_newton);
+  const double force_newton = length(field.force_newton);
   number("force_newton", force_newton, 0, limits_.force_newton_max);
   double square = 0;
   for (const double element : field.jacobian_newton_per_m)

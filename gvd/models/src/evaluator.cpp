@@ -4,17 +4,12 @@
 #include <cmath>
 #include <numbers>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::gvd {
 namespace {
 
 using driver::Vector3;
-using vector::difference;
-using vector::dot;
-using vector::length;
-using vector::scaled;
-using vector::sum;
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
@@ -72,7 +67,7 @@ class Summation {
 
   void add(const Spring& spring, std::optional<Vector3>&) noexcept {
     const Vector3 pull = scaled(difference(spring.anchor_m, at_m_), spring.stiffness_newton_per_m);
-    add_force(vector::shortened(pull, spring.force_newton_max));
+    add_force(shortened(pull, spring.force_newton_max));
     add_force(scaled(velocity_, -spring.damping_newton_s_per_m));
   }
 
@@ -91,8 +86,8 @@ class Summation {
     add_force(scaled(velocity_, -friction.viscosity_newton_s_per_m));
     if (!(friction.force_newton > 0)) return;
     if (!contact_m) contact_m = at_m_;
-    const Vector3 stretch = vector::shortened(
-        difference(at_m_, *contact_m), friction.force_newton / friction.stiffness_newton_per_m);
+    const Vector3 stretch = shortened(difference(at_m_, *contact_m),
+                                      friction.force_newton / friction.stiffness_newton_per_m);
     contact_m = difference(at_m_, stretch);
     add_force(scaled(stretch, -friction.stiffness_newton_per_m));
   }
@@ -134,10 +129,6 @@ class Summation {
   const Vector3& velocity_;
   ModelForces& forces_;
 };
-
-bool is_finite(const Vector3& vector) noexcept {
-  return std::isfinite(vector.x) && std::isfinite(vector.y) && std::isfinite(vector.z);
-}
 
 }  // namespace
 

@@ -5,27 +5,12 @@
 #include <cmath>
 
 #include "rtpm/base/time.hpp"
-#include "rtpm/driver/geometry.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::gvd {
 
-inline driver::Vector3 scaled(const driver::Vector3& vector, double by) noexcept {
-  return {vector.x * by, vector.y * by, vector.z * by};
-}
 inline driver::Wrench scaled(const driver::Wrench& wrench, double by) noexcept {
   return {scaled(wrench.force_newton, by), scaled(wrench.torque_newton_metre, by)};
-}
-inline driver::Vector3 sum(const driver::Vector3& a, const driver::Vector3& b) noexcept {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
-inline driver::Vector3 difference(const driver::Vector3& a, const driver::Vector3& b) noexcept {
-  return {a.x - b.x, a.y - b.y, a.z - b.z};
-}
-inline double dot(const driver::Vector3& a, const driver::Vector3& b) noexcept {
-  return a.x * b.x + a.y * b.y + a.z * b.z;
-}
-inline double length(const driver::Vector3& vector) noexcept {
-  return std::hypot(vector.x, vector.y, vector.z);
 }
 inline double seconds(Duration duration) noexcept {
   return std::chrono::duration<double>(duration).count();

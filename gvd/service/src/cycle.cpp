@@ -5,6 +5,7 @@
 #include <limits>
 #include <utility>
 
+#include "rtpm/driver/vector.hpp"
 #include "rtpm/safety/finite.hpp"
 
 namespace rtpm::gvd {
@@ -33,10 +34,6 @@ bool is_whole(const driver::Sample& sample) noexcept {
 
 /// Life of the models' force, should the device's thread stop: ten cycles at 1 kHz.
 constexpr Duration kModelHold = std::chrono::milliseconds{10};
-
-driver::Vector3 sum(const driver::Vector3& a, const driver::Vector3& b) noexcept {
-  return {a.x + b.x, a.y + b.y, a.z + b.z};
-}
 
 /// A setpoint has one mode: a wrench goes before efforts, and both before nothing. A client's
 /// motion goes before the models.

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "rtpm/driver/vector.hpp"
 #include "rtpm/safety/finite.hpp"
 
 namespace rtpm::gvd {
@@ -13,14 +14,6 @@ using driver::CommandMode;
 using driver::Vector3;
 
 constexpr double kEndless = std::numeric_limits<double>::max();
-
-/// Shortens `vector` to `length_max`, keeping its direction.
-Vector3 shortened(const Vector3& vector, double length_max) noexcept {
-  const double length = std::hypot(vector.x, vector.y, vector.z);
-  if (length <= length_max) return vector;
-  const double share = length_max / length;
-  return {vector.x * share, vector.y * share, vector.z * share};
-}
 
 Vector3 clamped(const Vector3& vector, const driver::Workspace& box) noexcept {
   return {std::clamp(vector.x, box.low_m.x, box.high_m.x),

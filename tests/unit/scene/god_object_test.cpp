@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "vector.hpp"
+#include "rtpm/driver/vector.hpp"
 
 namespace rtpm::scene {
 namespace {

@@ -1,7 +1,7 @@
 #include "events/change_finder.hpp"
+#include "rtpm/driver/vector.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace rtpm::gvd {
 namespace {
@@ -41,8 +41,7 @@ void ChangeFinder::find_buttons(const driver::Sample& before, const driver::Samp
 }
 
 void ChangeFinder::find_contact(const driver::Sample& sample) {
-  const driver::Vector3& force = sample.wrench_applied.force_newton;
-  const double force_newton = std::hypot(force.x, force.y, force.z);
+  const double force_newton = length(sample.wrench_applied.force_newton);
   const double limit_newton = is_touching_ ? contact_force_newton_ / 2 : contact_force_newton_;
   const bool is_touching = force_newton >= limit_newton;
   if (is_touching == is_touching_) return;
