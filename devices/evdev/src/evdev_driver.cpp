@@ -125,12 +125,11 @@ expected<void, SetupError> EvdevDriver::start_threads() {
 
 /// The force ends before the reading thread is waited for.
 void EvdevDriver::stop() noexcept {
-  is_ending_.store(true, std::memory_order_relaxed);
+  writer_.request_stop();
   wake_writer_.post();
   writer_.stop();
   if (effects_) effects_->stop();
   reader_.stop();
-  is_ending_.store(false, std::memory_order_relaxed);
 }
 
 void EvdevDriver::report(bool is_gone) noexcept {
@@ -163,8 +162,6 @@ void EvdevDriver::limit_flood(std::size_t event_count) noexcept {
 }
 
 bool EvdevDriver::write_step() noexcept {
-  static_cast<void>(wake_writer_.wait_until(rt::now() + kWritePatience));
-  if (is_ending_.load(std::memory_order_relaxed)) return false;
   const std::uint64_t request_count = requests_.count();
   const Request request = requests_.read().value_or(Request{});
   const MonotonicTime now = transport_->now();
@@ -172,6 +169,7 @@ bool EvdevDriver::write_step() noexcept {
   const bool is_stale = now - requested_at_ > request.hold;
   const EffectStatus status = effects_->update(is_stale ? Levels{} : request.levels, now);
   applied_.write({effects_->applied(), status});
+  static_cast<void>(wake_writer_.wait_until(rt::now() + kWritePatience));
   return status != EffectStatus::kGone;
 }
 

@@ -113,7 +113,6 @@ expected<void, SetupError> HidDriver::start_session(const Unit& unit) {
 
 expected<void, SetupError> HidDriver::activate() {
   if (!reader_ || is_active_) return setup_error("a HID device's driver is not configured");
-  is_stopping_.store(false, std::memory_order_relaxed);
   seen_corrupt_count_ = reader_->corrupt_count();
   last_request_ = safe_;
   orders_.write({safe_, rt::now()});
@@ -126,8 +125,7 @@ expected<void, SetupError> HidDriver::activate() {
         writing_.start(thread_config("hid-write", descriptor_), [this] { return write_step(); });
   }
   if (!started) {
-    is_stopping_.store(true, std::memory_order_relaxed);
-    reading_.stop();
+    stop_threads();
     return started;
   }
   is_active_ = true;
@@ -140,14 +138,12 @@ void HidDriver::report(bool is_gone) noexcept {
 }
 
 bool HidDriver::read_step() {
-  if (is_stopping_.load(std::memory_order_relaxed)) return false;
   const bool is_alive = reader_->step(kReaderPatienceMax);
   report(!is_alive);
   return is_alive;
 }
 
 bool HidDriver::write_step() {
-  if (is_stopping_.load(std::memory_order_relaxed)) return false;
   const Order order = orders_.read().value_or(Order{safe_, kNever});
   const MonotonicTime now = rt::now();
   const bool is_valid = now < order.valid_until;
@@ -217,11 +213,16 @@ driver::ExchangeStatus HidDriver::exchange(const driver::Command& command,
   return driver::ExchangeStatus::kOk;
 }
 
-void HidDriver::deactivate() noexcept {
-  is_stopping_.store(true, std::memory_order_relaxed);
+void HidDriver::stop_threads() noexcept {
+  reading_.request_stop();
+  writing_.request_stop();
   has_order_.post();
   writing_.stop();
   reading_.stop();
+}
+
+void HidDriver::deactivate() noexcept {
+  stop_threads();
   is_active_ = false;
   if (transport_) {
     if (writer_) writer_->make_safe();

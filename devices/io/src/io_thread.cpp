@@ -18,7 +18,7 @@ expected<void, SetupError> IoThread::start(const rt::ThreadConfig& config,
 }
 
 void IoThread::stop() noexcept {
-  is_stopping_.store(true, std::memory_order_relaxed);
+  request_stop();
   thread_.join();
 }
 

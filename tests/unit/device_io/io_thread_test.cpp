@@ -5,6 +5,9 @@
 #include <atomic>
 #include <thread>
 
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/semaphore.hpp"
+
 namespace rtpm::test {
 namespace {
 
@@ -23,6 +26,23 @@ TEST(IoThread, StepsUntilItIsStopped) {
   const int count = step_count;
   std::this_thread::sleep_for(std::chrono::milliseconds{2});
   EXPECT_EQ(step_count, count);
+}
+
+TEST(IoThread, IsToldToStopBeforeItsStepIsWoken) {
+  rt::Semaphore wake;
+  std::atomic<int> step_count{0};
+  device_io::IoThread thread;
+  ASSERT_TRUE(thread.start(kTimeShared, [&] {
+    ++step_count;
+    static_cast<void>(wake.wait_until(rt::now() + std::chrono::seconds{30}));
+    return true;
+  }));
+  while (step_count < 1)
+    std::this_thread::yield();
+  thread.request_stop();
+  wake.post();
+  thread.stop();
+  EXPECT_EQ(step_count, 1) << "none after it was told";
 }
 
 TEST(IoThread, EndsByItselfAndStartsAgain) {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <array>
-#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -97,7 +96,6 @@ class EvdevDriver : public driver::Driver {
   Latest<Request> requests_{};
   Latest<Applied> applied_{};
   rt::Semaphore wake_writer_{};
-  std::atomic<bool> is_ending_{false};
   device_io::IoThread reader_{};
   device_io::IoThread writer_{};
 };

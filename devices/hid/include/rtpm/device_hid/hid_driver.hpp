@@ -1,6 +1,5 @@
 #pragma once
 
-#include <atomic>
 #include <memory>
 #include <optional>
 #include <string>
@@ -68,6 +67,7 @@ class HidDriver final : public driver::Driver {
   void report(bool is_gone) noexcept;
   [[nodiscard]] bool read_step();
   [[nodiscard]] bool write_step();
+  void stop_threads() noexcept;
 
   std::shared_ptr<HidSystem> system_;
   Settings settings_;
@@ -87,7 +87,6 @@ class HidDriver final : public driver::Driver {
   Request last_request_{};
   std::uint64_t seen_corrupt_count_ = 0;
   bool is_active_ = false;
-  std::atomic<bool> is_stopping_{false};
   device_io::IoThread reading_{};
   device_io::IoThread writing_{};
 };

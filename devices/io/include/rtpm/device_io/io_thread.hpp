@@ -25,6 +25,9 @@ class IoThread {
   /// @errors   as of rt::Thread::start()
   [[nodiscard]] expected<void, SetupError> start(const rt::ThreadConfig& config,
                                                  std::function<bool()> step);
+  /// Has the thread end once `step` has returned, without waiting for it. A `step` that waits for
+  /// more than its hardware is woken after this, and before stop().
+  void request_stop() noexcept { is_stopping_.store(true, std::memory_order_relaxed); }
   /// Waits until `step` has returned. No effect if not started.
   void stop() noexcept;
 
