@@ -12,9 +12,6 @@ namespace rtpm::device_hid {
   return std::to_integer<std::uint8_t>(report[index]);
 }
 
-/// CRC-32 as of zlib over `seed` and then `bytes`.
-[[nodiscard]] std::uint32_t crc32(std::uint8_t seed, ConstBytes bytes) noexcept;
-
 /// Whether the report has `size` bytes, and after them at most zeros: some devices pad a report to
 /// their packet, while two reports in one read are a fault.
 [[nodiscard]] bool has_size(ConstBytes report, std::size_t size) noexcept;

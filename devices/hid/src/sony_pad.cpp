@@ -5,6 +5,7 @@
 #include <string>
 
 #include "report.hpp"
+#include "rtpm/base/hash.hpp"
 #include "rtpm/device_hid/profiles.hpp"
 
 namespace rtpm::device_hid {
@@ -15,19 +16,23 @@ constexpr std::size_t kBluetoothSize = 78;
 constexpr std::uint8_t kUsbReport = 0x01;
 
 // By Bluetooth a CRC-32 ends each report, over the first byte of the transaction and the report.
-constexpr std::uint8_t kInputSeed = 0xa1;
-constexpr std::uint8_t kOutputSeed = 0xa2;
-constexpr std::uint8_t kFeatureSeed = 0xa3;
+constexpr std::byte kInputSeed{0xa1};
+constexpr std::byte kOutputSeed{0xa2};
+constexpr std::byte kFeatureSeed{0xa3};
 
 /// The calibration, of which only the side effect is wanted: by Bluetooth a pad sends its full
 /// reports from then on.
 constexpr std::uint8_t kCalibrationReport = 0x05;
 constexpr std::size_t kCalibrationSize = 41;
 
-bool has_checksum(std::uint8_t seed, ConstBytes report) noexcept {
+std::uint32_t checksum(std::byte seed, ConstBytes report) noexcept {
+  return crc32(report, crc32({&seed, 1}));
+}
+
+bool has_checksum(std::byte seed, ConstBytes report) noexcept {
   if (report.size() < 5) return false;
   const std::size_t end = report.size() - 4;
-  return crc32(seed, report.first(end)) == load_le<std::uint32_t>(report.data() + end);
+  return checksum(seed, report.first(end)) == load_le<std::uint32_t>(report.data() + end);
 }
 
 float stick(std::uint8_t value) noexcept {
@@ -59,7 +64,7 @@ std::byte to_byte(float share) noexcept {
 void end_with_checksum(OutputReport& report) noexcept {
   const std::size_t end = report.size - 4;
   store_le<std::uint32_t>(report.bytes.data() + end,
-                          crc32(kOutputSeed, ConstBytes(report.bytes).first(end)));
+                          checksum(kOutputSeed, ConstBytes(report.bytes).first(end)));
 }
 
 enum Output : std::uint8_t { kStrong, kWeak, kRed, kGreen, kBlue };
@@ -153,11 +158,19 @@ expected<void, SetupError> SonyPad::begin(HidTransport& transport, const Unit& u
                      "switch the pad off and on again");
 }
 
-/// Also remembers both. A pad that repeats its counter and its time has nothing new.
-bool SonyPad::is_repeated(std::uint32_t counter, std::uint32_t ticks) noexcept {
-  const bool is_same = has_report_ && counter == counter_ && ticks == ticks_;
+/// Adds the time since the last report.
+/// @return false: the pad repeats its counter and its time, so it has nothing new
+bool SonyPad::advance(const Clock& clock, std::uint32_t counter, std::uint32_t ticks,
+                      State& state) noexcept {
+  if (has_report_) {
+    if (counter == counter_ && ticks == ticks_) return false;
+    const std::int64_t elapsed = (ticks - ticks_) & clock.mask;
+    state.device_time += Duration{elapsed * clock.three_ticks_ns / 3};
+  }
+  has_report_ = true;
   counter_ = counter;
-  return is_same;
+  ticks_ = ticks;
+  return true;
 }
 
 Verdict SonyPad::take(ConstBytes report, MonotonicTime, State& state) noexcept {
@@ -181,13 +194,7 @@ Verdict SonyPad::take(ConstBytes report, MonotonicTime, State& state) noexcept {
 Verdict SonyPad::take_dualshock4(ConstBytes common, State& state) noexcept {
   const std::uint8_t last = byte_at(common, 6);
   const std::uint32_t ticks = load_le<std::uint16_t>(common.data() + 9);
-  if (is_repeated(last >> 2, ticks)) return Verdict::kStale;
-  if (has_report_) {
-    const auto elapsed = static_cast<std::uint16_t>(ticks - ticks_);
-    state.device_time += Duration{std::int64_t{elapsed} * 16'000 / 3};
-  }
-  has_report_ = true;
-  ticks_ = ticks;
+  if (!advance({0xffff, 16'000}, last >> 2, ticks, state)) return Verdict::kStale;
   const std::uint8_t first = byte_at(common, 4);
   take_analogs(common, 7, first & 0xf, state);
   state.set_buttons(static_cast<std::uint32_t>(first >> 4) |
@@ -198,13 +205,7 @@ Verdict SonyPad::take_dualshock4(ConstBytes common, State& state) noexcept {
 
 Verdict SonyPad::take_dualsense(ConstBytes common, State& state) noexcept {
   const std::uint32_t ticks = load_le<std::uint32_t>(common.data() + 27);
-  if (is_repeated(byte_at(common, 6), ticks)) return Verdict::kStale;
-  if (has_report_) {
-    const std::uint32_t elapsed = ticks - ticks_;
-    state.device_time += Duration{std::int64_t{elapsed} * 1000 / 3};
-  }
-  has_report_ = true;
-  ticks_ = ticks;
+  if (!advance({0xffffffff, 1000}, byte_at(common, 6), ticks, state)) return Verdict::kStale;
   const std::uint8_t first = byte_at(common, 7);
   take_analogs(common, 4, first & 0xf, state);
   state.set_buttons(static_cast<std::uint32_t>(first >> 4) |

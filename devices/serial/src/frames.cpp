@@ -3,21 +3,12 @@
 #include <algorithm>
 #include <utility>
 
+#include "rtpm/base/hash.hpp"
+
 namespace rtpm::device_serial {
 namespace {
 
 constexpr std::size_t kRunMax = 254;  ///< Bytes of a COBS group without its code.
-
-constexpr std::array<std::uint32_t, 256> crc_table() {
-  std::array<std::uint32_t, 256> table{};
-  for (std::uint32_t i = 0; i < table.size(); ++i) {
-    std::uint32_t value = i;
-    for (int bit = 0; bit < 8; ++bit)
-      value = (value & 1) != 0 ? 0xedb88320U ^ (value >> 1) : value >> 1;
-    table[i] = value;
-  }
-  return table;
-}
 
 /// Stuffs `from`, without a delimiter. `to` has the space.
 std::size_t stuff(ConstBytes from, MutableBytes to) noexcept {
@@ -58,14 +49,6 @@ std::size_t unstuff(ConstBytes from, MutableBytes to) noexcept {
 }
 
 }  // namespace
-
-std::uint32_t crc32(ConstBytes bytes) noexcept {
-  static constexpr auto kTable = crc_table();
-  std::uint32_t value = 0xffffffffU;
-  for (const std::byte byte : bytes)
-    value = kTable[(value ^ std::to_integer<std::uint32_t>(byte)) & 0xff] ^ (value >> 8);
-  return ~value;
-}
 
 std::size_t encode(const Frame& frame, MutableBytes wire) noexcept {
   if (frame.payload.size() > kPayloadSizeMax) return 0;

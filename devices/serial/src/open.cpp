@@ -14,8 +14,8 @@ std::optional<BoardDescription> ask(const PortSettings& settings,
                                     const OpenTransport& open_transport) {
   const auto transport = open_transport(settings);
   if (!transport) return std::nullopt;
-  const auto nonce = static_cast<std::uint32_t>(to_ns((*transport)->now()) >> 10) | 1U;
-  Session session(**transport, {std::chrono::milliseconds{1}, settings.speed_baud, nonce});
+  Session session(**transport, {std::chrono::milliseconds{1}, settings.speed_baud,
+                                nonce_at((*transport)->now())});
   auto board = session.greet();
   if (!board) return std::nullopt;
   return std::move(*board);

@@ -97,9 +97,8 @@ expected<void, SetupError> SerialDriver::configure(const driver::DriverConfig& c
   deactivate();
   auto transport = config_.open(config_.port);
   if (!transport) return unexpected{transport.error()};
-  const auto nonce = static_cast<std::uint32_t>(to_ns((*transport)->now()) >> 10) | 1U;
-  Session session(**transport,
-                  {config.period, config_.port.speed_baud, nonce, config_.greeting_max});
+  Session session(**transport, {config.period, config_.port.speed_baud,
+                                nonce_at((*transport)->now()), config_.greeting_max});
   const auto board = session.greet();
   if (!board) return setup_error(place() + " can't be used", board.error());
   if (auto checked = check(*board); !checked) return checked;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "../../../devices/serial/firmware/rtpm_board/rtpm_frames.h"
+#include "rtpm/base/hash.hpp"
 #include "rtpm/device_serial/frames.hpp"
 
 namespace rtpm::test {

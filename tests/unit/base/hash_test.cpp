@@ -18,6 +18,13 @@ TEST(Fnv1a, AgreesWithThePublishedVectors) {
       << "a hash can be continued where it stopped";
 }
 
+TEST(Crc32, AgreesWithItsCheckValueAndGoesOn) {
+  const auto bytes = std::as_bytes(std::span("123456789", 9));
+  EXPECT_EQ(crc32(bytes), 0xcbf43926u);
+  EXPECT_EQ(crc32(bytes.subspan(4), crc32(bytes.first(4))), 0xcbf43926u);
+  EXPECT_EQ(crc32({}), 0u);
+}
+
 // The vectors of the reference implementation: key 00 01 … 0f, input 00 01 … of growing length.
 // Those of 0…8 and of 15 bytes are here (15 is the worked example in the paper's appendix).
 TEST(SipHash, AgreesWithThePublishedVectors) {

@@ -7,6 +7,7 @@
 #include <span>
 
 #include "../../../devices/serial/firmware/rtpm_board/rtpm_frames.h"
+#include "rtpm/base/hash.hpp"
 #include "vectors.hpp"
 
 /// The frames of devices/serial/FRAMES.md, of the host and of the firmware.

@@ -76,7 +76,13 @@ class SonyPad final : public Profile {
  private:
   [[nodiscard]] Verdict take_dualshock4(ConstBytes common, State& state) noexcept;
   [[nodiscard]] Verdict take_dualsense(ConstBytes common, State& state) noexcept;
-  [[nodiscard]] bool is_repeated(std::uint32_t counter, std::uint32_t ticks) noexcept;
+  /// A model's clock: which bits count, and how long three of its ticks are.
+  struct Clock {
+    std::uint32_t mask;
+    std::int64_t three_ticks_ns;
+  };
+  [[nodiscard]] bool advance(const Clock& clock, std::uint32_t counter, std::uint32_t ticks,
+                             State& state) noexcept;
 
   Model model_;
   Bus bus_ = Bus::kUsb;

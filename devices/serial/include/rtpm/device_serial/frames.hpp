@@ -44,10 +44,6 @@ enum class FrameFault : std::uint8_t {
   kType,     ///< A type that this version does not have.
 };
 
-/// CRC-32 as of IEEE 802.3 and zlib.
-/// @realtime alloc-free
-[[nodiscard]] std::uint32_t crc32(ConstBytes bytes) noexcept;
-
 /// Writes a frame as it goes over the line, with its delimiter.
 /// @param payload  at most kPayloadSizeMax bytes
 /// @param wire     kWireSizeMax bytes are always enough

@@ -48,10 +48,15 @@ struct Report {
 /// A board that its port's opening resets runs its boot loader for up to 2 s.
 inline constexpr Duration kGreetingMax = std::chrono::seconds{5};
 
+/// Tells the session that begins at `now` from others; not zero.
+[[nodiscard]] constexpr std::uint32_t nonce_at(MonotonicTime now) noexcept {
+  return static_cast<std::uint32_t>(to_ns(now) >> 10) | 1U;
+}
+
 struct SessionConfig {
   Duration period{};  ///< Of requests.
   std::int64_t speed_baud = 115'200;
-  std::uint32_t nonce = 1;  ///< Tells this session from another one; not zero.
+  std::uint32_t nonce = 1;  ///< As of nonce_at(); not zero.
   Duration greeting_max = kGreetingMax;
 };
 

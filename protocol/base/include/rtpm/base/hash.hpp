@@ -18,6 +18,11 @@ namespace rtpm::inline base {
   return hash;
 }
 
+/// CRC-32 as of IEEE 802.3 and zlib, for the packets of devices; `crc` is that of the bytes before
+/// these.
+/// @realtime alloc-free, some 3 ns per byte
+[[nodiscard]] std::uint32_t crc32(std::span<const std::byte> bytes, std::uint32_t crc = 0) noexcept;
+
 /// The secret of a keyed hash: drawn at random once per process.
 struct SipKey {
   std::uint64_t low = 0;
