@@ -11,7 +11,6 @@ namespace rtpm::deviced {
 namespace {
 
 constexpr std::size_t kNameWidth = 11;
-constexpr const char* kRulesFile = "/etc/udev/rules.d/70-rtpm.rules";
 
 std::string padded(std::string_view text) {
   std::string cell(text);
@@ -76,7 +75,8 @@ std::string probe_text(const std::vector<device_io::FoundDevice>& devices) {
     if (!device.missing_right.empty() && !device.udev_rule.empty()) rules.insert(device.udev_rule);
   }
   if (rules.empty()) return text;
-  text += std::string("\nTo get the missing rights, put into ") + kRulesFile + "\n\n";
+  text +=
+      std::string("\nTo get the missing rights, put into ") + device_io::kUdevRulesFile + "\n\n";
   for (const std::string& rule : rules)
     text += "    " + printable(rule) + "\n";
   return text + "\nthen run 'udevadm control --reload && udevadm trigger' as root.\n";

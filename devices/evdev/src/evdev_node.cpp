@@ -222,9 +222,8 @@ unexpected<SetupError> refusal(const Unit& unit, int error) {
   if (error != EACCES && error != EPERM) {
     return setup_error(what, system_error(error), "plug it in again");
   }
-  return setup_error(what, system_error(error),
-                     "put the rule '" + device_io::udev_rule("input", unit.vendor, unit.product) +
-                         "' into /etc/udev/rules.d/70-rtpm.rules and plug it in again");
+  const std::string rule = device_io::udev_rule("input", unit.vendor, unit.product);
+  return setup_error(what, system_error(error), device_io::rule_remedy(rule));
 }
 
 }  // namespace

@@ -1,7 +1,6 @@
 #include "rtpm/device_evdev/settings.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <numbers>
 #include <utility>
 #include <vector>
@@ -26,16 +25,13 @@ expected<void, SetupError> read_number(const Words& words, const Number& number)
   const auto word = words.find(number.name);
   if (word == words.end()) return {};
   const std::string& text = word->second;
-  double value = 0;
-  const char* const end = text.data() + text.size();
-  const auto [rest, error] = std::from_chars(text.data(), end, value);
-  const bool is_number = error == std::errc{} && rest == end;
-  if (!is_number || !(value >= number.low && value <= number.high)) {
+  const auto value = device_io::to_number<double>(text);
+  if (!value || !(*value >= number.low && *value <= number.high)) {
     return setup_error(
         "the driver evdev can't use " + word->first + "=" + text, "",
         "give a number from " + std::to_string(number.low) + " to " + std::to_string(number.high));
   }
-  *number.to = value * number.unit;
+  *number.to = *value * number.unit;
   return {};
 }
 
@@ -48,10 +44,6 @@ expected<void, SetupError> read_flag(const Words& words, std::string_view name, 
   }
   flag = word->second == "yes";
   return {};
-}
-
-void read_text(const Words& words, std::string_view name, std::string& text) {
-  if (const auto word = words.find(name); word != words.end()) text = word->second;
 }
 
 bool is_meant(const Unit& unit, const Settings& settings) {
@@ -101,10 +93,10 @@ expected<Settings, SetupError> read_settings(std::string_view words) {
        .names_to_the_end = {"name"}});
   if (!known) return unexpected{known.error()};
   Settings settings;
-  read_text(*known, "serial", settings.serial);
-  read_text(*known, "path", settings.path);
-  read_text(*known, "node", settings.node);
-  read_text(*known, "name", settings.name);
+  settings.serial = device_io::value_of(*known, "serial");
+  settings.path = device_io::value_of(*known, "path");
+  settings.node = device_io::value_of(*known, "node");
+  settings.name = device_io::value_of(*known, "name");
   for (const auto& [name, flag] :
        {std::pair{"grab", &settings.is_grabbed}, {"reverse", &settings.scales.is_reversed}}) {
     if (const auto done = read_flag(*known, name, *flag); !done) return unexpected{done.error()};

@@ -56,17 +56,18 @@ OpenTransport opener(UnitChoice choice) {
 
 expected<std::unique_ptr<driver::Driver>, SetupError> open(std::string_view arguments,
                                                            std::string_view device_name) {
-  auto words = device_io::read_words(
+  const auto words = device_io::read_words(
       "falcon", arguments, {.names = {"serial", "port"}, .names_to_the_end = {"firmware"}});
   if (!words) return unexpected{words.error()};
   FalconConfig config;
   config.frame = std::string(device_name) + "/base";
-  if (!(*words)["firmware"].empty()) {
-    auto firmware = read_firmware((*words)["firmware"]);
+  if (const std::string path = device_io::value_of(*words, "firmware"); !path.empty()) {
+    auto firmware = read_firmware(path);
     if (!firmware) return unexpected{firmware.error()};
     config.firmware = std::move(*firmware);
   }
-  UnitChoice choice{.serial = (*words)["serial"], .port = (*words)["port"]};
+  UnitChoice choice{.serial = device_io::value_of(*words, "serial"),
+                    .port = device_io::value_of(*words, "port")};
   config.serial = choice.serial;
   if (const auto units = find_units()) {
     if (const auto index = choose(*units, choice)) {

@@ -327,9 +327,7 @@ unexpected<SetupError> open_error(const Unit& unit, int error) {
   const std::string what = "the Falcon at the port " + unit.port + " can't be opened";
   if (error == LIBUSB_ERROR_ACCESS) {
     return setup_error(what, "this user lacks the right of " + device_io::missing_right(unit.node),
-                       "write into /etc/udev/rules.d/70-rtpm.rules: " +
-                           device_io::udev_rule("usb", kVendor, kProduct) +
-                           " and plug the Falcon in again");
+                       device_io::rule_remedy(device_io::udev_rule("usb", kVendor, kProduct)));
   }
   if (error == LIBUSB_ERROR_BUSY) {
     return setup_error(what, "another program uses it", "end that program");

@@ -122,11 +122,9 @@ class HidapiSystem final : public HidSystem {
       const std::string missing = device_io::missing_right(unit.node);
       if (missing.empty())
         return setup_error(unit.node + " can't be opened", narrow(hid_error({})));
-      return setup_error(
-          unit.node + " can't be opened", "this needs " + missing,
-          "put this line into /etc/udev/rules.d/70-rtpm.rules and plug the device in "
-          "again: " +
-              device_io::udev_rule("hidraw", unit.vendor, unit.product));
+      const std::string rule = device_io::udev_rule("hidraw", unit.vendor, unit.product);
+      return setup_error(unit.node + " can't be opened", "this needs " + missing,
+                         device_io::rule_remedy(rule));
     }
     return std::unique_ptr<HidTransport>(
         std::make_unique<HidapiTransport>(std::move(reading), std::move(writing)));

@@ -1,8 +1,6 @@
 #include "rtpm/device_hid/settings.hpp"
 
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 
 #include "rtpm/device_io/words.hpp"
 
@@ -16,14 +14,6 @@ std::string kind_names() {
   for (const Kind kind : kKinds)
     names += (names.empty() ? "" : ", ") + std::string(to_string(kind));
   return names;
-}
-
-std::optional<double> torque_of(const std::string& text) {
-  double torque = 0;
-  const char* const end = text.data() + text.size();
-  const auto [stop, error] = std::from_chars(text.data(), end, torque);
-  const bool is_good = error == std::errc{} && stop == end && torque > 0 && torque <= kTorqueMax;
-  return is_good ? std::optional(torque) : std::nullopt;
 }
 
 bool is_known(const Identity& known, const Unit& unit) {
@@ -49,24 +39,22 @@ expected<Settings, SetupError> read_settings(std::string_view arguments) {
       "hid", arguments, {.names = {"kind", "serial", "node", "torque_newton_metre"}});
   if (!words) return unexpected{words.error()};
   Settings settings;
-  for (const auto& [name, value] : *words) {
-    if (name == "serial") settings.serial = value;
-    if (name == "node") settings.node = value;
-    if (name == "kind") {
-      settings.kind = kind_named(value);
-      if (!settings.kind) {
-        return setup_error("the driver hid knows no kind '" + value + "'", "",
-                           "name one of " + kind_names());
-      }
+  settings.serial = device_io::value_of(*words, "serial");
+  settings.node = device_io::value_of(*words, "node");
+  if (const std::string kind = device_io::value_of(*words, "kind"); !kind.empty()) {
+    settings.kind = kind_named(kind);
+    if (!settings.kind) {
+      return setup_error("the driver hid knows no kind '" + kind + "'", "",
+                         "name one of " + kind_names());
     }
-    if (name == "torque_newton_metre") {
-      const auto torque = torque_of(value);
-      if (!torque) {
-        return setup_error("torque_newton_metre is '" + value + "'", "it is above 0, at most 100",
-                           "give the motor's torque at the board's full power");
-      }
-      settings.torque_newton_metre = *torque;
+  }
+  if (const std::string text = device_io::value_of(*words, "torque_newton_metre"); !text.empty()) {
+    const auto torque = device_io::to_number<double>(text);
+    if (!torque || !(*torque > 0 && *torque <= kTorqueMax)) {
+      return setup_error("torque_newton_metre is '" + text + "'", "it is above 0, at most 100",
+                         "give the motor's torque at the board's full power");
     }
+    settings.torque_newton_metre = *torque;
   }
   return settings;
 }

@@ -31,4 +31,8 @@ std::string udev_rule(std::string_view subsystem, std::uint16_t vendor, std::uin
          "\", TAG+=\"uaccess\"";
 }
 
+std::string rule_remedy(const std::string& udev_rule) {
+  return "put the rule '" + udev_rule + "' into " + kUdevRulesFile + " and plug it in again";
+}
+
 }  // namespace rtpm::device_io

@@ -45,4 +45,9 @@ expected<Words, SetupError> read_words(std::string_view driver, std::string_view
   }
 }
 
+std::string value_of(const Words& words, std::string_view name) {
+  const auto found = words.find(name);
+  return found == words.end() ? std::string() : found->second;
+}
+
 }  // namespace rtpm::device_io

@@ -18,16 +18,13 @@ expected<Settings, SetupError> read_settings(std::string_view words) {
   const auto read = device_io::read_words(
       "mpv", words, {.names = {"headless"}, .names_to_the_end = {"file", "socket"}});
   if (!read) return refusal(read.error().what);
-  const auto value = [&](std::string_view name) {
-    const auto found = read->find(name);
-    return found == read->end() ? std::string() : found->second;
-  };
-  const std::string headless = value("headless");
-  if (headless != "" && headless != "yes" && headless != "no") {
+  const std::string headless = device_io::value_of(*read, "headless");
+  if (!headless.empty() && headless != "yes" && headless != "no") {
     return refusal("the driver mpv was told headless=" + headless);
   }
-  Settings settings{
-      .file = value("file"), .socket = value("socket"), .is_headless = headless == "yes"};
+  Settings settings{.file = device_io::value_of(*read, "file"),
+                    .socket = device_io::value_of(*read, "socket"),
+                    .is_headless = headless == "yes"};
   if (settings.file.empty() && settings.socket.empty()) {
     return refusal("the driver mpv was told neither a file nor a socket");
   }

@@ -1,6 +1,5 @@
 #include "rtpm/device_serial/open.hpp"
 
-#include <charconv>
 #include <utility>
 
 #include "rtpm/device_io/words.hpp"
@@ -58,20 +57,17 @@ expected<PortSettings, SetupError> read_settings(std::string_view arguments) {
   const auto words = device_io::read_words("serial", arguments, {{"port", "speed", "serial"}});
   if (!words) return unexpected{words.error()};
   PortSettings settings;
-  if (const auto port = words->find("port"); port != words->end()) settings.port = port->second;
-  if (const auto serial = words->find("serial"); serial != words->end())
-    settings.serial = serial->second;
-  const auto speed = words->find("speed");
-  if (speed == words->end()) return settings;
-  const std::string& text = speed->second;
-  const char* const end = text.data() + text.size();
-  const auto [at, fault] = std::from_chars(text.data(), end, settings.speed_baud);
-  const bool is_number = fault == std::errc{} && at == end;
-  if (!is_number || settings.speed_baud < SerialDriver::kSpeedMinBaud ||
-      settings.speed_baud > SerialDriver::kSpeedMaxBaud) {
+  settings.port = device_io::value_of(*words, "port");
+  settings.serial = device_io::value_of(*words, "serial");
+  const std::string text = device_io::value_of(*words, "speed");
+  if (text.empty()) return settings;
+  const auto speed_baud = device_io::to_number<std::int64_t>(text);
+  if (!speed_baud || *speed_baud < SerialDriver::kSpeedMinBaud ||
+      *speed_baud > SerialDriver::kSpeedMaxBaud) {
     return setup_error("the driver serial has no speed '" + text + "'", "",
                        "give 9600 to 4000000 baud, as in the board's firmware");
   }
+  settings.speed_baud = *speed_baud;
   return settings;
 }
 

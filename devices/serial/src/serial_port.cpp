@@ -89,9 +89,11 @@ expected<PortHandle, SetupError> find_port(const std::string& node) {
 SetupError refusal(const Port& port, int number) {
   std::string remedy;
   if (number == EACCES || number == EPERM) {
-    remedy = "add the user to the group dialout, or install the udev rule " +
-             device_io::udev_rule("tty", port.usb_vendor, port.usb_product);
-    if (!port.is_usb) remedy = "add the user to the group dialout";
+    remedy = "add the user to the group dialout";
+    if (port.is_usb) {
+      const std::string rule = device_io::udev_rule("tty", port.usb_vendor, port.usb_product);
+      remedy += ", or " + device_io::rule_remedy(rule);
+    }
   } else if (number == EBUSY) {
     remedy = "close the other program that uses it, such as a serial monitor";
   }

@@ -18,5 +18,11 @@ TEST(FoundDevice, HasARuleForItsNode) {
       R"(SUBSYSTEM=="hidraw", ATTRS{idVendor}=="046d", ATTRS{idProduct}=="c626", TAG+="uaccess")");
 }
 
+TEST(FoundDevice, SaysWhereTheRuleGoes) {
+  const std::string remedy = device_io::rule_remedy("RULE");
+  EXPECT_NE(remedy.find("RULE"), std::string::npos);
+  EXPECT_NE(remedy.find("/etc/udev/rules.d/"), std::string::npos);
+}
+
 }  // namespace
 }  // namespace rtpm::test

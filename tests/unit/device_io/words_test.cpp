@@ -36,5 +36,16 @@ TEST(Words, AreRefusedInWordsThatNameTheKnownOnes) {
   EXPECT_NE(text("=1").find("does not know the word ''"), std::string::npos);
 }
 
+TEST(Words, HaveValuesAndNumbers) {
+  const auto words = device_io::read_words("serial", "speed=9600", kKnown);
+  ASSERT_TRUE(words);
+  EXPECT_EQ(device_io::value_of(*words, "speed"), "9600");
+  EXPECT_EQ(device_io::value_of(*words, "port"), "");
+  EXPECT_EQ(device_io::to_number<int>("9600"), 9600);
+  EXPECT_EQ(device_io::to_number<double>("-0.5"), -0.5);
+  for (const char* text : {"", "9600 ", " 1", "1x", "0x10", "+1", "99999999999"})
+    EXPECT_EQ(device_io::to_number<int>(text), std::nullopt) << text;
+}
+
 }  // namespace
 }  // namespace rtpm::test

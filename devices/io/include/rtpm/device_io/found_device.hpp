@@ -6,6 +6,9 @@
 
 namespace rtpm::device_io {
 
+/// Where a udev rule goes.
+inline constexpr const char* kUdevRulesFile = "/etc/udev/rules.d/70-rtpm.rules";
+
 /// A device that a driver's probe() found on this machine. The device's own words are not escaped.
 struct FoundDevice {
   std::string driver{};         ///< That takes it: "hid".
@@ -28,5 +31,9 @@ struct FoundDevice {
 /// @source   systemd's manual pages udev(7) and sd-login(3), the tag uaccess
 [[nodiscard]] std::string udev_rule(std::string_view subsystem, std::uint16_t vendor,
                                     std::uint16_t product);
+
+/// For the error of a device that this user may not open: what to do with its rule.
+/// @realtime set-up only
+[[nodiscard]] std::string rule_remedy(const std::string& udev_rule);
 
 }  // namespace rtpm::device_io

@@ -1,9 +1,12 @@
 #pragma once
 
+#include <charconv>
 #include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <string_view>
+#include <system_error>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -26,5 +29,17 @@ using Words = std::map<std::string, std::string, std::less<>>;
 /// @errors   a word without '=' or value, an unknown or repeated one: in words with those it takes
 [[nodiscard]] expected<Words, SetupError> read_words(std::string_view driver, std::string_view text,
                                                      const KnownWords& known);
+
+/// Empty: it was not given.
+[[nodiscard]] std::string value_of(const Words& words, std::string_view name);
+
+/// All of `text` as a number; nothing: it is not one, or T can't hold it.
+template <class T>
+[[nodiscard]] std::optional<T> to_number(std::string_view text) {
+  T number{};
+  const char* const end = text.data() + text.size();
+  const auto [stop, error] = std::from_chars(text.data(), end, number);
+  return error == std::errc{} && stop == end ? std::optional(number) : std::nullopt;
+}
 
 }  // namespace rtpm::device_io
