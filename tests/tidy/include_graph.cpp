@@ -50,7 +50,7 @@ const std::vector<Part>& parts() {
        "",
        {"base", "rpc", "rt", "names", "introspection", "events", "driver", "gvd", "device_io",
         "device_mpv"}},
-      {"devices/io/", "device_io", {"base", "rt"}},
+      {"devices/io/", "device_io", {"base", "rt", "driver"}},
       {"devices/mpv/", "device_mpv", {"base", "rt", "driver", "device_io"}},
       {"devices/evdev/", "device_evdev", {"base", "rt", "driver", "device_io"}},
       {"devices/falcon/", "device_falcon", {"base", "rt", "driver", "device_io"}},

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "rtpm/device_falcon/start_up.hpp"
+#include "rtpm/device_io/buttons.hpp"
 #include "rtpm/driver/vector.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -138,15 +139,8 @@ void FalconDriver::fill(driver::Sample& sample, const FalconState& state,
   }
   sample.wrench_applied = {force.applied_newton, {}};
   sample.analogs[kHomedAnalog] = state.is_homed ? 1 : 0;
-  for (std::size_t i = 0; i < kButtonCount; ++i) {
-    auto edges = static_cast<std::uint16_t>(state.button_edges[i] - seen_edges_[i]);
-    // A button that changed while the unit was gone has an edge, too.
-    const std::uint32_t changed = (sample.buttons ^ state.buttons) >> i & 1;
-    if (edges % 2 != changed) ++edges;
-    sample.button_edges[i] = static_cast<std::uint16_t>(sample.button_edges[i] + edges);
-  }
+  device_io::take_buttons(sample, state.buttons, seen_edges_, state.button_edges);
   seen_edges_ = state.button_edges;
-  sample.buttons = state.buttons;
   if (force.is_saturated) sample.faults.set(driver::Fault::kDeviceSaturated);
   if (!state.is_homed || !is_in_workspace(sample.pose.position_m)) {
     sample.faults.set(driver::Fault::kOutsideWorkspace);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstdlib>
 
+#include "rtpm/device_io/buttons.hpp"
 #include "rtpm/driver/vector.hpp"
 
 namespace rtpm::device_falcon {
@@ -130,9 +131,7 @@ void Session::take_buttons(std::uint8_t buttons) {
   const bool is_repeated = buttons == last_buttons_;
   last_buttons_ = buttons;
   if (!is_repeated) return;
-  for (std::size_t i = 0; i < kButtonCount; ++i) {
-    if (((buttons ^ state_.buttons) >> i & 1) != 0) ++state_.button_edges[i];
-  }
+  device_io::count_edges(state_.buttons, buttons, state_.button_edges);
   state_.buttons = buttons;
 }
 

@@ -1,10 +1,10 @@
 #include "rtpm/device_hid/profile.hpp"
 
 #include <algorithm>
-#include <bit>
 #include <initializer_list>
 
 #include "rtpm/device_hid/profiles.hpp"
+#include "rtpm/device_io/buttons.hpp"
 
 namespace rtpm::device_hid {
 namespace {
@@ -61,10 +61,7 @@ bool has_application(const Unit& unit, std::initializer_list<std::uint32_t> appl
 }  // namespace
 
 void State::set_buttons(std::uint32_t pressed) noexcept {
-  for (std::uint32_t changed = pressed ^ buttons; changed != 0; changed &= changed - 1) {
-    const auto button = static_cast<std::size_t>(std::countr_zero(changed));
-    if (button < button_edges.size()) ++button_edges[button];
-  }
+  device_io::count_edges(buttons, pressed, button_edges);
   buttons = pressed;
 }
 

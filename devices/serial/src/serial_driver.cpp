@@ -4,6 +4,7 @@
 #include <cmath>
 #include <utility>
 
+#include "rtpm/device_io/buttons.hpp"
 #include "zero_calibration.hpp"
 
 namespace rtpm::device_serial {
@@ -182,14 +183,7 @@ ExchangeStatus SerialDriver::exchange(const driver::Command& command,
     last_.button_edges = before.button_edges;
     return ExchangeStatus::kLate;
   }
-  // The first state of this session comes without edges, though buttons may have changed since the
-  // last one.
-  for (std::size_t i = 0; i < sample.button_edges.size(); ++i) {
-    const unsigned new_edges = unsigned{report->button_edges[i]} - before.button_edges[i];
-    const unsigned changed = (sample.buttons ^ report->state.buttons) >> i & 1U;
-    sample.button_edges[i] = static_cast<std::uint16_t>(sample.button_edges[i] + new_edges +
-                                                        ((new_edges ^ changed) & 1U));
-  }
+  device_io::take_buttons(sample, report->state.buttons, before.button_edges, report->button_edges);
   // A clock of a test's own may be ahead of the cycle's.
   sample.host_time = std::max(sample.host_time, std::min(report->received_at, command.cycle_time));
   fill(sample, *report);
@@ -201,7 +195,6 @@ void SerialDriver::fill(driver::Sample& sample, const Report& report) const noex
   const BoardDescription& board = config_.board;
   const BoardState& state = report.state;
   sample.device_time = report.board_time;
-  sample.buttons = state.buttons;
   for (std::size_t i = 0; i < board.joints.size(); ++i) {
     const double limit = board.joints[i].effort_max;
     sample.joints[i] = state.positions[i] - joint_zero_[i];

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <utility>
 
+#include "rtpm/device_io/buttons.hpp"
+
 namespace rtpm::device_serial {
 
 using std::chrono::milliseconds;
@@ -208,10 +210,7 @@ void Session::take_state(const Frame& frame) {
 void Session::accept(const BoardState& state) {
   if (report_.state_count > 0) {
     report_.board_time += std::chrono::microseconds{state.time_us - report_.state.time_us};
-    const unsigned changed = unsigned{state.buttons} ^ report_.state.buttons;
-    for (std::size_t i = 0; i < report_.button_edges.size(); ++i)
-      report_.button_edges[i] =
-          static_cast<std::uint16_t>(report_.button_edges[i] + (changed >> i & 1U));
+    device_io::count_edges(report_.state.buttons, state.buttons, report_.button_edges);
   } else {
     report_.board_time = std::chrono::microseconds{state.time_us};
   }

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "rtpm/driver/sample.hpp"
+
+/// Presses and releases, counted modulo 65536.
+/// @realtime alloc-free
+namespace rtpm::device_io {
+
+/// Adds an edge to each button whose bit differs; buttons beyond `edges` do not count.
+inline void count_edges(std::uint32_t before, std::uint32_t after,
+                        std::span<std::uint16_t> edges) noexcept {
+  for (std::size_t i = 0; i < edges.size(); ++i)
+    edges[i] = static_cast<std::uint16_t>(edges[i] + ((before ^ after) >> i & 1U));
+}
+
+/// Gives the sample the buttons, and the edges that were counted since its last ones. A button that
+/// differs although an even number was counted changed while the device was gone: that is one more.
+/// @param edges_before, edges_now  of one counter, and of equal size
+inline void take_buttons(driver::Sample& sample, std::uint32_t buttons,
+                         std::span<const std::uint16_t> edges_before,
+                         std::span<const std::uint16_t> edges_now) noexcept {
+  for (std::size_t i = 0; i < edges_now.size(); ++i) {
+    const unsigned edges = unsigned{edges_now[i]} - edges_before[i];
+    const unsigned changed = (sample.buttons ^ buttons) >> i & 1U;
+    sample.button_edges[i] =
+        static_cast<std::uint16_t>(sample.button_edges[i] + edges + ((edges ^ changed) & 1U));
+  }
+  sample.buttons = buttons;
+}
+
+}  // namespace rtpm::device_io
