@@ -1,7 +1,6 @@
 #include "emulated_node.hpp"
 
 #include <linux/input.h>
-#include <umockdev.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -14,6 +13,7 @@
 
 #include "rtpm/base/assert.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "umockdev.hpp"
 
 namespace rtpm::test {
 
@@ -144,26 +144,9 @@ Effect from_kernel(const ff_effect& raw) {
   return effect;
 }
 
-/// Memory of the program that called, of `size` bytes; null: it gave none.
-struct Memory {
-  UMockdevIoctlData* data;
-  Memory(UMockdevIoctlClient* client, std::size_t size) {
-    UMockdevIoctlData* const pointer = umockdev_ioctl_client_get_arg(client);
-    data = umockdev_ioctl_data_resolve(pointer, 0, size, nullptr);
-  }
-  Memory(const Memory&) = delete;
-  Memory& operator=(const Memory&) = delete;
-  ~Memory() {
-    if (data != nullptr) umockdev_ioctl_data_unref(data);
-  }
-  void put(Bytes bytes) const {
-    umockdev_ioctl_data_update(data, 0, bytes.data(), static_cast<gint>(bytes.size()));
-  }
-};
-
-int upload(EvdevModel& model, const Memory& memory) {
+int upload(EvdevModel& model, const IoctlMemory& memory) {
   ff_effect raw{};
-  std::memcpy(&raw, memory.data->data, sizeof raw);
+  std::memcpy(&raw, memory.data(), sizeof raw);
   Effect effect = from_kernel(raw);
   const int error = model.upload(effect);
   raw.id = static_cast<std::int16_t>(effect.id);
@@ -183,7 +166,7 @@ gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   if (!model.is_plugged_in()) {
     complete(client, 0, ENODEV);
   } else if (number == _IOC_NR(EVIOCSFF)) {
-    const Memory memory(client, sizeof(ff_effect));
+    const IoctlMemory memory(client, sizeof(ff_effect));
     complete(client, 0, upload(model, memory));
   } else if (number == _IOC_NR(EVIOCRMFF)) {
     gulong id = 0;
@@ -192,7 +175,7 @@ gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer cont
   } else if (number == _IOC_NR(EVIOCGRAB) || number == _IOC_NR(EVIOCSCLOCKID)) {
     complete(client, 0, 0);
   } else if (const auto answer = answer_of(model, number, _IOC_SIZE(request))) {
-    const Memory memory(client, _IOC_SIZE(request));
+    const IoctlMemory memory(client, _IOC_SIZE(request));
     memory.put(*answer);
     // As the kernel: the size of texts and bit fields, 0 of everything else.
     const bool has_size = number >= _IOC_NR(EVIOCGNAME(0)) && number < _IOC_NR(EVIOCGABS(0));
@@ -251,11 +234,6 @@ struct EmulatedNode::Impl {
   UMockdevIoctlBase* handler = umockdev_ioctl_base_new();
   std::string node{};
 };
-
-bool EmulatedNode::is_possible() {
-  const char* const preloaded = std::getenv("LD_PRELOAD");
-  return preloaded != nullptr && std::strstr(preloaded, "libumockdev-preload") != nullptr;
-}
 
 EmulatedNode::EmulatedNode(EvdevModel& model) : impl_(std::make_unique<Impl>(model)) {
   plug_in();

@@ -13,9 +13,6 @@ namespace rtpm::test {
 /// @threads  one at a time
 class EmulatedNode {
  public:
-  /// Whether this process runs under umockdev-wrapper.
-  [[nodiscard]] static bool is_possible();
-
   explicit EmulatedNode(EvdevModel& model);
   EmulatedNode(const EmulatedNode&) = delete;
   EmulatedNode& operator=(const EmulatedNode&) = delete;

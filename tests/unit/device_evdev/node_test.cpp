@@ -6,8 +6,10 @@
 #include <thread>
 
 #include "emulated_node.hpp"
+#include "opened_driver.hpp"
 #include "rtpm/device_evdev/open.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "umockdev.hpp"
 
 /// The driver as a user opens it, with the real libevdev and libudev, before the model's node.
 namespace rtpm::device_evdev {
@@ -20,10 +22,11 @@ using std::chrono::milliseconds;
 using test::EmulatedNode;
 using test::EvdevModel;
 
-class EvdevNodeTest : public testing::Test {
+class EvdevNodeTest : public OpenedDriver {
  protected:
   void SetUp() override {
-    if (!EmulatedNode::is_possible()) GTEST_SKIP() << "umockdev-wrapper is not installed";
+    if (const std::string obstacle = test::umockdev_obstacle(); !obstacle.empty())
+      GTEST_SKIP() << obstacle;
   }
   void use(const Capabilities& capabilities, std::string_view arguments) {
     model_ = std::make_unique<EvdevModel>(capabilities);
@@ -32,35 +35,13 @@ class EvdevNodeTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().text();
     driver_ = std::move(*opened);
   }
-  void start() {
-    const auto configured = driver_->configure({.period = milliseconds{1}});
-    ASSERT_TRUE(configured) << configured.error().text();
-    const auto activated = driver_->activate();
-    ASSERT_TRUE(activated) << activated.error().text();
-  }
-  bool exchange_until(CommandMode mode, double value,
-                      const std::function<bool(ExchangeStatus)>& is_done) {
-    for (int i = 0; i < 4000; ++i) {
-      Command command;
-      command.mode = mode;
-      command.cycle_time = rt::now();
-      command.joints[0] = value;
-      command.outputs.fill(static_cast<float>(value));
-      sample_.faults = {};
-      if (is_done(driver_->exchange(command, sample_))) return true;
-      std::this_thread::sleep_for(milliseconds{1});
-    }
-    return false;
-  }
   void TearDown() override {
-    driver_.reset();
+    OpenedDriver::TearDown();
     node_.reset();
   }
 
   std::unique_ptr<EvdevModel> model_;
   std::unique_ptr<EmulatedNode> node_;
-  std::unique_ptr<driver::Driver> driver_;
-  driver::Sample sample_{};
 };
 
 TEST_F(EvdevNodeTest, IsFoundByEachWordAndByProbe) {
@@ -185,14 +166,3 @@ TEST_F(EvdevNodeTest, RefusesTwoUnitsOfOneSerialNumber) {
 
 }  // namespace
 }  // namespace rtpm::device_evdev
-
-/// Runs itself again under umockdev-wrapper where it is installed; the tests are skipped otherwise.
-int main(int argc, char** argv) {
-  if (!rtpm::test::EmulatedNode::is_possible()) {
-    std::vector<char*> words{const_cast<char*>("umockdev-wrapper")};
-    words.insert(words.end(), argv, argv + argc + 1);
-    ::execvp(words[0], words.data());
-  }
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

@@ -6,6 +6,7 @@
 #include <optional>
 #include <thread>
 
+#include "opened_driver.hpp"
 #include "rtpm/device_evdev/open.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "uinput_device.hpp"
@@ -35,7 +36,7 @@ UinputDevice::Description wheel() {
           .effects = {FF_CONSTANT, FF_SPRING, FF_DAMPER, FF_GAIN}};
 }
 
-class EvdevUinputTest : public testing::Test {
+class EvdevUinputTest : public OpenedDriver {
  protected:
   void SetUp() override {
     if (const std::string obstacle = UinputDevice::obstacle(); !obstacle.empty()) {
@@ -50,30 +51,8 @@ class EvdevUinputTest : public testing::Test {
     driver_ = std::move(*opened);
     start();
   }
-  void start() {
-    const auto configured = driver_->configure({.period = milliseconds{1}});
-    ASSERT_TRUE(configured) << configured.error().text();
-    const auto activated = driver_->activate();
-    ASSERT_TRUE(activated) << activated.error().text();
-  }
-  bool exchange_until(CommandMode mode, double value,
-                      const std::function<bool(ExchangeStatus)>& is_done) {
-    for (int i = 0; i < 4000; ++i) {
-      Command command;
-      command.mode = mode;
-      command.cycle_time = rt::now();
-      command.joints[0] = value;
-      command.outputs.fill(static_cast<float>(value));
-      sample_.faults = {};
-      if (is_done(driver_->exchange(command, sample_))) return true;
-      std::this_thread::sleep_for(milliseconds{1});
-    }
-    return false;
-  }
 
   std::optional<UinputDevice> device_{};
-  std::unique_ptr<driver::Driver> driver_{};
-  driver::Sample sample_{};
 };
 
 TEST_F(EvdevUinputTest, ReadsAPad) {

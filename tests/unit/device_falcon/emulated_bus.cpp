@@ -240,13 +240,6 @@ EmulatedBus::EmulatedBus() : parts_(std::make_unique<Parts>()) {
 
 EmulatedBus::~EmulatedBus() = default;
 
-bool EmulatedBus::is_possible() {
-  // umockdev_in_mock_environment() says no on some machines where all else works.
-  std::ifstream maps("/proc/self/maps");
-  const std::string text{std::istreambuf_iterator<char>(maps), {}};
-  return text.find("libumockdev-preload") != std::string::npos;
-}
-
 void EmulatedBus::plug_in(const std::shared_ptr<FalconModel>& model, int port, int address) {
   with_model(model, [](FalconModel& unit) { unit.plug_in(); });
   const std::string path = "/devices/usb1/1-" + std::to_string(port);

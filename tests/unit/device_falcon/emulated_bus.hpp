@@ -18,9 +18,6 @@ class EmulatedBus {
   EmulatedBus& operator=(const EmulatedBus&) = delete;
   ~EmulatedBus();
 
-  /// Whether this process has umockdev's preloaded library, without which there is no bus.
-  [[nodiscard]] static bool is_possible();
-
   /// @param port  from 1; the unit is then at "1-<port>"
   /// @param address  of 2 and more, another one each time
   void plug_in(const std::shared_ptr<FalconModel>& model, int port, int address);

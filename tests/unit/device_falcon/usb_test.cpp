@@ -10,6 +10,7 @@
 #include "faults.hpp"
 #include "rtpm/device_falcon/kinematics.hpp"
 #include "rtpm/device_falcon/open.hpp"
+#include "umockdev.hpp"
 
 /// The driver with the real libusb, before models of units behind an emulated kernel. Functional
 /// only: each transfer takes several messages between threads.
@@ -32,10 +33,8 @@ const Vector3 kPush{0, 0, 2};
 class FalconUsb : public testing::Test {
  protected:
   void SetUp() override {
-    if (!EmulatedBus::is_possible()) {
-      GTEST_SKIP() << "umockdev's library can't be preloaded: install the package umockdev; under "
-                      "a sanitizer it is left out";
-    }
+    if (const std::string obstacle = test::umockdev_obstacle(); !obstacle.empty())
+      GTEST_SKIP() << obstacle;
     bus_ = std::make_unique<EmulatedBus>();
   }
   void TearDown() override {
@@ -236,17 +235,3 @@ INSTANTIATE_TEST_SUITE_P(All, FalconUsbFaults, testing::ValuesIn([] {
 
 }  // namespace
 }  // namespace rtpm::device_falcon
-
-/// Starts this program again with umockdev's library in front of the system's, as umockdev-wrapper
-/// does.
-int main(int argc, char** argv) {
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  if (!rtpm::test::EmulatedBus::is_possible() && std::getenv("RTPM_TEST_PRELOADED") == nullptr) {
-    setenv("RTPM_TEST_PRELOADED", "1", 1);
-    setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
-    execv("/proc/self/exe", argv);
-  }
-#endif
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

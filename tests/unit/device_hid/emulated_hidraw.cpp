@@ -4,7 +4,6 @@
 #include <linux/hidraw.h>
 #include <poll.h>
 #include <sys/ioctl.h>
-#include <umockdev.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -15,6 +14,7 @@
 #include <cstring>
 
 #include "rtpm/base/assert.hpp"
+#include "umockdev.hpp"
 
 namespace rtpm::test {
 
@@ -50,34 +50,20 @@ namespace {
 
 using Node = EmulatedHidraw::Node;
 
-/// Memory of the calling program.
-struct Memory {
-  UMockdevIoctlData* data;
-  Memory(UMockdevIoctlClient* client, std::size_t size)
-      : data(umockdev_ioctl_data_resolve(umockdev_ioctl_client_get_arg(client), 0, size, nullptr)) {
-  }
-  Memory(const Memory&) = delete;
-  Memory& operator=(const Memory&) = delete;
-  ~Memory() { umockdev_ioctl_data_unref(data); }
-  void put(HidReport bytes) const {
-    umockdev_ioctl_data_update(data, 0, bytes.data(), static_cast<gint>(bytes.size()));
-  }
-};
-
 gboolean on_ioctl(UMockdevIoctlBase*, UMockdevIoctlClient* client, gpointer context) {
   auto& node = *static_cast<Node*>(context);
   const std::lock_guard lock(*node.mutex);
   const unsigned long request = umockdev_ioctl_client_get_request(client);
   if (_IOC_TYPE(request) != 'H') return FALSE;
   const std::size_t size = _IOC_SIZE(request);
-  const Memory memory(client, size);
+  const IoctlMemory memory(client, size);
   if (_IOC_NR(request) == _IOC_NR(HIDIOCGRDESCSIZE)) {
     HidReport answer(sizeof(int));
     put_le(answer, 0, node.model->report_descriptor().size(), answer.size());
     memory.put(answer);
     umockdev_ioctl_client_complete(client, 0, 0);
   } else if (_IOC_NR(request) == _IOC_NR(HIDIOCGFEATURE(0))) {
-    HidReport answer = node.model->read_feature(memory.data->data[0]);
+    HidReport answer = node.model->read_feature(memory.data()[0]);
     answer.resize(std::min(answer.size(), size));
     memory.put(answer);
     const bool has_answer = !answer.empty();
@@ -149,11 +135,6 @@ gboolean on_read(UMockdevIoctlBase*, UMockdevIoctlClient*, gpointer context) {
 }
 
 }  // namespace
-
-bool EmulatedHidraw::is_possible() {
-  const char* const preloaded = std::getenv("LD_PRELOAD");
-  return preloaded != nullptr && std::strstr(preloaded, "libumockdev-preload") != nullptr;
-}
 
 EmulatedHidraw::EmulatedHidraw() : testbed_(std::make_unique<Testbed>()) {
   thread_ = std::thread([this] { run(); });

@@ -16,8 +16,6 @@ namespace rtpm::test {
 /// node is a pseudo-terminal, which keeps no boundaries between reports.
 class EmulatedHidraw {
  public:
-  /// Whether umockdev's library is preloaded, as it must be.
-  [[nodiscard]] static bool is_possible();
   EmulatedHidraw();
   EmulatedHidraw(const EmulatedHidraw&) = delete;
   EmulatedHidraw& operator=(const EmulatedHidraw&) = delete;

@@ -10,6 +10,7 @@
 #include "rtpm/device_hid/profile.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "scripted_hid.hpp"
+#include "umockdev.hpp"
 
 /// The driver with the real hidapi and udev, before models that umockdev shows as hidraw nodes.
 namespace rtpm::device_hid {
@@ -23,10 +24,8 @@ using test::EmulatedHidraw;
 class HidRawTest : public testing::Test {
  protected:
   void SetUp() override {
-    if (!EmulatedHidraw::is_possible()) {
-      GTEST_SKIP() << "umockdev's library can't be preloaded: install the package umockdev; under "
-                      "a sanitizer it never is";
-    }
+    if (const std::string obstacle = test::umockdev_obstacle(); !obstacle.empty())
+      GTEST_SKIP() << obstacle;
     hidraw_ = std::make_unique<EmulatedHidraw>();
   }
   void open(const std::string& arguments) {
@@ -137,16 +136,3 @@ TEST_F(HidRawTest, RefusesTwoUnitsOfOneSerialNumberUnlessOneIsNamed) {
 
 }  // namespace
 }  // namespace rtpm::device_hid
-
-/// umockdev replaces system calls by a library that the program is started with.
-int main(int argc, char** argv) {
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-  if (!rtpm::test::EmulatedHidraw::is_possible() && std::getenv("RTPM_TEST_PRELOADED") == nullptr) {
-    setenv("RTPM_TEST_PRELOADED", "1", 1);
-    setenv("LD_PRELOAD", "libumockdev-preload.so.0", 1);
-    execv("/proc/self/exe", argv);
-  }
-#endif
-  testing::InitGoogleTest(&argc, argv);
-  return RUN_ALL_TESTS();
-}

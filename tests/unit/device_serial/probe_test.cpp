@@ -1,13 +1,12 @@
 #include <gtest/gtest.h>
-#include <umockdev.h>
 
-#include <cstdlib>
 #include <map>
 #include <memory>
 #include <string_view>
 
 #include "rtpm/device_serial/open.hpp"
 #include "rtpm/device_serial/ports.hpp"
+#include "umockdev.hpp"
 
 /// What libserialport finds among USB devices that umockdev makes up.
 namespace rtpm::device_serial {
@@ -20,9 +19,8 @@ struct Release {
 class SerialMockedUsb : public ::testing::Test {
  protected:
   void SetUp() override {
-    const char* const preload = std::getenv("LD_PRELOAD");
-    if (preload == nullptr || std::string_view(preload).find("umockdev") == std::string_view::npos)
-      GTEST_SKIP() << "needs LD_PRELOAD=libumockdev-preload.so.0 (umockdev-wrapper)";
+    if (const std::string obstacle = test::umockdev_obstacle(); !obstacle.empty())
+      GTEST_SKIP() << obstacle;
     testbed_.reset(umockdev_testbed_new());
   }
   /// A board with a port of its own, as the kernel's cdc_acm shows it.

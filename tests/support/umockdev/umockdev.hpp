@@ -1,0 +1,33 @@
+#pragma once
+
+#include <umockdev.h>
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+/// umockdev stands in for the kernel by a library that comes before the system's. The main() that
+/// comes with this header starts the program again with that library.
+namespace rtpm::test {
+
+/// Why umockdev does not stand in for the kernel here; empty: it does.
+[[nodiscard]] std::string umockdev_obstacle();
+
+/// Memory of the program that called an ioctl.
+/// @ownership has its reference
+class IoctlMemory {
+ public:
+  IoctlMemory(UMockdevIoctlClient* client, std::size_t size);
+  IoctlMemory(const IoctlMemory&) = delete;
+  IoctlMemory& operator=(const IoctlMemory&) = delete;
+  ~IoctlMemory();
+  /// Null: the program gave none.
+  [[nodiscard]] const std::uint8_t* data() const noexcept;
+  void put(std::vector<std::uint8_t> bytes) const;
+
+ private:
+  UMockdevIoctlData* data_;
+};
+
+}  // namespace rtpm::test
