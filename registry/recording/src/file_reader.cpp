@@ -29,6 +29,7 @@ struct FileReader::Impl {
   expected<void, SetupError> open(Incomplete incomplete);
   expected<bool, SetupError> read_summary();
   expected<bool, SetupError> take_summary(ConstBytes summary);
+  bool take_of_summary(Opcode opcode, ConstBytes content);
   expected<void, SetupError> scan();
   void take_loose(const RecordPlace& record);
   expected<void, SetupError> scan_chunk(const RecordPlace& chunk);
@@ -42,6 +43,7 @@ struct FileReader::Impl {
   std::map<std::uint16_t, Schema> schemas{};
   std::map<std::uint16_t, Channel> channels{};
   Statistics statistics{};
+  bool has_statistics = false;  ///< Stated by the summary.
   bool is_complete = false;
   std::vector<Block> blocks{};
   std::vector<RecordPlace> metadata{};
@@ -51,8 +53,7 @@ struct FileReader::Impl {
 namespace {
 
 unexpected<SetupError> damaged(const InputFile& file, const std::string& why) {
-  return setup_error("the recording " + file.path() + " is damaged", why,
-                     "repair it: rtpm bag recover");
+  return setup_error("the recording " + file.path() + " is damaged", why, kRepair);
 }
 
 }  // namespace
@@ -62,7 +63,7 @@ expected<void, SetupError> FileReader::Impl::open(Incomplete incomplete) {
   if (!has_summary) return unexpected{has_summary.error()};
   if (!is_complete && incomplete == Incomplete::kRefuse) {
     return setup_error("the recording " + file.path() + " was not ended",
-                       "its recorder died, or still runs", "repair it: rtpm bag recover");
+                       "its recorder died, or still runs", kRepair);
   }
   if (!*has_summary) {
     if (auto scanned = scan(); !scanned) return scanned;
@@ -99,49 +100,43 @@ expected<bool, SetupError> FileReader::Impl::read_summary() {
 }
 
 expected<bool, SetupError> FileReader::Impl::take_summary(ConstBytes summary) {
-  bool has_statistics = false;
   bool is_sound = true;
-  const auto place_of = [&](std::uint64_t offset) {
-    const auto place = file.record_at(offset);
-    is_sound = is_sound && place;
-    return place.value_or(RecordPlace{});
-  };
-  is_sound =
-      for_each_record(
-          summary,
-          [&](Opcode opcode, ConstBytes content, std::uint64_t) {
-            if (opcode == Opcode::kChunkIndex) {
-              const auto index = parse_chunk_index(content);
-              is_sound = is_sound && index;
-              if (index)
-                blocks.push_back(
-                    {.begin_ns = index->begin_ns, .chunk = place_of(index->chunk_offset)});
-              is_sound = is_sound && blocks.back().chunk.opcode == Opcode::kChunk;
-            } else if (opcode == Opcode::kStatistics) {
-              const auto found = parse_statistics(content);
-              is_sound = is_sound && found;
-              statistics = found.value_or(Statistics{});
-              has_statistics = true;
-            } else if (opcode == Opcode::kAttachmentIndex || opcode == Opcode::kMetadataIndex) {
-              auto& places = opcode == Opcode::kMetadataIndex ? metadata : attachments;
-              ByteReader reader(content);
-              places.push_back(place_of(reader.take<std::uint64_t>()));
-              is_sound = is_sound && reader.ok();
-            } else {
-              Block none;
-              take(opcode, content, none);
-            }
-            return is_sound;
-          }) &&
-      is_sound;
-  if (!is_sound) return damaged(file, "its summary contradicts itself");
+  const bool is_whole =
+      for_each_record(summary, [&](Opcode opcode, ConstBytes content, std::uint64_t) {
+        is_sound = take_of_summary(opcode, content);
+        return is_sound;
+      });
+  if (!is_whole || !is_sound) return damaged(file, "its summary contradicts itself");
   // Without an index of chunks, messages may be anywhere.
-  if (!blocks.empty() && has_statistics) return true;
-  if (has_statistics && statistics.message_count == 0) return true;
+  if (has_statistics && (!blocks.empty() || statistics.message_count == 0)) return true;
   blocks.clear();
   metadata.clear();
   attachments.clear();
   return false;
+}
+
+/// Whether the record is sound, and so is the place that it points to.
+bool FileReader::Impl::take_of_summary(Opcode opcode, ConstBytes content) {
+  if (opcode == Opcode::kChunkIndex) {
+    const auto index = parse_chunk_index(content);
+    const auto place = index ? file.record_at(index->chunk_offset) : std::nullopt;
+    if (!place || place->opcode != Opcode::kChunk) return false;
+    blocks.push_back({.begin_ns = index->begin_ns, .chunk = *place});
+  } else if (opcode == Opcode::kStatistics) {
+    const auto found = parse_statistics(content);
+    if (!found) return false;
+    statistics = *found;
+    has_statistics = true;
+  } else if (opcode == Opcode::kAttachmentIndex || opcode == Opcode::kMetadataIndex) {
+    ByteReader reader(content);
+    const auto place = file.record_at(reader.take<std::uint64_t>());
+    if (!place || !reader.ok()) return false;
+    (opcode == Opcode::kMetadataIndex ? metadata : attachments).push_back(*place);
+  } else {
+    Block none;
+    take(opcode, content, none);
+  }
+  return true;
 }
 
 /// What a record says of the recording, and of the block that it is in.
@@ -153,42 +148,36 @@ void FileReader::Impl::take(Opcode opcode, ConstBytes content, Block& block) {
   } else if (opcode == Opcode::kMessage) {
     const auto message = parse_message(content);
     if (!message) return;
-    const bool is_first = statistics.message_count++ == 0;
-    ++statistics.message_counts[message->channel_id];
-    const std::uint64_t time_ns = message->log_time_ns;
-    statistics.begin_ns = is_first ? time_ns : std::min(statistics.begin_ns, time_ns);
-    statistics.end_ns = std::max(statistics.end_ns, time_ns);
-    block.begin_ns = std::min(block.begin_ns, time_ns);
+    add(*message, statistics);
+    block.begin_ns = std::min(block.begin_ns, message->log_time_ns);
   }
 }
 
 expected<void, SetupError> FileReader::Impl::scan() {
   statistics = {};
-  std::uint64_t offset = kMagicSize;
-  while (const auto record = file.record_at(offset)) {
-    offset = record->end();
-    switch (record->opcode) {
+  expected<void, SetupError> scanned{};
+  static_cast<void>(for_each_record(file, [&](const RecordPlace& record) {
+    switch (record.opcode) {
       case Opcode::kChunk:
-        if (auto scanned = scan_chunk(*record); !scanned) return scanned;
+        scanned = scan_chunk(record);
         break;
       case Opcode::kMetadata:
-        metadata.push_back(*record);
+        metadata.push_back(record);
         break;
       case Opcode::kAttachment:
-        attachments.push_back(*record);
+        attachments.push_back(record);
         break;
       case Opcode::kSchema:
       case Opcode::kChannel:
       case Opcode::kMessage:
-        take_loose(*record);
+        take_loose(record);
         break;
-      case Opcode::kDataEnd:
-        return {};
       default:
         break;
     }
-  }
-  return {};
+    return scanned.has_value();
+  }));
+  return scanned;
 }
 
 void FileReader::Impl::take_loose(const RecordPlace& record) {

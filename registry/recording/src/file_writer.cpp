@@ -192,14 +192,7 @@ expected<void, SetupError> FileWriter::write(const Message& message) {
   impl_->chunk_end_ns = std::max(impl_->chunk_end_ns, message.log_time_ns);
   impl_->indexes[message.channel_id].emplace_back(message.log_time_ns, impl_->chunk.size());
   RecordWriter(impl_->chunk).message(message);
-
-  Statistics& statistics = impl_->statistics;
-  const bool is_first = statistics.message_count == 0;
-  statistics.begin_ns =
-      is_first ? message.log_time_ns : std::min(statistics.begin_ns, message.log_time_ns);
-  statistics.end_ns = std::max(statistics.end_ns, message.log_time_ns);
-  ++statistics.message_count;
-  ++statistics.message_counts[message.channel_id];
+  add(message, impl_->statistics);
   return impl_->chunk.size() < impl_->config.chunk_byte_max ? expected<void, SetupError>{}
                                                             : impl_->end_chunk();
 }

@@ -49,7 +49,7 @@ expected<std::vector<std::byte>, SetupError> InputFile::read(std::uint64_t offse
   const auto fail = [&](const std::string& why) {
     return setup_error(
         "the recording " + path_ + " can't be read at byte " + std::to_string(offset), why,
-        "repair it: rtpm bag recover");
+        kRepair);
   };
   if (offset > size_ || size > size_ - offset) return fail("it ends before");
   std::vector<std::byte> bytes(size);
@@ -86,7 +86,7 @@ expected<std::vector<std::byte>, SetupError> unpack(const InputFile& file,
   const auto damaged = [&](const std::string& why) {
     return setup_error(
         "the chunk at byte " + std::to_string(chunk.offset) + " of " + file.path() + " is damaged",
-        why, "repair the recording: rtpm bag recover");
+        why, kRepair);
   };
   const auto content = file.content(chunk);
   if (!content) return unexpected{content.error()};

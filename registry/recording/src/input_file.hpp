@@ -9,6 +9,9 @@
 
 namespace rtpm::recording {
 
+/// What to do with a damaged recording.
+inline constexpr const char* kRepair = "save what is whole: rtpm::recording::recover()";
+
 /// A record in the file.
 struct RecordPlace {
   Opcode opcode{};
@@ -65,6 +68,19 @@ bool for_each_record(ConstBytes records, const Visit& visit) {
     offset += kRecordHeaderSize + content.size();
   }
   return true;
+}
+
+/// Calls `visit(place)` for each whole record from the file's beginning to the end of its data,
+/// that included, until it returns false.
+/// @return where the last one ends
+template <class Visit>
+std::uint64_t for_each_record(const InputFile& file, const Visit& visit) {
+  std::uint64_t offset = kMagicSize;
+  while (const auto record = file.record_at(offset)) {
+    offset = record->end();
+    if (!visit(*record) || record->opcode == Opcode::kDataEnd) break;
+  }
+  return offset;
 }
 
 }  // namespace rtpm::recording

@@ -49,6 +49,14 @@ std::uint32_t crc32(ConstBytes bytes, std::uint32_t crc) noexcept {
       ::crc32_z(crc, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
 
+void add(const Message& message, Statistics& statistics) {
+  const std::uint64_t time_ns = message.log_time_ns;
+  const bool is_first = statistics.message_count++ == 0;
+  statistics.begin_ns = is_first ? time_ns : std::min(statistics.begin_ns, time_ns);
+  statistics.end_ns = std::max(statistics.end_ns, time_ns);
+  ++statistics.message_counts[message.channel_id];
+}
+
 // ---- writing ------------------------------------------------------------------------------------
 
 template <std::unsigned_integral T>

@@ -144,7 +144,10 @@ class RecordWriter {
 [[nodiscard]] std::optional<Footer> parse_footer(ConstBytes content);
 [[nodiscard]] std::optional<std::uint32_t> parse_data_end(ConstBytes content);
 
-/// CRC-32 of ISO-HDLC, as zlib computes it, going on from `crc`.
+/// Counts a message.
+void add(const Message& message, Statistics& statistics);
+
+/// CRC-32 of ISO-HDLC, as zlib computes it, going on from `crc`. zlib's, as a recording is large.
 [[nodiscard]] std::uint32_t crc32(ConstBytes bytes, std::uint32_t crc = 0) noexcept;
 
 }  // namespace rtpm::recording

@@ -79,12 +79,12 @@ expected<void, SetupError> copy_chunk(const InputFile& file, const RecordPlace& 
 
 /// Where DataEnd is; nothing: the data section has no end.
 std::optional<RecordPlace> find_data_end(const InputFile& file) {
-  std::uint64_t offset = kMagicSize;
-  while (const auto record = file.record_at(offset)) {
-    if (record->opcode == Opcode::kDataEnd) return record;
-    offset = record->end();
-  }
-  return std::nullopt;
+  std::optional<RecordPlace> found;
+  static_cast<void>(for_each_record(file, [&](const RecordPlace& record) {
+    if (record.opcode == Opcode::kDataEnd) found = record;
+    return true;
+  }));
+  return found;
 }
 
 /// @return what is wrong; empty: nothing
@@ -114,22 +114,19 @@ expected<Recovery, SetupError> recover(const std::string& from, const std::strin
   if (!writer) return unexpected{writer.error()};
   Copy copy(**writer);
   Recovery recovery;
-  std::uint64_t offset = kMagicSize;
+  expected<void, SetupError> copied{};
   bool is_ended = false;
-  while (!is_ended) {
-    const auto record = file->record_at(offset);
-    if (!record) break;
-    expected<void, SetupError> copied{};
-    if (record->opcode == Opcode::kChunk) {
-      copied = copy_chunk(*file, *record, copy, recovery);
-    } else if (const auto content = file->content(*record)) {
-      copied = copy.take(record->opcode, *content);
+  const std::uint64_t end = for_each_record(*file, [&](const RecordPlace& record) {
+    if (record.opcode == Opcode::kChunk) {
+      copied = copy_chunk(*file, record, copy, recovery);
+    } else if (const auto content = file->content(record)) {
+      copied = copy.take(record.opcode, *content);
     }
-    if (!copied) return unexpected{copied.error()};
-    is_ended = record->opcode == Opcode::kDataEnd;
-    offset = record->end();
-  }
-  if (!is_ended) recovery.cut_byte_count = file->size() - offset;
+    is_ended = record.opcode == Opcode::kDataEnd;
+    return copied.has_value();
+  });
+  if (!copied) return unexpected{copied.error()};
+  if (!is_ended) recovery.cut_byte_count = file->size() - end;
   if (auto closed = (*writer)->close(); !closed) return unexpected{closed.error()};
   recovery.message_count = (*writer)->statistics().message_count;
   return recovery;
