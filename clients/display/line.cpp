@@ -3,29 +3,21 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <numbers>
 
 #include "rtpm/base/printable.hpp"
 #include "rtpm/driver/vector.hpp"
+#include "rtpm/options/formatted.hpp"
 
 namespace rtpm::display {
 namespace {
+
+using options::formatted;
 
 using driver::Descriptor;
 using driver::Sample;
 
 constexpr std::size_t kValueCountMax = 3;  ///< Of joints, analogs and outputs each.
-
-[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
-  std::array<char, 128> line{};
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line.data(), line.size(), format, arguments);
-  va_end(arguments);
-  return line.data();
-}
 
 bool has_axis(const Descriptor& descriptor, std::string_view name) {
   return std::ranges::any_of(descriptor.axes, [name](const driver::Axis& axis) {
@@ -58,8 +50,8 @@ Gaze gaze_of(const driver::Quaternion& q) noexcept {
 /// A value with its unit, such as "5.2 µS", "48.2°", "0.84".
 std::string quantity(double value, const std::string& unit) {
   constexpr double kDegrees = 180 / std::numbers::pi;
-  if (unit == "rad") return text("%+7.1f°", value * kDegrees);
-  if (unit == "1" || unit.empty()) return text("%4.2f", value);
+  if (unit == "rad") return formatted("%+7.1f°", value * kDegrees);
+  if (unit == "1" || unit.empty()) return formatted("%4.2f", value);
   struct Prefix {
     double factor;
     const char* name;
@@ -68,7 +60,7 @@ std::string quantity(double value, const std::string& unit) {
   const auto* prefix = std::ranges::find_if(
       kPrefixes, [value](const Prefix& one) { return std::abs(value) * one.factor >= 0.1; });
   if (prefix == kPrefixes.end()) prefix = kPrefixes.begin();
-  return text("%5.2f ", value * prefix->factor) + prefix->name + printable(unit);
+  return formatted("%5.2f ", value * prefix->factor) + prefix->name + printable(unit);
 }
 
 void add(std::string& line, const std::string& part) {
@@ -99,14 +91,14 @@ std::string values_text(const Descriptor& descriptor, const Sample& sample) {
   std::string line;
   if (has_axis(descriptor, "x")) {
     const driver::Vector3& at = sample.pose.position_m;
-    add(line, text("at %+6.1f %+6.1f %+6.1f mm", at.x * 1e3, at.y * 1e3, at.z * 1e3));
+    add(line, formatted("at %+6.1f %+6.1f %+6.1f mm", at.x * 1e3, at.y * 1e3, at.z * 1e3));
   } else if (has_axis(descriptor, "ry")) {
     const Gaze gaze = gaze_of(sample.pose.orientation);
-    add(line, text("looks %4.1f° %-5s %4.1f° %-4s", std::abs(gaze.right_deg),
-                   gaze.right_deg >= 0 ? "right" : "left", std::abs(gaze.up_deg),
-                   gaze.up_deg >= 0 ? "up" : "down"));
+    add(line, formatted("looks %4.1f° %-5s %4.1f° %-4s", std::abs(gaze.right_deg),
+                        gaze.right_deg >= 0 ? "right" : "left", std::abs(gaze.up_deg),
+                        gaze.up_deg >= 0 ? "up" : "down"));
   }
-  if (has_force(descriptor)) add(line, text("force %5.2f N", force_newton(sample)));
+  if (has_force(descriptor)) add(line, formatted("force %5.2f N", force_newton(sample)));
   add_channels(line, descriptor.joints, sample.joints);
   add_channels(line, descriptor.analogs, sample.analogs);
   add_channels(line, descriptor.outputs, sample.outputs_applied);

@@ -2,12 +2,14 @@
 
 #include <array>
 #include <cmath>
-#include <cstdarg>
-#include <cstdio>
 #include <fstream>
+
+#include "rtpm/options/formatted.hpp"
 
 namespace rtpm::scene {
 namespace {
+
+using options::formatted;
 
 constexpr double kPixelsPerMm = 4.8;
 constexpr double kWidth = kPanelWidthMm * kPixelsPerMm;
@@ -35,15 +37,6 @@ constexpr std::array<Style, kInkCount> kStyles{{
     {"#dc2626", "0.8", " stroke-opacity=\"0.55\"", ""},
     {"#dc2626", "1.7", kArrowHead, "force, 3 mm per newton"},
 }};
-
-[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
-  std::array<char, 512> line{};
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line.data(), line.size(), format, arguments);
-  va_end(arguments);
-  return line.data();
-}
 
 std::string escaped(std::string_view raw) {
   std::string safe;
@@ -81,9 +74,9 @@ std::string coordinates(const Panel& panel, const std::vector<Point>& points) {
                            distance_mm(*before, point) >= kPointStepMm;
     if (!is_needed) continue;
     before = &point;
-    list += text("%s%.1f,%.1f", list.empty() ? "" : " ",
-                 (point.right_mm - panel.low.right_mm) * kPixelsPerMm,
-                 (panel.low.up_mm + kPanelHeightMm - point.up_mm) * kPixelsPerMm);
+    list += formatted("%s%.1f,%.1f", list.empty() ? "" : " ",
+                      (point.right_mm - panel.low.right_mm) * kPixelsPerMm,
+                      (panel.low.up_mm + kPanelHeightMm - point.up_mm) * kPixelsPerMm);
   }
   return list;
 }
@@ -93,8 +86,8 @@ std::string line_text(const Panel& panel, const Line& line) {
   const Style& style = kStyles[static_cast<std::size_t>(line.ink)];
   const bool is_short =
       line.ink == Ink::kForce && distance_mm(line.points.front(), line.points.back()) < kHeadedMm;
-  return text("<polyline stroke=\"%s\" stroke-width=\"%s\"%s points=\"", style.colour, style.width,
-              is_short ? "" : style.more) +
+  return formatted("<polyline stroke=\"%s\" stroke-width=\"%s\"%s points=\"", style.colour,
+                   style.width, is_short ? "" : style.more) +
          coordinates(panel, line.points) + "\"/>\n";
 }
 
@@ -107,28 +100,29 @@ std::string grid_text(const Panel& panel) {
   };
   for (int mm = first(panel.low.right_mm); mm <= panel.low.right_mm + kPanelWidthMm; mm += 10) {
     const double x = (mm - panel.low.right_mm) * kPixelsPerMm;
-    grid += text("<path class=\"grid\" d=\"M%.1f 0V%.1f\"/>\n", x, kHeight);
+    grid += formatted("<path class=\"grid\" d=\"M%.1f 0V%.1f\"/>\n", x, kHeight);
     if (mm % 20 == 0) {
-      grid += text("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n", x,
-                   kHeight + 16, mm);
+      grid += formatted("<text x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n", x,
+                        kHeight + 16, mm);
     }
   }
   for (int mm = first(panel.low.up_mm); mm <= panel.low.up_mm + kPanelHeightMm; mm += 10) {
     const double y = (panel.low.up_mm + kPanelHeightMm - mm) * kPixelsPerMm;
-    grid += text("<path class=\"grid\" d=\"M0 %.1fH%.1f\"/>\n", y, kWidth);
+    grid += formatted("<path class=\"grid\" d=\"M0 %.1fH%.1f\"/>\n", y, kWidth);
     if (mm % 20 == 0) {
-      grid += text("<text x=\"-6\" y=\"%.1f\" text-anchor=\"end\">%d</text>\n", y + 4, mm);
+      grid += formatted("<text x=\"-6\" y=\"%.1f\" text-anchor=\"end\">%d</text>\n", y + 4, mm);
     }
   }
   return grid;
 }
 
 std::string panel_text(const Panel& panel, double left) {
-  std::string svg = text("<g transform=\"translate(%.0f %.0f)\">\n", left, kTitleHeight);
-  svg += text("<text x=\"0\" y=\"-10\" class=\"title\">%s</text>\n", panel.title.c_str());
-  svg += text("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"end\">%s / mm</text>\n", kWidth,
-              kHeight + 32, panel.right_axis.c_str());
-  svg += text("<text x=\"-6\" y=\"-10\" text-anchor=\"end\">%s</text>\n", panel.up_axis.c_str());
+  std::string svg = formatted("<g transform=\"translate(%.0f %.0f)\">\n", left, kTitleHeight);
+  svg += formatted("<text x=\"0\" y=\"-10\" class=\"title\">%s</text>\n", panel.title.c_str());
+  svg += formatted("<text x=\"%.0f\" y=\"%.0f\" text-anchor=\"end\">%s / mm</text>\n", kWidth,
+                   kHeight + 32, panel.right_axis.c_str());
+  svg +=
+      formatted("<text x=\"-6\" y=\"-10\" text-anchor=\"end\">%s</text>\n", panel.up_axis.c_str());
   svg += grid_text(panel);
   svg += "<g clip-path=\"url(#window)\" fill=\"none\" stroke-linejoin=\"round\">\n";
   if (!panel.solid.empty()) {
@@ -138,8 +132,9 @@ std::string panel_text(const Panel& panel, double left) {
   for (const Line& line : panel.lines)
     svg += line_text(panel, line);
   return svg + "</g>\n" +
-         text("<rect width=\"%.0f\" height=\"%.0f\" fill=\"none\" stroke=\"#334155\"/>\n</g>\n",
-              kWidth, kHeight);
+         formatted(
+             "<rect width=\"%.0f\" height=\"%.0f\" fill=\"none\" stroke=\"#334155\"/>\n</g>\n",
+             kWidth, kHeight);
 }
 
 std::string legend_text(double y) {
@@ -147,9 +142,9 @@ std::string legend_text(double y) {
   double x = kMargin;
   for (const Style& style : kStyles) {
     if (*style.name == '\0') continue;
-    svg += text("<path d=\"M%.0f %.0fh30\" stroke=\"%s\" stroke-width=\"%s\"%s/>\n", x, y,
-                style.colour, style.width, style.more);
-    svg += text("<text x=\"%.0f\" y=\"%.0f\">%s</text>\n", x + 42, y + 4, style.name);
+    svg += formatted("<path d=\"M%.0f %.0fh30\" stroke=\"%s\" stroke-width=\"%s\"%s/>\n", x, y,
+                     style.colour, style.width, style.more);
+    svg += formatted("<text x=\"%.0f\" y=\"%.0f\">%s</text>\n", x + 42, y + 4, style.name);
     x += 130;
   }
   return svg;
@@ -160,7 +155,7 @@ std::string legend_text(double y) {
 std::string svg_text(std::span<const Panel> panels, std::string_view caption) {
   const double width = kMargin + static_cast<double>(panels.size()) * (kWidth + kMargin);
   const double height = kTitleHeight + kHeight + kFootHeight;
-  std::string svg = text(
+  std::string svg = formatted(
       "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 %.0f %.0f\" "
       "width=\"%.0f\" height=\"%.0f\">\n",
       width, height, width, height);
@@ -170,8 +165,9 @@ std::string svg_text(std::span<const Panel> panels, std::string_view caption) {
       "<defs><marker id=\"head\" viewBox=\"0 0 8 8\" refX=\"6\" refY=\"4\" markerWidth=\"4.5\" "
       "markerHeight=\"4.5\" orient=\"auto\"><path d=\"M0 0L8 4L0 8z\" "
       "fill=\"#dc2626\"/></marker>\n";
-  svg += text("<clipPath id=\"window\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath></defs>\n",
-              kWidth, kHeight);
+  svg += formatted(
+      "<clipPath id=\"window\"><rect width=\"%.0f\" height=\"%.0f\"/></clipPath></defs>\n", kWidth,
+      kHeight);
   svg += "<rect width=\"100%\" height=\"100%\" fill=\"#fff\"/>\n";
   double left = kMargin;
   for (const Panel& panel : panels) {
@@ -180,7 +176,8 @@ std::string svg_text(std::span<const Panel> panels, std::string_view caption) {
   }
   const double foot = kTitleHeight + kHeight;
   svg += legend_text(foot + 54);
-  svg += text("<text x=\"%.0f\" y=\"%.0f\">", kMargin, foot + 80) + escaped(caption) + "</text>\n";
+  svg += formatted("<text x=\"%.0f\" y=\"%.0f\">", kMargin, foot + 80) + escaped(caption) +
+         "</text>\n";
   return svg + "</svg>\n";
 }
 

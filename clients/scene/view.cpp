@@ -1,14 +1,14 @@
 #include "view.hpp"
 
 #include <algorithm>
-#include <array>
-#include <cstdarg>
-#include <cstdio>
 
 #include "rtpm/driver/vector.hpp"
+#include "rtpm/options/formatted.hpp"
 
 namespace rtpm::scene {
 namespace {
+
+using options::formatted;
 
 constexpr Duration kSilence = std::chrono::milliseconds{500};
 /// How near to the surface a proxy in contact is.
@@ -16,15 +16,6 @@ constexpr double kSurfaceMetre = 1e-5;
 
 double to_s(Duration duration) {
   return std::chrono::duration<double>(duration).count();
-}
-
-[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...) {
-  std::array<char, 256> line{};
-  std::va_list arguments;
-  va_start(arguments, format);
-  std::vsnprintf(line.data(), line.size(), format, arguments);
-  va_end(arguments);
-  return line.data();
 }
 
 template <class Value>
@@ -90,20 +81,20 @@ History View::history(std::size_t count_max) const {
 std::string status_text(const Sight& sight, MonotonicTime now, Duration since_start) {
   const driver::Vector3 at = sight.sample ? sight.sample->pose.position_m : driver::Vector3{};
   const Touch touch = sight.touch ? sight.touch->touch : Touch{};
-  return text("%5.1f s  at %+6.1f %+6.1f %+6.1f mm  depth %4.1f mm  force %5.2f N  %s",
-              to_s(since_start), at.x * 1e3, at.y * 1e3, at.z * 1e3, touch.depth_m * 1e3,
-              length(touch.force_newton), state_text(sight, now).c_str());
+  return formatted("%5.1f s  at %+6.1f %+6.1f %+6.1f mm  depth %4.1f mm  force %5.2f N  %s",
+                   to_s(since_start), at.x * 1e3, at.y * 1e3, at.z * 1e3, touch.depth_m * 1e3,
+                   length(touch.force_newton), state_text(sight, now).c_str());
 }
 
 std::string caption_text(const Sight& sight, const std::string& device) {
   if (!sight.touch) return device + ": the force node is silent";
   return device + " at the " + std::string(to_string(sight.touch->scene.shape)) +
-         text(": greatest depth %.1f mm, greatest force %.2f N", sight.depth_m_max * 1e3,
-              sight.force_newton_max);
+         formatted(": greatest depth %.1f mm, greatest force %.2f N", sight.depth_m_max * 1e3,
+                   sight.force_newton_max);
 }
 
 std::string summary_text(const Sight& sight, std::uint64_t frame_count, Duration since_start) {
-  return text(
+  return formatted(
       "%llu frames in %.1f s of %.1f samples/s and %.1f touches/s; proxy on the surface in "
       "%llu of %llu contacts, greatest depth %.1f mm, greatest force %.2f N",
       static_cast<unsigned long long>(frame_count), to_s(since_start), sight.samples.rate_hz(),

@@ -74,4 +74,11 @@ inline std::ostream& operator<<(std::ostream& out, const FaultAtStep& test) {
   return all;
 }
 
+[[nodiscard]] inline std::vector<FalconFault> all_faults() {
+  std::vector<FalconFault> all;
+  for (int fault = 0; fault <= static_cast<int>(kLastFalconFault); ++fault)
+    all.push_back(static_cast<FalconFault>(fault));
+  return all;
+}
+
 }  // namespace rtpm::test

@@ -264,14 +264,7 @@ TEST_P(FalconSessionFaults, EndWithoutForce) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(All, FalconSessionFaults, testing::ValuesIn([] {
-                           std::vector<FalconFault> all;
-                           for (int fault = 0; fault <= static_cast<int>(test::kLastFalconFault);
-                                ++fault) {
-                             all.push_back(static_cast<FalconFault>(fault));
-                           }
-                           return all;
-                         }()),
+INSTANTIATE_TEST_SUITE_P(All, FalconSessionFaults, testing::ValuesIn(test::all_faults()),
                          [](const auto& test) { return test::to_string(test.param); });
 
 }  // namespace

@@ -225,12 +225,7 @@ TEST_P(FalconUsbFaults, EndWithoutForce) {
   EXPECT_TRUE(goes_on());
 }
 
-INSTANTIATE_TEST_SUITE_P(All, FalconUsbFaults, testing::ValuesIn([] {
-                           std::vector<FalconFault> all;
-                           for (int i = 0; i <= static_cast<int>(test::kLastFalconFault); ++i)
-                             all.push_back(static_cast<FalconFault>(i));
-                           return all;
-                         }()),
+INSTANTIATE_TEST_SUITE_P(All, FalconUsbFaults, testing::ValuesIn(test::all_faults()),
                          [](const auto& test) { return test::to_string(test.param); });
 
 }  // namespace
