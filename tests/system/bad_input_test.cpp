@@ -95,7 +95,7 @@ TEST_F(OutOfMemoryLaboratory, EndsAClientWithOneSentenceIfItCantWork) {
   const std::vector<std::vector<std::string>> commands{
       {path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off", "--seconds", "0.1",
        "--live", "off"},
-      {path_of("rtpm"), "--registry", registry_->url, "describe", "lab/arm0"}};
+      {path_of("rtpm"), "--registry", registry_->url, "info", "lab/arm0"}};
   for (const std::vector<std::string>& command : commands) {
     int failure_count = 0;
     for (std::size_t size = 6 * kMiB; size < 12 * kMiB; size += kMiB / 8) {
@@ -117,9 +117,9 @@ TEST_F(MistypedNames, AreAnsweredWithWhatThereIs) {
   for (const auto& [target, words] :
        {std::pair{std::string("lab/arm7"), "; most like it: lab/arm0"},
         std::pair{device_->url + "7", "; most like it there: lab/arm0"}}) {
-    std::vector<std::string> arguments{"describe", target};
+    std::vector<std::string> arguments{"info", target};
     arguments.insert(arguments.end(), registry.begin(), registry.end());
-    expect_one_sentence(run_program("rtpm", arguments), 1,
+    expect_one_sentence(run_program("rtpm", arguments), 3,
                         {target.substr(target.find("lab/")), words});
   }
 }
@@ -128,7 +128,7 @@ class FewDescriptors : public Laboratory {};
 
 TEST_F(FewDescriptors, AreNamedWhereTheyKeepAProgramFromItsWork) {
   const std::vector<std::vector<std::string>> commands{
-      {path_of("rtpm"), "--registry", registry_->url, "describe", "lab/arm0"},
+      {path_of("rtpm"), "--registry", registry_->url, "info", "lab/arm0"},
       {path_of("rtpm-servo"), "--registry", registry_->url, "--realtime", "off", "--seconds", "0.1",
        "--live", "off"},
       {path_of("rtpm-deviced"), "--registry", registry_->url, "--realtime", "off", "--port", "0",

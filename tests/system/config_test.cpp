@@ -120,8 +120,8 @@ TEST_F(Configured, ListsEveryParameterInATable) {
 
 TEST_F(Configured, DescribeShowsEveryParameter) {
   for (const char* device : {"lab/arm0", "lab/gaze0"}) {
-    const auto described = run_program(
-        "rtpm", {"describe", device, "--registry", registry_->url, "--deadline", "20s"});
+    const auto described =
+        run_program("rtpm", {"info", device, "--registry", registry_->url, "--deadline", "20s"});
     EXPECT_EQ(described.exit_code, 0) << described.errors;
     std::istringstream values(output_of({"get", device}));
     int count = 0;
@@ -158,11 +158,11 @@ TEST_F(Configured, RefusesInWordsWhatCantBe) {
   expect("safety.rampe_s=0.01", 1, {"safety.rampe_s", "did you mean 'safety.ramp_s'?"});
   expect("velocity.cycle_count=3", 1, {"the device is active", "deactivate the device first"});
   expect("encoder.resolution_m=1", 1, {"read-only"});
-  expect("safety.ramp_s", 2, {"NAME=VALUE", "rtpm config --help"});
+  expect("safety.ramp_s", 2, {"NAME=VALUE", "rtpm config set --help"});
   expect_one_sentence(config({"get", "lab/arm0", "enkoder.offset_m"}), 1,
                       {"did you mean 'encoder.offset_m'?"});
-  expect_one_sentence(config({"lits", "lab/arm0"}), 2, {"'lits'", "calibrate"});
-  expect_one_sentence(config({"list", "lab/arm9"}), 1, {"lab/arm9"});
+  expect_one_sentence(config({"lits", "lab/arm0"}), 2, {"'lits'", "did you mean 'list'"});
+  expect_one_sentence(config({"list", "lab/arm9"}), 3, {"lab/arm9"});
   expect_one_sentence(config({"calibrate", "lab/arm0", "encoder_ofset"}), 1,
                       {"did you mean 'encoder_offset'?"});
 }

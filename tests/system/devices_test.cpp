@@ -122,7 +122,7 @@ TEST_F(Devices, OfAllServersStopTogether) {
         return report.output.find("emergency stop") != report.output.rfind("emergency stop");
       },
       kPatience));
-  const auto stopped = run_tool({"stop", "lab/arm0", "system"});
+  const auto stopped = run_tool({"estop", "lab/arm0", "system"});
   EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
   for (const std::string device : {"lab/arm0", "lab/gaze0", "lab/knob0"}) {
     EXPECT_TRUE(test::await([&] { return is_stopped(device); }, kPatience)) << device;
@@ -168,7 +168,7 @@ TEST_F(Devices, WriteAFlightRecordAtEachFault) {
   const auto devices = host("arm0", {"--events", "none", "--flight-records", folder.string()});
   ASSERT_TRUE(devices);
   expect_one_sentence(run_tool({"flight-record", "lab/arm0"}), 1, {"lab/arm0"});
-  EXPECT_EQ(run_tool({"stop", "lab/arm0"}).exit_code, 0);
+  EXPECT_EQ(run_tool({"estop", "lab/arm0"}).exit_code, 0);
   const auto file = folder / "lab-arm0.1.csv";
   const auto content = [&] {
     std::ifstream stream(file);
@@ -186,13 +186,13 @@ TEST_F(Devices, WriteAFlightRecordAtEachFault) {
 TEST_F(Devices, OfARegistryAreStoppedByOneCommand) {
   const auto devices = host("gaze0,knob0", {"--events", "none"});
   ASSERT_TRUE(devices);
-  const auto stopped = run_tool({"stop"});
+  const auto stopped = run_tool({"estop"});
   EXPECT_EQ(stopped.exit_code, 0) << stopped.errors;
   EXPECT_NE(stopped.output.find("2 of 2 devices are stopped\n"), std::string::npos)
       << stopped.output;
   EXPECT_TRUE(is_stopped("lab/gaze0"));
-  expect_one_sentence(run_tool({"stop", "lab/gaze0", "system"}), 1, {"takes no part"});
-  EXPECT_EQ(run_tool({"stop", "lab/gaze0", "house"}).exit_code, 2);
+  expect_one_sentence(run_tool({"estop", "lab/gaze0", "system"}), 1, {"takes no part"});
+  EXPECT_EQ(run_tool({"estop", "lab/gaze0", "house"}).exit_code, 2);
 }
 
 }  // namespace

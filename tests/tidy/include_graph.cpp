@@ -96,15 +96,16 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("libserialport\\.h"), "libserialport", {"devices/serial/src/"}},
       {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
-      {std::regex("CLI/.*"), "CLI11", {}},
+      {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/"}},
       // options has the signals and the configuration file that every program shares; driver_host
-      // loads plug-ins; the devices are drivers of hardware and a program that devices/mpv starts.
+      // loads plug-ins; the devices are drivers of hardware and a program that devices/mpv starts;
+      // rtpm looks at terminals, files and this host.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
        {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/",
         "registry/recording/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
-        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/"}},
+        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "clients/rtpm/"}},
   };
   return kForeigners;
 }

@@ -167,6 +167,8 @@ const std::vector<Exemption>& exemptions() {
       {"stderr", "runtime/options/src/server_options.cpp", "the report of this program's set-up"},
       {"function", "runtime/rt/include/rtpm/rt/thread.hpp", "a thread's body, taken at set-up"},
       {"function", "runtime/rt/src/thread.cpp", "a thread's body, taken at set-up"},
+      {"stderr", "clients/rtpm/cli/context.cpp", "errors in JSON, escaped"},
+      {"throw", "clients/rtpm/cli/command.cpp", "how CLI11 is told of a wrong value"},
       {"throw", "tests/unit/driver_host/plugins/plugin.cpp", "a plug-in that misbehaves"},
   };
   return kExemptions;

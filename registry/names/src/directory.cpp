@@ -141,7 +141,8 @@ class Directory::Impl {
 
   [[nodiscard]] DirectoryError not_asked(const std::string& why,
                                          const std::string& remedy = {}) const {
-    return {{"the registry at " + registry_url_ + " was not asked", why, remedy}};
+    return {{"the registry at " + registry_url_ + " was not asked", why, remedy,
+             rpc::make_error_code(rpc::CallError::kNoResources)}};
   }
 
   [[nodiscard]] DirectoryError no_answer(const std::string& why) const {

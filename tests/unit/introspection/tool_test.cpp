@@ -81,29 +81,29 @@ TEST_F(Tool, WaitsAsLongAsTheSchemaSaysUnlessItIsTold) {
 
 TEST_F(Tool, TellsOfEachVerb) {
   const std::string all = run({"--help"}).output;
-  for (const std::string verb : {"list", "describe", "call", "take-over", "lanes", "doctor"}) {
+  for (const std::string verb : {"list", "info", "call", "take-over", "lanes", "doctor"}) {
     EXPECT_NE(all.find("\n  " + verb), all.npos) << all;
     const auto one = run({verb, "--help"});
     EXPECT_EQ(one.exit_code, 0) << one.errors;
-    EXPECT_TRUE(one.output.starts_with("rtpm " + verb + ": ")) << one.output;
+    EXPECT_NE(one.output.find("Usage: rtpm " + verb), one.output.npos) << one.output;
   }
 }
 
 TEST_F(Tool, DescribesAndLists) {
-  const auto described = run({"describe", light_});
+  const auto described = run({"info", light_});
   EXPECT_EQ(described.exit_code, 0) << described.errors;
   EXPECT_EQ(described.output, room::LightClient::interface().schema);
   const auto listed = run({"list", light_});
-  EXPECT_EQ(listed.output, "room/light\troom.Light\n");
+  EXPECT_EQ(listed.output, "room/light  room.Light\n");
 }
 
 TEST_F(Tool, TakesOverNothingButADevice) {
   const auto light = run({"take-over", light_});
-  EXPECT_EQ(light.exit_code, 1);
+  EXPECT_EQ(light.exit_code, 3);
   EXPECT_NE(light.errors.find(light_), light.errors.npos) << light.errors;
   const auto refused = run({"take-over", light_, "dim"});
   EXPECT_EQ(refused.exit_code, 2);
-  EXPECT_NE(refused.errors.find("recover, activate, deactivate or rearm"), refused.errors.npos);
+  EXPECT_NE(refused.errors.find("{recover,activate,deactivate,rearm}"), refused.errors.npos);
 }
 
 TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {
@@ -136,15 +136,15 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
        1,
        "room.Light has no method `dim`; it has set, get, scene, flash, fade, patience"},
       {{"call", light_, "set", "{red: \"x\"}"}, 1, "the request does not fit the schema"},
-      {{"call", room_.url("room/window"), "get"}, 1, "no object 'room/window' is served at"},
-      {{"describe", room_.url("room/lihgt")}, 1, "; most like it there: room/light, "},
+      {{"call", room_.url("room/window"), "get"}, 3, "no object 'room/window' is served at"},
+      {{"info", room_.url("room/lihgt")}, 3, "; most like it there: room/light, "},
       {{"call", "rtpm://127.0.0.1:1/room/light", "get"},
-       1,
+       3,
        "the server describes none of its objects"},
-      {{"call", "rtpm:/nonsense", "get"}, 1, ""},
-      {{"call", light_}, 2, "usage: rtpm call TARGET METHOD [JSON]; run 'rtpm call --help'"},
-      {{"fly"}, 2, "unknown verb 'fly'"},
-      {{"list", "--registry", "rtpm://127.0.0.1:1/rtpm/names"}, 1, ""},
+      {{"call", "rtpm:/nonsense", "get"}, 3, ""},
+      {{"call", light_}, 2, "METHOD is required; run 'rtpm call --help'"},
+      {{"fly"}, 2, "unknown command 'fly'"},
+      {{"list", "--registry", "rtpm://127.0.0.1:1/rtpm/names"}, 3, "no registry answers"},
   };
   for (const Case& c : cases) {
     const auto end = run(c.arguments);

@@ -1,4 +1,4 @@
-#include "remote.hpp"
+#include "objects/remote.hpp"
 
 #include <algorithm>
 #include <chrono>

@@ -1,5 +1,3 @@
-#include "host_verbs.hpp"
-
 #include <algorithm>
 #include <array>
 #include <cstdint>
@@ -9,15 +7,13 @@
 #include <utility>
 #include <vector>
 
+#include "cli/command.hpp"
+#include "cli/table.hpp"
+#include "host/commands.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/log.hpp"
-#include "rtpm/rt/report.hpp"
-#include "table.hpp"
 
-// Verbs about this host; they call no server.
 namespace rtpm::tool {
 namespace {
 
@@ -138,35 +134,29 @@ std::string picture_of_lanes(History& history) {
   return aligned(rows, kTextColumnCount) + remarks;
 }
 
-}  // namespace
-
-int lanes(const Request& request) {
-  const bool is_watch = !request.arguments.empty();
-  if (is_watch && request.arguments[0] != "watch") {
-    rt::print_error("rtpm", "usage: rtpm lanes [watch]; run 'rtpm lanes --help'");
-    return 2;
-  }
+int lanes(Context& context, bool is_watch) {
   History history;
   if (!is_watch) {
     std::fputs(picture_of_lanes(history).c_str(), stdout);
-    return 0;
+    return kDone;
   }
-  options::StopSignal stop;
   do {
     const std::string picture = picture_of_lanes(history);
     // From the top of an empty screen.
     std::printf("\x1b[H\x1b[2J%s", picture.c_str());
     std::fflush(stdout);
-  } while (!stop.wait_for(kWatchInterval));
-  return 0;
+  } while (!context.stop().wait_for(kWatchInterval));
+  return kDone;
 }
 
-int doctor(const Request&) {
-  const auto notes = rt::survey_host();
-  std::fputs(rt::to_text(notes).c_str(), stdout);
-  const bool is_refused = std::ranges::any_of(
-      notes, [](const rt::SetupNote& note) { return note.grant == rt::Grant::kRefused; });
-  return is_refused ? 1 : 0;
+}  // namespace
+
+void add_lanes(CLI::App& program, Context& context) {
+  const auto is_watch = std::make_shared<bool>(false);
+  CLI::App& command =
+      add_command(program, context, "lanes", "Show what the lanes of this host's servers do",
+                  "  rtpm lanes --watch\n", [is_watch](Context& c) { return lanes(c, *is_watch); });
+  command.add_flag("--watch", *is_watch, "Again each second, until Ctrl-C");
 }
 
 }  // namespace rtpm::tool

@@ -1,12 +1,11 @@
-#include "calibration_dialogue.hpp"
+#include "devices/calibration_dialogue.hpp"
 
 #include <algorithm>
 #include <cstdio>
 #include <utility>
 
-#include "parameter_text.hpp"
+#include "devices/parameters.hpp"
 #include "rtpm/base/printable.hpp"
-#include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -154,8 +153,7 @@ int CalibrationDialogue::give_up(const CalibrationStatus& status, const std::str
 }
 
 int CalibrationDialogue::fail(const std::string& text) const {
-  rt::print_error("rtpm", device_ + ": " + text);
-  return 1;
+  return context_.fail(device_ + ": " + text);
 }
 
 void CalibrationDialogue::show_progress(double progress) {

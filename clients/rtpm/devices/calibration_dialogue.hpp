@@ -4,13 +4,20 @@
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "cli/context.hpp"
 #include "rtpm/configuration/client.hpp"
 #include "rtpm/options/line_reader.hpp"
-#include "rtpm/options/stop_signal.hpp"
-#include "verbs.hpp"
 
 namespace rtpm::tool {
+
+/// What an operator may say beforehand.
+struct DialogueOptions {
+  std::vector<std::string> answers{};  ///< To the prompts; the last stands for more.
+  bool keeps = false;                  ///< The result, without asking,
+  bool discards = false;               ///< or not.
+};
 
 /// A calibration with an operator: prints prompts, progress and result, and reads answers from the
 /// options, then from standard input. A run that it leaves is discarded.
@@ -18,9 +25,13 @@ namespace rtpm::tool {
 /// @threads  one
 class CalibrationDialogue {
  public:
-  CalibrationDialogue(gvd::ConfigurationClient& client, const std::string& device,
-                      const ConfigOptions& options, const options::StopSignal& stop)
-      : client_(client), device_(device), options_(options), stop_(stop) {}
+  CalibrationDialogue(gvd::ConfigurationClient& client, Context& context, const std::string& device,
+                      const DialogueOptions& options)
+      : client_(client),
+        context_(context),
+        device_(device),
+        options_(options),
+        stop_(context.stop()) {}
 
   /// Plays the calibration `name`.
   /// @return the exit code: 0 the result was kept, or discarded as told; 1 there is none
@@ -41,8 +52,9 @@ class CalibrationDialogue {
   void show_progress(double progress);
 
   gvd::ConfigurationClient& client_;
+  const Context& context_;
   const std::string& device_;
-  const ConfigOptions& options_;
+  const DialogueOptions& options_;
   const options::StopSignal& stop_;
   options::LineReader input_{};
   std::size_t answer_count_ = 0;       ///< Of the options', given.

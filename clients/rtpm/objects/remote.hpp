@@ -27,6 +27,7 @@ class RemoteObject {
 
   [[nodiscard]] schema::Dynamic& dynamic() noexcept { return *dynamic_; }
   [[nodiscard]] const std::string& schema() const noexcept { return schema_; }
+  [[nodiscard]] const std::string& compiler_version() const noexcept { return compiler_version_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
 
   /// Receives the reply, or each item of a stream, in JSON; at times an empty text while none

@@ -1,0 +1,37 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+
+#include "cli/context.hpp"
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/options/options.hpp"
+
+namespace rtpm::tool {
+
+/// Adds a command to the program, or to a command that has several.
+/// @param summary  one clause: "List the registry's names"
+/// @param details  whole lines behind the options in --help, with an example; may be empty
+CLI::App& add_command(CLI::App& parent, Context& context, const std::string& name,
+                      const std::string& summary, const std::string& details, Run run);
+
+/// Adds a command that has commands of its own, and needs one of them.
+CLI::App& add_command_group(CLI::App& parent, const std::string& name, const std::string& summary);
+
+/// Adds an option whose value has a unit: "800us", "2 s".
+CLI::Option& add_duration(CLI::App& command, const std::string& name, Duration& value,
+                          const std::string& help,
+                          options::Range<Duration> range = {Duration{0}, Duration::max()});
+CLI::Option& add_duration(CLI::App& command, const std::string& name,
+                          std::optional<Duration>& value, const std::string& help,
+                          options::Range<Duration> range = {Duration{0}, Duration::max()});
+/// Adds the positional argument that names an object: "TARGET", "DEVICE". Shells complete it by the
+/// registry's names.
+CLI::Option& add_target(CLI::App& command, std::string& target, const std::string& name = "TARGET");
+
+/// Ends the parsing: the command line is wrong, as this clause says.
+[[noreturn]] void refuse(const std::string& clause);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace rtpm::tool {
+
+/// An option or argument, as completion and manual page show it.
+struct OptionFacts {
+  std::string name;   ///< "--json", "TARGET".
+  std::string value;  ///< "TIME"; empty: takes none, or an argument.
+  std::string help;
+  std::vector<std::string> choices{};  ///< Empty: any value.
+  bool is_positional = false;
+  bool is_required = false;
+  bool is_list = false;
+};
+
+/// A command with those below it.
+struct CommandFacts {
+  std::string path;  ///< "config list"; empty: the program.
+  std::string name;
+  std::string summary;
+  std::string details;
+  std::vector<OptionFacts> options{};
+  std::vector<CommandFacts> commands{};
+
+  /// Whether an argument is an object's name.
+  [[nodiscard]] bool takes_name() const;
+  /// Whether an argument or an option's value is a file's name.
+  [[nodiscard]] bool takes_file() const;
+};
+
+/// What the program takes.
+[[nodiscard]] CommandFacts facts_of(const CLI::App& program);
+
+/// A command and all those below it, in order.
+[[nodiscard]] std::vector<const CommandFacts*> flattened(const CommandFacts& command);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "cli/context.hpp"
+#include "cli/output.hpp"
+#include "rtpm/configuration/client.hpp"
+
+// The parameters of a device, for people and machines.
+namespace rtpm::tool {
+
+/// Every parameter: a row each, below a head.
+[[nodiscard]] std::string table_of(const gvd::DeviceConfiguration& configuration);
+/// The same as comments of a schema.
+[[nodiscard]] std::string as_comment(const gvd::DeviceConfiguration& configuration);
+[[nodiscard]] Json json_of(const gvd::DeviceConfiguration& configuration);
+
+/// "name=value", a line each.
+[[nodiscard]] std::string lines_of(const std::vector<driver::ParameterSetting>& settings);
+/// {"name": value, …}.
+[[nodiscard]] Json json_of(const std::vector<driver::ParameterSetting>& settings);
+
+/// @errors   as ConfigurationClient::open()
+[[nodiscard]] expected<gvd::ConfigurationClient, SetupError> open_configuration(
+    Context& context, const std::string& device);
+
+/// The configuration of the object at `url`; nothing if it has none.
+/// @errors   the server's configuration gives no answer
+[[nodiscard]] expected<std::optional<gvd::DeviceConfiguration>, SetupError> configuration_of(
+    Context& context, const std::string& url);
+
+}  // namespace rtpm::tool

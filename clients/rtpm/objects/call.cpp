@@ -1,0 +1,63 @@
+#include <cstdio>
+#include <string>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "objects/commands.hpp"
+#include "objects/remote.hpp"
+#include "rtpm/base/printable.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+struct CallRequest {
+  std::string target{};
+  std::string method{};
+  std::string json{};
+  std::optional<Duration> stream_time{};
+};
+
+bool is_stream_of(RemoteObject& object, const std::string& method) {
+  const schema::Method* const found = object.dynamic().find(method);
+  return found != nullptr && found->is_stream;
+}
+
+int call(Context& context, const CallRequest& request) {
+  const auto url = url_of(context.node(), context.registry, request.target);
+  if (!url) return context.not_reached(url.error());
+  const auto object = RemoteObject::open(context.node(), *url);
+  if (!object) return context.not_reached(object.error());
+  // Ctrl-C closes a stream explicitly, so that its server frees it at once.
+  const options::StopSignal* const stop =
+      is_stream_of(**object, request.method) ? &context.stop() : nullptr;
+  const auto print = [&](std::string_view text) {
+    if (!text.empty()) print_line(printable(text, kShownWhole));
+    return stop == nullptr || !stop->is_requested();
+  };
+  const auto called = (*object)->call(request.method, request.json, context.call_options(),
+                                      request.stream_time, print);
+  if (!called) return context.fail(named(request.method, called.error()));
+  return kDone;
+}
+
+}  // namespace
+
+void add_call(CLI::App& program, Context& context) {
+  const auto request = std::make_shared<CallRequest>();
+  CLI::App& command = add_command(
+      program, context, "call", "Call a method, and print its reply or its items as JSON",
+      "  rtpm call lab/arm0 read\n  rtpm call lab/arm0 set_force '{x: 1}'\n"
+      "Absent fields have their defaults. A oneway waits as its schema says. A stream's items are\n"
+      "printed as they come, until it ends, for --for, or until Ctrl-C.\n",
+      [request](Context& c) { return call(c, *request); });
+  add_target(command, request->target);
+  command.add_option("METHOD", request->method, "As `rtpm info TARGET` shows them")
+      ->required()
+      ->type_name("");
+  command.add_option("JSON", request->json, "The request")->type_name("");
+  add_duration(command, "--for", request->stream_time,
+               "How long a stream is read; without: until it ends, or Ctrl-C",
+               {Duration{0}, std::chrono::hours{24}});
+}
+
+}  // namespace rtpm::tool

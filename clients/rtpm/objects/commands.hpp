@@ -1,0 +1,16 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "cli/context.hpp"
+
+// Commands that look at servers, and call their objects.
+namespace rtpm::tool {
+
+void add_list(CLI::App& program, Context& context);
+void add_info(CLI::App& program, Context& context);
+void add_find(CLI::App& program, Context& context);
+void add_watch(CLI::App& program, Context& context);
+void add_call(CLI::App& program, Context& context);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,36 @@
+#include "objects/entries.hpp"
+
+#include <cstdio>
+
+#include "cli/table.hpp"
+#include "rtpm/base/printable.hpp"
+
+namespace rtpm::tool {
+
+Json json_of(const names::NameEntry& entry) {
+  return {{"name", entry.name},
+          {"interface", entry.interface},
+          {"url", entry.url},
+          {"lease_left_s", std::chrono::duration<double>(entry.lease_left).count()},
+          {"revision", entry.revision}};
+}
+
+std::string table_of(const std::vector<names::NameEntry>& entries) {
+  std::vector<Row> rows;
+  for (const names::NameEntry& entry : entries)
+    rows.push_back({printable(entry.name), printable(entry.interface), printable(entry.url)});
+  return aligned(rows, 3);
+}
+
+void print_entries(const std::vector<names::NameEntry>& entries, bool as_json) {
+  if (!as_json) {
+    std::fputs(table_of(entries).c_str(), stdout);
+    return;
+  }
+  Json list = Json::array();
+  for (const names::NameEntry& entry : entries)
+    list.push_back(json_of(entry));
+  print_json(list);
+}
+
+}  // namespace rtpm::tool

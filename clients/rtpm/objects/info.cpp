@@ -1,0 +1,73 @@
+#include <cstdio>
+#include <string>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "devices/parameters.hpp"
+#include "objects/commands.hpp"
+#include "objects/remote.hpp"
+#include "rtpm/base/printable.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+const char* kind_of(const schema::Method& method) {
+  if (method.is_stream) return "stream";
+  return method.oneway ? "oneway" : "call";
+}
+
+Json method_json(const schema::Method& method) {
+  Json json{{"name", method.name},
+            {"id", method.id},
+            {"kind", kind_of(method)},
+            {"is_idempotent", method.is_idempotent}};
+  if (method.deadline_us) json["deadline_us"] = *method.deadline_us;
+  if (method.max_size) json["size_max"] = *method.max_size;
+  return json;
+}
+
+Json object_json(const std::string& url, RemoteObject& object,
+                 const gvd::DeviceConfiguration* device) {
+  const schema::Service& service = object.dynamic().service();
+  Json methods = Json::array();
+  for (const schema::Method& method : service.methods)
+    methods.push_back(method_json(method));
+  Json json{{"url", url},
+            {"interface", service.name},
+            {"fingerprint", service.fingerprint},
+            {"compiler_version", object.compiler_version()},
+            {"methods", std::move(methods)},
+            {"schema", object.schema()}};
+  if (device != nullptr) json["device"] = json_of(*device);
+  return json;
+}
+
+int info(Context& context, const std::string& target) {
+  const auto url = url_of(context.node(), context.registry, target);
+  if (!url) return context.not_reached(url.error());
+  const auto object = RemoteObject::open(context.node(), *url);
+  if (!object) return context.not_reached(object.error());
+  const auto device = configuration_of(context, *url);
+  if (!device) return context.fail(device.error());
+  if (context.json) {
+    print_json(object_json(*url, **object, *device ? &**device : nullptr));
+    return kDone;
+  }
+  std::fputs(printable_lines((*object)->schema()).c_str(), stdout);
+  if (*device) std::fputs(as_comment(**device).c_str(), stdout);
+  return kDone;
+}
+
+}  // namespace
+
+void add_info(CLI::App& program, Context& context) {
+  const auto target = std::make_shared<std::string>();
+  CLI::App& command = add_command(
+      program, context, "info", "Print the schema of an object, and a device's parameters",
+      "  rtpm info lab/arm0\n"
+      "The output is a schema that rtpmc takes; a device's parameters are comments in it.\n",
+      [target](Context& c) { return info(c, *target); });
+  add_target(command, *target);
+}
+
+}  // namespace rtpm::tool

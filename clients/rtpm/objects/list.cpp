@@ -1,0 +1,56 @@
+#include <string>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "cli/table.hpp"
+#include "objects/commands.hpp"
+#include "objects/entries.hpp"
+#include "objects/remote.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/introspection/catalog.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+int list_names(Context& context) {
+  const auto entries = names::Directory(context.node(), context.registry).list();
+  if (!entries) return context.not_reached(entries.error());
+  print_entries(*entries, context.json);
+  return kDone;
+}
+
+int list_objects(Context& context, const std::string& target) {
+  const auto url = url_of(context.node(), context.registry, target);
+  if (!url) return context.not_reached(url.error());
+  auto catalog = introspection::IntrospectionClient::bind(context.node(), catalog_url(*url));
+  if (!catalog) return context.not_reached(catalog.error());
+  const auto reply = catalog->list();
+  if (!reply) return context.fail(to_string(reply.error()));
+  Json json = Json::array();
+  std::vector<Row> rows;
+  for (const auto* object : *(*reply)->objects()) {
+    const auto path = object->path()->string_view();
+    const auto interface = object->interface()->string_view();
+    rows.push_back({printable(path), printable(interface)});
+    json.push_back({{"path", path}, {"interface", interface}});
+  }
+  if (context.json) {
+    print_json(json);
+  } else {
+    std::fputs(aligned(rows, 2).c_str(), stdout);
+  }
+  return kDone;
+}
+
+}  // namespace
+
+void add_list(CLI::App& program, Context& context) {
+  const auto target = std::make_shared<std::string>();
+  CLI::App& command = add_command(
+      program, context, "list", "List the registry's names, or the objects of a server",
+      "  rtpm list\n  rtpm list lab/arm0        the objects of the server that has it\n",
+      [target](Context& c) { return target->empty() ? list_names(c) : list_objects(c, *target); });
+  add_target(command, *target).required(false);
+}
+
+}  // namespace rtpm::tool

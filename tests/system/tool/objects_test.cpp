@@ -1,0 +1,108 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+
+// Commands that look at servers, beside a registry and a device server.
+namespace rtpm::system_test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Objects : public Laboratory {
+ protected:
+  void SetUp() override {
+    Laboratory::SetUp();
+    ASSERT_TRUE(registry_ && device_);
+  }
+  [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--registry", registry_->url});
+    return run_program("rtpm", arguments);
+  }
+  /// What `rtpm … --json` prints; it must succeed.
+  [[nodiscard]] Json json_of(std::vector<std::string> arguments) const {
+    arguments.emplace_back("--json");
+    const auto end = rtpm(arguments);
+    EXPECT_EQ(end.exit_code, 0) << end.errors;
+    return Json::parse(end.output, nullptr, false);
+  }
+};
+
+TEST_F(Objects, AreListedForPeopleAndMachines) {
+  const auto listed = rtpm({"list"});
+  EXPECT_EQ(listed.output, "lab/arm0  rtpm.device.Device  " + device_->url + "\n");
+  const Json names = json_of({"list"});
+  ASSERT_EQ(names.size(), 1u) << names;
+  EXPECT_EQ(names[0]["name"], "lab/arm0");
+  EXPECT_EQ(names[0]["url"], device_->url);
+  const Json objects = json_of({"list", "lab/arm0"});
+  EXPECT_GE(objects.size(), 2u) << objects;
+  EXPECT_EQ(objects[0]["path"], "lab/arm0");
+}
+
+TEST_F(Objects, OfAnUnknownNameAreNotReached) {
+  expect_one_sentence(rtpm({"list", "lab/arm1"}), 3, {"lab/arm1", "most like it: lab/arm0"});
+  const auto end = rtpm({"list", "lab/arm1", "--json"});
+  EXPECT_EQ(end.exit_code, 3);
+  EXPECT_EQ(end.output, "");
+  const Json error = Json::parse(end.errors, nullptr, false)["error"];
+  EXPECT_EQ(error["exit_code"], 3) << end.errors;
+  EXPECT_NE(error["what"].get<std::string>().find("lab/arm1"), std::string::npos);
+}
+
+TEST_F(Objects, AreDescribedWithTheirMethodsAndParameters) {
+  const Json info = json_of({"info", "lab/arm0"});
+  EXPECT_EQ(info["interface"], "rtpm.device.Device");
+  EXPECT_EQ(info["url"], device_->url);
+  bool reads = false;
+  for (const Json& method : info["methods"])
+    reads = reads || method["name"] == "read";
+  EXPECT_TRUE(reads) << info["methods"];
+  EXPECT_GE(info["device"]["parameters"].size(), 9u);
+  expect_one_sentence(rtpm({"info", "lab/arm9"}), 3, {"lab/arm9"});
+}
+
+TEST_F(Objects, AreFoundByPatterns) {
+  for (const std::vector<std::string>& pattern : std::vector<std::vector<std::string>>{
+           {"lab/*"}, {"--interface", "rtpm.device.*"}, {"--host", "127.0.0.?"}}) {
+    std::vector<std::string> arguments{"find"};
+    arguments.insert(arguments.end(), pattern.begin(), pattern.end());
+    EXPECT_EQ(json_of(arguments).size(), 1u) << pattern.front();
+  }
+  expect_one_sentence(rtpm({"find", "--interface", "rtpm.device.Devise"}), 1,
+                      {"none of the registry's 1 names fits", "'rtpm.device.Device'"});
+}
+
+TEST_F(Objects, ThatComeAndGoAreWatched) {
+  test::Process watch({path_of("rtpm"), "watch", "--json", "--registry", registry_->url});
+  ASSERT_TRUE(watch.wait_for_output("\"bound\"", kPatience)) << watch.errors();
+  device_->process.send_signal(SIGTERM);
+  ASSERT_TRUE(watch.wait_for_output("\"gone\"", kPatience)) << watch.output();
+  watch.send_signal(SIGINT);
+  const auto end = watch.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  const Json first = Json::parse(end->output.substr(0, end->output.find('\n')), nullptr, false);
+  EXPECT_EQ(first["name"], "lab/arm0");
+}
+
+TEST_F(Objects, AreCalledInJsonAndRefuseItWithItsPosition) {
+  EXPECT_EQ(json_of({"call", "lab/arm0", "read"})["position_m"].size(), 3u);
+  expect_one_sentence(rtpm({"call", "lab/arm0", "renew", "{x 1}"}), 1,
+                      {"the request does not fit the schema", "1:"});
+}
+
+TEST(Registry, ThatIsDownIsTold) {
+  for (const char* command : {"list", "find", "watch", "estop"}) {
+    expect_one_sentence(
+        run_program("rtpm", {command, "--registry", "rtpm://127.0.0.1:1/rtpm/names"}), 3,
+        {"no registry answers at rtpm://127.0.0.1:1/rtpm/names", "Remedy: start rtpm-registryd"});
+  }
+}
+
+}  // namespace
+}  // namespace rtpm::system_test

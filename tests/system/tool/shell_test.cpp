@@ -1,0 +1,111 @@
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+
+// What the shell sees of `rtpm`: its help, completion and manual page, from one source.
+namespace rtpm::system_test {
+namespace {
+
+/// The commands in --help, those below others too: "list", "config set".
+std::vector<std::string> commands_below(const std::string& path) {
+  std::vector<std::string> arguments;
+  std::istringstream words(path);
+  for (std::string word; words >> word;)
+    arguments.push_back(word);
+  arguments.emplace_back("--help");
+  const auto end = run_program("rtpm", arguments);
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  const std::size_t begin = end.output.find("\nCommands:\n");
+  std::vector<std::string> commands;
+  if (begin == std::string::npos) return commands;
+  std::istringstream lines(end.output.substr(begin + 11));
+  for (std::string line; std::getline(lines, line) && line.starts_with("  ");) {
+    if (line[2] == ' ') continue;
+    const std::string name = line.substr(2, line.find(' ', 2) - 2);
+    commands.push_back(path.empty() ? name : path + " " + name);
+    for (std::string& below : commands_below(commands.back()))
+      commands.push_back(std::move(below));
+  }
+  return commands;
+}
+
+std::string output_of(const std::vector<std::string>& arguments) {
+  const auto end = run_program("rtpm", arguments);
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  return end.output;
+}
+
+TEST(Shell, SeesEveryCommandInTheManualPage) {
+  const std::string page = output_of({"manual"});
+  const auto commands = commands_below("");
+  EXPECT_GE(commands.size(), 18u);
+  for (const std::string& command : commands) {
+    std::string escaped;
+    for (const char byte : command)
+      escaped += byte == '-' ? std::string("\\-") : std::string(1, byte);
+    const bool has_own = !commands_below(command).empty();
+    EXPECT_EQ(page.find("\n.SS " + escaped + (has_own ? "\n" : "")) == std::string::npos, has_own)
+        << command;
+  }
+}
+
+TEST(Shell, CompletesEveryCommand) {
+  for (const char* shell : {"bash", "zsh", "fish"}) {
+    const std::string script = output_of({"completion", shell});
+    for (const std::string& command : commands_below(""))
+      EXPECT_NE(script.find("\"" + command + "\""), std::string::npos) << shell << " " << command;
+  }
+}
+
+/// What bash offers for the last of `words`.
+std::string completed(const std::string& words) {
+  const auto script = std::filesystem::path(testing::TempDir()) / "rtpm-completion.bash";
+  std::ofstream(script) << output_of({"completion", "bash"});
+  const auto end =
+      test::run({"bash", "-c",
+                 "PATH=$0:$PATH; source " + script.string() + "; COMP_WORDS=(" + words +
+                     "); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); _rtpm; echo "
+                     "\"${COMPREPLY[*]}\"",
+                 RTPM_PROGRAM_FOLDER},
+                kPatience);
+  EXPECT_TRUE(end);
+  EXPECT_EQ(end->errors, "");
+  return end->output;
+}
+
+TEST(Shell, CompletesCommandsOptionsAndChoicesInBash) {
+  EXPECT_EQ(completed("rtpm est"), "estop\n");
+  EXPECT_EQ(completed("rtpm config cal"), "calibrate\n");
+  EXPECT_EQ(completed("rtpm --json config reset --rev"), "--revision\n");
+  EXPECT_EQ(completed("rtpm take-over lab/arm0 rec"), "recover\n");
+  EXPECT_EQ(completed("rtpm list --reg"), "--registry\n");
+}
+
+TEST(Shell, IsRefusedAnUnknownShellCommandOrOption) {
+  expect_one_sentence(run_program("rtpm", {"completion", "tcsh"}), 2, {"tcsh", "bash,zsh,fish"});
+  expect_one_sentence(run_program("rtpm", {"lsit"}), 2, {"'lsit'", "did you mean 'list'"});
+  expect_one_sentence(run_program("rtpm", {"list", "--jsn"}), 2, {"'--jsn'", "'--json'"});
+  expect_one_sentence(run_program("rtpm", {}), 2, {"a command is missing"});
+  expect_one_sentence(run_program("rtpm", {"list", "--deadline", "2h"}), 2, {"1us to 1h"});
+}
+
+TEST(Shell, TakesItsRegistryFromTheEnvironment) {
+  const auto end = test::run(
+      {"env", "RTPM_REGISTRY=rtpm://127.0.0.1:1/elsewhere", path_of("rtpm"), "list"}, kPatience);
+  ASSERT_TRUE(end);
+  expect_one_sentence(*end, 3, {"rtpm://127.0.0.1:1/elsewhere"});
+}
+
+TEST(Shell, SeesNoColourWhereNobodyLooks) {
+  for (const char* command : {"--help", "doctor", "lanes"})
+    EXPECT_EQ(run_program("rtpm", {command}).output.find('\x1b'), std::string::npos) << command;
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
