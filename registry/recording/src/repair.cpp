@@ -1,8 +1,11 @@
 #include "rtpm/recording/repair.hpp"
 
 #include <algorithm>
+#include <filesystem>
 #include <map>
+#include <memory>
 #include <optional>
+#include <utility>
 
 #include "input_file.hpp"
 #include "rtpm/recording/file_reader.hpp"
@@ -105,14 +108,121 @@ std::string check_data_crc(const InputFile& file) {
   return crc == *stated ? "" : "the checksum of its data is wrong";
 }
 
+SetupError stopped(const std::string& path) {
+  return {path + " is not done", "it was stopped"};
+}
+
+/// A new recording under another name until it is whole.
+class NewRecording {
+ public:
+  [[nodiscard]] static expected<NewRecording, SetupError> create(const std::string& path) {
+    if (std::filesystem::exists(path)) {
+      return setup_error("'" + path + "' can't be written", "it exists already",
+                         "choose another name, or remove it");
+    }
+    NewRecording made(path);
+    std::error_code ignored;
+    std::filesystem::remove(made.draft(), ignored);  // Of a program that died.
+    auto writer = FileWriter::create(made.draft());
+    if (!writer) return unexpected{writer.error()};
+    made.writer_ = std::move(*writer);
+    return made;
+  }
+  NewRecording(NewRecording&&) noexcept = default;
+  NewRecording& operator=(NewRecording&&) = delete;
+  ~NewRecording() {
+    std::error_code ignored;
+    if (writer_) std::filesystem::remove(draft(), ignored);
+  }
+
+  [[nodiscard]] FileWriter& writer() noexcept { return *writer_; }
+
+  /// Gives it its name. @return how many messages it has
+  [[nodiscard]] expected<std::uint64_t, SetupError> finish() {
+    if (auto closed = writer_->close(); !closed) return unexpected{closed.error()};
+    const std::uint64_t count = writer_->statistics().message_count;
+    std::error_code cause;
+    std::filesystem::rename(draft(), path_, cause);
+    if (cause) return setup_error("'" + path_ + "' can't be written", cause);
+    writer_.reset();
+    return count;
+  }
+
+ private:
+  explicit NewRecording(std::string path) noexcept : path_(std::move(path)) {}
+  [[nodiscard]] std::string draft() const { return path_ + ".part"; }
+
+  std::string path_;
+  std::unique_ptr<FileWriter> writer_{};
+};
+
+/// Copies the messages of a query, and the channels that have some.
+class Selection {
+ public:
+  Selection(FileReader& reader, FileWriter& writer) noexcept : reader_(reader), writer_(writer) {}
+
+  expected<void, SetupError> take(Message message) {
+    const auto number = number_of(message.channel_id);
+    if (!number) return unexpected{number.error()};
+    message.channel_id = *number;
+    return writer_.write(message);
+  }
+
+ private:
+  /// In the new file.
+  expected<std::uint16_t, SetupError> number_of(std::uint16_t channel_id) {
+    if (const auto known = numbers_.find(channel_id); known != numbers_.end()) return known->second;
+    const auto found = reader_.channels().find(channel_id);
+    if (found == reader_.channels().end()) return setup_error("a message has no channel");
+    Channel channel = found->second;
+    if (const auto schema = reader_.schemas().find(channel.schema_id);
+        schema != reader_.schemas().end()) {
+      const auto schema_number = writer_.add_schema(schema->second);
+      if (!schema_number) return unexpected{schema_number.error()};
+      channel.schema_id = *schema_number;
+    } else {
+      channel.schema_id = 0;
+    }
+    const auto number = writer_.add_channel(channel);
+    if (number) numbers_[channel_id] = *number;
+    return number;
+  }
+
+  FileReader& reader_;
+  FileWriter& writer_;
+  std::map<std::uint16_t, std::uint16_t> numbers_{};
+};
+
+expected<void, SetupError> copy_extras(FileReader& reader, FileWriter& writer) {
+  const auto metadata = reader.read_metadata();
+  if (!metadata) return unexpected{metadata.error()};
+  for (const Metadata& one : *metadata) {
+    if (auto written = writer.write(one); !written) return written;
+  }
+  const auto attachments = reader.read_attachments();
+  if (!attachments) return unexpected{attachments.error()};
+  for (const Attachment& one : *attachments) {
+    if (auto written = writer.write(one); !written) return written;
+  }
+  return {};
+}
+
+/// How many messages go by between two reports of progress.
+constexpr std::uint64_t kProgressStep = 4096;
+
+bool goes_on(const Progress& progress, std::uint64_t done, std::uint64_t whole) {
+  return !progress || progress(done, whole);
+}
+
 }  // namespace
 
-expected<Recovery, SetupError> recover(const std::string& from, const std::string& to) {
+expected<Recovery, SetupError> recover(const std::string& from, const std::string& to,
+                                       const Progress& progress) {
   const auto file = InputFile::open(from);
   if (!file) return unexpected{file.error()};
-  auto writer = FileWriter::create(to);
-  if (!writer) return unexpected{writer.error()};
-  Copy copy(**writer);
+  auto made = NewRecording::create(to);
+  if (!made) return unexpected{made.error()};
+  Copy copy(made->writer());
   Recovery recovery;
   expected<void, SetupError> copied{};
   bool is_ended = false;
@@ -122,17 +232,47 @@ expected<Recovery, SetupError> recover(const std::string& from, const std::strin
     } else if (const auto content = file->content(record)) {
       copied = copy.take(record.opcode, *content);
     }
+    if (copied && !goes_on(progress, record.offset, file->size())) {
+      copied = unexpected{stopped(to)};
+    }
     is_ended = record.opcode == Opcode::kDataEnd;
     return copied.has_value();
   });
   if (!copied) return unexpected{copied.error()};
   if (!is_ended) recovery.cut_byte_count = file->size() - end;
-  if (auto closed = (*writer)->close(); !closed) return unexpected{closed.error()};
-  recovery.message_count = (*writer)->statistics().message_count;
+  const auto count = made->finish();
+  if (!count) return unexpected{count.error()};
+  recovery.message_count = *count;
   return recovery;
 }
 
-expected<std::vector<std::string>, SetupError> check(const std::string& path) {
+expected<std::uint64_t, SetupError> cut(const std::string& from, const std::string& to,
+                                        const Query& query, const Progress& progress) {
+  auto reader = FileReader::open(from);
+  if (!reader) return unexpected{reader.error()};
+  auto made = NewRecording::create(to);
+  if (!made) return unexpected{made.error()};
+  Selection selection(**reader, made->writer());
+  const Statistics& statistics = (*reader)->statistics();
+  expected<void, SetupError> copied{};
+  std::uint64_t count = 0;
+  const auto read = (*reader)->read(query, [&](const Message& message) {
+    copied = selection.take(message);
+    if (copied && ++count % kProgressStep == 0 &&
+        !goes_on(progress, message.log_time_ns - statistics.begin_ns,
+                 statistics.end_ns - statistics.begin_ns)) {
+      copied = unexpected{stopped(to)};
+    }
+    return copied.has_value();
+  });
+  if (!read) return unexpected{read.error()};
+  if (!copied) return unexpected{copied.error()};
+  if (auto more = copy_extras(**reader, made->writer()); !more) return unexpected{more.error()};
+  return made->finish();
+}
+
+expected<std::vector<std::string>, SetupError> check(const std::string& path,
+                                                     const Progress& progress) {
   auto file = InputFile::open(path);
   if (!file) return unexpected{file.error()};
   std::vector<std::string> problems;
@@ -143,16 +283,19 @@ expected<std::vector<std::string>, SetupError> check(const std::string& path) {
   } else if (std::string problem = check_data_crc(*file); !problem.empty()) {
     problems.push_back(std::move(problem));
   }
+  const std::uint64_t stated = (*reader)->statistics().message_count;
   std::uint64_t count = 0;
   std::uint64_t unknown_count = 0;
+  bool is_stopped = false;
   const auto read = (*reader)->read({}, [&](const Message& message) {
-    ++count;
     if (!(*reader)->channels().contains(message.channel_id)) ++unknown_count;
-    return true;
+    is_stopped = ++count % kProgressStep == 0 && !goes_on(progress, count, stated);
+    return !is_stopped;
   });
+  if (is_stopped) return unexpected{stopped("the check of " + path)};
   if (!read) {
     problems.push_back(read.error().reason());
-  } else if (const std::uint64_t stated = (*reader)->statistics().message_count; count != stated) {
+  } else if (count != stated) {
     problems.push_back("it has " + std::to_string(count) + " messages, and states " +
                        std::to_string(stated));
   }

@@ -102,5 +102,45 @@ TEST_F(Repair, SurvivesRandomDamage) {
   }
 }
 
+TEST_F(Repair, CutsATimeAndAChannelAndKeepsTheRest) {
+  const std::string from = write_recording();
+  const std::string to = folder_.fresh("cut");
+  auto whole = FileReader::open(from);
+  ASSERT_TRUE(whole);
+  const std::uint16_t touched = (*whole)->channels().begin()->first;
+  const Query query{.from_ns = 10'000'000, .to_ns = 30'000'000, .channel_ids = {touched}};
+  const auto count = cut(from, to, query);
+  ASSERT_TRUE(count) << count.error().text();
+  auto part = FileReader::open(to);
+  ASSERT_TRUE(part) << part.error().text();
+  EXPECT_EQ(read_all(**part), read_all(**whole, query));
+  EXPECT_EQ(*count, read_all(**part).size());
+  ASSERT_EQ((*part)->channels().size(), 1u);
+  EXPECT_EQ((*part)->channels().begin()->second.topic, "lab/touched");
+  EXPECT_EQ((*part)->schemas().begin()->second.name, "lab.Touched");
+  EXPECT_EQ(*(*part)->read_metadata(), (std::vector<Metadata>{{.name = "end"}}));
+  EXPECT_EQ(*check(to), std::vector<std::string>{});
+}
+
+TEST_F(Repair, LeavesNothingOfWhatWasStopped) {
+  const std::string from = write_recording();
+  const std::string to = folder_.fresh("stopped");
+  const auto recovery =
+      recover(from, to, [](std::uint64_t done, std::uint64_t whole) { return done < whole / 2; });
+  ASSERT_FALSE(recovery);
+  EXPECT_NE(recovery.error().text().find("it was stopped"), std::string::npos);
+  EXPECT_FALSE(std::filesystem::exists(to));
+  EXPECT_FALSE(std::filesystem::exists(to + ".part"));
+}
+
+TEST_F(Repair, OverwritesNothing) {
+  const std::string from = write_recording();
+  const auto recovery = recover(from, from);
+  ASSERT_FALSE(recovery);
+  EXPECT_NE(recovery.error().text().find("exists already"), std::string::npos);
+  EXPECT_FALSE(cut(from, from, {}));
+  EXPECT_EQ(*check(from), std::vector<std::string>{});
+}
+
 }  // namespace
 }  // namespace rtpm::recording
