@@ -11,7 +11,7 @@
 #include "devices/commands.hpp"
 #include "host/commands.hpp"
 #include "objects/commands.hpp"
-#include "rtpm/base/printable.hpp"
+#include "recordings/commands.hpp"
 #include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/log.hpp"
 
@@ -113,6 +113,8 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_find(*program, context);
   add_watch(*program, context);
   add_call(*program, context);
+  add_ping(*program, context);
+  add_bag(*program, context);
   add_config(*program, context);
   add_take_over(*program, context);
   add_estop(*program, context);

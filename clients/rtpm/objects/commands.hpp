@@ -11,6 +11,7 @@ void add_list(CLI::App& program, Context& context);
 void add_info(CLI::App& program, Context& context);
 void add_find(CLI::App& program, Context& context);
 void add_watch(CLI::App& program, Context& context);
+void add_ping(CLI::App& program, Context& context);
 void add_call(CLI::App& program, Context& context);
 
 }  // namespace rtpm::tool

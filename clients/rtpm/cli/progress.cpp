@@ -1,0 +1,43 @@
+#include "cli/progress.hpp"
+
+#include <unistd.h>
+
+#include <string_view>
+#include <utility>
+
+#include "cli/output.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+constexpr int kWidth = 40;
+
+void put(std::string_view text) {
+  // To standard error, which has no buffer. That nobody sees a bar is no failure.
+  static_cast<void>(!::write(STDERR_FILENO, text.data(), text.size()));
+}
+
+}  // namespace
+
+ProgressBar::ProgressBar(Context& context, std::string what)
+    : context_(context), what_(std::move(what)), is_shown_(is_error_terminal() && !context.json) {
+  static_cast<void>(context_.stop());
+}
+
+ProgressBar::~ProgressBar() {
+  if (is_shown_) put("\r\x1b[K");
+}
+
+bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
+  const int percent =
+      whole == 0 ? 100
+                 : static_cast<int>(100.0 * static_cast<double>(done) / static_cast<double>(whole));
+  if (is_shown_ && std::exchange(percent_, percent) != percent) {
+    const auto full = static_cast<std::size_t>(kWidth * percent / 100);
+    put("\r" + what_ + " [" + std::string(full, '#') + std::string(kWidth - full, ' ') + "] " +
+        std::to_string(percent) + " %");
+  }
+  return !context_.stop().is_requested();
+}
+
+}  // namespace rtpm::tool

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "cli/context.hpp"
+
+namespace rtpm::tool {
+
+/// A bar on standard error while people look at it; Ctrl-C asks the work to stop.
+/// @ownership refers to its context
+/// @threads  one
+class ProgressBar {
+ public:
+  ProgressBar(Context& context, std::string what);
+  ProgressBar(const ProgressBar&) = delete;
+  ProgressBar& operator=(const ProgressBar&) = delete;
+  /// Clears the bar.
+  ~ProgressBar();
+
+  /// Shows how much is done. @return false: stop
+  bool show(std::uint64_t done, std::uint64_t whole);
+
+ private:
+  Context& context_;
+  std::string what_;
+  bool is_shown_;
+  int percent_ = -1;
+};
+
+}  // namespace rtpm::tool

@@ -1,0 +1,285 @@
+#include <algorithm>
+#include <cstdio>
+#include <ctime>
+#include <filesystem>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "cli/progress.hpp"
+#include "cli/table.hpp"
+#include "recordings/commands.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/options/formatted.hpp"
+#include "rtpm/options/suggestion.hpp"
+#include "rtpm/recording/file_reader.hpp"
+#include "rtpm/recording/repair.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+using options::formatted;
+using recording::FileReader;
+
+struct BagRequest {
+  std::string file{};
+  std::string output{};
+  Duration from{};  ///< After the first message.
+  std::optional<Duration> to{};
+  std::vector<std::string> topics{};
+};
+
+double seconds_of(std::uint64_t ns) {
+  return static_cast<double>(ns) * 1e-9;
+}
+
+/// In UTC, as RFC 3339 has it: "2026-11-24T08:15:30.250Z".
+std::string time_text(std::uint64_t ns) {
+  const auto whole_s = static_cast<std::time_t>(ns / 1'000'000'000);
+  std::tm utc{};
+  ::gmtime_r(&whole_s, &utc);
+  return formatted("%04d-%02d-%02dT%02d:%02d:%02d.%03dZ", utc.tm_year + 1900, utc.tm_mon + 1,
+                   utc.tm_mday, utc.tm_hour, utc.tm_min, utc.tm_sec,
+                   static_cast<int>(ns / 1'000'000 % 1000));
+}
+
+struct ChannelFacts {
+  std::string topic;
+  std::string type;  ///< Of its schema; empty: none.
+  std::string encoding;
+  std::uint64_t count = 0;
+  double rate_hz = 0;  ///< 0: the recording has no length.
+};
+
+std::vector<ChannelFacts> facts_of(FileReader& reader) {
+  const recording::Statistics& statistics = reader.statistics();
+  const double length_s = seconds_of(statistics.end_ns - statistics.begin_ns);
+  std::vector<ChannelFacts> list;
+  for (const auto& [number, channel] : reader.channels()) {
+    const auto schema = reader.schemas().find(channel.schema_id);
+    const auto counted = statistics.message_counts.find(number);
+    ChannelFacts facts{.topic = channel.topic,
+                       .type = schema == reader.schemas().end() ? "" : schema->second.name,
+                       .encoding = channel.message_encoding,
+                       .count = counted == statistics.message_counts.end() ? 0 : counted->second};
+    if (length_s > 0) facts.rate_hz = static_cast<double>(facts.count) / length_s;
+    list.push_back(std::move(facts));
+  }
+  std::ranges::sort(list, {}, &ChannelFacts::topic);
+  return list;
+}
+
+Json json_of(FileReader& reader, const std::string& path,
+             const std::vector<recording::Metadata>& metadata) {
+  const recording::Statistics& statistics = reader.statistics();
+  Json channels = Json::array();
+  for (const ChannelFacts& facts : facts_of(reader)) {
+    channels.push_back({{"topic", facts.topic},
+                        {"type", facts.type},
+                        {"encoding", facts.encoding},
+                        {"message_count", facts.count},
+                        {"rate_hz", facts.rate_hz}});
+  }
+  Json more = Json::array();
+  for (const recording::Metadata& one : metadata)
+    more.push_back({{"name", one.name}, {"values", one.values}});
+  return {{"file", path},
+          {"byte_count", std::filesystem::file_size(path)},
+          {"is_complete", reader.is_complete()},
+          {"begin_ns", statistics.begin_ns},
+          {"end_ns", statistics.end_ns},
+          {"message_count", statistics.message_count},
+          {"chunk_count", statistics.chunk_count},
+          {"channels", std::move(channels)},
+          {"metadata", std::move(more)}};
+}
+
+std::string text_of(FileReader& reader, const std::string& path,
+                    const std::vector<recording::Metadata>& metadata) {
+  const recording::Statistics& statistics = reader.statistics();
+  std::string text =
+      formatted("%llu messages in %u chunks, %.1f MB",
+                static_cast<unsigned long long>(statistics.message_count), statistics.chunk_count,
+                static_cast<double>(std::filesystem::file_size(path)) * 1e-6);
+  if (statistics.message_count > 0) {
+    text += formatted(", %.3f s from ", seconds_of(statistics.end_ns - statistics.begin_ns)) +
+            time_text(statistics.begin_ns);
+  }
+  text += "\n\n";
+  std::vector<Row> rows{{"TOPIC", "TYPE", "ENCODING", "MESSAGES", "PER-S"}};
+  for (const ChannelFacts& facts : facts_of(reader)) {
+    rows.push_back({printable(facts.topic), facts.type.empty() ? "-" : printable(facts.type),
+                    printable(facts.encoding), std::to_string(facts.count),
+                    facts.rate_hz > 0 ? formatted("%.1f", facts.rate_hz) : "-"});
+  }
+  text += aligned(rows, 3);
+  for (const recording::Metadata& one : metadata) {
+    text += "\n" + printable(one.name) + "\n";
+    for (const auto& [name, value] : one.values)
+      text += "  " + printable(name) + " = " + printable(value) + "\n";
+  }
+  return text;
+}
+
+int info(Context& context, const BagRequest& request) {
+  const auto reader = FileReader::open(request.file, recording::Incomplete::kRead);
+  if (!reader) return context.fail(reader.error());
+  const auto metadata = (*reader)->read_metadata();
+  if (!metadata) return context.fail(metadata.error());
+  if (context.json) {
+    print_json(json_of(**reader, request.file, *metadata));
+  } else {
+    std::fputs(text_of(**reader, request.file, *metadata).c_str(), stdout);
+    if (!(*reader)->is_complete()) {
+      std::printf("\nIt was not ended: `rtpm bag recover %s -o FILE` saves what is whole.\n",
+                  printable(request.file).c_str());
+    }
+  }
+  return kDone;
+}
+
+int check(Context& context, const BagRequest& request) {
+  expected<std::vector<std::string>, SetupError> problems{};
+  {
+    ProgressBar bar(context, "checking");
+    problems = recording::check(request.file,
+                                [&bar](auto done, auto whole) { return bar.show(done, whole); });
+  }
+  if (!problems) return context.fail(problems.error());
+  if (context.json) {
+    print_json({{"file", request.file}, {"problems", *problems}});
+  } else if (problems->empty()) {
+    print_line(printable(request.file) + " is whole");
+  } else {
+    for (const std::string& problem : *problems)
+      print_line(printable(request.file) + ": " + printable(problem));
+  }
+  return problems->empty() ? kDone : kFailed;
+}
+
+int recover(Context& context, const BagRequest& request) {
+  expected<recording::Recovery, SetupError> recovery{};
+  {
+    ProgressBar bar(context, "recovering");
+    recovery = recording::recover(request.file, request.output,
+                                  [&bar](auto done, auto whole) { return bar.show(done, whole); });
+  }
+  if (!recovery) return context.fail(recovery.error());
+  if (context.json) {
+    print_json({{"file", request.output},
+                {"message_count", recovery->message_count},
+                {"damaged_chunk_count", recovery->damaged_chunk_count},
+                {"cut_byte_count", recovery->cut_byte_count}});
+  } else {
+    print_line(printable(request.output) + " has " + std::to_string(recovery->message_count) +
+               " messages; " + std::to_string(recovery->damaged_chunk_count) +
+               " damaged chunks and " + std::to_string(recovery->cut_byte_count) +
+               " bytes at the end were lost");
+  }
+  return kDone;
+}
+
+/// The numbers of the channels that are meant; the error names the topic that has none.
+expected<std::vector<std::uint16_t>, SetupError> channels_of(FileReader& reader,
+                                                             const BagRequest& request) {
+  std::vector<std::uint16_t> numbers;
+  std::vector<std::string> topics;
+  for (const auto& [number, channel] : reader.channels())
+    topics.push_back(channel.topic);
+  for (const std::string& topic : request.topics) {
+    if (std::ranges::count(topics, topic) == 0) {
+      return setup_error(request.file + " has no topic '" + topic + "'" +
+                         options::suggestion(topic, topics) + "; 'rtpm bag info' shows all");
+    }
+  }
+  for (const auto& [number, channel] : reader.channels()) {
+    if (std::ranges::count(request.topics, channel.topic) > 0) numbers.push_back(number);
+  }
+  return numbers;
+}
+
+expected<recording::Query, SetupError> query_of(const BagRequest& request) {
+  const auto reader = FileReader::open(request.file);
+  if (!reader) return unexpected{reader.error()};
+  auto channels = channels_of(**reader, request);
+  if (!channels) return unexpected{channels.error()};
+  const std::uint64_t begin_ns = (*reader)->statistics().begin_ns;
+  recording::Query query{.from_ns = begin_ns + static_cast<std::uint64_t>(request.from.count()),
+                         .channel_ids = std::move(*channels)};
+  if (request.to) query.to_ns = begin_ns + static_cast<std::uint64_t>(request.to->count());
+  return query;
+}
+
+int cut(Context& context, const BagRequest& request) {
+  if (request.to && *request.to < request.from) {
+    return context.fail("--to is before --from", kMisused);
+  }
+  const auto query = query_of(request);
+  if (!query) return context.fail(query.error());
+  expected<std::uint64_t, SetupError> count{};
+  {
+    ProgressBar bar(context, "cutting");
+    count = recording::cut(request.file, request.output, *query,
+                           [&bar](auto done, auto whole) { return bar.show(done, whole); });
+  }
+  if (!count) return context.fail(count.error());
+  if (context.json) {
+    print_json({{"file", request.output}, {"message_count", *count}});
+  } else {
+    print_line(printable(request.output) + " has " + std::to_string(*count) + " messages");
+  }
+  return kDone;
+}
+
+class Actions {
+ public:
+  Actions(CLI::App& group, Context& context) : group_(group), context_(context) {}
+
+  CLI::App& add(const char* name, const char* summary, const char* details,
+                int (*action)(Context&, const BagRequest&)) {
+    CLI::App& command =
+        add_command(group_, context_, name, summary, details,
+                    [request = request_, action](Context& c) { return action(c, *request); });
+    command.add_option("FILE", request_->file, "The recording")->required()->type_name("");
+    return command;
+  }
+  void add_output(CLI::App& command) {
+    command.add_option("-o,--output", request_->output, "The new recording")
+        ->required()
+        ->type_name("FILE");
+  }
+  void add_selection(CLI::App& command) {
+    add_duration(command, "--from", request_->from, "Begin so long after the first message");
+    add_duration(command, "--to", request_->to, "End so long after the first message");
+    command.add_option("--topics", request_->topics, "Only these; without: all");
+  }
+
+ private:
+  CLI::App& group_;
+  Context& context_;
+  std::shared_ptr<BagRequest> request_ = std::make_shared<BagRequest>();
+};
+
+}  // namespace
+
+void add_bag(CLI::App& program, Context& context) {
+  CLI::App& group = add_command_group(program, "bag", "Look at recordings, repair and cut them");
+  Actions actions(group, context);
+  actions.add("info", "Show the topics of a recording, their counts and rates",
+              "  rtpm bag info run.mcap\n", &info);
+  actions.add("check", "Read all of a recording, and say what is wrong with it",
+              "The exit code is 1 if something is wrong.\n", &check);
+  actions.add_output(actions.add("recover",
+                                 "Save what is whole in a truncated or damaged recording",
+                                 "  rtpm bag recover run.mcap -o saved.mcap\n", &recover));
+  CLI::App& cutting = actions.add("cut", "Copy a time or some topics of a recording",
+                                  "  rtpm bag cut run.mcap --from 10s --to 20s -o part.mcap\n"
+                                  "Schemas, metadata and attachments come along.\n",
+                                  &cut);
+  actions.add_output(cutting);
+  actions.add_selection(cutting);
+}
+
+}  // namespace rtpm::tool

@@ -1,0 +1,12 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "cli/context.hpp"
+
+// Commands for recordings.
+namespace rtpm::tool {
+
+void add_bag(CLI::App& program, Context& context);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,149 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "../../unit/recording/recorded.hpp"
+#include "programs.hpp"
+
+// `rtpm bag` on recordings, whole and broken.
+namespace rtpm::system_test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Bag : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto writer = recording::FileWriter::create(file_, {.chunk_byte_max = 400});
+    ASSERT_TRUE(writer);
+    recording::write_messages(**writer, 100);
+    ASSERT_TRUE((*writer)->write(recording::Metadata{.name = "lab", .values = {{"who", "Ada"}}}));
+    ASSERT_TRUE((*writer)->close());
+  }
+  [[nodiscard]] static test::Process::End bag(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), "bag");
+    return run_program("rtpm", arguments);
+  }
+  [[nodiscard]] static Json json_of(std::vector<std::string> arguments, int exit_code = 0) {
+    arguments.emplace_back("--json");
+    const auto end = bag(arguments);
+    EXPECT_EQ(end.exit_code, exit_code) << end.errors;
+    return Json::parse(end.output, nullptr, false);
+  }
+  /// The recording without its last third.
+  [[nodiscard]] std::string truncated() const {
+    const std::string content = recording::content_of(file_);
+    std::string path = folder_.fresh("truncated");
+    recording::put_content(path, std::string_view(content).substr(0, content.size() / 3));
+    return path;
+  }
+
+  recording::Folder folder_;
+  std::string file_ = folder_.fresh("whole");
+};
+
+TEST_F(Bag, InfoShowsTopicsCountsAndRates) {
+  const std::string text = bag({"info", file_}).output;
+  for (const char* words : {"100 messages in ", "TOPIC ", "lab/touched  lab.Touched  flatbuffer",
+                            " from 1970-01-01T00:00:00.001Z", "lab\n  who = Ada"})
+    EXPECT_NE(text.find(words), std::string::npos) << words << " is not in:\n" << text;
+  const Json json = json_of({"info", file_});
+  EXPECT_EQ(json["message_count"], 100);
+  EXPECT_EQ(json["is_complete"], true);
+  ASSERT_EQ(json["channels"].size(), 2u);
+  EXPECT_EQ(json["channels"][0]["topic"], "lab/touched");
+  EXPECT_EQ(json["channels"][0]["message_count"], 50);
+  EXPECT_NEAR(json["channels"][0]["rate_hz"].get<double>(), 50 / 0.099, 0.1);
+  EXPECT_EQ(json["metadata"][0]["values"]["who"], "Ada");
+}
+
+TEST_F(Bag, OfAnotherKindOrPlaceIsRefused) {
+  const std::string other = folder_.fresh("other");
+  recording::put_content(other, "this is a text");
+  for (const char* action : {"info", "check"}) {
+    EXPECT_EQ(bag({action, other}).exit_code, 1) << action;
+    expect_one_sentence(bag({action, folder_.fresh("none")}), 1, {"none.mcap", "No such file"});
+  }
+  expect_one_sentence(bag({"info", other}), 1, {"other.mcap"});
+}
+
+TEST_F(Bag, CheckTellsWhatIsWrong) {
+  EXPECT_EQ(bag({"check", file_}).output, file_ + " is whole\n");
+  EXPECT_TRUE(json_of({"check", file_})["problems"].empty());
+  const auto end = bag({"check", truncated()});
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_NE(end.output.find("it was not ended"), std::string::npos) << end.output;
+  EXPECT_FALSE(json_of({"check", truncated()}, 1)["problems"].empty());
+}
+
+TEST_F(Bag, RecoverSavesWhatIsWhole) {
+  const std::string broken = truncated();
+  EXPECT_NE(bag({"info", broken}).output.find("rtpm bag recover"), std::string::npos);
+  const std::string saved = folder_.fresh("saved");
+  const Json json = json_of({"recover", broken, "-o", saved});
+  EXPECT_GT(json["message_count"], 10);
+  EXPECT_LT(json["message_count"], 100);
+  EXPECT_TRUE(json_of({"check", saved})["problems"].empty());
+  expect_one_sentence(bag({"recover", broken, "-o", saved}), 1, {"exists already", "Remedy"});
+  expect_one_sentence(bag({"recover", broken}), 2, {"--output is required"});
+}
+
+TEST_F(Bag, CutTakesATimeAndTopics) {
+  const std::string part = folder_.fresh("part");
+  const Json json =
+      json_of({"cut", file_, "--from", "10ms", "--to", "29ms", "--topics", "log", "-o", part});
+  EXPECT_EQ(json["message_count"], 10);
+  const Json info = json_of({"info", part});
+  ASSERT_EQ(info["channels"].size(), 1u);
+  EXPECT_EQ(info["channels"][0]["topic"], "log");
+  EXPECT_EQ(info["metadata"][0]["values"]["who"], "Ada");
+  const std::string other = folder_.fresh("other");
+  expect_one_sentence(bag({"cut", file_, "--topics", "lab/tuched", "-o", other}), 1,
+                      {"has no topic 'lab/tuched'", "'lab/touched'"});
+  expect_one_sentence(bag({"cut", file_, "--from", "2s", "--to", "1s", "-o", other}), 2,
+                      {"--to is before --from"});
+}
+
+TEST_F(Bag, ThatWasNotEndedIsNotCut) {
+  expect_one_sentence(bag({"cut", truncated(), "-o", folder_.fresh("part")}), 1, {"recover"});
+}
+
+class Ping : public Laboratory {};
+
+TEST_F(Ping, TellsTripsClockAndSummary) {
+  ASSERT_TRUE(registry_ && device_);
+  const auto end = run_program("rtpm", {"ping", "lab/arm0", "--count", "20", "--interval", "1ms",
+                                        "--registry", registry_->url});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 22) << end.output;
+  for (const char* words : {"lab/arm0: 20: ", ", clock ", "20 pings, 0 lost; min "})
+    EXPECT_NE(end.output.find(words), std::string::npos) << end.output;
+  const auto machine = run_program("rtpm", {"ping", "lab/arm0", "--count", "3", "--interval", "1ms",
+                                            "--json", "--registry", registry_->url});
+  const std::string last = machine.output.substr(machine.output.find("{\"summary\""));
+  const Json summary = Json::parse(last, nullptr, false)["summary"];
+  EXPECT_EQ(summary["count"], 3) << machine.output;
+  EXPECT_GT(summary["time_us"]["min"], 0.0);
+}
+
+TEST_F(Ping, EndsWithItsSummaryAtCtrlC) {
+  test::Process ping({path_of("rtpm"), "ping", device_->url, "--interval", "10ms"});
+  ASSERT_TRUE(ping.wait_for_output(": 2: ", kPatience));
+  ping.send_signal(SIGINT);
+  const auto end = ping.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0);
+  EXPECT_NE(end->output.find(" pings, 0 lost"), std::string::npos);
+}
+
+TEST_F(Ping, OfADeadServerIsRefused) {
+  expect_one_sentence(run_program("rtpm", {"ping", "rtpm://127.0.0.1:1/x"}), 3, {"no server"});
+  expect_one_sentence(run_program("rtpm", {"ping", device_->url, "--interval", "1ns"}), 2,
+                      {"100us to 1h"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
