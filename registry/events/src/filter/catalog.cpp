@@ -55,4 +55,11 @@ const EventDescriptor* TypeCatalog::find(EventType type) const noexcept {
   return found == types_.end() ? nullptr : &found->second->descriptor;
 }
 
+std::vector<const EventDescriptor*> TypeCatalog::list() const {
+  std::vector<const EventDescriptor*> list;
+  for (const auto& [number, owned] : types_)
+    list.push_back(&owned->descriptor);
+  return list;
+}
+
 }  // namespace rtpm::events

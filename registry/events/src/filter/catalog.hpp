@@ -32,6 +32,8 @@ class TypeCatalog final : public DescriptorSource {
   [[nodiscard]] expected<void, SetupError> add(const EventDescriptor& descriptor);
 
   [[nodiscard]] const EventDescriptor* find(EventType type) const noexcept override;
+  /// By number; they live as long as the catalog.
+  [[nodiscard]] std::vector<const EventDescriptor*> list() const;
   [[nodiscard]] std::size_t size() const noexcept { return types_.size(); }
 
  private:

@@ -64,6 +64,8 @@ class HubImpl final : public Hub, public HubServant, private LinkHost {
   rpc::Result<void> control(const Control& request, const rpc::CallContext& context) override;
   rpc::Result<void> attend(const AttendRequest& request, rpc::ReplyBuilder<AttendReply>& reply,
                            const rpc::CallContext& context) override;
+  rpc::Result<void> types(rpc::ReplyBuilder<TypesReply>& reply,
+                          const rpc::CallContext& context) override;
   rpc::Result<void> report(rpc::ReplyBuilder<ReportReply>& reply,
                            const rpc::CallContext& context) override;
   rpc::Result<void> multicast(rpc::ReplyBuilder<MulticastReply>& reply,

@@ -217,6 +217,18 @@ rpc::Result<void> HubImpl::attend(const AttendRequest& request,
   return {};
 }
 
+rpc::Result<void> HubImpl::types(rpc::ReplyBuilder<TypesReply>& reply, const rpc::CallContext&) {
+  const rt::AllowAllocationScope is_allowed;
+  TypesReplyT list;
+  {
+    const std::lock_guard lock(types_mutex_);
+    for (const EventDescriptor* type : types_.list())
+      list.types.push_back(entry_of(*type));
+  }
+  reply.finish(CreateTypesReply(reply.builder(), &list));
+  return {};
+}
+
 rpc::Result<void> HubImpl::report(rpc::ReplyBuilder<ReportReply>& reply, const rpc::CallContext&) {
   const rt::AllowAllocationScope is_allowed;
   auto& builder = reply.builder();

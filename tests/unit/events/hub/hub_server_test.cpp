@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "rtpm/events/hub_types.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/names/servant.hpp"
 #include "served_hub.hpp"
@@ -74,6 +75,34 @@ TEST_F(EmbeddedHub, SaysWhyItHasNotGotTheName) {
   const auto served = HubServer::create(node_, config("not//a name"));
   ASSERT_FALSE(served);
   EXPECT_FALSE(served.error().text().empty());
+}
+
+TEST_F(EmbeddedHub, TellsTheTypesThatSuppliersHaveRegistered) {
+  static constexpr EventDescriptor kPoseType{kPose, "lab.Pose", kPoseSchema, kPoseFields};
+  const auto served = HubServer::create(node_, config("lab/events"));
+  ASSERT_TRUE(served) << served.error().text();
+  const auto none = HubTypes::ask(node_, "lab/events");
+  ASSERT_TRUE(none) << none.error().text();
+  EXPECT_TRUE(none->list().empty());
+  const auto supplier =
+      Supplier::create(node_, "lab/events", {.name = "arm", .types = {&kPoseType}});
+  ASSERT_TRUE(supplier) << supplier.error().text();
+  const auto types = HubTypes::ask(node_, "lab/events");
+  ASSERT_TRUE(types) << types.error().text();
+  ASSERT_EQ(types->list().size(), 1u);
+  const EventDescriptor* const pose = types->find(kPose);
+  ASSERT_NE(pose, nullptr);
+  EXPECT_EQ(pose->name, "lab.Pose");
+  EXPECT_EQ(pose->schema_id, kPoseSchema);
+  ASSERT_EQ(pose->fields.size(), kPoseFields.size());
+  EXPECT_EQ(pose->fields[1].name, "force");
+  EXPECT_EQ(pose->fields[1].path, kPoseFields[1].path);
+}
+
+TEST_F(EmbeddedHub, ThatIsNotThereTellsNoTypes) {
+  const auto types = HubTypes::ask(node_, "lab/events");
+  ASSERT_FALSE(types);
+  EXPECT_NE(types.error().text().find("lab/events"), std::string::npos);
 }
 
 }  // namespace

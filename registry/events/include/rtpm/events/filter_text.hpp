@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <span>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/events/filter.hpp"
+#include "rtpm/events/scalar.hpp"
+
+/// Filters as text, the same for tools, files and programs: registry/events/FILTERS.md.
+///
+///     type(lab.Touched) and source(3) and force.z > 2 within 5ms of type(lab.Gaze)
+namespace rtpm::events {
+
+/// Bytes of a filter's text.
+inline constexpr std::size_t kFilterTextSizeMax = 16 * 1024;
+
+/// Where and why a text is no filter.
+struct FilterTextError {
+  std::size_t offset = 0;  ///< In bytes, from 0; the text's size: at its end.
+  std::string what{};      ///< A clause: "no type is named 'lab.Tuched' (did you mean …?)".
+
+  /// The text, and below it a caret at the offset: two lines. Foreign characters are escaped.
+  [[nodiscard]] std::string picture(std::string_view text) const;
+};
+
+/// Reads a filter. Names of types and of fields are those of `types`; a type may also be a number.
+/// @realtime set-up only
+/// @errors   the text is malformed, names an unknown type or field, compares with a value that the
+///           field can't have, or exceeds a limit of filters
+[[nodiscard]] expected<Filter, FilterTextError> parse_filter(
+    std::string_view text, std::span<const EventDescriptor* const> types);
+
+/// A text that parse_filter() reads as an equivalent filter. Types that are not in `types` are
+/// numbers.
+/// @realtime set-up only
+[[nodiscard]] std::string to_text(const Filter& filter,
+                                  std::span<const EventDescriptor* const> types);
+
+}  // namespace rtpm::events

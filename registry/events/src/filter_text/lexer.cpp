@@ -1,0 +1,57 @@
+#include "filter_text/lexer.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace rtpm::events {
+namespace {
+
+constexpr std::array<std::string_view, 7> kTwoCharacterSymbols{
+    "==", "!=", "<=", ">=", "&&", "||", "<>"};
+constexpr std::string_view kSymbols = "(),/:*&<>=!";
+
+bool is_digit(char byte) noexcept {
+  return byte >= '0' && byte <= '9';
+}
+bool is_letter(char byte) noexcept {
+  return (byte >= 'a' && byte <= 'z') || (byte >= 'A' && byte <= 'Z') || byte == '_';
+}
+bool is_in_word(char byte) noexcept {
+  return is_letter(byte) || is_digit(byte) || byte == '.';
+}
+
+}  // namespace
+
+Token Lexer::next() noexcept {
+  while (offset_ < text_.size() &&
+         std::string_view(" \t\r\n").find(text_[offset_]) != std::string_view::npos)
+    ++offset_;
+  const std::string_view rest = text_.substr(offset_);
+  if (rest.empty()) return {Token::Kind::kEnd, rest, offset_};
+  Token token{Token::Kind::kUnknown, rest.substr(0, 1), offset_};
+  const bool is_negative = rest.front() == '-' && rest.size() > 1 && is_digit(rest[1]);
+  if (is_letter(rest.front())) {
+    token.kind = Token::Kind::kWord;
+    token.text = rest.substr(
+        0, static_cast<std::size_t>(std::ranges::find_if_not(rest, is_in_word) - rest.begin()));
+  } else if (is_digit(rest.front()) || is_negative) {
+    token.kind = Token::Kind::kNumber;
+    std::size_t size = is_negative ? 1 : 0;
+    for (; size < rest.size(); ++size) {
+      const bool is_exponent_sign = (rest[size] == '+' || rest[size] == '-') &&
+                                    (rest[size - 1] == 'e' || rest[size - 1] == 'E');
+      if (!is_in_word(rest[size]) && !is_exponent_sign) break;
+    }
+    token.text = rest.substr(0, size);
+  } else if (std::ranges::find(kTwoCharacterSymbols, rest.substr(0, 2)) !=
+             kTwoCharacterSymbols.end()) {
+    token.kind = Token::Kind::kSymbol;
+    token.text = rest.substr(0, 2);
+  } else if (kSymbols.find(rest.front()) != std::string_view::npos) {
+    token.kind = Token::Kind::kSymbol;
+  }
+  offset_ += token.text.size();
+  return token;
+}
+
+}  // namespace rtpm::events
