@@ -9,6 +9,7 @@
 #include "cli/completion.hpp"
 #include "cli/manual.hpp"
 #include "devices/commands.hpp"
+#include "events/commands.hpp"
 #include "host/commands.hpp"
 #include "objects/commands.hpp"
 #include "recordings/commands.hpp"
@@ -114,6 +115,8 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_watch(*program, context);
   add_call(*program, context);
   add_ping(*program, context);
+  add_echo(*program, context);
+  add_hz(*program, context);
   add_bag(*program, context);
   add_config(*program, context);
   add_take_over(*program, context);

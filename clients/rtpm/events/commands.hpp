@@ -1,0 +1,13 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include "cli/context.hpp"
+
+// Commands for events.
+namespace rtpm::tool {
+
+void add_echo(CLI::App& program, Context& context);
+void add_hz(CLI::App& program, Context& context);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,97 @@
+#include <atomic>
+#include <string>
+
+#include "cli/command.hpp"
+#include "events/commands.hpp"
+#include "events/subscription.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/options/formatted.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+constexpr Duration kPeriod = std::chrono::milliseconds{50};
+
+struct EchoRequest : EventRequest {
+  std::uint64_t count = 0;  ///< 0: no limit.
+};
+
+Json json_of(const events::EventView& event, const events::EventDescriptor* type) {
+  const events::EventHeader& header = event.header;
+  Json json{{"type", type_text(header.type, type)},
+            {"type_number", header.type},
+            {"source", header.source},
+            {"sequence", header.sequence},
+            {"origin_ns", to_ns(header.origin)}};
+  if (header.origin_uncertainty_ns != events::kUncertaintyUnknown) {
+    json["origin_uncertainty_ns"] = header.origin_uncertainty_ns;
+  }
+  json["hub_received_ns"] = to_ns(header.hub_received);
+  json["hub_sent_ns"] = to_ns(header.hub_sent);
+  json["priority"] = header.priority.value();
+  if (header.is_replayed) json["is_replayed"] = true;
+  json["fields"] = payload_json(event.payload, type);
+  return json;
+}
+
+/// "12.345678901  lab.Touched  source 3  #17  {…}".
+std::string line_of(const events::EventView& event, const events::EventDescriptor* type) {
+  const events::EventHeader& header = event.header;
+  return options::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
+         printable(type_text(header.type, type)) + "  source " + std::to_string(header.source) +
+         "  #" + std::to_string(header.sequence) + "  " +
+         printable(payload_json(event.payload, type).dump(), kShownWhole);
+}
+
+class Echo final : public Subscription::Observer {
+ public:
+  Echo(bool as_json, std::uint64_t count) : as_json_(as_json), left_count_(count) {}
+
+  void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
+    if (is_done_) return;
+    if (as_json_) {
+      print_json(json_of(event, type));
+    } else {
+      print_line(line_of(event, type));
+    }
+    if (left_count_ > 0 && --left_count_ == 0) is_done_ = true;
+  }
+  [[nodiscard]] bool is_done() const { return is_done_; }
+
+ private:
+  bool as_json_;
+  std::uint64_t left_count_;
+  std::atomic<bool> is_done_{false};
+};
+
+int echo(Context& context, const EchoRequest& request) {
+  const options::StopSignal& stop = context.stop();
+  Echo echo(context.json, request.count);
+  int exit_code = kDone;
+  const auto subscription = Subscription::open(context, request, echo, exit_code);
+  if (!subscription) return exit_code;
+  const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
+  while (!echo.is_done() && rt::now() < end && !stop.wait_for(kPeriod))
+    subscription->care();
+  subscription->care();
+  return kDone;
+}
+
+}  // namespace
+
+void add_echo(CLI::App& program, Context& context) {
+  const auto request = std::make_shared<EchoRequest>();
+  CLI::App& command = add_command(
+      program, context, "echo", "Print the events of a hub as they come",
+      "  rtpm echo\n"
+      "  rtpm echo --filter 'type(lab.Touched) and source(3) and force.z > 2' --count 10\n"
+      "Each line has the origin's time in seconds, type, source, sequence and the payload's\n"
+      "numbers. Events that came too quickly for this reader are told as lost.\n",
+      [request](Context& c) { return echo(c, *request); });
+  add_event_options(command, *request);
+  command.add_option("--count", request->count, "End after so many; 0: no limit")
+      ->capture_default_str();
+}
+
+}  // namespace rtpm::tool

@@ -1,0 +1,166 @@
+#include "events/subscription.hpp"
+
+#include <utility>
+
+#include "cli/command.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/events/filter_text.hpp"
+#include "rtpm/rt/log.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+using events::EventDescriptor;
+
+Json json_of(const events::Scalar& scalar) {
+  switch (scalar.kind) {
+    case events::Scalar::Kind::kSigned:
+      return scalar.integer;
+    case events::Scalar::Kind::kUnsigned:
+      return scalar.natural;
+    case events::Scalar::Kind::kReal:
+      break;
+  }
+  return scalar.real;
+}
+
+std::string hex(ConstBytes bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const std::byte byte : bytes) {
+    const auto value = std::to_integer<unsigned>(byte);
+    text += kDigits[value >> 4];
+    text += kDigits[value & 15];
+  }
+  return text;
+}
+
+/// Tells a mistake with its place.
+int fail_at(const Context& context, const std::string& text, const events::FilterTextError& error) {
+  if (!context.json) {
+    const std::string picture = error.picture(text);
+    const std::size_t end = picture.find('\n');
+    rt::print_error("rtpm", picture.substr(0, end));
+    rt::print_error("rtpm", picture.substr(end + 1) + " " + error.what);
+    return kMisused;
+  }
+  return context.fail(
+      "the filter, at character " + std::to_string(error.offset) + ": " + error.what, kMisused);
+}
+
+}  // namespace
+
+void add_event_options(CLI::App& command, EventRequest& request) {
+  command.add_option("--hub", request.hub, "The hub, by name or URL")->capture_default_str();
+  command
+      .add_option("--filter", request.filter,
+                  "Which events: 'type(lab.Touched) and force.z > 2', see FILTERS.md")
+      ->capture_default_str();
+  command.add_option("--every", request.every_nth, "Only the first, and then each so manieth")
+      ->check(CLI::Range(1u, 1'000'000'000u))
+      ->capture_default_str();
+  add_duration(command, "--for", request.time, "How long; without: until Ctrl-C",
+               {Duration{0}, std::chrono::hours{24 * 365}});
+}
+
+std::unique_ptr<Subscription> Subscription::open(Context& context, const EventRequest& request,
+                                                 Observer& observer, int& exit_code) {
+  const Duration deadline = context.deadline.value_or(std::chrono::seconds{1});
+  auto types = events::HubTypes::ask(context.node(), request.hub, deadline);
+  if (!types) {
+    exit_code = context.not_reached(types.error());
+    return nullptr;
+  }
+  const auto filter = events::parse_filter(request.filter, types->list());
+  if (!filter) {
+    exit_code = fail_at(context, request.filter, filter.error());
+    return nullptr;
+  }
+  std::unique_ptr<Subscription> opened(
+      new Subscription(context, request.hub, observer, std::move(*types)));
+  events::ConsumerConfig config{.name = "rtpm", .filter = *filter};
+  config.delivery.every_nth = request.every_nth;
+  config.delivery.queue_capacity = events::kQueueCapacityMax;
+  config.realtime = rt::RealtimeMode::kOff;
+  config.priority = context.priority.value_or(Priority{});
+  config.deadline = deadline;
+  auto consumer = events::Consumer::create(context.node(), request.hub, config, *opened);
+  if (!consumer) {
+    exit_code = context.fail(consumer.error());
+    return nullptr;
+  }
+  opened->consumer_ = std::move(*consumer);
+  return opened;
+}
+
+Subscription::Subscription(Context& context, std::string hub, Observer& observer,
+                           events::HubTypes types) noexcept
+    : context_(context), hub_(std::move(hub)), observer_(observer), types_(std::move(types)) {}
+
+Subscription::~Subscription() {
+  consumer_.reset();  // It calls until then.
+}
+
+void Subscription::care() {
+  bool lacks_type = false;
+  std::string notice;
+  {
+    const std::lock_guard lock(mutex_);
+    lacks_type = std::exchange(lacks_type_, false);
+    notice = std::exchange(notice_, {});
+  }
+  if (!notice.empty()) rt::print_error("rtpm", notice);
+  if (!lacks_type) return;
+  auto types = events::HubTypes::ask(context_.node(), hub_);
+  const std::lock_guard lock(mutex_);
+  if (types) types_ = std::move(*types);
+}
+
+std::uint64_t Subscription::lost_count() const {
+  const events::Losses losses = consumer_->counters().losses;
+  return losses.overflow_count + losses.memory_count + losses.too_large_count +
+         losses.overrun_count + losses.unrepaired_count;
+}
+
+void Subscription::on_events(std::span<const events::EventView> events) {
+  const std::lock_guard lock(mutex_);
+  for (const events::EventView& event : events) {
+    const EventDescriptor* const type = types_.find(event.header.type);
+    lacks_type_ = lacks_type_ || (type == nullptr && event.header.type <= events::kEventTypeMax);
+    observer_.on_event(event, type);
+  }
+}
+
+void Subscription::on_notice(const events::Notice& notice) {
+  using events::NoticeKind;
+  if (notice.kind == NoticeKind::kSubscribed) return;
+  const std::lock_guard lock(mutex_);
+  if (notice.kind == NoticeKind::kLosses) {
+    notice_ = "events were lost: this reader was too slow";
+  } else if (notice.kind == NoticeKind::kResubscribed) {
+    notice_ = hub_ + ": subscribed again, events of the time between are lost";
+  } else {
+    notice_ = hub_ + ": " + std::string(notice.text);
+  }
+}
+
+Json payload_json(ConstBytes payload, const EventDescriptor* type) {
+  if (type == nullptr) return {{"payload", hex(payload)}};
+  Json fields = Json::object();
+  for (const events::FieldDescriptor& field : type->fields) {
+    const auto value = events::read_scalar(payload, field.path, field.type, field.default_value);
+    if (!value) continue;
+    const bool is_bool = field.type == events::ScalarType::kBool;
+    fields[std::string(field.name)] = is_bool ? Json(value->as_real() != 0) : json_of(*value);
+  }
+  return fields;
+}
+
+std::string type_text(events::EventType type, const EventDescriptor* known) {
+  if (known != nullptr) return std::string(known->name);
+  if (type == events::kTimeoutType) return "timeout";
+  if (type == events::kLinkType) return "link";
+  return std::to_string(type);
+}
+
+}  // namespace rtpm::tool

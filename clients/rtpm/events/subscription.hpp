@@ -1,0 +1,72 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "cli/context.hpp"
+#include "cli/output.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/defaults.hpp"
+#include "rtpm/events/hub_types.hpp"
+
+namespace rtpm::tool {
+
+/// Which events a command wants.
+struct EventRequest {
+  std::string hub{events::kHubPath};
+  std::string filter = "all";
+  std::uint32_t every_nth = 1;
+  std::optional<Duration> time{};  ///< None: until Ctrl-C.
+};
+
+/// Adds --hub, --filter, --every and --for.
+void add_event_options(CLI::App& command, EventRequest& request);
+
+/// The events that a request names, handed to an observer.
+/// @ownership refers to its context and observer
+/// @threads  one; the observer is called on the consumer's thread
+class Subscription final : public events::EventHandler {
+ public:
+  class Observer {
+   public:
+    virtual ~Observer() = default;
+    /// One event; `type` is null while the hub has not told it.
+    virtual void on_event(const events::EventView& event, const events::EventDescriptor* type) = 0;
+  };
+
+  /// @return null after the error was told, with its exit code in `exit_code`
+  [[nodiscard]] static std::unique_ptr<Subscription> open(Context& context,
+                                                          const EventRequest& request,
+                                                          Observer& observer, int& exit_code);
+  ~Subscription() override;
+
+  /// Learns types that came since, and tells losses and interruptions. Call it now and then.
+  void care();
+  [[nodiscard]] std::uint64_t lost_count() const;
+
+  void on_events(std::span<const events::EventView> events) override;
+  void on_notice(const events::Notice& notice) override;
+
+ private:
+  Subscription(Context& context, std::string hub, Observer& observer,
+               events::HubTypes types) noexcept;
+
+  Context& context_;
+  std::string hub_;
+  Observer& observer_;
+  std::mutex mutex_{};
+  events::HubTypes types_;
+  bool lacks_type_ = false;
+  std::string notice_{};
+  std::unique_ptr<events::Consumer> consumer_{};
+};
+
+/// The numbers of a payload by their names; of an unknown type {"payload": hexadecimal digits}.
+[[nodiscard]] Json payload_json(ConstBytes payload, const events::EventDescriptor* type);
+
+/// "lab.Touched", or the number.
+[[nodiscard]] std::string type_text(events::EventType type, const events::EventDescriptor* known);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,133 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+
+// `rtpm echo` and `rtpm hz` beside a device server that publishes its samples at its own hub.
+namespace rtpm::system_test {
+namespace {
+
+using Json = nlohmann::json;
+
+class Events : public testing::Test {
+ protected:
+  void SetUp() override {
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+    device_ =
+        start_daemon("rtpm-deviced", {"--port", "0", "--registry", registry_->url, "--realtime",
+                                      "off", "--devices", "arm0,gaze0", "--serve-events"});
+    ASSERT_TRUE(device_);
+  }
+  [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const {
+    arguments.insert(arguments.end(), {"--registry", registry_->url, "--deadline", "10s"});
+    return run_program("rtpm", arguments);
+  }
+  [[nodiscard]] static std::vector<Json> documents(const std::string& text) {
+    std::vector<Json> list;
+    std::istringstream lines(text);
+    for (std::string line; std::getline(lines, line);)
+      list.push_back(Json::parse(line, nullptr, false));
+    return list;
+  }
+
+  std::optional<Daemon> registry_{};
+  std::optional<Daemon> device_{};
+};
+
+constexpr const char* kSampled = "type(rtpm.device.Sampled)";
+
+TEST_F(Events, AreEchoedWithTheirNumbersByName) {
+  const auto end = rtpm({"echo", "--filter", kSampled, "--count", "5"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_EQ(test::line_count(end.output), 5) << end.output;
+  EXPECT_NE(end.output.find("  rtpm.device.Sampled  source "), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find("\"position_m.x\":"), std::string::npos) << end.output;
+}
+
+TEST_F(Events, AreEchoedInJsonInTheirOrder) {
+  const auto first = rtpm({"echo", "--json", "--filter", kSampled, "--count", "1"});
+  const std::string source = documents(first.output).at(0)["source"].dump();
+  const auto end = rtpm({"echo", "--json", "--filter",
+                         std::string(kSampled) + " and source(" + source + ")", "--count", "20"});
+  const auto events = documents(end.output);
+  ASSERT_EQ(events.size(), 20u) << end.errors;
+  for (std::size_t i = 0; i < events.size(); ++i) {
+    EXPECT_EQ(events[i]["type"], "rtpm.device.Sampled");
+    EXPECT_EQ(events[i]["sequence"], events[0]["sequence"].get<std::uint64_t>() + i);
+    EXPECT_EQ(events[i]["fields"]["sequence"].is_number(), true);
+    EXPECT_LE(events[i]["origin_ns"], events[i]["hub_sent_ns"]);
+  }
+}
+
+TEST_F(Events, AreThinnedOutAndFilteredByTheirNumbers) {
+  const auto end = rtpm({"echo", "--json", "--every", "10", "--count", "5", "--filter",
+                         std::string(kSampled) + " and lifecycle == 2 and not sequence < 5"});
+  const auto events = documents(end.output);
+  ASSERT_EQ(events.size(), 5u) << end.errors;
+  const auto none =
+      rtpm({"echo", "--for", "100ms", "--filter", std::string(kSampled) + " and sequence < 1"});
+  EXPECT_EQ(none.exit_code, 0) << none.errors;
+  EXPECT_EQ(none.output, "");
+}
+
+TEST_F(Events, OfAMistypedFilterPointAtTheCharacter) {
+  const auto end = rtpm({"echo", "--filter", "type(rtpm.device.Sampeld)"});
+  EXPECT_EQ(end.exit_code, 2);
+  EXPECT_EQ(end.errors,
+            "rtpm: type(rtpm.device.Sampeld)\n"
+            "rtpm:      ^ no type is named 'rtpm.device.Sampeld' (did you mean "
+            "'rtpm.device.Sampled'?)\n");
+  const auto json = rtpm({"hz", "--json", "--filter", "source(x)"});
+  EXPECT_EQ(json.exit_code, 2);
+  const Json error = Json::parse(json.errors, nullptr, false)["error"];
+  EXPECT_NE(error["what"].get<std::string>().find("at character 7"), std::string::npos);
+}
+
+TEST_F(Events, OfAHubThatIsNotThereAreNotReached) {
+  expect_one_sentence(rtpm({"echo", "--hub", "lab/evnets"}), 3, {"lab/evnets"});
+  expect_one_sentence(rtpm({"hz", "--hub", "rtpm://127.0.0.1:1/rtpm/events"}), 3, {"no server"});
+}
+
+TEST_F(Events, AreMeasuredPerSource) {
+  const auto end = rtpm({"hz", "--json", "--filter", kSampled, "--for", "500ms"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  const Json streams = Json::parse(end.output, nullptr, false)["streams"];
+  ASSERT_EQ(streams.size(), 2u) << end.output;
+  std::vector<double> rates;
+  for (const Json& stream : streams) {
+    EXPECT_EQ(stream["lost_count"], 0);
+    EXPECT_GT(stream["count"], 10);
+    EXPECT_GT(stream["jitter"]["mean_us"], 0.0);
+    EXPECT_LE(stream["latency_us"]["p50"], stream["latency_us"]["max"]);
+    rates.push_back(stream["rate_hz"]);
+  }
+  EXPECT_GT(std::ranges::max(rates), 2 * std::ranges::min(rates));
+  const auto text = rtpm({"hz", "--filter", kSampled, "--for", "200ms"});
+  EXPECT_NE(text.output.find("JITTER RMS"), std::string::npos) << text.output;
+  EXPECT_NE(text.output.find("rtpm.device.Sampled"), std::string::npos) << text.output;
+}
+
+TEST_F(Events, ThatDoNotComeAreToldAsThat) {
+  const auto end = rtpm({"hz", "--filter", "source(1)", "--for", "100ms"});
+  EXPECT_EQ(end.exit_code, 1);
+  EXPECT_EQ(end.output, "no events came\n");
+}
+
+TEST_F(Events, EndWithCtrlC) {
+  test::Process echo({path_of("rtpm"), "echo", "--registry", registry_->url});
+  ASSERT_TRUE(echo.wait_for_output("rtpm.device.Sampled", kPatience)) << echo.errors();
+  echo.send_signal(SIGINT);
+  const auto end = echo.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
