@@ -8,6 +8,7 @@
 #include "cli/command.hpp"
 #include "cli/completion.hpp"
 #include "cli/manual.hpp"
+#include "cli/version.hpp"
 #include "devices/commands.hpp"
 #include "events/commands.hpp"
 #include "host/commands.hpp"
@@ -124,6 +125,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_flight_record(*program, context);
   add_lanes(*program, context);
   add_doctor(*program, context);
+  add_version(*program, context);
   add_completion(*program, context);
   add_manual(*program, context);
   return program;

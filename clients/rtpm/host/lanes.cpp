@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/output.hpp"
 #include "cli/table.hpp"
 #include "host/commands.hpp"
 #include "rtpm/base/printable.hpp"
@@ -134,18 +135,57 @@ std::string picture_of_lanes(History& history) {
   return aligned(rows, kTextColumnCount) + remarks;
 }
 
+Json json_of(const rpc::LaneTable& table, const rpc::LaneReading& lane) {
+  const rpc::LaneSample sample = lane.sample.value_or(rpc::LaneSample{});
+  const rpc::ServerCounters& counters = sample.counters;
+  Json dropped = Json::object();
+  for (std::size_t i = 0; i < wire::kDropReasonCount; ++i) {
+    if (const std::uint64_t count = counters.frames.dropped[i]; count > 0) {
+      dropped[std::string(to_string(static_cast<wire::DropReason>(i)))] = count;
+    }
+  }
+  return {{"process", table.process_id()},
+          {"server", table.server_name()},
+          {"host", table.host()},
+          {"port", table.port()},
+          {"lane", lane.name},
+          {"band", {lane.band_low, lane.band_high}},
+          {"wait", lane.wait},
+          {"schedule", lane.schedule},
+          {"call_count", counters.call_count},
+          {"longest_cycle_ns", sample.longest_cycle_ns},
+          {"queued_count", sample.queued_count},
+          {"open_call_count", sample.open_call_count},
+          {"dropped", std::move(dropped)},
+          {"late_count", counters.late_count},
+          {"overload_count", counters.overload_count},
+          {"pause_count", sample.pause_count},
+          {"busy_count", lane.busy_count}};
+}
+
+/// All lanes, as one document.
+Json json_of_lanes() {
+  Json lanes = Json::array();
+  for (const rpc::LaneTable& table : rpc::LaneTable::find()) {
+    if (!table.is_known()) continue;
+    for (const rpc::LaneReading& lane : table.read())
+      lanes.push_back(json_of(table, lane));
+  }
+  return lanes;
+}
+
 int lanes(Context& context, bool is_watch) {
   History history;
-  if (!is_watch) {
-    std::fputs(picture_of_lanes(history).c_str(), stdout);
-    return kDone;
-  }
   do {
+    if (context.json) {
+      print_json(json_of_lanes());
+      continue;
+    }
     const std::string picture = picture_of_lanes(history);
     // From the top of an empty screen.
-    std::printf("\x1b[H\x1b[2J%s", picture.c_str());
+    std::printf("%s%s", is_watch && is_terminal() ? "\x1b[H\x1b[2J" : "", picture.c_str());
     std::fflush(stdout);
-  } while (!context.stop().wait_for(kWatchInterval));
+  } while (is_watch && !context.stop().wait_for(kWatchInterval));
   return kDone;
 }
 

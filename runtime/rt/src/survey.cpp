@@ -1,8 +1,12 @@
 #include <fcntl.h>
+#include <sys/statvfs.h>
+#include <sys/timex.h>
 #include <unistd.h>
 
 #include <array>
 #include <cerrno>
+#include <cstdint>
+#include <cstdlib>
 #include <cstring>
 #include <string>
 
@@ -109,11 +113,64 @@ SetupNote survey_kernel() {
           "install linux-image-rt-amd64, where the tail matters."};
 }
 
+SetupNote survey_idle_states() {
+  const std::string driver = text_in("/sys/devices/system/cpu/cpuidle/current_driver");
+  if (driver.empty() || driver == "none") {
+    return {"idle states", Grant::kGranted, "the system puts no CPU to sleep", ""};
+  }
+  // A server that asks for CPU latency keeps its CPUs awake; others wake slowly.
+  const std::string text = "'" + driver + "' lets idle CPUs sleep: waking may take some 0.1 ms";
+  return {"idle states", Grant::kPartly, text,
+          "run servers with --cpu-latency 0s, or cpupower idle-set -D 10."};
+}
+
+/// Of a socket's buffer that a large message needs.
+constexpr long kSocketBufferMin = 2 * 1024 * 1024;
+
+SetupNote survey_socket_buffers() {
+  const std::string text = text_in("/proc/sys/net/core/rmem_max");
+  const long size = std::strtol(text.c_str(), nullptr, 10);
+  if (size >= kSocketBufferMin) {
+    return {"socket buffers", Grant::kGranted, "up to " + text + " bytes", ""};
+  }
+  return {"socket buffers", Grant::kPartly,
+          "at most " + text + " bytes: bursts of UDP datagrams are lost and sent again",
+          "sysctl -w net.core.rmem_max=" + std::to_string(kSocketBufferMin) + "."};
+}
+
+SetupNote survey_shared_memory() {
+  struct statvfs disk {};
+  if (::statvfs("/dev/shm", &disk) != 0) {
+    return {"shared memory", Grant::kPartly, "there is no /dev/shm",
+            "mount -t tmpfs tmpfs /dev/shm."};
+  }
+  const std::uint64_t size = disk.f_blocks * disk.f_frsize / (1024 * 1024);
+  const std::string text = "/dev/shm has " + std::to_string(size) + " MiB";
+  constexpr std::uint64_t kSizeMin = 128;  // Docker's default of 64 MiB is soon full.
+  if (size >= kSizeMin) return {"shared memory", Grant::kGranted, text, ""};
+  return {"shared memory", Grant::kPartly, text + ": it may be full with few servers",
+          "give it more (docker run --shm-size=1g)."};
+}
+
+SetupNote survey_clock_sync() {
+  timex state{};
+  const int answer = ::adjtimex(&state);
+  if (answer == TIME_ERROR || (state.status & STA_UNSYNC) != 0) {
+    return {"clock sync", Grant::kPartly,
+            "no program keeps the clock: times of several hosts do not compare in recordings",
+            "apt-get install chrony, or run ptp4l."};
+  }
+  return {"clock sync", Grant::kGranted,
+          "the clock is kept within " + std::to_string(state.maxerror) + " us", ""};
+}
+
 }  // namespace
 
 std::vector<SetupNote> survey_host() {
-  return {survey_scheduling(), survey_throttling(), survey_memory(),    survey_latency(),
-          survey_kernel(),     survey_cpus(),       survey_frequency(), survey_clock()};
+  return {survey_scheduling(), survey_throttling(),     survey_memory(),
+          survey_latency(),    survey_kernel(),         survey_cpus(),
+          survey_frequency(),  survey_idle_states(),    survey_clock(),
+          survey_clock_sync(), survey_socket_buffers(), survey_shared_memory()};
 }
 
 }  // namespace rtpm::rt

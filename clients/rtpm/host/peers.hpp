@@ -1,0 +1,14 @@
+#pragma once
+
+#include <vector>
+
+#include "cli/context.hpp"
+#include "rtpm/rt/report.hpp"
+
+namespace rtpm::tool {
+
+/// Whether the registry answers, and whether the servers it names have schemas and compilers in
+/// common: a note each for what differs.
+[[nodiscard]] std::vector<rt::SetupNote> survey_peers(Context& context);
+
+}  // namespace rtpm::tool

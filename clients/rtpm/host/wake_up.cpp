@@ -1,0 +1,104 @@
+#include "host/wake_up.hpp"
+
+#include <time.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include "rtpm/options/formatted.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+using options::formatted;
+
+constexpr Duration kPeriod = std::chrono::milliseconds{1};
+
+void sleep_until(MonotonicTime when) {
+  const std::int64_t ns = to_ns(when);
+  const timespec time{.tv_sec = ns / 1'000'000'000, .tv_nsec = ns % 1'000'000'000};
+  while (::clock_nanosleep(CLOCK_MONOTONIC, TIMER_ABSTIME, &time, nullptr) == EINTR) {
+  }
+}
+
+void measure(Duration time, const options::StopSignal& stop, LatencyHistogram& lateness) {
+  MonotonicTime next = rt::now() + kPeriod;
+  for (const MonotonicTime end = rt::now() + time; next < end && !stop.is_requested();
+       next = std::max(next + kPeriod, rt::now())) {
+    sleep_until(next);
+    lateness.record(rt::now() - next);
+  }
+}
+
+double microseconds(Duration duration) {
+  return std::chrono::duration<double, std::micro>(duration).count();
+}
+
+/// So much of the wake-ups, in percent, were at most so late.
+double percent_within(const LatencyHistogram& lateness, Duration limit) {
+  double low = 0;
+  double high = 100;
+  for (int i = 0; i < 30; ++i) {
+    const double middle = (low + high) / 2;
+    (lateness.percentile(middle) <= limit ? low : high) = middle;
+  }
+  return low;
+}
+
+}  // namespace
+
+expected<WakeUps, SetupError> measure_wake_ups(Duration time, const options::StopSignal& stop) {
+  WakeUps wake_ups{.is_realtime = true};
+  const auto body = [&] { measure(time, stop, wake_ups.lateness); };
+  rt::ThreadConfig config{.name = "rtpm-wake-up",
+                          .priority = Priority{Priority::kHighest},
+                          .realtime = rt::RealtimeMode::kRequire};
+  auto thread = rt::Thread::start(config, body);
+  if (!thread) {
+    wake_ups.is_realtime = false;
+    config.priority.reset();
+    config.realtime = rt::RealtimeMode::kOff;
+    thread = rt::Thread::start(config, body);
+  }
+  if (!thread) return unexpected{thread.error()};
+  thread->join();
+  return wake_ups;
+}
+
+std::string text_of(const WakeUps& wake_ups) {
+  const LatencyHistogram& lateness = wake_ups.lateness;
+  std::string text =
+      formatted("%llu wake-ups at 1 kHz, %s: late by p50 %.1f, p99 %.1f, p99.9 %.1f, max %.1f us\n",
+                static_cast<unsigned long long>(lateness.count()),
+                wake_ups.is_realtime ? "SCHED_FIFO" : "not real-time",
+                microseconds(lateness.percentile(50)), microseconds(lateness.percentile(99)),
+                microseconds(lateness.percentile(99.9)), microseconds(lateness.max()));
+  double before = 0;
+  for (Duration limit = std::chrono::microseconds{1};
+       before < 100 && limit < std::chrono::seconds{2}; limit *= 2) {
+    const bool is_last = lateness.max() <= limit;
+    const double within = is_last ? 100 : percent_within(lateness, limit);
+    const double share = within - before;
+    before = within;
+    if (share <= 0 && !is_last) continue;
+    const auto width = static_cast<std::size_t>(std::ceil(share * 0.4));
+    text += formatted("  to %8.0f us %7.2f %% ", microseconds(limit), share) +
+            std::string(width, '#') + "\n";
+  }
+  return text;
+}
+
+Json json_of(const WakeUps& wake_ups) {
+  const LatencyHistogram& lateness = wake_ups.lateness;
+  return {{"is_realtime", wake_ups.is_realtime},
+          {"count", lateness.count()},
+          {"late_us",
+           {{"p50", microseconds(lateness.percentile(50))},
+            {"p99", microseconds(lateness.percentile(99))},
+            {"p99_9", microseconds(lateness.percentile(99.9))},
+            {"max", microseconds(lateness.max())}}}};
+}
+
+}  // namespace rtpm::tool
