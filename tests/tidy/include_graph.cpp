@@ -97,6 +97,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/"}},
+      {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
       // options has the signals and the configuration file that every program shares; driver_host
       // loads plug-ins; the devices are drivers of hardware and a program that devices/mpv starts;
       // rtpm looks at terminals, files and this host.

@@ -124,6 +124,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_estop(*program, context);
   add_flight_record(*program, context);
   add_lanes(*program, context);
+  add_top(*program, context);
   add_doctor(*program, context);
   add_version(*program, context);
   add_completion(*program, context);

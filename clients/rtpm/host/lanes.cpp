@@ -1,5 +1,4 @@
 #include <algorithm>
-#include <array>
 #include <cstdint>
 #include <cstdio>
 #include <map>
@@ -11,6 +10,7 @@
 #include "cli/output.hpp"
 #include "cli/table.hpp"
 #include "host/commands.hpp"
+#include "host/lane_text.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rpc/lane_table.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -22,27 +22,6 @@ constexpr Duration kWatchInterval = std::chrono::seconds{1};
 
 const Row kHead{"PROCESS", "SERVER", "LANE",    "BAND", "WAIT",   "CALLS", "PER-S", "LONGEST",
                 "QUEUE",   "OPEN",   "DROPPED", "LATE", "COPIES", "RESTS", "RUNS",  "FOR"};
-
-/// A time in the unit that suits it: "12.3 us".
-std::string time_text(std::int64_t ns) {
-  constexpr std::array<std::pair<std::int64_t, const char*>, 3> kUnits{
-      {{1'000'000'000, "s"}, {1'000'000, "ms"}, {1'000, "us"}}};
-  std::array<char, 32> text{};
-  for (const auto& [size, name] : kUnits) {
-    if (ns < size) continue;
-    std::snprintf(text.data(), text.size(), "%.1f %s",
-                  static_cast<double>(ns) / static_cast<double>(size), name);
-    return text.data();
-  }
-  return std::to_string(ns) + " ns";
-}
-
-std::uint64_t dropped_count(const wire::FrameCounters& frames) {
-  std::uint64_t sum = 0;
-  for (const std::uint64_t count : frames.dropped)
-    sum += count;
-  return sum;
-}
 
 /// A lane's previous call count, from which its rate follows.
 struct Earlier {
@@ -71,7 +50,7 @@ Row row_of(const rpc::LaneTable& table, const rpc::LaneReading& lane, History& h
   const std::string band = std::to_string(lane.band_low) + "-" + std::to_string(lane.band_high);
   const bool is_shared = lane.schedule == "time-shared";
   return {std::to_string(table.process_id()),
-          printable(table.server_name() + "@" + table.host()) + ":" + std::to_string(table.port()),
+          server_text(table),
           printable(lane.name),
           band,
           printable(lane.wait) + (is_shared ? ",shared" : ""),

@@ -85,5 +85,41 @@ TEST_F(Host, HasTheVersionOfItsServers) {
   expect_one_sentence(rtpm({"version", "lab/arm1"}), 3, {"lab/arm1"});
 }
 
+TEST_F(Host, ShowsLanesAndDevicesOnce) {
+  const auto end = rtpm({"top", "--interval", "200ms"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const char* words : {"1 devices", "CALLS/S", "registry@", "READ P50", "lab/arm0  active"})
+    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
+  const Json json = json_of({"top", "--once", "--interval", "500ms"});
+  ASSERT_EQ(json["devices"].size(), 1u) << json;
+  EXPECT_EQ(json["devices"][0]["lifecycle"], "active");
+  EXPECT_GT(json["devices"][0]["cycles_per_s"], 100.0);
+  EXPECT_TRUE(std::ranges::any_of(json["lanes"], [&](const Json& lane) {
+    return lane["calls_per_s"] > 0.0;
+  })) << json;
+}
+
+TEST_F(Host, IsShownLiveOnATerminalUntilQ) {
+  const auto end = test::run(
+      {"sh", "-c",
+       "(sleep 0.7; printf l; sleep 0.3; printf q) | TERM=xterm script -qec \"$0 top --interval "
+       "100ms --registry $1\" /dev/null",
+       path_of("rtpm"), registry_->url},
+      kPatience);
+  ASSERT_TRUE(end) << "q does not end it";
+  EXPECT_EQ(end->exit_code, 0) << end->output;
+  for (const char* words : {"sorted by calls", "longest", "lab/arm0", "q quit"})
+    EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
+}
+
+TEST_F(Host, WithoutARegistryStillShowsItsLanes) {
+  const auto end = run_program(
+      "rtpm", {"top", "--interval", "100ms", "--registry", "rtpm://127.0.0.1:1/rtpm/names"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("no registry answers"), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find("registry@"), std::string::npos) << end.output;
+  expect_one_sentence(rtpm({"top", "--interval", "1ms"}), 2, {"100ms to 10min"});
+}
+
 }  // namespace
 }  // namespace rtpm::system_test
