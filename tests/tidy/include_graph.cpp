@@ -32,7 +32,7 @@ const std::vector<Part>& parts() {
       {"registry/events/",
        "events",
        {"base", "wire", "rt", "transport", "rpc", "options", "names", "introspection"}},
-      {"registry/recording/", "recording", {"base"}},
+      {"registry/recording/", "recording", {"base", "rt"}},
       {"registry/mqtt/", "mqtt", {"base", "rt", "transport", "rpc", "options", "names", "events"}},
       {"registry/daemon/",
        "",

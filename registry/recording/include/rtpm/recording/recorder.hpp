@@ -1,0 +1,93 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/recording/file_writer.hpp"
+
+namespace rtpm::recording {
+
+/// Settings for Recorder::create().
+struct RecorderConfig {
+  WriterConfig writer{};
+  std::size_t message_byte_max = 64 * 1024;  ///< A longer message is dropped and counted.
+  std::size_t ring_byte_count = 4 << 20;     ///< Of each track; a power of two.
+};
+
+/// What a recorder did so far.
+struct RecorderStatus {
+  std::uint64_t message_count = 0;  ///< Written.
+  std::uint64_t byte_count = 0;     ///< In the file.
+  std::uint64_t drop_count = 0;     ///< Not recorded: the ring was full, or the message too long.
+  std::map<std::uint16_t, std::uint64_t> drop_counts{};  ///< By channel, where there are some.
+  std::optional<SetupError> problem{};  ///< Why it stopped writing; all further messages drop.
+};
+
+/// Records messages of real-time threads: these only copy into rings, and a thread of its own
+/// compresses and writes. A program that dies loses at most the last second, and one chunk.
+///
+/// The file's metadata "rtpm.recorder" says what was dropped, each second in which there was
+/// something, and at the end.
+/// @ownership owns the file and its thread
+/// @threads  any
+class Recorder {
+ public:
+  /// The way of one thread into the recording.
+  class Track {
+   public:
+    Track(const Track&) = delete;
+    Track& operator=(const Track&) = delete;
+    ~Track();
+    /// Copies a message. Of one thread at a time, the same for all calls.
+    /// @param message  its channel was added; log times of one track do not go back
+    /// @return false: it was dropped and counted
+    /// @realtime wait-free, alloc-free, no system call
+    bool put(const Message& message) noexcept;
+
+   private:
+    friend class Recorder;
+    struct Impl;
+    explicit Track(std::unique_ptr<Impl> impl) noexcept;
+    std::unique_ptr<Impl> impl_;
+  };
+
+  /// @realtime set-up only
+  /// @errors   as FileWriter::create(); no thread is left
+  [[nodiscard]] static expected<std::unique_ptr<Recorder>, SetupError> create(
+      const std::string& path, RecorderConfig config = {});
+  Recorder(const Recorder&) = delete;
+  Recorder& operator=(const Recorder&) = delete;
+  /// As close(), without its answer.
+  ~Recorder();
+
+  /// As FileWriter's.
+  /// @realtime set-up only
+  [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
+  [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
+  /// A track, which lives as long as the recorder. Allocates its ring.
+  /// @realtime set-up only
+  [[nodiscard]] Track& add_track();
+
+  /// A time of this host's monotonic clock as a log time: since 1970, by the wall clock at
+  /// create(). So it never goes back, whatever becomes of the wall clock.
+  /// @realtime alloc-free
+  [[nodiscard]] std::uint64_t log_time_ns(MonotonicTime time) const noexcept;
+
+  [[nodiscard]] RecorderStatus status() const;
+  /// Writes what the rings still hold, and the end. No put() may follow.
+  /// @errors   the file's, also an earlier one; what was written until then is whole
+  [[nodiscard]] expected<void, SetupError> close();
+
+ private:
+  struct Impl;
+  explicit Recorder(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::recording

@@ -1,0 +1,234 @@
+#include "rtpm/recording/recorder.hpp"
+
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+#include <random>
+#include <thread>
+
+#include "recorded.hpp"
+#include "rtpm/recording/repair.hpp"
+#include "rtpm/rt/clock.hpp"
+
+// Recording from real-time threads, which only copy.
+namespace rtpm::recording {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr RecorderConfig kSmall{.message_byte_max = 1000, .ring_byte_count = 4096};
+
+class RealtimeRecording : public testing::Test {
+ protected:
+  Folder folder_;
+  std::string path_ = folder_.fresh("file");
+};
+
+std::uint16_t channel_of(Recorder& recorder, const std::string& topic) {
+  const auto channel = recorder.add_channel({.topic = topic, .message_encoding = "json"});
+  EXPECT_TRUE(channel);
+  return channel.value_or(0);
+}
+
+/// Puts `count` messages, each again until the ring takes it. @return how many were dropped
+std::uint64_t put_all(Recorder::Track& track, std::uint16_t channel, std::uint32_t count) {
+  std::uint64_t drop_count = 0;
+  for (std::uint32_t i = 0; i < count; ++i) {
+    const std::string text = "{\"number\": " + std::to_string(i) + "}";
+    while (!track.put({.channel_id = channel,
+                       .sequence = i,
+                       .log_time_ns = i + 1,
+                       .publish_time_ns = i,
+                       .data = bytes_of(text)})) {
+      ++drop_count;
+      std::this_thread::sleep_for(1ms);
+    }
+  }
+  return drop_count;
+}
+
+TEST_F(RealtimeRecording, KeepsTheMessagesOfSeveralThreads) {
+  constexpr std::uint32_t kCount = 20'000;
+  auto recorder = Recorder::create(path_);
+  ASSERT_TRUE(recorder) << recorder.error().text();
+  std::vector<std::uint16_t> channels;
+  {
+    std::vector<std::jthread> threads;
+    for (const char* topic : {"a", "b", "c"}) {
+      channels.push_back(channel_of(**recorder, topic));
+      Recorder::Track& track = (*recorder)->add_track();
+      threads.emplace_back(
+          [&track, channel = channels.back()] { EXPECT_EQ(put_all(track, channel, kCount), 0u); });
+    }
+  }
+  ASSERT_TRUE((*recorder)->close());
+  EXPECT_EQ((*recorder)->status().message_count, 3 * kCount);
+  auto reader = FileReader::open(path_);
+  ASSERT_TRUE(reader) << reader.error().text();
+  for (const std::uint16_t channel : channels) {
+    const auto messages = read_all(**reader, {.channel_ids = {channel}});
+    ASSERT_EQ(messages.size(), kCount);
+    for (std::uint32_t i = 0; i < kCount; ++i) {
+      ASSERT_EQ(messages[i].sequence, i);
+      ASSERT_EQ(messages[i].text, "{\"number\": " + std::to_string(i) + "}");
+    }
+  }
+  EXPECT_EQ(*check(path_), std::vector<std::string>{});
+}
+
+TEST_F(RealtimeRecording, CountsWhatItDropsAndTheFileSaysIt) {
+  constexpr std::uint32_t kCount = 5'000;
+  auto recorder = Recorder::create(path_, kSmall);
+  ASSERT_TRUE(recorder) << recorder.error().text();
+  const std::uint16_t channel = channel_of(**recorder, "a");
+  Recorder::Track& track = (*recorder)->add_track();
+  const std::vector<std::byte> payload(900);
+  std::uint64_t drop_count = 0;
+  for (std::uint32_t i = 0; i < kCount; ++i) {
+    const Message message{.channel_id = channel, .log_time_ns = i, .data = payload};
+    if (!track.put(message)) ++drop_count;
+  }
+  const std::vector<std::byte> too_long(1001);
+  EXPECT_FALSE(track.put({.channel_id = channel, .data = too_long}));
+  ++drop_count;
+  ASSERT_TRUE((*recorder)->close());
+  const RecorderStatus status = (*recorder)->status();
+  EXPECT_GT(drop_count, 100u) << "this tries nothing";
+  EXPECT_EQ(status.drop_count, drop_count);
+  EXPECT_EQ(status.message_count + drop_count, kCount + 1);
+  auto reader = FileReader::open(path_);
+  ASSERT_TRUE(reader);
+  const auto metadata = (*reader)->read_metadata();
+  ASSERT_TRUE(metadata);
+  ASSERT_FALSE(metadata->empty());
+  EXPECT_EQ(metadata->back().name, "rtpm.recorder");
+  EXPECT_EQ(metadata->back().values.at("dropped." + std::to_string(channel)),
+            std::to_string(drop_count));
+}
+
+TEST_F(RealtimeRecording, EndsInWordsWhenTheDiskIsFullAndKeepsWhatThereIs) {
+  rlimit before{};
+  ASSERT_EQ(::getrlimit(RLIMIT_FSIZE, &before), 0);
+  ::signal(SIGXFSZ, SIG_IGN);
+  const rlimit limit{.rlim_cur = 50'000, .rlim_max = before.rlim_max};
+  RecorderConfig config;
+  config.writer = {.compression = Compression::kNone, .chunk_byte_max = 4000};
+  auto recorder = Recorder::create(path_, config);
+  ASSERT_TRUE(recorder);
+  const std::uint16_t channel = channel_of(**recorder, "a");
+  Recorder::Track& track = (*recorder)->add_track();
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &limit), 0);
+  const std::vector<std::byte> payload(1000);
+  for (std::uint32_t i = 0; i < 1'000; ++i)
+    static_cast<void>(track.put({.channel_id = channel, .log_time_ns = i, .data = payload}));
+  const auto closed = (*recorder)->close();
+  ASSERT_EQ(::setrlimit(RLIMIT_FSIZE, &before), 0);
+  ASSERT_FALSE(closed);
+  EXPECT_NE(closed.error().text().find(path_), std::string::npos) << closed.error().text();
+  const RecorderStatus status = (*recorder)->status();
+  ASSERT_TRUE(status.problem);
+  EXPECT_GT(status.drop_count, 900u);
+  auto reader = FileReader::open(path_, Incomplete::kRead);
+  ASSERT_TRUE(reader) << reader.error().text();
+  EXPECT_GT(read_all(**reader).size(), 30u);
+}
+
+/// A child process that records 10 messages each millisecond until it is killed.
+pid_t record_in_child(const std::string& path) {
+  const pid_t child = ::fork();
+  if (child != 0) return child;
+  auto recorder = Recorder::create(path, {.writer = {.chunk_byte_max = 2'000}});
+  if (!recorder) ::_exit(1);
+  const auto channel = (*recorder)->add_channel({.topic = "a", .message_encoding = "json"});
+  Recorder::Track& track = (*recorder)->add_track();
+  for (std::uint32_t i = 0;; ++i) {
+    const std::string text = std::to_string(i);
+    static_cast<void>(track.put(
+        {.channel_id = *channel, .sequence = i, .log_time_ns = i + 1, .data = bytes_of(text)}));
+    if (i % 10 == 9) std::this_thread::sleep_for(1ms);
+  }
+}
+
+TEST_F(RealtimeRecording, OfAKilledProgramRecoversUpToItsLastChunk) {
+  const char* const count = std::getenv("RTPM_KILL_COUNT");
+  const int kill_count = count == nullptr ? 10 : std::atoi(count);
+  std::mt19937 random(27);
+  std::uint64_t recovered_count = 0;
+  for (int round = 0; round < kill_count; ++round) {
+    const std::string path = folder_.fresh("killed");
+    const pid_t child = record_in_child(path);
+    ASSERT_GT(child, 0);
+    std::this_thread::sleep_for(std::chrono::microseconds{20'000 + random() % 80'000});
+    ::kill(child, SIGKILL);
+    int state = 0;
+    ASSERT_EQ(::waitpid(child, &state, 0), child);
+    ASSERT_TRUE(WIFSIGNALED(state)) << "round " << round;
+    const std::string saved = folder_.fresh("saved");
+    const auto recovery = recover(path, saved);
+    ASSERT_TRUE(recovery) << recovery.error().text();
+    EXPECT_EQ(recovery->damaged_chunk_count, 0u) << "round " << round;
+    auto reader = FileReader::open(saved);
+    ASSERT_TRUE(reader) << reader.error().text();
+    const auto messages = read_all(**reader);
+    // Without a gap: what is lost is the end.
+    for (std::uint32_t i = 0; i < messages.size(); ++i)
+      ASSERT_EQ(messages[i].sequence, i) << "round " << round;
+    recovered_count += messages.size();
+  }
+  EXPECT_GT(recovered_count, 50u * static_cast<unsigned>(kill_count));
+}
+
+/// RTPM_RECORD_SECONDS=60 is the long version.
+TEST_F(RealtimeRecording, Takes64ChannelsAtOneKilohertzWithoutADrop) {
+  const char* const seconds = std::getenv("RTPM_RECORD_SECONDS");
+  const std::uint32_t turn_count =
+      seconds == nullptr ? 500 : static_cast<std::uint32_t>(1000 * std::stoul(seconds));
+  constexpr std::size_t kChannelCount = 64;
+  auto recorder = Recorder::create(path_);
+  ASSERT_TRUE(recorder) << recorder.error().text();
+  std::vector<std::uint16_t> channels;
+  for (std::size_t i = 0; i < kChannelCount; ++i)
+    channels.push_back(channel_of(**recorder, "device" + std::to_string(i)));
+  Recorder::Track& track = (*recorder)->add_track();
+  std::vector<std::byte> sample(480);  // As large as a device's sample.
+  const MonotonicTime begin = rt::now();
+  std::uint64_t missed_count = 0;
+  for (std::uint32_t turn = 0; turn < turn_count; ++turn) {
+    const std::uint64_t now_ns = (*recorder)->log_time_ns(rt::now());
+    for (const std::uint16_t channel : channels) {
+      sample[turn % sample.size()] = static_cast<std::byte>(turn * channel);
+      const Message message{
+          .channel_id = channel, .sequence = turn, .log_time_ns = now_ns, .data = sample};
+      if (!track.put(message)) ++missed_count;
+    }
+    const auto next = begin + (turn + 1) * std::chrono::milliseconds{1};
+    if (next > rt::now()) std::this_thread::sleep_for(next - rt::now());
+  }
+  ASSERT_TRUE((*recorder)->close());
+  EXPECT_EQ(missed_count, 0u);
+  EXPECT_EQ((*recorder)->status().message_count, kChannelCount * turn_count);
+  rusage use{};
+  ::getrusage(RUSAGE_SELF, &use);
+  const double cpu_s = static_cast<double>(use.ru_utime.tv_sec + use.ru_stime.tv_sec) +
+                       1e-6 * static_cast<double>(use.ru_utime.tv_usec + use.ru_stime.tv_usec);
+  const double time_s = std::chrono::duration<double>(rt::now() - begin).count();
+  RecordProperty("cpu_percent", static_cast<int>(100 * cpu_s / time_s));
+  std::printf("%.1f s, CPU %.1f %%, %.1f MB\n", time_s, 100 * cpu_s / time_s,
+              1e-6 * static_cast<double>((*recorder)->status().byte_count));
+}
+
+TEST_F(RealtimeRecording, HasTimesThatDoNotGoBack) {
+  auto recorder = Recorder::create(path_);
+  ASSERT_TRUE(recorder);
+  const MonotonicTime now = rt::now();
+  const std::uint64_t ns = (*recorder)->log_time_ns(now);
+  const std::int64_t wall_s = ::time(nullptr);
+  EXPECT_LE(std::abs(static_cast<std::int64_t>(ns / 1'000'000'000) - wall_s), 2);
+  EXPECT_EQ((*recorder)->log_time_ns(now + 5s), ns + 5'000'000'000);
+}
+
+}  // namespace
+}  // namespace rtpm::recording
