@@ -143,7 +143,8 @@ OwnedDescriptor descriptor_of(const TypeEntry& entry) {
       owned.fields.push_back(field);
     }
   }
-  owned.descriptor = {entry.type(), entry.name()->string_view(), entry.schema_id(), owned.fields};
+  owned.descriptor = {entry.type(), entry.name()->string_view(), entry.schema_id(), owned.fields,
+                      entry.schema() == nullptr ? "" : entry.schema()->string_view()};
   return owned;
 }
 
@@ -152,6 +153,7 @@ std::unique_ptr<TypeEntryT> entry_of(const EventDescriptor& descriptor) {
   entry->type = descriptor.type;
   entry->name = descriptor.name;
   entry->schema_id = descriptor.schema_id;
+  entry->schema = descriptor.schema;
   for (const FieldDescriptor& each : descriptor.fields) {
     auto field = std::make_unique<FieldEntryT>();
     field->name = each.name;

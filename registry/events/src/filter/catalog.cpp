@@ -45,7 +45,9 @@ expected<void, SetupError> TypeCatalog::add(const EventDescriptor& descriptor) {
     owned->fields.push_back(field);
     owned->fields.back().name = owned->field_names.back();
   }
-  owned->descriptor = {descriptor.type, owned->name, descriptor.schema_id, owned->fields};
+  if (descriptor.schema.size() <= limits_.schema_size_max) owned->schema = descriptor.schema;
+  owned->descriptor = {descriptor.type, owned->name, descriptor.schema_id, owned->fields,
+                       owned->schema};
   types_.emplace(descriptor.type, std::move(owned));
   return {};
 }

@@ -15,8 +15,9 @@ namespace rtpm::events {
 /// Limits of a catalog.
 struct CatalogLimits {
   std::size_t type_count_max = 1024;
-  std::size_t field_count_max = 256;  ///< Of one type.
-  std::size_t name_size_max = 200;    ///< Bytes of any name.
+  std::size_t field_count_max = 256;        ///< Of one type.
+  std::size_t name_size_max = 200;          ///< Bytes of any name.
+  std::size_t schema_size_max = 16 * 1024;  ///< Bytes; a longer one is not kept.
 };
 
 /// The event types that suppliers and consumers have registered, for the compilation of filters.
@@ -40,6 +41,7 @@ class TypeCatalog final : public DescriptorSource {
   /// A descriptor with the data that it refers to.
   struct Owned {
     std::string name{};
+    std::string schema{};
     std::vector<std::string> field_names{};
     std::vector<FieldDescriptor> fields{};
     EventDescriptor descriptor{};

@@ -13,6 +13,7 @@
 #include "model/quantities.hpp"
 #include "model/verify_limits.hpp"
 #include "reading/reflection.hpp"
+#include "rtpm/schema/schema_text.hpp"
 
 // Events have a header of their own, so that only code that uses events links rtpm::events.
 namespace rtpm::schema::cpp {
@@ -162,10 +163,11 @@ std::string event(const Model& model, std::size_t index) {
          "  static constexpr ::rtpm::events::EventDescriptor kDescriptor{\n      .type = kType, "
          ".name = " +
          literal(object.name) + ", .schema_id = kSchemaId" +
-         (numbers.empty() ? "" : ", .fields = kFields") + "};\n};\n\n/// Pushes " + object.name +
-         ".\nusing " + short_name(names.supplier) + " = ::rtpm::events::TypedSupplier<" + name +
-         ">;\n/// Gets " + object.name + ".\nusing " + short_name(names.consumer) +
-         " = ::rtpm::events::TypedConsumer<" + name + ">;\n";
+         (numbers.empty() ? "" : ", .fields = kFields") +
+         ",\n      .schema = " + raw_literal(schema_text(model, object)) + "};\n};\n\n/// Pushes " +
+         object.name + ".\nusing " + short_name(names.supplier) +
+         " = ::rtpm::events::TypedSupplier<" + name + ">;\n/// Gets " + object.name + ".\nusing " +
+         short_name(names.consumer) + " = ::rtpm::events::TypedConsumer<" + name + ">;\n";
 }
 
 }  // namespace

@@ -159,4 +159,11 @@ std::string comment(const Documentation& lines, std::string_view indent) {
   return text;
 }
 
+std::string raw_literal(const std::string& text) {
+  std::string mark = "rtpm";
+  while (text.find(')' + mark + '"') != std::string::npos)
+    mark += '_';
+  return "R\"" + mark + '(' + text + ')' + mark + '"';
+}
+
 }  // namespace rtpm::schema::cpp

@@ -44,6 +44,8 @@ struct Function {
 
 /// A string literal.
 [[nodiscard]] std::string literal(std::string_view text);
+/// A raw string literal with a delimiter that does not occur in the text.
+[[nodiscard]] std::string raw_literal(const std::string& text);
 /// `lines` as `///` comments.
 [[nodiscard]] std::string comment(const Documentation& lines, std::string_view indent);
 

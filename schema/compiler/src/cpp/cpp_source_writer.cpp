@@ -26,14 +26,6 @@ std::string priority(const Service& service) {
          ",\n    .priority = " + std::to_string(*service.priority);
 }
 
-/// A raw string literal with a delimiter that does not occur in the text.
-std::string raw_literal(const std::string& text) {
-  std::string mark = "rtpm";
-  while (text.find(')' + mark + '"') != std::string::npos)
-    mark += '_';
-  return "R\"" + mark + '(' + text + ')' + mark + '"';
-}
-
 std::string descriptors(const Model& model, const Service& service,
                         const std::string& compiler_version) {
   const std::string stem = short_name(service.name);

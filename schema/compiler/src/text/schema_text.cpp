@@ -51,6 +51,20 @@ class TextWriter {
       reach.add(model_, method.request.table);
       reach.add(model_, method.reply.table);
     }
+    write_types(reach);
+    write_service(service);
+    return with_attributes();
+  }
+
+  std::string write(const Object& event) {
+    Reach reach;
+    reach.add(model_, static_cast<std::size_t>(&event - model_.objects.data()));
+    write_types(reach);
+    return with_attributes() + "\nroot_type " + event.name + ";\n";
+  }
+
+ private:
+  void write_types(const Reach& reach) {
     // FlatBuffers needs enums, unions and structs before their use; tables may come in any order.
     for (const bool is_union : {false, true}) {
       for (const std::size_t index : reach.enums) {
@@ -64,7 +78,9 @@ class TextWriter {
     for (const std::size_t index : reach.objects) {
       if (!model_.objects[index].is_struct) write_object(model_.objects[index]);
     }
-    write_service(service);
+  }
+
+  [[nodiscard]] std::string with_attributes() const {
     std::string attributes;
     for (const KnownAttribute& known : kKnownAttributes) {
       if (text_.find(known.name) == std::string::npos) continue;
@@ -73,7 +89,6 @@ class TextWriter {
     return attributes + text_;
   }
 
- private:
   void enter(const std::string& name) {
     text_ += '\n';
     const std::string scope = namespace_of(name);
@@ -192,6 +207,10 @@ class TextWriter {
 
 std::string schema_text(const Model& model, const Service& service) {
   return TextWriter(model).write(service);
+}
+
+std::string schema_text(const Model& model, const Object& event) {
+  return TextWriter(model).write(event);
 }
 
 }  // namespace rtpm::schema

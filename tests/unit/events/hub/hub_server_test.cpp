@@ -78,22 +78,27 @@ TEST_F(EmbeddedHub, SaysWhyItHasNotGotTheName) {
 }
 
 TEST_F(EmbeddedHub, TellsTheTypesThatSuppliersHaveRegistered) {
-  static constexpr EventDescriptor kPoseType{kPose, "lab.Pose", kPoseSchema, kPoseFields};
+  static constexpr EventDescriptor kPoseType{kPose, "lab.Pose", kPoseSchema, kPoseFields,
+                                             "namespace lab; table Pose {}"};
+  const std::string long_schema(17 * 1024, ' ');
+  const EventDescriptor gaze_type{kGaze, "lab.Gaze", 3, {}, long_schema};
   const auto served = HubServer::create(node_, config("lab/events"));
   ASSERT_TRUE(served) << served.error().text();
   const auto none = HubTypes::ask(node_, "lab/events");
   ASSERT_TRUE(none) << none.error().text();
   EXPECT_TRUE(none->list().empty());
   const auto supplier =
-      Supplier::create(node_, "lab/events", {.name = "arm", .types = {&kPoseType}});
+      Supplier::create(node_, "lab/events", {.name = "arm", .types = {&kPoseType, &gaze_type}});
   ASSERT_TRUE(supplier) << supplier.error().text();
   const auto types = HubTypes::ask(node_, "lab/events");
   ASSERT_TRUE(types) << types.error().text();
-  ASSERT_EQ(types->list().size(), 1u);
+  ASSERT_EQ(types->list().size(), 2u);
+  EXPECT_EQ(types->find(kGaze)->schema, "") << "it is too long to be kept";
   const EventDescriptor* const pose = types->find(kPose);
   ASSERT_NE(pose, nullptr);
   EXPECT_EQ(pose->name, "lab.Pose");
   EXPECT_EQ(pose->schema_id, kPoseSchema);
+  EXPECT_EQ(pose->schema, kPoseType.schema);
   ASSERT_EQ(pose->fields.size(), kPoseFields.size());
   EXPECT_EQ(pose->fields[1].name, "force");
   EXPECT_EQ(pose->fields[1].path, kPoseFields[1].path);

@@ -3,6 +3,7 @@
 #include <flatbuffers/flatbuffers.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstring>
 #include <filesystem>
 #include <memory>
@@ -49,6 +50,32 @@ TEST(SchemaText, HasTheFingerprintsOfTheSchemaItComesFrom) {
     }
   }
   EXPECT_GE(count, 9u);
+}
+
+// So a recording that holds the text says which version of the event it has.
+TEST(SchemaText, OfAnEventHasItsFingerprintAndRoot) {
+  std::size_t count = 0;
+  for (const fs::path folder : {RTPM_GOLDEN_FOLDER, RTPM_IDL_FOLDER}) {
+    for (const auto& entry : fs::directory_iterator(folder)) {
+      if (entry.path().extension() != ".fbs") continue;
+      const CompileResult whole =
+          compile({.file = entry.path().string(), .include_paths = {RTPM_IDL_FOLDER}});
+      ASSERT_TRUE(whole.model) << render(whole.errors);
+      for (const Object& event : whole.model->objects) {
+        if (!event.event_id) continue;
+        const std::string text = schema_text(*whole.model, event);
+        const CompileResult alone = compile_text(text, "schema");
+        ASSERT_TRUE(alone.model) << render(alone.errors) << text;
+        const auto again = std::ranges::find(alone.model->objects, event.name, &Object::name);
+        ASSERT_NE(again, alone.model->objects.end()) << text;
+        EXPECT_EQ(again->event_id, event.event_id) << text;
+        EXPECT_EQ(again->event_fingerprint, event.event_fingerprint) << text;
+        EXPECT_NE(text.find("\nroot_type " + event.name + ";\n"), std::string::npos) << text;
+        ++count;
+      }
+    }
+  }
+  EXPECT_GE(count, 5u);
 }
 
 TEST(SchemaText, KeepsAttributesAndDefaults) {

@@ -89,6 +89,8 @@ struct EventDescriptor {
   std::string_view name{};  ///< Fully qualified, "lab.Pose".
   std::uint64_t schema_id = 0;
   std::span<const FieldDescriptor> fields{};  ///< Every number, in any order.
+  /// A FlatBuffers schema without includes, whose root type is the event; empty: not known.
+  std::string_view schema{};
 };
 
 /// Reads a number from an untrusted payload; nullopt if it lies outside the payload.

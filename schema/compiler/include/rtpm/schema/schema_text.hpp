@@ -11,4 +11,8 @@ namespace rtpm::schema {
 /// Attributes of other tools are left out.
 [[nodiscard]] std::string schema_text(const Model& model, const Service& service);
 
+/// The same for a table that is an event: its root type.
+/// @param event  one of the model's objects
+[[nodiscard]] std::string schema_text(const Model& model, const Object& event);
+
 }  // namespace rtpm::schema
