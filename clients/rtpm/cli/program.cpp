@@ -117,7 +117,9 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_call(*program, context);
   add_ping(*program, context);
   add_echo(*program, context);
+  add_pub(*program, context);
   add_hz(*program, context);
+  add_record(*program, context);
   add_bag(*program, context);
   add_config(*program, context);
   add_take_over(*program, context);

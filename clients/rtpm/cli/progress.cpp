@@ -40,4 +40,14 @@ bool ProgressBar::show(std::uint64_t done, std::uint64_t whole) {
   return !context_.stop().is_requested();
 }
 
+StatusLine::StatusLine(const Context& context) : is_shown_(is_error_terminal() && !context.json) {}
+
+StatusLine::~StatusLine() {
+  if (is_shown_) put("\r\x1b[K");
+}
+
+void StatusLine::show(const std::string& text) {
+  if (is_shown_) put("\r\x1b[K" + text);
+}
+
 }  // namespace rtpm::tool

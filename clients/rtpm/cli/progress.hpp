@@ -28,4 +28,18 @@ class ProgressBar {
   int percent_ = -1;
 };
 
+/// A line on standard error that changes, while people look at it.
+class StatusLine {
+ public:
+  explicit StatusLine(const Context& context);
+  StatusLine(const StatusLine&) = delete;
+  StatusLine& operator=(const StatusLine&) = delete;
+  /// Clears the line.
+  ~StatusLine();
+  void show(const std::string& text);
+
+ private:
+  bool is_shown_;
+};
+
 }  // namespace rtpm::tool

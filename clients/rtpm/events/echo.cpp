@@ -3,6 +3,7 @@
 
 #include "cli/command.hpp"
 #include "events/commands.hpp"
+#include "events/event_schemas.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/options/formatted.hpp"
@@ -17,7 +18,7 @@ struct EchoRequest : EventRequest {
   std::uint64_t count = 0;  ///< 0: no limit.
 };
 
-Json json_of(const events::EventView& event, const events::EventDescriptor* type) {
+Json json_of(const events::EventView& event, const events::EventDescriptor* type, Json payload) {
   const events::EventHeader& header = event.header;
   Json json{{"type", type_text(header.type, type)},
             {"type_number", header.type},
@@ -31,17 +32,18 @@ Json json_of(const events::EventView& event, const events::EventDescriptor* type
   json["hub_sent_ns"] = to_ns(header.hub_sent);
   json["priority"] = header.priority.value();
   if (header.is_replayed) json["is_replayed"] = true;
-  json["fields"] = payload_json(event.payload, type);
+  json["payload"] = std::move(payload);
   return json;
 }
 
 /// "12.345678901  lab.Touched  source 3  #17  {…}".
-std::string line_of(const events::EventView& event, const events::EventDescriptor* type) {
+std::string line_of(const events::EventView& event, const events::EventDescriptor* type,
+                    const Json& payload) {
   const events::EventHeader& header = event.header;
   return options::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
          printable(type_text(header.type, type)) + "  source " + std::to_string(header.source) +
          "  #" + std::to_string(header.sequence) + "  " +
-         printable(payload_json(event.payload, type).dump(), kShownWhole);
+         printable(payload.dump(-1, ' ', false, Json::error_handler_t::replace), kShownWhole);
 }
 
 class Echo final : public Subscription::Observer {
@@ -50,16 +52,18 @@ class Echo final : public Subscription::Observer {
 
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     if (is_done_) return;
+    Json payload = schemas_.json_of(event.payload, type);
     if (as_json_) {
-      print_json(json_of(event, type));
+      print_json(json_of(event, type, std::move(payload)));
     } else {
-      print_line(line_of(event, type));
+      print_line(line_of(event, type, payload));
     }
     if (left_count_ > 0 && --left_count_ == 0) is_done_ = true;
   }
   [[nodiscard]] bool is_done() const { return is_done_; }
 
  private:
+  EventSchemas schemas_{};
   bool as_json_;
   std::uint64_t left_count_;
   std::atomic<bool> is_done_{false};
@@ -86,8 +90,8 @@ void add_echo(CLI::App& program, Context& context) {
       program, context, "echo", "Print the events of a hub as they come",
       "  rtpm echo\n"
       "  rtpm echo --filter 'type(lab.Touched) and source(3) and force.z > 2' --count 10\n"
-      "Each line has the origin's time in seconds, type, source, sequence and the payload's\n"
-      "numbers. Events that came too quickly for this reader are told as lost.\n",
+      "Each line has the origin's time in seconds, type, source, sequence and the payload.\n"
+      "Events that came too quickly for this reader are told as lost.\n",
       [request](Context& c) { return echo(c, *request); });
   add_event_options(command, *request);
   command.add_option("--count", request->count, "End after so many; 0: no limit")

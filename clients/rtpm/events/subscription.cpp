@@ -12,29 +12,6 @@ namespace {
 
 using events::EventDescriptor;
 
-Json json_of(const events::Scalar& scalar) {
-  switch (scalar.kind) {
-    case events::Scalar::Kind::kSigned:
-      return scalar.integer;
-    case events::Scalar::Kind::kUnsigned:
-      return scalar.natural;
-    case events::Scalar::Kind::kReal:
-      break;
-  }
-  return scalar.real;
-}
-
-std::string hex(ConstBytes bytes) {
-  constexpr char kDigits[] = "0123456789abcdef";
-  std::string text;
-  for (const std::byte byte : bytes) {
-    const auto value = std::to_integer<unsigned>(byte);
-    text += kDigits[value >> 4];
-    text += kDigits[value & 15];
-  }
-  return text;
-}
-
 /// Tells a mistake with its place.
 int fail_at(const Context& context, const std::string& text, const events::FilterTextError& error) {
   if (!context.json) {
@@ -142,18 +119,6 @@ void Subscription::on_notice(const events::Notice& notice) {
   } else {
     notice_ = hub_ + ": " + std::string(notice.text);
   }
-}
-
-Json payload_json(ConstBytes payload, const EventDescriptor* type) {
-  if (type == nullptr) return {{"payload", hex(payload)}};
-  Json fields = Json::object();
-  for (const events::FieldDescriptor& field : type->fields) {
-    const auto value = events::read_scalar(payload, field.path, field.type, field.default_value);
-    if (!value) continue;
-    const bool is_bool = field.type == events::ScalarType::kBool;
-    fields[std::string(field.name)] = is_bool ? Json(value->as_real() != 0) : json_of(*value);
-  }
-  return fields;
 }
 
 std::string type_text(events::EventType type, const EventDescriptor* known) {

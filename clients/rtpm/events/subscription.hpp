@@ -6,7 +6,6 @@
 #include <string>
 
 #include "cli/context.hpp"
-#include "cli/output.hpp"
 #include "rtpm/events/consumer.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
@@ -62,9 +61,6 @@ class Subscription final : public events::EventHandler {
   std::string notice_{};
   std::unique_ptr<events::Consumer> consumer_{};
 };
-
-/// The numbers of a payload by their names; of an unknown type {"payload": hexadecimal digits}.
-[[nodiscard]] Json payload_json(ConstBytes payload, const events::EventDescriptor* type);
 
 /// "lab.Touched", or the number.
 [[nodiscard]] std::string type_text(events::EventType type, const events::EventDescriptor* known);

@@ -7,6 +7,7 @@
 // Commands for recordings.
 namespace rtpm::tool {
 
+void add_record(CLI::App& program, Context& context);
 void add_bag(CLI::App& program, Context& context);
 
 }  // namespace rtpm::tool

@@ -7,7 +7,9 @@
 #include <string>
 #include <vector>
 
+#include "../../unit/recording/recorded.hpp"
 #include "programs.hpp"
+#include "rtpm/test/os.hpp"
 
 // `rtpm echo` and `rtpm hz` beside a device server that publishes its samples at its own hub.
 namespace rtpm::system_test {
@@ -48,7 +50,7 @@ TEST_F(Events, AreEchoedWithTheirNumbersByName) {
   EXPECT_EQ(end.exit_code, 0) << end.errors;
   EXPECT_EQ(test::line_count(end.output), 5) << end.output;
   EXPECT_NE(end.output.find("  rtpm.device.Sampled  source "), std::string::npos) << end.output;
-  EXPECT_NE(end.output.find("\"position_m.x\":"), std::string::npos) << end.output;
+  EXPECT_NE(end.output.find("\"position_m\":{\"x\":"), std::string::npos) << end.output;
 }
 
 TEST_F(Events, AreEchoedInJsonInTheirOrder) {
@@ -61,7 +63,7 @@ TEST_F(Events, AreEchoedInJsonInTheirOrder) {
   for (std::size_t i = 0; i < events.size(); ++i) {
     EXPECT_EQ(events[i]["type"], "rtpm.device.Sampled");
     EXPECT_EQ(events[i]["sequence"], events[0]["sequence"].get<std::uint64_t>() + i);
-    EXPECT_EQ(events[i]["fields"]["sequence"].is_number(), true);
+    EXPECT_EQ(events[i]["payload"]["position_m"]["x"].is_number(), true);
     EXPECT_LE(events[i]["origin_ns"], events[i]["hub_sent_ns"]);
   }
 }
@@ -118,6 +120,83 @@ TEST_F(Events, ThatDoNotComeAreToldAsThat) {
   const auto end = rtpm({"hz", "--filter", "source(1)", "--for", "100ms"});
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_EQ(end.output, "no events came\n");
+}
+
+TEST_F(Events, ArePushedAsJsonAndEchoedAsPushed) {
+  test::Process echo({path_of("rtpm"), "echo", "--json", "--count", "3", "--filter", "source(77)",
+                      "--registry", registry_->url});
+  const std::vector<std::string> pub{"pub", "rtpm.device.ButtonChanged",
+                                     "{cycle: 9, button: 2, is_pressed: true}", "--source", "77"};
+  // The subscription comes about at some time.
+  for (int i = 0; i < 300 && echo.output().find("\"sequence\"") == std::string::npos; ++i)
+    ASSERT_EQ(rtpm(pub).exit_code, 0);
+  std::vector<std::string> several = pub;
+  several.insert(several.end(), {"--rate", "500", "--count", "3", "--json"});
+  const auto pushed = rtpm(several);
+  EXPECT_EQ(Json::parse(pushed.output, nullptr, false)["count"], 3) << pushed.errors;
+  const auto end = echo.wait(kPatience);
+  ASSERT_TRUE(end);
+  const auto events = documents(end->output);
+  ASSERT_EQ(events.size(), 3u);
+  EXPECT_EQ(events[2]["payload"]["button"], 2) << end->output;
+  EXPECT_EQ(events[2]["payload"]["is_pressed"], true) << end->output;
+}
+
+TEST_F(Events, OfAnUnknownTypeOrFieldAreNotPushed) {
+  expect_one_sentence(rtpm({"pub", "rtpm.device.ButtonChangd", "{}"}), 1,
+                      {"knows no type", "'rtpm.device.ButtonChanged'"});
+  expect_one_sentence(rtpm({"pub", "rtpm.device.ButtonChanged", "{cycle: 9, buton: 2}"}), 1,
+                      {"does not fit the schema", "buton", "1:"});
+  expect_one_sentence(rtpm({"pub", "rtpm.device.ButtonChanged", "{}", "--rate", "-1"}), 2,
+                      {"--rate"});
+}
+
+TEST_F(Events, AreRecordedWithTheirSchemas) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  const auto end = rtpm({"record", file, "--for", "500ms", "--filter", kSampled, "--json"});
+  ASSERT_EQ(end.exit_code, 0) << end.errors;
+  const Json told = Json::parse(end.output, nullptr, false);
+  EXPECT_EQ(told["drop_count"], 0) << told;
+  EXPECT_GT(told["message_count"], 50);
+  const auto reader = recording::FileReader::open(file);
+  ASSERT_TRUE(reader) << reader.error().text();
+  EXPECT_EQ((*reader)->statistics().message_count, told["message_count"]);
+  ASSERT_EQ((*reader)->schemas().size(), 1u);
+  EXPECT_EQ((*reader)->schemas().begin()->second.name, "rtpm.device.Sampled");
+  EXPECT_EQ((*reader)->schemas().begin()->second.encoding, "flatbuffer");
+  ASSERT_EQ((*reader)->channels().size(), 2u);
+  for (const auto& [number, channel] : (*reader)->channels()) {
+    EXPECT_TRUE(channel.topic.starts_with("rtpm.device.Sampled/")) << channel.topic;
+    EXPECT_EQ(channel.message_encoding, "flatbuffer");
+    const auto messages = recording::read_all(**reader, {.channel_ids = {number}});
+    for (std::size_t i = 1; i < messages.size(); ++i)
+      ASSERT_EQ(messages[i].sequence, messages[0].sequence + i) << channel.topic;
+  }
+}
+
+TEST_F(Events, OfARecordingThatCtrlCEndsAreKept) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  test::Process record({path_of("rtpm"), "record", file, "--registry", registry_->url});
+  ASSERT_TRUE(test::await([&] {
+    return std::filesystem::exists(file) && std::filesystem::file_size(file) > 1000;
+  })) << record.errors();
+  record.send_signal(SIGINT);
+  const auto end = record.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_NE(end->output.find(" messages, "), std::string::npos) << end->output;
+  EXPECT_EQ(rtpm({"bag", "check", file}).output, file + " is whole\n");
+  expect_one_sentence(rtpm({"record", file}), 1, {file, "exists"});
+}
+
+TEST_F(Events, ThatCantBeRecordedLeaveNoFile) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  expect_one_sentence(rtpm({"record", file, "--hub", "lab/none"}), 3, {"lab/none"});
+  EXPECT_EQ(rtpm({"record", file, "--filter", "souce(1)"}).exit_code, 2);
+  EXPECT_FALSE(std::filesystem::exists(file));
 }
 
 TEST_F(Events, EndWithCtrlC) {

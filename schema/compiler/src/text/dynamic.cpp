@@ -8,6 +8,7 @@
 #include <type_traits>
 #include <utility>
 
+#include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
 
 namespace rtpm::schema {
@@ -31,8 +32,12 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
 
 class Dynamic::Impl {
  public:
+  /// @errors nullptr and the reason in `error`: not a schema
+  static std::unique_ptr<Impl> make(const std::string& schema, std::string& error);
+
   Model model{};
   std::size_t service = 0;
+  Payload event{};
   std::unique_ptr<flatbuffers::Parser> parser{};
   std::string reflection{};  // A serialized schema, for verification.
 
@@ -50,8 +55,7 @@ class Dynamic::Impl {
 Dynamic::Dynamic(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Dynamic::~Dynamic() = default;
 
-std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_view name,
-                                       std::string& error) {
+std::unique_ptr<Dynamic::Impl> Dynamic::Impl::make(const std::string& schema, std::string& error) {
   CompileResult compiled = compile_text(schema, kFileName);
   if (!compiled.model) {
     error = render(compiled.errors);
@@ -59,14 +63,6 @@ std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_vi
   }
   auto impl = std::make_unique<Impl>();
   impl->model = *std::move(compiled.model);
-  const auto& services = impl->model.services;
-  const auto found = std::find_if(services.begin(), services.end(),
-                                  [name](const Service& service) { return service.name == name; });
-  if (found == services.end()) {
-    error = "the schema has no service " + std::string(name);
-    return nullptr;
-  }
-  impl->service = static_cast<std::size_t>(found - services.begin());
   impl->parser = make_parser(schema);
   if (!impl->parser) {
     error = "FlatBuffers' parser does not take the schema";
@@ -75,6 +71,33 @@ std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_vi
   impl->parser->Serialize();
   const auto* bytes = static_cast<const void*>(impl->parser->builder_.GetBufferPointer());
   impl->reflection.assign(static_cast<const char*>(bytes), impl->parser->builder_.GetSize());
+  return impl;
+}
+
+std::unique_ptr<Dynamic> Dynamic::make(const std::string& schema, std::string_view name,
+                                       std::string& error) {
+  auto impl = Impl::make(schema, error);
+  if (!impl) return nullptr;
+  const auto found = std::ranges::find(impl->model.services, name, &Service::name);
+  if (found == impl->model.services.end()) {
+    error = "the schema has no service " + std::string(name);
+    return nullptr;
+  }
+  impl->service = static_cast<std::size_t>(found - impl->model.services.begin());
+  return std::unique_ptr<Dynamic>(new Dynamic(std::move(impl)));
+}
+
+std::unique_ptr<Dynamic> Dynamic::make_for_event(const std::string& schema, std::string_view name,
+                                                 std::string& error) {
+  auto impl = Impl::make(schema, error);
+  if (!impl) return nullptr;
+  const auto found = std::ranges::find(impl->model.objects, name, &Object::name);
+  if (found == impl->model.objects.end() || !found->event_id) {
+    error = "the schema has no event " + std::string(name);
+    return nullptr;
+  }
+  impl->event =
+      payload_of(impl->model, static_cast<std::size_t>(found - impl->model.objects.begin()));
   return std::unique_ptr<Dynamic>(new Dynamic(std::move(impl)));
 }
 
@@ -84,6 +107,14 @@ const Model& Dynamic::model() const noexcept {
 
 const Service& Dynamic::service() const noexcept {
   return impl_->model.services[impl_->service];
+}
+
+const Payload& Dynamic::event() const noexcept {
+  return impl_->event;
+}
+
+std::span<const std::byte> Dynamic::reflection() const noexcept {
+  return std::as_bytes(std::span(impl_->reflection));
 }
 
 const Method* Dynamic::find(std::string_view method) const noexcept {
@@ -120,35 +151,40 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
   return std::vector<std::byte>(view.begin(), view.end());
 }
 
-std::optional<std::string> Dynamic::decode(const Payload& payload,
-                                           std::span<const std::byte> bytes) {
-  if (payload.kind == PayloadKind::kEmpty) {
-    return bytes.empty() ? std::optional<std::string>("{}") : std::nullopt;
-  }
-  flatbuffers::FlatBufferBuilder builder;
-  const bool is_struct = payload.kind == PayloadKind::kStruct;
-  if (is_struct) {
-    // FlatBuffers prints no struct alone: put it into its table, aligned.
+std::optional<std::vector<std::byte>> Dynamic::as_table(const Payload& payload,
+                                                        std::span<const std::byte> bytes) {
+  if (payload.kind == PayloadKind::kStruct) {
     const Object& object = impl_->model.objects[*payload.struct_index];
     if (bytes.size() != object.byte_size) return std::nullopt;
+    flatbuffers::FlatBufferBuilder builder;
     const auto start = builder.StartTable();
     builder.Align(object.alignment);
     builder.PushBytes(static_cast<const std::uint8_t*>(static_cast<const void*>(bytes.data())),
                       bytes.size());
     builder.AddStructOffset(impl_->object(payload).fields()->Get(0)->offset(), builder.GetSize());
     builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(start)));
-  } else {
-    // The verifier needs aligned bytes.
-    const std::vector<std::byte> copy(bytes.begin(), bytes.end());
-    const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
-    const auto& schema = *reflection::GetSchema(impl_->reflection.data());
-    if (copy.size() < 8 ||
-        !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
-      return std::nullopt;
-    }
-    return print(payload, data);
+    const auto view = std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
+    return std::vector<std::byte>(view.begin(), view.end());
   }
-  return print(payload, builder.GetBufferPointer());
+  // The verifier needs aligned bytes.
+  std::vector<std::byte> copy(bytes.begin(), bytes.end());
+  const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
+  const auto& schema = *reflection::GetSchema(impl_->reflection.data());
+  if (copy.size() < 8 || !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
+    return std::nullopt;
+  }
+  return copy;
+}
+
+std::optional<std::string> Dynamic::decode(const Payload& payload,
+                                           std::span<const std::byte> bytes) {
+  if (payload.kind == PayloadKind::kEmpty) {
+    return bytes.empty() ? std::optional<std::string>("{}") : std::nullopt;
+  }
+  // FlatBuffers prints no struct alone.
+  const auto table = as_table(payload, bytes);
+  if (!table) return std::nullopt;
+  return print(payload, static_cast<const std::uint8_t*>(static_cast<const void*>(table->data())));
 }
 
 std::optional<std::string> Dynamic::print(const Payload& payload, const std::uint8_t* data) {

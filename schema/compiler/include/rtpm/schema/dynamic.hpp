@@ -13,7 +13,8 @@
 
 namespace rtpm::schema {
 
-/// Converts requests and replies of one service to and from JSON, for tools without generated code.
+/// Converts requests and replies of one service, or the payload of one event, to and from JSON, for
+/// tools without generated code.
 ///
 /// The JSON is an object of the table's fields or, for a payload that is a bare struct, of the
 /// struct's: `{x: 1, y: 2}`. Names need no quotation marks; absent fields have their defaults.
@@ -26,12 +27,20 @@ class Dynamic {
   /// @errors nullptr and the reason in `error`: not a schema, or no such service
   [[nodiscard]] static std::unique_ptr<Dynamic> make(const std::string& schema,
                                                      std::string_view name, std::string& error);
+  /// For the event `name` of `schema`, such as EventDescriptor::schema has.
+  /// @errors nullptr and the reason in `error`: not a schema, or no such event
+  [[nodiscard]] static std::unique_ptr<Dynamic> make_for_event(const std::string& schema,
+                                                               std::string_view name,
+                                                               std::string& error);
   Dynamic(const Dynamic&) = delete;
   Dynamic& operator=(const Dynamic&) = delete;
   ~Dynamic();
 
   [[nodiscard]] const Model& model() const noexcept;
+  /// Of a service's.
   [[nodiscard]] const Service& service() const noexcept;
+  /// Of an event's: what its payload is.
+  [[nodiscard]] const Payload& event() const noexcept;
   /// nullptr if there is no such method.
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
@@ -44,6 +53,12 @@ class Dynamic {
   /// @errors nothing: the bytes do not match, or have values that the schema has no name for
   [[nodiscard]] std::optional<std::string> decode(const Payload& payload,
                                                   std::span<const std::byte> bytes);
+  /// The payload as a FlatBuffer whose root is its table: a bare struct becomes its field.
+  /// @errors nothing: the bytes do not match
+  [[nodiscard]] std::optional<std::vector<std::byte>> as_table(const Payload& payload,
+                                                               std::span<const std::byte> bytes);
+  /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
+  [[nodiscard]] std::span<const std::byte> reflection() const noexcept;
 
  private:
   class Impl;

@@ -1,0 +1,65 @@
+#include "events/event_schemas.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+Json json_of_scalar(const events::Scalar& scalar) {
+  switch (scalar.kind) {
+    case events::Scalar::Kind::kSigned:
+      return scalar.integer;
+    case events::Scalar::Kind::kUnsigned:
+      return scalar.natural;
+    case events::Scalar::Kind::kReal:
+      break;
+  }
+  return scalar.real;
+}
+
+std::string hex(ConstBytes bytes) {
+  constexpr char kDigits[] = "0123456789abcdef";
+  std::string text;
+  for (const std::byte byte : bytes) {
+    const auto value = std::to_integer<unsigned>(byte);
+    text += kDigits[value >> 4];
+    text += kDigits[value & 15];
+  }
+  return text;
+}
+
+Json numbers_of(ConstBytes payload, const events::EventDescriptor& type) {
+  Json fields = Json::object();
+  for (const events::FieldDescriptor& field : type.fields) {
+    const auto value = events::read_scalar(payload, field.path, field.type, field.default_value);
+    if (!value) continue;
+    const bool is_bool = field.type == events::ScalarType::kBool;
+    fields[std::string(field.name)] =
+        is_bool ? Json(value->as_real() != 0) : json_of_scalar(*value);
+  }
+  return fields;
+}
+
+}  // namespace
+
+schema::Dynamic* EventSchemas::find(const events::EventDescriptor* type) {
+  if (type == nullptr || type->schema.empty()) return nullptr;
+  Entry& entry = entries_[type->type];
+  if (entry.schema_id != type->schema_id || !entry.dynamic) {
+    std::string error;
+    entry = {type->schema_id,
+             schema::Dynamic::make_for_event(std::string(type->schema), type->name, error)};
+  }
+  return entry.dynamic.get();
+}
+
+Json EventSchemas::json_of(ConstBytes payload, const events::EventDescriptor* type) {
+  if (schema::Dynamic* const dynamic = find(type)) {
+    if (const auto text = dynamic->decode(dynamic->event(), payload)) {
+      Json json = Json::parse(*text, nullptr, false);
+      if (!json.is_discarded()) return json;
+    }
+  }
+  if (type != nullptr) return numbers_of(payload, *type);
+  return {{"payload", hex(payload)}};
+}
+
+}  // namespace rtpm::tool
