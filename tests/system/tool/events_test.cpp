@@ -175,6 +175,28 @@ TEST_F(Events, AreRecordedWithTheirSchemas) {
   }
 }
 
+TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  ASSERT_EQ(rtpm({"record", file, "--for", "300ms", "--filter", kSampled}).exit_code, 0);
+  const auto reader = recording::FileReader::open(file);
+  ASSERT_TRUE(reader) << reader.error().text();
+  const auto messages = recording::read_all(**reader);
+  ASSERT_FALSE(messages.empty());
+  const auto& schema = (*reader)->schemas().begin()->second.data;
+  const std::string base = file.substr(0, file.rfind('/'));
+  recording::put_content(base + "/sampled.bfbs", recording::text_of(schema));
+  recording::put_content(base + "/message.bin", messages.front().text);
+  const auto end = test::run({"flatc", "--json", "--strict-json", "--raw-binary", "-o", base,
+                              base + "/sampled.bfbs", "--", base + "/message.bin"},
+                             kPatience);
+  ASSERT_TRUE(end);
+  ASSERT_EQ(end->exit_code, 0) << end->output << end->errors;
+  const Json json = Json::parse(recording::content_of(base + "/message.json"), nullptr, false);
+  EXPECT_EQ(json["sample"]["sequence"], messages.front().sequence) << json;
+  EXPECT_EQ(json["sample"]["position_m"].size(), 3u) << json;
+}
+
 TEST_F(Events, OfARecordingThatCtrlCEndsAreKept) {
   const recording::Folder folder;
   const std::string file = folder.fresh("run");
