@@ -5,6 +5,7 @@
 #include <string>
 
 #include "objects/remote.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/wire/url.hpp"
@@ -28,8 +29,8 @@ void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
   const auto parts = wire::parse_url(entry.url);
   auto catalog = introspection::IntrospectionClient::bind(context.node(), catalog_url(entry.url));
   if (!parts || !catalog) {
-    peers.notes.push_back({"'" + entry.name + "'", Grant::kRefused,
-                           "its server does not answer at " + entry.url,
+    peers.notes.push_back({"'" + printable(entry.name) + "'", Grant::kRefused,
+                           "its server does not answer at " + printable(entry.url),
                            "see whether it runs, and whether this host reaches it."});
     return;
   }
@@ -46,7 +47,7 @@ template <class Map>
 std::string names_in(const Map& map) {
   std::string text;
   for (const auto& [key, name] : map)
-    text += (text.empty() ? "" : ", ") + name;
+    text += (text.empty() ? "" : ", ") + printable(name);
   return text;
 }
 
@@ -55,14 +56,15 @@ std::string names_in(const Map& map) {
 std::vector<SetupNote> survey_peers(Context& context) {
   const auto entries = names::Directory(context.node(), context.registry).list();
   if (!entries) {
-    return {{"registry", Grant::kNotAsked, entries.error().reason(), entries.error().remedy + "."}};
+    return {{"registry", Grant::kNotAsked, printable(entries.error().reason(), kShownWhole),
+             entries.error().remedy + "."}};
   }
   Peers peers;
   for (const names::NameEntry& entry : *entries)
     ask(context, entry, peers);
   for (const auto& [name, interface] : peers.interfaces) {
     if (interface.names.size() < 2) continue;
-    peers.notes.push_back({"interface " + name, Grant::kPartly,
+    peers.notes.push_back({"interface " + printable(name), Grant::kPartly,
                            "servers have different schemas of it: " + names_in(interface.names),
                            "build them from one schema (rtpm info NAME shows each)."});
   }
