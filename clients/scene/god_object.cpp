@@ -16,7 +16,7 @@ constexpr int kSlideStepMax = 32;
 constexpr double kSlideMaxMetre = 0.005;
 /// Short beside the texture's ridges, so that the proxy follows them.
 constexpr double kStrideMaxMetre = 0.001;
-/// A slide shorter than this is none.
+/// A shorter slide counts as standing still.
 constexpr double kStrideMinMetre = 1e-8;
 /// How far a slide is lifted off, of its length: above the rise of a hollow within one stride, and
 /// far below the smallest radius of a hollow, so that the lift itself meets nothing.

@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
@@ -180,6 +181,12 @@ TEST_F(Devices, WriteAFlightRecordAtEachFault) {
   EXPECT_EQ(printed.exit_code, 0) << printed.errors;
   EXPECT_EQ(printed.output, content()) << "the call and the file say the same";
   EXPECT_EQ(printed.output.find("# fault 1: emergency stop in cycle "), 0u) << printed.output;
+  const auto machine = run_tool({"flight-record", "lab/arm0", "--json"});
+  const auto json = nlohmann::json::parse(machine.output, nullptr, false);
+  EXPECT_EQ(json["cause"], "emergency stop") << machine.errors;
+  const auto line_count = static_cast<std::size_t>(test::line_count(printed.output));
+  EXPECT_EQ(json["cycles"].size(), line_count - 2) << "as many as the text has";
+  EXPECT_EQ(json["cycles"].back()["faults"], "emergency stop");
   std::filesystem::remove_all(folder);
 }
 

@@ -9,6 +9,35 @@
 namespace rtpm::tool {
 namespace {
 
+Json json_of(const driver::Vector3& vector) {
+  return {vector.x, vector.y, vector.z};
+}
+Json json_of(const driver::Wrench& wrench) {
+  return {{"force_newton", json_of(wrench.force_newton)},
+          {"torque_newton_metre", json_of(wrench.torque_newton_metre)}};
+}
+
+Json json_of(const gvd::FlightLog& log) {
+  Json cycles = Json::array();
+  for (const gvd::FlightRecord& record : log.records) {
+    cycles.push_back({{"cycle", record.cycle},
+                      {"time_ns", to_ns(record.time)},
+                      {"has_command", record.has_command},
+                      {"gain", record.gain},
+                      {"heat", record.heat},
+                      {"energy_joule", record.energy_joule},
+                      {"position_m", json_of(record.position_m)},
+                      {"velocity_m_per_s", json_of(record.velocity_m_per_s)},
+                      {"received", json_of(record.received)},
+                      {"applied", json_of(record.applied)},
+                      {"faults", driver::to_text(record.faults)}});
+  }
+  return {{"number", log.number},
+          {"cause", to_string(log.cause)},
+          {"cycle", log.cycle},
+          {"cycles", std::move(cycles)}};
+}
+
 int flight_record(Context& context, const std::string& name) {
   gvd::DeviceClientOptions options;
   options.bind.deadline = context.deadline.value_or(options.bind.deadline);
@@ -22,7 +51,11 @@ int flight_record(Context& context, const std::string& name) {
   if (log->number == 0) {
     return context.fail(name + ": has no flight record: there was no fault since its start");
   }
-  std::fputs(gvd::to_csv(*log).c_str(), stdout);
+  if (context.json) {
+    print_json(json_of(*log));
+  } else {
+    std::fputs(gvd::to_csv(*log).c_str(), stdout);
+  }
   return kDone;
 }
 

@@ -89,7 +89,7 @@ bool invert_leg(const LegDirection& leg, const driver::Vector3& at, double& uppe
 
 /// `force` no longer than `longest`, in its direction.
 Eigen::Vector3d shortened(const Eigen::Vector3d& force, double longest) noexcept {
-  // In two steps, since the square of a large number is none.
+  // In two steps, since the square of a large number overflows.
   const double scale = force.cwiseAbs().maxCoeff();
   if (scale <= longest && force.norm() <= longest) return force;
   return (force / scale).normalized() * longest;

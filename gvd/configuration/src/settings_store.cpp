@@ -112,7 +112,7 @@ expected<std::optional<std::string>, std::string> read(const std::string& path) 
   return text;
 }
 
-/// The text of a member; empty if it is none.
+/// The text of a member; empty if it is no text.
 std::string text_in(const json& document, const char* key) {
   const auto found = document.find(key);
   return found != document.end() && found->is_string() ? found->get<std::string>() : std::string{};

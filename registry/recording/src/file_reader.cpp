@@ -14,7 +14,7 @@ struct Block {
   std::uint64_t begin_ns = 0;  ///< Log time of its first message.
   RecordPlace chunk{};
   bool is_chunk = true;
-  std::uint64_t begin = 0;  ///< If it is none.
+  std::uint64_t begin = 0;  ///< If it is no chunk.
   std::uint64_t end = 0;
 };
 

@@ -16,7 +16,7 @@ class CallErrorCategory final : public std::error_category {
 
 }  // namespace
 
-// CallError's zero is an error, that of std::error_code is none.
+// Zero is an error here, but means success in a std::error_code.
 std::error_code make_error_code(CallError error) noexcept {
   static const CallErrorCategory category;
   return {static_cast<int>(error), category};

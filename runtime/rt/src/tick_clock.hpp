@@ -61,7 +61,7 @@ class TickClock {
  private:
   static constexpr double kRateMin = 0.1;  ///< Nanoseconds for a tick.
   static constexpr double kRateMax = 1000;
-  /// So many ticks in so short a time are none.
+  /// So many ticks in so short a time are a jump, not a rate.
   static constexpr std::uint64_t kJump = 10 * kWindow.count();
 
   [[nodiscard]] std::int64_t passed_ns(std::uint64_t ticks) const noexcept {

@@ -96,6 +96,17 @@ TEST_F(Objects, AreCalledInJsonAndRefuseItWithItsPosition) {
                       {"the request does not fit the schema", "1:"});
 }
 
+TEST_F(Objects, ThatAreDevicesAreTakenOverAndStoppedInJson) {
+  const auto held = rtpm({"take-over", "lab/arm0", "deactivate", "--for", "100ms", "--json"});
+  EXPECT_EQ(held.exit_code, 0) << held.errors;
+  EXPECT_EQ(test::line_count(held.output), 2) << held.output;
+  const Json first = Json::parse(held.output.substr(0, held.output.find('\n')), nullptr, false);
+  EXPECT_EQ(first["state"], "held");
+  const auto stopped = json_of({"estop", "lab/arm0"});
+  EXPECT_EQ(stopped["is_stopped"], true);
+  expect_one_sentence(rtpm({"take-over", "lab/arm0", "fly"}), 2, {"{recover,activate"});
+}
+
 TEST(Registry, ThatIsDownIsTold) {
   for (const char* command : {"list", "find", "watch", "estop"}) {
     expect_one_sentence(

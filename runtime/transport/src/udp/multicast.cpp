@@ -36,7 +36,7 @@ expected<Addresses, SetupError> addresses_of(const MulticastGroup& group) {
   addresses.group.sin_port = htons(group.port);
   if (inet_pton(AF_INET, group.group.c_str(), &addresses.group.sin_addr) != 1 ||
       !IN_MULTICAST(ntohl(addresses.group.sin_addr.s_addr)) || group.port == 0) {
-    return failed(group, "it is none",
+    return failed(group, "that is no multicast address with a port",
                   "give an address from 224.0.0.0 to 239.255.255.255, best one that begins with "
                   "239, and a port");
   }

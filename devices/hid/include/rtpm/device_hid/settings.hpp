@@ -18,7 +18,7 @@ struct Settings {
 };
 
 /// Reads "kind=gamepad serial=123 node=/dev/hidraw0 torque_newton_metre=5".
-/// @errors   an unknown word or kind; a torque that is none
+/// @errors   an unknown word or kind; a torque that is no number
 [[nodiscard]] expected<Settings, SetupError> read_settings(std::string_view arguments);
 
 /// By what a unit is found again after it was plugged in again.

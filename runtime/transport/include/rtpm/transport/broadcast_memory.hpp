@@ -32,7 +32,7 @@ class BroadcastBell {
   /// A new bell and its descriptor, for readers.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<std::pair<BroadcastBell, Descriptor>> make() noexcept;
-  /// Maps the bell of a descriptor; nothing if it is none.
+  /// Maps the bell of a descriptor; nothing if it is no bell.
   /// @realtime set-up only
   [[nodiscard]] static std::optional<BroadcastBell> map(int descriptor) noexcept;
 
