@@ -66,12 +66,12 @@ if(RTPM_PRECOMPILED_HEADERS)
   endif()
 endif()
 
-# rtpm_library(NAME part [SOURCES …] [PUBLIC targets…] [PRIVATE targets…])
+# rtpm_library(NAME part [SOURCES …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
 # Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without
-# sources is header-only. PUBLIC are the parts whose headers its own headers include: because a
+# sources is header-only. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include: because a
 # target sees only what it links, an include that points up a floor does not compile.
 function(rtpm_library)
-  cmake_parse_arguments(PARSE_ARGV 0 A "" "NAME" "SOURCES;PUBLIC;PRIVATE")
+  cmake_parse_arguments(PARSE_ARGV 0 A "NOT_INSTALLED" "NAME" "SOURCES;PUBLIC;PRIVATE")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME)
     message(FATAL_ERROR "rtpm_library: NAME is required and nothing unknown is taken; got '${ARGV}'")
   endif()
@@ -96,6 +96,9 @@ function(rtpm_library)
   endif()
   set_target_properties(${target} PROPERTIES EXPORT_NAME ${A_NAME})
   add_library(rtpm::${A_NAME} ALIAS ${target})
+  if(A_NOT_INSTALLED)
+    return()
+  endif()
   rtpm_install_library(${target} INCLUDE "${CMAKE_CURRENT_SOURCE_DIR}/include" NEEDS ${A_PUBLIC} ${A_PRIVATE})
 endfunction()
 

@@ -3,7 +3,7 @@
 
 #include "cli/command.hpp"
 #include "events/commands.hpp"
-#include "events/event_schemas.hpp"
+#include "events/payload_json.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/options/formatted.hpp"
@@ -20,7 +20,7 @@ struct EchoRequest : EventRequest {
 
 Json json_of(const events::EventView& event, const events::EventDescriptor* type, Json payload) {
   const events::EventHeader& header = event.header;
-  Json json{{"type", type_text(header.type, type)},
+  Json json{{"type", capture::type_text(header.type, type)},
             {"type_number", header.type},
             {"source", header.source},
             {"sequence", header.sequence},
@@ -41,8 +41,8 @@ std::string line_of(const events::EventView& event, const events::EventDescripto
                     const Json& payload) {
   const events::EventHeader& header = event.header;
   return options::formatted("%.6f  ", static_cast<double>(to_ns(header.origin)) * 1e-9) +
-         printable(type_text(header.type, type)) + "  source " + std::to_string(header.source) +
-         "  #" + std::to_string(header.sequence) + "  " +
+         printable(capture::type_text(header.type, type)) + "  source " +
+         std::to_string(header.source) + "  #" + std::to_string(header.sequence) + "  " +
          printable(payload.dump(-1, ' ', false, Json::error_handler_t::replace), kShownWhole);
 }
 
@@ -52,7 +52,7 @@ class Echo final : public Subscription::Observer {
 
   void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
     if (is_done_) return;
-    Json payload = schemas_.json_of(event.payload, type);
+    Json payload = payload_json(schemas_, event.payload, type);
     if (as_json_) {
       print_json(json_of(event, type, std::move(payload)));
     } else {
@@ -63,7 +63,7 @@ class Echo final : public Subscription::Observer {
   [[nodiscard]] bool is_done() const { return is_done_; }
 
  private:
-  EventSchemas schemas_{};
+  capture::EventSchemas schemas_{};
   bool as_json_;
   std::uint64_t left_count_;
   std::atomic<bool> is_done_{false};

@@ -10,6 +10,7 @@
 #include "events/stream_meter.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -39,7 +40,7 @@ class Meters final : public Subscription::Observer {
     if (header.sequence == 0 || header.is_replayed) return;  // Timeouts; what is older than we.
     const std::lock_guard lock(mutex_);
     Stream& stream = streams_[{header.type, header.source}];
-    stream.type = type_text(header.type, type);
+    stream.type = capture::type_text(header.type, type);
     stream.uncertainty_ns = std::max(stream.uncertainty_ns, header.origin_uncertainty_ns);
     stream.meter.add(header.sequence, header.origin, header.hub_sent - header.origin);
   }

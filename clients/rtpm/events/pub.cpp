@@ -5,7 +5,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "events/commands.hpp"
-#include "events/event_schemas.hpp"
+#include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
 #include "rtpm/events/supplier.hpp"
@@ -62,7 +62,7 @@ int pub(Context& context, const PubRequest& request) {
   if (!types) return context.not_reached(types.error());
   const auto type = std::ranges::find(types->list(), request.type, &events::EventDescriptor::name);
   if (type == types->list().end()) return context.fail(unknown_type(*types, request.type));
-  EventSchemas schemas;
+  capture::EventSchemas schemas;
   schema::Dynamic* const dynamic = schemas.find(*type);
   if (dynamic == nullptr) {
     return context.fail("the hub has no schema of " + request.type +

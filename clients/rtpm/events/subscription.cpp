@@ -121,11 +121,4 @@ void Subscription::on_notice(const events::Notice& notice) {
   }
 }
 
-std::string type_text(events::EventType type, const EventDescriptor* known) {
-  if (known != nullptr) return std::string(known->name);
-  if (type == events::kTimeoutType) return "timeout";
-  if (type == events::kLinkType) return "link";
-  return std::to_string(type);
-}
-
 }  // namespace rtpm::tool

@@ -62,7 +62,4 @@ class Subscription final : public events::EventHandler {
   std::unique_ptr<events::Consumer> consumer_{};
 };
 
-/// "lab.Touched", or the number.
-[[nodiscard]] std::string type_text(events::EventType type, const events::EventDescriptor* known);
-
 }  // namespace rtpm::tool

@@ -8,9 +8,10 @@
 #include "cli/progress.hpp"
 #include "events/subscription.hpp"
 #include "recordings/commands.hpp"
-#include "recordings/event_recorder.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/capture/event_recorder.hpp"
 #include "rtpm/options/formatted.hpp"
+#include "rtpm/recording/recorder.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::tool {
@@ -67,14 +68,26 @@ int tell_end(const Context& context, const std::string& file, Duration time,
   return kDone;
 }
 
+/// Hands what a hub sends to the recorder of events.
+class Events final : public Subscription::Observer {
+ public:
+  explicit Events(recording::Recorder& recorder) : events_(recorder) {}
+  void on_event(const events::EventView& event, const events::EventDescriptor* type) override {
+    events_.record(event, type);
+  }
+
+ private:
+  capture::EventRecorder events_;
+};
+
 /// Until Ctrl-C, the end of the time, or a file that takes no more.
-void wait_for_end(Context& context, const RecordRequest& request, EventRecorder& recorder,
+void wait_for_end(Context& context, const RecordRequest& request, recording::Recorder& recorder,
                   Subscription& subscription, MonotonicTime begin) {
   const MonotonicTime end = request.time ? begin + *request.time : kNever;
   StatusLine line(context);
   while (rt::now() < end && !context.stop().wait_for(std::min(kPeriod, end - rt::now()))) {
     subscription.care();
-    const recording::RecorderStatus status = recorder.recorder().status();
+    const recording::RecorderStatus status = recorder.status();
     line.show(text_of(rt::now() - begin, status, subscription.lost_count()));
     if (status.problem) return;
   }
@@ -83,10 +96,11 @@ void wait_for_end(Context& context, const RecordRequest& request, EventRecorder&
 int record(Context& context, const RecordRequest& request) {
   static_cast<void>(context.stop());
   const std::string file = request.file.empty() ? name_by_time() : request.file;
-  auto recorder = EventRecorder::create(file, config_of(request));
+  auto recorder = recording::Recorder::create(file, config_of(request));
   if (!recorder) return context.fail(recorder.error());
+  Events events(**recorder);
   int exit_code = kDone;
-  auto subscription = Subscription::open(context, request, **recorder, exit_code);
+  auto subscription = Subscription::open(context, request, events, exit_code);
   if (!subscription) {
     recorder->reset();
     static_cast<void>(std::remove(file.c_str()));  // It has nothing.
@@ -96,9 +110,9 @@ int record(Context& context, const RecordRequest& request) {
   wait_for_end(context, request, **recorder, *subscription, begin);
   const std::uint64_t lost_count = subscription->lost_count();
   subscription.reset();
-  const auto closed = (*recorder)->recorder().close();
+  const auto closed = (*recorder)->close();
   if (!closed) return context.fail(closed.error());
-  return tell_end(context, file, rt::now() - begin, (*recorder)->recorder().status(), lost_count);
+  return tell_end(context, file, rt::now() - begin, (*recorder)->status(), lost_count);
 }
 
 }  // namespace

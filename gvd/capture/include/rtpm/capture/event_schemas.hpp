@@ -1,15 +1,15 @@
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 
-#include "cli/output.hpp"
+#include "rtpm/events/event.hpp"
 #include "rtpm/events/scalar.hpp"
 #include "rtpm/schema/dynamic.hpp"
 
-namespace rtpm::tool {
+namespace rtpm::capture {
 
 /// The schemas of events, each read once.
 /// @threads  one
@@ -17,10 +17,6 @@ class EventSchemas {
  public:
   /// nullptr: the type is null, or its schema is not known or can't be read.
   [[nodiscard]] schema::Dynamic* find(const events::EventDescriptor* type);
-
-  /// A payload by its schema; without one its numbers by their names; of an unknown type
-  /// {"payload": hexadecimal digits}.
-  [[nodiscard]] Json json_of(ConstBytes payload, const events::EventDescriptor* type);
 
  private:
   struct Entry {
@@ -30,4 +26,7 @@ class EventSchemas {
   std::map<events::EventType, Entry> entries_{};
 };
 
-}  // namespace rtpm::tool
+/// "lab.Touched", or the number.
+[[nodiscard]] std::string type_text(events::EventType type, const events::EventDescriptor* known);
+
+}  // namespace rtpm::capture

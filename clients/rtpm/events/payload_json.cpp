@@ -1,4 +1,8 @@
-#include "events/event_schemas.hpp"
+#include "events/payload_json.hpp"
+
+#include <string>
+
+#include "rtpm/events/scalar.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -40,19 +44,9 @@ Json numbers_of(ConstBytes payload, const events::EventDescriptor& type) {
 
 }  // namespace
 
-schema::Dynamic* EventSchemas::find(const events::EventDescriptor* type) {
-  if (type == nullptr || type->schema.empty()) return nullptr;
-  Entry& entry = entries_[type->type];
-  if (entry.schema_id != type->schema_id || !entry.dynamic) {
-    std::string error;
-    entry = {type->schema_id,
-             schema::Dynamic::make_for_event(std::string(type->schema), type->name, error)};
-  }
-  return entry.dynamic.get();
-}
-
-Json EventSchemas::json_of(ConstBytes payload, const events::EventDescriptor* type) {
-  if (schema::Dynamic* const dynamic = find(type)) {
+Json payload_json(capture::EventSchemas& schemas, ConstBytes payload,
+                  const events::EventDescriptor* type) {
+  if (schema::Dynamic* const dynamic = schemas.find(type)) {
     if (const auto text = dynamic->decode(dynamic->event(), payload)) {
       Json json = Json::parse(*text, nullptr, false);
       if (!json.is_discarded()) return json;

@@ -2,33 +2,33 @@
 
 #include <cstdint>
 #include <map>
-#include <memory>
-#include <string>
+#include <optional>
 #include <utility>
 
-#include "events/event_schemas.hpp"
-#include "events/subscription.hpp"
+#include "rtpm/capture/event_schemas.hpp"
+#include "rtpm/events/event.hpp"
 #include "rtpm/recording/recorder.hpp"
 
-namespace rtpm::tool {
+namespace rtpm::capture {
 
 /// Records events, each type and source in a channel of its own: topic "lab.Touched/3", the
 /// schema embedded. The payload is a FlatBuffer whose root is the event's table. Sequence and
 /// origin are the message's sequence and publish time; the log time is when it came here.
-/// @threads  on_event() on one
-class EventRecorder final : public Subscription::Observer {
+/// @ownership refers to its recorder, which other sources may share
+/// @threads  one; record() allocates and is not for real-time threads
+class EventRecorder {
  public:
-  /// @errors   as recording::Recorder::create()
-  [[nodiscard]] static expected<std::unique_ptr<EventRecorder>, SetupError> create(
-      const std::string& path, const recording::RecorderConfig& config);
+  /// Takes a track of its own.
+  explicit EventRecorder(recording::Recorder& recorder);
+  EventRecorder(const EventRecorder&) = delete;
+  EventRecorder& operator=(const EventRecorder&) = delete;
+  ~EventRecorder() = default;
 
-  void on_event(const events::EventView& event, const events::EventDescriptor* type) override;
-
-  [[nodiscard]] recording::Recorder& recorder() noexcept { return *recorder_; }
+  /// Records one event. What the recorder can't take it counts.
+  /// @param type  null while the type is not known
+  void record(const events::EventView& event, const events::EventDescriptor* type);
 
  private:
-  explicit EventRecorder(std::unique_ptr<recording::Recorder> recorder);
-
   struct ChannelOfEvents {
     std::uint16_t number = 0;
     schema::Dynamic* dynamic = nullptr;  ///< Null: the payload is recorded as it is.
@@ -40,10 +40,10 @@ class EventRecorder final : public Subscription::Observer {
                                            const events::EventDescriptor* type,
                                            const schema::Dynamic* dynamic);
 
-  std::unique_ptr<recording::Recorder> recorder_;
+  recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
   EventSchemas schemas_{};
   std::map<std::pair<events::EventType, events::SourceId>, ChannelOfEvents> channels_{};
 };
 
-}  // namespace rtpm::tool
+}  // namespace rtpm::capture

@@ -1,22 +1,15 @@
-#include "recordings/event_recorder.hpp"
+#include "rtpm/capture/event_recorder.hpp"
 
 #include <vector>
 
 #include "rtpm/rt/clock.hpp"
 
-namespace rtpm::tool {
+namespace rtpm::capture {
 
-expected<std::unique_ptr<EventRecorder>, SetupError> EventRecorder::create(
-    const std::string& path, const recording::RecorderConfig& config) {
-  auto recorder = recording::Recorder::create(path, config);
-  if (!recorder) return unexpected{std::move(recorder.error())};
-  return std::unique_ptr<EventRecorder>(new EventRecorder(std::move(*recorder)));
-}
+EventRecorder::EventRecorder(recording::Recorder& recorder)
+    : recorder_(recorder), track_(recorder.add_track()) {}
 
-EventRecorder::EventRecorder(std::unique_ptr<recording::Recorder> recorder)
-    : recorder_(std::move(recorder)), track_(recorder_->add_track()) {}
-
-void EventRecorder::on_event(const events::EventView& event, const events::EventDescriptor* type) {
+void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type) {
   const events::EventHeader& header = event.header;
   const ChannelOfEvents* const channel = channel_of(header, type);
   if (channel == nullptr) return;
@@ -24,9 +17,9 @@ void EventRecorder::on_event(const events::EventView& event, const events::Event
   recording::Message message{
       .channel_id = channel->number,
       .sequence = static_cast<std::uint32_t>(header.sequence),
-      .log_time_ns = recorder_->log_time_ns(now),
+      .log_time_ns = recorder_.log_time_ns(now),
       // The hub's clock may be another's, so only its difference counts.
-      .publish_time_ns = recorder_->log_time_ns(now - (header.hub_sent - header.origin)),
+      .publish_time_ns = recorder_.log_time_ns(now - (header.hub_sent - header.origin)),
       .data = event.payload};
   std::optional<std::vector<std::byte>> table;
   if (channel->dynamic != nullptr) {
@@ -65,15 +58,15 @@ std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeade
                       {"rtpm.priority", std::to_string(header.priority.value())}};
   if (dynamic != nullptr) {
     const auto bytes = dynamic->reflection();
-    const auto schema = recorder_->add_schema({.name = std::string(type->name),
-                                               .encoding = "flatbuffer",
-                                               .data = {bytes.begin(), bytes.end()}});
+    const auto schema = recorder_.add_schema({.name = std::string(type->name),
+                                              .encoding = "flatbuffer",
+                                              .data = {bytes.begin(), bytes.end()}});
     if (!schema) return std::nullopt;
     channel.schema_id = *schema;
     channel.message_encoding = "flatbuffer";
   }
-  const auto number = recorder_->add_channel(channel);
+  const auto number = recorder_.add_channel(channel);
   return number ? std::optional(*number) : std::nullopt;
 }
 
-}  // namespace rtpm::tool
+}  // namespace rtpm::capture

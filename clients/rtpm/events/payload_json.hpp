@@ -1,0 +1,14 @@
+#pragma once
+
+#include "cli/output.hpp"
+#include "rtpm/base/bytes.hpp"
+#include "rtpm/capture/event_schemas.hpp"
+
+namespace rtpm::tool {
+
+/// A payload by its schema; without one its numbers by their names; of an unknown type
+/// {"payload": hexadecimal digits}.
+[[nodiscard]] Json payload_json(capture::EventSchemas& schemas, ConstBytes payload,
+                                const events::EventDescriptor* type);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,100 @@
+#include "rtpm/capture/event_recorder.hpp"
+
+#include <device_events.rtpm.events.hpp>
+
+#include "../recording/recorded.hpp"
+#include "rtpm/rt/clock.hpp"
+
+// What the recorder of events writes, read back.
+namespace rtpm::capture {
+namespace {
+
+class EventRecorderTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto created = recording::Recorder::create(file_);
+    ASSERT_TRUE(created) << created.error().text();
+    recorder_ = std::move(*created);
+    events_.emplace(*recorder_);
+  }
+  /// A button's change from `source`, the hub's clock a second behind this host's.
+  void record(events::SourceId source, std::uint64_t sequence, bool is_known = true) {
+    const device::ButtonChange change(sequence, 2, true);
+    const MonotonicTime now = rt::now() - std::chrono::seconds{1};
+    const auto* const bytes = reinterpret_cast<const std::byte*>(&change);
+    events_->record({.header = {.type = 1380974594,
+                                .source = source,
+                                .sequence = sequence,
+                                .origin = now - std::chrono::milliseconds{5},
+                                .hub_received = now,
+                                .hub_sent = now},
+                     .payload = {bytes, sizeof change}},
+                    is_known ? &device::ButtonChangedEvent::kDescriptor : nullptr);
+  }
+  [[nodiscard]] std::unique_ptr<recording::FileReader> closed() {
+    EXPECT_TRUE(recorder_->close());
+    auto reader = recording::FileReader::open(file_);
+    EXPECT_TRUE(reader);
+    return reader ? std::move(*reader) : nullptr;
+  }
+
+  recording::Folder folder_;
+  std::string file_ = folder_.fresh("events");
+  std::unique_ptr<recording::Recorder> recorder_;
+  std::optional<EventRecorder> events_;
+};
+
+TEST_F(EventRecorderTest, HasAChannelPerTypeAndSource) {
+  for (std::uint64_t i = 1; i <= 3; ++i) {
+    record(3, i);
+    record(4, 10 + i);
+  }
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  ASSERT_EQ(reader->channels().size(), 2u);
+  EXPECT_EQ(reader->channels().at(1).topic, "rtpm.device.ButtonChanged/3");
+  EXPECT_EQ(reader->channels().at(2).topic, "rtpm.device.ButtonChanged/4");
+  EXPECT_EQ(reader->channels().at(2).metadata.at("rtpm.source"), "4");
+  ASSERT_EQ(reader->schemas().size(), 1u);
+  EXPECT_EQ(reader->schemas().at(1).name, "rtpm.device.ButtonChanged");
+  const auto messages = recording::read_all(*reader, {.channel_ids = {2}});
+  ASSERT_EQ(messages.size(), 3u);
+  EXPECT_EQ(messages[2].sequence, 13u);
+}
+
+TEST_F(EventRecorderTest, WritesTablesThatFlatBuffersReads) {
+  record(3, 7);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  const auto messages = recording::read_all(*reader);
+  ASSERT_EQ(messages.size(), 1u);
+  const auto* const table = flatbuffers::GetRoot<device::ButtonChanged>(messages[0].text.data());
+  EXPECT_EQ(table->change()->cycle(), 7u);
+  EXPECT_EQ(table->change()->button(), 2);
+}
+
+TEST_F(EventRecorderTest, KeepsTheOriginAsPublishTime) {
+  record(3, 7);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  static_cast<void>(reader->read({}, [](const recording::Message& message) {
+    EXPECT_EQ(message.log_time_ns - message.publish_time_ns, 5'000'000u);
+    return true;
+  }));
+}
+
+TEST_F(EventRecorderTest, GoesOnWithTheSchemaWhenItBecomesKnown) {
+  record(3, 1, /*is_known=*/false);
+  record(3, 2);
+  const auto reader = closed();
+  ASSERT_NE(reader, nullptr);
+  ASSERT_EQ(reader->channels().size(), 2u);
+  EXPECT_EQ(reader->channels().at(1).topic, "1380974594/3");
+  EXPECT_EQ(reader->channels().at(1).message_encoding, "");
+  EXPECT_EQ(reader->channels().at(2).message_encoding, "flatbuffer");
+  EXPECT_EQ(recording::read_all(*reader, {.channel_ids = {1}}).at(0).text.size(),
+            sizeof(device::ButtonChange));
+}
+
+}  // namespace
+}  // namespace rtpm::capture
