@@ -4,8 +4,8 @@
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/wire/limits.hpp"
 
 namespace rtpm::tool {
@@ -16,9 +16,9 @@ int version(Context& context, const std::string& target) {
   std::string text = "rtpm " RTPM_VERSION ", H-Protocol " + std::to_string(wire::kVersion);
   bool is_same = true;
   if (!target.empty()) {
-    const auto url = url_of(context.node(), context.registry, target);
+    const auto url = dynamic::url_of(context.node(), context.registry, target);
     if (!url) return context.not_reached(url.error());
-    const auto object = RemoteObject::open(context.node(), *url);
+    const auto object = dynamic::RemoteObject::open(context.node(), *url);
     if (!object) return context.not_reached(object.error());
     const std::string& theirs = (*object)->compiler_version();
     is_same = theirs == RTPM_VERSION;

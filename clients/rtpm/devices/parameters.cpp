@@ -5,9 +5,9 @@
 #include <variant>
 
 #include "cli/table.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/configuration/value_text.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -88,7 +88,8 @@ expected<gvd::ConfigurationClient, SetupError> open_configuration(Context& conte
 expected<std::optional<gvd::DeviceConfiguration>, SetupError> configuration_of(
     Context& context, const std::string& url) {
   const auto parts = wire::parse_url(url);
-  auto catalog = introspection::IntrospectionClient::bind(context.node(), catalog_url(url));
+  auto catalog =
+      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(url));
   if (!parts || !catalog) return std::nullopt;
   const auto objects = catalog->list();
   if (!objects) return std::nullopt;

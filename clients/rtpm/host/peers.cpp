@@ -4,8 +4,8 @@
 #include <set>
 #include <string>
 
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
 #include "rtpm/wire/url.hpp"
@@ -27,7 +27,8 @@ struct Peers {
 
 void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
   const auto parts = wire::parse_url(entry.url);
-  auto catalog = introspection::IntrospectionClient::bind(context.node(), catalog_url(entry.url));
+  auto catalog =
+      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(entry.url));
   if (!parts || !catalog) {
     peers.notes.push_back({"'" + printable(entry.name) + "'", Grant::kRefused,
                            "its server does not answer at " + printable(entry.url),

@@ -4,8 +4,8 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "objects/commands.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -17,15 +17,15 @@ struct CallRequest {
   std::optional<Duration> stream_time{};
 };
 
-bool is_stream_of(RemoteObject& object, const std::string& method) {
+bool is_stream_of(dynamic::RemoteObject& object, const std::string& method) {
   const schema::Method* const found = object.dynamic().find(method);
   return found != nullptr && found->is_stream;
 }
 
 int call(Context& context, const CallRequest& request) {
-  const auto url = url_of(context.node(), context.registry, request.target);
+  const auto url = dynamic::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
-  const auto object = RemoteObject::open(context.node(), *url);
+  const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());
   // Ctrl-C closes a stream explicitly, so that its server frees it at once.
   const options::StopSignal* const stop =

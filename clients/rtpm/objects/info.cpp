@@ -5,8 +5,8 @@
 #include "cli/output.hpp"
 #include "devices/parameters.hpp"
 #include "objects/commands.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -26,7 +26,7 @@ Json method_json(const schema::Method& method) {
   return json;
 }
 
-Json object_json(const std::string& url, RemoteObject& object,
+Json object_json(const std::string& url, dynamic::RemoteObject& object,
                  const gvd::DeviceConfiguration* device) {
   const schema::Service& service = object.dynamic().service();
   Json methods = Json::array();
@@ -43,9 +43,9 @@ Json object_json(const std::string& url, RemoteObject& object,
 }
 
 int info(Context& context, const std::string& target) {
-  const auto url = url_of(context.node(), context.registry, target);
+  const auto url = dynamic::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(url.error());
-  const auto object = RemoteObject::open(context.node(), *url);
+  const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());
   const auto device = configuration_of(context, *url);
   if (!device) return context.fail(device.error());

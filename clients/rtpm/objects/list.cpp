@@ -5,8 +5,8 @@
 #include "cli/table.hpp"
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/introspection/catalog.hpp"
 
 namespace rtpm::tool {
@@ -20,9 +20,10 @@ int list_names(Context& context) {
 }
 
 int list_objects(Context& context, const std::string& target) {
-  const auto url = url_of(context.node(), context.registry, target);
+  const auto url = dynamic::url_of(context.node(), context.registry, target);
   if (!url) return context.not_reached(url.error());
-  auto catalog = introspection::IntrospectionClient::bind(context.node(), catalog_url(*url));
+  auto catalog =
+      introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(*url));
   if (!catalog) return context.not_reached(catalog.error());
   const auto reply = catalog->list();
   if (!reply) return context.fail(to_string(reply.error()));

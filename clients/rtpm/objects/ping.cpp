@@ -6,8 +6,8 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "objects/commands.hpp"
-#include "objects/remote.hpp"
 #include "rtpm/base/printable.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 #include "rtpm/options/formatted.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -97,9 +97,9 @@ void tell_summary(const Context& context, const std::string& target, Trips& trip
 
 int ping(Context& context, const PingRequest& request) {
   const options::StopSignal& stop = context.stop();
-  const auto url = url_of(context.node(), context.registry, request.target);
+  const auto url = dynamic::url_of(context.node(), context.registry, request.target);
   if (!url) return context.not_reached(url.error());
-  const auto object = RemoteObject::open(context.node(), *url);
+  const auto object = dynamic::RemoteObject::open(context.node(), *url);
   if (!object) return context.not_reached(object.error());
   Trips trips;
   for (std::uint64_t number = 1;; ++number) {

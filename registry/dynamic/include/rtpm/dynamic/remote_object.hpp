@@ -12,7 +12,7 @@
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/schema/dynamic.hpp"
 
-namespace rtpm::tool {
+namespace rtpm::dynamic {
 
 /// An object of a server that publishes its schema, callable without generated code.
 /// @ownership refers to its node, which must outlive it
@@ -68,4 +68,4 @@ class RemoteObject {
 /// The URL of the catalog at the server of `url`; empty if that is no URL.
 [[nodiscard]] std::string catalog_url(const std::string& url);
 
-}  // namespace rtpm::tool
+}  // namespace rtpm::dynamic

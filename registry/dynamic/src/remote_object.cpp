@@ -1,4 +1,4 @@
-#include "objects/remote.hpp"
+#include "rtpm/dynamic/remote_object.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -10,7 +10,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
-namespace rtpm::tool {
+namespace rtpm::dynamic {
 namespace {
 
 // "; most like it: lab/arm0, lab/arm1", or nothing.
@@ -196,4 +196,4 @@ expected<void, SetupError> RemoteObject::print_payload(const schema::Payload& pa
   return {};
 }
 
-}  // namespace rtpm::tool
+}  // namespace rtpm::dynamic
