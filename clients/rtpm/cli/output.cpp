@@ -1,7 +1,9 @@
 #include "cli/output.hpp"
 
+#include <sys/ioctl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 
@@ -40,6 +42,15 @@ bool is_terminal() {
 }
 bool is_error_terminal() {
   return ::isatty(STDERR_FILENO) == 1;
+}
+
+std::size_t terminal_width() {
+  constexpr std::size_t kWidth = 100;
+  winsize size{};
+  if (!is_terminal() || ::ioctl(STDOUT_FILENO, TIOCGWINSZ, &size) != 0 || size.ws_col == 0) {
+    return kWidth;
+  }
+  return std::max<std::size_t>(size.ws_col, 40);
 }
 
 std::string coloured(std::string_view text, Colour colour) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <nlohmann/json.hpp>
 #include <string>
 #include <string_view>
@@ -19,6 +20,8 @@ void print_line(std::string_view text);
 [[nodiscard]] bool is_terminal();
 /// Whether people look at standard error, where progress goes.
 [[nodiscard]] bool is_error_terminal();
+/// Columns of the terminal, 100 where people do not look, never fewer than 40.
+[[nodiscard]] std::size_t terminal_width();
 
 enum class Colour { kRed, kGreen, kYellow, kGrey, kBold };
 /// `text` in a colour if people look at it, and NO_COLOR is not set (https://no-color.org).

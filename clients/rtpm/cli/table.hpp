@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace rtpm::tool {
@@ -11,5 +12,9 @@ using Row = std::vector<std::string>;
 /// Rows of equal length as lines with columns two blanks apart: the first `left_count` flush left,
 /// the others right. Texts are printable UTF-8.
 [[nodiscard]] std::string aligned(const std::vector<Row>& rows, std::size_t left_count);
+
+/// The words of a text in lines of at most `width` characters, where they are not longer. Printable
+/// UTF-8.
+[[nodiscard]] std::vector<std::string> wrapped(std::string_view text, std::size_t width);
 
 }  // namespace rtpm::tool

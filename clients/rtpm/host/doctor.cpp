@@ -1,52 +1,95 @@
 #include <algorithm>
 #include <cstdio>
+#include <iterator>
 
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "host/commands.hpp"
+#include "host/finding_text.hpp"
+#include "host/network.hpp"
 #include "host/peers.hpp"
 #include "host/wake_up.hpp"
-#include "rtpm/rt/report.hpp"
+#include "rtpm/rpc/lane_table.hpp"
+#include "rtpm/rt/survey.hpp"
 
 namespace rtpm::tool {
 namespace {
 
-using rt::SetupNote;
+using rt::Finding;
+using rt::Severity;
 
 struct DoctorRequest {
   bool is_quick = false;
+  bool shows_all = false;
+  bool fixes = false;
+  bool is_dry = false;
   Duration time = std::chrono::seconds{2};
 };
 
-Json json_of(const std::vector<SetupNote>& notes) {
-  Json list = Json::array();
-  for (const SetupNote& note : notes) {
-    list.push_back({{"subject", note.subject},
-                    {"grant", to_string(note.grant)},
-                    {"text", note.text},
-                    {"remedy", note.remedy}});
+std::vector<int> processes_with_lanes() {
+  std::vector<int> ids;
+  for (const rpc::LaneTable& table : rpc::LaneTable::find()) {
+    if (table.is_alive()) ids.push_back(table.process_id());
   }
-  return list;
+  return ids;
+}
+
+std::vector<Finding> survey(Context& context) {
+  std::vector<Finding> findings = rt::survey_host(processes_with_lanes());
+  std::ranges::move(survey_network(context), std::back_inserter(findings));
+  std::ranges::move(survey_peers(context), std::back_inserter(findings));
+  return findings;
+}
+
+/// Sets what the findings can set, and judges the host again.
+void fix(FindingReport& report) {
+  std::vector<std::string> ids;
+  for (const Finding& finding : report.findings) {
+    bool is_changed = false;
+    for (const rt::Setting& setting : finding.fixes) {
+      const auto change = rt::apply(setting, report.is_dry);
+      if (!change) continue;
+      is_changed |= change->problem.empty();
+      report.changes.push_back(*change);
+    }
+    if (!is_changed) continue;
+    ids.push_back(finding.id);
+    report.lastings.push_back(finding.lasting);
+  }
+  if (report.is_dry || ids.empty()) return;
+  for (const Finding& now : rt::survey_host(processes_with_lanes())) {
+    const auto before = std::ranges::find(report.findings, now.id, &Finding::id);
+    if (before == report.findings.end() || std::ranges::find(ids, now.id) == ids.end()) continue;
+    if (now.severity < before->severity) report.fixed_ids.push_back(now.id);
+    *before = now;
+  }
 }
 
 int doctor(Context& context, const DoctorRequest& request) {
   const options::StopSignal& stop = context.stop();
-  std::vector<SetupNote> notes = rt::survey_host();
-  std::ranges::move(survey_peers(context), std::back_inserter(notes));
-  Json json{{"notes", json_of(notes)}};
-  if (!context.json) std::fputs(rt::to_text(notes).c_str(), stdout);
-  if (!request.is_quick) {
+  FindingReport report{.findings = survey(context), .is_dry = request.is_dry};
+  if (request.fixes) fix(report);
+  Json json{{"findings", json_of_findings(report)}};
+  if (request.fixes) json["changes"] = json_of_changes(report);
+  if (!context.json) {
+    std::string text = text_of(report.findings, request.shows_all, terminal_width());
+    if (request.fixes) text += "\n" + text_of_changes(report);
+    std::fputs(text.c_str(), stdout);
     std::fflush(stdout);
+  }
+  if (!request.is_quick) {
     const auto wake_ups = measure_wake_ups(request.time, stop);
     if (!wake_ups) return context.fail(wake_ups.error());
     json["wake_ups"] = rtpm::tool::json_of(*wake_ups);
     if (!context.json) std::fputs(("\n" + text_of(*wake_ups)).c_str(), stdout);
   }
-  const bool is_refused = std::ranges::any_of(
-      notes, [](const SetupNote& note) { return note.grant == rt::Grant::kRefused; });
-  json["is_fit"] = !is_refused;
+  const bool is_fit = std::ranges::find(report.findings, Severity::kProblem, &Finding::severity) ==
+                      report.findings.end();
+  const bool is_changed = std::ranges::all_of(
+      report.changes, [](const rt::Change& change) { return change.problem.empty(); });
+  json["is_fit"] = is_fit;
   if (context.json) print_json(json);
-  return is_refused ? kFailed : kDone;
+  return is_fit && is_changed ? kDone : kFailed;
 }
 
 }  // namespace
@@ -55,12 +98,20 @@ void add_doctor(CLI::App& program, Context& context) {
   const auto request = std::make_shared<DoctorRequest>();
   CLI::App& command = add_command(
       program, context, "doctor", "Judge this host, and the servers it reaches, for real time",
-      "  rtpm doctor --quick\n"
-      "Says what the host gives, what each lack costs and its remedy; whether the registry's\n"
-      "servers answer and have schemas in common; and measures how late a thread wakes. The exit\n"
-      "code is 1 if something is refused.\n",
+      "  rtpm doctor --quick\n  sudo rtpm doctor --fix --dry-run\n"
+      "Says what is wrong with this host, its network and the registry's servers, what each costs\n"
+      "and the remedy, the worst first; then measures how late a thread wakes. --fix sets what is\n"
+      "safe and can be taken back: socket buffers, CPU governor, huge pages, until the host "
+      "starts\n"
+      "anew. The exit code is 1 if there is a problem, or --fix could not set something; warnings\n"
+      "and notes leave it 0.\n",
       [request](Context& c) { return doctor(c, *request); });
   command.add_flag("--quick", request->is_quick, "Measure nothing");
+  command.add_flag("--all", request->shows_all, "Show what is good in a line each");
+  CLI::Option* const fix = command.add_flag("--fix", request->fixes,
+                                            "Set what is safe and can be taken back; needs root");
+  command.add_flag("--dry-run", request->is_dry, "With --fix: only print what it would set")
+      ->needs(fix);
   add_duration(command, "--time", request->time, "How long to measure",
                {std::chrono::milliseconds{10}, std::chrono::hours{24}});
 }

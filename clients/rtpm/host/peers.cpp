@@ -13,8 +13,8 @@
 namespace rtpm::tool {
 namespace {
 
-using rt::Grant;
-using rt::SetupNote;
+using rt::Finding;
+using rt::Severity;
 
 struct Interface {
   std::map<std::uint64_t, std::string> names{};  ///< By fingerprint: one object of each.
@@ -22,7 +22,7 @@ struct Interface {
 struct Peers {
   std::map<std::string, Interface> interfaces{};
   std::map<std::string, std::string> compilers{};  ///< By version: one object of each.
-  std::vector<SetupNote> notes{};
+  std::vector<Finding> findings{};
 };
 
 void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
@@ -30,9 +30,11 @@ void ask(Context& context, const names::NameEntry& entry, Peers& peers) {
   auto catalog =
       introspection::IntrospectionClient::bind(context.node(), dynamic::catalog_url(entry.url));
   if (!parts || !catalog) {
-    peers.notes.push_back({"'" + printable(entry.name) + "'", Grant::kRefused,
-                           "its server does not answer at " + printable(entry.url),
-                           "see whether it runs, and whether this host reaches it."});
+    peers.findings.push_back({"server", Severity::kProblem,
+                              "'" + printable(entry.name) +
+                                  "' is bound, but no server answers at " + printable(entry.url),
+                              "each call of it ends with its deadline, until the name's lease ends",
+                              "see whether its program runs, and whether this host reaches it"});
     return;
   }
   introspection::DescribeRequestT request;
@@ -54,33 +56,35 @@ std::string names_in(const Map& map) {
 
 }  // namespace
 
-std::vector<SetupNote> survey_peers(Context& context) {
+std::vector<Finding> survey_peers(Context& context) {
   const auto entries = names::Directory(context.node(), context.registry).list();
   if (!entries) {
-    return {{"registry", Grant::kNotAsked, printable(entries.error().reason(), kShownWhole),
-             entries.error().remedy + "."}};
+    return {{"registry", Severity::kNote, printable(entries.error().reason(), kShownWhole),
+             "programs find no name; URLs still lead to servers", entries.error().remedy}};
   }
   Peers peers;
   for (const names::NameEntry& entry : *entries)
     ask(context, entry, peers);
   for (const auto& [name, interface] : peers.interfaces) {
     if (interface.names.size() < 2) continue;
-    peers.notes.push_back({"interface " + printable(name), Grant::kPartly,
-                           "servers have different schemas of it: " + names_in(interface.names),
-                           "build them from one schema (rtpm info NAME shows each)."});
+    peers.findings.push_back(
+        {"interface", Severity::kWarning,
+         "servers have different schemas of " + printable(name) + ": " + names_in(interface.names),
+         "a client of one is refused by the other where the schemas do not fit together",
+         "build them from one schema (rtpm info NAME shows each)"});
   }
   if (peers.compilers.size() > 1) {
-    peers.notes.push_back({"versions", Grant::kPartly,
-                           "servers are of different releases: " + names_in(peers.compilers),
-                           "update the older ones."});
+    peers.findings.push_back({"versions", Severity::kWarning,
+                              "servers are of different releases: " + names_in(peers.compilers),
+                              "before 1.0.0, releases may not understand each other",
+                              "update the older ones"});
   }
-  if (peers.notes.empty()) {
-    peers.notes.push_back({"servers", Grant::kGranted,
-                           "all " + std::to_string(entries->size()) +
-                               " names of the registry answer, with schemas in common",
-                           ""});
+  if (peers.findings.empty()) {
+    peers.findings.push_back({"servers", Severity::kGood,
+                              "all " + std::to_string(entries->size()) +
+                                  " names of the registry answer, with schemas in common"});
   }
-  return std::move(peers.notes);
+  return std::move(peers.findings);
 }
 
 }  // namespace rtpm::tool

@@ -3,12 +3,12 @@
 #include <vector>
 
 #include "cli/context.hpp"
-#include "rtpm/rt/report.hpp"
+#include "rtpm/rt/finding.hpp"
 
 namespace rtpm::tool {
 
 /// Whether the registry answers, and whether the servers it names have schemas and compilers in
-/// common: a note each for what differs.
-[[nodiscard]] std::vector<rt::SetupNote> survey_peers(Context& context);
+/// common: a finding each for what differs.
+[[nodiscard]] std::vector<rt::Finding> survey_peers(Context& context);
 
 }  // namespace rtpm::tool

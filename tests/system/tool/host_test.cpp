@@ -26,45 +26,79 @@ class Host : public Laboratory {
   }
 };
 
-const Json* note_of(const Json& notes, const std::string& subject) {
+const Json* finding_of(const Json& findings, const std::string& id) {
   const auto found =
-      std::ranges::find_if(notes, [&](const Json& note) { return note["subject"] == subject; });
-  return found == notes.end() ? nullptr : &*found;
+      std::ranges::find_if(findings, [&](const Json& finding) { return finding["id"] == id; });
+  return found == findings.end() ? nullptr : &*found;
 }
 
 TEST_F(Host, IsJudgedWithWakeUpsAndServers) {
   ASSERT_TRUE(registry_ && device_);
   const auto end = rtpm({"doctor", "--time", "100ms"});
-  for (const char* words : {"real-time", "idle states", "socket buffers", "shared memory",
-                            "clock sync", "names of the registry answer", " wake-ups at 1 kHz"})
+  for (const char* words : {"realtime", "idle-states", "socket-buffers", "shared-memory",
+                            "clock-sync", "servers", "port-7420", " wake-ups at 1 kHz"})
     EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
-  const bool is_refused = end.output.find("refused") != std::string::npos;
-  EXPECT_EQ(end.exit_code, is_refused ? 1 : 0);
+  const bool is_problem = end.output.find("\nproblem ") != std::string::npos;
+  EXPECT_EQ(end.exit_code, is_problem ? 1 : 0) << end.output;
+  EXPECT_EQ(end.output.starts_with("0 problems"), !is_problem) << end.output;
+  const auto whole = rtpm({"doctor", "--quick", "--all"});
+  EXPECT_NE(whole.output.find("servers: all 1 names of the registry answer"), std::string::npos)
+      << whole.output;
 }
 
 TEST_F(Host, IsJudgedInJson) {
   const Json json = json_of({"doctor", "--time", "50ms"});
   EXPECT_GT(json["wake_ups"]["count"], 10) << json;
   EXPECT_LE(json["wake_ups"]["late_us"]["p50"], json["wake_ups"]["late_us"]["max"]);
-  for (const char* subject : {"kernel", "throttling", "memory lock", "servers"}) {
-    const Json* const note = note_of(json["notes"], subject);
-    ASSERT_NE(note, nullptr) << subject;
-    EXPECT_TRUE((*note)["grant"] != "partly" || (*note)["remedy"] != "") << *note;
+  for (const char* id :
+       {"kernel", "throttling", "memory-lock", "multicast", "port-7421", "servers"})
+    EXPECT_NE(finding_of(json["findings"], id), nullptr) << id;
+  for (const Json& finding : json["findings"]) {
+    const bool is_bad = finding["severity"] == "warning" || finding["severity"] == "problem";
+    EXPECT_TRUE(!is_bad || (finding["cost"] != "" && finding["remedy"] != "")) << finding;
+    EXPECT_EQ(finding["fixable"], finding.contains("lasting")) << finding;
+    EXPECT_EQ(finding["fixed"], false) << finding;
   }
   EXPECT_FALSE(json_of({"doctor", "--quick"}).contains("wake_ups"));
+}
+
+TEST_F(Host, IsLeftAsItIsByADryFix) {
+  const Json before = json_of({"doctor", "--quick"});
+  const Json dry = json_of({"doctor", "--quick", "--fix", "--dry-run"});
+  EXPECT_FALSE(before.contains("changes"));
+  bool is_fixable = false;
+  for (const Json& finding : before["findings"])
+    is_fixable = is_fixable || finding["fixable"] == true;
+  EXPECT_EQ(dry["changes"].empty(), !is_fixable) << dry;
+  for (const Json& change : dry["changes"])
+    EXPECT_EQ(change["is_made"], false) << change;
+  const auto text = rtpm({"doctor", "--quick", "--fix", "--dry-run"});
+  EXPECT_NE(text.output.find(is_fixable ? "would change /" : "nothing to fix"), std::string::npos)
+      << text.output;
+  expect_one_sentence(rtpm({"doctor", "--dry-run"}), 2, {"--fix"});
 }
 
 TEST_F(Host, SeesAServerThatIsNamedButGone) {
   device_->process.send_signal(SIGKILL);
   ASSERT_TRUE(device_->process.wait(kPatience));
   const auto end = rtpm({"doctor", "--quick", "--json"});
-  const Json* note = nullptr;
   const Json json = Json::parse(end.output, nullptr, false);
-  note = note_of(json["notes"], "'lab/arm0'");
-  ASSERT_NE(note, nullptr) << end.output;
-  EXPECT_EQ((*note)["grant"], "refused");
+  const Json* const finding = finding_of(json["findings"], "server");
+  ASSERT_NE(finding, nullptr) << end.output;
+  EXPECT_EQ((*finding)["severity"], "problem");
+  EXPECT_NE((*finding)["finding"].get<std::string>().find("'lab/arm0'"), std::string::npos);
   EXPECT_EQ(end.exit_code, 1);
   EXPECT_EQ(json["is_fit"], false);
+}
+
+TEST_F(Host, WithoutARegistryIsStillJudged) {
+  const auto end = run_program(
+      "rtpm", {"doctor", "--quick", "--json", "--registry", "rtpm://127.0.0.1:1/rtpm/names"});
+  const Json json = Json::parse(end.output, nullptr, false);
+  const Json* const finding = finding_of(json["findings"], "registry");
+  ASSERT_NE(finding, nullptr) << end.output;
+  EXPECT_EQ((*finding)["severity"], "note");
+  EXPECT_NE((*finding)["remedy"].get<std::string>().find("rtpm-registryd"), std::string::npos);
 }
 
 TEST_F(Host, ShowsItsLanesInJson) {

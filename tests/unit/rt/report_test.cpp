@@ -101,27 +101,6 @@ TEST(Spinning, OutsideRealtimeLevelsIsFree) {
   EXPECT_FALSE(note_of("spin of 'free'"));
 }
 
-TEST(Survey, AsksForAllThatRtpmAsksFor) {
-  const auto child = test::run_in_child([] { return to_text(survey_host()); });
-  for (const char* subject : {"real-time ", "throttling ", "memory lock ", "CPU latency ",
-                              "kernel ", "CPUs ", "frequency ", "clock "}) {
-    EXPECT_NE(child.said.find(subject), child.said.npos) << subject << child.said;
-  }
-}
-
-TEST(Survey, SaysWhatIsRefusedWithoutTheRights) {
-  if (test::kHasSanitizer) GTEST_SKIP() << test::kSanitizersLockNothing;
-  const auto child = test::run_in_child([] {
-    test::drop_realtime_rights();
-    std::string text;
-    for (const SetupNote& note : survey_host()) {
-      if (note.grant == Grant::kRefused && !note.remedy.empty()) text += note.subject + ";";
-    }
-    return text;
-  });
-  EXPECT_EQ(child.said, "real-time;memory lock;CPU latency;");
-}
-
 TEST(CpuLatency, IsHeldAsLongAsTheRequest) {
   const auto none = CpuLatencyRequest::open(Duration{0}, RealtimeMode::kOff);
   ASSERT_TRUE(none);

@@ -38,11 +38,6 @@ inline constexpr std::size_t kSetupNoteCountMax = 256;
 /// @realtime set-up only
 [[nodiscard]] std::vector<SetupNote> setup_report();
 
-/// What this host would give the calling process, tried for real, and what else bounds latency
-/// here: throttling, the clock, CPU frequency, quotas. Locks the memory of the process.
-/// @realtime set-up only
-[[nodiscard]] std::vector<SetupNote> survey_host();
-
 /// The notes as lines, each with its remedy below.
 /// @realtime set-up only
 [[nodiscard]] std::string to_text(const std::vector<SetupNote>& notes);

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/rt/finding.hpp"
+
+/// Of a host's network, what RTPM's defaults need: facts first, then judgements.
+namespace rtpm::rt {
+
+/// A network interface.
+struct InterfaceFacts {
+  std::string name{};
+  bool is_up = false;
+  bool is_loopback = false;
+  bool has_multicast = false;
+  friend bool operator==(const InterfaceFacts&, const InterfaceFacts&) = default;
+};
+
+/// What a datagram to a group, sent and awaited on this host, came to.
+enum class MulticastTrial : std::uint8_t { kReceived, kRefused, kNotSent, kNotReceived };
+
+struct MulticastFacts {
+  std::string group{};                       ///< "239.255.42.1".
+  std::vector<InterfaceFacts> interfaces{};  ///< By name.
+  std::string route{};                       ///< The interface for the group; empty: no route.
+  MulticastTrial trial = MulticastTrial::kReceived;
+  std::string reason{};  ///< Of kRefused.
+};
+
+/// The program that listens at a port.
+struct PortHolder {
+  std::string transport{};  ///< "UDP" or "TCP".
+  std::string program{};    ///< Empty: the system does not tell this user.
+  int process_id = 0;       ///< 0: likewise.
+};
+
+struct PortFacts {
+  std::uint16_t port = 0;
+  std::string program{};  ///< Which has the port by default: "rtpm-registryd".
+  std::string option{};   ///< What gives it another: "--port".
+  bool answers = false;   ///< As a server of RTPM.
+  std::optional<PortHolder> holder{};
+};
+
+/// Reads the interfaces and the route of `group` below `root`, "" being the system's own. The trial
+/// is the caller's.
+/// @realtime set-up only
+[[nodiscard]] MulticastFacts read_multicast(const std::string& root, const std::string& group);
+/// Who listens at `port` by UDP or TCP; nullopt: nobody.
+/// @realtime set-up only
+[[nodiscard]] std::optional<PortHolder> holder_of_port(const std::string& root, std::uint16_t port);
+
+/// @realtime set-up only
+[[nodiscard]] Finding judge_multicast(const MulticastFacts& facts);
+[[nodiscard]] Finding judge_port(const PortFacts& facts);
+
+}  // namespace rtpm::rt

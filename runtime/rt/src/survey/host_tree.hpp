@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace rtpm::rt {
+
+/// The system's files below a folder, which tests fake.
+/// @realtime set-up only
+class HostTree {
+ public:
+  explicit HostTree(std::string root) : root_(std::move(root)) {}
+
+  /// What the file holds, without the line's end; empty if it can't be read. At most 1 MiB.
+  [[nodiscard]] std::string text(const std::string& path) const;
+  [[nodiscard]] std::optional<std::int64_t> number(const std::string& path) const;
+  [[nodiscard]] bool has(const std::string& path) const;
+  /// Where the symbolic link points; empty: it is none.
+  [[nodiscard]] std::string link(const std::string& path) const;
+  /// Names in the folder that begin with `prefix`, sorted: numbers by their value.
+  [[nodiscard]] std::vector<std::string> entries(const std::string& path,
+                                                 std::string_view prefix = {}) const;
+  /// Entries of /proc that are processes.
+  [[nodiscard]] std::vector<int> process_ids() const;
+
+ private:
+  std::string root_;
+};
+
+/// The number that `text` is; nullopt: it is none.
+[[nodiscard]] std::optional<std::int64_t> number_of(std::string_view text, int base = 10) noexcept;
+/// Texts between white space.
+[[nodiscard]] std::vector<std::string> words_of(std::string_view text);
+[[nodiscard]] std::vector<std::string> lines_of(std::string_view text);
+
+/// CPUs as the kernel lists them: "0-3,5". What is no list is left out.
+[[nodiscard]] std::vector<int> parse_cpu_list(std::string_view text);
+[[nodiscard]] std::string cpu_list_text(const std::vector<int>& cpus);
+/// Ascending, each once.
+[[nodiscard]] std::vector<int> united(const std::vector<int>& a, const std::vector<int>& b);
+[[nodiscard]] std::vector<int> common(const std::vector<int>& a, const std::vector<int>& b);
+[[nodiscard]] std::vector<int> without(const std::vector<int>& a, const std::vector<int>& b);
+
+}  // namespace rtpm::rt
