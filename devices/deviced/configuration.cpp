@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "drivers.hpp"
+#include "flight_format.hpp"
 #include "rtpm/names/defaults.hpp"
 
 namespace rtpm::deviced {
@@ -92,7 +93,8 @@ void add_service(options::Options& options, Configuration& configuration) {
       "settings", configuration.settings_folder,
       "The folder of the devices' saved parameters; empty: they are neither saved nor read");
   options.add("flight-records", configuration.flight_folder,
-              "The folder of a CSV file for each fault, at most 16 per device; empty: none");
+              "The folder where each fault leaves " + std::string(flight_file_kind()) +
+                  ", at most 16 per device; empty: none");
   options.add("allow-takeover", configuration.allows_takeover,
               "Take the names from another server that holds them, at the start");
   constexpr options::Range<Duration> kLease{std::chrono::milliseconds{10}, std::chrono::hours{1}};

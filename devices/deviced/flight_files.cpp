@@ -6,8 +6,8 @@
 #include <system_error>
 #include <utility>
 
+#include "flight_format.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "rtpm/rt/durable_file.hpp"
 
 namespace rtpm::deviced {
 namespace {
@@ -53,12 +53,12 @@ void FlightFiles::write_new(Device& device) {
   device.written_number = log.number;
   std::string file = device.name;
   std::ranges::replace(file, '/', '-');
-  const std::string path =
-      folder_ + "/" + file + "." + std::to_string(log.number % kFileCountMax) + ".csv";
+  const std::string path = folder_ + "/" + file + "." + std::to_string(log.number % kFileCountMax) +
+                           std::string(flight_file_ending());
   const std::string cause(to_string(log.cause));
-  if (const auto written = rt::replace_file(path, to_csv(log)); !written) {
+  if (const auto written = write_flight(path, device.name, log); !written) {
     log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +
-               "; its flight record was not written to " + path + ": " + written.error().message());
+               "; its flight record was not written: " + written.error().text());
     return;
   }
   log_.write(device.name + ": " + cause + " in cycle " + std::to_string(log.cycle) +

@@ -3,13 +3,12 @@
 
 #include <atomic>
 #include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <nlohmann/json.hpp>
 #include <span>
 #include <string>
 #include <vector>
 
+#include "../unit/recording/recorded.hpp"
 #include "programs.hpp"
 #include "rtpm/gvd/consumer.hpp"
 #include "rtpm/names/resolver.hpp"
@@ -170,16 +169,10 @@ TEST_F(Devices, WriteAFlightRecordAtEachFault) {
   ASSERT_TRUE(devices);
   expect_one_sentence(run_tool({"flight-record", "lab/arm0"}), 1, {"lab/arm0"});
   EXPECT_EQ(run_tool({"estop", "lab/arm0"}).exit_code, 0);
-  const auto file = folder / "lab-arm0.1.csv";
-  const auto content = [&] {
-    std::ifstream stream(file);
-    return std::string(std::istreambuf_iterator<char>(stream), {});
-  };
-  ASSERT_TRUE(test::await([&] { return content().ends_with("\"emergency stop\"\n"); }, kPatience))
-      << content();
+  const std::string file = (folder / "lab-arm0.1.mcap").string();
+  ASSERT_TRUE(test::await([&] { return std::filesystem::exists(file); }, kPatience));
   const auto printed = run_tool({"flight-record", "lab/arm0"});
   EXPECT_EQ(printed.exit_code, 0) << printed.errors;
-  EXPECT_EQ(printed.output, content()) << "the call and the file say the same";
   EXPECT_EQ(printed.output.find("# fault 1: emergency stop in cycle "), 0u) << printed.output;
   const auto machine = run_tool({"flight-record", "lab/arm0", "--json"});
   const auto json = nlohmann::json::parse(machine.output, nullptr, false);
@@ -187,6 +180,23 @@ TEST_F(Devices, WriteAFlightRecordAtEachFault) {
   const auto line_count = static_cast<std::size_t>(test::line_count(printed.output));
   EXPECT_EQ(json["cycles"].size(), line_count - 2) << "as many as the text has";
   EXPECT_EQ(json["cycles"].back()["faults"], "emergency stop");
+  const std::string copy = (folder / "copy.mcap").string();
+  const auto recorded = run_tool({"flight-record", "lab/arm0", "-o", copy, "--json"});
+  EXPECT_EQ(nlohmann::json::parse(recorded.output, nullptr, false)["cycle_count"], line_count - 2)
+      << recorded.errors;
+  const auto by_server = recording::FileReader::open(file);
+  const auto by_tool = recording::FileReader::open(copy);
+  ASSERT_TRUE(by_server && by_tool);
+  const auto messages = recording::read_all(**by_server);
+  EXPECT_EQ(messages.size(), line_count - 2);
+  const auto copied = recording::read_all(**by_tool);
+  ASSERT_EQ(copied.size(), messages.size());
+  for (std::size_t i = 0; i < messages.size(); ++i)
+    ASSERT_EQ(copied[i].text, messages[i].text) << "the server and the tool record the same";
+  EXPECT_EQ((*by_tool)->channels().at(1), (*by_server)->channels().at(1));
+  expect_one_sentence(run_tool({"flight-record", "lab/arm0", "-o", copy}), 1, {copy, "exists"});
+  const auto text = run_tool({"flight-record", "lab/arm0", "-o", copy + "2"});
+  EXPECT_NE(text.output.find(" cycles around emergency stop in cycle "), std::string::npos);
   std::filesystem::remove_all(folder);
 }
 

@@ -4,6 +4,8 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "devices/commands.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/capture/flight_file.hpp"
 #include "rtpm/gvd/client.hpp"
 
 namespace rtpm::tool {
@@ -38,7 +40,31 @@ Json json_of(const gvd::FlightLog& log) {
           {"cycles", std::move(cycles)}};
 }
 
-int flight_record(Context& context, const std::string& name) {
+struct FlightRecordRequest {
+  std::string device{};
+  std::string file{};  ///< Empty: standard output.
+};
+
+int write_file(Context& context, const FlightRecordRequest& request, const gvd::FlightLog& log) {
+  const auto written = capture::write_flight_file(request.file, request.device, log);
+  if (!written) return context.fail(written.error());
+  if (context.json) {
+    print_json({{"file", request.file},
+                {"device", request.device},
+                {"number", log.number},
+                {"cause", to_string(log.cause)},
+                {"cycle", log.cycle},
+                {"cycle_count", log.records.size()}});
+  } else {
+    print_line(printable(request.file, kShownWhole) + ": " + std::to_string(log.records.size()) +
+               " cycles around " + std::string(to_string(log.cause)) + " in cycle " +
+               std::to_string(log.cycle));
+  }
+  return kDone;
+}
+
+int flight_record(Context& context, const FlightRecordRequest& request) {
+  const std::string& name = request.device;
   gvd::DeviceClientOptions options;
   options.bind.deadline = context.deadline.value_or(options.bind.deadline);
   auto device = gvd::DeviceClient::open(context.node(), name, options);
@@ -51,6 +77,7 @@ int flight_record(Context& context, const std::string& name) {
   if (log->number == 0) {
     return context.fail(name + ": has no flight record: there was no fault since its start");
   }
+  if (!request.file.empty()) return write_file(context, request, *log);
   if (context.json) {
     print_json(json_of(*log));
   } else {
@@ -62,13 +89,19 @@ int flight_record(Context& context, const std::string& name) {
 }  // namespace
 
 void add_flight_record(CLI::App& program, Context& context) {
-  const auto device = std::make_shared<std::string>();
+  const auto request = std::make_shared<FlightRecordRequest>();
   CLI::App& command = add_command(
-      program, context, "flight-record", "Print the cycles around a device's newest fault as CSV",
-      "  rtpm flight-record lab/arm0 > arm0.csv\n"
-      "Each line is a cycle: what was measured, asked for, decided and applied.\n",
-      [device](Context& c) { return flight_record(c, *device); });
-  add_target(command, *device, "DEVICE");
+      program, context, "flight-record",
+      "Print or record the cycles around a device's newest fault",
+      "  rtpm flight-record lab/arm0 > arm0.csv\n  rtpm flight-record lab/arm0 -o arm0.mcap\n"
+      "CSV has a line for each cycle: what was measured, asked for, decided and applied. With -o, "
+      "a\n"
+      "recording in the format MCAP has a message for each, in the channel DEVICE/flight.\n",
+      [request](Context& c) { return flight_record(c, *request); });
+  add_target(command, request->device, "DEVICE");
+  command
+      .add_option("-o,--output", request->file, "Write a recording; the file must not exist yet")
+      ->type_name("FILE");
 }
 
 }  // namespace rtpm::tool

@@ -162,6 +162,8 @@ expected<FlightLog, DeviceError> DeviceClient::flight_record() {
     if (part.cycles()->size() == 0) break;
     add_from_wire(part, log);
   } while (log.records.size() < log.record_count || log.number == 0);
+  const auto clock = impl_->stub.binding().ping();
+  if (clock && clock->uncertainty != Duration::max()) log.clock_offset = clock->offset;
   return log;
 }
 

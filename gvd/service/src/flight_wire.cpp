@@ -1,7 +1,10 @@
 #include "flight_wire.hpp"
 
+#include <cstring>
+#include <device_events.rtpm.events.hpp>
 #include <vector>
 
+#include "rtpm/gvd/flight_cycle.hpp"
 #include "wire.hpp"
 
 namespace rtpm::gvd {
@@ -40,6 +43,18 @@ FlightRecord record_of(const device::FlightRecord& wire) {
 }
 
 }  // namespace
+
+const events::EventDescriptor& flight_cycle_type() noexcept {
+  return device::FlightCycleEvent::kDescriptor;
+}
+
+std::array<std::byte, kFlightCycleSize> flight_cycle_payload(const FlightRecord& record) noexcept {
+  static_assert(sizeof(device::FlightRecord) == kFlightCycleSize);
+  const device::FlightRecord wire = wire_of(record);
+  std::array<std::byte, kFlightCycleSize> bytes{};
+  std::memcpy(bytes.data(), &wire, sizeof wire);
+  return bytes;
+}
 
 flatbuffers::Offset<device::FlightRecordReply> to_wire(const FlightLog& log,
                                                        flatbuffers::FlatBufferBuilder& builder) {

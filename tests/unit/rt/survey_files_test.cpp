@@ -158,7 +158,7 @@ TEST_F(HostFilesTest, AreChangedByASettingAndReadBack) {
   const auto done = apply(setting, false);
   ASSERT_TRUE(done);
   EXPECT_EQ(done->problem, "");
-  EXPECT_EQ(HostTree("").text(file).substr(0, 7), "4194304");
+  EXPECT_EQ(HostTree("").text(file), "4194304");
   const auto absent = apply({host_.root() + "/none", "1"}, false);
   ASSERT_TRUE(absent);
   EXPECT_NE(absent->problem, "");
@@ -177,11 +177,8 @@ TEST_F(HostFilesTest, OfTheSystemRefuseAnOrdinaryUser) {
 }
 
 TEST_F(HostFilesTest, ThatKeepAnotherValueSaySo) {
-  host_.put("/value", "[always] madvise never");
-  // A file that takes what is written in front of what it holds, as the kernel's would not.
-  const auto change = apply({host_.root() + "/value", "never"}, false);
+  const auto change = apply({"/dev/null", "never"}, false);
   ASSERT_TRUE(change);
-  EXPECT_EQ(change->from, "always");
   EXPECT_NE(change->problem.find("the system keeps"), std::string::npos) << change->problem;
 }
 

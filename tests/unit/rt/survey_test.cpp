@@ -129,7 +129,8 @@ TEST_F(Judgement, OfInterruptsCountsThoseThatLandOnKeptCpus) {
   expect("interrupts", Severity::kWarning, "1 interrupt lands on CPU 0: 37 (eth0, 9 times)",
          "echo 1-3 | sudo tee /proc/irq/37/smp_affinity_list");
   files_.pinned_cpus = files_.online_cpus;
-  expect("interrupts", Severity::kWarning, "2 interrupts land on CPUs 0-3", "confine lanes to fewer CPUs");
+  expect("interrupts", Severity::kWarning, "2 interrupts land on CPUs 0-3",
+         "confine lanes to fewer CPUs");
 }
 
 TEST_F(Judgement, OfManyInterruptsShowsAFew) {

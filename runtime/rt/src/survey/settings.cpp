@@ -20,7 +20,7 @@ std::string value_in(const std::string& path) {
 
 /// Why nothing was written; empty: it was.
 std::string write_to(const std::string& path, const std::string& value) {
-  const int file = ::open(path.c_str(), O_WRONLY | O_CLOEXEC);
+  const int file = ::open(path.c_str(), O_WRONLY | O_TRUNC | O_CLOEXEC);
   int error = file < 0 ? errno : 0;
   if (file >= 0) {
     if (::write(file, value.data(), value.size()) < 0) error = errno;

@@ -52,6 +52,9 @@ struct FlightLog {
   std::uint64_t cycle = 0;              ///< The one of the fault.
   std::size_t record_count = 0;         ///< Of the whole log.
   std::vector<FlightRecord> records{};  ///< Oldest first; perhaps a part of it.
+  /// The monotonic clock of their times minus this host's; not 0 only if another host has the
+  /// device.
+  Duration clock_offset{0};
 };
 
 /// One line per cycle, after two that name cause, cycle and columns.

@@ -113,7 +113,8 @@ class DeviceClient {
   ///           kCallFailed; the former models stay
   [[nodiscard]] expected<void, ModelsError> set_models(std::span<const Model> models);
 
-  /// The cycles around the device's newest fault; its number is 0 if there was none.
+  /// The cycles around the device's newest fault; its number is 0 if there was none. Times are
+  /// those of the device's host.
   /// @realtime set-up only
   /// @errors   kCallFailed
   [[nodiscard]] expected<FlightLog, DeviceError> flight_record();

@@ -1,0 +1,28 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/safety/flight_recorder.hpp"
+
+namespace rtpm::capture {
+
+/// What becomes of a file that is there already.
+enum class Existing : std::uint8_t {
+  kRefuse,
+  kReplace,  ///< When the new one is whole.
+};
+
+/// Writes a device's flight record as a recording: a channel `DEVICE/flight` with a message per
+/// cycle, a FlatBuffer whose root is the table rtpm.device.FlightCycle. A message's log and publish
+/// time are the cycle's, mapped to 1970 by the wall clock of now. The metadata "rtpm.flight" has
+/// device, cause, number, fault_cycle and cycle_count. No file is left of one that failed.
+/// @realtime never
+/// @errors   in words: it exists, no such folder, no right, the disk is full
+[[nodiscard]] expected<void, SetupError> write_flight_file(const std::string& path,
+                                                           const std::string& device,
+                                                           const gvd::FlightLog& log,
+                                                           Existing existing = Existing::kRefuse);
+
+}  // namespace rtpm::capture

@@ -1,0 +1,100 @@
+#include "rtpm/capture/flight_file.hpp"
+
+#include <time.h>
+
+#include <filesystem>
+#include <memory>
+#include <system_error>
+
+#include "rtpm/gvd/flight_cycle.hpp"
+#include "rtpm/recording/file_writer.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/schema/dynamic.hpp"
+
+namespace rtpm::capture {
+namespace {
+
+/// Since 1970, minus this host's monotonic clock.
+std::int64_t wall_offset_ns() {
+  timespec wall{};
+  ::clock_gettime(CLOCK_REALTIME, &wall);
+  return std::int64_t{wall.tv_sec} * 1'000'000'000 + wall.tv_nsec - to_ns(rt::now());
+}
+
+recording::Metadata metadata_of(const std::string& device, const gvd::FlightLog& log) {
+  return {.name = "rtpm.flight",
+          .values = {{"device", device},
+                     {"cause", std::string(to_string(log.cause))},
+                     {"number", std::to_string(log.number)},
+                     {"fault_cycle", std::to_string(log.cycle)},
+                     {"cycle_count", std::to_string(log.records.size())}}};
+}
+
+expected<std::uint16_t, SetupError> add_channel(recording::FileWriter& file,
+                                                const std::string& device,
+                                                const schema::Dynamic& dynamic) {
+  const events::EventDescriptor& type = gvd::flight_cycle_type();
+  const auto bytes = dynamic.reflection();
+  const auto schema = file.add_schema({.name = std::string(type.name),
+                                       .encoding = "flatbuffer",
+                                       .data = {bytes.begin(), bytes.end()}});
+  if (!schema) return unexpected{schema.error()};
+  return file.add_channel({.schema_id = *schema,
+                           .topic = device + "/flight",
+                           .message_encoding = "flatbuffer",
+                           .metadata = {{"rtpm.kind", "flight"}, {"rtpm.device", device}}});
+}
+
+expected<void, SetupError> write_cycles(recording::FileWriter& file, std::uint16_t channel,
+                                        schema::Dynamic& dynamic, const gvd::FlightLog& log) {
+  const std::int64_t offset_ns = wall_offset_ns() - log.clock_offset.count();
+  for (const gvd::FlightRecord& record : log.records) {
+    const auto payload = gvd::flight_cycle_payload(record);
+    const auto table = dynamic.as_table(dynamic.event(), payload);
+    if (!table) return setup_error("a cycle does not fit its schema");
+    const auto time_ns = static_cast<std::uint64_t>(to_ns(record.time) + offset_ns);
+    const auto written =
+        file.write(recording::Message{.channel_id = channel,
+                                      .sequence = static_cast<std::uint32_t>(record.cycle),
+                                      .log_time_ns = time_ns,
+                                      .publish_time_ns = time_ns,
+                                      .data = *table});
+    if (!written) return written;
+  }
+  return {};
+}
+
+expected<void, SetupError> write_all(recording::FileWriter& file, const std::string& device,
+                                     const gvd::FlightLog& log) {
+  const events::EventDescriptor& type = gvd::flight_cycle_type();
+  std::string error;
+  const auto dynamic = schema::Dynamic::make_for_event(std::string(type.schema), type.name, error);
+  if (!dynamic) return setup_error("the schema of flight records can't be read", error);
+  const auto channel = add_channel(file, device, *dynamic);
+  if (!channel) return unexpected{channel.error()};
+  if (auto written = file.write(metadata_of(device, log)); !written) return written;
+  if (auto written = write_cycles(file, *channel, *dynamic, log); !written) return written;
+  return file.close();
+}
+
+}  // namespace
+
+expected<void, SetupError> write_flight_file(const std::string& path, const std::string& device,
+                                             const gvd::FlightLog& log, Existing existing) {
+  const bool replaces = existing == Existing::kReplace;
+  const std::string draft = replaces ? path + ".part" : path;
+  std::error_code error;
+  if (replaces) std::filesystem::remove(draft, error);  // Of a program that died.
+  auto file = recording::FileWriter::create(draft, {.profile = "rtpm"});
+  if (!file) return unexpected{std::move(file.error())};
+  auto written = write_all(**file, device, log);
+  file->reset();
+  if (written && replaces) {
+    std::filesystem::rename(draft, path, error);
+    if (error) written = setup_error(path + " can't be written", error);
+  }
+  if (!written) std::filesystem::remove(draft, error);
+  return written;
+}
+
+}  // namespace rtpm::capture
