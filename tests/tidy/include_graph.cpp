@@ -31,7 +31,7 @@ const std::vector<Part>& parts() {
       {"registry/introspection/", "introspection", {"base", "wire", "rpc"}},
       {"registry/dynamic/",
        "dynamic",
-       {"base", "wire", "rt", "rpc", "names", "introspection", "schema"}},
+       {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema"}},
       {"registry/events/",
        "events",
        {"base", "wire", "rt", "transport", "rpc", "options", "names", "introspection"}},

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <CLI/CLI.hpp>
+#include <limits>
 #include <optional>
 #include <string>
 
@@ -27,6 +28,21 @@ CLI::Option& add_duration(CLI::App& command, const std::string& name, Duration& 
 CLI::Option& add_duration(CLI::App& command, const std::string& name,
                           std::optional<Duration>& value, const std::string& help,
                           options::Range<Duration> range = {Duration{0}, Duration::max()});
+/// Adds an option that is a whole number within its range.
+template <class Number>
+CLI::Option& add_count(CLI::App& command, const std::string& name, Number& value,
+                       const std::string& help, Number low = 0,
+                       Number high = std::numeric_limits<Number>::max()) {
+  CLI::Option& option = *command.add_option(name, value, help)->capture_default_str();
+  // Before the conversion, which would take -1 for the largest number.
+  option.check([](const std::string& text) {
+    const bool is_whole = text.find_first_not_of("0123456789") == std::string::npos;
+    return is_whole ? std::string{} : "'" + text + "' is no whole number";
+  });
+  if (low > 0 || high < std::numeric_limits<Number>::max()) option.check(CLI::Range(low, high));
+  return *option.type_name("COUNT");
+}
+
 /// Adds the positional argument that names an object: "TARGET", "DEVICE". Shells complete it by the
 /// registry's names.
 CLI::Option& add_target(CLI::App& command, std::string& target, const std::string& name = "TARGET");

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "cli/command.hpp"
+#include "cli/output.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -168,12 +169,16 @@ void add_completion(CLI::App& program, Context& context) {
       "  rtpm completion bash > ~/.local/share/bash-completion/completions/rtpm\n"
       "  rtpm completion zsh > \"${fpath[1]}/_rtpm\"\n"
       "  rtpm completion fish > ~/.config/fish/completions/rtpm.fish\n",
-      [shell, &program](Context&) {
+      [shell, &program](Context& c) {
         const CommandFacts facts = facts_of(program);
         const std::string script = *shell == "bash"  ? bash_completion(facts)
                                    : *shell == "zsh" ? zsh_completion(facts)
                                                      : fish_completion(facts);
-        std::fputs(script.c_str(), stdout);
+        if (c.json) {
+          print_json({{"shell", *shell}, {"script", script}});
+        } else {
+          std::fputs(script.c_str(), stdout);
+        }
         return kDone;
       });
   command.add_option("SHELL", *shell, "bash, zsh or fish")

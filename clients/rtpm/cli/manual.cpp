@@ -3,6 +3,7 @@
 #include <cstdio>
 
 #include "cli/command.hpp"
+#include "cli/output.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -74,8 +75,13 @@ std::string manual_page(const CommandFacts& program) {
 
 void add_manual(CLI::App& program, Context& context) {
   add_command(program, context, "manual", "Print the manual page", "  rtpm manual | man -l -\n",
-              [&program](Context&) {
-                std::fputs(manual_page(facts_of(program)).c_str(), stdout);
+              [&program](Context& c) {
+                const std::string page = manual_page(facts_of(program));
+                if (c.json) {
+                  print_json({{"page", page}});
+                } else {
+                  std::fputs(page.c_str(), stdout);
+                }
                 return kDone;
               });
 }

@@ -208,10 +208,8 @@ class Actions {
     return *command.add_option(name, request_->names, help)->type_name("");
   }
   void add_revision(CLI::App& command) {
-    command
-        .add_option("--revision", request_->revision,
-                    "Change only what has this revision, of 'list'; 0: whatever it has")
-        ->capture_default_str();
+    add_count(command, "--revision", request_->revision,
+              "Change only what has this revision, of 'list'; 0: whatever it has");
   }
   void add_dialogue(CLI::App& command) {
     command.add_option("--answer", request_->dialogue.answers,

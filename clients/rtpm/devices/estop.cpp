@@ -6,6 +6,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "devices/commands.hpp"
+#include "devices/device.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/directory.hpp"
@@ -29,16 +30,14 @@ constexpr std::array kScopes{Scope{"device", gvd::StopScope::kDevice, ""},
                              Scope{"server", gvd::StopScope::kServer, ", and all of its server"},
                              Scope{"system", gvd::StopScope::kSystem, ", and all of its system"}};
 
-expected<void, SetupError> stop_one(Context& context, const std::string& name,
-                                    gvd::StopScope scope) {
-  gvd::DeviceClientOptions options;
-  options.bind.deadline = context.deadline.value_or(options.bind.deadline);
-  auto device = gvd::DeviceClient::open(context.node(), name, options);
-  if (!device) return unexpected{named(name, device.error())};
+/// @return the exit code; it has said why it is not kDone
+int stop_one(Context& context, const std::string& name, gvd::StopScope scope) {
+  auto device = open_device(context, name);
+  if (!device) return context.not_reached(device.error());
   if (const auto stopped = device->emergency_stop(scope); !stopped) {
-    return setup_error(name, std::string(to_string(stopped.error())));
+    return context.fail({name, std::string(to_string(stopped.error()))});
   }
-  return {};
+  return kDone;
 }
 
 /// Asks all servers at the hub of the device's; false: it knows none.
@@ -65,11 +64,7 @@ int stop_all(Context& context) {
   for (const names::NameEntry& entry : *entries) {
     if (entry.interface != kDeviceInterface) continue;
     ++device_count;
-    const auto stopped = stop_one(context, entry.name, gvd::StopScope::kDevice);
-    if (!stopped) {
-      context.fail(stopped.error());
-      continue;
-    }
+    if (stop_one(context, entry.name, gvd::StopScope::kDevice) != kDone) continue;
     ++stopped_count;
     tell_stopped(context, entry.name, "");
     is_system_told = is_system_told || tells_system(context, entry.name);
@@ -86,9 +81,7 @@ int stop_all(Context& context) {
 int estop(Context& context, const EstopRequest& request) {
   if (request.device.empty()) return stop_all(context);
   const auto* const scope = std::ranges::find(kScopes, request.scope, &Scope::name);
-  if (const auto stopped = stop_one(context, request.device, scope->scope); !stopped) {
-    return context.fail(stopped.error());
-  }
+  if (const int code = stop_one(context, request.device, scope->scope); code != kDone) return code;
   tell_stopped(context, request.device,
                std::string(scope->what) + "; `rtpm take-over " + printable(request.device) +
                    " rearm` ends that of a device");

@@ -4,6 +4,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "devices/commands.hpp"
+#include "devices/device.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/flight_file.hpp"
 #include "rtpm/gvd/client.hpp"
@@ -65,10 +66,8 @@ int write_file(Context& context, const FlightRecordRequest& request, const gvd::
 
 int flight_record(Context& context, const FlightRecordRequest& request) {
   const std::string& name = request.device;
-  gvd::DeviceClientOptions options;
-  options.bind.deadline = context.deadline.value_or(options.bind.deadline);
-  auto device = gvd::DeviceClient::open(context.node(), name, options);
-  if (!device) return context.not_reached(named(name, device.error()));
+  auto device = open_device(context, name);
+  if (!device) return context.not_reached(device.error());
   const auto log = device->flight_record();
   if (!log) {
     return context.fail(name +

@@ -5,6 +5,7 @@
 #include <variant>
 
 #include "cli/table.hpp"
+#include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/configuration/value_text.hpp"
 #include "rtpm/dynamic/remote_object.hpp"
@@ -82,7 +83,9 @@ expected<gvd::ConfigurationClient, SetupError> open_configuration(Context& conte
   gvd::ConfigurationClientOptions options;
   options.bind.deadline = context.deadline.value_or(options.bind.deadline);
   options.call = context.call_options();
-  return gvd::ConfigurationClient::open(context.node(), device, options);
+  auto client = gvd::ConfigurationClient::open(context.node(), device, options);
+  if (client) return client;
+  return unexpected{with_similar_names(context, device, client.error())};
 }
 
 expected<std::optional<gvd::DeviceConfiguration>, SetupError> configuration_of(

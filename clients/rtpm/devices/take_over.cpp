@@ -6,6 +6,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "devices/commands.hpp"
+#include "devices/device.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -74,10 +75,8 @@ int hold(Context& context, gvd::DeviceClient& device, const TakeOverRequest& req
 int take_over(Context& context, const TakeOverRequest& request) {
   // Ctrl-C gives the lease back from here on.
   static_cast<void>(context.stop());
-  gvd::DeviceClientOptions options;
-  options.bind.deadline = context.deadline.value_or(options.bind.deadline);
-  auto device = gvd::DeviceClient::open(context.node(), request.device, options);
-  if (!device) return context.not_reached(named(request.device, device.error()));
+  auto device = open_device(context, request.device);
+  if (!device) return context.not_reached(device.error());
   const bool has_priority = context.priority && *context.priority > Priority{0};
   const Priority priority = has_priority ? *context.priority : device->operator_priority();
   if (const auto taken = device->take_over(priority); !taken) {

@@ -94,8 +94,7 @@ void add_echo(CLI::App& program, Context& context) {
       "Events that came too quickly for this reader are told as lost.\n",
       [request](Context& c) { return echo(c, *request); });
   add_event_options(command, *request);
-  command.add_option("--count", request->count, "End after so many; 0: no limit")
-      ->capture_default_str();
+  add_count(command, "--count", request->count, "End after so many; 0: no limit");
 }
 
 }  // namespace rtpm::tool

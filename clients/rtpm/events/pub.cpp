@@ -5,6 +5,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "events/commands.hpp"
+#include "objects/unbound.hpp"
 #include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/events/defaults.hpp"
 #include "rtpm/events/hub_types.hpp"
@@ -59,7 +60,9 @@ int pub(Context& context, const PubRequest& request) {
   static_cast<void>(context.stop());
   const Duration deadline = context.deadline.value_or(std::chrono::seconds{1});
   const auto types = events::HubTypes::ask(context.node(), request.hub, deadline);
-  if (!types) return context.not_reached(types.error());
+  if (!types) {
+    return context.not_reached(with_similar_names(context, request.hub, types.error()));
+  }
   const auto type = std::ranges::find(types->list(), request.type, &events::EventDescriptor::name);
   if (type == types->list().end()) return context.fail(unknown_type(*types, request.type));
   capture::EventSchemas schemas;
@@ -104,12 +107,11 @@ void add_pub(CLI::App& program, Context& context) {
       ->type_name("");
   command.add_option("JSON", request->json, "The payload")->type_name("");
   command.add_option("--hub", request->hub, "The hub, by name or URL")->capture_default_str();
-  command.add_option("--source", request->source, "The source's number")->capture_default_str();
+  add_count(command, "--source", request->source, "The source's number");
   command.add_option("--rate", request->rate_hz, "Events per second; 0: one event")
       ->check(CLI::Range(0.0, 100'000.0))
       ->capture_default_str();
-  command.add_option("--count", request->count, "With --rate: how many; 0: until Ctrl-C")
-      ->capture_default_str();
+  add_count(command, "--count", request->count, "With --rate: how many; 0: until Ctrl-C");
 }
 
 }  // namespace rtpm::tool

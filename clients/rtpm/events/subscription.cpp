@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "cli/command.hpp"
+#include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/rt/log.hpp"
@@ -33,9 +34,8 @@ void add_event_options(CLI::App& command, EventRequest& request) {
       .add_option("--filter", request.filter,
                   "Which events: 'type(lab.Touched) and force.z > 2', see FILTERS.md")
       ->capture_default_str();
-  command.add_option("--every", request.every_nth, "Only the first, and then each so manieth")
-      ->check(CLI::Range(1u, 1'000'000'000u))
-      ->capture_default_str();
+  add_count(command, "--every", request.every_nth, "Only the first, and then each so manieth", 1u,
+            1'000'000'000u);
   add_duration(command, "--for", request.time, "How long; without: until Ctrl-C",
                {Duration{0}, std::chrono::hours{24 * 365}});
 }
@@ -45,7 +45,7 @@ std::unique_ptr<Subscription> Subscription::open(Context& context, const EventRe
   const Duration deadline = context.deadline.value_or(std::chrono::seconds{1});
   auto types = events::HubTypes::ask(context.node(), request.hub, deadline);
   if (!types) {
-    exit_code = context.not_reached(types.error());
+    exit_code = context.not_reached(with_similar_names(context, request.hub, types.error()));
     return nullptr;
   }
   const auto filter = events::parse_filter(request.filter, types->list());

@@ -129,7 +129,7 @@ void add_ping(CLI::App& program, Context& context) {
       "The offset is the server's clock minus ours; the true one is within the uncertainty.\n",
       [request](Context& c) { return ping(c, *request); });
   add_target(command, request->target);
-  command.add_option("--count", request->count, "How many; 0: until Ctrl-C")->capture_default_str();
+  add_count(command, "--count", request->count, "How many; 0: until Ctrl-C");
   add_duration(command, "--interval", request->interval, "From one to the next",
                {std::chrono::microseconds{100}, std::chrono::hours{1}});
 }

@@ -7,6 +7,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/directory.hpp"
+#include "rtpm/options/suggestion.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/wire/url.hpp"
 
@@ -133,12 +134,14 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
                                               const Print& print) {
   const schema::Method* found = dynamic_->find(method);
   if (found == nullptr) {
-    std::string names;
+    std::string text;
+    std::vector<std::string> names;
     for (const schema::Method& candidate : dynamic_->service().methods) {
-      names += (names.empty() ? "" : ", ") + candidate.name;
+      text += (text.empty() ? "" : ", ") + candidate.name;
+      names.push_back(candidate.name);
     }
-    return setup_error(dynamic_->service().name + " has no method `" + std::string(method) +
-                       "`; it has " + names);
+    return setup_error(dynamic_->service().name + " has no method `" + std::string(method) + "`" +
+                       options::suggestion(method, names) + "; it has " + text);
   }
   std::string error;
   const auto request = dynamic_->encode(found->request, json, error);

@@ -2,38 +2,15 @@
 
 #include <filesystem>
 #include <fstream>
-#include <sstream>
 #include <string>
 #include <vector>
 
 #include "programs.hpp"
+#include "shell_help.hpp"
 
 // What the shell sees of `rtpm`: its help, completion and manual page, from one source.
 namespace rtpm::system_test {
 namespace {
-
-/// The commands in --help, those below others too: "list", "config set".
-std::vector<std::string> commands_below(const std::string& path) {
-  std::vector<std::string> arguments;
-  std::istringstream words(path);
-  for (std::string word; words >> word;)
-    arguments.push_back(word);
-  arguments.emplace_back("--help");
-  const auto end = run_program("rtpm", arguments);
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
-  const std::size_t begin = end.output.find("\nCommands:\n");
-  std::vector<std::string> commands;
-  if (begin == std::string::npos) return commands;
-  std::istringstream lines(end.output.substr(begin + 11));
-  for (std::string line; std::getline(lines, line) && line.starts_with("  ");) {
-    if (line[2] == ' ') continue;
-    const std::string name = line.substr(2, line.find(' ', 2) - 2);
-    commands.push_back(path.empty() ? name : path + " " + name);
-    for (std::string& below : commands_below(commands.back()))
-      commands.push_back(std::move(below));
-  }
-  return commands;
-}
 
 std::string output_of(const std::vector<std::string>& arguments) {
   const auto end = run_program("rtpm", arguments);

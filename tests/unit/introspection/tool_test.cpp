@@ -117,14 +117,6 @@ TEST_F(Tool, ShowsTheLanesOfThisHostsServers) {
   EXPECT_EQ(run({"lanes", "always"}).exit_code, 2);
 }
 
-TEST_F(Tool, SaysWhatTheHostGives) {
-  const auto end = run({"doctor"});
-  for (const char* subject : {"real-time", "throttling", "memory lock", "clock"})
-    EXPECT_NE(end.output.find(subject), end.output.npos) << end.output;
-  const bool is_refused = end.output.find("refused") != end.output.npos;
-  EXPECT_EQ(end.exit_code, is_refused ? 1 : 0);
-}
-
 TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
   struct Case {
     std::vector<std::string> arguments;
@@ -135,6 +127,7 @@ TEST_F(Tool, SaysWhatIsWrongInOneSentence) {
       {{"call", light_, "dim"},
        1,
        "room.Light has no method `dim`; it has set, get, scene, flash, fade, patience"},
+      {{"call", light_, "sett"}, 1, "no method `sett` (did you mean 'set'?); it has set, get"},
       {{"call", light_, "set", "{red: \"x\"}"}, 1, "the request does not fit the schema"},
       {{"call", room_.url("room/window"), "get"}, 3, "no object 'room/window' is served at"},
       {{"info", room_.url("room/lihgt")}, 3, "; most like it there: room/light, "},

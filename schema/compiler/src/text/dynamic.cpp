@@ -10,6 +10,7 @@
 
 #include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
+#include "text/range_check.hpp"
 
 namespace rtpm::schema {
 namespace {
@@ -26,6 +27,13 @@ std::unique_ptr<flatbuffers::Parser> make_parser(const std::string& text) {
   options.lang_to_generate = flatbuffers::IDLOptions::kCpp;
   auto parser = std::make_unique<flatbuffers::Parser>(options);
   return parser->Parse(text.c_str(), nullptr, kFileName) ? std::move(parser) : nullptr;
+}
+
+/// The parser's "2: 5: error: …" as of the text without its first line.
+std::string without_first_line(const std::string& error) {
+  const std::size_t end = error.find_first_not_of("0123456789");
+  if (end == 0 || end > 6 || end == std::string::npos) return error;
+  return std::to_string(std::stoul(error.substr(0, end)) - 1) + error.substr(end);
 }
 
 }  // namespace
@@ -133,13 +141,17 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
   }
   std::string text(json.empty() ? "{}" : json);
   const bool is_struct = payload.kind == PayloadKind::kStruct;
-  if (is_struct) text = "{ " + impl_->only_field(payload).name + ": " + text + " }";
+  // Positions in errors are those of the caller's text.
+  if (is_struct) text = "{ " + impl_->only_field(payload).name + ":\n" + text + " }";
   flatbuffers::Parser& parser = *impl_->parser;
   if (!parser.SetRootType(impl_->model.objects[payload.table].name.c_str()) ||
       !parser.Parse(text.c_str())) {
-    error = parser.error_;
+    error = is_struct ? without_first_line(parser.error_) : parser.error_;
     return std::nullopt;
   }
+  error = out_of_range(impl_->model, payload.table, parser.builder_.GetBufferPointer());
+  if (is_struct && !error.empty()) error.erase(0, impl_->only_field(payload).name.size() + 1);
+  if (!error.empty()) return std::nullopt;
   std::span<const std::uint8_t> bytes(parser.builder_.GetBufferPointer(),
                                       parser.builder_.GetSize());
   if (is_struct) {

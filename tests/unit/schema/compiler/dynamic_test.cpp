@@ -172,6 +172,48 @@ TEST(Dynamic, MismatchesAreRefusedWithAReason) {
   EXPECT_EQ(arm->find("fly"), nullptr);
 }
 
+TEST(Dynamic, MistakesHaveTheirPlaceInTheGivenText) {
+  const auto arm = make(lab::ArmClient::interface());
+  const std::pair<const char*, const char*> wrong[] = {{"record", "{title 5}"},
+                                                       {"record", "{\n title 5}"},
+                                                       {"set_force", "{x_newton 1}"},
+                                                       {"set_force", "{\n x_newton 1}"}};
+  for (const auto& [method, json] : wrong) {
+    std::string error;
+    EXPECT_FALSE(arm->encode(arm->find(method)->request, json, error)) << json;
+    const bool has_two_lines = json[1] == '\n';
+    EXPECT_TRUE(error.starts_with(has_two_lines ? "2: " : "1: ")) << json << ": " << error;
+    EXPECT_LE(std::stoul(error.substr(3)), std::string_view(json).size()) << json << ": " << error;
+  }
+}
+
+TEST(Dynamic, NumbersOutOfTheirRangeAreRefused) {
+  const auto scene = make(lab::quantities::SceneClient::interface());
+  const auto encode = [&](const char* method, const std::string& json) {
+    std::string error;
+    const auto bytes = scene->encode(scene->find(method)->request, json, error);
+    EXPECT_EQ(bytes.has_value(), error.empty()) << json;
+    return error;
+  };
+  EXPECT_EQ(encode("push", "{x: -20, y: 20, z: 0}"), "") << "both ends are within";
+  EXPECT_EQ(encode("push", "{x: 0, y: 20.5, z: 0}"), "y is 20.5, but must be -20 to 20 newton");
+  EXPECT_NE(encode("push", "{x: nan, y: 0, z: 0}"), "");
+  EXPECT_EQ(encode("echo", "{unsigned_16: 1000}"), "");
+  EXPECT_EQ(encode("echo", "{unsigned_16: 1001}"), "unsigned_16 is 1001, but must be 0 to 1000");
+  EXPECT_EQ(encode("echo", "{forces: [{x:1,y:1,z:1}, {x:1,y:1,z:-21}]}"),
+            "forces[1].z is -21, but must be -20 to 20 newton");
+  EXPECT_EQ(encode("echo", "{joints: {angle: [0,0,0,0,0,4], mode: 1}}"),
+            "joints.angle[5] is 4, but must be -3.2 to 3.2 radian");
+  EXPECT_EQ(encode("echo", "{shape_type: Sphere, shape: {radius_m: 2}}"),
+            "shape.radius_m is 2, but must be 0.001 to 1 metre");
+  EXPECT_EQ(encode("echo", "{shape_type: Edge, shape: {x: 0, y: 0, z: 99}}"),
+            "shape.z is 99, but must be -20 to 20 newton");
+  EXPECT_EQ(encode("add",
+                   "{name: \"a\", parts: [{name: \"b\", shape_type: Plane, shape: {normal: "
+                   "{x: 21, y: 0, z: 0}}}]}"),
+            "parts[0].shape.normal.x is 21, but must be -20 to 20 newton");
+}
+
 TEST(Dynamic, TextOtherThanASchemaIsRefused) {
   std::string error;
   EXPECT_EQ(Dynamic::make("table {", "lab.Arm", error), nullptr);

@@ -45,7 +45,8 @@ class Dynamic {
   [[nodiscard]] const Method* find(std::string_view method) const noexcept;
 
   /// The bytes on the wire.
-  /// @errors nothing and the reason in `error`: `json` does not match the schema
+  /// @errors nothing and the reason in `error`: `json` does not match the schema, with its line and
+  ///         column; a number is outside its `rtpm_range`
   [[nodiscard]] std::optional<std::vector<std::byte>> encode(const Payload& payload,
                                                              std::string_view json,
                                                              std::string& error);

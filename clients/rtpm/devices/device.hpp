@@ -1,0 +1,15 @@
+#pragma once
+
+#include <string>
+
+#include "cli/context.hpp"
+#include "rtpm/gvd/client.hpp"
+
+namespace rtpm::tool {
+
+/// Opens a device by its name or URL, within --deadline.
+/// @errors   as gvd::DeviceClient::open(), named, with the names most like one that is not bound
+[[nodiscard]] expected<gvd::DeviceClient, SetupError> open_device(Context& context,
+                                                                  const std::string& name);
+
+}  // namespace rtpm::tool

@@ -1,0 +1,242 @@
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "../../unit/recording/recorded.hpp"
+#include "programs.hpp"
+#include "shell_help.hpp"
+
+// Every command of `rtpm`, each run for its text, its JSON and a failure. A command that is not in
+// the table fails the test.
+namespace rtpm::system_test {
+namespace {
+
+using Json = nlohmann::json;
+using Arguments = std::vector<std::string>;
+
+/// A command and three ways to run it.
+struct Case {
+  std::string path;     ///< "config list".
+  std::string run;      ///< What succeeds, behind the path.
+  std::string words;    ///< In its text.
+  std::string failing;  ///< What fails, behind the path.
+  int exit_code = 1;    ///< Of what fails.
+  std::string why;      ///< In its error.
+};
+
+constexpr const char* kSampled = "--filter type(rtpm.device.Sampled)";
+
+/// In an order in which one command prepares for the next. RUN is a whole recording, BROKEN its
+/// first half, NEW1 and NEW2 paths where nothing is.
+std::vector<Case> cases() {
+  const std::string sampled = kSampled;
+  return {
+      {"list", "", "lab/arm0", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"info", "lab/arm0", "rpc_service Device", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"find", "lab/*", "lab/arm0", "x*", 1, "none of the registry's"},
+      {"watch", "lab --for 10ms", "bound  lab/arm0", "--for x", 2, "no duration"},
+      {"call", "lab/arm0 read", "\"position_m\"", "lab/arm0 reed", 1, "did you mean 'read'?"},
+      {"ping", "lab/arm0 --count 2 --interval 1ms", "2 pings, 0 lost", "lab/arm", 3, "lab/arm0"},
+      {"echo", sampled + " --count 1", "rtpm.device.Sampled", "--hub lab/none", 3, "lab/none"},
+      {"pub", "rtpm.device.ButtonChanged {cycle:1,button:2,is_pressed:true}", "1 event was pushed",
+       "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1, "[0; 255]"},
+      {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
+      {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
+      {"bag info", "RUN", "100 messages in ", "NONE", 1, "No such file"},
+      {"bag check", "RUN", "is whole", "NONE", 1, "No such file"},
+      {"bag recover", "BROKEN -o NEW1", "messages", "BROKEN -o RUN", 1, "exists already"},
+      {"bag cut", "RUN -o NEW1 --to 10ms", "messages", "RUN -o NEW1 --topics x", 1, "no topic 'x'"},
+      {"config list", "lab/arm0", "safety.ramp_s", "lab/arm", 3, "most like it: lab/arm0"},
+      {"config get", "lab/arm0 safety.ramp_s", "safety.ramp_s=0.02", "lab/arm0 safety.rampe_s", 1,
+       "did you mean 'safety.ramp_s'?"},
+      {"config set", "lab/arm0 safety.ramp_s=0.01", "safety.ramp_s=0.01",
+       "lab/arm0 safety.ramp_s=9", 1, "out of range"},
+      {"config save", "lab/arm0", "saved", "lab/arm1", 3, "lab/arm1"},
+      {"config reset", "lab/arm0 safety.ramp_s", "safety.ramp_s=0.02", "lab/arm0 x", 1, "'x'"},
+      {"config calibrate", "lab/arm0", "encoder_offset", "lab/arm0 encoder_ofset", 1,
+       "did you mean 'encoder_offset'?"},
+      {"take-over", "lab/arm0 --for 10ms", "was taken over", "lab/arm1", 3,
+       "most like it: lab/arm0"},
+      {"estop", "lab/arm0", "is stopped", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"flight-record", "lab/arm0", "# fault 1: emergency stop", "lab/arm1", 3,
+       "most like it: lab/arm0"},
+      {"lanes", "", "PROCESS", "always", 2, "unexpected argument 'always'"},
+      {"top", "--once --interval 100ms", "CALLS/S", "--interval 1ms", 2, "100ms to 10min"},
+      {"doctor", "--quick", "good", "--dry-run", 2, "--fix"},
+      {"version", "lab/arm0", "rtpm ", "lab/arm1", 3, "most like it: lab/arm0"},
+      {"completion", "bash", "_rtpm()", "tcsh", 2, "bash,zsh,fish"},
+      {"manual", "", ".TH RTPM 1", "page", 2, "unexpected argument 'page'"},
+  };
+}
+
+Arguments words_of(const std::string& text) {
+  std::istringstream stream(text);
+  Arguments words;
+  for (std::string word; stream >> word;)
+    words.push_back(word);
+  return words;
+}
+
+class Commands : public testing::Test {
+ protected:
+  void SetUp() override {
+    registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+    ASSERT_TRUE(registry_);
+    device_ = start_daemon("rtpm-deviced",
+                           {"--port", "0", "--registry", registry_->url, "--realtime", "off",
+                            "--serve-events", "--settings", folder_.fresh("settings")});
+    ASSERT_TRUE(device_);
+    auto writer = recording::FileWriter::create(whole_, {.chunk_byte_max = 400});
+    ASSERT_TRUE(writer);
+    recording::write_messages(**writer, 100);
+    ASSERT_TRUE((*writer)->close());
+    const std::string content = recording::content_of(whole_);
+    recording::put_content(broken_, std::string_view(content).substr(0, content.size() / 2));
+  }
+
+  /// With the names of the table's files replaced.
+  [[nodiscard]] Arguments arguments_of(const std::string& path, const std::string& rest) const {
+    Arguments arguments = words_of(path + " " + rest);
+    for (std::string& word : arguments) {
+      if (word == "RUN") word = whole_;
+      if (word == "BROKEN") word = broken_;
+      if (word == "NONE") word = folder_.fresh("none");
+      if (word == "NEW1") word = folder_.fresh("new");
+    }
+    arguments.insert(arguments.end(), {"--registry", registry_->url});
+    return arguments;
+  }
+  /// Again while the device's thread did not run in time, the cycles that follow a stop are not
+  /// over, or the lease ended just now.
+  [[nodiscard]] static test::Process::End run(const Arguments& arguments) {
+    test::Process::End end;
+    for (int i = 0; i < 300; ++i) {
+      end = run_program("rtpm", arguments);
+      const bool is_early = end.errors.find("had no time for it") != std::string::npos ||
+                            end.errors.find("has no flight record") != std::string::npos ||
+                            end.errors.find("has changed a moment ago") != std::string::npos;
+      if (!is_early) break;
+    }
+    return end;
+  }
+
+  void expect_text(const Case& c) const {
+    const auto end = run(arguments_of(c.path, c.run));
+    EXPECT_NE(end.output.find(c.words), std::string::npos) << end.output << end.errors;
+    EXPECT_EQ(end.output.find('\x1b'), std::string::npos) << "nobody looks";
+    expect_code(c, end);
+  }
+  void expect_json(const Case& c) const {
+    const auto end = run(arguments_of(c.path, c.run + " --json"));
+    EXPECT_NE(end.output, "");
+    std::istringstream lines(end.output);
+    for (std::string line; std::getline(lines, line);)
+      EXPECT_FALSE(Json::parse(line, nullptr, false).is_discarded()) << line;
+    expect_code(c, end);
+  }
+  /// Of the doctor, the machine decides.
+  static void expect_code(const Case& c, const test::Process::End& end) {
+    if (c.path == "doctor") {
+      EXPECT_LE(end.exit_code, 1) << end.errors;
+    } else {
+      EXPECT_EQ(end.exit_code, 0) << end.errors;
+    }
+  }
+  void expect_failure(const Case& c) const {
+    expect_one_sentence(run(arguments_of(c.path, c.failing)), c.exit_code, {c.why});
+    const auto end = run(arguments_of(c.path, c.failing + " --json"));
+    const Json error = Json::parse(end.errors, nullptr, false);
+    ASSERT_FALSE(error.is_discarded()) << end.errors;
+    EXPECT_EQ(error["error"]["exit_code"], c.exit_code) << end.errors;
+    EXPECT_NE(error["error"]["what"], "") << end.errors;
+    EXPECT_EQ(end.exit_code, c.exit_code);
+  }
+
+  recording::Folder folder_;
+  std::string whole_ = folder_.fresh("whole");
+  std::string broken_ = folder_.fresh("broken");
+  std::optional<Daemon> registry_{};
+  std::optional<Daemon> device_{};
+};
+
+TEST(CommandTable, HasEveryCommandOfTheProgramOnce) {
+  std::set<std::string> tested;
+  for (const Case& c : cases())
+    EXPECT_TRUE(tested.insert(c.path).second) << c.path << " is there twice";
+  std::set<std::string> known;
+  for (const std::string& command : commands_below("")) {
+    if (commands_below(command).empty()) known.insert(command);
+  }
+  EXPECT_EQ(tested, known) << "the table above has a row for each command";
+}
+
+TEST_F(Commands, HaveTextJsonAndAFailure) {
+  for (const Case& c : cases()) {
+    SCOPED_TRACE("rtpm " + c.path);
+    expect_text(c);
+    expect_json(c);
+    expect_failure(c);
+  }
+}
+
+TEST_F(Commands, RefuseNumbersThatAreNone) {
+  for (const char* command :
+       {"ping lab/arm0 --count -1", "ping lab/arm0 --count 1.5", "echo --count -1",
+        "echo --every 0", "pub lab.Touched {} --count -1", "pub lab.Touched {} --source -1",
+        "pub lab.Touched {} --source 99999999999", "call lab/arm0 read --priority 32768",
+        "call lab/arm0 read --priority -1", "call lab/arm0 read --deadline 0s",
+        "config set lab/arm0 a=1 --revision -1"}) {
+    expect_one_sentence(run(arguments_of(command, "")), 2, {"--"});
+  }
+}
+
+TEST_F(Commands, PointAtMistakesInJson) {
+  expect_one_sentence(run({"call", device_->url, "renew", "{x 1}"}), 1, {"schema: 1: 4: "});
+  expect_one_sentence(run({"call", device_->url, "renew", "{\n x 1}"}), 1, {"schema: 2: "});
+  expect_one_sentence(run({"call", device_->url, "read_flight_record", "{first: 4294967296}"}), 1,
+                      {"schema: 1: ", "[0; 4294967295]"});
+}
+
+TEST(CommandsWithoutARegistry, SayWhy) {
+  const std::string nowhere = "rtpm://127.0.0.1:1/rtpm/names";
+  const recording::Folder folder;
+  const std::string file = folder.fresh("run");
+  for (const char* command : {"list",
+                              "list lab/arm0",
+                              "info lab/arm0",
+                              "find",
+                              "watch",
+                              "call lab/arm0 read",
+                              "ping lab/arm0",
+                              "echo",
+                              "hz",
+                              "pub lab.Touched {}",
+                              "record NEW",
+                              "config list lab/arm0",
+                              "config get lab/arm0",
+                              "config set lab/arm0 a=1",
+                              "config save lab/arm0",
+                              "config reset lab/arm0",
+                              "config calibrate lab/arm0",
+                              "take-over lab/arm0",
+                              "estop",
+                              "estop lab/arm0",
+                              "flight-record lab/arm0",
+                              "version lab/arm0"}) {
+    SCOPED_TRACE(command);
+    Arguments arguments = words_of(command);
+    std::ranges::replace(arguments, "NEW", file);
+    arguments.insert(arguments.end(), {"--registry", nowhere});
+    expect_one_sentence(run_program("rtpm", arguments), 3,
+                        {"no registry answers at " + nowhere, "Remedy: start rtpm-registryd"});
+  }
+  EXPECT_FALSE(std::filesystem::exists(file));
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
