@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "../../unit/recording/recorded.hpp"
 #include "programs.hpp"
 
 // `rtpm doctor`, `lanes` and `version`: about this host and the servers that it reaches.
@@ -76,6 +77,36 @@ TEST_F(Host, IsLeftAsItIsByADryFix) {
   EXPECT_NE(text.output.find(is_fixable ? "would change /" : "nothing to fix"), std::string::npos)
       << text.output;
   expect_one_sentence(rtpm({"doctor", "--dry-run"}), 2, {"--fix"});
+}
+
+TEST_F(Host, IsFixedAndJudgedAgain) {
+  const auto namespaces = test::run({"unshare", "-rm", "true"}, kPatience);
+  if (!namespaces || namespaces->exit_code != 0) {
+    GTEST_SKIP() << "needs the right to make a mount namespace (unshare -rm)";
+  }
+  // Files that stand for the system's, seen by this one program.
+  const recording::Folder folder;
+  const std::string buffer = folder.fresh("rmem_max");
+  recording::put_content(buffer, "212992\n");
+  const auto end = test::run(
+      {"unshare", "-rm", "sh", "-c",
+       "mount --bind \"$1\" /proc/sys/net/core/rmem_max && exec \"$0\" doctor --quick --fix --json",
+       path_of("rtpm"), buffer},
+      kPatience);
+  ASSERT_TRUE(end);
+  const Json json = Json::parse(end->output, nullptr, false);
+  const Json* const finding = finding_of(json["findings"], "socket-buffers");
+  ASSERT_NE(finding, nullptr) << end->output << end->errors;
+  EXPECT_NE((*finding)["finding"].get<std::string>().find("4096 KiB to receive"), std::string::npos)
+      << *finding;
+  const auto change = std::ranges::find_if(json["changes"], [](const Json& made) {
+    return made["path"] == "/proc/sys/net/core/rmem_max";
+  });
+  ASSERT_NE(change, json["changes"].end()) << json["changes"];
+  EXPECT_EQ((*change)["from"], "212992");
+  EXPECT_EQ((*change)["to"], "4194304");
+  EXPECT_EQ((*change)["is_made"], true) << *change;
+  EXPECT_EQ(recording::content_of(buffer), "4194304");
 }
 
 TEST_F(Host, SeesAServerThatIsNamedButGone) {

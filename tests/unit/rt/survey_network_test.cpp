@@ -32,7 +32,7 @@ TEST(MulticastFacts, NameInterfacesAndTheMostExactRoute) {
 
 class Multicast : public testing::Test {
  protected:
-  void expect(Severity severity, const char* text, const char* remedy) const {
+  void expect_finding(Severity severity, const char* text, const char* remedy) const {
     const Finding finding = judge_multicast(facts_);
     EXPECT_EQ(finding.id, "multicast");
     EXPECT_EQ(finding.severity, severity) << finding.text;
@@ -46,37 +46,37 @@ class Multicast : public testing::Test {
 };
 
 TEST_F(Multicast, ThatComesBackIsGood) {
-  expect(Severity::kGood, "goes by eth0", "");
+  expect_finding(Severity::kGood, "goes by eth0", "");
 }
 
 TEST_F(Multicast, WithoutARouteHasOneToAdd) {
   facts_.route = "";
   facts_.trial = MulticastTrial::kNotSent;
-  expect(Severity::kNote, "no route leads to 239.255.42.1",
-         "sudo ip route add 239.0.0.0/8 dev eth0");
+  expect_finding(Severity::kNote, "no route leads to 239.255.42.1",
+                 "sudo ip route add 239.0.0.0/8 dev eth0");
   facts_.interfaces.pop_back();
-  expect(Severity::kNote, "no route", "dev lo");
+  expect_finding(Severity::kNote, "no route", "dev lo");
 }
 
 TEST_F(Multicast, OfAnInterfaceWithoutItIsSwitchedOn) {
   facts_.interfaces[1].has_multicast = false;
-  expect(Severity::kNote, "eth0, has multicast switched off",
-         "sudo ip link set dev eth0 multicast on");
+  expect_finding(Severity::kNote, "eth0, has multicast switched off",
+                 "sudo ip link set dev eth0 multicast on");
 }
 
 TEST_F(Multicast, OfAnInterfaceThatIsDownIsBroughtUp) {
   facts_.interfaces[1].is_up = false;
-  expect(Severity::kNote, "eth0, is down", "sudo ip link set dev eth0 up");
+  expect_finding(Severity::kNote, "eth0, is down", "sudo ip link set dev eth0 up");
 }
 
 TEST_F(Multicast, ThatIsRefusedNotSentOrLostIsTold) {
   facts_.trial = MulticastTrial::kRefused;
   facts_.reason = "multicast group 239.255.42.1:7422 can't be used: No such device";
-  expect(Severity::kNote, "No such device", "give the host a network");
+  expect_finding(Severity::kNote, "No such device", "give the host a network");
   facts_.trial = MulticastTrial::kNotSent;
-  expect(Severity::kNote, "can't be sent", "nft list ruleset");
+  expect_finding(Severity::kNote, "can't be sent", "nft list ruleset");
   facts_.trial = MulticastTrial::kNotReceived;
-  expect(Severity::kNote, "did not come back", "nft list ruleset");
+  expect_finding(Severity::kNote, "did not come back", "nft list ruleset");
 }
 
 TEST(PortHolders, AreFoundByTheSystemsTables) {

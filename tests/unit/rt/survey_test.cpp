@@ -24,8 +24,8 @@ class Judgement : public testing::Test {
     return found == all.end() ? Finding{} : *found;
   }
   /// Whatever is not good has a cost and a remedy.
-  void expect(const std::string& id, Severity severity, const std::string& text,
-              const std::string& remedy = "") const {
+  void expect_finding(const std::string& id, Severity severity, const std::string& text,
+                      const std::string& remedy = "") const {
     const Finding found = finding(id);
     EXPECT_EQ(found.severity, severity) << id << ": " << found.text;
     EXPECT_NE(found.text.find(text), std::string::npos) << found.text;
@@ -73,117 +73,122 @@ TEST_F(Judgement, OfAHostThatIsWellSetUpIsGoodThroughout) {
 TEST_F(Judgement, OfRefusedRightsNamesTheLimitToPaste) {
   answers_.realtime_refusal = SetupError{"thread 'x' can't run at SCHED_FIFO 89", "", "ask"};
   answers_.memory_lock_refusal = SetupError{"memory can't be locked (no; the limit is 64 KiB): y"};
-  expect("realtime", Severity::kProblem, "can't run at SCHED_FIFO 89",
-         "echo \"$USER - rtprio 90\" | sudo tee -a /etc/security/limits.d/90-rtpm.conf");
-  expect("memory-lock", Severity::kProblem, "the limit is 64 KiB)", "$USER - memlock unlimited");
+  expect_finding("realtime", Severity::kProblem, "can't run at SCHED_FIFO 89",
+                 "echo \"$USER - rtprio 90\" | sudo tee -a /etc/security/limits.d/90-rtpm.conf");
+  expect_finding("memory-lock", Severity::kProblem, "the limit is 64 KiB)",
+                 "$USER - memlock unlimited");
   answers_.is_group_without_realtime = true;
-  expect("realtime", Severity::kProblem, "", "ask");
+  expect_finding("realtime", Severity::kProblem, "", "ask");
 }
 
 TEST_F(Judgement, OfThrottlingSaysHowLongThreadsStop) {
   answers_.realtime_limit = {milliseconds{950}, milliseconds{1000}};
-  expect("throttling", Severity::kNote, "950 of 1000 ms", "kernel.sched_rt_runtime_us=-1");
+  expect_finding("throttling", Severity::kNote, "950 of 1000 ms", "kernel.sched_rt_runtime_us=-1");
   EXPECT_NE(finding("throttling").cost.find("for 50 ms of each 1000 ms"), std::string::npos);
   EXPECT_FALSE(finding("throttling").is_fixable()) << "a thread that hangs would hang the host";
 }
 
 TEST_F(Judgement, OfTimerSlackDependsOnTheRightToRealTime) {
   answers_.timer_slack = milliseconds{5};
-  expect("timer-slack", Severity::kWarning, "5000 µs", "TimerSlackNSec=50us");
+  expect_finding("timer-slack", Severity::kWarning, "5000 µs", "TimerSlackNSec=50us");
   answers_.timer_slack = microseconds{50};
   answers_.realtime_refusal = SetupError{"no"};
-  expect("timer-slack", Severity::kNote, "50 µs", "see realtime");
+  expect_finding("timer-slack", Severity::kNote, "50 µs", "see realtime");
 }
 
 TEST_F(Judgement, OfKernelAndMachine) {
   files_.is_realtime_kernel = false;
   files_.is_virtual_machine = true;
-  expect("kernel", Severity::kWarning, "not a real-time kernel", "linux-image-rt-amd64");
-  expect("machine", Severity::kNote, "virtual machine", "on the host itself");
+  expect_finding("kernel", Severity::kWarning, "not a real-time kernel", "linux-image-rt-amd64");
+  expect_finding("machine", Severity::kNote, "virtual machine", "on the host itself");
 }
 
 TEST_F(Judgement, OfASingleCpuIsThatNothingSpins) {
   answers_.usable_cpu_count = 1;
-  expect("cpus", Severity::kWarning, "1 CPU is usable", "a second CPU");
+  expect_finding("cpus", Severity::kWarning, "1 CPU is usable", "a second CPU");
 }
 
 TEST_F(Judgement, OfIsolationNamesACpuWhereThereAreEnough) {
   files_.isolated_cpus = {};
-  expect("isolation", Severity::kNote, "no CPU is kept free",
-         "isolcpus=managed_irq,domain,3 nohz_full=3");
+  expect_finding("isolation", Severity::kNote, "no CPU is kept free",
+                 "isolcpus=managed_irq,domain,3 nohz_full=3");
   files_.online_cpus = {0, 1};
-  expect("isolation", Severity::kNote, "no CPU is kept free", "a machine with more CPUs");
+  expect_finding("isolation", Severity::kNote, "no CPU is kept free", "a machine with more CPUs");
   files_.isolated_cpus = {2, 3};
-  expect("isolation", Severity::kNote, "the timer's tick still interrupts CPU 2", "nohz_full=2,3");
+  expect_finding("isolation", Severity::kNote, "the timer's tick still interrupts CPU 2",
+                 "nohz_full=2,3");
 }
 
 TEST_F(Judgement, OfInterruptsCountsThoseThatLandOnKeptCpus) {
   files_.interrupts = {{36, "disk", {3}, {{3, 7}}},
                        {37, "eth0", {0, 3}, {{0, 9}}},  // Never came to CPU 3.
                        {38, "usb", {0}, {{3, 5}}}};     // Moved away since.
-  expect("interrupts", Severity::kWarning, "1 interrupt lands on CPU 3: 36 (disk, 7 times)",
-         "echo 0-2 | sudo tee /proc/irq/36/smp_affinity_list");
+  expect_finding("interrupts", Severity::kWarning, "1 interrupt lands on CPU 3: 36 (disk, 7 times)",
+                 "echo 0-2 | sudo tee /proc/irq/36/smp_affinity_list");
   files_.isolated_cpus = {};
-  expect("interrupts", Severity::kGood, "no CPU is isolated");
+  expect_finding("interrupts", Severity::kGood, "no CPU is isolated");
   files_.pinned_cpus = {0};
-  expect("interrupts", Severity::kWarning, "1 interrupt lands on CPU 0: 37 (eth0, 9 times)",
-         "echo 1-3 | sudo tee /proc/irq/37/smp_affinity_list");
+  expect_finding("interrupts", Severity::kWarning, "1 interrupt lands on CPU 0: 37 (eth0, 9 times)",
+                 "echo 1-3 | sudo tee /proc/irq/37/smp_affinity_list");
   files_.pinned_cpus = files_.online_cpus;
-  expect("interrupts", Severity::kWarning, "2 interrupts land on CPUs 0-3",
-         "confine lanes to fewer CPUs");
+  expect_finding("interrupts", Severity::kWarning, "2 interrupts land on CPUs 0-3",
+                 "confine lanes to fewer CPUs");
 }
 
 TEST_F(Judgement, OfManyInterruptsShowsAFew) {
   for (int number = 1; number <= 40; ++number)
     files_.interrupts.push_back({number, "queue", {3}, {{3, 1}}});
-  expect("interrupts", Severity::kWarning, "40 interrupts land on CPU 3", "/proc/irq/4/");
+  expect_finding("interrupts", Severity::kWarning, "40 interrupts land on CPU 3", "/proc/irq/4/");
   EXPECT_EQ(finding("interrupts").remedy.find("/proc/irq/5/"), std::string::npos);
 }
 
 TEST_F(Judgement, OfIrqbalanceSparesIsolatedCpus) {
   files_.has_irqbalance = true;
-  expect("irqbalance", Severity::kGood, "leaves isolated CPUs alone");
+  expect_finding("irqbalance", Severity::kGood, "leaves isolated CPUs alone");
   files_.pinned_cpus = {1};
-  expect("irqbalance", Severity::kWarning, "also to CPU 1", "IRQBALANCE_BANNED_CPULIST=1,3");
+  expect_finding("irqbalance", Severity::kWarning, "also to CPU 1",
+                 "IRQBALANCE_BANNED_CPULIST=1,3");
   files_.pinned_cpus = files_.isolated_cpus = {};
-  expect("irqbalance", Severity::kGood, "no CPU is kept from it");
+  expect_finding("irqbalance", Severity::kGood, "no CPU is kept from it");
 }
 
 TEST_F(Judgement, OfGovernorsFixesThoseThatAreNotAtFullSpeed) {
   files_.frequencies = {{"/a", "performance"}, {"/b", "schedutil"}};
-  expect("frequency", Severity::kWarning, "1 of 2 CPUs is 'schedutil'", "rtpm doctor --fix");
+  expect_finding("frequency", Severity::kWarning, "1 of 2 CPUs is 'schedutil'",
+                 "rtpm doctor --fix");
   EXPECT_EQ(finding("frequency").fixes, (std::vector<Setting>{{"/b", "performance"}}));
   files_.frequencies.pop_back();
-  expect("frequency", Severity::kGood, "'performance'");
+  expect_finding("frequency", Severity::kGood, "'performance'");
 }
 
 TEST_F(Judgement, OfIdleStatesGoesByTheDeepestThatIsEnabled) {
   files_.idle_driver = "intel_idle";
   files_.idle_states = {
       {"POLL", Duration{0}, true}, {"C1", microseconds{2}, true}, {"C6", microseconds{133}, false}};
-  expect("idle-states", Severity::kGood, "");
+  expect_finding("idle-states", Severity::kGood, "");
   files_.idle_states.back().is_enabled = true;
-  expect("idle-states", Severity::kNote, "as deep as C6", "--cpu-latency 0us");
+  expect_finding("idle-states", Severity::kNote, "as deep as C6", "--cpu-latency 0us");
   EXPECT_NE(finding("idle-states").cost.find("133 µs"), std::string::npos);
   answers_.cpu_latency_refusal = SetupError{"no"};
-  expect("idle-states", Severity::kWarning, "this user may not ask", "KERNEL==\"cpu_dma_latency\"");
+  expect_finding("idle-states", Severity::kWarning, "this user may not ask",
+                 "KERNEL==\"cpu_dma_latency\"");
 }
 
 TEST_F(Judgement, OfClocks) {
   files_.clock_source = "hpet";
-  expect("clock", Severity::kWarning, "'hpet' takes a system call", "dmesg");
+  expect_finding("clock", Severity::kWarning, "'hpet' takes a system call", "dmesg");
   files_.clock_source = "";
-  expect("clock", Severity::kNote, "does not name");
+  expect_finding("clock", Severity::kNote, "does not name");
   answers_.timer_resolution = milliseconds{4};
-  expect("timers", Severity::kProblem, "4000 µs", "highres=off");
+  expect_finding("timers", Severity::kProblem, "4000 µs", "highres=off");
   answers_.is_clock_synchronised = false;
-  expect("clock-sync", Severity::kNote, "no program keeps the clock", "chrony");
+  expect_finding("clock-sync", Severity::kNote, "no program keeps the clock", "chrony");
 }
 
 TEST_F(Judgement, OfSocketBuffersFixesWhatIsTooSmall) {
   files_.rmem_max = 212992;
-  expect("socket-buffers", Severity::kWarning, "208 KiB to receive",
-         "sudo sysctl -w net.core.rmem_max=4194304");
+  expect_finding("socket-buffers", Severity::kWarning, "208 KiB to receive",
+                 "sudo sysctl -w net.core.rmem_max=4194304");
   EXPECT_EQ(finding("socket-buffers").fixes,
             (std::vector<Setting>{{"/proc/sys/net/core/rmem_max", "4194304"}}));
   EXPECT_NE(finding("socket-buffers").lasting.find("/etc/sysctl.d/90-rtpm.conf"),
@@ -191,28 +196,28 @@ TEST_F(Judgement, OfSocketBuffersFixesWhatIsTooSmall) {
   files_.wmem_max = 212992;
   EXPECT_EQ(finding("socket-buffers").fixes.size(), 2u);
   files_.wmem_max.reset();
-  expect("socket-buffers", Severity::kNote, "does not tell");
+  expect_finding("socket-buffers", Severity::kNote, "does not tell");
 }
 
 TEST_F(Judgement, OfSharedMemoryGoesBySizeAndWhatIsFree) {
   answers_.shared_memory_free = 1 << 20;
-  expect("shared-memory", Severity::kWarning, "1024 MiB, 1 MiB of them free", "size=1g");
+  expect_finding("shared-memory", Severity::kWarning, "1024 MiB, 1 MiB of them free", "size=1g");
   answers_.shared_memory_size = 64 << 20;
-  expect("shared-memory", Severity::kWarning, "64 MiB", "--shm-size=1g");
+  expect_finding("shared-memory", Severity::kWarning, "64 MiB", "--shm-size=1g");
   answers_.shared_memory_size.reset();
-  expect("shared-memory", Severity::kWarning, "there is no /dev/shm", "mount -t tmpfs");
+  expect_finding("shared-memory", Severity::kWarning, "there is no /dev/shm", "mount -t tmpfs");
 }
 
 TEST_F(Judgement, OfHugePagesAndSwap) {
   files_.huge_pages = "madvise";
-  expect("huge-pages", Severity::kGood, "'madvise'");
+  expect_finding("huge-pages", Severity::kGood, "'madvise'");
   files_.huge_pages = "always";
-  expect("huge-pages", Severity::kWarning, "'always'", "rtpm doctor --fix");
+  expect_finding("huge-pages", Severity::kWarning, "'always'", "rtpm doctor --fix");
   EXPECT_EQ(finding("huge-pages").fixes.at(0).value, "madvise");
   files_.swap_kib = 2048;
-  expect("swap", Severity::kGood, "2 MiB of it, which locked memory does not use");
+  expect_finding("swap", Severity::kGood, "2 MiB of it, which locked memory does not use");
   answers_.memory_lock_refusal = SetupError{"memory can't be locked"};
-  expect("swap", Severity::kWarning, "can't be locked", "swapoff -a");
+  expect_finding("swap", Severity::kWarning, "can't be locked", "swapoff -a");
 }
 
 std::string lines_of_survey() {
