@@ -69,12 +69,12 @@ expected<WakeUps, SetupError> measure_wake_ups(Duration time, const options::Sto
 
 std::string text_of(const WakeUps& wake_ups) {
   const LatencyHistogram& lateness = wake_ups.lateness;
-  std::string text =
-      formatted("%llu wake-ups at 1 kHz, %s: late by p50 %.1f, p99 %.1f, p99.9 %.1f, max %.1f us\n",
-                static_cast<unsigned long long>(lateness.count()),
-                wake_ups.is_realtime ? "SCHED_FIFO" : "not real-time",
-                microseconds(lateness.percentile(50)), microseconds(lateness.percentile(99)),
-                microseconds(lateness.percentile(99.9)), microseconds(lateness.max()));
+  std::string text = formatted(
+      "%llu wake-ups at 1 kHz, %s\n  late by p50 %.1f, p99 %.1f, p99.9 %.1f, max %.1f us\n",
+      static_cast<unsigned long long>(lateness.count()),
+      wake_ups.is_realtime ? "SCHED_FIFO" : "not real-time", microseconds(lateness.percentile(50)),
+      microseconds(lateness.percentile(99)), microseconds(lateness.percentile(99.9)),
+      microseconds(lateness.max()));
   double before = 0;
   for (Duration limit = std::chrono::microseconds{1};
        before < 100 && limit < std::chrono::seconds{2}; limit *= 2) {

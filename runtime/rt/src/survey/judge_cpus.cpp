@@ -36,8 +36,8 @@ Finding judge_kernel(const HostFiles& files) {
   return {"kernel", Severity::kWarning, "it is not a real-time kernel (PREEMPT_RT)",
           "its own work, of drivers and network, delays real-time threads: mostly by some 10 µs, "
           "at times by ms",
-          "where the longest delay matters: sudo apt-get install linux-image-rt-amd64, and start "
-          "that kernel"};
+          "where the longest delay matters, start such a kernel:\n"
+          "sudo apt-get install linux-image-rt-amd64"};
 }
 
 Finding judge_machine(const HostFiles& files) {
