@@ -168,6 +168,21 @@ expected<void, SetupError> RemoteObject::call(std::string_view method, std::stri
   return print_payload(found->reply, reply->bytes(), goes_on, print);
 }
 
+expected<std::vector<std::byte>, rpc::CallError> RemoteObject::call_bytes(
+    const schema::Method& method, ConstBytes request, const rpc::CallOptions& options) {
+  const rpc::MethodDescriptor& called =
+      methods_[static_cast<std::size_t>(&method - dynamic_->service().methods.data())];
+  if (method.oneway) {
+    const auto sent = binding_->send(called, request, delivery_of(*method.oneway), options);
+    if (!sent) return unexpected{sent.error()};
+    return std::vector<std::byte>{};
+  }
+  const auto reply = binding_->call(called, request, options);
+  if (!reply) return unexpected{reply.error()};
+  const ConstBytes bytes = reply->bytes();
+  return std::vector<std::byte>(bytes.begin(), bytes.end());
+}
+
 expected<void, SetupError> RemoteObject::take_items(const schema::Method& method,
                                                     rpc::ItemReader& reader,
                                                     std::optional<Duration> stream_time,

@@ -10,6 +10,7 @@
 
 #include "reading/reflection.hpp"
 #include "rtpm/schema/compile.hpp"
+#include "rtpm/schema/schema_text.hpp"
 #include "text/range_check.hpp"
 
 namespace rtpm::schema {
@@ -165,6 +166,14 @@ std::optional<std::vector<std::byte>> Dynamic::encode(const Payload& payload, st
 
 std::optional<std::vector<std::byte>> Dynamic::as_table(const Payload& payload,
                                                         std::span<const std::byte> bytes) {
+  if (payload.kind == PayloadKind::kEmpty) {
+    if (!bytes.empty()) return std::nullopt;
+    flatbuffers::FlatBufferBuilder builder;
+    const auto start = builder.StartTable();
+    builder.Finish(flatbuffers::Offset<flatbuffers::Table>(builder.EndTable(start)));
+    const auto view = std::as_bytes(std::span(builder.GetBufferPointer(), builder.GetSize()));
+    return std::vector<std::byte>(view.begin(), view.end());
+  }
   if (payload.kind == PayloadKind::kStruct) {
     const Object& object = impl_->model.objects[*payload.struct_index];
     if (bytes.size() != object.byte_size) return std::nullopt;
@@ -186,6 +195,36 @@ std::optional<std::vector<std::byte>> Dynamic::as_table(const Payload& payload,
     return std::nullopt;
   }
   return copy;
+}
+
+std::optional<std::vector<std::byte>> Dynamic::from_table(const Payload& payload,
+                                                          std::span<const std::byte> bytes) {
+  if (payload.kind == PayloadKind::kEmpty && bytes.empty()) return std::vector<std::byte>{};
+  std::vector<std::byte> copy(bytes.begin(), bytes.end());
+  const auto* data = static_cast<const std::uint8_t*>(static_cast<const void*>(copy.data()));
+  const auto& schema = *reflection::GetSchema(impl_->reflection.data());
+  if (copy.size() < 8 || !flatbuffers::Verify(schema, impl_->object(payload), data, copy.size())) {
+    return std::nullopt;
+  }
+  if (payload.kind == PayloadKind::kEmpty) return std::vector<std::byte>{};
+  if (payload.kind == PayloadKind::kTable) return copy;
+  const auto* root = flatbuffers::GetRoot<flatbuffers::Table>(data);
+  const std::uint8_t* only =
+      root->GetAddressOf(impl_->object(payload).fields()->Get(0)->offset());
+  if (only == nullptr) return std::nullopt;
+  const auto view =
+      std::as_bytes(std::span(only, impl_->model.objects[*payload.struct_index].byte_size));
+  return std::vector<std::byte>(view.begin(), view.end());
+}
+
+std::vector<std::byte> Dynamic::reflection_of(const Payload& payload) const {
+  const auto parser =
+      make_parser(schema_text(impl_->model, impl_->model.objects[payload.table]));
+  if (!parser) return {};  // Never: the text is made from what the parser took.
+  parser->Serialize();
+  const auto view =
+      std::as_bytes(std::span(parser->builder_.GetBufferPointer(), parser->builder_.GetSize()));
+  return {view.begin(), view.end()};
 }
 
 std::optional<std::string> Dynamic::decode(const Payload& payload,

@@ -7,8 +7,10 @@
 #include <string_view>
 #include <vector>
 
+#include "rtpm/base/bytes.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/rpc/binding.hpp"
+#include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 #include "rtpm/schema/dynamic.hpp"
 
@@ -29,6 +31,13 @@ class RemoteObject {
   [[nodiscard]] const std::string& schema() const noexcept { return schema_; }
   [[nodiscard]] const std::string& compiler_version() const noexcept { return compiler_version_; }
   [[nodiscard]] rpc::Binding& binding() noexcept { return *binding_; }
+
+  /// Calls `method`, one of dynamic().service(), that gives no stream, with the bytes on the wire;
+  /// returns those of the reply, of a oneway none. `options` without a deadline: the method's.
+  /// @threads  any, several at once, unlike the rest
+  /// @errors   as rpc::Binding::call()
+  [[nodiscard]] expected<std::vector<std::byte>, rpc::CallError> call_bytes(
+      const schema::Method& method, ConstBytes request, const rpc::CallOptions& options);
 
   /// Receives the reply, or each item of a stream, in JSON; at times an empty text while none
   /// arrives. Returns false to end the stream.

@@ -58,6 +58,13 @@ class Dynamic {
   /// @errors nothing: the bytes do not match
   [[nodiscard]] std::optional<std::vector<std::byte>> as_table(const Payload& payload,
                                                                std::span<const std::byte> bytes);
+  /// What as_table() was given: the bytes on the wire of a FlatBuffer whose root is the table. Of a
+  /// payload of nothing, also of no bytes.
+  /// @errors nothing: the bytes do not match
+  [[nodiscard]] std::optional<std::vector<std::byte>> from_table(const Payload& payload,
+                                                                 std::span<const std::byte> bytes);
+  /// As reflection(), of the payload's table and what it contains only, with the table as root.
+  [[nodiscard]] std::vector<std::byte> reflection_of(const Payload& payload) const;
   /// The schema as FlatBuffers' own reflection, the content of a .bfbs.
   [[nodiscard]] std::span<const std::byte> reflection() const noexcept;
 

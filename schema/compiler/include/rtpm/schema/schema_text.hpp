@@ -11,8 +11,8 @@ namespace rtpm::schema {
 /// Attributes of other tools are left out.
 [[nodiscard]] std::string schema_text(const Model& model, const Service& service);
 
-/// The same for a table that is an event: its root type.
-/// @param event  one of the model's objects
-[[nodiscard]] std::string schema_text(const Model& model, const Object& event);
+/// The same for a table, such as an event: it is the root type.
+/// @param table  one of the model's objects
+[[nodiscard]] std::string schema_text(const Model& model, const Object& table);
 
 }  // namespace rtpm::schema
