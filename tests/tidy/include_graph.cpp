@@ -70,6 +70,10 @@ const std::vector<Part>& parts() {
         "configuration", "safety",        "gvd",        "device_evdev",  "device_falcon",
         "device_hid",    "device_io",     "device_mpv", "device_serial", "device_sim",
         "capture"}},
+      {"clients/console/",
+       "",
+       {"base", "wire", "rt", "rpc", "options", "names", "introspection", "dynamic", "events",
+        "recording", "schema", "driver", "configuration", "gvd", "capture"}},
       {"clients/rtpm/",
        "",
        {"base", "wire", "rt", "transport", "rpc", "options", "names", "introspection", "dynamic",
@@ -105,15 +109,18 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
+      {std::regex("boost/.*"), "Boost", {"clients/console/web/"}},
       // options has the signals and the configuration file that every program shares; driver_host
       // loads plug-ins; the devices are drivers of hardware and a program that devices/mpv starts;
-      // rtpm looks at terminals, files and this host.
+      // rtpm looks at terminals, files and this host; the console names the host, and needs random
+      // numbers.
       {std::regex("((sys|net|netinet|arpa|linux|asm)/.*|(unistd|pthread|sched|poll|fcntl|signal|"
                   "spawn|dirent|dlfcn|netdb|ifaddrs|termios|malloc)\\.h)"),
        "the operating system",
        {"runtime/rt/", "runtime/transport/", "runtime/options/src/", "gvd/driver_host/src/",
         "registry/recording/src/", "devices/evdev/src/", "devices/falcon/src/", "devices/hid/src/",
-        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "clients/rtpm/"}},
+        "devices/io/src/", "devices/mpv/src/", "devices/serial/src/", "clients/console/",
+        "clients/rtpm/"}},
   };
   return kForeigners;
 }

@@ -1,0 +1,32 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "rtpm/events/defaults.hpp"
+
+namespace rtpm::console {
+
+/// The options of rtpm-console.
+struct Configuration {
+  std::string address = "127.0.0.1";
+  std::uint16_t port = 8765;
+  bool is_insecure_lan = false;  ///< Allows an address that other hosts reach.
+  std::string registry{};
+  std::string events{events::kHubPath};  ///< The hub's name or URL.
+  std::string page{};                    ///< The folder of the page; empty: the installed one.
+  std::string recordings{};              ///< The folder of recordings; empty: none.
+  bool is_read_only = false;
+  std::string token{};  ///< Empty: a random one.
+  double seconds = 0;   ///< 0: until SIGINT or SIGTERM.
+};
+
+/// Reads file, environment and flags into `configuration`; as options::Options::parse().
+[[nodiscard]] std::optional<int> read_configuration(int argc, const char* const* argv,
+                                                    Configuration& configuration);
+
+/// Whether only programs of this host reach `address`.
+[[nodiscard]] bool is_loopback(const std::string& address);
+
+}  // namespace rtpm::console

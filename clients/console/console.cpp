@@ -1,0 +1,364 @@
+#include "console.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <array>
+#include <utility>
+
+#include "graph/connection_graph.hpp"
+#include "live/hub_report.hpp"
+#include "live/state_json.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "work/wall_time.hpp"
+
+namespace rtpm::console {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
+constexpr std::string_view kConfigurationEnd = "/config";
+constexpr Duration kLaneInterval = std::chrono::milliseconds{250};
+constexpr Duration kObjectInterval = std::chrono::seconds{1};
+constexpr Duration kProbeInterval = std::chrono::milliseconds{50};
+constexpr Duration kHubInterval = std::chrono::milliseconds{100};
+constexpr Duration kReportInterval = std::chrono::seconds{1};
+constexpr Duration kStateInterval = std::chrono::milliseconds{250};
+constexpr Duration kLatencyInterval = std::chrono::seconds{1};
+constexpr Duration kRenewInterval = std::chrono::milliseconds{300};
+constexpr Duration kParameterInterval = std::chrono::seconds{2};
+constexpr std::size_t kGarbageCountMax = 10;
+
+std::string host_name() {
+  std::array<char, 256> name{};
+  if (::gethostname(name.data(), name.size() - 1) != 0) return "unknown";
+  return name.data();
+}
+
+std::string dumped(const Json& json) {
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
+}  // namespace
+
+Console::Console(rpc::Node& node, const Configuration& configuration, Post post)
+    : node_(node),
+      configuration_(configuration),
+      post_(std::move(post)),
+      begin_(rt::now()),
+      session_id_(std::to_string(wall_time_ns(begin_))),
+      channels_(clients_),
+      event_channels_(channels_),
+      router_(clients_),
+      desk_(
+          router_, pool_, urgent_, post_,
+          {[this] { return std::vector<std::string>(device_names_.begin(), device_names_.end()); },
+           [this](const std::string& name) {
+             const auto found = devices_.find(name);
+             return found == devices_.end() ? nullptr : found->second.link();
+           }}),
+      objects_services_(node, router_, desk_, pool_, post_,
+                        [this](const std::string& name) {
+                          const auto found = devices_.find(name);
+                          return found == devices_.end() ? nullptr : found->second.link();
+                        }),
+      parameters_(node, clients_, pool_, post_),
+      records_(node, {configuration.events, configuration.recordings}, router_, channels_, pool_,
+               post_),
+      hub_(node, configuration.events, post_,
+           {[this](const HubEvent& event) { take_event(event); },
+            [this](const Standing& standing) { hub_standing_ = standing; },
+            [this](std::shared_ptr<const events::HubTypes> types) {
+              event_channels_.set_types(std::move(types));
+            }}),
+      device_watch_(node) {
+  channels_.add({.topic = "console/state", .encoding = "json"});
+  channels_.add({.topic = "console/latency", .encoding = "json"});
+  channels_.add({.topic = "console/log", .encoding = "json"});
+}
+
+Console::~Console() = default;
+
+expected<void, SetupError> Console::start(
+    const std::function<void(Duration, std::function<void()>)>& every) {
+  desk_.start();
+  records_.start();
+  add_log_filter();
+  if (auto started = pool_.start({}); !started) return started;
+  if (auto started = urgent_.start({.name = "console-stop", .thread_count = 4}); !started) {
+    return started;
+  }
+  auto lanes = std::make_shared<LaneWatch>();
+  auto objects = std::make_shared<ObjectWatch>(node_, configuration_.registry);
+  const auto start_thread = [](PeriodicThread& thread, const char* name, Duration period,
+                               std::function<void()> work) {
+    return thread.start(name, period, std::move(work));
+  };
+  if (auto started = start_thread(
+          lane_thread_, "console-lanes", kLaneInterval,
+          [this, lanes] { post_([this, servers = lanes->look()] { servers_ = servers; }); });
+      !started) {
+    return started;
+  }
+  if (auto started = start_thread(
+          object_thread_, "console-names", kObjectInterval,
+          [this, objects] { post_([this, view = objects->look()] { take_objects(view); }); });
+      !started) {
+    return started;
+  }
+  if (auto started =
+          start_thread(probe_thread_, "console-probe", kProbeInterval,
+                       [this] {
+                         for (DeviceProbe& probe : device_watch_.look()) {
+                           post_([this, probe = std::move(probe)] { take_probe(probe); });
+                         }
+                       });
+      !started) {
+    return started;
+  }
+  if (auto started = start_thread(hub_thread_, "console-hub", kHubInterval,
+                                  [this] {
+                                    hub_.look();
+                                    records_.care();
+                                  });
+      !started) {
+    return started;
+  }
+  auto report = std::make_shared<HubReport>(node_, configuration_.registry, configuration_.events);
+  if (auto started = start_thread(report_thread_, "console-report", kReportInterval,
+                                  [this, report] {
+                                    post_([this, view = report->look()] {
+                                      hub_view_ = {view.consumer_count, view.event_per_s};
+                                    });
+                                  });
+      !started) {
+    return started;
+  }
+  every(kStateInterval, [this] { publish_state(); });
+  every(kLatencyInterval, [this] { publish_latency(); });
+  every(kLatencyInterval, [this] { publish_graph(); });
+  every(kRenewInterval, [this] { desk_.renew(); });
+  every(kParameterInterval, [this] { parameters_.poll(); });
+  return {};
+}
+
+void Console::stop() {
+  for (PeriodicThread* const thread :
+       {&lane_thread_, &object_thread_, &probe_thread_, &hub_thread_, &report_thread_}) {
+    thread->stop();
+  }
+  pool_.stop();
+  urgent_.stop();
+  desk_.release_all();
+  records_.close();
+}
+
+void Console::on_open(Connection& connection) {
+  Client& client = clients_.add(connection);
+  const std::uint64_t id = connection.id();
+  const bool may_command = connection.may_command();
+  foxglove::ServerInfo info{
+      .name = "rtpm-console",
+      .capabilities = {"parameters", "parametersSubscribe", "connectionGraph"},
+      .encodings = {"json", "flatbuffer"},
+      .metadata = {{"rtpm.access", may_command ? "command" : "observe"},
+                   {"rtpm.version", RTPM_VERSION},
+                   {"rtpm.host", host_name()}},
+      .session_id = session_id_};
+  if (may_command) info.capabilities.emplace_back("services");
+  clients_.send(id, foxglove::server_info(info));
+  channels_.advertise_to(client);
+  if (may_command) router_.advertise_to(client);
+  if (connection.has_wrong_token()) {
+    clients_.send_status(id, foxglove::StatusLevel::kWarning,
+                         "the token of the URL is not that of this rtpm-console, so it is "
+                         "read-only; open the URL that it printed");
+  }
+}
+
+void Console::on_close(Connection& connection) {
+  const std::uint64_t id = connection.id();
+  if (Client* const client = clients_.find(id)) channels_.remove_client(*client);
+  clients_.remove(id);
+  hub_.end_log(id);
+  desk_.on_close(id);
+}
+
+void Console::on_text(Connection& connection, std::string_view text) {
+  auto request = foxglove::read_text(text);
+  if (!request) return take_garbage(connection.id(), request.error());
+  Client* const client = clients_.find(connection.id());
+  if (client == nullptr) return;
+  client->garbage_count = 0;
+  take_text(connection.id(), std::move(*request));
+}
+
+void Console::on_binary(Connection& connection, ConstBytes bytes) {
+  const auto call = foxglove::read_binary(bytes);
+  if (!call) return take_garbage(connection.id(), call.error());
+  Client* const client = clients_.find(connection.id());
+  if (client == nullptr) return;
+  client->garbage_count = 0;
+  router_.call(*client, *call);
+}
+
+void Console::take_garbage(std::uint64_t id, const std::string& why) {
+  Client* const client = clients_.find(id);
+  if (client == nullptr) return;
+  if (++client->garbage_count >= kGarbageCountMax) {
+    return client->connection->close(CloseCode::kProtocolError, "ten malformed frames in a row");
+  }
+  clients_.send_status(id, foxglove::StatusLevel::kError, why);
+}
+
+void Console::take_text(std::uint64_t id, foxglove::TextRequest request) {
+  Client& client = *clients_.find(id);
+  const auto tell = [&](const std::vector<std::string>& faults) {
+    for (const std::string& fault : faults)
+      clients_.send_status(id, foxglove::StatusLevel::kWarning, fault);
+  };
+  const auto has_room = [&] {
+    if (client.open_call_count < kOpenCallCountMax) return true;
+    tell({"too many requests of this connection are under way; wait for their answers"});
+    return false;
+  };
+  if (const auto* const subscribe = std::get_if<foxglove::Subscribe>(&request)) {
+    tell(channels_.subscribe(client, *subscribe));
+  } else if (const auto* const unsubscribe = std::get_if<foxglove::Unsubscribe>(&request)) {
+    tell(channels_.unsubscribe(client, *unsubscribe));
+  } else if (const auto* const get = std::get_if<foxglove::GetParameters>(&request)) {
+    if (has_room()) parameters_.get(client, *get);
+  } else if (const auto* const set = std::get_if<foxglove::SetParameters>(&request)) {
+    if (has_room()) parameters_.set(client, *set);
+  } else if (const auto* const watch = std::get_if<foxglove::WatchParameters>(&request)) {
+    parameters_.watch(client, *watch);
+  } else if (const auto* const graph = std::get_if<foxglove::WatchGraph>(&request)) {
+    client.watches_graph = graph->is_watching;
+    if (graph->is_watching) clients_.send(id, foxglove::graph_update({}, graph_));
+  } else if (const auto* const other = std::get_if<foxglove::Unsupported>(&request)) {
+    tell({"this server has no capability for '" + other->op + "'"});
+  }
+}
+
+void Console::take_objects(const ObjectsView& view) {
+  objects_ = view;
+  std::vector<std::string> devices;
+  std::vector<std::string> configured;
+  for (const ObjectView& object : view.objects) {
+    if (object.interface == kDeviceInterface) devices.push_back(object.name);
+    if (object.interface == "rtpm.configuration.Configuration" &&
+        object.name.ends_with(kConfigurationEnd)) {
+      configured.push_back(object.name.substr(0, object.name.size() - kConfigurationEnd.size()));
+    }
+  }
+  device_names_ = {devices.begin(), devices.end()};
+  std::erase_if(devices_, [&](const auto& one) { return !device_names_.contains(one.first); });
+  for (const std::string& name : devices)
+    devices_.try_emplace(name, name);
+  device_watch_.set_devices(devices);
+  hub_.set_devices(devices);
+  event_channels_.set_devices(device_names_);
+  parameters_.set_objects(std::move(configured));
+  objects_services_.set_objects(view.objects);
+}
+
+void Console::take_probe(const DeviceProbe& probe) {
+  const auto device = devices_.find(probe.name);
+  if (device != devices_.end()) device->second.take(probe, rt::now());
+}
+
+void Console::take_event(const HubEvent& event) {
+  if (event.stream == EventStream::kLog) return event_channels_.publish_log(event);
+  const std::string* const name = event_channels_.device_of(event.header.source);
+  const auto device = name == nullptr ? devices_.end() : devices_.find(*name);
+  if (device != devices_.end()) take_device_event(event, device->second, parameters_);
+  event_channels_.publish(event);
+}
+
+void Console::add_log_filter() {
+  router_.add_json(
+      "console/log_filter",
+      [this](const PendingCall& call, const nlohmann::json& request) { set_log(call, request); });
+}
+
+void Console::set_log(const PendingCall& call, const nlohmann::json& request) {
+  const auto filter = request.find("filter");
+  if (filter != request.end() && filter->is_null()) {
+    hub_.end_log(call.connection_id);
+    return router_.succeed(call, Json{{"ok", true}});
+  }
+  if (filter == request.end() || !filter->is_string()) {
+    return router_.fail(call, "log_filter needs `filter`: a text, or null to end the log");
+  }
+  const bool is_queued = pool_.run("hub", [this, call, text = filter->get<std::string>()] {
+    const auto set = hub_.set_log(call.connection_id, text);
+    post_([this, call, set] {
+      // It left in the meantime, so nothing else ends its log.
+      if (clients_.find(call.connection_id) == nullptr) hub_.end_log(call.connection_id);
+      if (set) return router_.succeed(call, Json{{"ok", true}});
+      router_.succeed(
+          call, Json{{"ok", false}, {"offset", set.error().offset}, {"what", set.error().what}});
+    });
+  });
+  if (!is_queued) router_.fail(call, "too much waits to be done; try again");
+}
+
+Json Console::state() const {
+  const MonotonicTime now = rt::now();
+  Json devices = Json::array();
+  for (const auto& [name, device] : devices_)
+    devices.push_back(device.json(now, parameters_.has(name)));
+  Json objects = Json::array();
+  for (const ObjectView& object : objects_.objects) {
+    objects.push_back(
+        {{"name", object.name}, {"interface", object.interface}, {"url", object.url}});
+  }
+  return {{"time_ns", wall_time_ns(now)},
+          {"uptime_s", std::chrono::duration<double>(now - begin_).count()},
+          {"registry",
+           {{"url", configuration_.registry},
+            {"ok", objects_.registry.is_ok},
+            {"problem", objects_.registry.problem}}},
+          {"hub",
+           {{"name", configuration_.events},
+            {"ok", hub_standing_.is_ok},
+            {"problem", hub_standing_.problem},
+            {"consumer_count", hub_standing_.is_ok ? hub_view_.consumer_count : 0},
+            {"event_per_s", hub_standing_.is_ok ? hub_view_.event_per_s : 0}}},
+          {"servers", servers_json(servers_)},
+          {"objects", std::move(objects)},
+          {"devices", std::move(devices)},
+          {"recording", records_.recording_json()},
+          {"replay", records_.replay_json()},
+          {"clients", {{"count", clients_.count()}, {"dropped_count", clients_.dropped_count()}}}};
+}
+
+void Console::publish_state() {
+  const std::uint32_t channel = channels_.find("console/state");
+  if (!channels_.has_subscriber(channel)) return;
+  channels_.publish(channel, wall_time_ns(rt::now()), dumped(state()));
+}
+
+void Console::publish_latency() {
+  const std::uint32_t channel = channels_.find("console/latency");
+  if (!channels_.has_subscriber(channel)) return;
+  const MonotonicTime now = rt::now();
+  Json targets = Json::array();
+  for (auto& [name, device] : devices_)
+    targets.push_back(latency_json(name, device.latency().summary(now)));
+  channels_.publish(channel, wall_time_ns(now),
+                    dumped({{"targets", std::move(targets)}, {"paper", paper_json()}}));
+}
+
+void Console::publish_graph() {
+  foxglove::Graph graph = connection_graph(channels_, router_, objects_.objects, device_names_);
+  if (graph == graph_) return;
+  const auto text = std::make_shared<const std::string>(foxglove::graph_update(graph_, graph));
+  graph_ = std::move(graph);
+  clients_.for_each([&](Client& client) {
+    if (client.watches_graph) client.connection->send_text(text);
+  });
+}
+
+}  // namespace rtpm::console

@@ -1,0 +1,101 @@
+#pragma once
+
+#include <map>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "channels/channel_table.hpp"
+#include "channels/event_channels.hpp"
+#include "configuration.hpp"
+#include "live/device_state.hpp"
+#include "live/device_watch.hpp"
+#include "live/hub_watch.hpp"
+#include "live/lane_watch.hpp"
+#include "live/object_watch.hpp"
+#include "operators/operator_desk.hpp"
+#include "parameters/parameter_desk.hpp"
+#include "recording/record_desk.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "services/call_router.hpp"
+#include "services/object_services.hpp"
+#include "sessions/clients.hpp"
+#include "web/connection.hpp"
+#include "work/periodic_thread.hpp"
+#include "work/worker_pool.hpp"
+
+namespace rtpm::console {
+
+/// What stands behind the page: answers clients, and watches the system for them.
+/// @ownership refers to its node
+/// @threads  the web server's, but for start() and stop()
+class Console final : public ConnectionHandler {
+ public:
+  Console(rpc::Node& node, const Configuration& configuration, Post post);
+  ~Console() override;
+
+  /// Starts the threads that watch the system.
+  /// @param every  runs work again and again on the web server's thread
+  [[nodiscard]] expected<void, SetupError> start(
+      const std::function<void(Duration, std::function<void()>)>& every);
+  /// Ends them, after the web server's thread has ended; gives leases back.
+  void stop();
+
+  void on_open(Connection& connection) override;
+  void on_text(Connection& connection, std::string_view text) override;
+  void on_binary(Connection& connection, ConstBytes bytes) override;
+  void on_close(Connection& connection) override;
+
+ private:
+  struct HubView {
+    std::uint64_t consumer_count = 0;
+    double event_per_s = 0;
+  };
+  void take_text(std::uint64_t id, foxglove::TextRequest request);
+  void take_garbage(std::uint64_t id, const std::string& why);
+  void take_objects(const ObjectsView& view);
+  void take_event(const HubEvent& event);
+  void take_probe(const DeviceProbe& probe);
+  void add_log_filter();
+  void set_log(const PendingCall& call, const nlohmann::json& request);
+  void look_at_hub();
+  void publish_state();
+  void publish_latency();
+  void publish_graph();
+  [[nodiscard]] nlohmann::ordered_json state() const;
+
+  rpc::Node& node_;
+  const Configuration configuration_;
+  Post post_;
+  MonotonicTime begin_;
+  std::string session_id_;
+  Clients clients_{};
+  ChannelTable channels_;
+  EventChannels event_channels_;
+  CallRouter router_;
+  WorkerPool pool_{};
+  WorkerPool urgent_{};
+  OperatorDesk desk_;
+  ObjectServices objects_services_;
+  ParameterDesk parameters_;
+  RecordDesk records_;
+  HubWatch hub_;
+  DeviceWatch device_watch_;
+  std::map<std::string, DeviceState> devices_{};
+  std::set<std::string> device_names_{};
+  ObjectsView objects_{};
+  Standing hub_standing_{};
+  HubView hub_view_{};
+  std::vector<ServerView> servers_{};
+  foxglove::Graph graph_{};
+  PeriodicThread lane_thread_{};
+  PeriodicThread object_thread_{};
+  PeriodicThread probe_thread_{};
+  PeriodicThread hub_thread_{};
+  PeriodicThread report_thread_{};
+};
+
+}  // namespace rtpm::console

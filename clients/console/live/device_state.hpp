@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+
+#include "live/device_watch.hpp"
+#include "live/latency_window.hpp"
+#include "operators/device_link.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/gvd/device_event.hpp"
+
+namespace rtpm::console {
+
+/// What is known of a device, and how old it is.
+/// @threads  the web server's
+class DeviceState {
+ public:
+  explicit DeviceState(std::string name) : name_(std::move(name)) {}
+
+  void take(const DeviceProbe& probe, MonotonicTime now);
+  /// A sample that the hub delivered.
+  void take_sample(std::uint64_t sequence, MonotonicTime now);
+  void take_lease(gvd::LeaseState state, MonotonicTime since);
+
+  [[nodiscard]] const std::string& name() const noexcept { return name_; }
+  [[nodiscard]] const std::shared_ptr<DeviceLink>& link() const noexcept { return link_; }
+  [[nodiscard]] nlohmann::ordered_json json(MonotonicTime now, bool has_config) const;
+  [[nodiscard]] LatencyWindow& latency() noexcept { return latency_; }
+
+ private:
+  void see_sequence(std::uint64_t sequence, MonotonicTime now);
+
+  std::string name_;
+  std::string url_{};
+  std::string problem_{"not asked yet"};
+  std::shared_ptr<DeviceLink> link_{};
+  std::shared_ptr<const driver::Descriptor> descriptor_{};
+  std::optional<driver::Sample> sample_{};  ///< Of the newest read.
+  std::uint64_t sequence_ = 0;              ///< The newest one,
+  std::optional<MonotonicTime> newest_{};   ///< and when it came here.
+  // For the rate: a sequence of about a second ago.
+  std::uint64_t rate_sequence_ = 0;
+  std::optional<MonotonicTime> rate_begin_{};
+  double sample_per_s_ = 0;
+  gvd::LeaseState lease_ = gvd::LeaseState::kUnknown;
+  std::optional<MonotonicTime> lease_since_{};
+  LatencyWindow latency_{};
+};
+
+}  // namespace rtpm::console

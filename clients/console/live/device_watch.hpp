@@ -1,0 +1,59 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "live/callbacks.hpp"
+#include "operators/device_link.hpp"
+#include "rtpm/driver/descriptor.hpp"
+#include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/client.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::console {
+
+/// What a look at a device gave.
+struct DeviceProbe {
+  std::string name{};
+  std::string problem{};               ///< Why it was not read; empty: it was.
+  std::shared_ptr<DeviceLink> link{};  ///< Null: not bound.
+  std::shared_ptr<const driver::Descriptor> descriptor{};
+  std::string url{};
+  std::optional<driver::Sample> sample{};
+  std::optional<Duration> latency{};  ///< Of the read.
+};
+
+/// Reads every device again and again, and measures how long that takes. A device that does not
+/// answer is asked less often, so that it holds up the others little.
+/// @ownership refers to its node
+/// @threads  set_devices() any; look() one
+class DeviceWatch {
+ public:
+  explicit DeviceWatch(rpc::Node& node) noexcept : node_(node) {}
+
+  void set_devices(std::vector<std::string> names);
+  /// Reads each device that is due once.
+  [[nodiscard]] std::vector<DeviceProbe> look();
+
+ private:
+  struct Device {
+    std::optional<gvd::DeviceClient> client{};
+    std::shared_ptr<DeviceLink> link{};
+    std::shared_ptr<const driver::Descriptor> descriptor{};
+    MonotonicTime next{};  ///< When it is asked again.
+  };
+  [[nodiscard]] DeviceProbe read(const std::string& name, Device& device);
+  [[nodiscard]] std::string open(const std::string& name, Device& device);
+
+  rpc::Node& node_;
+  std::mutex mutex_{};
+  std::vector<std::string> names_{};  ///< Guarded by `mutex_`.
+  std::map<std::string, Device> devices_{};
+};
+
+}  // namespace rtpm::console

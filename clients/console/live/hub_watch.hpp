@@ -1,0 +1,87 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "live/callbacks.hpp"
+#include "rtpm/events/consumer.hpp"
+#include "rtpm/events/filter_text.hpp"
+#include "rtpm/events/hub_types.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::console {
+
+/// What the hub watch tells, on the thread of the web server.
+struct HubCallbacks {
+  std::function<void(HubEvent)> on_event{};
+  std::function<void(Standing)> on_standing{};
+  std::function<void(std::shared_ptr<const events::HubTypes>)> on_types{};
+};
+
+/// Subscribes to a hub for all browsers together: the samples of each device and each source of
+/// other types at most 60 times a second, which the hub decimates, and all changes of devices. A
+/// hub that is absent, ends or restarts is found again.
+/// @ownership refers to its node
+/// @threads  look() and set_log() one at a time, blocking; set_devices() and end_log() any
+class HubWatch {
+ public:
+  HubWatch(rpc::Node& node, std::string hub, Post post, HubCallbacks callbacks);
+  HubWatch(const HubWatch&) = delete;
+  HubWatch& operator=(const HubWatch&) = delete;
+  ~HubWatch();
+
+  void set_devices(std::vector<std::string> names);
+  /// Creates and ends subscriptions as needed. Call it again and again.
+  void look();
+
+  /// Subscribes to the events that `filter` accepts, instead of the connection's former filter.
+  /// @errors  where and why the text is no filter; offset 0: no hub
+  [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
+                                                                const std::string& filter);
+  void end_log(std::uint64_t connection_id);
+
+ private:
+  using Key = std::pair<events::EventType, events::SourceId>;
+  class Tap;
+
+  [[nodiscard]] bool open_main();
+  void ask_types();
+  void follow_devices();
+  void follow_sources();
+  [[nodiscard]] std::unique_ptr<Tap> open(EventStream stream, std::uint64_t connection_id,
+                                          events::ConsumerConfig config, std::string* problem);
+  [[nodiscard]] events::Filter main_filter() const;
+  void set_standing(bool is_ok, const std::string& problem);
+
+  rpc::Node& node_;
+  std::string hub_;
+  Post post_;
+  HubCallbacks callbacks_;
+  std::mutex mutex_{};
+  // Guarded by `mutex_`.
+  std::vector<std::string> devices_{};
+  std::set<std::uint64_t> ended_logs_{};
+  std::set<Key> new_sources_{};
+  bool lacks_type_ = false;
+  bool is_lost_ = false;       ///< The main subscription ended for good.
+  bool was_restored_ = false;  ///< The hub is back, perhaps with other types.
+  // Of look()'s thread.
+  std::shared_ptr<const events::HubTypes> types_{};
+  MonotonicTime next_types_{};
+  std::set<Key> sources_{};
+  std::unique_ptr<Tap> main_;
+  std::map<std::string, std::unique_ptr<Tap>> samples_;
+  std::map<Key, std::unique_ptr<Tap>> generic_;
+  std::mutex log_mutex_{};
+  std::map<std::uint64_t, std::unique_ptr<Tap>> logs_;  ///< Guarded by `log_mutex_`.
+};
+
+}  // namespace rtpm::console

@@ -1,0 +1,82 @@
+#include "live/object_watch.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "rtpm/dynamic/remote_object.hpp"
+#include "rtpm/introspection/catalog.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/wire/url.hpp"
+
+namespace rtpm::console {
+namespace {
+
+constexpr Duration kRegistryDeadline = std::chrono::milliseconds{500};
+constexpr Duration kCatalogDeadline = std::chrono::milliseconds{300};
+constexpr Duration kCatalogInterval = std::chrono::seconds{5};
+constexpr std::size_t kObjectCountMax = 1024;
+
+std::string server_of(const wire::Url& url) {
+  return url.host + ":" + std::to_string(url.port);
+}
+
+}  // namespace
+
+ObjectWatch::ObjectWatch(rpc::Node& node, const std::string& registry)
+    : node_(node), directory_(node, registry, kRegistryDeadline) {}
+
+const ObjectsView& ObjectWatch::look() {
+  const auto entries = directory_.list();
+  if (!entries) {
+    view_.registry = {false, entries.error().reason()};
+    return view_;
+  }
+  view_.registry = {true, {}};
+  std::map<std::string, std::string> fingerprints;
+  for (const names::NameEntry& entry : *entries) {
+    const auto url = wire::parse_url(entry.url);
+    if (!url) continue;
+    fingerprints[server_of(*url)] +=
+        entry.name + "=" + entry.url + "#" + std::to_string(entry.revision) + ";";
+  }
+  std::erase_if(servers_, [&](const auto& one) { return !fingerprints.contains(one.first); });
+  std::vector<ObjectView> objects;
+  for (const names::NameEntry& entry : *entries) {
+    const auto url = wire::parse_url(entry.url);
+    if (!url || objects.size() >= kObjectCountMax) continue;
+    objects.push_back({entry.name, entry.interface, entry.url});
+    const std::string key = server_of(*url);
+    Server& server = servers_[key];
+    if (server.fingerprint != fingerprints[key] || rt::now() >= server.next) {
+      server.fingerprint = fingerprints[key];
+      ask(server, entry.url);
+    }
+    const std::string below = url->path + "/";
+    for (const auto& [path, interface] : server.interfaces) {
+      if (!path.starts_with(below)) continue;
+      const std::string suffix = path.substr(url->path.size());
+      objects.push_back({entry.name + suffix, interface, entry.url + suffix});
+    }
+  }
+  std::ranges::sort(objects, {}, &ObjectView::name);
+  view_.objects = std::move(objects);
+  return view_;
+}
+
+void ObjectWatch::ask(Server& server, const std::string& url) {
+  server.next = rt::now() + kCatalogInterval;
+  rpc::BindOptions options;
+  options.deadline = kCatalogDeadline;
+  auto catalog =
+      introspection::IntrospectionClient::bind(node_, dynamic::catalog_url(url), options);
+  if (!catalog) return;
+  rpc::CallOptions call;
+  call.deadline = kCatalogDeadline;
+  const auto objects = catalog->list({}, call);
+  if (!objects) return;
+  server.interfaces.clear();
+  for (const auto* object : *(*objects)->objects())
+    server.interfaces[object->path()->str()] = object->interface()->str();
+}
+
+}  // namespace rtpm::console

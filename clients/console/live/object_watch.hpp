@@ -1,0 +1,49 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+#include "live/callbacks.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::console {
+
+/// An object that the registry names, or one below such.
+struct ObjectView {
+  std::string name{};
+  std::string interface {};
+  std::string url{};
+  friend bool operator==(const ObjectView&, const ObjectView&) = default;
+};
+
+struct ObjectsView {
+  Standing registry{};
+  std::vector<ObjectView> objects{};  ///< By name; while the registry is gone, as it last said.
+};
+
+/// Looks at the registry and at the catalogs of the servers that it names.
+/// @ownership refers to its node
+/// @threads  one
+class ObjectWatch {
+ public:
+  ObjectWatch(rpc::Node& node, const std::string& registry);
+  [[nodiscard]] const ObjectsView& look();
+
+ private:
+  struct Server {
+    std::map<std::string, std::string> interfaces{};  ///< By path.
+    std::string fingerprint{};                        ///< Of the names that lead to it.
+    MonotonicTime next{};                             ///< When it is asked again.
+  };
+  void ask(Server& server, const std::string& url);
+
+  rpc::Node& node_;
+  names::Directory directory_;
+  std::map<std::string, Server> servers_{};  ///< By "host:port".
+  ObjectsView view_{};
+};
+
+}  // namespace rtpm::console

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <device.rtpm.hpp>
+#include <memory>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::console {
+
+/// A bound device with the lease that the console holds of it, for all threads.
+/// @ownership refers to the node
+/// @threads  any
+class DeviceLink {
+ public:
+  [[nodiscard]] static expected<std::shared_ptr<DeviceLink>, SetupError> open(
+      rpc::Node& node, std::string_view device, Duration deadline) {
+    rpc::BindOptions options;
+    options.deadline = deadline;
+    auto stub = device::DeviceClient::bind(node, device, options);
+    if (!stub) return unexpected{stub.error()};
+    auto link = std::shared_ptr<DeviceLink>(new DeviceLink(std::move(*stub)));
+    rpc::CallOptions call;
+    call.deadline = deadline;
+    const auto description = link->stub_.describe({}, call);
+    if (!description) return setup_error("it does not describe itself", description.error());
+    link->operator_priority_ =
+        Priority{std::min<int>((*description)->operator_priority(), Priority::kHighest)};
+    return link;
+  }
+
+  [[nodiscard]] device::DeviceClient& stub() noexcept { return stub_; }
+  /// Of a call that takes the lease over.
+  [[nodiscard]] Priority operator_priority() const noexcept { return operator_priority_; }
+  /// 0: the console holds none.
+  [[nodiscard]] std::uint64_t lease() const noexcept { return lease_.load(); }
+  void set_lease(std::uint64_t lease) noexcept { lease_.store(lease); }
+
+ private:
+  explicit DeviceLink(device::DeviceClient stub) noexcept : stub_(std::move(stub)) {}
+
+  device::DeviceClient stub_;
+  Priority operator_priority_{};
+  std::atomic<std::uint64_t> lease_{0};
+};
+
+}  // namespace rtpm::console

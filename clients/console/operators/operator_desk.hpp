@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "live/callbacks.hpp"
+#include "operators/device_link.hpp"
+#include "rtpm/gvd/error.hpp"
+#include "services/call_router.hpp"
+#include "work/worker_pool.hpp"
+
+namespace rtpm::console {
+
+/// The commands of operators: emergency stops, the leases that the console holds for browsers, and
+/// which connection operates which device.
+/// @ownership refers to all that it is given
+/// @threads  the web server's
+class OperatorDesk {
+ public:
+  /// Where devices are found.
+  struct Devices {
+    std::function<std::vector<std::string>()> names{};
+    /// Null: there is no such device, or it was not bound yet.
+    std::function<std::shared_ptr<DeviceLink>(const std::string&)> link{};
+  };
+
+  /// @param urgent  runs emergency stops only
+  OperatorDesk(CallRouter& router, WorkerPool& pool, WorkerPool& urgent, Post post,
+               Devices devices);
+
+  /// Adds the services.
+  void start();
+  /// Why a connection may not command a device just now; empty: it may.
+  [[nodiscard]] std::string refusal(std::uint64_t connection_id, const std::string& device,
+                                    bool is_forced) const;
+  /// Keeps the leases, and forgets those that have ended. Call it a few times per second.
+  void renew();
+  /// Releases what a connection operated.
+  void on_close(std::uint64_t connection_id);
+  /// Releases everything and waits for it, at the program's end.
+  void release_all();
+
+ private:
+  using Step = std::function<gvd::DeviceError(DeviceLink&)>;
+
+  void stop(const PendingCall& call, const nlohmann::json& request);
+  void command(const PendingCall& call, const nlohmann::json& request, const Step& step,
+               bool needs_lease, bool ends_operation);
+  void release(const std::string& device);
+
+  CallRouter& router_;
+  WorkerPool& pool_;
+  WorkerPool& urgent_;
+  Post post_;
+  Devices devices_;
+  std::map<std::string, std::uint64_t> operators_{};  ///< Device to connection.
+};
+
+}  // namespace rtpm::console

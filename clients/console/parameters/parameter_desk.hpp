@@ -1,0 +1,73 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "foxglove/requests.hpp"
+#include "live/callbacks.hpp"
+#include "parameters/parameter_values.hpp"
+#include "rtpm/configuration/client.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "sessions/clients.hpp"
+#include "work/worker_pool.hpp"
+
+namespace rtpm::console {
+
+/// The parameters of all objects that have a configuration, as the protocol's parameters.
+/// @ownership refers to all that it is given
+/// @threads  the web server's
+class ParameterDesk {
+ public:
+  ParameterDesk(rpc::Node& node, Clients& clients, WorkerPool& pool, Post post);
+
+  /// The names of objects whose configuration is served below them.
+  void set_objects(std::vector<std::string> names);
+  [[nodiscard]] bool has(const std::string& object) const;
+
+  void get(Client& client, const foxglove::GetParameters& request);
+  void set(Client& client, const foxglove::SetParameters& request);
+  void watch(Client& client, const foxglove::WatchParameters& request);
+  /// Sends the changed parameters of an object to those that watch them.
+  void on_change(const std::string& object);
+  /// Finds changes that no event told. Call it every few seconds.
+  void poll();
+
+ private:
+  /// The configuration of an object, bound by the worker that needs it first.
+  struct Link {
+    std::mutex mutex{};
+    std::optional<gvd::ConfigurationClient> client{};  ///< Guarded by `mutex`.
+  };
+  /// What a worker does with a bound configuration.
+  struct Found {
+    std::vector<foxglove::ParameterInfo> parameters{};
+    std::string problem{};
+  };
+  /// The answers of several objects to one request.
+  struct Gathering;
+
+  [[nodiscard]] Found list(const std::string& object, Link& link);
+  [[nodiscard]] Found apply(const std::string& object, Link& link,
+                            const std::vector<foxglove::ParameterRequest>& parameters);
+  [[nodiscard]] expected<gvd::DeviceConfiguration, std::string> read(const std::string& object,
+                                                                     Link& link);
+  void end(const std::shared_ptr<Gathering>& gathering, Found found);
+  void publish(const std::vector<foxglove::ParameterInfo>& parameters);
+
+  rpc::Node& node_;
+  Clients& clients_;
+  WorkerPool& pool_;
+  Post post_;
+  std::vector<std::string> names_{};
+  std::map<std::string, std::shared_ptr<Link>> links_{};
+  std::map<std::string, nlohmann::json> published_{};  ///< By full name: what watchers know.
+};
+
+}  // namespace rtpm::console

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <nlohmann/json.hpp>
+#include <string>
+#include <vector>
+
+#include "foxglove/replies.hpp"
+#include "foxglove/requests.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/configuration/client.hpp"
+#include "rtpm/driver/parameter.hpp"
+
+namespace rtpm::console {
+
+/// The parameters of an object with the values of `settings`, as the protocol shows them:
+/// "lab/arm0.safety.ramp_s".
+[[nodiscard]] std::vector<foxglove::ParameterInfo> infos_of(
+    const std::string& object, const std::vector<driver::ParameterSetting>& settings);
+
+/// The value that a client sent for `parameter`, in its type; its range is not checked.
+/// @errors   in words: no value of that type
+[[nodiscard]] expected<driver::ParameterValue, std::string> value_of(
+    const gvd::Parameter& parameter, const nlohmann::json& value);
+
+/// The object and the parameter of "lab/arm0.safety.ramp_s": `objects` has the object's name.
+/// @return an empty object: none of them
+struct ParameterName {
+  std::string object{};
+  std::string parameter{};
+};
+[[nodiscard]] ParameterName split_name(const std::string& name,
+                                       const std::vector<std::string>& objects);
+
+}  // namespace rtpm::console

@@ -1,0 +1,315 @@
+#include "recording/record_desk.hpp"
+
+#include <array>
+#include <ctime>
+#include <system_error>
+#include <utility>
+
+#include "foxglove/base64.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "work/wall_time.hpp"
+
+namespace rtpm::console {
+namespace {
+
+using OrderedJson = nlohmann::ordered_json;
+
+/// "run-20260131-235959.mcap".
+std::string new_file_name() {
+  const auto seconds = static_cast<std::time_t>(wall_time_ns(rt::now()) / 1'000'000'000);
+  std::tm parts{};
+  ::gmtime_r(&seconds, &parts);
+  std::array<char, 40> text{};
+  std::strftime(text.data(), text.size(), "run-%Y%m%d-%H%M%S.mcap", &parts);
+  return text.data();
+}
+
+std::string text_in(const nlohmann::json& request, const char* key) {
+  const auto found = request.find(key);
+  return found != request.end() && found->is_string() ? found->get<std::string>() : std::string{};
+}
+
+foxglove::ChannelInfo channel_info(const recording::Channel& channel,
+                                   const std::map<std::uint16_t, recording::Schema>& schemas) {
+  foxglove::ChannelInfo info{.topic = "replay/" + channel.topic,
+                             .encoding = channel.message_encoding};
+  const auto schema = schemas.find(channel.schema_id);
+  if (schema == schemas.end()) return info;
+  info.schema_name = schema->second.name;
+  info.schema_encoding = schema->second.encoding;
+  const ConstBytes data(schema->second.data);
+  const bool is_binary = info.schema_encoding == "flatbuffer" || info.schema_encoding == "protobuf";
+  info.schema = is_binary ? foxglove::to_base64(data)
+                          : std::string(reinterpret_cast<const char*>(data.data()), data.size());
+  return info;
+}
+
+}  // namespace
+
+RecordDesk::RecordDesk(rpc::Node& node, Config config, CallRouter& router, ChannelTable& channels,
+                       WorkerPool& pool, Post post)
+    : node_(node),
+      config_(std::move(config)),
+      router_(router),
+      channels_(channels),
+      pool_(pool),
+      post_(std::move(post)),
+      folder_(config_.folder) {}
+
+void RecordDesk::start() {
+  const auto add = [this](const char* name, auto handler) {
+    router_.add_json(std::string("console/") + name, std::move(handler));
+  };
+  add("record_start",
+      [this](const PendingCall& call, const Json& request) { start_recording(call, request); });
+  add("record_stop", [this](const PendingCall& call, const Json&) { stop_recording(call); });
+  add("recordings", [this](const PendingCall& call, const Json&) { list(call); });
+  add("replay_open",
+      [this](const PendingCall& call, const Json& request) { open_replay(call, request); });
+  add("replay_seek", [this](const PendingCall& call, const Json& request) {
+    const auto time = request.find("time_ns");
+    if (time == request.end() || !time->is_number() || time->get<double>() < 0) {
+      return router_.fail(call, "replay_seek needs `time_ns`");
+    }
+    if (ReplayPlayer* const player = player_for(call)) {
+      player->seek(time->is_number_float()
+                       ? static_cast<std::uint64_t>(std::min(time->get<double>(), 1.8e19))
+                       : time->get<std::uint64_t>());
+      router_.succeed(call, OrderedJson::object());
+    }
+  });
+  add("replay_play", [this](const PendingCall& call, const Json& request) {
+    const auto speed = request.find("speed");
+    const bool is_given = speed != request.end() && speed->is_number();
+    if (ReplayPlayer* const player = player_for(call)) {
+      player->play(is_given ? speed->get<double>() : 1);
+      router_.succeed(call, OrderedJson::object());
+    }
+  });
+  add("replay_pause", [this](const PendingCall& call, const Json&) {
+    if (ReplayPlayer* const player = player_for(call)) {
+      player->pause();
+      router_.succeed(call, OrderedJson::object());
+    }
+  });
+  add("replay_close", [this](const PendingCall& call, const Json&) {
+    close_replay();
+    router_.succeed(call, OrderedJson::object());
+  });
+}
+
+ReplayPlayer* RecordDesk::player_for(const PendingCall& call) {
+  if (!player_) router_.fail(call, "no recording is open; open one first");
+  return player_.get();
+}
+
+void RecordDesk::start_recording(const PendingCall& call, const Json& request) {
+  {
+    const std::lock_guard lock(mutex_);
+    if (is_changing_ || recording_) {
+      return router_.fail(call, recorded_file_ + " is being recorded; stop it first");
+    }
+  }
+  if (config_.folder.empty()) {
+    return router_.fail(call,
+                        "rtpm-console has no folder for recordings: start it with "
+                        "--recordings FOLDER");
+  }
+  std::string file = text_in(request, "file");
+  if (file.empty()) file = new_file_name();
+  const auto path = folder_.path_of(file);
+  if (!path) return router_.fail(call, path.error().text());
+  is_changing_ = true;
+  const bool is_queued = pool_.run("recording", [this, call, file, path = *path] {
+    std::error_code ignored;
+    std::string problem;
+    std::shared_ptr<HubRecording> created;
+    if (std::filesystem::exists(path, ignored)) {
+      problem = file + " exists already; choose another name";
+    } else if (auto recording = HubRecording::create(node_, config_.hub, path.string())) {
+      created = std::move(*recording);
+    } else {
+      problem = recording.error().text();
+    }
+    post_([this, call, file, problem, created] {
+      is_changing_ = false;
+      if (!created) return router_.fail(call, problem);
+      {
+        const std::lock_guard lock(mutex_);
+        recording_ = created;
+      }
+      recorded_file_ = file;
+      problem_.clear();
+      router_.succeed(call, OrderedJson{{"file", file}});
+    });
+  });
+  if (is_queued) return;
+  is_changing_ = false;
+  router_.fail(call, "too much waits to be done; try again");
+}
+
+void RecordDesk::stop_recording(const PendingCall& call) {
+  std::shared_ptr<HubRecording> ended;
+  {
+    const std::lock_guard lock(mutex_);
+    if (!is_changing_) ended = std::exchange(recording_, nullptr);
+  }
+  if (!ended) return router_.fail(call, "nothing is being recorded");
+  is_changing_ = true;
+  const bool is_queued = pool_.run("recording", [this, call, ended] {
+    const auto closed = ended->close();
+    const HubRecording::Status status = ended->status();
+    post_([this, call, status, problem = closed ? std::string{} : closed.error().text()] {
+      is_changing_ = false;
+      problem_ = problem;
+      if (!problem.empty()) return router_.fail(call, problem);
+      router_.succeed(call,
+                      OrderedJson{{"file", recorded_file_},
+                                  {"message_count", status.recorder.message_count},
+                                  {"drop_count", status.recorder.drop_count + status.lost_count},
+                                  {"byte_count", status.recorder.byte_count}});
+    });
+  });
+  if (!is_queued) {
+    is_changing_ = false;
+    router_.fail(call, "too much waits to be done; the recording ends all the same");
+  }
+}
+
+void RecordDesk::list(const PendingCall& call) {
+  if (config_.folder.empty()) {
+    return router_.succeed(call, OrderedJson{{"files", OrderedJson::array()}});
+  }
+  const bool is_queued = pool_.run("recordings", [this, call] {
+    OrderedJson files = OrderedJson::array();
+    for (const RecordingFile& file : folder_.list()) {
+      files.push_back({{"file", file.file},
+                       {"byte_count", file.byte_count},
+                       {"begin_ns", file.begin_ns},
+                       {"end_ns", file.end_ns},
+                       {"message_count", file.message_count},
+                       {"is_complete", file.is_complete}});
+    }
+    post_([this, call, files] { router_.succeed(call, OrderedJson{{"files", files}}); });
+  });
+  if (!is_queued) router_.fail(call, "too much waits to be done; try again");
+}
+
+void RecordDesk::open_replay(const PendingCall& call, const Json& request) {
+  const std::string file = text_in(request, "file");
+  const auto path = folder_.path_of(file);
+  if (!path) return router_.fail(call, path.error().text());
+  close_replay();
+  const std::uint64_t id = replay_id_;
+  const bool is_queued = pool_.run("recordings", [this, call, file, id, path = *path] {
+    auto opened = ReplayPlayer::open(
+        path.string(),
+        [this, id](std::uint16_t channel, std::uint64_t log_time_ns, std::string payload) {
+          post_([this, id, channel, log_time_ns, payload = std::move(payload)]() mutable {
+            deliver(id, channel, log_time_ns, std::move(payload));
+          });
+        });
+    std::shared_ptr<ReplayPlayer> player;
+    std::string problem;
+    if (opened) {
+      player = std::move(*opened);
+    } else {
+      problem = opened.error().text();
+    }
+    post_([this, call, file, id, player, problem] {
+      if (!player) return router_.fail(call, problem);
+      if (id != replay_id_) return router_.fail(call, "another recording was opened meanwhile");
+      show_replay(call, file, player);
+    });
+  });
+  if (!is_queued) router_.fail(call, "too much waits to be done; try again");
+}
+
+void RecordDesk::show_replay(const PendingCall& call, const std::string& file,
+                             std::shared_ptr<ReplayPlayer> player) {
+  player_ = std::move(player);
+  played_file_ = file;
+  OrderedJson topics = OrderedJson::array();
+  for (const auto& [number, channel] : player_->channels()) {
+    replay_channels_[number] = channels_.add(channel_info(channel, player_->schemas()));
+    topics.push_back(channel.topic);
+  }
+  router_.succeed(call, OrderedJson{{"begin_ns", player_->begin_ns()},
+                                    {"end_ns", player_->end_ns()},
+                                    {"topics", std::move(topics)}});
+}
+
+void RecordDesk::close_replay() {
+  ++replay_id_;  // What the former one still delivers is of no channel any more.
+  if (!player_) return;
+  for (const auto& [number, channel] : player_->channels())
+    channels_.remove("replay/" + channel.topic);
+  replay_channels_.clear();
+  played_file_.clear();
+  // Its end waits for a chunk that is being read.
+  std::shared_ptr<ReplayPlayer> ended = std::exchange(player_, nullptr);
+  static_cast<void>(
+      pool_.run("recordings", [ended = std::move(ended)]() mutable { ended.reset(); }));
+}
+
+void RecordDesk::deliver(std::uint64_t replay_id, std::uint16_t channel, std::uint64_t log_time_ns,
+                         std::string payload) {
+  if (replay_id != replay_id_) return;
+  const auto found = replay_channels_.find(channel);
+  if (found != replay_channels_.end()) {
+    channels_.publish(found->second, log_time_ns, std::move(payload));
+  }
+}
+
+nlohmann::ordered_json RecordDesk::recording_json() const {
+  std::shared_ptr<HubRecording> recording;
+  {
+    const std::lock_guard lock(mutex_);
+    recording = recording_;
+  }
+  if (!recording) {
+    return {{"file", nullptr}, {"time_s", 0},     {"message_count", 0},
+            {"byte_count", 0}, {"drop_count", 0}, {"problem", problem_}};
+  }
+  const HubRecording::Status status = recording->status();
+  const auto& problem = status.recorder.problem;
+  return {{"file", recorded_file_},
+          {"time_s", status.time_s},
+          {"message_count", status.recorder.message_count},
+          {"byte_count", status.recorder.byte_count},
+          {"drop_count", status.recorder.drop_count + status.lost_count},
+          {"problem", problem ? problem->reason() : std::string{}}};
+}
+
+nlohmann::ordered_json RecordDesk::replay_json() const {
+  if (!player_) {
+    return {{"file", nullptr}, {"begin_ns", 0},       {"end_ns", 0},   {"time_ns", 0},
+            {"speed", 1.0},    {"is_playing", false}, {"problem", ""}, {"topics", Json::array()}};
+  }
+  const ReplayPlayer::Status status = player_->status();
+  OrderedJson topics = OrderedJson::array();
+  for (const auto& [number, channel] : player_->channels())
+    topics.push_back(channel.topic);
+  return {{"file", played_file_},        {"begin_ns", player_->begin_ns()},
+          {"end_ns", player_->end_ns()}, {"time_ns", status.time_ns},
+          {"speed", status.speed},       {"is_playing", status.is_playing},
+          {"problem", status.problem},   {"topics", std::move(topics)}};
+}
+
+void RecordDesk::care() {
+  std::shared_ptr<HubRecording> recording;
+  {
+    const std::lock_guard lock(mutex_);
+    recording = recording_;
+  }
+  if (recording) recording->care();
+}
+
+void RecordDesk::close() {
+  player_.reset();
+  const std::lock_guard lock(mutex_);
+  if (recording_) static_cast<void>(recording_->close());
+  recording_.reset();
+}
+
+}  // namespace rtpm::console

@@ -1,0 +1,90 @@
+#pragma once
+
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/recording/file_reader.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::console {
+
+/// Plays a recording at its own pace, or another, on a thread of its own. Of channels with many
+/// messages it gives at most 60 per second.
+/// @threads  any
+class ReplayPlayer {
+ public:
+  /// Receives a message on the player's thread.
+  using Deliver =
+      std::function<void(std::uint16_t channel, std::uint64_t log_time_ns, std::string payload)>;
+
+  struct Status {
+    std::uint64_t time_ns = 0;
+    double speed = 1;
+    bool is_playing = false;
+    std::string problem{};  ///< Of the file, where it is damaged.
+  };
+
+  /// Opens a recording, also one that was not ended. It does not play yet.
+  [[nodiscard]] static expected<std::unique_ptr<ReplayPlayer>, SetupError> open(
+      const std::string& path, Deliver deliver);
+  ReplayPlayer(const ReplayPlayer&) = delete;
+  ReplayPlayer& operator=(const ReplayPlayer&) = delete;
+  ~ReplayPlayer();
+
+  [[nodiscard]] std::uint64_t begin_ns() const noexcept { return begin_ns_; }
+  [[nodiscard]] std::uint64_t end_ns() const noexcept { return end_ns_; }
+  /// What the file had when it was opened.
+  [[nodiscard]] const std::map<std::uint16_t, recording::Channel>& channels() const noexcept {
+    return channels_;
+  }
+  [[nodiscard]] const std::map<std::uint16_t, recording::Schema>& schemas() const noexcept {
+    return schemas_;
+  }
+
+  /// Plays on from the present time; from the beginning, if it is at its end.
+  /// @param speed  0.01 to 100
+  void play(double speed);
+  void pause();
+  /// Goes to a time; shows the newest message of each channel up to then.
+  void seek(std::uint64_t time_ns);
+  [[nodiscard]] Status status() const;
+
+ private:
+  ReplayPlayer(std::unique_ptr<recording::FileReader> reader, Deliver deliver);
+  void run();
+  void show_moment(std::uint64_t time_ns);
+  void play_on(std::uint64_t from_ns, std::uint64_t turn);
+  /// Waits until the message is due; false: something else is to be done.
+  [[nodiscard]] bool wait_for(std::uint64_t log_time_ns, std::uint64_t turn);
+  [[nodiscard]] bool is_shown(std::uint16_t channel);
+
+  std::unique_ptr<recording::FileReader> reader_;
+  Deliver deliver_;
+  std::uint64_t begin_ns_;
+  std::uint64_t end_ns_;
+  std::map<std::uint16_t, recording::Channel> channels_;
+  std::map<std::uint16_t, recording::Schema> schemas_;
+  std::map<std::uint16_t, bool> is_dense_{};        ///< Of the player's thread, as
+  std::map<std::uint16_t, MonotonicTime> shown_{};  ///< this.
+  mutable std::mutex mutex_{};
+  std::condition_variable changed_{};
+  // Guarded by `mutex_`.
+  Status status_{};
+  std::uint64_t turn_ = 0;  ///< Counts changes of what is to be done.
+  std::optional<std::uint64_t> sought_ns_{};
+  MonotonicTime anchor_{};       ///< When
+  std::uint64_t anchor_ns_ = 0;  ///< this time of the recording was played.
+  bool is_stopping_ = false;
+  rt::Thread thread_{};
+};
+
+}  // namespace rtpm::console

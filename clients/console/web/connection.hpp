@@ -1,0 +1,59 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+
+#include "rtpm/base/bytes.hpp"
+#include "web/send_queue.hpp"
+
+namespace rtpm::console {
+
+/// Why a connection is closed; numbers of RFC 6455.
+enum class CloseCode : std::uint16_t { kGoingAway = 1001, kProtocolError = 1002, kTooBig = 1009 };
+
+/// A client, as what answers it sees it.
+/// @threads  the web server's
+class Connection {
+ public:
+  Connection() = default;
+  Connection(const Connection&) = delete;
+  Connection& operator=(const Connection&) = delete;
+  virtual ~Connection() = default;
+
+  /// Counts from 1, never again the same.
+  [[nodiscard]] virtual std::uint64_t id() const noexcept = 0;
+  /// It came with the token.
+  [[nodiscard]] virtual bool may_command() const noexcept = 0;
+  /// It came with another token.
+  [[nodiscard]] virtual bool has_wrong_token() const noexcept = 0;
+  /// Messages that it missed because it reads too slowly.
+  [[nodiscard]] virtual std::uint64_t dropped_count() const noexcept = 0;
+
+  /// Sends a text frame that must arrive. Disconnects a client that does not read.
+  virtual void send_text(SharedText text) = 0;
+  /// Sends a binary frame that must arrive, likewise.
+  virtual void send_binary(SharedText bytes) = 0;
+  /// Sends a message of a subscription; drops older ones if the client is slow.
+  virtual void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
+                            SharedText payload) = 0;
+  virtual void close(CloseCode code, std::string_view reason) = 0;
+};
+
+/// What answers clients.
+/// @threads  called on the web server's
+class ConnectionHandler {
+ public:
+  ConnectionHandler() = default;
+  ConnectionHandler(const ConnectionHandler&) = delete;
+  ConnectionHandler& operator=(const ConnectionHandler&) = delete;
+  virtual ~ConnectionHandler() = default;
+
+  virtual void on_open(Connection& connection) = 0;
+  virtual void on_text(Connection& connection, std::string_view text) = 0;
+  virtual void on_binary(Connection& connection, ConstBytes bytes) = 0;
+  /// The connection is gone when this returns.
+  virtual void on_close(Connection& connection) = 0;
+};
+
+}  // namespace rtpm::console

@@ -1,0 +1,76 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+
+namespace rtpm::console {
+
+/// Bytes that several connections send.
+using SharedText = std::shared_ptr<const std::string>;
+
+/// One frame to send: a head of its own, and a body that others may share.
+struct OutgoingFrame {
+  std::array<std::byte, 16> head{};
+  std::size_t head_size = 0;
+  SharedText body{};
+  bool is_text = false;
+};
+
+/// What waits to be sent to a client. Data is worth less the older it is, so the oldest is dropped;
+/// of control frames none may be missing, so a client that does not read them is disconnected.
+/// @threads  one at a time
+class SendQueue {
+ public:
+  static constexpr std::size_t kDataCountMax = 256;
+  static constexpr std::size_t kDataByteMax = std::size_t{8} << 20;
+  static constexpr std::size_t kControlCountMax = 1024;
+
+  /// Appends data; drops and counts the oldest above the limits.
+  void push_data(OutgoingFrame frame) {
+    data_byte_count_ += size_of(frame);
+    data_.push_back(std::move(frame));
+    while (data_.size() > kDataCountMax || (data_byte_count_ > kDataByteMax && data_.size() > 1)) {
+      data_byte_count_ -= size_of(data_.front());
+      data_.pop_front();
+      ++dropped_count_;
+    }
+  }
+  /// @return false: it is full, the client is to be disconnected
+  [[nodiscard]] bool push_control(OutgoingFrame frame) {
+    if (control_.size() >= kControlCountMax) return false;
+    control_.push_back(std::move(frame));
+    return true;
+  }
+  /// The next frame to send, control first.
+  [[nodiscard]] std::optional<OutgoingFrame> pop() {
+    if (!control_.empty()) {
+      OutgoingFrame frame = std::move(control_.front());
+      control_.pop_front();
+      return frame;
+    }
+    if (data_.empty()) return std::nullopt;
+    OutgoingFrame frame = std::move(data_.front());
+    data_byte_count_ -= size_of(frame);
+    data_.pop_front();
+    return frame;
+  }
+  [[nodiscard]] std::uint64_t dropped_count() const noexcept { return dropped_count_; }
+
+ private:
+  [[nodiscard]] static std::size_t size_of(const OutgoingFrame& frame) noexcept {
+    return frame.head_size + (frame.body ? frame.body->size() : 0);
+  }
+
+  std::deque<OutgoingFrame> control_{};
+  std::deque<OutgoingFrame> data_{};
+  std::size_t data_byte_count_ = 0;
+  std::uint64_t dropped_count_ = 0;
+};
+
+}  // namespace rtpm::console

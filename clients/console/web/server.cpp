@@ -1,0 +1,478 @@
+#include "web/server.hpp"
+
+#include <algorithm>
+#include <boost/asio/io_context.hpp>
+#include <boost/asio/ip/tcp.hpp>
+#include <boost/asio/post.hpp>
+#include <boost/asio/steady_timer.hpp>
+#include <boost/beast/core.hpp>
+#include <boost/beast/http.hpp>
+#include <boost/beast/websocket.hpp>
+#include <chrono>
+#include <fstream>
+#include <iterator>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "foxglove/replies.hpp"
+#include "web/request_rules.hpp"
+#include "web/token.hpp"
+
+namespace rtpm::console {
+namespace {
+
+namespace asio = boost::asio;
+namespace beast = boost::beast;
+namespace http = beast::http;
+namespace websocket = beast::websocket;
+using asio::ip::tcp;
+using beast::error_code;
+
+/// Of reading a request's head, and of writing a response.
+constexpr auto kRequestTime = std::chrono::seconds{5};
+constexpr auto kResponseTime = std::chrono::seconds{20};
+/// A client that has not been heard for half of it is pinged, for all of it dropped.
+constexpr auto kSilenceMax = std::chrono::seconds{10};
+constexpr auto kHandshakeTime = std::chrono::seconds{5};
+constexpr auto kAcceptRetry = std::chrono::milliseconds{100};
+constexpr auto kEndTime = std::chrono::milliseconds{500};
+constexpr std::uint32_t kHeaderSizeMax = 8 * 1024;
+constexpr std::uint64_t kBodySizeMax = 1024;
+constexpr std::uintmax_t kFileSizeMax = std::uintmax_t{64} << 20;
+constexpr int kBacklog = 64;
+
+std::string text_of(beast::string_view view) {
+  return {view.data(), view.size()};
+}
+
+}  // namespace
+
+class HttpSession;
+class WebSocketSession;
+
+struct WebServer::Impl {
+  Impl(WebConfig wanted, ConnectionHandler& answering)
+      : config(std::move(wanted)), handler(answering), acceptor(context), retry(context) {}
+
+  expected<void, SetupError> listen();
+  void accept();
+  void add_session(tcp::socket socket);
+  void repeat(const std::shared_ptr<asio::steady_timer>& timer, Duration period,
+              const std::shared_ptr<std::function<void()>>& work);
+  void end();
+
+  WebConfig config;
+  ConnectionHandler& handler;
+  asio::io_context context{1};
+  tcp::acceptor acceptor;
+  asio::steady_timer retry;
+  std::uint16_t port = 0;
+  std::size_t socket_count = 0;
+  std::uint64_t last_id = 0;
+  std::set<WebSocketSession*> sessions{};
+  bool is_ending = false;
+};
+
+namespace {
+
+/// Counts a socket as long as it lives.
+class SocketCount {
+ public:
+  explicit SocketCount(std::size_t& count) noexcept : count_(&count) { ++*count_; }
+  SocketCount(const SocketCount&) = delete;
+  SocketCount& operator=(const SocketCount&) = delete;
+  SocketCount(SocketCount&& other) noexcept : count_(std::exchange(other.count_, nullptr)) {}
+  SocketCount& operator=(SocketCount&&) = delete;
+  ~SocketCount() {
+    if (count_ != nullptr) --*count_;
+  }
+
+ private:
+  std::size_t* count_;
+};
+
+}  // namespace
+
+/// A client after its handshake.
+class WebSocketSession final : public Connection,
+                               public std::enable_shared_from_this<WebSocketSession> {
+ public:
+  WebSocketSession(WebServer::Impl& server, beast::tcp_stream stream, SocketCount count,
+                   bool may_command, bool has_wrong_token)
+      : server_(server),
+        socket_(std::move(stream)),
+        count_(std::move(count)),
+        id_(++server.last_id),
+        may_command_(may_command),
+        has_wrong_token_(has_wrong_token) {}
+  ~WebSocketSession() override = default;
+
+  void start(const http::request<http::string_body>& request, std::string subprotocol) {
+    beast::get_lowest_layer(socket_).expires_never();
+    websocket::stream_base::timeout timeout{};
+    timeout.handshake_timeout = kHandshakeTime;
+    timeout.idle_timeout = kSilenceMax;
+    timeout.keep_alive_pings = true;
+    socket_.set_option(timeout);
+    socket_.set_option(websocket::stream_base::decorator(
+        [subprotocol = std::move(subprotocol)](websocket::response_type& response) {
+          response.set(http::field::sec_websocket_protocol, subprotocol);
+          response.set(http::field::server, "rtpm-console");
+        }));
+    socket_.read_message_max(kFrameSizeMax);
+    socket_.auto_fragment(false);
+    socket_.async_accept(request, [self = shared_from_this()](error_code error) {
+      if (!error) self->open();
+    });
+  }
+
+  void leave() { close(CloseCode::kGoingAway, "rtpm-console ends"); }
+
+  std::uint64_t id() const noexcept override { return id_; }
+  bool may_command() const noexcept override { return may_command_; }
+  bool has_wrong_token() const noexcept override { return has_wrong_token_; }
+  std::uint64_t dropped_count() const noexcept override { return queue_.dropped_count(); }
+
+  void send_text(SharedText text) override {
+    send_control({.body = std::move(text), .is_text = true});
+  }
+  void send_binary(SharedText bytes) override {
+    send_control({.body = std::move(bytes), .is_text = false});
+  }
+  void send_message(std::uint32_t subscription_id, std::uint64_t log_time_ns,
+                    SharedText payload) override {
+    if (!is_open_) return;
+    OutgoingFrame frame{.head_size = foxglove::kMessageHeadSize, .body = std::move(payload)};
+    const auto head = foxglove::message_head(subscription_id, log_time_ns);
+    std::ranges::copy(head, frame.head.begin());
+    queue_.push_data(std::move(frame));
+    write();
+  }
+  void close(CloseCode code, std::string_view reason) override {
+    if (!is_open_) return;
+    end();
+    websocket::close_reason why(static_cast<websocket::close_code>(code));
+    why.reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
+    socket_.async_close(why, [self = shared_from_this()](error_code) {});
+  }
+
+ private:
+  void open() {
+    is_open_ = true;
+    server_.sessions.insert(this);
+    server_.handler.on_open(*this);
+    read();
+  }
+
+  /// The handler hears the end once, whatever caused it.
+  void end() {
+    if (!is_open_) return;
+    is_open_ = false;
+    server_.sessions.erase(this);
+    server_.handler.on_close(*this);
+  }
+
+  void send_control(OutgoingFrame frame) {
+    if (!is_open_) return;
+    if (queue_.push_control(std::move(frame))) return write();
+    // It has not read for long: there is nobody to say goodbye to.
+    end();
+    beast::get_lowest_layer(socket_).close();
+  }
+
+  void read() {
+    socket_.async_read(
+        buffer_, [self = shared_from_this()](error_code error, std::size_t) { self->take(error); });
+  }
+
+  void take(error_code error) {
+    if (error) return end();
+    const auto data = buffer_.cdata();
+    if (is_open_ && socket_.got_text()) {
+      server_.handler.on_text(*this, {static_cast<const char*>(data.data()), data.size()});
+    } else if (is_open_) {
+      server_.handler.on_binary(*this, {static_cast<const std::byte*>(data.data()), data.size()});
+    }
+    buffer_.consume(buffer_.size());
+    // Also after close(), until the client has answered it.
+    read();
+  }
+
+  void write() {
+    if (is_writing_) return;
+    auto next = queue_.pop();
+    if (!next) return;
+    is_writing_ = true;
+    sending_ = std::move(*next);
+    socket_.text(sending_.is_text);
+    const std::array<asio::const_buffer, 2> buffers{
+        asio::const_buffer(sending_.head.data(), sending_.head_size),
+        asio::const_buffer(sending_.body ? sending_.body->data() : nullptr,
+                           sending_.body ? sending_.body->size() : 0)};
+    socket_.async_write(buffers, [self = shared_from_this()](error_code error, std::size_t) {
+      self->is_writing_ = false;
+      self->sending_ = {};
+      if (error) return self->end();
+      if (self->is_open_) self->write();
+    });
+  }
+
+  WebServer::Impl& server_;
+  websocket::stream<beast::tcp_stream> socket_;
+  SocketCount count_;
+  std::uint64_t id_;
+  bool may_command_;
+  bool has_wrong_token_;
+  bool is_open_ = false;
+  bool is_writing_ = false;
+  beast::flat_buffer buffer_{};
+  SendQueue queue_{};
+  OutgoingFrame sending_{};
+};
+
+/// A socket that speaks HTTP, until it ends or becomes a WebSocketSession.
+class HttpSession final : public std::enable_shared_from_this<HttpSession> {
+ public:
+  HttpSession(WebServer::Impl& server, tcp::socket socket, SocketCount count)
+      : server_(server), stream_(std::move(socket)), count_(std::move(count)) {
+    error_code ignored;
+    const auto local = stream_.socket().local_endpoint(ignored);
+    if (!ignored) local_address_ = local.address().to_string();
+  }
+
+  void read() {
+    parser_.emplace();
+    parser_->header_limit(kHeaderSizeMax);
+    parser_->body_limit(kBodySizeMax);
+    // Of the whole request: one byte in a while keeps nothing open.
+    stream_.expires_after(kRequestTime);
+    http::async_read(
+        stream_, buffer_, *parser_,
+        [self = shared_from_this()](error_code error, std::size_t) { self->answer(error); });
+  }
+
+ private:
+  void answer(error_code error) {
+    if (error == http::error::end_of_stream) return close();
+    if (error.category() == http::make_error_code(http::error::bad_target).category()) {
+      return refuse(http::status::bad_request, "this is no HTTP request that is answered here");
+    }
+    if (error) return;
+    const auto& request = parser_->get();
+    const std::string host = text_of(request[http::field::host]);
+    if (!is_own_host(host, local_address_, server_.port)) {
+      return refuse(http::status::forbidden, "the Host header does not name this server");
+    }
+    const auto origin = request.find(http::field::origin);
+    if (origin != request.end() && !is_own_origin(text_of(origin->value()), host)) {
+      return refuse(http::status::forbidden, "pages of other origins are not served");
+    }
+    const auto target = read_target(text_of(request.target()));
+    if (!target) return refuse(http::status::bad_request, "the target is malformed");
+    if (websocket::is_upgrade(request)) return upgrade(*target);
+    if (request.method() != http::verb::get && request.method() != http::verb::head) {
+      return refuse(http::status::method_not_allowed, "only GET and HEAD are answered");
+    }
+    if (target->path == "/health") {
+      return respond(http::status::ok, "application/json", "{\"status\":\"ok\"}");
+    }
+    send_file(target->path);
+  }
+
+  void upgrade(const RequestTarget& target) {
+    const auto& request = parser_->get();
+    const std::string_view subprotocol =
+        choose_subprotocol(text_of(request[http::field::sec_websocket_protocol]));
+    if (subprotocol.empty()) {
+      return refuse(http::status::bad_request,
+                    "the client must offer the sub-protocol foxglove.sdk.v1 or "
+                    "foxglove.websocket.v1");
+    }
+    const bool has_token = is_same_token(target.token, server_.config.token);
+    const bool may_command = has_token && !server_.config.is_read_only;
+    const bool has_wrong_token = !target.token.empty() && !has_token;
+    auto session = std::make_shared<WebSocketSession>(
+        server_, std::move(stream_), std::move(count_), may_command, has_wrong_token);
+    session->start(request, std::string(subprotocol));
+  }
+
+  void send_file(const std::string& path) {
+    const auto file = find_page_file(server_.config.page_folder, path);
+    if (!file) {
+      return refuse(http::status::not_found, path == "/"
+                                                 ? "the page is not installed: no index.html in " +
+                                                       server_.config.page_folder.string() +
+                                                       "; give its folder with --page"
+                                                 : "there is no such file");
+    }
+    std::error_code ignored;
+    if (std::filesystem::file_size(*file, ignored) > kFileSizeMax || ignored) {
+      return refuse(http::status::not_found, "the file can't be served");
+    }
+    std::ifstream stream(*file, std::ios::binary);
+    std::string body{std::istreambuf_iterator<char>(stream), std::istreambuf_iterator<char>()};
+    respond(http::status::ok, media_type(file->string()), std::move(body));
+  }
+
+  void refuse(http::status status, const std::string& why) {
+    keeps_alive_ = false;
+    respond(status, "text/plain; charset=utf-8", why + "\n");
+  }
+
+  void respond(http::status status, std::string_view type, std::string body) {
+    const auto& request = parser_->get();
+    const bool keeps_alive = keeps_alive_ && request.keep_alive();
+    response_ = {status, 11};
+    const auto set = [&](const char* name, std::string_view value) {
+      response_.set(name, beast::string_view(value.data(), value.size()));
+    };
+    set("Server", "rtpm-console");
+    set("Content-Type", type);
+    set("Cache-Control", "no-store");
+    set("X-Content-Type-Options", "nosniff");
+    set("X-Frame-Options", "DENY");
+    set("Referrer-Policy", "no-referrer");
+    set("Cross-Origin-Opener-Policy", "same-origin");
+    set("Cross-Origin-Resource-Policy", "same-origin");
+    set("Content-Security-Policy", content_security_policy(text_of(request[http::field::host])));
+    response_.keep_alive(keeps_alive);
+    response_.body() = std::move(body);
+    response_.prepare_payload();
+    if (request.method() == http::verb::head) response_.body().clear();
+    stream_.expires_after(kResponseTime);
+    http::async_write(stream_, response_,
+                      [self = shared_from_this(), keeps_alive](error_code error, std::size_t) {
+                        if (error) return;
+                        if (keeps_alive && !self->server_.is_ending) return self->read();
+                        self->close();
+                      });
+  }
+
+  void close() {
+    error_code ignored;
+    stream_.socket().shutdown(tcp::socket::shutdown_both, ignored);
+  }
+
+  WebServer::Impl& server_;
+  beast::tcp_stream stream_;
+  SocketCount count_;
+  std::string local_address_{};
+  bool keeps_alive_ = true;
+  beast::flat_buffer buffer_{64 * 1024};
+  std::optional<http::request_parser<http::string_body>> parser_{};
+  http::response<http::string_body> response_{};
+};
+
+expected<void, SetupError> WebServer::Impl::listen() {
+  const std::string place = config.address + ":" + std::to_string(config.port);
+  error_code error;
+  const auto address = asio::ip::make_address(config.address, error);
+  if (error) {
+    return setup_error("'" + config.address + "' is no address", "", "give --address 127.0.0.1");
+  }
+  const tcp::endpoint endpoint(address, config.port);
+  acceptor.open(endpoint.protocol(), error);
+  if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
+  if (!error) acceptor.bind(endpoint, error);
+  if (!error) acceptor.listen(kBacklog, error);
+  if (error) {
+    return setup_error("the page can't be served at " + place, error.message(),
+                       "end what serves there, or give another --port");
+  }
+  port = acceptor.local_endpoint(error).port();
+  accept();
+  return {};
+}
+
+void WebServer::Impl::accept() {
+  acceptor.async_accept([this](error_code error, tcp::socket socket) {
+    if (is_ending || error == asio::error::operation_aborted) return;
+    if (!error) {
+      add_session(std::move(socket));
+      return accept();
+    }
+    // Out of descriptors: connections that end give some back.
+    retry.expires_after(kAcceptRetry);
+    retry.async_wait([this](error_code aborted) {
+      if (!aborted && !is_ending) accept();
+    });
+  });
+}
+
+void WebServer::Impl::add_session(tcp::socket socket) {
+  // More are closed at once, so that a flood leaves the open ones alone.
+  if (socket_count >= kConnectionCountMax) return;
+  error_code ignored;
+  socket.set_option(tcp::no_delay(true), ignored);
+  std::make_shared<HttpSession>(*this, std::move(socket), SocketCount(socket_count))->read();
+}
+
+void WebServer::Impl::repeat(const std::shared_ptr<asio::steady_timer>& timer, Duration period,
+                             const std::shared_ptr<std::function<void()>>& work) {
+  timer->expires_at(std::max(timer->expiry() + period, std::chrono::steady_clock::now()));
+  timer->async_wait([this, timer, period, work](error_code error) {
+    if (error || is_ending) return;
+    (*work)();
+    repeat(timer, period, work);
+  });
+}
+
+void WebServer::Impl::end() {
+  is_ending = true;
+  error_code ignored;
+  acceptor.close(ignored);
+  retry.cancel();
+  while (!sessions.empty())
+    (*sessions.begin())->leave();
+  const auto timer = std::make_shared<asio::steady_timer>(context);
+  const auto until = std::chrono::steady_clock::now() + kEndTime;
+  const auto look = std::make_shared<std::function<void()>>();
+  *look = [this, timer, until, weak = std::weak_ptr(look)] {
+    if (socket_count == 0 || std::chrono::steady_clock::now() >= until) return context.stop();
+    timer->expires_after(std::chrono::milliseconds{10});
+    timer->async_wait([look = weak.lock()](error_code) {
+      if (look) (*look)();
+    });
+  };
+  (*look)();
+}
+
+expected<std::unique_ptr<WebServer>, SetupError> WebServer::create(WebConfig config,
+                                                                   ConnectionHandler& handler) {
+  std::unique_ptr<WebServer> server(
+      new WebServer(std::make_unique<Impl>(std::move(config), handler)));
+  if (auto listening = server->impl_->listen(); !listening) return unexpected{listening.error()};
+  return server;
+}
+
+WebServer::WebServer(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+WebServer::~WebServer() = default;
+
+std::string WebServer::url() const {
+  const std::string& address = impl_->config.address;
+  const bool is_v6 = address.find(':') != std::string::npos;
+  return "http://" + (is_v6 ? "[" + address + "]" : address) + ":" + std::to_string(impl_->port) +
+         "/";
+}
+
+void WebServer::run() {
+  const auto keeps_running = asio::make_work_guard(impl_->context);
+  impl_->context.run();
+}
+
+void WebServer::post(std::function<void()> work) {
+  asio::post(impl_->context, std::move(work));
+}
+
+void WebServer::every(Duration period, std::function<void()> work) {
+  const auto timer = std::make_shared<asio::steady_timer>(impl_->context);
+  timer->expires_after(std::chrono::nanoseconds{0});
+  impl_->repeat(timer, period, std::make_shared<std::function<void()>>(std::move(work)));
+}
+
+void WebServer::stop() {
+  asio::post(impl_->context, [impl = impl_.get()] { impl->end(); });
+}
+
+}  // namespace rtpm::console
