@@ -49,6 +49,8 @@ class GodObject {
   /// above. Where the device has no is_position(), the proxy stays, and there is no force.
   [[nodiscard]] Touch touch(const driver::Sample& sample) noexcept;
   [[nodiscard]] const Scene& scene() const noexcept { return scene_; }
+  /// From the next touch on.
+  void set_material(const Material& material) noexcept { material_ = material; }
 
  private:
   [[nodiscard]] driver::Vector3 lifted_out(driver::Vector3 point_m) const noexcept;

@@ -11,22 +11,6 @@
 namespace rtpm::servo {
 namespace {
 
-/// The stiffest passive wall of `damping_newton_s_per_m`.
-double stiffness_bound_of(const Configuration& configuration, const driver::Descriptor& device,
-                          double damping_newton_s_per_m) {
-  const auto device_period = std::chrono::duration_cast<Duration>(
-      std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
-  if (configuration.is_local()) {
-    const auto limits = gvd::ModelLimits::for_device(device, device_period);
-    if (damping_newton_s_per_m >= limits.damping_newton_s_per_m_max) return 0;
-    return limits.stiffness_newton_per_m_max *
-           (1 - damping_newton_s_per_m / limits.damping_newton_s_per_m_max);
-  }
-  return std::min(stiffness_bound(device.limits.damping_newton_s_per_m, damping_newton_s_per_m,
-                                  configuration.period(), device_period),
-                  device.limits.stiffness_newton_per_m_max);
-}
-
 scene::Shape shape_of(std::string_view name) {
   for (const scene::Shape shape : {scene::Shape::kSphere, scene::Shape::kTexture}) {
     if (to_string(shape) == name) return shape;
@@ -50,6 +34,21 @@ std::string shown(double number) {
 
 }  // namespace
 
+double stiffness_bound_of(const Configuration& configuration, const driver::Descriptor& device,
+                          double damping_newton_s_per_m) {
+  const auto device_period = std::chrono::duration_cast<Duration>(
+      std::chrono::duration<double>(1.0 / std::max(device.rate_hz, 1.0)));
+  if (configuration.is_local()) {
+    const auto limits = gvd::ModelLimits::for_device(device, device_period);
+    if (damping_newton_s_per_m >= limits.damping_newton_s_per_m_max) return 0;
+    return limits.stiffness_newton_per_m_max *
+           (1 - damping_newton_s_per_m / limits.damping_newton_s_per_m_max);
+  }
+  return std::min(stiffness_bound(device.limits.damping_newton_s_per_m, damping_newton_s_per_m,
+                                  configuration.period(), device_period),
+                  device.limits.stiffness_newton_per_m_max);
+}
+
 std::optional<int> read_configuration(int argc, const char* const* argv,
                                       Configuration& configuration) {
   configuration.registry = names::kDefaultRegistryUrl;
@@ -70,6 +69,8 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
                      "What is touched: a flat wall, a ball, or ridges");
   options.add("events", configuration.events,
               "The hub that gets each touch, for rtpm-scene, by name or URL; none: no hub");
+  options.add("serve", configuration.serve,
+              "Serve the wall's parameters below this name, such as lab/servo; none: nowhere");
   options.add_choice("render", configuration.render, {"remote", "local"},
                      "Where the wall's force is computed: here, or in the device's own loop");
   options.add("delay", configuration.delay,

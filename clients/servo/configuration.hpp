@@ -18,6 +18,7 @@ namespace rtpm::servo {
 struct Configuration {
   std::string device = "lab/arm0";
   std::string registry{};
+  std::string serve = "none";   ///< The name below which the wall's parameters are served; "none".
   std::string events = "none";  ///< The hub that gets the touches, by name or URL; "none".
   double seconds = 10;          ///< 0: until SIGINT or SIGTERM.
   double rate_hz = 1000;
@@ -34,6 +35,7 @@ struct Configuration {
   rt::RealtimeMode realtime = rt::RealtimeMode::kPrefer;
   rt::WaitConfig wait{};
 
+  [[nodiscard]] bool is_serving() const noexcept { return serve != "none"; }
   [[nodiscard]] bool is_publishing() const noexcept { return events != "none"; }
   [[nodiscard]] bool is_local() const noexcept { return render == "local"; }
   [[nodiscard]] Duration period() const noexcept {
@@ -47,6 +49,13 @@ struct Configuration {
 
 /// Longest Configuration::delay.
 inline constexpr Duration kDelayMax = std::chrono::milliseconds{100};
+
+/// The stiffest wall of this damping that stays passive on this device as configured, in N/m; 0:
+/// none does.
+/// @realtime set-up only
+[[nodiscard]] double stiffness_bound_of(const Configuration& configuration,
+                                        const driver::Descriptor& device,
+                                        double damping_newton_s_per_m);
 
 /// The wall for this device, rendered as configured; without a configured stiffness, three quarters
 /// of its bound.

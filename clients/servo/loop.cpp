@@ -26,6 +26,7 @@ void Loop::run() noexcept {
   MonotonicTime due = begin;
   while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && due < end) {
     rt::sleep_until(due);
+    take_changes();
     run_cycle(due);
     due += period;
     // Absolute times: a late cycle does not shift the next ones. This one missed its deadline, and
@@ -37,6 +38,14 @@ void Loop::run() noexcept {
     }
   }
   is_over_.store(true, std::memory_order_release);
+}
+
+void Loop::take_changes() noexcept {
+  while (const auto material = materials_.pop()) {
+    proxy_.set_material(*material);
+    // SYNC POINT material-changed: the next cycle renders it.
+    change_count_.fetch_add(1, std::memory_order_release);
+  }
 }
 
 void Loop::run_cycle(MonotonicTime due) noexcept {

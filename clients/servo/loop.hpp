@@ -90,6 +90,19 @@ class Loop {
   /// The next unread touch. When 1024 are unread, newer ones are lost.
   [[nodiscard]] std::optional<scene::TouchReport> next_touch() noexcept { return touches_.pop(); }
 
+  /// Lets the loop render a wall of another stiffness and damping, from one cycle to the next.
+  /// @return  false: 4 changes wait, or the loop is over
+  /// @threads one
+  [[nodiscard]] bool change(scene::Material material) noexcept {
+    return is_running() && materials_.push(material);
+  }
+  /// How many changes the loop has made.
+  /// @threads any
+  [[nodiscard]] std::uint64_t change_count() const noexcept {
+    // SYNC POINT material-changed
+    return change_count_.load(std::memory_order_acquire);
+  }
+
   /// The results; after join().
   [[nodiscard]] const Statistics& statistics() const noexcept { return statistics_; }
   /// The error that ended the loop early, if any; after join().
@@ -98,6 +111,7 @@ class Loop {
  private:
   void run() noexcept;
   void run_cycle(MonotonicTime due) noexcept;
+  void take_changes() noexcept;
   [[nodiscard]] expected<driver::Vector3, gvd::DeviceError> render(const driver::Sample& sample,
                                                                    const scene::Touch& touch,
                                                                    MonotonicTime now) noexcept;
@@ -109,6 +123,8 @@ class Loop {
   Latest<Live> live_{};
   SpscRing<Duration, 8192> cycles_{};
   SpscRing<scene::TouchReport, 1024> touches_{};
+  SpscRing<scene::Material, 4> materials_{};
+  std::atomic<std::uint64_t> change_count_{0};
   gvd::DeviceClient& device_;
   LoopConfig config_;
   rpc::CallOptions call_{};

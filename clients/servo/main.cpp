@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdio>
 #include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -19,6 +20,7 @@
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/log.hpp"
 #include "rtpm/rt/memory.hpp"
+#include "served_wall.hpp"
 #include "touch_event.hpp"
 
 namespace rtpm::servo {
@@ -37,20 +39,35 @@ int fail(int exit_code, std::string_view text) {
 constexpr Duration kModelsInterval = std::chrono::milliseconds{200};
 
 /// Keeps the wall in the device's loop while this program runs.
+/// @threads  change() any; the rest one
 class LocalWall {
  public:
   LocalWall(gvd::DeviceClient& device, const Wall& wall, Duration patience)
       : device_(device), model_(wall.as_plane()), patience_(patience) {}
 
+  /// Has the next keep() set another wall.
+  void change(const Wall& wall) {
+    const std::lock_guard lock(mutex_);
+    model_ = wall.as_plane();
+    has_changed_ = true;
+  }
   /// @errors   in words, as DeviceClient::set_models()
   [[nodiscard]] expected<void, gvd::ModelsError> set(MonotonicTime now) {
     next_ = now + kModelsInterval;
-    return device_.set_models({&model_, 1});
+    const gvd::Model model = [this] {
+      const std::lock_guard lock(mutex_);
+      has_changed_ = false;
+      return model_;
+    }();
+    return device_.set_models({&model, 1});
   }
   /// Sets the wall again when it is time; returns the error that has lasted for the patience, or
   /// that no further attempt ends.
   [[nodiscard]] std::optional<gvd::DeviceError> keep(MonotonicTime now) {
-    if (now < next_) return std::nullopt;
+    {
+      const std::lock_guard lock(mutex_);
+      if (now < next_ && !has_changed_) return std::nullopt;
+    }
     const auto kept = set(now);
     if (kept) {
       failing_since_.reset();
@@ -65,7 +82,9 @@ class LocalWall {
 
  private:
   gvd::DeviceClient& device_;
-  gvd::Model model_;
+  std::mutex mutex_{};
+  gvd::Model model_;          ///< Guarded by `mutex_`,
+  bool has_changed_ = false;  ///< as this.
   Duration patience_;
   MonotonicTime next_{};
   std::optional<MonotonicTime> failing_since_{};
@@ -119,6 +138,21 @@ std::optional<gvd::DeviceError> watch(Loop& loop, Attended& attended,
   }
   if (is_rewriting) std::printf("\n");
   return loss;
+}
+
+/// How long a change of the wall waits for the loop.
+constexpr Duration kChangePatience = std::chrono::milliseconds{100};
+
+/// Renders another wall from one cycle to the next.
+/// @return false: the loop did not come to it in time
+bool change_wall(Loop& loop, LocalWall& local_wall, const Wall& wall) {
+  const std::uint64_t count = loop.change_count();
+  if (!loop.change(wall.material())) return false;
+  local_wall.change(wall);
+  const MonotonicTime end = rt::now() + kChangePatience;
+  while (loop.change_count() == count && rt::now() < end)
+    rt::sleep_until(rt::now() + std::chrono::milliseconds{1});
+  return loop.change_count() != count;
 }
 
 expected<gvd::DeviceClient, SetupError> open_device(rpc::Node& node,
@@ -223,7 +257,20 @@ int serve(const Configuration& configuration) {
     }
   }
   if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text());
+  std::unique_ptr<ServedWall> served;
+  if (configuration.is_serving()) {
+    auto created = ServedWall::create(
+        node, configuration, device->descriptor(), *wall,
+        [&](const Wall& changed) { return change_wall(*loop, local_wall, changed); });
+    if (!created) {
+      loop->stop();
+      loop->join();
+      return fail(kSetUpFailed, created.error().text());
+    }
+    served = std::move(*created);
+  }
   const auto wall_loss = watch(*loop, attended, stop, configuration.live);
+  served.reset();
   loop->join();
   std::printf("\n%s%s", table_text(loop->statistics()).c_str(),
               feel_text(loop->statistics().feel, config).c_str());

@@ -5,7 +5,7 @@
 namespace rtpm::servo {
 
 scene::GodObject Wall::proxy() const noexcept {
-  return {{shape, face_m}, {stiffness_newton_per_m, damping_newton_s_per_m}};
+  return {{shape, face_m}, material()};
 }
 
 gvd::Plane Wall::as_plane() const noexcept {

@@ -15,6 +15,9 @@ struct Wall {
   double damping_newton_s_per_m = 0;
   scene::Shape shape = scene::Shape::kPlane;
 
+  [[nodiscard]] scene::Material material() const noexcept {
+    return {stiffness_newton_per_m, damping_newton_s_per_m};
+  }
   /// What follows the end effector and computes the force on it. Alloc-free.
   [[nodiscard]] scene::GodObject proxy() const noexcept;
   /// The same wall for the device's own loop, of a plane. Alloc-free.
