@@ -1,6 +1,7 @@
 #include "rtpm/schema/dynamic.hpp"
 
 #include <flatbuffers/flatbuffers.h>
+#include <flatbuffers/reflection_generated.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -235,6 +236,54 @@ TEST(Dynamic, ConvertsUnionsAndOptionalsBothWays) {
   ASSERT_TRUE(text);
   for (const char* part : {"\"maybe\": 0", "\"shape_type\": \"Sphere\"", "{\"radius_m\": 0.5}"}) {
     EXPECT_NE(text->find(part), std::string::npos) << *text;
+  }
+}
+
+// What tools exchange that know FlatBuffers only: the root is always the table.
+TEST(DynamicTables, BecomeThePayloadsThatTheyWereMadeOf) {
+  std::size_t count = 0;
+  const auto dynamic = make(lab::ArmClient::interface());
+  ASSERT_TRUE(dynamic);
+  for (const Method& method : dynamic->service().methods) {
+    for (const Payload& payload : {method.request, method.reply}) {
+      std::string error;
+      const auto bytes = dynamic->encode(payload, "{}", error);
+      if (!bytes) continue;  // A table with a required field.
+      const auto table = dynamic->as_table(payload, *bytes);
+      ASSERT_TRUE(table) << method.name;
+      EXPECT_EQ(dynamic->from_table(payload, *table), bytes) << method.name;
+      EXPECT_FALSE(dynamic->from_table(payload, std::span(*table).first(5))) << method.name;
+      ++count;
+    }
+  }
+  EXPECT_GE(count, 4u);
+}
+
+TEST(DynamicTables, OfNothingMayHaveNoBytes) {
+  const auto dynamic = make(lab::ArmClient::interface());
+  ASSERT_TRUE(dynamic);
+  Payload nothing;
+  for (const Method& method : dynamic->service().methods) {
+    for (const Payload& payload : {method.request, method.reply})
+      if (payload.kind == PayloadKind::kEmpty) nothing = payload;
+  }
+  EXPECT_EQ(dynamic->from_table(nothing, {}), std::vector<std::byte>{});
+}
+
+TEST(DynamicTables, HaveAReflectionOfTheirOwn) {
+  const auto dynamic = make(lab::ArmClient::interface());
+  ASSERT_TRUE(dynamic);
+  for (const Method& method : dynamic->service().methods) {
+    for (const Payload& payload : {method.request, method.reply}) {
+      const auto bytes = dynamic->reflection_of(payload);
+      flatbuffers::Verifier verifier(reinterpret_cast<const std::uint8_t*>(bytes.data()),
+                                     bytes.size());
+      ASSERT_TRUE(reflection::VerifySchemaBuffer(verifier)) << method.name;
+      const auto* schema = reflection::GetSchema(bytes.data());
+      ASSERT_NE(schema->root_table(), nullptr) << method.name;
+      EXPECT_EQ(schema->root_table()->name()->str(), dynamic->model().objects[payload.table].name);
+      EXPECT_LE(bytes.size(), dynamic->reflection().size());
+    }
   }
 }
 
