@@ -150,6 +150,7 @@ void Console::stop() {
   }
   pool_.stop();
   urgent_.stop();
+  hub_.stop();
   desk_.release_all();
   records_.close();
 }

@@ -261,6 +261,13 @@ expected<void, events::FilterTextError> HubWatch::set_log(std::uint64_t connecti
   return {};
 }
 
+void HubWatch::stop() {
+  logs_.clear();
+  generic_.clear();
+  samples_.clear();
+  main_.reset();
+}
+
 void HubWatch::end_log(std::uint64_t connection_id) {
   const std::lock_guard lock(mutex_);
   ended_logs_.insert(connection_id);

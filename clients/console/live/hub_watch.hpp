@@ -30,7 +30,7 @@ struct HubCallbacks {
 /// other types at most 60 times a second, which the hub decimates, and all changes of devices. A
 /// hub that is absent, ends or restarts is found again.
 /// @ownership refers to its node
-/// @threads  look() and set_log() one at a time, blocking; set_devices() and end_log() any
+/// @threads  look() and set_log() one each, blocking; set_devices() and end_log() any; stop() alone
 class HubWatch {
  public:
   HubWatch(rpc::Node& node, std::string hub, Post post, HubCallbacks callbacks);
@@ -47,6 +47,8 @@ class HubWatch {
   [[nodiscard]] expected<void, events::FilterTextError> set_log(std::uint64_t connection_id,
                                                                 const std::string& filter);
   void end_log(std::uint64_t connection_id);
+  /// Ends all subscriptions: nothing is posted any more.
+  void stop();
 
  private:
   using Key = std::pair<events::EventType, events::SourceId>;

@@ -15,7 +15,9 @@ double us_of(Duration latency) {
 /// By the nearest rank.
 double percentile(const std::vector<double>& sorted, double percent) {
   if (sorted.empty()) return 0;
-  const double rank = std::ceil(percent / 100 * static_cast<double>(sorted.size()));
+  // 99.9 % of 1000 is 999, whatever the last bit says.
+  constexpr double kRounding = 1e-9;
+  const double rank = std::ceil(percent / 100 * static_cast<double>(sorted.size()) - kRounding);
   return sorted[static_cast<std::size_t>(std::max(rank, 1.0)) - 1];
 }
 

@@ -5,7 +5,9 @@
 #include <mutex>
 #include <utility>
 
+#include "rtpm/driver/sample.hpp"
 #include "rtpm/rpc/binding.hpp"
+#include "rtpm/rt/clock.hpp"
 
 namespace rtpm::console {
 namespace {
@@ -14,6 +16,11 @@ using gvd::DeviceError;
 using gvd::DeviceOutcome;
 
 constexpr Duration kStopDeadline = std::chrono::milliseconds{500};
+constexpr Duration kEffectPatience = std::chrono::milliseconds{500};
+constexpr Duration kEffectInterval = std::chrono::milliseconds{5};
+using HolderMethod = expected<device::Outcome, rpc::CallError> (device::DeviceClient::*)(
+    const device::Holder&, const rpc::CallOptions&) noexcept;
+using OperatorStep = std::function<DeviceError(DeviceLink&)>;
 constexpr DeviceError kDone{DeviceOutcome::kDone};
 
 template <class Reply>
@@ -43,6 +50,23 @@ DeviceError give_back(DeviceLink& link) {
   return error_of(link.stub().release(device::Holder{lease}));
 }
 
+OperatorStep holder_step(HolderMethod method) {
+  return [method](DeviceLink& link) {
+    return error_of((link.stub().*method)(device::Holder{link.lease()}, {}));
+  };
+}
+
+/// Waits until the device's sample shows the effect of a request, which its next cycle takes.
+bool await(DeviceLink& link, const std::function<bool(const device::Sample&)>& effect) {
+  const MonotonicTime end = rt::now() + kEffectPatience;
+  while (true) {
+    const auto sample = link.stub().read();
+    if (sample && effect(*sample)) return true;
+    if (rt::now() >= end) return false;
+    rt::sleep_until(rt::now() + kEffectInterval);
+  }
+}
+
 /// The results of stopping several devices.
 struct Stops {
   std::mutex mutex{};
@@ -70,27 +94,37 @@ void OperatorDesk::start() {
   router_.add_json("console/estop", [this](const PendingCall& call, const nlohmann::json& request) {
     stop(call, request);
   });
-  const auto add = [this](const char* name, Step step, bool needs_lease, bool ends_operation) {
-    router_.add_json(std::string("console/") + name,
-                     [this, step = std::move(step), needs_lease, ends_operation](
-                         const PendingCall& call, const nlohmann::json& request) {
-                       command(call, request, step, needs_lease, ends_operation);
-                     });
+  using driver::Fault;
+  using driver::Faults;
+  using driver::Lifecycle;
+  const auto lifecycle_of = [](const device::Sample& sample) {
+    return static_cast<Lifecycle>(sample.lifecycle());
   };
-  add("take_over", &take_over, false, false);
-  add("release", &give_back, false, true);
-  const auto add_step = [&](const char* name, auto method) {
-    add(
-        name,
-        [method](DeviceLink& link) {
-          return error_of((link.stub().*method)(device::Holder{link.lease()}, {}));
-        },
-        true, false);
-  };
-  add_step("rearm", &device::DeviceClient::rearm);
-  add_step("activate", &device::DeviceClient::activate);
-  add_step("deactivate", &device::DeviceClient::deactivate);
-  add_step("recover", &device::DeviceClient::recover);
+  add("take_over", {.step = &take_over});
+  add("release", {.step = &give_back, .ends_operation = true});
+  add("rearm",
+      {holder_step(&device::DeviceClient::rearm), true, false, [](const device::Sample& sample) {
+         return !Faults(sample.faults()).has(Fault::kEmergencyStop);
+       }});
+  add("recover",
+      {holder_step(&device::DeviceClient::recover), true, false, [](const device::Sample& sample) {
+         const Faults faults(sample.faults());
+         return !faults.has(Fault::kCommandNotFinite) && !faults.has(Fault::kTooFast);
+       }});
+  add("activate",
+      {holder_step(&device::DeviceClient::activate), true, false,
+       [=](const device::Sample& sample) { return lifecycle_of(sample) == Lifecycle::kActive; }});
+  add("deactivate",
+      {holder_step(&device::DeviceClient::deactivate), true, false,
+       [=](const device::Sample& sample) { return lifecycle_of(sample) != Lifecycle::kActive; }});
+}
+
+void OperatorDesk::add(const char* name, Command command) {
+  router_.add_json(
+      std::string("console/") + name,
+      [this, command = std::move(command)](const PendingCall& call, const nlohmann::json& request) {
+        run(call, request, command);
+      });
 }
 
 void OperatorDesk::stop(const PendingCall& call, const nlohmann::json& request) {
@@ -143,8 +177,8 @@ std::string OperatorDesk::refusal(std::uint64_t connection_id, const std::string
   return {};
 }
 
-void OperatorDesk::command(const PendingCall& call, const nlohmann::json& request, const Step& step,
-                           bool needs_lease, bool ends_operation) {
+void OperatorDesk::run(const PendingCall& call, const nlohmann::json& request,
+                       const Command& command) {
   const std::string name = text_in(request, "device");
   const auto link = devices_.link(name);
   if (!link) return router_.fail(call, "there is no device '" + name + "' that answers");
@@ -158,19 +192,23 @@ void OperatorDesk::command(const PendingCall& call, const nlohmann::json& reques
   operators_[name] = call.connection_id;
   const bool is_queued = pool_.run(name, [=, this] {
     DeviceError error = kDone;
-    if (needs_lease && link->lease() == 0) error = take_over(*link);
-    if (is_done(error)) error = step(*link);
+    if (command.needs_lease && link->lease() == 0) error = take_over(*link);
+    if (is_done(error)) error = command.step(*link);
     // The lease has ended in the meantime.
-    if (needs_lease && error.outcome() == DeviceOutcome::kNotHolder) {
+    if (command.needs_lease && error.outcome() == DeviceOutcome::kNotHolder) {
       error = take_over(*link);
-      if (is_done(error)) error = step(*link);
+      if (is_done(error)) error = command.step(*link);
+    }
+    std::string why = is_done(error) ? std::string{} : std::string(to_string(error));
+    if (why.empty() && command.effect && !await(*link, command.effect)) {
+      why = "it took the request, but does not show its effect within 500 ms";
     }
     post_([=, this] {
-      if (ends_operation || (!is_done(error) && was_free && link->lease() == 0)) {
+      if (command.ends_operation || (!why.empty() && was_free && link->lease() == 0)) {
         operators_.erase(name);
       }
-      if (is_done(error)) return router_.succeed(call, nlohmann::ordered_json{{"ok", true}});
-      router_.fail(call, name + ": " + std::string(to_string(error)));
+      if (why.empty()) return router_.succeed(call, nlohmann::ordered_json{{"ok", true}});
+      router_.fail(call, name + ": " + why);
     });
   });
   if (!is_queued) router_.fail(call, "too much waits to be done; try again");

@@ -46,10 +46,18 @@ class OperatorDesk {
 
  private:
   using Step = std::function<gvd::DeviceError(DeviceLink&)>;
+  /// Whether the device's sample shows that the step has had its effect.
+  using Effect = std::function<bool(const device::Sample&)>;
+  struct Command {
+    Step step{};
+    bool needs_lease = false;     ///< The console takes it over where it has none.
+    bool ends_operation = false;  ///< Other browsers may operate the device then.
+    Effect effect{};              ///< Empty: it is done when it was answered.
+  };
 
   void stop(const PendingCall& call, const nlohmann::json& request);
-  void command(const PendingCall& call, const nlohmann::json& request, const Step& step,
-               bool needs_lease, bool ends_operation);
+  void add(const char* name, Command command);
+  void run(const PendingCall& call, const nlohmann::json& request, const Command& command);
   void release(const std::string& device);
 
   CallRouter& router_;

@@ -38,6 +38,26 @@ const schema::Field* lease_field(const schema::Object& object) {
   return is_there ? &*found : nullptr;
 }
 
+/// The bytes on the wire of a request that a client sent.
+/// @errors   in words: it does not fit the schema
+expected<std::vector<std::byte>, std::string> encoded(schema::Dynamic& dynamic,
+                                                      const schema::Payload& payload, bool is_json,
+                                                      const std::string& request) {
+  if (!is_json) {
+    auto bytes = dynamic.from_table(payload, std::as_bytes(std::span(request)));
+    if (bytes) return std::move(*bytes);
+    return unexpected{"the request is no FlatBuffer of " +
+                      dynamic.model().objects[payload.table].name};
+  }
+  // The schema's own parser takes declarations, too, so it gets nothing but JSON.
+  const auto json = nlohmann::json::parse(request.empty() ? "{}" : request, nullptr, false);
+  if (!json.is_object()) return unexpected{std::string("the request is no JSON object")};
+  std::string error;
+  auto bytes = dynamic.encode(payload, json.dump(), error);
+  if (bytes) return std::move(*bytes);
+  return unexpected{"the request does not fit the schema: " + error};
+}
+
 /// Puts the console's lease where the request has none.
 std::vector<std::byte> with_lease(schema::Dynamic& dynamic, const schema::Payload& payload,
                                   std::vector<std::byte> bytes, std::uint64_t lease) {
@@ -158,16 +178,9 @@ void ObjectServices::call(const ObjectView& view, const std::shared_ptr<Opened>&
     std::vector<std::byte> request;
     {
       const std::lock_guard lock(opened->mutex);
-      std::string error;
-      auto encoded = is_json
-                         ? dynamic.encode(method.request, payload, error)
-                         : dynamic.from_table(method.request, std::as_bytes(std::span(payload)));
-      if (!encoded) {
-        return fail(is_json ? "the request does not fit the schema: " + error
-                            : "the request is no FlatBuffer of " +
-                                  dynamic.model().objects[method.request.table].name);
-      }
-      request = with_lease(dynamic, method.request, std::move(*encoded), link ? link->lease() : 0);
+      auto bytes = encoded(dynamic, method.request, is_json, payload);
+      if (!bytes) return fail(bytes.error());
+      request = with_lease(dynamic, method.request, std::move(*bytes), link ? link->lease() : 0);
     }
     rpc::CallOptions options;
     if (method.deadline_us) {

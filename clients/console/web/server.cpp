@@ -152,9 +152,10 @@ class WebSocketSession final : public Connection,
   void close(CloseCode code, std::string_view reason) override {
     if (!is_open_) return;
     end();
-    websocket::close_reason why(static_cast<websocket::close_code>(code));
-    why.reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
-    socket_.async_close(why, [self = shared_from_this()](error_code) {});
+    close_reason_.emplace(static_cast<websocket::close_code>(code));
+    close_reason_->reason.assign(reason.data(), std::min<std::size_t>(reason.size(), 120));
+    // Behind what was sent before, which may say why.
+    write();
   }
 
  private:
@@ -202,7 +203,13 @@ class WebSocketSession final : public Connection,
   void write() {
     if (is_writing_) return;
     auto next = queue_.pop();
-    if (!next) return;
+    if (!next) {
+      if (close_reason_) {
+        socket_.async_close(*close_reason_, [self = shared_from_this()](error_code) {});
+        close_reason_.reset();
+      }
+      return;
+    }
     is_writing_ = true;
     sending_ = std::move(*next);
     socket_.text(sending_.is_text);
@@ -214,7 +221,7 @@ class WebSocketSession final : public Connection,
       self->is_writing_ = false;
       self->sending_ = {};
       if (error) return self->end();
-      if (self->is_open_) self->write();
+      if (self->is_open_ || self->close_reason_) self->write();
     });
   }
 
@@ -226,6 +233,7 @@ class WebSocketSession final : public Connection,
   bool has_wrong_token_;
   bool is_open_ = false;
   bool is_writing_ = false;
+  std::optional<websocket::close_reason> close_reason_{};  ///< Sent when nothing else waits.
   beast::flat_buffer buffer_{};
   SendQueue queue_{};
   OutgoingFrame sending_{};

@@ -1,0 +1,402 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "fixture.hpp"
+
+// What rtpm-console promises to a page, with real daemons.
+namespace rtpm::system_test {
+namespace {
+
+class Consoles : public ConsoleSystem {};
+
+TEST_F(Consoles, IntroduceThemselvesAndTheSystem) {
+  const auto client = connect();
+  ASSERT_TRUE(client->web().is_accepted()) << client->web().answer();
+  EXPECT_NE(client->web().answer().find("Sec-WebSocket-Protocol: foxglove.sdk.v1"),
+            std::string::npos);
+  ASSERT_TRUE(client->await_channel("lab/arm0/sample"));
+  EXPECT_EQ(client->info()["metadata"]["rtpm.access"], "command");
+  EXPECT_EQ(client->channels().at("lab/arm0/sample")["schemaName"], "rtpm.device.Sampled");
+  EXPECT_EQ(client->channels().at("lab/arm0/sample")["encoding"], "flatbuffer");
+  EXPECT_TRUE(client->await_service("lab/arm0/read"));
+  EXPECT_TRUE(client->await_service("lab/arm0/config/list"));
+  EXPECT_TRUE(client->await_service("console/estop"));
+
+  client->subscribe("console/state");
+  const Json state = client->await_state([](const Json& one) {
+    return device_in(one, "lab/arm0").value("ok", false) && one["hub"]["ok"] == true &&
+           device_in(one, "lab/arm0")["sample_per_s"].get<double>() > 0;
+  });
+  EXPECT_EQ(state["registry"]["ok"], true);
+  const Json device = device_in(state, "lab/arm0");
+  EXPECT_EQ(device["class"], "haptic");
+  EXPECT_EQ(device["model"], "RTPM simulated arm");
+  EXPECT_EQ(device["lifecycle"], "active");
+  EXPECT_EQ(device["axes"].size(), 3u);
+  EXPECT_EQ(device["has_config"], true);
+  EXPECT_EQ(state["clients"]["count"], 1);
+  EXPECT_FALSE(state["servers"].empty());
+}
+
+TEST_F(Consoles, AnswerPagesAndHealth) {
+  std::ofstream(folder_ + "/page/index.html") << "<html>";
+  const std::string page = http(console_->port, "GET / HTTP/1.1", "");
+  EXPECT_EQ(status_of(page), "200");
+  EXPECT_NE(page.find("Content-Type: text/html"), std::string::npos);
+  EXPECT_NE(page.find("Cache-Control: no-store"), std::string::npos);
+  EXPECT_NE(page.find("Content-Security-Policy: default-src 'self'"), std::string::npos);
+  EXPECT_TRUE(page.ends_with("<html>"));
+  EXPECT_NE(http(console_->port, "GET /health HTTP/1.1", "").find(R"({"status":"ok"})"),
+            std::string::npos);
+  EXPECT_FALSE(http(console_->port, "HEAD / HTTP/1.1", "").ends_with("<html>"));
+}
+
+// Both encodings carry the same numbers, and those of another client.
+TEST_F(Consoles, GiveSamplesAndRepliesByTheAdvertisedSchema) {
+  const auto client = connect();
+  client->subscribe("lab/arm0/sample");
+  const auto first = client->next_message("lab/arm0/sample");
+  const auto second = client->next_message("lab/arm0/sample");
+  EXPECT_GT(second.log_time_ns, first.log_time_ns);
+  // Schema and message as Foxglove would read them.
+  const auto reply = client->call_bytes("lab/arm0/read", "");
+  ASSERT_TRUE(reply);
+  EXPECT_GT(reply->size(), 400u);
+
+  const Json by_console = client->call("lab/arm0/describe", Json::object());
+  const auto by_tool = rtpm({"call", "lab/arm0", "describe"});
+  EXPECT_EQ(by_console, Json::parse(by_tool.output, nullptr, false));
+  EXPECT_EQ(client->call("lab/arm0/renew", {{"lease", 0}}), Json({{"code", "NotHolder"}}));
+}
+
+TEST_F(Consoles, RefuseCallsThatDoNotFit) {
+  const auto client = connect();
+  EXPECT_NE(client->call("lab/arm0/read", {{"x", 1}})["failure"].get<std::string>().find("schema"),
+            std::string::npos);
+  EXPECT_NE(client->call("console/take_over", {{"device", "lab/none"}})
+                .value("failure", "")
+                .find("there is no device 'lab/none'"),
+            std::string::npos);
+  EXPECT_TRUE(client->call("console/replay_play", Json::object()).contains("failure"));
+  EXPECT_TRUE(client->call("console/replay_open", {{"file", "../x.mcap"}}).contains("failure"));
+  EXPECT_TRUE(client->call("console/replay_seek", {{"time_ns", "x"}}).contains("failure"));
+}
+
+TEST_F(Consoles, StopDevicesAndArmThemAgain) {
+  const auto client = connect_to_arm();
+  client->subscribe("lab/arm0/event");
+  const Json stopped = client->call("console/estop", Json::object());
+  EXPECT_EQ(stopped["stopped"], Json::array({"lab/arm0"}));
+  EXPECT_TRUE(stopped["failed"].empty()) << stopped;
+  Json event;
+  do {
+    event = client->next_message("lab/arm0/event").json();
+  } while (event["type"] != "rtpm.device.StopChanged" && event.is_object());
+  EXPECT_EQ(event["payload"]["is_stopped"], true);
+  EXPECT_EQ(event["device"], "lab/arm0");
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return device_in(state, "lab/arm0")["is_stopped"] == true; }));
+
+  EXPECT_EQ(client->call("console/rearm", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  static_cast<void>(client->await_state([](const Json& state) {
+    const Json device = device_in(state, "lab/arm0");
+    return device["is_stopped"] == false && device["lease"]["state"] == "held by this console";
+  }));
+  EXPECT_EQ(client->call("lab/arm0/renew", {{"lease", 0}}), Json({{"code", "Done"}}));
+  EXPECT_EQ(client->call("console/release", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return device_in(state, "lab/arm0")["lease"]["state"] == "free"; }));
+}
+
+TEST_F(Consoles, LetOneBrowserOperateADeviceAtATime) {
+  const auto first = connect_to_arm();
+  const auto second = connect();
+  ASSERT_EQ(first->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  const std::string why =
+      second->call("console/deactivate", {{"device", "lab/arm0"}}).value("failure", "");
+  EXPECT_NE(why.find("another browser (connection "), std::string::npos) << why;
+  EXPECT_TRUE(second->call("lab/arm0/recover", {{"lease", 0}}).contains("failure"));
+  // Stopping is everybody's.
+  EXPECT_EQ(second->call("console/estop", {{"device", "lab/arm0"}})["stopped"],
+            Json::array({"lab/arm0"}));
+  EXPECT_EQ(second->call("console/rearm", {{"device", "lab/arm0"}, {"force", true}}),
+            Json({{"ok", true}}));
+  EXPECT_TRUE(first->call("console/release", {{"device", "lab/arm0"}}).contains("failure"));
+}
+
+TEST_F(Consoles, ReleaseWhatABrowserOperatedWhenItLeaves) {
+  const auto watcher = connect_to_arm();
+  {
+    const auto leaving = connect();
+    ASSERT_EQ(leaving->call("console/take_over", {{"device", "lab/arm0"}}), Json({{"ok", true}}));
+  }
+  static_cast<void>(watcher->await_state([](const Json& state) {
+    return device_in(state, "lab/arm0")["lease"]["state"] != "held by this console" &&
+           state["clients"]["count"] == 1;
+  }));
+  // Without `force`: nobody operates it. Two take-overs within a second are too many.
+  Json taken;
+  do {
+    taken = watcher->call("console/take_over", {{"device", "lab/arm0"}});
+  } while (taken.value("failure", "").find("moment ago") != std::string::npos);
+  EXPECT_EQ(taken, Json({{"ok", true}}));
+}
+
+TEST_F(Consoles, ReadChangeAndWatchParameters) {
+  const auto client = connect();
+  const auto watcher = connect();
+  const std::string ramp = "lab/arm0.safety.ramp_s";
+  ASSERT_TRUE(client->await_service("lab/arm0/config/apply"));
+  watcher->send({{"op", "subscribeParameterUpdates"}, {"parameterNames", {ramp}}});
+  watcher->send({{"op", "getParameters"}, {"parameterNames", {ramp}}, {"id", "w"}});
+  ASSERT_EQ(watcher->await_parameters("w").size(), 1u);
+
+  client->send({{"op", "getParameters"}, {"parameterNames", Json::array()}, {"id", "all"}});
+  EXPECT_GE(client->await_parameters("all").size(), 9u);
+  client->send({{"op", "setParameters"},
+                {"parameters", Json::array({{{"name", ramp}, {"value", 0.012}}})},
+                {"id", "set"}});
+  EXPECT_EQ(client->await_parameters("set")[ramp], 0.012);
+  EXPECT_EQ(watcher->await_parameters("")[ramp], 0.012);
+  EXPECT_NE(rtpm({"config", "get", "lab/arm0", "safety.ramp_s"}).output.find("0.012"),
+            std::string::npos);
+
+  client->send({{"op", "setParameters"},
+                {"parameters", Json::array({{{"name", ramp}, {"value", 1e9}}})},
+                {"id", "bad"}});
+  EXPECT_EQ(client->await_parameters("bad")[ramp], 0.012);
+  ASSERT_FALSE(client->statuses().empty());
+  EXPECT_EQ(client->statuses().back()["level"], 2);
+  EXPECT_NE(client->statuses().back()["message"].get<std::string>().find("out of range"),
+            std::string::npos);
+
+  // What another program changes is told, too.
+  EXPECT_EQ(rtpm({"config", "set", "lab/arm0", "safety.ramp_s=0.015"}).exit_code, 0);
+  EXPECT_EQ(watcher->await_parameters("")[ramp], 0.015);
+}
+
+TEST_F(Consoles, LetThoseWithoutTheTokenOnlyLook) {
+  for (const std::string target : {"/", "/?token=0123456789abcdef"}) {
+    ConsoleClient observer(console_->port, target);
+    ASSERT_TRUE(observer.web().is_accepted());
+    ASSERT_TRUE(observer.await_channel("lab/arm0/sample"));
+    EXPECT_EQ(observer.info()["metadata"]["rtpm.access"], "observe");
+    EXPECT_EQ(std::ranges::count(observer.info()["capabilities"], "services"), 0);
+    EXPECT_TRUE(observer.services().empty());
+    // It guesses ids.
+    for (char id = 1; id < 30; ++id)
+      observer.web().send_binary(std::string("\x02", 1) + id + std::string(3, '\0') + id +
+                                 std::string("\0\0\0\4\0\0\0json{}", 13));
+    observer.send(
+        {{"op", "setParameters"},
+         {"parameters", Json::array({{{"name", "lab/arm0.safety.ramp_s"}, {"value", 0.013}}})},
+         {"id", "no"}});
+    EXPECT_NE(observer.await_parameters("no")["lab/arm0.safety.ramp_s"], 0.013);
+    bool is_told = false;
+    for (const Json& status : observer.statuses())
+      is_told = is_told || status["message"].get<std::string>().starts_with("read-only");
+    EXPECT_TRUE(is_told);
+    observer.subscribe("console/state");
+    const Json state = observer.await_state(
+        [](const Json& one) { return device_in(one, "lab/arm0").value("ok", false); });
+    EXPECT_EQ(device_in(state, "lab/arm0")["is_stopped"], false);
+  }
+}
+
+TEST_F(Consoles, ThatAreReadOnlyLetNobodyCommand) {
+  auto arguments = console_arguments();
+  arguments.emplace_back("--read-only");
+  const auto console = start_console(arguments);
+  ASSERT_TRUE(console);
+  EXPECT_EQ(console->target, "/");
+  ConsoleClient client(console->port, "/");
+  ASSERT_TRUE(client.await_channel("console/state"));
+  EXPECT_EQ(client.info()["metadata"]["rtpm.access"], "observe");
+}
+
+TEST_F(Consoles, ShowTheLogOfAFilter) {
+  const auto client = connect();
+  const auto other = connect();
+  client->subscribe("console/log");
+  other->subscribe("console/log");
+  ASSERT_TRUE(client->await_channel("lab/arm0/sample"));
+  const Json bad = client->call("console/log_filter", {{"filter", "type(rtpm.device.StopChangd)"}});
+  EXPECT_EQ(bad["ok"], false);
+  EXPECT_EQ(bad["offset"], 5);
+  EXPECT_NE(bad["what"].get<std::string>().find("rtpm.device.StopChanged"), std::string::npos);
+  const Json good = client->call("console/log_filter", {{"filter", "type(rtpm.device.Sampled)"}});
+  EXPECT_EQ(good, Json({{"ok", true}}));
+  Json line = client->next_message("console/log").json();
+  EXPECT_EQ(line["type"], "rtpm.device.Sampled");
+  EXPECT_EQ(line["device"], "lab/arm0");
+  EXPECT_TRUE(line["payload"].contains("position_m")) << line;
+  // A kilohertz is above what is shown, and that is told.
+  while (line.is_object() && !line.contains("omitted"))
+    line = client->next_message("console/log").json();
+  EXPECT_GT(line["omitted"], 0);
+  EXPECT_EQ(client->call("console/log_filter", {{"filter", nullptr}}), Json({{"ok", true}}));
+}
+
+TEST_F(Consoles, RecordAndPlayRecordings) {
+  const auto client = connect();
+  client->subscribe("console/state");
+  ASSERT_TRUE(client->await_channel("lab/arm0/sample"));
+  ASSERT_EQ(client->call("console/record_start", {{"file", "run.mcap"}}),
+            Json({{"file", "run.mcap"}}));
+  EXPECT_TRUE(client->call("console/record_start", Json::object()).contains("failure"));
+  static_cast<void>(client->await_state([](const Json& state) {
+    return state["recording"]["file"] == "run.mcap" && state["recording"]["message_count"] > 2500;
+  }));
+  const Json ended = client->call("console/record_stop", Json::object());
+  EXPECT_GT(ended["message_count"], 300);
+  EXPECT_EQ(ended["drop_count"], 0);
+
+  std::filesystem::copy_file(folder_ + "/recordings/run.mcap", folder_ + "/recordings/cut.mcap");
+  const auto size = std::filesystem::file_size(folder_ + "/recordings/cut.mcap");
+  std::filesystem::resize_file(folder_ + "/recordings/cut.mcap", size * 2 / 3);
+  std::ofstream(folder_ + "/recordings/bad.mcap") << "this is no recording";
+  const Json list = client->call("console/recordings", Json::object());
+  ASSERT_EQ(list["files"].size(), 2u) << list;
+  EXPECT_EQ(list["files"][0]["file"], "cut.mcap");
+  EXPECT_EQ(list["files"][0]["is_complete"], false);
+  EXPECT_EQ(list["files"][1]["is_complete"], true);
+  EXPECT_EQ(list["files"][1]["message_count"], ended["message_count"]);
+
+  EXPECT_TRUE(client->call("console/replay_open", {{"file", "bad.mcap"}}).contains("failure"));
+  for (const std::string file : {"run.mcap", "cut.mcap"}) {
+    const Json opened = client->call("console/replay_open", {{"file", file}});
+    ASSERT_FALSE(opened["topics"].empty()) << opened;
+    std::string topic;
+    for (const Json& one : opened["topics"]) {
+      if (one.get<std::string>().starts_with("rtpm.device.Sampled/"))
+        topic = "replay/" + one.get<std::string>();
+    }
+    client->subscribe(topic);
+    EXPECT_EQ(client->channels().at(topic)["schemaName"], "rtpm.device.Sampled");
+    EXPECT_EQ(client->call("console/replay_play", {{"speed", 10}}), Json::object());
+    const auto message = client->next_message(topic);
+    EXPECT_GE(message.log_time_ns, opened["begin_ns"].get<std::uint64_t>());
+    static_cast<void>(client->await_state([&](const Json& state) {
+      return state["replay"]["file"] == file && state["replay"]["is_playing"] == false;
+    }));
+    EXPECT_EQ(client->call("console/replay_seek", {{"time_ns", opened["begin_ns"]}}),
+              Json::object());
+    EXPECT_EQ(client->call("console/replay_close", Json::object()), Json::object());
+    EXPECT_TRUE(client->read_until([&] { return !client->channels().contains(topic); }));
+  }
+}
+
+TEST_F(Consoles, TellWhoPublishesAndSubscribes) {
+  const auto client = connect();
+  client->subscribe("lab/arm0/sample");
+  client->send({{"op", "subscribeConnectionGraph"}});
+  bool is_published = false;
+  bool is_subscribed = false;
+  bool is_provided = false;
+  for (int i = 0; i < 20 && !(is_published && is_subscribed && is_provided); ++i) {
+    const Json update = client->await_op("connectionGraphUpdate");
+    for (const Json& topic : update["publishedTopics"])
+      is_published = is_published || topic["name"] == "lab/arm0/sample";
+    for (const Json& topic : update["subscribedTopics"])
+      is_subscribed = is_subscribed || topic["name"] == "lab/arm0/sample";
+    for (const Json& service : update["advertisedServices"])
+      is_provided = is_provided || service["name"] == "lab/arm0/read";
+  }
+  EXPECT_TRUE(is_published && is_subscribed && is_provided);
+}
+
+TEST_F(Consoles, FindDevicesThatCameBackAndTellThoseThatAreGone) {
+  const auto client = connect();
+  client->subscribe("console/state");
+  client->subscribe("lab/arm0/sample");
+  static_cast<void>(client->next_message("lab/arm0/sample"));
+  devices_->process.send_signal(SIGKILL);
+  static_cast<void>(client->await_state([](const Json& state) {
+    const Json device = device_in(state, "lab/arm0");
+    return device.is_null() ||
+           (device["ok"] == false && !device["problem"].get<std::string>().empty());
+  }));
+  static_cast<void>(
+      client->await_state([](const Json& state) { return state["hub"]["ok"] == false; }));
+  devices_ = start_devices();
+  ASSERT_TRUE(devices_);
+  static_cast<void>(client->await_state([](const Json& state) {
+    return device_in(state, "lab/arm0").value("ok", false) && state["hub"]["ok"] == true;
+  }));
+  ASSERT_TRUE(client->await_channel("lab/arm0/sample"));
+}
+
+TEST_F(Consoles, StayUpWithoutARegistry) {
+  const auto client = connect_to_arm();
+  registry_->process.send_signal(SIGKILL);
+  const Json state =
+      client->await_state([](const Json& one) { return one["registry"]["ok"] == false; });
+  EXPECT_FALSE(state["registry"]["problem"].get<std::string>().empty());
+  // Its sessions with devices last.
+  EXPECT_EQ(device_in(state, "lab/arm0").value("ok", false), true);
+  const auto lonely = start_console({"--port", "0", "--registry", "rtpm://127.0.0.1:9/rtpm/names"});
+  ASSERT_TRUE(lonely);
+  ConsoleClient early(lonely->port, lonely->target);
+  early.subscribe("console/state");
+  EXPECT_TRUE(
+      early.await_state([](const Json& one) { return one["registry"]["ok"] == false; })["devices"]
+          .empty());
+}
+
+// SIGSTOP is the worst of all servers: it takes connections, and answers nothing.
+TEST_F(Consoles, AnswerWhileADeviceServerIsStopped) {
+  const auto client = connect();
+  client->subscribe("console/state");
+  ASSERT_TRUE(client->await_service("lab/arm0/config/save"));
+  devices_->process.stop();
+  const Json failed = client->call("lab/arm0/describe", Json::object());
+  EXPECT_TRUE(failed.contains("failure")) << failed;
+  // After a while its name's lease has ended, too.
+  static_cast<void>(client->await_state([](const Json& state) {
+    const Json device = device_in(state, "lab/arm0");
+    return device.is_null() ||
+           (device["ok"] == false && !device["problem"].get<std::string>().empty());
+  }));
+  EXPECT_EQ(client->call("console/recordings", Json::object())["files"], Json::array());
+  devices_->process.send_signal(SIGCONT);
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return device_in(state, "lab/arm0").value("ok", false); }));
+}
+
+TEST_F(Consoles, EndInOrder) {
+  const auto client = connect();
+  ASSERT_TRUE(client->await_channel("console/state"));
+  console_->process.send_signal(SIGTERM);
+  int close_code = 0;
+  while (const auto frame = client->web().next(kPatience)) {
+    close_code = frame->close_code();
+    if (close_code != 0) break;
+  }
+  EXPECT_EQ(close_code, 1001);
+  const auto end = console_->process.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
+  EXPECT_EQ(end->errors, "");
+}
+
+TEST(ConsoleOptions, ThatAreUnsafeAreRefusedWithTheReason) {
+  expect_one_sentence(run_program("rtpm-console", {"--address", "0.0.0.0"}), 2,
+                      {"--address 0.0.0.0", "encrypted", "--insecure-lan"});
+  expect_one_sentence(run_program("rtpm-console", {"--token", "short"}), 2, {"--token", "16"});
+  expect_one_sentence(run_program("rtpm-console", {"--address", "300.1.1.1", "--insecure-lan"}), 1,
+                      {"300.1.1.1"});
+}
+
+TEST_F(Consoles, SayWhenTheirPortIsTaken) {
+  expect_one_sentence(run_program("rtpm-console", {"--port", std::to_string(console_->port)}), 1,
+                      {std::to_string(console_->port), "another --port"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test

@@ -1,0 +1,126 @@
+#include "web/request_rules.hpp"
+
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+
+#include "configuration.hpp"
+#include "web/token.hpp"
+
+namespace rtpm::console {
+namespace {
+
+namespace fs = std::filesystem;
+
+TEST(RequestTargets, AreSplitAndDecoded) {
+  const auto target = read_target("/a%20b/c.js?x=1&token=T%2D1&y");
+  ASSERT_TRUE(target);
+  EXPECT_EQ(target->path, "/a b/c.js");
+  EXPECT_EQ(target->token, "T-1");
+  EXPECT_EQ(read_target("/")->path, "/");
+  EXPECT_EQ(read_target("/?")->token, "");
+}
+
+TEST(RequestTargets, ThatAreMalformedAreRefused) {
+  for (const std::string target :
+       {"", "x", "http://evil/", "/%", "/%4", "/%zz", "/%00", "/a%0ab", "/?token=%0d%0a"}) {
+    EXPECT_FALSE(read_target(target)) << target;
+  }
+  EXPECT_FALSE(read_target("/" + std::string(5000, 'a')));
+}
+
+TEST(Hosts, AreThisServersOrRefused) {
+  for (const char* host : {"localhost", "localhost:8765", "127.0.0.1:8765", "LOCALHOST:8765",
+                           "[::1]:8765", "192.168.1.9:8765"}) {
+    EXPECT_TRUE(is_own_host(host, "192.168.1.9", 8765)) << host;
+  }
+  for (const char* host : {"", "evil.com", "evil.com:8765", "localhost.evil.com", "localhost:80",
+                           "127.0.0.1.evil.com", "192.168.1.8:8765", "127.0.0.1:8765@evil.com"}) {
+    EXPECT_FALSE(is_own_host(host, "192.168.1.9", 8765)) << host;
+  }
+  EXPECT_TRUE(is_own_host("[fe80::1]:8765", "fe80::1", 8765));
+}
+
+TEST(Origins, AreThisPageOrRefused) {
+  EXPECT_TRUE(is_own_origin("http://127.0.0.1:8765", "127.0.0.1:8765"));
+  for (const char* origin : {"", "null", "http://evil.com", "https://127.0.0.1:8765",
+                             "http://127.0.0.1:8766", "http://127.0.0.1:8765.evil.com"}) {
+    EXPECT_FALSE(is_own_origin(origin, "127.0.0.1:8765")) << origin;
+  }
+}
+
+TEST(Subprotocols, ArePreferredAsTheServerSays) {
+  EXPECT_EQ(choose_subprotocol("foxglove.websocket.v1, foxglove.sdk.v1"), "foxglove.sdk.v1");
+  EXPECT_EQ(choose_subprotocol(" foxglove.websocket.v1 "), "foxglove.websocket.v1");
+  EXPECT_EQ(choose_subprotocol(""), "");
+  EXPECT_EQ(choose_subprotocol("foxglove.sdk.v2,mqtt"), "");
+  EXPECT_EQ(choose_subprotocol(",,,foxglove.sdk.v1"), "foxglove.sdk.v1");
+}
+
+TEST(MediaTypes, AreThoseThatBrowsersNeed) {
+  EXPECT_EQ(media_type("/x/index.html"), "text/html; charset=utf-8");
+  EXPECT_EQ(media_type("a.js"), "text/javascript; charset=utf-8");
+  EXPECT_EQ(media_type("a.woff2"), "font/woff2");
+  EXPECT_EQ(media_type("a.unknown"), "application/octet-stream");
+}
+
+TEST(ContentSecurityPolicies, TakeNoForeignCharacters) {
+  EXPECT_NE(content_security_policy("127.0.0.1:8765").find("ws://127.0.0.1:8765"),
+            std::string::npos);
+  EXPECT_EQ(content_security_policy("evil; script-src *").find("evil"), std::string::npos);
+}
+
+class PageFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    fs::remove_all(root_);
+    fs::create_directories(root_ / "page/assets");
+    for (const char* file : {"page/index.html", "page/assets/a.js", "page/.hidden", "secret.txt"})
+      std::ofstream(root_ / file) << "x";
+    fs::create_symlink(root_ / "secret.txt", root_ / "page/link.txt");
+  }
+  void TearDown() override { fs::remove_all(root_); }
+  [[nodiscard]] std::string find(std::string_view path) const {
+    const auto file = find_page_file(root_ / "page", path);
+    return file ? fs::relative(*file, fs::canonical(root_)).string() : "";
+  }
+
+  fs::path root_ = fs::path(testing::TempDir()) / "rtpm_console_page_files";
+};
+
+TEST_F(PageFiles, AreFoundBelowTheFolder) {
+  EXPECT_EQ(find("/"), "page/index.html");
+  EXPECT_EQ(find("/index.html"), "page/index.html");
+  EXPECT_EQ(find("/assets/a.js"), "page/assets/a.js");
+}
+
+TEST_F(PageFiles, ElsewhereAreNotFound) {
+  for (const char* path : {"", "index.html", "/../secret.txt", "/assets/../../secret.txt",
+                           "/./index.html", "//index.html", "/assets//a.js", "/.hidden",
+                           "/link.txt", "/assets", "/none", "/..\\secret.txt", "/etc/passwd"}) {
+    EXPECT_EQ(find(path), "") << path;
+  }
+}
+
+TEST(Tokens, AreLongRandomAndCompared) {
+  const auto one = make_token();
+  const auto other = make_token();
+  ASSERT_TRUE(one && other);
+  EXPECT_EQ(one->size(), 48U);
+  EXPECT_NE(*one, *other);
+  EXPECT_TRUE(is_same_token(*one, std::string(*one)));
+  EXPECT_FALSE(is_same_token(*one, *other));
+  EXPECT_FALSE(is_same_token(*one, one->substr(1)));
+  EXPECT_FALSE(is_same_token(*one, ""));
+}
+
+TEST(Addresses, OfThisHostOnlyNeedNoConsent) {
+  EXPECT_TRUE(is_loopback("127.0.0.1"));
+  EXPECT_TRUE(is_loopback("::1"));
+  for (const char* address : {"0.0.0.0", "::", "192.168.1.9", "", "1127.0.0.1"})
+    EXPECT_FALSE(is_loopback(address)) << address;
+}
+
+}  // namespace
+}  // namespace rtpm::console

@@ -1,0 +1,152 @@
+#include "foxglove/requests.hpp"
+
+#include <gtest/gtest.h>
+
+#include <random>
+#include <string>
+
+namespace rtpm::console::foxglove {
+namespace {
+
+ConstBytes bytes_of(std::string_view text) {
+  return std::as_bytes(std::span(text));
+}
+
+TEST(TextRequests, AreReadAsTheProtocolHasThem) {
+  const auto subscribe = read_text(
+      R"({"op":"subscribe","subscriptions":[{"id":0,"channelId":7},{"id":1,"channelId":9}]})");
+  ASSERT_TRUE(subscribe) << subscribe.error();
+  EXPECT_EQ(std::get<Subscribe>(*subscribe).subscriptions,
+            (std::vector<Subscription>{{0, 7}, {1, 9}}));
+
+  const auto unsubscribe = read_text(R"({"op":"unsubscribe","subscriptionIds":[4294967295]})");
+  ASSERT_TRUE(unsubscribe) << unsubscribe.error();
+  EXPECT_EQ(std::get<Unsubscribe>(*unsubscribe).subscription_ids,
+            std::vector<std::uint32_t>{4294967295});
+
+  const auto get = read_text(R"({"op":"getParameters","parameterNames":["a.b"],"id":"r1"})");
+  ASSERT_TRUE(get) << get.error();
+  EXPECT_EQ(std::get<GetParameters>(*get).names, std::vector<std::string>{"a.b"});
+  EXPECT_EQ(std::get<GetParameters>(*get).id, "r1");
+
+  const auto set = read_text(
+      R"({"op":"setParameters","parameters":[{"name":"a.b","value":1,"type":"float64"},{"name":"c"}]})");
+  ASSERT_TRUE(set) << set.error();
+  const auto& parameters = std::get<SetParameters>(*set).parameters;
+  ASSERT_EQ(parameters.size(), 2U);
+  EXPECT_EQ(parameters[0].value, 1);
+  EXPECT_EQ(parameters[0].type, "float64");
+  EXPECT_TRUE(parameters[1].value.is_null());
+
+  const auto watch = read_text(R"({"op":"subscribeParameterUpdates","parameterNames":[]})");
+  ASSERT_TRUE(watch) << watch.error();
+  EXPECT_TRUE(std::get<WatchParameters>(*watch).is_watching);
+  const auto graph = read_text(R"({"op":"unsubscribeConnectionGraph"})");
+  ASSERT_TRUE(graph) << graph.error();
+  EXPECT_FALSE(std::get<WatchGraph>(*graph).is_watching);
+}
+
+TEST(TextRequests, OfAbsentCapabilitiesAreNamed) {
+  for (const std::string op : {"advertise", "unadvertise", "fetchAsset"}) {
+    const auto request = read_text(R"({"op":")" + op + R"("})");
+    ASSERT_TRUE(request) << op;
+    EXPECT_EQ(std::get<Unsupported>(*request).op, op);
+  }
+}
+
+TEST(TextRequests, ThatAreMalformedAreRefusedInWords) {
+  for (const std::string text :
+       {"",
+        "{",
+        "[]",
+        "null",
+        "17",
+        "{}",
+        R"({"op":7})",
+        R"({"op":"dance"})",
+        R"({"op":"subscribe"})",
+        R"({"op":"subscribe","subscriptions":{}})",
+        R"({"op":"subscribe","subscriptions":[7]})",
+        R"({"op":"subscribe","subscriptions":[{"id":-1,"channelId":1}]})",
+        R"({"op":"subscribe","subscriptions":[{"id":1.5,"channelId":1}]})",
+        R"({"op":"subscribe","subscriptions":[{"id":4294967296,"channelId":1}]})",
+        R"({"op":"subscribe","subscriptions":[{"id":1}]})",
+        R"({"op":"unsubscribe","subscriptionIds":["1"]})",
+        R"({"op":"unsubscribe"})",
+        R"({"op":"getParameters","parameterNames":[1]})",
+        R"({"op":"getParameters"})",
+        R"({"op":"setParameters","parameters":[{"value":1}]})",
+        R"({"op":"setParameters","parameters":[1]})",
+        R"({"op":"subscribeParameterUpdates","parameterNames":"all"})"}) {
+    const auto request = read_text(text);
+    EXPECT_FALSE(request) << text;
+    if (!request) {
+      EXPECT_FALSE(request.error().empty()) << text;
+    }
+  }
+}
+
+TEST(TextRequests, WithForeignCharactersAreToldSafely) {
+  const auto request = read_text("{\"op\":\"\\u001b[2J\"}");
+  ASSERT_FALSE(request);
+  EXPECT_EQ(request.error().find('\x1b'), std::string::npos);
+}
+
+TEST(TextRequests, MayNestDeeplyWithoutHarm) {
+  const std::string deep = "{\"op\":" + std::string(200'000, '[');
+  EXPECT_FALSE(read_text(deep));
+  const std::string whole =
+      "{\"x\":" + std::string(100'000, '[') + std::string(100'000, ']') + ",\"op\":\"subscribe\"}";
+  EXPECT_FALSE(read_text(whole));
+}
+
+TEST(TextRequests, OfEndlessListsAreRefused) {
+  std::string text = R"({"op":"unsubscribe","subscriptionIds":[0)";
+  for (std::size_t i = 0; i < kListSizeMax; ++i)
+    text += ",1";
+  EXPECT_FALSE(read_text(text + "]}"));
+}
+
+TEST(ServiceCalls, AreReadFromTheirBytes) {
+  const std::string frame("\x02\x07\0\0\0\x2a\0\0\0\x04\0\0\0json{}", 19);
+  const auto call = read_binary(bytes_of(frame));
+  ASSERT_TRUE(call) << call.error();
+  EXPECT_EQ(call->service_id, 7U);
+  EXPECT_EQ(call->call_id, 42U);
+  EXPECT_EQ(call->encoding, "json");
+  EXPECT_EQ(call->payload.size(), 2U);
+}
+
+TEST(ServiceCalls, ThatAreCutOffAreRefused) {
+  const std::string frame("\x02\x07\0\0\0\x2a\0\0\0\x04\0\0\0json", 17);
+  EXPECT_TRUE(read_binary(bytes_of(frame)));
+  for (std::size_t size = 0; size < frame.size(); ++size)
+    EXPECT_FALSE(read_binary(bytes_of(frame.substr(0, size)))) << size;
+  EXPECT_FALSE(
+      read_binary(bytes_of(std::string("\x02\x07\0\0\0\x2a\0\0\0\xff\xff\xff\xffjson", 17))));
+  EXPECT_FALSE(read_binary(bytes_of(std::string("\x01\0\0\0\0", 5))));
+  EXPECT_FALSE(read_binary(bytes_of(std::string("\x09", 1))));
+}
+
+TEST(Requests, OfRandomBytesDoNoHarm) {
+  std::mt19937 random(7);
+  const std::string alphabet = R"({}[]":,op subscribeIdchanelPmtr0123456789.-eE\)";
+  std::size_t refused_count = 0;
+  for (int i = 0; i < 20'000; ++i) {
+    std::string text;
+    for (std::size_t size = random() % 64; size > 0; --size)
+      text += alphabet[random() % alphabet.size()];
+    refused_count += read_text(text) ? 0U : 1U;
+    std::string bytes(1, '\x02');
+    for (std::size_t size = random() % 32; size > 0; --size)
+      bytes += static_cast<char>(random());
+    const auto call = read_binary(bytes_of(bytes));
+    if (call) {
+      EXPECT_LE(call->encoding.size() + call->payload.size(), bytes.size());
+    }
+  }
+  EXPECT_EQ(refused_count, 20'000U);
+}
+
+}  // namespace
+}  // namespace rtpm::console::foxglove

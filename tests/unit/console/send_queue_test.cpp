@@ -1,0 +1,59 @@
+#include "web/send_queue.hpp"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+#include <string>
+
+namespace rtpm::console {
+namespace {
+
+OutgoingFrame frame(const std::string& text) {
+  return {.body = std::make_shared<const std::string>(text)};
+}
+
+std::string popped(SendQueue& queue) {
+  const auto next = queue.pop();
+  return next ? *next->body : "(none)";
+}
+
+TEST(SendQueues, SendControlBeforeData) {
+  SendQueue queue;
+  queue.push_data(frame("d1"));
+  ASSERT_TRUE(queue.push_control(frame("c1")));
+  ASSERT_TRUE(queue.push_control(frame("c2")));
+  EXPECT_EQ(popped(queue), "c1");
+  EXPECT_EQ(popped(queue), "c2");
+  EXPECT_EQ(popped(queue), "d1");
+  EXPECT_EQ(popped(queue), "(none)");
+}
+
+TEST(SendQueues, DropAndCountTheOldestData) {
+  SendQueue queue;
+  for (std::size_t i = 0; i < SendQueue::kDataCountMax + 3; ++i)
+    queue.push_data(frame(std::to_string(i)));
+  EXPECT_EQ(queue.dropped_count(), 3U);
+  EXPECT_EQ(popped(queue), "3");
+}
+
+TEST(SendQueues, BoundTheBytesOfData) {
+  SendQueue queue;
+  const std::string large(SendQueue::kDataByteMax / 2, 'x');
+  for (int i = 0; i < 10; ++i)
+    queue.push_data(frame(large + std::to_string(i)));
+  EXPECT_EQ(queue.dropped_count(), 9U);
+  EXPECT_EQ(popped(queue).back(), '9');
+  // One message alone may be larger than all of them together.
+  queue.push_data(frame(std::string(2 * SendQueue::kDataByteMax, 'y')));
+  EXPECT_EQ(popped(queue).front(), 'y');
+}
+
+TEST(SendQueues, RefuseControlWhenItIsFull) {
+  SendQueue queue;
+  for (std::size_t i = 0; i < SendQueue::kControlCountMax; ++i)
+    ASSERT_TRUE(queue.push_control(frame("c")));
+  EXPECT_FALSE(queue.push_control(frame("c")));
+}
+
+}  // namespace
+}  // namespace rtpm::console

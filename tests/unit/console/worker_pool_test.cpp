@@ -1,0 +1,56 @@
+#include "work/worker_pool.hpp"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <future>
+
+namespace rtpm::console {
+namespace {
+
+/// Work that lasts until it is told to end.
+struct Held {
+  std::promise<void> end{};
+  std::shared_future<void> until{end.get_future()};
+  std::atomic<int> begun_count{0};
+};
+
+TEST(WorkerPools, RunWorkOfOneTargetOnFewThreadsOnly) {
+  WorkerPool pool;
+  ASSERT_TRUE(pool.start({.thread_count = 3, .per_target_max = 2}));
+  Held held;
+  for (int i = 0; i < 5; ++i) {
+    ASSERT_TRUE(pool.run("dead", [&held] {
+      ++held.begun_count;
+      held.until.wait();
+    }));
+  }
+  // Although five calls of the dead one came first, others are answered.
+  std::promise<void> done;
+  ASSERT_TRUE(pool.run("alive", [&done] { done.set_value(); }));
+  done.get_future().wait();
+  EXPECT_LE(held.begun_count, 2);
+  held.end.set_value();
+  pool.stop();
+}
+
+TEST(WorkerPools, RefuseWhatIsTooMuch) {
+  WorkerPool pool;
+  ASSERT_TRUE(pool.start({.thread_count = 1, .per_target_max = 1, .queued_max = 2}));
+  Held held;
+  ASSERT_TRUE(pool.run("a", [&held] {
+    ++held.begun_count;
+    held.until.wait();
+  }));
+  while (held.begun_count == 0) {
+  }
+  EXPECT_TRUE(pool.run("a", [] {}));
+  EXPECT_TRUE(pool.run("a", [] {}));
+  EXPECT_FALSE(pool.run("a", [] {}));
+  held.end.set_value();
+  pool.stop();
+  EXPECT_FALSE(pool.run("a", [] {}));
+}
+
+}  // namespace
+}  // namespace rtpm::console
