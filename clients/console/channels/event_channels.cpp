@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "foxglove/base64.hpp"
+#include "foxglove/strict_json.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "work/wall_time.hpp"
 
@@ -105,7 +106,7 @@ void EventChannels::publish_table(const std::string& topic, const HubEvent& even
 Json EventChannels::payload_json(const HubEvent& event) {
   if (schema::Dynamic* const dynamic = schemas_.find(type_of(event.header.type))) {
     if (const auto text = dynamic->decode(dynamic->event(), event.payload)) {
-      Json json = Json::parse(*text, nullptr, false);
+      Json json = Json::parse(foxglove::strict_json(*text), nullptr, false);
       if (!json.is_discarded()) return json;
     }
   }

@@ -44,7 +44,8 @@ DeviceProbe DeviceWatch::read(const std::string& name, Device& device) {
     if (!probe.problem.empty()) return probe;
   }
   const MonotonicTime begin = rt::now();
-  const auto sample = device.client->read({.deadline = kReadDeadline});
+  // At the lowest priority, so that it stands behind every force loop.
+  const auto sample = device.client->read({.priority = Priority{0}, .deadline = kReadDeadline});
   if (sample) {
     probe.latency = rt::now() - begin;
     probe.sample = *sample;

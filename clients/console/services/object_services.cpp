@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "foxglove/base64.hpp"
+#include "foxglove/strict_json.hpp"
 #include "rtpm/base/bytes.hpp"
 #include "rtpm/rt/clock.hpp"
 
@@ -193,7 +194,9 @@ void ObjectServices::call(const ObjectView& view, const std::shared_ptr<Opened>&
     {
       const std::lock_guard lock(opened->mutex);
       if (is_json) {
-        answer = dynamic.decode(method.reply, *reply);
+        if (const auto text = dynamic.decode(method.reply, *reply)) {
+          answer = foxglove::strict_json(*text);
+        }
       } else if (const auto table = dynamic.as_table(method.reply, *reply)) {
         answer.emplace(reinterpret_cast<const char*>(table->data()), table->size());
       }

@@ -260,8 +260,9 @@ TEST_F(HostileClients, ThatReadNothingLoseDataOnly) {
       deaf.back()->subscribe(topic);
   }
   // They answer no ping, so that at last nobody serves them.
-  static_cast<void>(
-      watcher->await_state([](const Json& state) { return state["clients"]["count"] == 1; }));
+  const Json state =
+      watcher->await_state([](const Json& one) { return one["clients"]["count"] == 1; });
+  EXPECT_EQ(device_in(state, "lab/arm0").value("ok", false), true);
 }
 
 TEST_F(HostileClients, ThatVanishAreForgotten) {

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "foxglove/base64.hpp"
+#include "foxglove/strict_json.hpp"
 
 namespace rtpm::console::foxglove {
 namespace {
@@ -76,6 +77,15 @@ TEST(TextReplies, OfServicesHaveBothPayloads) {
   const json told = json::parse(advertise_services(services));
   EXPECT_EQ(told["services"][0]["request"]["schemaName"], "a.B");
   EXPECT_EQ(told["services"][0]["response"]["encoding"], "json");
+}
+
+TEST(StrictJson, HasNullForWhatIsNoNumber) {
+  EXPECT_EQ(strict_json(R"({"low": -inf,"high": inf,"x": [nan,-nan,1e-5,-3.5],"ok": true})"),
+            R"({"low": null,"high": null,"x": [null,null,1e-5,-3.5],"ok": true})");
+  EXPECT_EQ(strict_json(R"({"a inf": "nan \" inf \\","b":null})"),
+            R"({"a inf": "nan \" inf \\","b":null})");
+  EXPECT_EQ(strict_json(""), "");
+  EXPECT_EQ(strict_json("\"\\"), "\"\\");
 }
 
 TEST(TextReplies, AreJsonWhateverBytesTheyTell) {
