@@ -30,7 +30,7 @@ TEST_F(Consoles, IntroduceThemselvesAndTheSystem) {
 
   client->subscribe("console/state");
   const Json state = client->await_state([](const Json& one) {
-    return device_in(one, "lab/arm0").value("ok", false) && one["hub"]["ok"] == true &&
+    return is_live(one, "lab/arm0") && one["hub"]["ok"] == true &&
            device_in(one, "lab/arm0")["sample_per_s"].get<double>() > 0;
   });
   EXPECT_EQ(state["registry"]["ok"], true);
@@ -205,8 +205,8 @@ TEST_F(Consoles, LetThoseWithoutTheTokenOnlyLook) {
       is_told = is_told || status["message"].get<std::string>().starts_with("read-only");
     EXPECT_TRUE(is_told);
     observer.subscribe("console/state");
-    const Json state = observer.await_state(
-        [](const Json& one) { return device_in(one, "lab/arm0").value("ok", false); });
+    const Json state =
+        observer.await_state([](const Json& one) { return is_live(one, "lab/arm0"); });
     EXPECT_EQ(device_in(state, "lab/arm0")["is_stopped"], false);
   }
 }
@@ -328,9 +328,8 @@ TEST_F(Consoles, FindDevicesThatCameBackAndTellThoseThatAreGone) {
       client->await_state([](const Json& state) { return state["hub"]["ok"] == false; }));
   devices_ = start_devices();
   ASSERT_TRUE(devices_);
-  static_cast<void>(client->await_state([](const Json& state) {
-    return device_in(state, "lab/arm0").value("ok", false) && state["hub"]["ok"] == true;
-  }));
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return is_live(state, "lab/arm0") && state["hub"]["ok"] == true; }));
   ASSERT_TRUE(client->await_channel("lab/arm0/sample"));
 }
 
@@ -341,7 +340,7 @@ TEST_F(Consoles, StayUpWithoutARegistry) {
       client->await_state([](const Json& one) { return one["registry"]["ok"] == false; });
   EXPECT_FALSE(state["registry"]["problem"].get<std::string>().empty());
   // Its sessions with devices last.
-  EXPECT_EQ(device_in(state, "lab/arm0").value("ok", false), true);
+  EXPECT_EQ(is_live(state, "lab/arm0"), true);
   const auto lonely = start_console({"--port", "0", "--registry", "rtpm://127.0.0.1:9/rtpm/names"});
   ASSERT_TRUE(lonely);
   ConsoleClient early(lonely->port, lonely->target);
@@ -367,8 +366,8 @@ TEST_F(Consoles, AnswerWhileADeviceServerIsStopped) {
   }));
   EXPECT_EQ(client->call("console/recordings", Json::object())["files"], Json::array());
   devices_->process.send_signal(SIGCONT);
-  static_cast<void>(client->await_state(
-      [](const Json& state) { return device_in(state, "lab/arm0").value("ok", false); }));
+  static_cast<void>(
+      client->await_state([](const Json& state) { return is_live(state, "lab/arm0"); }));
 }
 
 TEST_F(Consoles, EndInOrder) {

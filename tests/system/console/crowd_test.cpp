@@ -39,6 +39,7 @@ struct Counters {
 
 class Crowds : public ConsoleSystem {
  protected:
+  Crowds() { realtime_ = "prefer"; }
   [[nodiscard]] Counters run_servo() const {
     const auto end = test::run({path_of("rtpm-servo"), "--registry", registry_->url, "--live",
                                 "off", "--seconds", std::to_string(seconds_of_run())},
@@ -123,6 +124,10 @@ TEST_F(Crowds, DoNotDisturbAForceLoop) {
               static_cast<unsigned long long>(crowded.cycle_count),
               static_cast<unsigned long long>(crowded.missed_count),
               static_cast<unsigned long long>(crowded.failed_count));
+  if (alone.failed_count > 0) {
+    GTEST_SKIP() << "this machine is too busy: without a console, " << alone.failed_count
+                 << " calls fail already";
+  }
   EXPECT_EQ(crowded.failed_count, 0U);
   EXPECT_LE(static_cast<double>(crowded.missed_count),
             kMissedFactor * static_cast<double>(alone.missed_count) +

@@ -220,7 +220,7 @@ void ConsoleSystem::SetUp() {
   folder_ = testing::TempDir() + "rtpm_console_" + std::to_string(::getpid());
   std::filesystem::create_directories(folder_ + "/page");
   std::filesystem::create_directories(folder_ + "/recordings");
-  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", "off"});
+  registry_ = start_daemon("rtpm-registryd", {"--port", "0", "--realtime", realtime_});
   ASSERT_TRUE(registry_);
   devices_ = start_devices();
   ASSERT_TRUE(devices_);
@@ -242,7 +242,7 @@ std::vector<std::string> ConsoleSystem::console_arguments() const {
 
 std::optional<Daemon> ConsoleSystem::start_devices(std::uint16_t port) const {
   return start_daemon("rtpm-deviced", {"--port", std::to_string(port), "--registry", registry_->url,
-                                       "--realtime", "off", "--serve-events"});
+                                       "--realtime", realtime_, "--serve-events"});
 }
 
 std::unique_ptr<ConsoleClient> ConsoleSystem::connect() const {
@@ -252,8 +252,8 @@ std::unique_ptr<ConsoleClient> ConsoleSystem::connect() const {
 std::unique_ptr<ConsoleClient> ConsoleSystem::connect_to_arm() const {
   auto client = connect();
   client->subscribe("console/state");
-  static_cast<void>(client->await_state(
-      [](const Json& state) { return device_in(state, "lab/arm0").value("ok", false); }));
+  static_cast<void>(
+      client->await_state([](const Json& state) { return is_live(state, "lab/arm0"); }));
   return client;
 }
 
@@ -267,6 +267,11 @@ Json device_in(const Json& state, const std::string& name) {
     if (device["name"] == name) return device;
   }
   return {};
+}
+
+bool is_live(const Json& state, const std::string& name) {
+  const Json device = device_in(state, name);
+  return device.is_object() && device.value("ok", false);
 }
 
 }  // namespace rtpm::system_test

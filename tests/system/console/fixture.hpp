@@ -108,6 +108,7 @@ class ConsoleSystem : public testing::Test {
   [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const;
 
   std::string folder_{};
+  std::string realtime_ = "off";  ///< Of the daemons.
   std::optional<Daemon> registry_{};
   std::optional<Daemon> devices_{};
   std::optional<ConsoleProcess> console_{};
@@ -115,5 +116,7 @@ class ConsoleSystem : public testing::Test {
 
 /// The device of this name in a State; null: it is not there.
 [[nodiscard]] Json device_in(const Json& state, const std::string& name);
+/// Whether it is there and `ok`.
+[[nodiscard]] bool is_live(const Json& state, const std::string& name);
 
 }  // namespace rtpm::system_test

@@ -41,8 +41,7 @@ TEST_F(ServedWalls, AreParametersOfTheToolAndOfThePage) {
                       {"lab/servo", "950", "buzz", "800"});
 
   client->subscribe("console/state");
-  const Json state = client->await_state(
-      [](const Json& one) { return device_in(one, "lab/arm0").value("ok", false); });
+  const Json state = client->await_state([](const Json& one) { return is_live(one, "lab/arm0"); });
   EXPECT_TRUE(device_in(state, "lab/servo").is_null());
   EXPECT_EQ(device_in(state, "lab/arm0")["lease"]["state"], "held");
 }
