@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "graph/connection_graph.hpp"
-#include "live/hub_report.hpp"
 #include "live/state_json.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "work/wall_time.hpp"
@@ -89,57 +88,48 @@ expected<void, SetupError> Console::start(
   if (auto started = urgent_.start({.name = "console-stop", .thread_count = 4}); !started) {
     return started;
   }
-  auto lanes = std::make_shared<LaneWatch>();
-  auto objects = std::make_shared<ObjectWatch>(node_, configuration_.registry);
-  const auto start_thread = [](PeriodicThread& thread, const char* name, Duration period,
-                               std::function<void()> work) {
-    return thread.start(name, period, std::move(work));
-  };
-  if (auto started = start_thread(
-          lane_thread_, "console-lanes", kLaneInterval,
-          [this, lanes] { post_([this, servers = lanes->look()] { servers_ = servers; }); });
-      !started) {
-    return started;
-  }
-  if (auto started = start_thread(
-          object_thread_, "console-names", kObjectInterval,
-          [this, objects] { post_([this, view = objects->look()] { take_objects(view); }); });
-      !started) {
-    return started;
-  }
-  if (auto started =
-          start_thread(probe_thread_, "console-probe", kProbeInterval,
-                       [this] {
-                         for (DeviceProbe& probe : device_watch_.look()) {
-                           post_([this, probe = std::move(probe)] { take_probe(probe); });
-                         }
-                       });
-      !started) {
-    return started;
-  }
-  if (auto started = start_thread(hub_thread_, "console-hub", kHubInterval,
-                                  [this] {
-                                    hub_.look();
-                                    records_.care();
-                                  });
-      !started) {
-    return started;
-  }
-  auto report = std::make_shared<HubReport>(node_, configuration_.registry, configuration_.events);
-  if (auto started = start_thread(report_thread_, "console-report", kReportInterval,
-                                  [this, report] {
-                                    post_([this, view = report->look()] {
-                                      hub_view_ = {view.consumer_count, view.event_per_s};
-                                    });
-                                  });
-      !started) {
-    return started;
-  }
+  if (auto started = start_threads(); !started) return started;
   every(kStateInterval, [this] { publish_state(); });
   every(kLatencyInterval, [this] { publish_latency(); });
   every(kLatencyInterval, [this] { publish_graph(); });
   every(kRenewInterval, [this] { desk_.renew(); });
   every(kParameterInterval, [this] { parameters_.poll(); });
+  return {};
+}
+
+expected<void, SetupError> Console::start_threads() {
+  const auto lanes = std::make_shared<LaneWatch>();
+  const auto objects = std::make_shared<ObjectWatch>(node_, configuration_.registry);
+  const auto report =
+      std::make_shared<HubReport>(node_, configuration_.registry, configuration_.events);
+  struct Watch {
+    PeriodicThread& thread;
+    const char* name;
+    Duration period;
+    std::function<void()> work;
+  };
+  const std::array watches{
+      Watch{lane_thread_, "console-lanes", kLaneInterval,
+            [this, lanes] { post_([this, servers = lanes->look()] { servers_ = servers; }); }},
+      Watch{object_thread_, "console-names", kObjectInterval,
+            [this, objects] { post_([this, view = objects->look()] { take_objects(view); }); }},
+      Watch{probe_thread_, "console-probe", kProbeInterval,
+            [this] {
+              for (const DeviceProbe& probe : device_watch_.look())
+                post_([this, probe] { take_probe(probe); });
+            }},
+      Watch{hub_thread_, "console-hub", kHubInterval,
+            [this] {
+              hub_.look();
+              records_.care();
+            }},
+      Watch{report_thread_, "console-report", kReportInterval,
+            [this, report] { post_([this, view = report->look()] { hub_view_ = view; }); }}};
+  for (const Watch& watch : watches) {
+    if (auto started = watch.thread.start(watch.name, watch.period, watch.work); !started) {
+      return started;
+    }
+  }
   return {};
 }
 

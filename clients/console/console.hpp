@@ -12,6 +12,7 @@
 #include "configuration.hpp"
 #include "live/device_state.hpp"
 #include "live/device_watch.hpp"
+#include "live/hub_report.hpp"
 #include "live/hub_watch.hpp"
 #include "live/lane_watch.hpp"
 #include "live/object_watch.hpp"
@@ -50,10 +51,7 @@ class Console final : public ConnectionHandler {
   void on_close(Connection& connection) override;
 
  private:
-  struct HubView {
-    std::uint64_t consumer_count = 0;
-    double event_per_s = 0;
-  };
+  [[nodiscard]] expected<void, SetupError> start_threads();
   void take_text(std::uint64_t id, foxglove::TextRequest request);
   void take_garbage(std::uint64_t id, const std::string& why);
   void take_objects(const ObjectsView& view);
@@ -61,7 +59,6 @@ class Console final : public ConnectionHandler {
   void take_probe(const DeviceProbe& probe);
   void add_log_filter();
   void set_log(const PendingCall& call, const nlohmann::json& request);
-  void look_at_hub();
   void publish_state();
   void publish_latency();
   void publish_graph();
@@ -88,7 +85,7 @@ class Console final : public ConnectionHandler {
   std::set<std::string> device_names_{};
   ObjectsView objects_{};
   Standing hub_standing_{};
-  HubView hub_view_{};
+  HubReportView hub_view_{};
   std::vector<ServerView> servers_{};
   foxglove::Graph graph_{};
   PeriodicThread lane_thread_{};

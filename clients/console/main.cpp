@@ -52,10 +52,16 @@ int serve(Configuration configuration) {
   const auto started = console.start([server](Duration period, std::function<void()> work) {
     server->every(period, std::move(work));
   });
-  if (!started) return fail(started.error());
+  if (!started) {
+    console.stop();
+    return fail(started.error());
+  }
   auto thread = rt::Thread::start({.name = "console-web", .realtime = rt::RealtimeMode::kOff},
                                   [server] { server->run(); });
-  if (!thread) return fail(thread.error());
+  if (!thread) {
+    console.stop();
+    return fail(thread.error());
+  }
   const std::string suffix = configuration.is_read_only ? "" : "?token=" + configuration.token;
   std::printf("serving %s%s\n", server->url().c_str(), suffix.c_str());
   std::fflush(stdout);

@@ -208,6 +208,33 @@ std::string loss_text(gvd::DeviceClient& device, gvd::DeviceError loss) {
   return text;
 }
 
+/// Serves the wall's parameters, if so configured.
+expected<std::unique_ptr<ServedWall>, SetupError> serve_wall(rpc::Node& node,
+                                                             const Configuration& configuration,
+                                                             const gvd::DeviceClient& device,
+                                                             const Wall& wall, Loop& loop,
+                                                             LocalWall& local_wall) {
+  if (!configuration.is_serving()) return std::unique_ptr<ServedWall>{};
+  return ServedWall::create(
+      node, configuration, device.descriptor(), wall,
+      [&](const Wall& changed) { return change_wall(loop, local_wall, changed); });
+}
+
+LoopConfig loop_config(const Configuration& configuration, const Wall& wall) {
+  LoopConfig config;
+  config.wall = wall;
+  config.is_local = configuration.is_local();
+  config.delay = configuration.delay;
+  config.period = configuration.period();
+  config.duration =
+      std::chrono::duration_cast<Duration>(std::chrono::duration<double>(configuration.seconds));
+  config.deadline = configuration.deadline;
+  config.patience = configuration.patience;
+  config.thread.priority = configuration.priority;
+  config.thread.realtime = configuration.realtime;
+  return config;
+}
+
 int serve(const Configuration& configuration) {
   const options::StopSignal stop;
   if (auto locked = rt::lock_memory(configuration.realtime); !locked) {
@@ -231,17 +258,7 @@ int serve(const Configuration& configuration) {
     attended.touches = std::move(*touches);
   }
 
-  LoopConfig config;
-  config.wall = *wall;
-  config.is_local = configuration.is_local();
-  config.delay = configuration.delay;
-  config.period = configuration.period();
-  config.duration =
-      std::chrono::duration_cast<Duration>(std::chrono::duration<double>(configuration.seconds));
-  config.deadline = configuration.deadline;
-  config.patience = configuration.patience;
-  config.thread.priority = configuration.priority;
-  config.thread.realtime = configuration.realtime;
+  const LoopConfig config = loop_config(configuration, *wall);
   const auto loop = std::make_unique<Loop>(*device, config);
   std::printf("%s at %s: a %s %s of %.0f N/m and %.2g N s/m, at %.0f Hz\n",
               printable(configuration.device).c_str(), printable(device->url()).c_str(),
@@ -257,20 +274,14 @@ int serve(const Configuration& configuration) {
     }
   }
   if (auto started = loop->start(); !started) return fail(kSetUpFailed, started.error().text());
-  std::unique_ptr<ServedWall> served;
-  if (configuration.is_serving()) {
-    auto created = ServedWall::create(
-        node, configuration, device->descriptor(), *wall,
-        [&](const Wall& changed) { return change_wall(*loop, local_wall, changed); });
-    if (!created) {
-      loop->stop();
-      loop->join();
-      return fail(kSetUpFailed, created.error().text());
-    }
-    served = std::move(*created);
+  auto served = serve_wall(node, configuration, *device, *wall, *loop, local_wall);
+  if (!served) {
+    loop->stop();
+    loop->join();
+    return fail(kSetUpFailed, served.error().text());
   }
   const auto wall_loss = watch(*loop, attended, stop, configuration.live);
-  served.reset();
+  served->reset();
   loop->join();
   std::printf("\n%s%s", table_text(loop->statistics()).c_str(),
               feel_text(loop->statistics().feel, config).c_str());
