@@ -12,6 +12,7 @@
 #include "devices/commands.hpp"
 #include "events/commands.hpp"
 #include "host/commands.hpp"
+#include "laboratory/commands.hpp"
 #include "objects/commands.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/options/suggestion.hpp"
@@ -128,6 +129,9 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_lanes(*program, context);
   add_top(*program, context);
   add_doctor(*program, context);
+  add_up(*program, context);
+  add_down(*program, context);
+  add_demo(*program, context);
   add_version(*program, context);
   add_completion(*program, context);
   add_manual(*program, context);

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <optional>
+
+#include "cli/context.hpp"
+#include "laboratory/plan.hpp"
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::tool {
+
+struct BringUpOptions {
+  bool is_detached = false;  ///< Returns when everything serves.
+  std::optional<Duration> time{};
+};
+
+/// Brings a laboratory up, shows it, and ends it when it is asked to, or when all its main programs
+/// have ended.
+/// @threads  before any other thread starts
+/// @return the exit code
+[[nodiscard]] int bring_up(Context& context, const laboratory::Plan& plan,
+                           const BringUpOptions& options);
+
+/// Tells every mistake of a laboratory's file. @return the exit code
+[[nodiscard]] int refuse_file(const Context& context, const std::vector<SetupError>& errors);
+
+}  // namespace rtpm::tool

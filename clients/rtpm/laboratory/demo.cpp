@@ -1,0 +1,69 @@
+#include <unistd.h>
+
+#include <filesystem>
+#include <string>
+#include <system_error>
+
+#include "cli/command.hpp"
+#include "cli/output.hpp"
+#include "laboratory/bring_up.hpp"
+#include "laboratory/commands.hpp"
+#include "laboratory/file.hpp"
+
+namespace rtpm::tool {
+namespace {
+
+constexpr const char* kFile = "demo.toml";
+
+struct DemoRequest {
+  int seconds = 10;
+  std::string hand{};
+};
+
+int demo(Context& context, const DemoRequest& request) {
+  laboratory::FileContext file{.folders = laboratory::ProgramFolders::of_this_process()};
+  const std::string path = laboratory::shipped_file(file.folders, kFile);
+  if (path.empty()) {
+    return context.fail({"the demo is not installed",
+                         "there is no " + file.folders.own + "/../share/rtpm/" + kFile,
+                         "install RTPM's programs again"});
+  }
+  file.variables["seconds"] = std::to_string(request.seconds);
+  if (!request.hand.empty()) {
+    std::error_code error;
+    file.variables["hand"] = std::filesystem::absolute(request.hand, error).string();
+  }
+  if (is_terminal() && !context.json) file.variables["live"] = "rewrite";
+  const auto plan = laboratory::read_plan(path, file);
+  if (!plan) return refuse_file(context, plan.error());
+  return bring_up(context, *plan, {});
+}
+
+}  // namespace
+
+void add_demo(CLI::App& program, Context& context) {
+  const auto request = std::make_shared<DemoRequest>();
+  CLI::App& command = add_command(
+      program, context, "demo", "Show four simulated devices and a 1 kHz force loop",
+      "  rtpm demo --seconds 20\n"
+      "Brings up share/rtpm/demo.toml: a registry, a server with an arm, a gaze tracker, a\n"
+      "biometric sensor and a knob, a force loop that lets the arm touch a virtual wall, and a\n"
+      "display of their events. At the end comes what the loop's calls and cycles took.\n",
+      [request](Context& c) { return demo(c, *request); });
+  command.add_option("--seconds", request->seconds, "How long")
+      ->check(CLI::Range(1, 99'999))
+      ->capture_default_str()
+      ->type_name("N");
+  const auto check = [](const std::string& path) {
+    return ::access(path.c_str(), R_OK) == 0
+               ? std::string()
+               : "'" + path +
+                     "' of --hand is no readable file; it takes a CSV file of "
+                     "t_s,x_m,y_m,z_m";
+  };
+  command.add_option("--hand", request->hand, "A recorded hand: CSV of t_s,x_m,y_m,z_m")
+      ->check(CLI::Validator(check, ""))
+      ->type_name("FILE");
+}
+
+}  // namespace rtpm::tool

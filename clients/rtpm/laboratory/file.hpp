@@ -1,0 +1,40 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "laboratory/document.hpp"
+#include "laboratory/plan.hpp"
+#include "laboratory/program_path.hpp"
+#include "rtpm/base/setup_error.hpp"
+
+namespace rtpm::laboratory {
+
+inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
+inline constexpr std::size_t kProgramCountMax = 64;
+
+/// What a laboratory's file refers to besides itself.
+struct FileContext {
+  ProgramFolders folders{};
+  std::map<std::string, std::string> variables{};  ///< In place of those in the file.
+};
+
+/// Reads the laboratory in the text of the file at `path`, whose folder relative paths refer to.
+/// @errors   every mistake, in the order of the file
+/// @realtime set-up only
+[[nodiscard]] expected<Plan, std::vector<Mistake>> parse_plan(std::string_view text,
+                                                              const std::string& path,
+                                                              const FileContext& context);
+
+/// As parse_plan(), of a file.
+/// @errors   "cell.toml:3:8: …", one for each mistake; the file can't be read
+[[nodiscard]] expected<Plan, std::vector<SetupError>> read_plan(const std::string& path,
+                                                                const FileContext& context);
+
+/// Whether a laboratory or a program may be called so: letters, digits, '-', '_' and '.'; a letter
+/// or digit first; at most 32.
+[[nodiscard]] bool is_name(std::string_view name);
+
+}  // namespace rtpm::laboratory

@@ -1,0 +1,106 @@
+#include "laboratory/plan.hpp"
+
+#include <algorithm>
+
+namespace rtpm::laboratory {
+namespace {
+
+/// The programs of a cycle, found by walking from one that can't start to one that it waits for.
+std::vector<std::size_t> cycle_among(const std::vector<ProgramPlan>& programs,
+                                     const std::vector<bool>& is_placed) {
+  std::vector<std::size_t> path;
+  auto at = static_cast<std::size_t>(std::ranges::find(is_placed, false) - is_placed.begin());
+  for (;;) {
+    const auto seen = std::ranges::find(path, at);
+    if (seen != path.end()) return {seen, path.end()};
+    path.push_back(at);
+    for (const std::size_t other : programs[at].after) {
+      if (is_placed[other]) continue;
+      at = other;
+      break;
+    }
+  }
+}
+
+}  // namespace
+
+Text::Text(std::string literal) {
+  append(std::move(literal));
+}
+
+void Text::append(std::string literal) {
+  if (!literal.empty()) pieces_.push_back({.literal = std::move(literal)});
+}
+
+void Text::append_url_of(std::size_t program) {
+  pieces_.push_back({.url_of = program});
+}
+
+std::vector<std::size_t> Text::programs() const {
+  std::vector<std::size_t> programs;
+  for (const Piece& piece : pieces_) {
+    if (piece.url_of) programs.push_back(*piece.url_of);
+  }
+  return programs;
+}
+
+std::string Text::resolved(const std::vector<std::string>& urls) const {
+  std::string text;
+  for (const Piece& piece : pieces_)
+    text += piece.url_of ? urls[*piece.url_of] : piece.literal;
+  return text;
+}
+
+bool Plan::has_terminal() const {
+  return std::ranges::any_of(
+      programs, [](const ProgramPlan& program) { return program.output == Output::kTerminal; });
+}
+
+Duration Plan::stop_patience() const {
+  Duration whole = std::chrono::seconds{1};
+  for (const ProgramPlan& program : programs)
+    whole += program.stop_patience;
+  return whole;
+}
+
+std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
+                                     std::vector<std::size_t>& cycle) {
+  std::vector<std::size_t> order;
+  std::vector<bool> is_placed(programs.size());
+  while (order.size() < programs.size()) {
+    const auto can_start = [&](std::size_t i) {
+      return !is_placed[i] && std::ranges::all_of(programs[i].after, [&](std::size_t other) {
+        return is_placed[other];
+      });
+    };
+    std::size_t next = 0;
+    while (next < programs.size() && !can_start(next))
+      ++next;
+    if (next == programs.size()) {
+      cycle = cycle_among(programs, is_placed);
+      return {};
+    }
+    is_placed[next] = true;
+    order.push_back(next);
+  }
+  return order;
+}
+
+bool comes_after(const std::vector<ProgramPlan>& programs, std::size_t program, std::size_t other) {
+  std::vector<bool> is_seen(programs.size());
+  std::vector<std::size_t> open{program};
+  while (!open.empty()) {
+    const std::size_t at = open.back();
+    open.pop_back();
+    if (at == other && at != program) return true;
+    if (is_seen[at]) continue;
+    is_seen[at] = true;
+    for (const std::size_t before : programs[at].after) {
+      if (before == other) return true;
+      open.push_back(before);
+    }
+  }
+  return false;
+}
+
+}  // namespace rtpm::laboratory

@@ -1,0 +1,107 @@
+#pragma once
+
+#include <chrono>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::laboratory {
+
+/// Text with parts that are known only when another program serves: "--registry=${registry.url}".
+class Text {
+ public:
+  Text() = default;
+  explicit Text(std::string literal);
+
+  void append(std::string literal);
+  /// The URL of that program stands here.
+  void append_url_of(std::size_t program);
+
+  [[nodiscard]] std::vector<std::size_t> programs() const;
+  /// @param urls  of all programs, in the order of the file
+  [[nodiscard]] std::string resolved(const std::vector<std::string>& urls) const;
+
+ private:
+  struct Piece {
+    std::string literal{};
+    std::optional<std::size_t> url_of{};
+  };
+  std::vector<Piece> pieces_{};
+};
+
+/// When a program counts as serving.
+enum class Readiness : std::uint8_t {
+  kStart,  ///< At once.
+  kUrl,    ///< With the first line of standard output that has "rtpm://".
+  kLine,   ///< With the first line that has `ready_line`.
+  kNames,  ///< When all of `names` are bound at the registry.
+  kExit,   ///< When it has ended with exit code 0.
+};
+
+enum class Restart : std::uint8_t { kNever, kOnFailure, kAlways };
+
+/// What becomes of what a program prints.
+enum class Output : std::uint8_t {
+  kLines,     ///< Shown as it comes, behind the program's name.
+  kErrors,    ///< Likewise, but of standard error only.
+  kEnd,       ///< Shown when the laboratory has ended.
+  kTerminal,  ///< The program has the terminal.
+  kNone,
+};
+
+/// A program of a laboratory, as its file describes it.
+struct ProgramPlan {
+  std::string name{};
+  std::string path{};  ///< Of the executable.
+  std::vector<Text> command{};
+  std::vector<std::pair<std::string, Text>> environment{};
+  std::string folder{};
+  std::vector<std::size_t> after{};  ///< Programs that must serve before this one starts.
+  std::vector<std::size_t> uses{};   ///< Those of them whose URL it is given.
+  Readiness readiness = Readiness::kStart;
+  std::string ready_line{};
+  std::vector<std::string> names{};
+  bool has_url = false;  ///< Another program is given its URL, so it must print one.
+  Duration ready_deadline = std::chrono::seconds{10};
+  Restart restart = Restart::kNever;
+  std::size_t restart_limit = 5;  ///< Within `restart_window`; beyond it, the program has failed.
+  Duration restart_window = std::chrono::minutes{1};
+  Duration restart_delay = std::chrono::milliseconds{200};  ///< Doubles with each restart.
+  Duration restart_delay_max = std::chrono::seconds{10};
+  int stop_signal = 15;
+  Duration stop_patience = std::chrono::seconds{2};
+  Output output = Output::kLines;
+  bool is_main = false;    ///< The laboratory ends when all main programs have ended.
+  bool is_needed = false;  ///< The laboratory ends when this program has failed.
+};
+
+/// A laboratory: programs that run together on one host.
+struct Plan {
+  std::string name{};
+  std::string file{};
+  std::string log_folder{};  ///< Empty: no files.
+  std::optional<std::size_t> registry_program{};
+  std::string registry_url{};           ///< Without a program of that kind; empty: the caller's.
+  std::vector<ProgramPlan> programs{};  ///< In the order of the file.
+  std::vector<std::size_t> order{};     ///< Of start.
+
+  [[nodiscard]] bool has_terminal() const;
+  /// How long an orderly end takes at most.
+  [[nodiscard]] Duration stop_patience() const;
+};
+
+/// The order of start: each program behind those in its `after`, else as in the file.
+/// @return empty: `cycle` has the programs that wait for each other
+[[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
+                                                   std::vector<std::size_t>& cycle);
+
+/// Whether `program` starts only after `other`, directly or through others.
+[[nodiscard]] bool comes_after(const std::vector<ProgramPlan>& programs, std::size_t program,
+                               std::size_t other);
+
+}  // namespace rtpm::laboratory
