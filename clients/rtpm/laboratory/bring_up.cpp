@@ -99,6 +99,8 @@ int supervise(Context& context, const Plan& plan, const BringUpOptions& options,
   if (!supervisor) return context.fail(supervisor.error());
   const bool is_well = (*supervisor)->run();
   view.finish();
+  // The process above does so, unless it was killed.
+  if (laboratory::identity_of(::getppid()) != facts.supervisor) record.remove();
   if (is_well) return kDone;
   const std::string failed = view.failed_programs();
   return context.fail({"the laboratory '" + plan.name + "' failed",
