@@ -16,6 +16,7 @@ endif()
 
 if(RTPM_BUILD_PROGRAMS)
   rtpm_require(Eigen3 libeigen3-dev NO_MODULE)
+  rtpm_require(tomlplusplus libtomlplusplus-dev CONFIG)
 endif()
 rtpm_require(nlohmann_json nlohmann-json3-dev CONFIG)
 if(RTPM_BUILD_TESTS)

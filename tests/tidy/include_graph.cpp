@@ -109,6 +109,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(libevdev/.*|libudev\\.h)"), "libevdev and libudev", {"devices/"}},
       {std::regex("(gtest|gmock)/.*"), "GoogleTest", {}},
       {std::regex("CLI/.*"), "CLI11", {"clients/rtpm/"}},
+      {std::regex("toml.*"), "toml++", {"clients/rtpm/laboratory/"}},
       {std::regex("n?curses.*"), "ncurses", {"clients/rtpm/host/"}},
       {std::regex("boost/.*"), "Boost", {"clients/console/web/"}},
       // options has the signals and the configuration file that every program shares; driver_host

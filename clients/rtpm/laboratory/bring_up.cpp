@@ -15,6 +15,7 @@
 #include "laboratory/process.hpp"
 #include "laboratory/state_folder.hpp"
 #include "laboratory/view.hpp"
+#include "rtpm/options/duration.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -80,27 +81,31 @@ class RecordingView final : public LaboratoryView {
 };
 
 /// What the supervising process does.
-int supervise(Context& context, const Plan& plan, const BringUpOptions& options,
-              const Record& record, const std::string& log_path, int lifeline, Handle report) {
+int supervise(Context& context, const Plan& plan, const BringUpOptions& how, const Record& record,
+              const std::string& log_path, int lifeline, Handle report) {
   RunningLaboratory facts{
       .name = plan.name,
       .file = plan.file,
       .supervisor = laboratory::identity_of(::getppid()).value_or(laboratory::ProcessIdentity{}),
       .stop_patience = plan.stop_patience()};
   record.write(facts);
-  const bool is_quiet = plan.has_terminal() && !options.is_detached;
+  const bool is_quiet = plan.has_terminal() && !how.is_detached;
   RecordingView view(plan, context.json, is_quiet, record, facts, log_path, std::move(report));
   const auto supervisor =
       laboratory::Supervisor::create(plan, view,
                                      {.registry_url = context.registry,
-                                      .has_terminal = !options.is_detached && !context.json,
+                                      .has_terminal = !how.is_detached && !context.json,
                                       .lifeline = lifeline,
-                                      .time = options.time});
+                                      .time = how.time});
   if (!supervisor) return context.fail(supervisor.error());
   const bool is_well = (*supervisor)->run();
   view.finish();
   // The process above does so, unless it was killed.
   if (laboratory::identity_of(::getppid()) != facts.supervisor) record.remove();
+  if (how.must_end_before && (*supervisor)->has_run_out_of_time()) {
+    return context.fail("the laboratory '" + plan.name + "' has not ended by itself within " +
+                        options::duration_text(*how.time));
+  }
   if (is_well) return kDone;
   const std::string failed = view.failed_programs();
   return context.fail({"the laboratory '" + plan.name + "' failed",

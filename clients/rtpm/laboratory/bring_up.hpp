@@ -9,8 +9,9 @@
 namespace rtpm::tool {
 
 struct BringUpOptions {
-  bool is_detached = false;  ///< Returns when everything serves.
-  std::optional<Duration> time{};
+  bool is_detached = false;        ///< Returns when everything serves.
+  std::optional<Duration> time{};  ///< After it, the laboratory ends.
+  bool must_end_before = false;    ///< Else it has failed then.
 };
 
 /// Brings a laboratory up, shows it, and ends it when it is asked to, or when all its main programs

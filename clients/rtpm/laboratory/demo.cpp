@@ -14,6 +14,8 @@ namespace rtpm::tool {
 namespace {
 
 constexpr const char* kFile = "demo.toml";
+/// Besides the time that the programs are given.
+constexpr Duration kStartAndEndTime = std::chrono::seconds{15};
 
 struct DemoRequest {
   int seconds = 10;
@@ -36,7 +38,9 @@ int demo(Context& context, const DemoRequest& request) {
   if (is_terminal() && !context.json) file.variables["live"] = "rewrite";
   const auto plan = laboratory::read_plan(path, file);
   if (!plan) return refuse_file(context, plan.error());
-  return bring_up(context, *plan, {});
+  return bring_up(
+      context, *plan,
+      {.time = std::chrono::seconds{request.seconds} + kStartAndEndTime, .must_end_before = true});
 }
 
 }  // namespace

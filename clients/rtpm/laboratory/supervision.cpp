@@ -97,8 +97,11 @@ MonotonicTime Supervision::next() const {
 std::vector<Supervision::Action> Supervision::due(MonotonicTime now) {
   // One program's end may let another go on, so until nothing happens any more.
   std::vector<Action> actions = std::exchange(pending_, {});
-  for (std::size_t count = SIZE_MAX; count != actions.size() + changes_.size();) {
-    count = actions.size() + changes_.size();
+  const auto count_events = [&] {
+    return actions.size() + changes_.size() + std::size_t{is_stopping_};
+  };
+  for (std::size_t count = SIZE_MAX; count != count_events();) {
+    count = count_events();
     advance(now, actions);
     settle(now);
   }

@@ -77,6 +77,7 @@ bool Supervisor::run() {
     const MonotonicTime now = rt::now();
     if (now >= end_) {
       end_ = kNever;
+      has_run_out_of_time_ = !supervision_.is_stopping();
       request_stop("its time is over");
     }
     act(now);

@@ -57,6 +57,8 @@ class Supervisor {
   /// Until the laboratory has ended. No process that it started is left then.
   /// @return whether nothing failed
   [[nodiscard]] bool run();
+  /// Whether it was ended because its time was over.
+  [[nodiscard]] bool has_run_out_of_time() const noexcept { return has_run_out_of_time_; }
 
  private:
   Supervisor(const Plan& plan, Observer& observer, const SupervisorOptions& options);
@@ -88,6 +90,7 @@ class Supervisor {
   MonotonicTime end_ = kNever;
   std::optional<MonotonicTime> stop_time_{};
   bool was_up_ = false;
+  bool has_run_out_of_time_ = false;
 };
 
 }  // namespace rtpm::laboratory
