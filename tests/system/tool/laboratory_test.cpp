@@ -1,0 +1,394 @@
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <string>
+#include <vector>
+
+#include "programs.hpp"
+
+// `rtpm up`, `down` and `demo`: real programs that start, die, come back and end together.
+namespace rtpm::system_test {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::json;
+using Clock = std::chrono::steady_clock;
+
+constexpr const char* kDaemons = R"(
+[laboratory]
+environment = {RTPM_REALTIME = "off"}
+[[program]]
+name = "registry"
+run = ["rtpm-registryd", "--port", "0"]
+[[program]]
+name = "devices"
+run = ["rtpm-deviced", "--port", "0", "--devices", "arm0"]
+serves = ["lab/arm0"]
+restart = "on-failure"
+)";
+
+class Up : public testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = fs::path(testing::TempDir()) / ("rtpm-up-" + std::to_string(::getpid()));
+    fs::remove_all(folder_);
+    fs::create_directories(folder_ / "run");
+    ::setenv("XDG_RUNTIME_DIR", (folder_ / "run").c_str(), 1);
+    // Inherited by all that a test starts, wherever it goes.
+    mark_ = "LABORATORY_TEST_MARK=" + folder_.string() + "/" +
+            std::to_string(Clock::now().time_since_epoch().count());
+    ::setenv("LABORATORY_TEST_MARK", mark_.substr(mark_.find('=') + 1).c_str(), 1);
+  }
+  void TearDown() override {
+    EXPECT_TRUE(waits_until([&] { return processes().empty(); })) << "a process is left";
+    for (const pid_t process : processes())
+      ::kill(process, SIGKILL);
+    ::unsetenv("LABORATORY_TEST_MARK");
+    ::unsetenv("XDG_RUNTIME_DIR");
+    fs::remove_all(folder_);
+  }
+
+  std::string file(const std::string& text, const std::string& name = "cell.toml") const {
+    std::ofstream(folder_ / name) << text;
+    return (folder_ / name).string();
+  }
+  static test::Process start(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), path_of("rtpm"));
+    return test::Process(arguments);
+  }
+  /// Brings it up and waits for that.
+  test::Process start_up(const std::string& text, const std::string& name = "cell.toml") const {
+    test::Process up = start({"up", file(text, name), "--json"});
+    EXPECT_TRUE(up.wait_for_output("\"event\":\"up\"", kPatience)) << up.output() << up.errors();
+    return up;
+  }
+  template <class Condition>
+  static bool waits_until(Condition condition) {
+    for (const auto end = Clock::now() + kPatience; Clock::now() < end; ::usleep(10'000)) {
+      if (condition()) return true;
+    }
+    return condition();
+  }
+  /// All that this test has started and that has not ended, this process aside.
+  [[nodiscard]] std::vector<pid_t> processes() const {
+    std::vector<pid_t> found;
+    for (const auto& entry : fs::directory_iterator("/proc")) {
+      const std::string name = entry.path().filename();
+      if (name.find_first_not_of("0123456789") != std::string::npos) continue;
+      std::ifstream environment(entry.path() / "environ");
+      const std::string text{std::istreambuf_iterator<char>(environment),
+                             std::istreambuf_iterator<char>()};
+      const pid_t process = std::stoi(name);
+      if (text.find(mark_) != std::string::npos && process != ::getpid()) found.push_back(process);
+    }
+    return found;
+  }
+  static std::vector<Json> events_in(const std::string& output) {
+    std::vector<Json> events;
+    std::istringstream lines(output);
+    for (std::string line; std::getline(lines, line);)
+      events.push_back(Json::parse(line, nullptr, false));
+    return events;
+  }
+  /// "registry serving", …, in their order.
+  static std::vector<std::string> states_in(const std::string& output,
+                                            const std::vector<std::string>& states) {
+    std::vector<std::string> found;
+    for (const Json& event : events_in(output)) {
+      if (!event.is_object() || event["event"] != "state") continue;
+      const std::string state = event["state"];
+      if (std::ranges::find(states, state) != states.end())
+        found.push_back(event["program"].get<std::string>() + " " + state);
+    }
+    return found;
+  }
+  /// Of the program's latest life.
+  static pid_t process_of(const std::string& output, const std::string& program) {
+    pid_t process = 0;
+    for (const Json& event : events_in(output)) {
+      if (event.is_object() && event.value("program", "") == program && event.contains("process"))
+        process = event["process"];
+    }
+    return process;
+  }
+  static pid_t child_of(pid_t parent) {
+    std::ifstream children("/proc/" + std::to_string(parent) + "/task/" + std::to_string(parent) +
+                           "/children");
+    pid_t child = 0;
+    children >> child;
+    return child;
+  }
+  [[nodiscard]] Json record() const {
+    std::ifstream record(folder_ / "run" / "rtpm" / "cell.laboratory");
+    return Json::parse(record, nullptr, false);
+  }
+
+  fs::path folder_;
+  std::string mark_;
+};
+
+TEST_F(Up, StartsInOrderAndEndsInReverseAtCtrlC) {
+  test::Process up = start_up(kDaemons);
+  up.send_signal(SIGINT);
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+  EXPECT_EQ(states_in(end->output, {"serving", "ended"}),
+            (std::vector<std::string>{"registry serving", "devices serving", "devices ended",
+                                      "registry ended"}))
+      << end->output;
+  EXPECT_EQ(end->errors, "");
+}
+
+TEST_F(Up, PrintsLinesWhereThereIsNoTerminal) {
+  const auto end = run_program("rtpm", {"up", file(kDaemons), "--for", "300ms"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  for (const char* words : {"registry | registry at rtpm://", "devices: serving at rtpm://",
+                            "cell is up", "its time is over", "registry: ended"})
+    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
+  EXPECT_EQ(end.output.find('\x1b'), std::string::npos);
+}
+
+TEST_F(Up, ShowsATableOnATerminal) {
+  const auto end =
+      test::run({"sh", "-c", "TERM=xterm script -qec \"$0 up $1 --for 500ms\" /dev/null",
+                 path_of("rtpm"), file(kDaemons)},
+                kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output;
+  for (const char* words : {"PROGRAM", "RESTARTS", "\x1b[32mserving", "registry | ", "ended"})
+    EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
+}
+
+TEST_F(Up, RestartsAProgramThatWasKilled) {
+  test::Process up = start_up(kDaemons);
+  ASSERT_EQ(::kill(process_of(up.output(), "devices"), SIGKILL), 0);
+  ASSERT_TRUE(up.wait_for_output("\"state\":\"pausing\"", kPatience));
+  ASSERT_TRUE(up.wait_for_output("\"restarts\":1", kPatience));
+  ASSERT_TRUE(waits_until([&] {
+    static_cast<void>(up.wait_for_output("nothing prints this", std::chrono::milliseconds{10}));
+    return states_in(up.output(), {"serving"}).size() == 3;
+  })) << up.output();
+  up.send_signal(SIGTERM);
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+}
+
+TEST_F(Up, FailsWhenTheLimitOfRestartsIsReached) {
+  const auto end = run_program("rtpm", {"up", file(R"(
+[[program]]
+name = "broken"
+run = ["sh", "-c", "echo why it fails; exit 3"]
+restart = "on-failure"
+restart_limit = 2
+restart_delay = "1ms"
+output = "none"
+)")});
+  expect_one_sentence(end, 1, {"'cell' failed", "broken", "exit code 3", "2 restarts within 1min"});
+  EXPECT_NE(end.output.find("broken | why it fails"), std::string::npos) << end.output;
+}
+
+TEST_F(Up, WaitsForNamesAtTheRegistry) {
+  // The one-shot behind sees the name, by the registry of its environment.
+  const auto end = run_program("rtpm", {"up", file(std::string(kDaemons) + R"(
+[[program]]
+name = "look"
+run = ["rtpm", "list"]
+one_shot = true
+main = true
+)")});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("look | lab/arm0"), std::string::npos) << end.output;
+}
+
+TEST_F(Up, FailsWithAProgramThatDoesNotServeInTime) {
+  const auto end = run_program("rtpm", {"up", file(std::string(kDaemons) + R"(
+[[program]]
+name = "late"
+run = ["sleep", "1000"]
+serves = ["lab/late"]
+ready_deadline = "300ms"
+)"),
+                                        "--json"});
+  expect_one_sentence(end, 1, {"late: it did not serve within 300ms"});
+  EXPECT_EQ(states_in(end.output, {"failed", "ended"}),
+            (std::vector<std::string>{"late failed", "devices ended", "registry ended"}));
+}
+
+/// A program with a grandchild in a session of its own, and one that ignores SIGTERM.
+constexpr const char* kStubborn = R"(
+[[program]]
+name = "stubborn"
+run = ["sh", "-c", "trap '' TERM; setsid sleep 1000 & sleep 1001 & echo ready; while :; do wait; done"]
+ready_line = "ready"
+stop_patience = "200ms"
+)";
+
+TEST_F(Up, LeavesNothingWhenItIsKilled) {
+  test::Process up = start_up(std::string(kDaemons) + kStubborn);
+  const pid_t guard = record()["pid"];
+  EXPECT_GE(processes().size(), 6u);
+  ASSERT_EQ(::kill(guard, SIGKILL), 0);
+  EXPECT_TRUE(waits_until([&] { return processes().empty(); }));
+}
+
+TEST_F(Up, LeavesNothingWhenItsSupervisorIsKilled) {
+  test::Process up = start_up(std::string(kDaemons) + kStubborn);
+  const pid_t supervisor = child_of(record()["pid"]);
+  ASSERT_GT(supervisor, 0);
+  ASSERT_EQ(::kill(supervisor, SIGKILL), 0);
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  expect_one_sentence(*end, 1, {"its supervisor was killed"});
+  EXPECT_TRUE(processes().empty());
+}
+
+TEST_F(Up, KillsWhatDoesNotEnd) {
+  test::Process up = start_up(kStubborn);
+  up.send_signal(SIGTERM);
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  expect_one_sentence(*end, 1, {"stubborn", "within 200ms of SIGTERM", "killed"});
+}
+
+TEST_F(Up, IsRefusedTwiceAndEndedFromElsewhere) {
+  test::Process up = start_up(kDaemons);
+  expect_one_sentence(run_program("rtpm", {"up", file(kDaemons)}), 1,
+                      {"'cell' is already up", "cell.toml", "`rtpm down cell`"});
+  const auto down = run_program("rtpm", {"down", "cell"});
+  EXPECT_EQ(down.exit_code, 0) << down.errors;
+  EXPECT_EQ(down.output, "cell has ended\n");
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0);
+}
+
+TEST_F(Up, LeavesTheTerminalWhenEverythingServes) {
+  const auto end = run_program("rtpm", {"up", file(kDaemons), "--detach"});
+  ASSERT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("`rtpm down cell` ends it"), std::string::npos) << end.output;
+  EXPECT_EQ(record()["programs"], (Json{"registry", "devices"}));
+  const auto down = run_program("rtpm", {"down", "--json"});
+  EXPECT_EQ(down.exit_code, 0) << down.errors;
+  EXPECT_EQ(Json::parse(down.output, nullptr, false)["ended"], true) << down.output;
+  EXPECT_TRUE(waits_until([&] { return processes().empty(); }));
+  std::ifstream log(folder_ / "run" / "rtpm" / "cell.log");
+  const std::string text{std::istreambuf_iterator<char>(log), std::istreambuf_iterator<char>()};
+  EXPECT_NE(text.find("devices: ended"), std::string::npos) << text;
+}
+
+TEST_F(Up, ThatFailsInTheBackgroundFailsInFront) {
+  const auto end = run_program(
+      "rtpm", {"up", file("[[program]]\nname = \"a\"\nrun = [\"false\"]\nserves = \"line\"\n"),
+               "--detach"});
+  expect_one_sentence(end, 1, {"a: exit code 1"});
+}
+
+TEST_F(Up, WritesALogForEachProgram) {
+  const auto end = run_program("rtpm", {"up", file(R"(
+[laboratory]
+logs = "logs"
+[[program]]
+name = "a"
+run = ["sh", "-c", "echo out; echo err >&2; printf end"]
+)")});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  std::ifstream log(folder_ / "logs" / "a.log");
+  std::vector<std::string> lines;
+  for (std::string line; std::getline(log, line);)
+    lines.push_back(line);
+  std::ranges::sort(lines);
+  EXPECT_EQ(lines, (std::vector<std::string>{"end", "err", "out"}));
+}
+
+TEST_F(Up, ChecksItsFile) {
+  const auto text = run_program("rtpm", {"up", file(kDaemons), "--check"});
+  EXPECT_EQ(text.exit_code, 0) << text.errors;
+  EXPECT_NE(text.output.find("devices   registry"), std::string::npos) << text.output;
+  const auto json = run_program("rtpm", {"up", file(kDaemons), "--check", "--json"});
+  const Json plan = Json::parse(json.output, nullptr, false);
+  EXPECT_EQ(plan["programs"][1]["after"], Json{"registry"}) << json.output;
+  const auto wrong = file("[[program]]\nname = \"a\"\nrun = [\"rtpm-devicd\"]\nrestrat = 1\n");
+  const auto end = run_program("rtpm", {"up", wrong, "--check"});
+  EXPECT_EQ(end.exit_code, 2);
+  EXPECT_EQ(test::line_count(end.errors), 2) << end.errors;
+  for (const std::string& words : {wrong + ":3:8: ", wrong + ":4:1: ", std::string("beside rtpm"),
+                                   std::string("did you mean 'restart'")})
+    EXPECT_NE(end.errors.find(words), std::string::npos) << words << " is not in\n" << end.errors;
+  expect_one_sentence(run_program("rtpm", {"up", "/nowhere.toml"}), 2,
+                      {"/nowhere.toml", "No such"});
+  expect_one_sentence(run_program("rtpm", {"up", file(kDaemons), "--set", "x"}), 2, {"NAME=VALUE"});
+}
+
+TEST_F(Up, ReplacesVariables) {
+  const auto end =
+      run_program("rtpm", {"up",
+                           file("[variables]\nword = \"no\"\n[[program]]\nname = \"a\"\n"
+                                "run = [\"echo\", \"${word}\"]\n"),
+                           "--set", "word=a=b"});
+  EXPECT_NE(end.output.find("a | a=b\n"), std::string::npos) << end.output;
+}
+
+TEST_F(Up, ReportsOutputInJsonWithoutControlCharacters) {
+  const std::string text = "[[program]]\nname = \"a\"\nrun = [\"printf\", '\\033[2Jx\\n']\n";
+  const auto json = run_program("rtpm", {"up", file(text), "--json"});
+  EXPECT_NE(json.output.find(R"("stream":"stdout","line":"\u001b[2Jx")"), std::string::npos)
+      << json.output;
+  const auto plain = run_program("rtpm", {"up", file(text)});
+  EXPECT_NE(plain.output.find("a | \\x1b[2Jx\n"), std::string::npos) << plain.output;
+}
+
+TEST_F(Up, DownOfNothingFailsInWords) {
+  expect_one_sentence(run_program("rtpm", {"down"}), 1, {"no laboratory", "is up on this host"});
+  expect_one_sentence(run_program("rtpm", {"down", "cell"}), 1, {"no laboratory 'cell'"});
+}
+
+TEST_F(Up, DownOfOneAmongSeveralNeedsAName) {
+  const std::string text = "[[program]]\nname = \"a\"\nrun = [\"sleep\", \"1000\"]\n";
+  test::Process first = start_up(text, "first.toml");
+  test::Process second = start_up(text, "second.toml");
+  const auto list = run_program("rtpm", {"down"});
+  expect_one_sentence(list, 2, {"several", "rtpm down first"});
+  for (const char* words : {"first.toml", "second.toml"})
+    EXPECT_NE(list.output.find(words), std::string::npos) << list.output;
+  expect_one_sentence(run_program("rtpm", {"down", "secnd"}), 1, {"did you mean 'second'"});
+  EXPECT_EQ(run_program("rtpm", {"down", "second"}).exit_code, 0);
+  EXPECT_EQ(run_program("rtpm", {"down"}).output, "first has ended\n");
+}
+
+TEST_F(Up, ShowsTheDemo) {
+  const auto end =
+      test::run({"env", "RTPM_REALTIME=off", path_of("rtpm"), "demo", "--seconds", "2"}, kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+  for (const char* words : {"lab/arm0", "lab/gaze0", "lab/biometric0", "lab/knob0", "samples shown",
+                            "latency in us", "one cycle of two calls"})
+    EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
+  EXPECT_LT(end->output.find("samples shown"), end->output.find("latency in us"));
+}
+
+TEST_F(Up, TakesARecordedHandForTheDemo) {
+  const auto hand = folder_ / "hand.csv";
+  std::ofstream(hand) << "t_s,x_m,y_m,z_m\n0,0,0,0\n1,0,0,0.01\n";
+  const auto end = test::run({"env", "RTPM_REALTIME=off", path_of("rtpm"), "demo", "--seconds", "1",
+                              "--hand", hand.string(), "--json"},
+                             kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+  for (const Json& event : events_in(end->output))
+    EXPECT_TRUE(event.is_object()) << end->output;
+  expect_one_sentence(run_program("rtpm", {"demo", "--hand", "/nowhere.csv"}), 2, {"/nowhere.csv"});
+  expect_one_sentence(run_program("rtpm", {"demo", "--seconds", "0"}), 2, {"--seconds"});
+}
+
+}  // namespace
+}  // namespace rtpm::system_test
