@@ -119,7 +119,7 @@ int guard(Context& context, const Plan& plan, const BringUpOptions& options,
         return supervise(context, plan, options, record, folder.log_path(plan.name), lifeline,
                          std::move(report));
       },
-      plan.stop_patience(), options.is_detached);
+      plan.longest_stop_patience(), options.is_detached);
   record.remove();
   if (!end) return context.fail(end.error());
   if (!end->was_killed) return end->exit_code;

@@ -157,8 +157,8 @@ class PlanReader {
   void read_program(std::size_t index, const Value& table) {
     if (table.kind != Value::Kind::kTable) return;
     ProgramPlan& program = plan_.programs[index];
-    TableReader reader(
-        table, program.name.empty() ? "a program" : "program '" + program.name + "'", mistakes_);
+    TableReader reader(table, program.name.empty() ? "a program" : "program '" + program.name + "'",
+                       mistakes_);
     static_cast<void>(reader.take("name"));
     std::string folder;
     if (const Value* const value = read_literal(reader, "folder", folder)) {

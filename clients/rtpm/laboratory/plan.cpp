@@ -63,6 +63,13 @@ Duration Plan::stop_patience() const {
   return whole;
 }
 
+Duration Plan::longest_stop_patience() const {
+  Duration longest{};
+  for (const ProgramPlan& program : programs)
+    longest = std::max(longest, program.stop_patience);
+  return longest;
+}
+
 std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,
                                      std::vector<std::size_t>& cycle) {
   std::vector<std::size_t> order;

@@ -91,8 +91,10 @@ struct Plan {
   std::vector<std::size_t> order{};     ///< Of start.
 
   [[nodiscard]] bool has_terminal() const;
-  /// How long an orderly end takes at most.
+  /// How long an orderly end takes at most, of all programs one after the other.
   [[nodiscard]] Duration stop_patience() const;
+  /// The longest patience with a program.
+  [[nodiscard]] Duration longest_stop_patience() const;
 };
 
 /// The order of start: each program behind those in its `after`, else as in the file.

@@ -88,7 +88,22 @@ void add_up(CLI::App& program, Context& context) {
       "Starts each program when those before it serve, restarts what fails as the file says, and\n"
       "ends all in reverse order with Ctrl-C; a second Ctrl-C kills them. No process is left, "
       "even\n"
-      "if rtpm is killed. clients/rtpm/README.md, \"Laboratories\", has the keys of the file.\n",
+      "if rtpm is killed. A file:\n\n"
+      "  [laboratory]                  # name, registry, logs, environment\n"
+      "  [[program]]                   # One for each, in order of start.\n"
+      "  name = \"registry\"\n"
+      "  run = [\"rtpm-registryd\", \"--port\", \"0\"]\n"
+      "  [[program]]\n"
+      "  name = \"devices\"\n"
+      "  run = [\"rtpm-deviced\", \"--port\", \"0\"]\n"
+      "  serves = [\"lab/arm0\"]       # Names at the registry; or \"line\": it prints its URL.\n"
+      "  restart = \"on-failure\"      # never, on-failure, always\n\n"
+      "Further keys of a program: after, ready_line, one_shot, ready_deadline, restart_limit,\n"
+      "restart_window, restart_delay, restart_delay_max, stop_signal, stop_patience, main, "
+      "needed,\n"
+      "output, folder, environment. ${NAME} is a variable of [variables], ${PROGRAM.url} where "
+      "that\n"
+      "program serves, ${environment.NAME} a variable of the environment.\n",
       [request](Context& c) { return up(c, *request); });
   command.add_option("FILE", request->file, "The laboratory, in TOML")->required()->type_name("");
   command.add_flag("--check", request->is_check, "Check the file only");

@@ -23,6 +23,8 @@ using laboratory::State;
 constexpr std::size_t kHiddenLineMax = 10;
 constexpr std::size_t kKeptSizeMax = 256 * 1024;
 constexpr Duration kDrawPeriod = std::chrono::seconds{1};
+/// A program that prints without end is shown that often.
+constexpr Duration kDrawPause = std::chrono::milliseconds{50};
 
 struct Extent {
   std::size_t columns = 80;
@@ -73,6 +75,7 @@ void LaboratoryView::print_event(Json event) {
 }
 
 void LaboratoryView::on_change(std::size_t program, const ProgramStatus& status) {
+  must_draw_ = true;
   Shown& shown = shown_[program];
   if (shown.state == status.state && shown.process == status.process) return;
   shown.state = status.state;
@@ -157,6 +160,11 @@ void LaboratoryView::on_stop(std::string_view why) {
 void LaboratoryView::on_turn(const laboratory::Supervision& supervision) {
   if (!has_table_ || log_) return;
   const MonotonicTime now = rt::now();
+  const bool is_due = now >= next_draw_ && (!pending_.empty() || now >= last_draw_ + kDrawPeriod);
+  if (!must_draw_ && !is_due) return;
+  must_draw_ = false;
+  last_draw_ = now;
+  next_draw_ = now + kDrawPause;
   draw(supervision, now);
 }
 

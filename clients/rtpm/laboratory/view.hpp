@@ -31,7 +31,7 @@ class LaboratoryView : public laboratory::Observer {
 
   /// From now on, all goes there, as lines.
   void move_to(laboratory::LogFile log);
-  /// Prints the table as it is, and the output that was kept.
+  /// Prints the output that was kept.
   void finish();
   /// "devices (exit code 1), servo (SIGKILL)"; empty: none.
   [[nodiscard]] std::string failed_programs() const;
@@ -59,7 +59,9 @@ class LaboratoryView : public laboratory::Observer {
   const bool is_quiet_;
   bool has_table_;
   MonotonicTime begin_;
+  MonotonicTime last_draw_{};
   MonotonicTime next_draw_{};
+  bool must_draw_ = true;
   std::vector<Shown> shown_;
   std::string pending_{};  ///< Lines to stand above the table.
   std::size_t table_height_ = 0;

@@ -149,22 +149,39 @@ TEST_F(Up, StartsInOrderAndEndsInReverseAtCtrlC) {
 }
 
 TEST_F(Up, PrintsLinesWhereThereIsNoTerminal) {
-  const auto end = run_program("rtpm", {"up", file(kDaemons), "--for", "300ms"});
-  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  test::Process up = start({"up", file(kDaemons)});
+  ASSERT_TRUE(up.wait_for_output("cell is up", kPatience)) << up.output() << up.errors();
+  up.send_signal(SIGTERM);
+  const auto end = up.wait(kPatience);
+  ASSERT_TRUE(end);
+  EXPECT_EQ(end->exit_code, 0) << end->errors;
   for (const char* words : {"registry | registry at rtpm://", "devices: serving at rtpm://",
-                            "cell is up", "its time is over", "registry: ended"})
-    EXPECT_NE(end.output.find(words), std::string::npos) << words << " is not in\n" << end.output;
-  EXPECT_EQ(end.output.find('\x1b'), std::string::npos);
+                            "cell ends: SIGTERM", "registry: ended"})
+    EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
+  EXPECT_EQ(end->output.find('\x1b'), std::string::npos);
+}
+
+TEST_F(Up, EndsWhenItsTimeIsOver) {
+  const std::string text = "[[program]]\nname = \"a\"\nrun = [\"sleep\", \"1000\"]\n";
+  const auto end = run_program("rtpm", {"up", file(text), "--for", "100ms"});
+  EXPECT_EQ(end.exit_code, 0) << end.errors;
+  EXPECT_NE(end.output.find("its time is over"), std::string::npos) << end.output;
 }
 
 TEST_F(Up, ShowsATableOnATerminal) {
-  const auto end =
-      test::run({"sh", "-c", "TERM=xterm script -qec \"$0 up $1 --for 500ms\" /dev/null",
-                 path_of("rtpm"), file(kDaemons)},
-                kPatience);
+  const std::string path = file(std::string(kDaemons) + R"(
+[[program]]
+name = "task"
+run = ["echo", "working"]
+main = true
+)");
+  const auto end = test::run(
+      {"sh", "-c", "TERM=xterm script -qec \"$0 up $1\" /dev/null", path_of("rtpm"), path},
+      kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->output;
-  for (const char* words : {"PROGRAM", "RESTARTS", "\x1b[32mserving", "registry | ", "ended"})
+  for (const char* words :
+       {"PROGRAM", "RESTARTS", "\x1b[32mserving", "registry | ", "working", "\x1b[90mended"})
     EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
 }
 
@@ -258,6 +275,23 @@ TEST_F(Up, KillsWhatDoesNotEnd) {
   const auto end = up.wait(kPatience);
   ASSERT_TRUE(end);
   expect_one_sentence(*end, 1, {"stubborn", "within 200ms of SIGTERM", "killed"});
+}
+
+TEST_F(Up, KillsAllAtASecondRequest) {
+  std::string text = kStubborn;
+  text.replace(text.find("200ms"), 5, "10min");
+  test::Process up = start_up(text);
+  up.send_signal(SIGTERM);
+  ASSERT_TRUE(up.wait_for_output("\"state\":\"stopping\"", kPatience));
+  std::optional<test::Process::End> end;
+  // The second within half a second counts as the first.
+  EXPECT_TRUE(waits_until([&] {
+    up.send_signal(SIGTERM);
+    end = up.wait(std::chrono::milliseconds{100});
+    return end.has_value();
+  }));
+  ASSERT_TRUE(end);
+  EXPECT_NE(end->output.find("\"note\":\"killed\""), std::string::npos) << end->output;
 }
 
 TEST_F(Up, IsRefusedTwiceAndEndedFromElsewhere) {
