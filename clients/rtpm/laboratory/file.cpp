@@ -23,7 +23,6 @@ using Environment = std::vector<std::pair<std::string, Text>>;
 constexpr std::size_t kArgumentCountMax = 1024;
 constexpr const char* kNameForm =
     "letters, digits, '-', '_' and '.', a letter or digit first, at most 32";
-constexpr const char* kRegistryVariable = "RTPM_REGISTRY";
 constexpr options::Range<Duration> kTimes{Duration{0}, std::chrono::hours{24}};
 
 /// Reads one file.
@@ -51,15 +50,9 @@ class PlanReader {
       read_names(top, *programs);
     }
     if (laboratory != nullptr) read_laboratory(*laboratory);
-    if (programs != nullptr && mistakes_.empty()) {
-      for (std::size_t i = 0; i < plan_.programs.size(); ++i)
-        read_program(i, programs->items[i]);
-      connect(top);
-    } else if (programs != nullptr) {
-      // The names are not known, so only what does not refer to them is read.
-      for (std::size_t i = 0; i < plan_.programs.size(); ++i)
-        read_program(i, programs->items[i]);
-    }
+    for (std::size_t i = 0; i < plan_.programs.size(); ++i)
+      read_program(i, programs->items[i]);
+    if (mistakes_.empty()) order(top);
     if (mistakes_.empty()) return std::move(plan_);
     std::ranges::stable_sort(mistakes_, {}, [](const Mistake& mistake) {
       return std::pair(mistake.position.line, mistake.position.column);
@@ -126,6 +119,7 @@ class PlanReader {
           reader.refuse(name->position, "two programs are called '" + program.name + "'");
         }
       }
+      positions_.push_back(item.position);
       scope_.programs.push_back(program.name);
       plan_.programs.push_back(std::move(program));
     }
@@ -285,8 +279,7 @@ class PlanReader {
       }
       program.after.push_back(static_cast<std::size_t>(found - scope_.programs.begin()));
     }
-    after_positions_.resize(plan_.programs.size());
-    after_positions_[index] = value->position;
+    positions_[index] = value->position;
   }
 
   void read_readiness(TableReader& reader, ProgramPlan& program) {
@@ -343,66 +336,20 @@ class PlanReader {
     reader.read("restart_delay_max", program.restart_delay_max, kTimes);
   }
 
-  /// Adds what programs need of each other without saying so, and orders them.
-  void connect(TableReader& top) {
-    if (!mistakes_.empty()) return;
-    std::vector<ProgramPlan>& programs = plan_.programs;
-    for (std::size_t i = 0; i < programs.size(); ++i) {
-      ProgramPlan& program = programs[i];
-      const auto use = [&](const Text& text) {
-        const auto used = text.programs();
-        program.uses.insert(program.uses.end(), used.begin(), used.end());
-      };
-      std::ranges::for_each(program.command, use);
-      for (const auto& variable : program.environment)
-        use(variable.second);
-    }
-    if (plan_.registry_program) give_registry(*plan_.registry_program);
-    for (ProgramPlan& program : programs) {
-      unify(program.uses);
-      for (const std::size_t used : program.uses) {
-        program.after.push_back(used);
-        programs[used].has_url = true;
-        if (programs[used].readiness == Readiness::kStart)
-          programs[used].readiness = Readiness::kUrl;
-      }
-      unify(program.after);
-    }
+  void order(TableReader& top) {
+    connect(plan_);
     std::vector<std::size_t> cycle;
-    plan_.order = start_order(programs, cycle);
+    plan_.order = start_order(plan_.programs, cycle);
     if (!cycle.empty()) refuse_cycle(top, cycle);
-  }
-
-  /// Gives the registry's URL to all programs that do not come before it.
-  void give_registry(std::size_t registry) {
-    for (std::size_t i = 0; i < plan_.programs.size(); ++i) {
-      ProgramPlan& program = plan_.programs[i];
-      const bool has_own =
-          std::ranges::find(program.environment, kRegistryVariable,
-                            &Environment::value_type::first) != program.environment.end();
-      if (i == registry || has_own || comes_after(plan_.programs, registry, i)) continue;
-      Text url;
-      url.append_url_of(registry);
-      program.environment.emplace_back(kRegistryVariable, std::move(url));
-      program.uses.push_back(registry);
-    }
   }
 
   void refuse_cycle(TableReader& top, const std::vector<std::size_t>& cycle) {
     std::string names;
-    Position position{};
-    after_positions_.resize(plan_.programs.size());
-    for (const std::size_t program : cycle) {
+    for (const std::size_t program : cycle)
       names += (names.empty() ? "'" : ", '") + plan_.programs[program].name + "'";
-      if (position.line == 1) position = after_positions_[program].value_or(Position{});
-    }
-    top.refuse(position, cycle.size() == 1 ? "the program " + names + " waits for itself"
-                                           : "the programs " + names + " wait for each other");
-  }
-
-  static void unify(std::vector<std::size_t>& list) {
-    std::ranges::sort(list);
-    list.erase(std::unique(list.begin(), list.end()), list.end());
+    top.refuse(positions_[cycle.front()], cycle.size() == 1
+                                              ? "the program " + names + " waits for itself"
+                                              : "the programs " + names + " wait for each other");
   }
 
   std::optional<Text> expanded(TableReader& reader, const Value& value) {
@@ -444,7 +391,7 @@ class PlanReader {
   Plan plan_{};
   Scope scope_{};
   Environment environment_{};
-  std::vector<std::optional<Position>> after_positions_{};
+  std::vector<Position> positions_{};  ///< Of each program, or of its 'after'.
   std::vector<Mistake> mistakes_{};
 };
 

@@ -22,6 +22,44 @@ std::vector<std::size_t> cycle_among(const std::vector<ProgramPlan>& programs,
   }
 }
 
+void unify(std::vector<std::size_t>& list) {
+  std::ranges::sort(list);
+  list.erase(std::unique(list.begin(), list.end()), list.end());
+}
+
+void add_uses(Plan& plan) {
+  for (ProgramPlan& program : plan.programs) {
+    const auto use = [&](const Text& text) {
+      const auto used = text.programs();
+      program.uses.insert(program.uses.end(), used.begin(), used.end());
+    };
+    std::ranges::for_each(program.command, use);
+    for (const auto& variable : program.environment)
+      use(variable.second);
+    unify(program.uses);
+    for (const std::size_t used : program.uses) {
+      program.after.push_back(used);
+      ProgramPlan& other = plan.programs[used];
+      other.has_url = true;
+      if (other.readiness == Readiness::kStart) other.readiness = Readiness::kUrl;
+    }
+    unify(program.after);
+  }
+}
+
+void give_registry(Plan& plan, std::size_t registry) {
+  for (std::size_t i = 0; i < plan.programs.size(); ++i) {
+    ProgramPlan& program = plan.programs[i];
+    const bool has_own = std::ranges::any_of(program.environment, [](const auto& variable) {
+      return variable.first == kRegistryVariable;
+    });
+    if (i == registry || has_own || comes_after(plan.programs, registry, i)) continue;
+    Text url;
+    url.append_url_of(registry);
+    program.environment.emplace_back(kRegistryVariable, std::move(url));
+  }
+}
+
 }  // namespace
 
 Text::Text(std::string literal) {
@@ -68,6 +106,13 @@ Duration Plan::longest_stop_patience() const {
   for (const ProgramPlan& program : programs)
     longest = std::max(longest, program.stop_patience);
   return longest;
+}
+
+void connect(Plan& plan) {
+  add_uses(plan);
+  if (!plan.registry_program) return;
+  give_registry(plan, *plan.registry_program);
+  add_uses(plan);
 }
 
 std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,

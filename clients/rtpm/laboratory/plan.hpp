@@ -97,6 +97,13 @@ struct Plan {
   [[nodiscard]] Duration longest_stop_patience() const;
 };
 
+/// The variable of programs that has the registry's URL.
+inline constexpr const char* kRegistryVariable = "RTPM_REGISTRY";
+
+/// Adds what programs need of each other without saying so: whose URL a program is given, it comes
+/// after, and it uses; the registry's is given to all that the registry does not come after.
+void connect(Plan& plan);
+
 /// The order of start: each program behind those in its `after`, else as in the file.
 /// @return empty: `cycle` has the programs that wait for each other
 [[nodiscard]] std::vector<std::size_t> start_order(const std::vector<ProgramPlan>& programs,

@@ -13,7 +13,6 @@ namespace {
 
 constexpr std::size_t kLineSizeMax = 4096;  // A longer one comes in parts.
 constexpr std::size_t kReadSizeMax = 64 * 1024;
-constexpr const char* kRegistryVariable = "RTPM_REGISTRY";
 
 Launch launch_of(const ProgramPlan& plan, const std::vector<std::string>& urls,
                  const std::string& registry_url) {

@@ -107,7 +107,7 @@ std::optional<RunningLaboratory> StateFolder::find(const std::string& name) cons
   if (::flock(file.number(), LOCK_EX | LOCK_NB) != 0) {
     return parsed(name, text_in(file.number()));
   }
-  // Nobody has it locked, so that its processes were killed. While it is locked here, no other
+  // It is not locked, so its processes were killed. While it is locked here, no other
   // process takes it over.
   if (is_at(file.number(), path)) ::unlink(path.c_str());
   return std::nullopt;

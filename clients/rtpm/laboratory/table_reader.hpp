@@ -55,7 +55,7 @@ class TableReader {
     return nullptr;
   }
 
-  /// Refuses keys that nobody took.
+  /// Refuses keys that are not known.
   void refuse_unknown();
   void refuse(Position position, std::string what, std::string remedy = {});
 

@@ -245,7 +245,8 @@ ready_deadline = "300ms"
 constexpr const char* kStubborn = R"(
 [[program]]
 name = "stubborn"
-run = ["sh", "-c", "trap '' TERM; setsid sleep 1000 & sleep 1001 & echo ready; while :; do wait; done"]
+run = ["sh", "-c", """
+  trap '' TERM; setsid sleep 1000 & sleep 1001 & echo ready; while :; do wait; done"""]
 ready_line = "ready"
 stop_patience = "200ms"
 )";

@@ -242,6 +242,23 @@ TEST_F(File, TellsWhichProgramsWaitForEachOther) {
       "[[program]]\nname = \"b\"\nrun = [\"sh\"]\n",
       4, 9, {"'a'", "'b'", "wait for each other"});
   expect_mistake_in("after = \"a\"", 9, {"waits for itself"});
+  expect_mistake(
+      "[[program]]\nname = \"a\"\nrun = [\"sh\", \"${b.url}\"]\n"
+      "[[program]]\nname = \"b\"\nrun = [\"sh\", \"${a.url}\"]\n",
+      1, 1, {"wait for each other"});
+}
+
+TEST_F(File, StartsWhatTheRegistryIsGivenBeforeIt) {
+  const Plan plan = plan_of(R"(
+[[program]]
+name = "store"
+run = ["sh"]
+[[program]]
+name = "registry"
+run = ["rtpm-registryd", "--store", "${store.url}"]
+after = []
+)");
+  EXPECT_EQ(plan.order, (std::vector<std::size_t>{0, 1}));
 }
 
 TEST_F(File, TellsAllMistakesInOrder) {
