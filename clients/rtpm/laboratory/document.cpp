@@ -5,6 +5,7 @@
 #include <toml++/toml.h>
 
 #include <algorithm>
+#include <utility>
 
 namespace rtpm::laboratory {
 namespace {
@@ -24,8 +25,12 @@ Value list_of(const toml::array& array) {
 
 Value table_of(const toml::table& table) {
   Value result{.kind = Value::Kind::kTable};
-  for (const auto& [key, node] : table)
-    result.entries.push_back({std::string(key.str()), position_of(key.source()), value_of(node)});
+  for (const auto& [key, node] : table) {
+    Value value = value_of(node);
+    value.key = key.str();
+    value.key_position = position_of(key.source());
+    result.items.push_back(std::move(value));
+  }
   return result;
 }
 
@@ -54,9 +59,9 @@ Value value_of(const toml::node& node) {
 
 }  // namespace
 
-const Entry* Value::find(std::string_view key) const {
-  const auto found = std::ranges::find(entries, key, &Entry::key);
-  return found == entries.end() ? nullptr : &*found;
+const Value* Value::find(std::string_view wanted) const {
+  const auto found = std::ranges::find(items, wanted, &Value::key);
+  return found == items.end() ? nullptr : &*found;
 }
 
 std::string Value::kind_text() const {

@@ -22,8 +22,6 @@ struct Mistake {
   std::string remedy{};
 };
 
-struct Entry;
-
 /// A value of a TOML document.
 struct Value {
   enum class Kind : std::uint8_t { kText, kInteger, kBool, kList, kTable, kOther };
@@ -33,19 +31,14 @@ struct Value {
   std::string text{};  ///< Of kOther: its kind, "a date".
   std::int64_t integer = 0;
   bool boolean = false;
-  std::vector<Value> items{};
-  std::vector<Entry> entries{};  ///< Sorted by key.
+  std::vector<Value> items{};  ///< Of a list or a table; a table's are sorted by key.
+  std::string key{};           ///< In its table.
+  Position key_position{};
 
-  /// The entry of that key; nullptr: none.
-  [[nodiscard]] const Entry* find(std::string_view key) const;
+  /// The table's value of that key; nullptr: it has none.
+  [[nodiscard]] const Value* find(std::string_view wanted) const;
   /// "a text", "a list", for messages.
   [[nodiscard]] std::string kind_text() const;
-};
-
-struct Entry {
-  std::string key{};
-  Position position{};
-  Value value{};
 };
 
 /// Reads TOML.

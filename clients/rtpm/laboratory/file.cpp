@@ -71,14 +71,13 @@ class PlanReader {
 
   void read_variables(TableReader& top, const Value* table) {
     if (table != nullptr) {
-      for (const Entry& entry : table->entries) {
-        const Value& value = entry.value;
+      for (const Value& value : table->items) {
         if (value.kind == Value::Kind::kText) {
-          scope_.variables[entry.key] = value.text;
+          scope_.variables[value.key] = value.text;
         } else if (value.kind == Value::Kind::kInteger) {
-          scope_.variables[entry.key] = std::to_string(value.integer);
+          scope_.variables[value.key] = std::to_string(value.integer);
         } else {
-          top.refuse(value.position, "the variable '" + entry.key + "' is " + value.kind_text() +
+          top.refuse(value.position, "the variable '" + value.key + "' is " + value.kind_text() +
                                          ", but must be a text or a whole number");
         }
       }
@@ -186,20 +185,20 @@ class PlanReader {
   /// What no key alone is wrong with.
   void check(TableReader& reader, const Value& table, const ProgramPlan& program) {
     if (program.restart == Restart::kAlways && program.readiness == Readiness::kExit) {
-      reader.refuse(table.find("restart")->value.position,
+      reader.refuse(table.find("restart")->position,
                     "a program that is ready when it has ended can't be restarted always",
                     "restart = \"on-failure\"");
     }
     const bool is_seen = program.output != Output::kTerminal;
     if (!is_seen &&
         (program.readiness == Readiness::kUrl || program.readiness == Readiness::kLine)) {
-      reader.refuse(table.find("output")->value.position,
+      reader.refuse(table.find("output")->position,
                     "what a program prints to the terminal is not read, so no line makes it ready");
     }
     if (program.restart_delay > program.restart_delay_max) {
       reader.refuse(table.find("restart_delay") != nullptr
-                        ? table.find("restart_delay")->value.position
-                        : table.find("restart_delay_max")->value.position,
+                        ? table.find("restart_delay")->position
+                        : table.find("restart_delay_max")->position,
                     "'restart_delay' is longer than 'restart_delay_max'");
     }
   }
@@ -243,13 +242,13 @@ class PlanReader {
   void read_environment(TableReader& reader, Environment& environment) {
     const Value* const table = reader.take("environment", Value::Kind::kTable, "a table of texts");
     if (table == nullptr) return;
-    for (const Entry& entry : table->entries) {
-      if (entry.value.kind != Value::Kind::kText) {
-        reader.refuse(entry.value.position, "the environment's '" + entry.key + "' is " +
-                                                entry.value.kind_text() + ", but must be a text");
+    for (const Value& entry : table->items) {
+      if (entry.kind != Value::Kind::kText) {
+        reader.refuse(entry.position, "the environment's '" + entry.key + "' is " +
+                                          entry.kind_text() + ", but must be a text");
       } else if (entry.key.empty() || entry.key.find('=') != std::string::npos) {
-        reader.refuse(entry.position, "'" + entry.key + "' is no name of a variable");
-      } else if (auto text = expanded(reader, entry.value)) {
+        reader.refuse(entry.key_position, "'" + entry.key + "' is no name of a variable");
+      } else if (auto text = expanded(reader, entry)) {
         std::erase_if(environment, [&](const auto& former) { return former.first == entry.key; });
         environment.emplace_back(entry.key, std::move(*text));
       }

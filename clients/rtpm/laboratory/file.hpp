@@ -12,7 +12,7 @@
 
 namespace rtpm::laboratory {
 
-inline constexpr std::size_t kFileSizeMax = 1024 * 1024;
+inline constexpr std::size_t kFileSizeMax = std::size_t{1024} * 1024;
 inline constexpr std::size_t kProgramCountMax = 64;
 
 /// What a laboratory's file refers to besides itself.

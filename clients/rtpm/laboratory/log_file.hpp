@@ -14,7 +14,7 @@ namespace rtpm::laboratory {
 /// @threads  one
 class LogFile {
  public:
-  static constexpr std::size_t kSizeMax = 8 * 1024 * 1024;
+  static constexpr std::size_t kSizeMax = std::size_t{8} * 1024 * 1024;
 
   /// Appends to the file, or makes it with its folder.
   [[nodiscard]] static expected<LogFile, SetupError> open(const std::string& path);

@@ -12,7 +12,7 @@ namespace rtpm::laboratory {
 namespace {
 
 constexpr std::size_t kLineSizeMax = 4096;  // A longer one comes in parts.
-constexpr std::size_t kReadSizeMax = 64 * 1024;
+constexpr std::size_t kReadSizeMax = std::size_t{64} * 1024;
 
 Launch launch_of(const ProgramPlan& plan, const std::vector<std::string>& urls,
                  const std::string& registry_url) {

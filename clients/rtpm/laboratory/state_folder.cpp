@@ -20,6 +20,7 @@ namespace {
 using Json = nlohmann::ordered_json;
 
 constexpr const char* kRecordEnd = ".laboratory";
+constexpr std::size_t kRecordSizeMax = std::size_t{64} * 1024;
 constexpr mode_t kForOthers = 077;
 constexpr int kTurnMax = 20;
 constexpr int kTurnMs = 10;
@@ -27,7 +28,7 @@ constexpr int kTurnMs = 10;
 std::string text_in(int file) {
   std::string text;
   std::array<char, 4096> part{};
-  for (off_t at = 0; text.size() < 64 * 1024;) {
+  for (off_t at = 0; text.size() < kRecordSizeMax;) {
     const ssize_t size = ::pread(file, part.data(), part.size(), at);
     if (size <= 0) break;
     text.append(part.data(), static_cast<std::size_t>(size));

@@ -74,8 +74,8 @@ Supervision::Supervision(const Plan& plan, MonotonicTime now)
     program.status.since = now;
 }
 
-const ProgramStatus& Supervision::status(std::size_t program) const {
-  return programs_[program].status;
+const ProgramStatus& Supervision::status(std::size_t index) const {
+  return programs_[index].status;
 }
 
 std::vector<std::size_t> Supervision::take_changes() {

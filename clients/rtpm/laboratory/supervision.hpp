@@ -65,20 +65,20 @@ class Supervision {
   /// When due() has something to do without an event; kNever: only with one.
   [[nodiscard]] MonotonicTime next() const;
 
-  void started(std::size_t program, int process, MonotonicTime now);
+  void started(std::size_t index, int process, MonotonicTime now);
   /// It could not be started, as `why` says.
-  void not_started(std::size_t program, const std::string& why, MonotonicTime now);
+  void not_started(std::size_t index, const std::string& why, MonotonicTime now);
   /// It printed where it serves.
-  void has_url(std::size_t program, const std::string& url, MonotonicTime now);
+  void has_url(std::size_t index, const std::string& url, MonotonicTime now);
   /// Its line was printed, or its names are bound.
-  void is_ready(std::size_t program, MonotonicTime now);
-  void exited(std::size_t program, ProcessEnd end, MonotonicTime now);
+  void is_ready(std::size_t index, MonotonicTime now);
+  void exited(std::size_t index, ProcessEnd end, MonotonicTime now);
   /// Ends the laboratory in order.
   void stop(MonotonicTime now);
   /// Ends it at once.
   void kill(MonotonicTime now);
 
-  [[nodiscard]] const ProgramStatus& status(std::size_t program) const;
+  [[nodiscard]] const ProgramStatus& status(std::size_t index) const;
   /// The programs whose status has changed since the last call, in the order of the changes.
   [[nodiscard]] std::vector<std::size_t> take_changes();
   /// Everything serves, or has done so: true from then on.
@@ -102,16 +102,16 @@ class Supervision {
   };
 
   void advance(MonotonicTime now, std::vector<Action>& actions);
-  void advance_start(std::size_t program, MonotonicTime now, std::vector<Action>& actions);
-  void advance_stop(std::size_t program, MonotonicTime now, std::vector<Action>& actions);
-  void begin_stop(std::size_t program, StopReason reason, MonotonicTime now);
-  void judge(std::size_t program, bool is_success, const std::string& how, MonotonicTime now);
-  void end_while_stopping(std::size_t program, ProcessEnd end, MonotonicTime now);
+  void advance_start(std::size_t index, MonotonicTime now, std::vector<Action>& actions);
+  void advance_stop(std::size_t index, MonotonicTime now, std::vector<Action>& actions);
+  void begin_stop(std::size_t index, StopReason reason, MonotonicTime now);
+  void judge(std::size_t index, bool is_success, const std::string& how, MonotonicTime now);
+  void end_while_stopping(std::size_t index, ProcessEnd end, MonotonicTime now);
   void settle(MonotonicTime now);
-  void serve_if_ready(std::size_t program, MonotonicTime now);
-  void fail(std::size_t program, std::string note, MonotonicTime now);
-  void enter(std::size_t program, State state, std::string note, MonotonicTime now);
-  [[nodiscard]] bool is_needed_by_running(std::size_t program) const;
+  void serve_if_ready(std::size_t index, MonotonicTime now);
+  void fail(std::size_t index, std::string note, MonotonicTime now);
+  void enter(std::size_t index, State state, std::string note, MonotonicTime now);
+  [[nodiscard]] bool is_needed_by_running(std::size_t index) const;
 
   const Plan& plan_;
   std::vector<Program> programs_{};

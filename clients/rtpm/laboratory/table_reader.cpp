@@ -12,8 +12,7 @@ TableReader::TableReader(const Value& table, std::string where, std::vector<Mist
 
 const Value* TableReader::take(std::string_view key) {
   known_.emplace_back(key);
-  const Entry* const entry = table_.find(key);
-  return entry == nullptr ? nullptr : &entry->value;
+  return table_.find(key);
 }
 
 const Value* TableReader::take(std::string_view key, Value::Kind kind, const std::string& form) {
@@ -95,12 +94,12 @@ void TableReader::refuse_choice(std::string_view key, const Value& value,
 }
 
 void TableReader::refuse_unknown() {
-  for (const Entry& entry : table_.entries) {
+  for (const Value& entry : table_.items) {
     if (std::ranges::find(known_, entry.key) != known_.end()) continue;
     std::string list;
     for (const std::string& key : known_)
       list += (list.empty() ? "" : ", ") + key;
-    refuse(entry.position,
+    refuse(entry.key_position,
            "unknown key '" + entry.key + "'" + options::suggestion(entry.key, known_),
            "there are: " + list);
   }

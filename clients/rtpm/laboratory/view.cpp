@@ -21,7 +21,7 @@ using laboratory::ProgramStatus;
 using laboratory::State;
 
 constexpr std::size_t kHiddenLineMax = 10;
-constexpr std::size_t kKeptSizeMax = 256 * 1024;
+constexpr std::size_t kKeptSizeMax = std::size_t{256} * 1024;
 constexpr Duration kDrawPeriod = std::chrono::seconds{1};
 /// A program that prints without end is shown that often.
 constexpr Duration kDrawPause = std::chrono::milliseconds{50};
@@ -68,7 +68,7 @@ void LaboratoryView::print(std::string line) {
   }
 }
 
-void LaboratoryView::print_event(Json event) {
+void LaboratoryView::print_event(const Json& event) {
   Json document{{"time_s", elapsed_s()}};
   document.update(event);
   print(document.dump(-1, ' ', false, Json::error_handler_t::replace));

@@ -48,7 +48,7 @@ class LaboratoryView : public laboratory::Observer {
     std::string kept{};                ///< Output::kEnd.
   };
   void print(std::string line);
-  void print_event(Json event);
+  void print_event(const Json& event);
   void draw(const laboratory::Supervision& supervision, MonotonicTime now);
   void hide(std::size_t program, std::string_view line);
   void show_hidden(std::size_t program);
