@@ -40,6 +40,7 @@ class TableReader {
   const Value* read(std::string_view key, T& value,
                     const std::vector<std::pair<std::string, T>>& choices) {
     std::vector<std::string> words;
+    words.reserve(choices.size());
     for (const auto& choice : choices)
       words.push_back(choice.first);
     std::string word;
