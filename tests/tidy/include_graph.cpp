@@ -47,7 +47,7 @@ const std::vector<Part>& parts() {
       {"gvd/safety/", "safety", {"base", "driver"}},
       {"gvd/capture/",
        "capture",
-       {"base", "rt", "events", "recording", "schema", "driver", "safety", "gvd"}},
+       {"base", "rt", "rpc", "events", "recording", "schema", "driver", "safety", "gvd"}},
       {"gvd/",
        "gvd",
        {"base", "wire", "rt", "rpc", "options", "names", "events", "driver", "configuration",

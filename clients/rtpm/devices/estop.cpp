@@ -7,14 +7,13 @@
 #include "cli/output.hpp"
 #include "devices/commands.hpp"
 #include "devices/device.hpp"
+#include "devices/device_names.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/client.hpp"
 #include "rtpm/names/directory.hpp"
 
 namespace rtpm::tool {
 namespace {
-
-constexpr std::string_view kDeviceInterface = "rtpm.device.Device";
 
 struct EstopRequest {
   std::string device{};

@@ -3,6 +3,7 @@
 
 #include "cli/command.hpp"
 #include "events/commands.hpp"
+#include "events/echo_device.hpp"
 #include "events/payload_json.hpp"
 #include "events/subscription.hpp"
 #include "rtpm/base/printable.hpp"
@@ -16,6 +17,8 @@ constexpr Duration kPeriod = std::chrono::milliseconds{50};
 
 struct EchoRequest : EventRequest {
   std::uint64_t count = 0;  ///< 0: no limit.
+  std::string device{};     ///< Empty: the events of the hub.
+  double rate_hz = 60;
 };
 
 Json json_of(const events::EventView& event, const events::EventDescriptor* type, Json payload) {
@@ -70,6 +73,9 @@ class Echo final : public Subscription::Observer {
 };
 
 int echo(Context& context, const EchoRequest& request) {
+  if (!request.device.empty()) {
+    return echo_device(context, {request.device, request.rate_hz, request.count, request.time});
+  }
   const options::StopSignal& stop = context.stop();
   Echo echo(context.json, request.count);
   int exit_code = kDone;
@@ -87,13 +93,24 @@ int echo(Context& context, const EchoRequest& request) {
 void add_echo(CLI::App& program, Context& context) {
   const auto request = std::make_shared<EchoRequest>();
   CLI::App& command = add_command(
-      program, context, "echo", "Print the events of a hub as they come",
+      program, context, "echo",
+      "Print the events of a hub, or the samples of a device, as they come",
       "  rtpm echo\n"
+      "  rtpm echo lab/arm0 --rate 10\n"
       "  rtpm echo --filter 'type(lab.Touched) and source(3) and force.z > 2' --count 10\n"
       "Each line has the origin's time in seconds, type, source, sequence and the payload.\n"
-      "Events that came too quickly for this reader are told as lost.\n",
+      "Events that came too quickly for this reader are told as lost. A device is polled, without\n"
+      "a hub: each line has its host's time in seconds, name, sequence and the sample.\n",
       [request](Context& c) { return echo(c, *request); });
+  add_target(command, request->device, "DEVICE")
+      .required(false)
+      ->description("Polls this device, by name or URL; without: the hub's events");
   add_event_options(command, *request);
+  for (const char* option : {"--hub", "--filter", "--every"})
+    command.get_option(option)->excludes("DEVICE");
+  command.add_option("--rate", request->rate_hz, "Of a device: polls per second, in Hz")
+      ->check(CLI::Range(0.1, 10'000.0))
+      ->capture_default_str();
   add_count(command, "--count", request->count, "End after so many; 0: no limit");
 }
 

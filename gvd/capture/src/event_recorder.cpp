@@ -1,7 +1,7 @@
 #include "rtpm/capture/event_recorder.hpp"
 
-#include <vector>
-
+#include "rtpm/capture/channels.hpp"
+#include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"
 
 namespace rtpm::capture {
@@ -10,6 +10,7 @@ EventRecorder::EventRecorder(recording::Recorder& recorder)
     : recorder_(recorder), track_(recorder.add_track()) {}
 
 void EventRecorder::record(const events::EventView& event, const events::EventDescriptor* type) {
+  const std::lock_guard lock(mutex_);
   const events::EventHeader& header = event.header;
   const ChannelOfEvents* const channel = channel_of(header, type);
   if (channel == nullptr) return;
@@ -29,33 +30,66 @@ void EventRecorder::record(const events::EventView& event, const events::EventDe
   static_cast<void>(track_.put(message));
 }
 
+void EventRecorder::name_devices(std::span<const std::string> names) {
+  const std::lock_guard lock(mutex_);
+  for (const std::string& name : names)
+    devices_.insert_or_assign(gvd::source_of(name), name);
+}
+
+std::vector<std::string> EventRecorder::take_new_devices() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(new_devices_, {});
+}
+
+bool EventRecorder::take_new_unnamed() {
+  const std::lock_guard lock(mutex_);
+  return std::exchange(has_new_unnamed_, false);
+}
+
+const std::string* EventRecorder::device_of(const events::EventHeader& header) {
+  if (!is_device_event(header.type)) return nullptr;
+  const auto known = devices_.find(header.source);
+  if (known == devices_.end()) {
+    if (seen_unnamed_.insert(header.source).second) has_new_unnamed_ = true;
+    return nullptr;
+  }
+  if (seen_devices_.insert(header.source).second) new_devices_.push_back(known->second);
+  return &known->second;
+}
+
 EventRecorder::ChannelOfEvents* EventRecorder::channel_of(const events::EventHeader& header,
                                                           const events::EventDescriptor* type) {
   const auto known = channels_.find({header.type, header.source});
-  // The schema may become known later: then the source goes on in a channel that has it.
+  const std::string* const device = device_of(header);
+  // Schema and name may become known later: then the source goes on in a channel that has them.
   const bool has_schema = type != nullptr && !type->schema.empty();
-  if (known != channels_.end() && (known->second.dynamic != nullptr || !has_schema)) {
-    return &known->second;
-  }
+  const bool is_known = known != channels_.end();
+  const bool keeps_name = is_known && known->second.is_named == (device != nullptr);
+  if (keeps_name && (known->second.dynamic != nullptr || !has_schema)) return &known->second;
   schema::Dynamic* const dynamic = schemas_.find(type);
-  if (known != channels_.end() && dynamic == nullptr) return &known->second;
-  const auto number = add_channel(header, type, dynamic);
+  if (keeps_name && dynamic == nullptr) return &known->second;
+  const auto number = add_channel(header, type, dynamic, device);
   if (!number) return nullptr;
   ChannelOfEvents& channel = channels_[{header.type, header.source}];
-  channel = {*number, dynamic};
+  channel = {*number, dynamic, device != nullptr};
   return &channel;
 }
 
 std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeader& header,
                                                         const events::EventDescriptor* type,
-                                                        const schema::Dynamic* dynamic) {
+                                                        const schema::Dynamic* dynamic,
+                                                        const std::string* device) {
   recording::Channel channel;
-  channel.topic = type_text(header.type, type) + "/" + std::to_string(header.source);
-  channel.metadata = {{"rtpm.kind", "event"},
-                      {"rtpm.type", std::to_string(header.type)},
-                      {"rtpm.source", std::to_string(header.source)},
-                      {"rtpm.schema_id", std::to_string(header.schema_id)},
-                      {"rtpm.priority", std::to_string(header.priority.value())}};
+  const std::string name = type_text(header.type, type);
+  channel.topic = device != nullptr && type != nullptr ? device_topic(*device, name)
+                                                       : name + "/" + std::to_string(header.source);
+  channel.metadata = {{kKindKey, kEventKind},
+                      {kTypeKey, std::to_string(header.type)},
+                      {kSourceKey, std::to_string(header.source)},
+                      {kSchemaIdKey, std::to_string(header.schema_id)},
+                      {kPriorityKey, std::to_string(header.priority.value())}};
+  if (type != nullptr) channel.metadata[kNameKey] = name;
+  if (device != nullptr) channel.metadata[kDeviceKey] = *device;
   if (dynamic != nullptr) {
     const auto bytes = dynamic->reflection();
     const auto schema = recorder_.add_schema({.name = std::string(type->name),
@@ -64,6 +98,9 @@ std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeade
     if (!schema) return std::nullopt;
     channel.schema_id = *schema;
     channel.message_encoding = "flatbuffer";
+    if (dynamic->event().kind == schema::PayloadKind::kStruct) {
+      channel.metadata[kPayloadKey] = "struct";
+    }
   }
   const auto number = recorder_.add_channel(channel);
   return number ? std::optional(*number) : std::nullopt;

@@ -5,12 +5,12 @@
 #include <string>
 #include <utility>
 
-#include "command_lease.hpp"
 #include "flight_wire.hpp"
 #include "models_wire.hpp"
+#include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/gvd/lease.hpp"
+#include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "wire.hpp"
 
 namespace rtpm::gvd {
 namespace {

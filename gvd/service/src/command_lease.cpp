@@ -1,4 +1,4 @@
-#include "command_lease.hpp"
+#include "rtpm/gvd/command_lease.hpp"
 
 #include <span>
 

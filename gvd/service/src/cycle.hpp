@@ -7,19 +7,19 @@
 #include <optional>
 #include <string>
 #include <string_view>
-#include "client_command.hpp"
-#include "command_lease.hpp"
+
 #include "device_jobs.hpp"
 #include "local_models.hpp"
 #include "mailbox.hpp"
 #include "setpoint_limiter.hpp"
-
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/priority.hpp"
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/driver.hpp"
+#include "rtpm/gvd/client_command.hpp"
+#include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/safety/emergency_latch.hpp"

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "rtpm/gvd/flight_cycle.hpp"
-#include "wire.hpp"
+#include "rtpm/gvd/wire.hpp"
 
 namespace rtpm::gvd {
 namespace {

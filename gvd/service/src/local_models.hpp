@@ -3,11 +3,11 @@
 #include <cstdint>
 #include <optional>
 
-#include "command_lease.hpp"
 #include "mailbox.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/gvd/error.hpp"
 #include "rtpm/models/check.hpp"
 #include "rtpm/models/evaluator.hpp"

@@ -4,8 +4,8 @@
 #include <atomic>
 #include <utility>
 
+#include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/clock.hpp"
-#include "wire.hpp"
 
 namespace rtpm::gvd {
 namespace {

@@ -4,8 +4,8 @@
 
 #include "flight_wire.hpp"
 #include "models_wire.hpp"
+#include "rtpm/gvd/wire.hpp"
 #include "rtpm/rt/memory.hpp"
-#include "wire.hpp"
 
 namespace rtpm::gvd {
 namespace {

@@ -1,4 +1,4 @@
-#include "wire.hpp"
+#include "rtpm/gvd/wire.hpp"
 
 #include <algorithm>
 #include <array>

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <string>
 #include <vector>
@@ -162,17 +163,21 @@ TEST_F(Events, AreRecordedWithTheirSchemas) {
   const auto reader = recording::FileReader::open(file);
   ASSERT_TRUE(reader) << reader.error().text();
   EXPECT_EQ((*reader)->statistics().message_count, told["message_count"]);
-  ASSERT_EQ((*reader)->schemas().size(), 1u);
-  EXPECT_EQ((*reader)->schemas().begin()->second.name, "rtpm.device.Sampled");
-  EXPECT_EQ((*reader)->schemas().begin()->second.encoding, "flatbuffer");
-  ASSERT_EQ((*reader)->channels().size(), 2u);
+  const auto& schemas = (*reader)->schemas();
+  EXPECT_TRUE(std::ranges::all_of(
+      schemas, [](const auto& schema) { return schema.second.encoding == "flatbuffer"; }));
+  std::set<std::string> topics;
   for (const auto& [number, channel] : (*reader)->channels()) {
-    EXPECT_TRUE(channel.topic.starts_with("rtpm.device.Sampled/")) << channel.topic;
+    topics.insert(channel.topic + " " + schemas.at(channel.schema_id).name);
     EXPECT_EQ(channel.message_encoding, "flatbuffer");
     const auto messages = recording::read_all(**reader, {.channel_ids = {number}});
     for (std::size_t i = 1; i < messages.size(); ++i)
       ASSERT_EQ(messages[i].sequence, messages[0].sequence + i) << channel.topic;
   }
+  EXPECT_EQ(topics, (std::set<std::string>{"lab/arm0/description rtpm.device.Description",
+                                           "lab/arm0/sampled rtpm.device.Sampled",
+                                           "lab/gaze0/description rtpm.device.Description",
+                                           "lab/gaze0/sampled rtpm.device.Sampled"}));
 }
 
 TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
@@ -181,9 +186,13 @@ TEST_F(Events, OfARecordingAreReadByFlatBuffersAlone) {
   ASSERT_EQ(rtpm({"record", file, "--for", "300ms", "--filter", kSampled}).exit_code, 0);
   const auto reader = recording::FileReader::open(file);
   ASSERT_TRUE(reader) << reader.error().text();
-  const auto messages = recording::read_all(**reader);
+  const auto& channels = (*reader)->channels();
+  const auto sampled = std::ranges::find(channels, "lab/arm0/sampled",
+                                         [](const auto& channel) { return channel.second.topic; });
+  ASSERT_NE(sampled, channels.end());
+  const auto messages = recording::read_all(**reader, {.channel_ids = {sampled->first}});
   ASSERT_FALSE(messages.empty());
-  const auto& schema = (*reader)->schemas().begin()->second.data;
+  const auto& schema = (*reader)->schemas().at(sampled->second.schema_id).data;
   const std::string base = file.substr(0, file.rfind('/'));
   recording::put_content(base + "/sampled.bfbs", recording::text_of(schema));
   recording::put_content(base + "/message.bin", messages.front().text);

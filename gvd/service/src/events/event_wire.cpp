@@ -4,7 +4,7 @@
 
 #include <utility>
 
-#include "wire.hpp"
+#include "rtpm/gvd/wire.hpp"
 
 namespace rtpm::gvd {
 namespace {

@@ -31,6 +31,8 @@ class TableReply {
     return *flatbuffers::GetRoot<T>(lease_.bytes().data());
   }
   [[nodiscard]] const T* operator->() const noexcept { return &**this; }
+  /// The finished FlatBuffer, as it came.
+  [[nodiscard]] ConstBytes bytes() const noexcept { return lease_.bytes(); }
 
  private:
   ReplyLease lease_;

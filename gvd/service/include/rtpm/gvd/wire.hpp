@@ -2,11 +2,10 @@
 
 #include <device.rtpm.hpp>
 
-#include "client_command.hpp"
-
 #include "rtpm/base/priority.hpp"
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
+#include "rtpm/gvd/client_command.hpp"
 
 /// Conversions between the driver's types and the schema's.
 namespace rtpm::gvd {

@@ -1,0 +1,22 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "cli/context.hpp"
+
+namespace rtpm::tool {
+
+/// Which samples `rtpm echo DEVICE` prints.
+struct DeviceEchoRequest {
+  std::string device{};
+  double rate_hz = 60;
+  std::uint64_t count = 0;         ///< 0: no limit.
+  std::optional<Duration> time{};  ///< None: until Ctrl-C.
+};
+
+/// Prints the samples of a device as polls find them. @return the exit code
+int echo_device(Context& context, const DeviceEchoRequest& request);
+
+}  // namespace rtpm::tool

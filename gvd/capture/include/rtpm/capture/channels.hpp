@@ -1,0 +1,34 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+#include "rtpm/events/event.hpp"
+
+/// What the channels of a recording are called, for those that read it.
+namespace rtpm::capture {
+
+/// Keys of a channel's metadata.
+inline constexpr const char* kKindKey = "rtpm.kind";
+inline constexpr const char* kTypeKey = "rtpm.type";           ///< The event's number.
+inline constexpr const char* kNameKey = "rtpm.name";           ///< The event's name.
+inline constexpr const char* kSourceKey = "rtpm.source";       ///< The event's source.
+inline constexpr const char* kSchemaIdKey = "rtpm.schema_id";  ///< The schema's fingerprint.
+inline constexpr const char* kPriorityKey = "rtpm.priority";
+inline constexpr const char* kDeviceKey = "rtpm.device";  ///< Its name, "lab/arm0".
+/// "struct": the payload was a bare struct, which is now the only field of its table.
+inline constexpr const char* kPayloadKey = "rtpm.payload";
+
+/// Values of kKindKey.
+inline constexpr const char* kEventKind = "event";
+inline constexpr const char* kSampleKind = "sample";            ///< Polled; a Sampled.
+inline constexpr const char* kDescriptionKind = "description";  ///< A device's Description.
+inline constexpr const char* kCommandKind = "command";          ///< A CommandRequest.
+
+/// Whether events of this type are a device's own, so that their source is the device.
+[[nodiscard]] bool is_device_event(events::EventType type) noexcept;
+
+/// "lab/arm0/button_changed", of "lab/arm0" and "rtpm.device.ButtonChanged".
+[[nodiscard]] std::string device_topic(std::string_view device, std::string_view type);
+
+}  // namespace rtpm::capture

@@ -1,0 +1,45 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <string>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/recording/recorder.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::capture {
+
+/// Records devices themselves: what they are, for a player that re-creates them (rtpm::replay), and
+/// by polling the samples of those that publish no events. Topics "lab/arm0/description", a
+/// Description each time it is recorded, and "lab/arm0/sampled".
+/// @ownership refers to its node and recorder
+/// @threads  one
+/// @realtime set-up only
+class DeviceRecorder {
+ public:
+  DeviceRecorder(rpc::Node& node, recording::Recorder& recorder);
+  DeviceRecorder(const DeviceRecorder&) = delete;
+  DeviceRecorder& operator=(const DeviceRecorder&) = delete;
+  /// Ends the polling.
+  ~DeviceRecorder();
+
+  /// Asks the device of that name for its description, and records that.
+  /// @errors   no such device; it does not answer
+  [[nodiscard]] expected<void, SetupError> describe(const std::string& name);
+  /// describe(), then records each new sample that `rate_hz` polls per second find.
+  /// @errors   as describe(); a rate out of range, see gvd::DevicePollerConfig
+  [[nodiscard]] expected<void, SetupError> poll(const std::string& name, double rate_hz);
+  /// Ends the polling.
+  void stop() noexcept;
+
+  /// Polls that failed, by device, where there are some.
+  [[nodiscard]] std::map<std::string, std::uint64_t> failed_counts() const;
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::capture
