@@ -58,6 +58,8 @@ std::optional<int> read_configuration(int argc, const char* const* argv,
   options.add("device", configuration.device, "The device's name, or its URL");
   options.add_registry(configuration.registry);
   options.add("seconds", configuration.seconds, "How long to run; 0: until Ctrl-C", {0, 1e6});
+  options.add("cycles", configuration.cycle_count_max,
+              "End after so many cycles, if --seconds are not over before; 0: no limit");
   options.add("rate", configuration.rate_hz, "Cycles per second, in Hz", {10, 10000});
   options.add("priority", configuration.priority, "Priority of the loop and its calls");
   options.add("stiffness", configuration.wall.stiffness_newton_per_m,

@@ -23,8 +23,11 @@ void Loop::run() noexcept {
   const Duration period = config_.period;
   const MonotonicTime begin = rt::now() + period;
   const MonotonicTime end = config_.duration > Duration{0} ? begin + config_.duration : kNever;
+  const std::uint64_t last_cycle =
+      config_.cycle_count_max > 0 ? config_.cycle_count_max : UINT64_MAX;
   MonotonicTime due = begin;
-  while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && due < end) {
+  while (!is_stopping_.load(std::memory_order_relaxed) && !loss_ && due < end &&
+         statistics_.cycle_count < last_cycle) {
     rt::sleep_until(due);
     take_changes();
     run_cycle(due);

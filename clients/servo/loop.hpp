@@ -57,7 +57,8 @@ struct LoopConfig {
   bool is_local = false;  ///< The device renders the wall, the loop only watches.
   Duration delay{0};      ///< Artificial, of each sample and each command.
   Duration period = std::chrono::milliseconds{1};
-  Duration duration{0};  ///< 0: until stop().
+  Duration duration{0};               ///< 0: until stop().
+  std::uint64_t cycle_count_max = 0;  ///< 0: no limit.
   Duration deadline = std::chrono::milliseconds{10};
   Duration patience = std::chrono::seconds{1};
   rt::ThreadConfig thread{.name = "servo"};

@@ -228,6 +228,7 @@ LoopConfig loop_config(const Configuration& configuration, const Wall& wall) {
   config.period = configuration.period();
   config.duration =
       std::chrono::duration_cast<Duration>(std::chrono::duration<double>(configuration.seconds));
+  config.cycle_count_max = configuration.cycle_count_max;
   config.deadline = configuration.deadline;
   config.patience = configuration.patience;
   config.thread.priority = configuration.priority;

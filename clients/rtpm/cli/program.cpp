@@ -121,6 +121,7 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_pub(*program, context);
   add_hz(*program, context);
   add_record(*program, context);
+  add_play(*program, context);
   add_bag(*program, context);
   add_config(*program, context);
   add_take_over(*program, context);

@@ -8,6 +8,7 @@
 namespace rtpm::tool {
 
 void add_record(CLI::App& program, Context& context);
+void add_play(CLI::App& program, Context& context);
 void add_bag(CLI::App& program, Context& context);
 
 }  // namespace rtpm::tool

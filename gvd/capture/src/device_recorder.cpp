@@ -95,7 +95,7 @@ struct DeviceRecorder::Impl {
                                               {kNameKey, std::string(Sampled::kDescriptor.name)},
                                               {kSourceKey, std::to_string(gvd::source_of(name))},
                                               {kSchemaIdKey, std::to_string(Sampled::kSchemaId)},
-                                              {kPayloadKey, "struct"}}});
+                                              {kStructSizeKey, std::to_string(sizeof(device::Sample))}}});
   }
 
   rpc::Node& node;

@@ -98,8 +98,9 @@ std::optional<std::uint16_t> EventRecorder::add_channel(const events::EventHeade
     if (!schema) return std::nullopt;
     channel.schema_id = *schema;
     channel.message_encoding = "flatbuffer";
-    if (dynamic->event().kind == schema::PayloadKind::kStruct) {
-      channel.metadata[kPayloadKey] = "struct";
+    if (const auto struct_index = dynamic->event().struct_index) {
+      channel.metadata[kStructSizeKey] =
+          std::to_string(dynamic->model().objects[*struct_index].byte_size);
     }
   }
   const auto number = recorder_.add_channel(channel);

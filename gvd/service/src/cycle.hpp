@@ -11,7 +11,7 @@
 #include "device_jobs.hpp"
 #include "local_models.hpp"
 #include "mailbox.hpp"
-#include "setpoint_limiter.hpp"
+
 #include "rtpm/base/hash.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/priority.hpp"
@@ -22,6 +22,7 @@
 #include "rtpm/gvd/command_lease.hpp"
 #include "rtpm/gvd/device.hpp"
 #include "rtpm/gvd/error.hpp"
+#include "rtpm/gvd/setpoint_limiter.hpp"
 #include "rtpm/safety/emergency_latch.hpp"
 #include "rtpm/safety/filter.hpp"
 #include "rtpm/safety/flight_recorder.hpp"

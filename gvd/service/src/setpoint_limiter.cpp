@@ -1,4 +1,4 @@
-#include "setpoint_limiter.hpp"
+#include "rtpm/gvd/setpoint_limiter.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -5,7 +5,7 @@
 
 #include "cycle.hpp"
 #include "scripted_driver.hpp"
-#include "setpoint_limiter.hpp"
+#include "rtpm/gvd/setpoint_limiter.hpp"
 
 /// Commands that are not forces: motion, joints and outputs, and the emergency stop.
 namespace rtpm::gvd {

@@ -16,8 +16,8 @@ inline constexpr const char* kSourceKey = "rtpm.source";       ///< The event's 
 inline constexpr const char* kSchemaIdKey = "rtpm.schema_id";  ///< The schema's fingerprint.
 inline constexpr const char* kPriorityKey = "rtpm.priority";
 inline constexpr const char* kDeviceKey = "rtpm.device";  ///< Its name, "lab/arm0".
-/// "struct": the payload was a bare struct, which is now the only field of its table.
-inline constexpr const char* kPayloadKey = "rtpm.payload";
+/// The payload was a bare struct of so many bytes, which is now the only field of its table.
+inline constexpr const char* kStructSizeKey = "rtpm.struct_size";
 
 /// Values of kKindKey.
 inline constexpr const char* kEventKind = "event";

@@ -1,0 +1,39 @@
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+
+#include "rtpm/base/time.hpp"
+
+namespace rtpm::replay {
+
+/// Maps this host's time to the recording's.
+/// @ownership a value, not copied
+/// @threads  start() once, before the others; the rest from any
+/// @realtime alloc-free, without waiting
+class Pace {
+ public:
+  /// @param length  of the recording
+  /// @param speed   how many seconds of it are played per second
+  Pace(Duration length, double speed, bool loops) noexcept
+      : length_(length), speed_(speed), loops_(loops) {}
+
+  void start(MonotonicTime now) noexcept { begin_.store(now, std::memory_order_release); }
+
+  /// A place in the recording.
+  struct Position {
+    Duration at{};            ///< Since its begin.
+    std::uint64_t round = 0;  ///< Counts repetitions from 0.
+    bool is_over = false;     ///< Only without `loops`.
+  };
+  /// Before start(): its begin.
+  [[nodiscard]] Position position(MonotonicTime now) const noexcept;
+
+ private:
+  Duration length_;
+  double speed_;
+  bool loops_;
+  std::atomic<MonotonicTime> begin_{kNever};
+};
+
+}  // namespace rtpm::replay

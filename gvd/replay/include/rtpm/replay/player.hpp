@@ -1,0 +1,85 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/recording/recorder.hpp"
+#include "rtpm/replay/recorded.hpp"
+#include "rtpm/replay/replayed_device.hpp"
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+
+namespace rtpm::replay {
+
+/// Settings of a player.
+struct PlayerConfig {
+  std::string registry{};   ///< Where the devices' names are bound; empty: nowhere.
+  std::string hub{};        ///< That gets the events, a name or a URL; empty: none does.
+  std::string folder{};     ///< Put before each name: "replay" makes replay/lab/arm0 of lab/arm0.
+  double speed = 1;         ///< Seconds of the recording per second; 0.001 to 1000.
+  bool is_stepped = false;  ///< Each read of a device gets its next sample; `speed` is not used.
+  End end = End::kGone;
+  /// How long devices are lost before is_over(), so that their clients see it.
+  Duration farewell = std::chrono::seconds{1};
+  /// Gets the commands that the devices accept; may be null, must outlive the player.
+  recording::Recorder* commands = nullptr;
+  rpc::ServerConfig server{.name = "rtpm play"};
+};
+
+/// What a player did so far.
+struct PlayerStatus {
+  Duration at{};            ///< In the recording; in steps, of the sample that is farthest on.
+  std::uint64_t round = 0;  ///< Repetitions.
+  std::uint64_t read_count = 0;
+  std::uint64_t command_count = 0;  ///< Accepted.
+  std::uint64_t refused_count = 0;  ///< Commands.
+  std::uint64_t pushed_count = 0;   ///< Events.
+  std::uint64_t failed_count = 0;   ///< Events that the connection to the hub refused.
+};
+
+/// Plays a recording: serves its devices under their names, and pushes its events to a hub. In
+/// steps, events follow the device that is farthest on. It ends behind the last sample and event;
+/// in steps, once each device has shown its last sample. With End::kHold or kLoop it does not end.
+/// @ownership refers to its node and recording, which must outlive it
+/// @threads  any
+class Player {
+ public:
+  /// Serves the devices; the time begins with start().
+  /// @realtime set-up only; waits for a name that another server held
+  /// @errors   a speed out of range; a name that is bound already; no registry, or no hub, answers
+  [[nodiscard]] static expected<std::unique_ptr<Player>, SetupError> create(
+      rpc::Node& node, const Recorded& recorded, PlayerConfig config);
+  Player(const Player&) = delete;
+  Player& operator=(const Player&) = delete;
+  /// Ends.
+  ~Player();
+
+  /// Begins to play, on a time-shared thread "rtpm-play".
+  /// @errors   no thread left
+  [[nodiscard]] expected<void, SetupError> start();
+  [[nodiscard]] bool is_over() const noexcept;
+  /// Unbinds the names, then stops serving. May be repeated.
+  void stop() noexcept;
+
+  [[nodiscard]] PlayerStatus status() const;
+  /// The names and URLs under which the devices are served.
+  struct Served {
+    std::string name;
+    std::string url;
+  };
+  [[nodiscard]] const std::vector<Served>& served() const noexcept;
+  /// Event types that the hub does not know: they are pushed, but no filter reads their fields.
+  [[nodiscard]] std::vector<std::string> unknown_types() const;
+
+ private:
+  struct Impl;
+  explicit Player(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::replay

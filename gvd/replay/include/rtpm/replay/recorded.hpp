@@ -1,0 +1,84 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <device.rtpm.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/priority.hpp"
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/base/time.hpp"
+#include "rtpm/events/event.hpp"
+
+/// Recorded devices and events, read and played.
+namespace rtpm::replay {
+
+/// A device as it was recorded.
+/// @ownership a value
+struct RecordedDevice {
+  std::string name;                      ///< "lab/arm0".
+  std::vector<std::byte> description{};  ///< A finished Description.
+  std::vector<device::Sample> samples{};
+  std::vector<Duration> times{};  ///< Of the samples, since the recording's begin; never falls.
+};
+
+/// The source of recorded events.
+/// @ownership a value
+struct RecordedSource {
+  std::string topic;
+  std::string type_name{};  ///< "lab.Touched"; empty: it was not known.
+  events::EventType type = 0;
+  events::SourceId source = 0;
+  std::uint64_t schema_id = 0;
+  Priority priority{};
+  std::string device{};  ///< Of a device's events, its name.
+};
+
+/// One recorded event.
+/// @ownership a value
+struct RecordedEvent {
+  std::size_t source = 0;  ///< Of Recorded::sources.
+  Duration at{};           ///< Since the recording's begin.
+  std::size_t offset = 0;  ///< Of Recorded::payloads.
+  std::size_t size = 0;
+};
+
+/// What of a recording is played.
+/// @ownership a value
+struct Recorded {
+  Duration length{};  ///< From the first sample or event to the last one.
+  std::vector<RecordedDevice> devices{};
+  std::vector<RecordedSource> sources{};
+  std::vector<RecordedEvent> events{};  ///< In the order of their times.
+  std::vector<std::byte> payloads{};
+  /// Sentences about what was left out or mended: broken messages, a clock that jumps.
+  std::vector<std::string> notes{};
+};
+
+/// Which part of a recording is read.
+struct Selection {
+  std::vector<std::string> devices{};  ///< By name; empty: all.
+  std::vector<std::string> topics{};   ///< Of events; empty: all.
+  Duration from{0};                    ///< Since the file's first message.
+  std::optional<Duration> to{};
+};
+
+/// Bytes of samples and payloads that load() takes; of more it names the remedy.
+inline constexpr std::size_t kLoadByteMax = std::size_t{1} << 30;
+/// A pause in which nothing at all was recorded, beyond which it is shortened, to kPauseLeft.
+inline constexpr Duration kPauseMax = std::chrono::minutes{1};
+inline constexpr Duration kPauseLeft = std::chrono::seconds{1};
+
+/// Reads the devices and events of a recording that rtpm::capture wrote. A message takes its place
+/// in time by its publish time, which is the origin's: what came late to the recorder is played as
+/// it happened.
+/// @realtime set-up only
+/// @errors   as recording::FileReader::open(), with the remedy for one that was cut off; it has no
+///           device and no event; a device or topic that it does not have; one that was recorded
+///           with another version of its schema; more than kLoadByteMax
+[[nodiscard]] expected<Recorded, SetupError> load(const std::string& path,
+                                                  const Selection& selection = {});
+
+}  // namespace rtpm::replay

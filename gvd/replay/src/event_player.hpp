@@ -1,0 +1,63 @@
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/events/hub_types.hpp"
+#include "rtpm/events/supplier.hpp"
+#include "rtpm/replay/pace.hpp"
+#include "rtpm/replay/recorded.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::replay {
+
+/// Pushes recorded events to a hub in their order: type, payload and schema as recorded; the
+/// source, too, but of a renamed device. Sequence numbers are this supplier's own, without the gaps
+/// of the recording, and origins are of this host's clock: so filters and consumers work as with a
+/// live supplier.
+/// @ownership refers to what its arguments refer to
+/// @threads  one
+class EventPlayer {
+ public:
+  /// The source of a device's events, by its recorded name.
+  using SourceOf = std::function<events::SourceId(const std::string& device)>;
+
+  /// @errors   no hub answers there
+  [[nodiscard]] static expected<std::unique_ptr<EventPlayer>, SetupError> create(
+      rpc::Node& node, const std::string& hub, const Recorded& recorded, const SourceOf& source_of);
+
+  /// Pushes what is due at `position`, which is `now`.
+  /// @param speed  of the recording's time; nullopt: it is no steady one, and origins are `now`
+  void advance(const Pace::Position& position, MonotonicTime now, std::optional<double> speed);
+
+  [[nodiscard]] std::uint64_t pushed_count() const noexcept { return pushed_count_; }
+  [[nodiscard]] std::uint64_t failed_count() const noexcept { return failed_count_; }
+  /// Names of types that the hub does not know, so that no filter reads their fields.
+  [[nodiscard]] const std::vector<std::string>& unknown_types() const noexcept {
+    return unknown_types_;
+  }
+
+ private:
+  EventPlayer(const Recorded& recorded, events::HubTypes types) noexcept
+      : recorded_(recorded), types_(std::move(types)) {}
+
+  void push(const RecordedEvent& event, MonotonicTime origin);
+  void push_until(Duration at, MonotonicTime now, std::optional<double> speed);
+
+  const Recorded& recorded_;
+  events::HubTypes types_;
+  std::map<Priority, std::unique_ptr<events::Supplier>> suppliers_{};
+  std::vector<events::SourceId> sources_{};  ///< By RecordedEvent::source.
+  std::vector<std::string> unknown_types_{};
+  std::size_t next_ = 0;
+  std::uint64_t round_ = 0;
+  std::uint64_t pushed_count_ = 0;
+  std::uint64_t failed_count_ = 0;
+};
+
+}  // namespace rtpm::replay

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rtpm/replay/recorded.hpp"
+
+namespace rtpm::replay {
+
+/// A recording's message time: its publish time, or the log time where that is not plausible.
+[[nodiscard]] std::int64_t time_of(std::uint64_t log_time_ns,
+                                   std::uint64_t publish_time_ns) noexcept;
+
+/// Turns times since 1970 into times since the first of them, and mends clocks that jump: a time
+/// that goes back within a track becomes the one before, a pause of more than kPauseMax in all
+/// tracks is shortened. Tells both in `recorded.notes`, and sorts the events.
+void mend_times(Recorded& recorded);
+
+}  // namespace rtpm::replay
