@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cstdio>
 #include <memory>
 #include <optional>
 #include <string>
@@ -8,6 +9,7 @@
 #include "cli/command.hpp"
 #include "cli/output.hpp"
 #include "cli/progress.hpp"
+#include "devices/device_names.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/events/defaults.hpp"
@@ -81,21 +83,19 @@ int tell_end(const Context& context, const PlayRequest& request, const replay::R
   return kDone;
 }
 
-/// The hub that gets the events; without one that was asked for, none is no error.
-std::string hub_of(Context& context, const PlayRequest& request, const replay::Recorded& recorded) {
-  if (recorded.events.empty() || request.hub == kNoHub) return {};
-  if (request.is_hub_given || recorded.devices.empty()) return request.hub;
-  if (const auto types = events::HubTypes::ask(context.node(), request.hub); !types) {
-    rt::print_error("rtpm", "the events are not played: " + types.error().text());
-    return {};
-  }
-  return request.hub;
+/// The hub that gets the events; empty: none. Where nobody asked for one, none is no error.
+expected<std::string, SetupError> hub_of(Context& context, const PlayRequest& request,
+                                         const replay::Recorded& recorded) {
+  if (recorded.events.empty() || request.hub == kNoHub) return std::string{};
+  const auto types = events::HubTypes::ask(context.node(), request.hub);
+  if (types) return request.hub;
+  if (request.is_hub_given || recorded.devices.empty()) return unexpected{types.error()};
+  rt::print_error("rtpm", "the events are not played: " + types.error().text());
+  return std::string{};
 }
 
-replay::PlayerConfig config_of(Context& context, const PlayRequest& request,
-                               const replay::Recorded& recorded) {
+replay::PlayerConfig config_of(const Context& context, const PlayRequest& request) {
   replay::PlayerConfig config{.registry = context.registry,
-                              .hub = hub_of(context, request, recorded),
                               .folder = request.folder,
                               .speed = request.speed,
                               .is_stepped = request.is_stepped};
@@ -121,14 +121,16 @@ void tell_begin(const Context& context, const replay::Recorded& recorded,
 
 int play_into(Context& context, const PlayRequest& request, const replay::Recorded& recorded,
               recording::Recorder* output) {
-  replay::PlayerConfig config = config_of(context, request, recorded);
+  if (const auto names = device_names(context); !recorded.devices.empty() && !names) {
+    return context.not_reached(names.error());
+  }
+  auto hub = hub_of(context, request, recorded);
+  if (!hub) return context.not_reached(hub.error());
+  replay::PlayerConfig config = config_of(context, request);
+  config.hub = std::move(*hub);
   config.commands = output;
   const auto player = replay::Player::create(context.node(), recorded, std::move(config));
-  if (!player) {
-    // Only a call that failed has a cause; else an answer was no, such as for a name that is bound.
-    return player.error().cause ? context.not_reached(player.error())
-                                : context.fail(player.error());
-  }
+  if (!player) return context.fail(player.error());
   tell_begin(context, recorded, **player);
   if (const auto started = (*player)->start(); !started) return context.fail(started.error());
   {
@@ -152,9 +154,14 @@ int play(Context& context, const PlayRequest& request) {
   const auto recorded = replay::load(request.file, request.selection);
   if (!recorded) return context.fail(recorded.error());
   if (request.output.empty()) return play_into(context, request, *recorded, nullptr);
-  const auto output = recording::Recorder::create(request.output, {.writer = {.profile = "rtpm"}});
+  auto output = recording::Recorder::create(request.output, {.writer = {.profile = "rtpm"}});
   if (!output) return context.fail(output.error());
-  return play_into(context, request, *recorded, output->get());
+  const int exit_code = play_into(context, request, *recorded, output->get());
+  if (exit_code != kDone && (*output)->status().message_count == 0) {
+    output->reset();
+    static_cast<void>(std::remove(request.output.c_str()));  // It has nothing.
+  }
+  return exit_code;
 }
 
 void add_pace_options(CLI::App& command, PlayRequest& request) {

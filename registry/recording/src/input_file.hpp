@@ -10,7 +10,7 @@
 namespace rtpm::recording {
 
 /// What to do with a damaged recording.
-inline constexpr const char* kRepair = "save what is whole: rtpm::recording::recover()";
+inline constexpr const char* kRepair = "save what is whole: rtpm bag recover";
 
 /// A record in the file.
 struct RecordPlace {
