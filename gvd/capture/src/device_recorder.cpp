@@ -86,16 +86,17 @@ struct DeviceRecorder::Impl {
                                              .encoding = "flatbuffer",
                                              .data = {bytes.begin(), bytes.end()}});
     if (!schema) return unexpected{schema.error()};
-    return recorder.add_channel({.schema_id = *schema,
-                                 .topic = device_topic(name, Sampled::kDescriptor.name),
-                                 .message_encoding = "flatbuffer",
-                                 .metadata = {{kKindKey, kSampleKind},
-                                              {kDeviceKey, name},
-                                              {kTypeKey, std::to_string(Sampled::kType)},
-                                              {kNameKey, std::string(Sampled::kDescriptor.name)},
-                                              {kSourceKey, std::to_string(gvd::source_of(name))},
-                                              {kSchemaIdKey, std::to_string(Sampled::kSchemaId)},
-                                              {kStructSizeKey, std::to_string(sizeof(device::Sample))}}});
+    return recorder.add_channel(
+        {.schema_id = *schema,
+         .topic = device_topic(name, Sampled::kDescriptor.name),
+         .message_encoding = "flatbuffer",
+         .metadata = {{kKindKey, kSampleKind},
+                      {kDeviceKey, name},
+                      {kTypeKey, std::to_string(Sampled::kType)},
+                      {kNameKey, std::string(Sampled::kDescriptor.name)},
+                      {kSourceKey, std::to_string(gvd::source_of(name))},
+                      {kSchemaIdKey, std::to_string(Sampled::kSchemaId)},
+                      {kStructSizeKey, std::to_string(sizeof(device::Sample))}}});
   }
 
   rpc::Node& node;

@@ -1,5 +1,7 @@
 #include "rtpm/capture/event_recorder.hpp"
 
+#include <mutex>
+
 #include "rtpm/capture/channels.hpp"
 #include "rtpm/gvd/device_event.hpp"
 #include "rtpm/rt/clock.hpp"

@@ -5,6 +5,8 @@
 #include <span>
 #include <utility>
 
+#include "rtpm/gvd/device_event.hpp"
+
 namespace rtpm::replay {
 namespace {
 
@@ -21,16 +23,21 @@ const events::EventDescriptor* own_type(events::EventType type) {
 
 }  // namespace
 
+std::string played_name(const std::string& folder, const std::string& recorded_name) {
+  return folder.empty() ? recorded_name : folder + "/" + recorded_name;
+}
+
 expected<std::unique_ptr<EventPlayer>, SetupError> EventPlayer::create(rpc::Node& node,
                                                                        const std::string& hub,
                                                                        const Recorded& recorded,
-                                                                       const SourceOf& source_of) {
+                                                                       const std::string& folder) {
   auto types = events::HubTypes::ask(node, hub);
   if (!types) return unexpected{types.error()};
   std::unique_ptr<EventPlayer> player(new EventPlayer(recorded, std::move(*types)));
   std::vector<const events::EventDescriptor*> known;
   for (const RecordedSource& source : recorded.sources) {
-    player->sources_.push_back(source.device.empty() ? source.source : source_of(source.device));
+    player->sources_.push_back(
+        source.device.empty() ? source.source : gvd::source_of(played_name(folder, source.device)));
     const events::EventDescriptor* type = own_type(source.type);
     if (type == nullptr) type = player->types_.find(source.type);
     const bool is_known = type != nullptr && type->schema_id == source.schema_id;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -16,6 +15,9 @@
 
 namespace rtpm::replay {
 
+/// The name under which a recorded device is played.
+[[nodiscard]] std::string played_name(const std::string& folder, const std::string& recorded_name);
+
 /// Pushes recorded events to a hub in their order: type, payload and schema as recorded; the
 /// source, too, but of a renamed device. Sequence numbers are this supplier's own, without the gaps
 /// of the recording, and origins are of this host's clock: so filters and consumers work as with a
@@ -24,12 +26,10 @@ namespace rtpm::replay {
 /// @threads  one
 class EventPlayer {
  public:
-  /// The source of a device's events, by its recorded name.
-  using SourceOf = std::function<events::SourceId(const std::string& device)>;
-
+  /// @param folder  of played_name()
   /// @errors   no hub answers there
   [[nodiscard]] static expected<std::unique_ptr<EventPlayer>, SetupError> create(
-      rpc::Node& node, const std::string& hub, const Recorded& recorded, const SourceOf& source_of);
+      rpc::Node& node, const std::string& hub, const Recorded& recorded, const std::string& folder);
 
   /// Pushes what is due at `position`, which is `now`.
   /// @param speed  of the recording's time; nullopt: it is no steady one, and origins are `now`

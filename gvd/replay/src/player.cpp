@@ -8,10 +8,10 @@
 
 #include "event_player.hpp"
 #include "rtpm/capture/command_recorder.hpp"
-#include "rtpm/gvd/device_event.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/registration.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
 
 namespace rtpm::replay {
@@ -52,10 +52,6 @@ struct Player::Impl final : gvd::EmergencyStops {
   Impl& operator=(const Impl&) = delete;
   ~Impl() override { stop(); }
 
-  [[nodiscard]] std::string name_of(const std::string& recorded_name) const {
-    return config.folder.empty() ? recorded_name : config.folder + "/" + recorded_name;
-  }
-
   expected<void, SetupError> add_devices() {
     for (const RecordedDevice& device : recorded.devices) {
       ReplayedDeviceConfig settings{.pace = config.is_stepped ? nullptr : &pace,
@@ -79,7 +75,7 @@ struct Player::Impl final : gvd::EmergencyStops {
     if (!created) return unexpected{created.error()};
     server = std::move(*created);
     for (const auto& device : devices) {
-      const std::string name = name_of(device->recorded().name);
+      const std::string name = played_name(config.folder, device->recorded().name);
       if (auto added = server->add(name, *device); !added) return added;
       catalog.add(name, *device);
       served.push_back({name, server->url(name)});
@@ -102,9 +98,7 @@ struct Player::Impl final : gvd::EmergencyStops {
 
   expected<void, SetupError> join_hub() {
     if (config.hub.empty() || recorded.events.empty()) return {};
-    auto player = EventPlayer::create(node, config.hub, recorded, [this](const std::string& name) {
-      return gvd::source_of(name_of(name));
-    });
+    auto player = EventPlayer::create(node, config.hub, recorded, config.folder);
     if (!player) return unexpected{player.error()};
     events = std::move(*player);
     return {};
@@ -187,7 +181,7 @@ struct Player::Impl final : gvd::EmergencyStops {
   std::unique_ptr<rpc::Server> server{};
   std::vector<Served> served{};
   std::vector<std::unique_ptr<names::Registration>> registrations{};
-  mutable std::mutex mutex{};
+  mutable rt::PiMutex mutex{};
   std::unique_ptr<EventPlayer> events{};
   std::optional<MonotonicTime> over_since{};
   std::atomic<bool> is_over{false};

@@ -2,7 +2,6 @@
 
 #include <cstdint>
 #include <map>
-#include <mutex>
 #include <optional>
 #include <set>
 #include <span>
@@ -13,6 +12,7 @@
 #include "rtpm/capture/event_schemas.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/recording/recorder.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 
 namespace rtpm::capture {
 
@@ -57,7 +57,7 @@ class EventRecorder {
   /// Null: no device's, or of one without a name.
   const std::string* device_of(const events::EventHeader& header);
 
-  std::mutex mutex_{};
+  rt::PiMutex mutex_{};
   recording::Recorder& recorder_;
   recording::Recorder::Track& track_;
   EventSchemas schemas_{};
