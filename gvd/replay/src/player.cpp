@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
-#include <random>
 #include <utility>
 
 #include "event_player.hpp"
@@ -20,12 +19,6 @@ namespace {
 constexpr double kSpeedMin = 0.001;
 constexpr double kSpeedMax = 1000;
 constexpr Duration kTick = std::chrono::milliseconds{1};
-
-SipKey random_key() {
-  std::random_device random;
-  const auto word = [&random] { return (std::uint64_t{random()} << 32) | std::uint64_t{random()}; };
-  return {word(), word()};
-}
 
 /// Hands a device's commands to the recorder.
 class RecordedCommands final : public CommandSink {
@@ -56,7 +49,7 @@ struct Player::Impl final : gvd::EmergencyStops {
     for (const RecordedDevice& device : recorded.devices) {
       ReplayedDeviceConfig settings{.pace = config.is_stepped ? nullptr : &pace,
                                     .end = config.end,
-                                    .lease_key = random_key(),
+                                    .lease_key = gvd::random_lease_key(),
                                     .emergency_stops = this};
       if (config.commands != nullptr) {
         auto recorder = capture::CommandRecorder::create(*config.commands, device.name);

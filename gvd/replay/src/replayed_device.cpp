@@ -11,19 +11,8 @@ namespace rtpm::replay {
 namespace {
 
 using gvd::DeviceOutcome;
-
-device::Outcome to_wire(DeviceOutcome outcome) noexcept {
-  return device::Outcome{static_cast<device::OutcomeCode>(outcome)};
-}
-
-std::uint64_t to_us(Duration duration) noexcept {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(duration).count());
-}
-
-device::Lease refused(DeviceOutcome outcome) noexcept {
-  return {gvd::Lease::kNobody, 0, 0, static_cast<device::OutcomeCode>(outcome)};
-}
+using gvd::refused_to_wire;
+using gvd::to_wire;
 
 const device::Description& description_of(const RecordedDevice& recorded) {
   return *flatbuffers::GetRoot<device::Description>(recorded.description.data());
@@ -153,23 +142,18 @@ rpc::Result<device::Outcome> ReplayedDevice::command(const device::Command& requ
   return to_wire(DeviceOutcome::kDone);
 }
 
-device::Lease ReplayedDevice::granted(std::uint64_t id) const noexcept {
-  const gvd::LeaseConfig& config = lease_.config();
-  return {id, to_us(config.silence_max), to_us(config.idle_max), device::OutcomeCode::Done};
-}
-
 rpc::Result<device::Lease> ReplayedDevice::acquire(const rpc::CallContext&) {
-  if (lease_.holder() != gvd::Lease::kNobody) return refused(DeviceOutcome::kHeld);
+  if (lease_.holder() != gvd::Lease::kNobody) return refused_to_wire(DeviceOutcome::kHeld);
   const auto id = lease_.acquire();
-  return id ? granted(*id) : refused(DeviceOutcome::kTooSoon);
+  return id ? gvd::granted_to_wire(*id, lease_.config()) : refused_to_wire(DeviceOutcome::kTooSoon);
 }
 
 rpc::Result<device::Lease> ReplayedDevice::take_over(const rpc::CallContext& context) {
   if (context.priority.value() < description_.operator_priority) {
-    return refused(DeviceOutcome::kBelowOperatorPriority);
+    return refused_to_wire(DeviceOutcome::kBelowOperatorPriority);
   }
   const auto id = lease_.take_over();
-  return id ? granted(*id) : refused(DeviceOutcome::kTooSoon);
+  return id ? gvd::granted_to_wire(*id, lease_.config()) : refused_to_wire(DeviceOutcome::kTooSoon);
 }
 
 rpc::Result<device::Outcome> ReplayedDevice::renew(const device::Holder& request,

@@ -1,5 +1,6 @@
 #include "rtpm/gvd/command_lease.hpp"
 
+#include <random>
 #include <span>
 
 namespace rtpm::gvd {
@@ -22,6 +23,12 @@ std::string_view to_string(LeaseState state) noexcept {
       return "the lease ended because the device was lost or stopped";
   }
   return "the device does not know the lease (any more)";
+}
+
+SipKey random_lease_key() {
+  std::random_device random;
+  const auto word = [&random] { return (std::uint64_t{random()} << 32) | std::uint64_t{random()}; };
+  return {word(), word()};
 }
 
 void RateGate::step(MonotonicTime now) noexcept {

@@ -11,25 +11,11 @@ namespace rtpm::gvd {
 namespace {
 
 device::Outcome to_wire(const expected<void, DeviceOutcome>& done) noexcept {
-  const DeviceOutcome outcome = done ? DeviceOutcome::kDone : done.error();
-  return device::Outcome{static_cast<device::OutcomeCode>(outcome)};
+  return gvd::to_wire(done ? DeviceOutcome::kDone : done.error());
 }
 
 device::Outcome for_holder(bool is_holder) noexcept {
   return device::Outcome{is_holder ? device::OutcomeCode::Done : device::OutcomeCode::NotHolder};
-}
-
-std::uint64_t to_us(Duration duration) noexcept {
-  return static_cast<std::uint64_t>(
-      std::chrono::duration_cast<std::chrono::microseconds>(duration).count());
-}
-
-device::Lease to_wire(std::uint64_t id, const LeaseConfig& config) noexcept {
-  return {id, to_us(config.silence_max), to_us(config.idle_max), device::OutcomeCode::Done};
-}
-
-device::Lease refused(DeviceOutcome outcome) noexcept {
-  return {Lease::kNobody, 0, 0, static_cast<device::OutcomeCode>(outcome)};
 }
 
 }  // namespace
@@ -56,9 +42,9 @@ rpc::Result<device::Outcome> DeviceServant::command(const device::Command& reque
 
 rpc::Result<device::Lease> DeviceServant::acquire(const rpc::CallContext&) {
   Lease& lease = cycle_.lease();
-  if (lease.holder() != Lease::kNobody) return refused(DeviceOutcome::kHeld);
+  if (lease.holder() != Lease::kNobody) return refused_to_wire(DeviceOutcome::kHeld);
   const auto id = lease.acquire();
-  return id ? to_wire(*id, lease.config()) : refused(DeviceOutcome::kTooSoon);
+  return id ? granted_to_wire(*id, lease.config()) : refused_to_wire(DeviceOutcome::kTooSoon);
 }
 
 rpc::Result<device::Outcome> DeviceServant::renew(const device::Holder& request,
@@ -106,7 +92,7 @@ rpc::Result<device::Outcome> DeviceServant::rearm(const device::Holder& request,
 
 rpc::Result<device::Lease> DeviceServant::take_over(const rpc::CallContext& context) {
   const auto id = cycle_.take_over(context.priority);
-  return id ? to_wire(*id, cycle_.lease().config()) : refused(id.error());
+  return id ? granted_to_wire(*id, cycle_.lease().config()) : refused_to_wire(id.error());
 }
 
 rpc::Result<device::LeaseStanding> DeviceServant::lease_state(const device::Holder& request,

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <future>
 #include <memory>
-#include <random>
 #include <string>
 #include <utility>
 
@@ -23,12 +22,6 @@ constexpr Duration kPeriodMin = std::chrono::microseconds{20};
 constexpr Duration kPeriodMax = std::chrono::milliseconds{100};
 /// How long start() waits for a driver that sets its device up, where it need not.
 constexpr std::chrono::seconds kStartPatience{2};
-
-SipKey random_key() {
-  std::random_device random;
-  const auto word = [&random] { return (std::uint64_t{random()} << 32) | std::uint64_t{random()}; };
-  return {word(), word()};
-}
 
 expected<void, SetupError> check(const LeaseConfig& lease) {
   constexpr Duration kNone{0};
@@ -123,7 +116,7 @@ struct DeviceServer::Impl {
       : driver(std::move(served)),
         descriptor(std::move(described)),
         config(std::move(given)),
-        cycle(*driver, config.cycle, random_key()),
+        cycle(*driver, config.cycle, random_lease_key()),
         servant(cycle, descriptor, config.cycle.period),
         configurable(*driver, descriptor, cycle) {}
 

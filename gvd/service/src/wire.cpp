@@ -5,6 +5,8 @@
 #include <string>
 #include <vector>
 
+#include "rtpm/gvd/command_lease.hpp"
+
 namespace rtpm::gvd {
 namespace {
 
@@ -116,6 +118,22 @@ device::Command to_wire(const ClientCommand& command) noexcept {
           command.sequence,
           to_us(command.hold),
           static_cast<device::CommandMode>(setpoint.mode)};
+}
+
+device::Outcome to_wire(DeviceOutcome outcome) noexcept {
+  return device::Outcome{static_cast<device::OutcomeCode>(outcome)};
+}
+
+device::Lease granted_to_wire(std::uint64_t id, const LeaseConfig& config) noexcept {
+  const auto us = [](Duration duration) {
+    return static_cast<std::uint64_t>(
+        std::chrono::duration_cast<std::chrono::microseconds>(duration).count());
+  };
+  return {id, us(config.silence_max), us(config.idle_max), device::OutcomeCode::Done};
+}
+
+device::Lease refused_to_wire(DeviceOutcome outcome) noexcept {
+  return {Lease::kNobody, 0, 0, static_cast<device::OutcomeCode>(outcome)};
 }
 
 flatbuffers::Offset<device::Description> to_wire(const driver::Descriptor& descriptor,

@@ -26,16 +26,6 @@ constexpr gvd::LeaseConfig kLease{.silence_max = milliseconds{300},
                                   .acquire_interval = milliseconds{1},
                                   .take_over_interval = milliseconds{200}};
 
-template <class Condition>
-bool eventually(Condition condition) {
-  const MonotonicTime until = rt::now() + seconds{20};
-  while (!condition()) {
-    if (rt::now() > until) return false;
-    rt::sleep_until(rt::now() + milliseconds{1});
-  }
-  return true;
-}
-
 /// A device that is served.
 class Subject {
  public:

@@ -17,16 +17,6 @@ namespace {
 using std::chrono::milliseconds;
 using std::chrono::seconds;
 
-template <class Condition>
-bool eventually(Condition condition) {
-  const MonotonicTime until = rt::now() + seconds{20};
-  while (!condition()) {
-    if (rt::now() > until) return false;
-    rt::sleep_until(rt::now() + milliseconds{1});
-  }
-  return true;
-}
-
 class PlayerTest : public testing::Test {
  protected:
   void play(PlayerConfig config) {

@@ -126,7 +126,6 @@ class ReplayedDevice final : public device::DeviceServant {
   [[nodiscard]] bool is_newest(std::uint64_t lease, std::uint32_t sequence) noexcept;
   [[nodiscard]] bool is_active(MonotonicTime now) const noexcept;
   [[nodiscard]] device::Outcome use(const device::Holder& holder) noexcept;
-  [[nodiscard]] device::Lease granted(std::uint64_t id) const noexcept;
 
   const RecordedDevice& recorded_;
   ReplayedDeviceConfig config_;

@@ -30,6 +30,10 @@ class RateGate {
   std::optional<MonotonicTime> opens_{};
 };
 
+/// A key for a device's leases, of the system's randomness.
+/// @realtime set-up only
+[[nodiscard]] SipKey random_lease_key();
+
 /// The right to command a device, held by one client at a time. Ends when released, silent or idle
 /// for too long, or taken over. Its holder is identified by an unguessable number.
 /// @ownership a value, not copied

@@ -6,6 +6,8 @@
 #include "rtpm/driver/descriptor.hpp"
 #include "rtpm/driver/sample.hpp"
 #include "rtpm/gvd/client_command.hpp"
+#include "rtpm/gvd/error.hpp"
+#include "rtpm/gvd/lease.hpp"
 
 /// Conversions between the driver's types and the schema's.
 namespace rtpm::gvd {
@@ -24,6 +26,15 @@ namespace rtpm::gvd {
 [[nodiscard]] ClientCommand from_wire(const device::Command& wire) noexcept;
 /// @realtime alloc-free
 [[nodiscard]] device::Command to_wire(const ClientCommand& command) noexcept;
+
+/// @realtime alloc-free
+[[nodiscard]] device::Outcome to_wire(DeviceOutcome outcome) noexcept;
+/// The reply to a client that got the lease `id`,
+/// @realtime alloc-free
+[[nodiscard]] device::Lease granted_to_wire(std::uint64_t id, const LeaseConfig& config) noexcept;
+/// and to one that did not.
+/// @realtime alloc-free
+[[nodiscard]] device::Lease refused_to_wire(DeviceOutcome outcome) noexcept;
 
 /// What a device's server adds to its descriptor.
 struct ServerTerms {
