@@ -6,6 +6,7 @@
 
 #include "cli/output.hpp"
 #include "events/payload_json.hpp"
+#include "objects/unbound.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/gvd/poller.hpp"
 #include "rtpm/gvd/wire.hpp"
@@ -59,7 +60,9 @@ int echo_device(Context& context, const DeviceEchoRequest& request) {
   gvd::DevicePollerConfig config{.rate_hz = request.rate_hz};
   config.priority = context.priority.value_or(config.priority);
   auto poller = gvd::DevicePoller::start(context.node(), request.device, config, sink);
-  if (!poller) return context.not_reached(named(request.device, poller.error()));
+  if (!poller)
+    return context.not_reached(
+        named(request.device, with_similar_names(context, request.device, poller.error())));
   const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
   bool is_absence_told = false;
   while (!sink.is_done() && rt::now() < end && !stop.wait_for(kPeriod)) {

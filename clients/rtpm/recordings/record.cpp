@@ -13,6 +13,7 @@
 #include "cli/progress.hpp"
 #include "devices/device_names.hpp"
 #include "events/subscription.hpp"
+#include "objects/unbound.hpp"
 #include "recordings/commands.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/capture/device_recorder.hpp"
@@ -175,7 +176,8 @@ bool open(Context& context, const RecordRequest& request, recording::Recorder& r
           capture::DeviceRecorder& devices, Sources& sources, int& exit_code) {
   for (const std::string& name : request.devices) {
     if (const auto polled = devices.poll(name, request.poll_rate_hz); !polled) {
-      exit_code = context.not_reached(named(name, polled.error()));
+      exit_code =
+          context.not_reached(named(name, with_similar_names(context, name, polled.error())));
       return false;
     }
   }

@@ -37,8 +37,8 @@ constexpr std::array kEarly{"had no time for it", "within the deadline", "has no
 
 constexpr const char* kSampled = "--filter type(rtpm.device.Sampled)";
 
-/// In an order in which one command prepares for the next. RUN is a whole recording, BROKEN its
-/// first half, NEW1 and NEW2 paths where nothing is.
+/// In an order in which one command prepares for the next. RUN is a whole recording, DEVICES
+/// one of a device, BROKEN the first half of RUN, NEW1 and NEW2 paths where nothing is.
 std::vector<Case> cases() {
   const std::string sampled = kSampled;
   return {
@@ -53,6 +53,8 @@ std::vector<Case> cases() {
        "rtpm.device.ButtonChanged {cycle:1,button:256,is_pressed:true}", 1, "[0; 255]"},
       {"hz", sampled + " --for 200ms", "JITTER RMS", "--hub rtpm/event", 3, "rtpm/events"},
       {"record", "NEW1 --for 200ms", " messages, ", "RUN --for 10ms", 1, "exists"},
+      {"play", "DEVICES --speed 100 --folder again --hub none", ": played ", "RUN", 1,
+       "no device or event to play"},
       {"bag info", "RUN", "100 messages in ", "NONE", 1, "No such file"},
       {"bag check", "RUN", "is whole", "NONE", 1, "No such file"},
       {"bag recover", "BROKEN -o NEW1", "messages", "BROKEN -o RUN", 1, "exists already"},
@@ -101,6 +103,8 @@ class Commands : public testing::Test {
     ASSERT_TRUE(writer);
     recording::write_messages(**writer, 100);
     ASSERT_TRUE((*writer)->close());
+    ASSERT_EQ(run({"record", devices_, "--for", "200ms", "--registry", registry_->url}).exit_code,
+              0);
     const std::string content = recording::content_of(whole_);
     recording::put_content(broken_, std::string_view(content).substr(0, content.size() / 2));
   }
@@ -110,6 +114,7 @@ class Commands : public testing::Test {
     Arguments arguments = words_of(path + " " + rest);
     for (std::string& word : arguments) {
       if (word == "RUN") word = whole_;
+      if (word == "DEVICES") word = devices_;
       if (word == "BROKEN") word = broken_;
       if (word == "NONE") word = folder_.fresh("none");
       if (word == "NEW1") word = folder_.fresh("new");
@@ -163,6 +168,7 @@ class Commands : public testing::Test {
 
   recording::Folder folder_;
   std::string whole_ = folder_.fresh("whole");
+  std::string devices_ = folder_.fresh("devices");
   std::string broken_ = folder_.fresh("broken");
   std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
