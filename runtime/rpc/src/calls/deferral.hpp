@@ -34,6 +34,8 @@ class CallDeferral final : public Deferral {
     return is_stream && take() ? writer_for(*pool_, call_) : ItemWriter{};
   }
   [[nodiscard]] bool is_taken() const noexcept { return is_taken_; }
+  /// The call that its method has not answered; null if it has.
+  [[nodiscard]] PendingCall* taken() const noexcept { return is_taken_ ? call_ : nullptr; }
 
  private:
   [[nodiscard]] bool take() noexcept {

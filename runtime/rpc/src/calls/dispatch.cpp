@@ -27,7 +27,21 @@ Priority Dispatch::priority_of(const Object& object, const wire::Header& header)
 }
 
 Ran Dispatch::run(const Object& object, const wire::Request& request, MutableBytes reply,
-                  Deferral& deferral) const noexcept {
+                  CallDeferral& deferral) const noexcept {
+  const Ran ran = run_method(object, request, reply, deferral);
+  if (tap_.is_on()) [[unlikely]] {
+    // The lane ends a call that goes on only after this, so that its mark is there in time.
+    if (PendingCall* const call = deferral.taken()) {
+      call->tap_mark = tap_.on_begun(request);
+    } else {
+      tap_.on_whole(request, ran.result.status, reply.first(ran.result.reply_size));
+    }
+  }
+  return ran;
+}
+
+Ran Dispatch::run_method(const Object& object, const wire::Request& request, MutableBytes reply,
+                         Deferral& deferral) const noexcept {
   const wire::Header& header = request.header;
   const CallContext context{priority_of(object, header),
                             request.deadline,

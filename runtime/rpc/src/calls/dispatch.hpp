@@ -5,8 +5,11 @@
 #include "rtpm/rpc/server.hpp"
 #include "rtpm/wire/server_sessions.hpp"
 #include "server/object_table.hpp"
+#include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
+
+class CallDeferral;
 
 /// What came of a method.
 struct Ran {
@@ -21,17 +24,22 @@ class Dispatch {
  public:
   /// @param lane_priority  of methods whose objects have no priority model
   Dispatch(const ObjectTable& objects, PriorityTransform transform, Priority lane_priority,
-           const Lane& lane) noexcept
-      : objects_(objects), transform_(transform), lane_priority_(lane_priority), lane_(lane) {}
+           const Lane& lane, LaneTap& tap) noexcept
+      : objects_(objects),
+        transform_(transform),
+        lane_priority_(lane_priority),
+        lane_(lane),
+        tap_(tap) {}
 
   /// The object on which a method would run, or why none would.
   [[nodiscard]] expected<const Object*, wire::Status> target_of(
       const wire::Request& request) const noexcept;
   [[nodiscard]] Priority priority_of(const Object& object,
                                      const wire::Header& header) const noexcept;
-  /// Runs the method at the request's own priority, at which the thread is left.
+  /// Runs the method at the request's own priority, at which the thread is left, and hands the
+  /// call to the tap.
   [[nodiscard]] Ran run(const Object& object, const wire::Request& request, MutableBytes reply,
-                        Deferral& deferral) const noexcept;
+                        CallDeferral& deferral) const noexcept;
   /// Answers a request to the session service.
   [[nodiscard]] DispatchResult serve_session(const wire::Request& request,
                                              MutableBytes reply) const noexcept;
@@ -40,10 +48,14 @@ class Dispatch {
                                           LaneReport& report) const noexcept;
 
  private:
+  [[nodiscard]] Ran run_method(const Object& object, const wire::Request& request,
+                               MutableBytes reply, Deferral& deferral) const noexcept;
+
   const ObjectTable& objects_;
   PriorityTransform transform_;
   Priority lane_priority_;
   const Lane& lane_;
+  LaneTap& tap_;
 };
 
 /// A call of the same program, as if it had come over a wire.

@@ -9,8 +9,8 @@
 namespace rtpm::rpc {
 
 OpenCalls::OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count_max, Media& media,
-                     LaneReport& report, Doorbell& doorbell)
-    : pool_(std::move(pool)), media_(media), report_(report), doorbell_(doorbell) {
+                     LaneReport& report, Doorbell& doorbell, LaneTap& tap)
+    : pool_(std::move(pool)), media_(media), report_(report), doorbell_(doorbell), tap_(tap) {
   // One more: a call that used up the turn stands at the end before its old entry goes.
   backlog_.reserve(std::size_t{call_count_max} + 1);
 }
@@ -83,6 +83,10 @@ void OpenCalls::serve(Lead& lead, PendingCall& call) noexcept {
   if (call.sessions != nullptr && must_wait_for_buffer(call, now)) return;
   if (call.is_awaited.load(std::memory_order_relaxed))
     report_.on_end(lead, call.request, call.status, now);
+  if (call.tap_mark.number != 0) {
+    tap_.on_ended(std::exchange(call.tap_mark, {}), call.request, call.status,
+                  call.reply.first(call.size));
+  }
   if (call.sessions == nullptr) return serve_local(call);
   wire::ServerSessions& sessions = *call.sessions;
   if (call.size > sessions.reply_size_max(call.request)) {
@@ -156,6 +160,7 @@ bool OpenCalls::send_items(Lead& lead, PendingCall& call) noexcept {
     } else if (!send_item_frame(lead, call, sent, slot)) {
       break;
     } else if (call.is_taken && !call.sessions->is_item_midway(call.request)) {
+      if (call.tap_mark.number != 0) tap_.on_item(call.tap_mark, call.request, call.item(sent));
       ++sent;
     }
   }

@@ -19,7 +19,7 @@ namespace rtpm::rpc {
 class OpenCalls {
  public:
   OpenCalls(std::shared_ptr<PendingPool> pool, std::uint32_t call_count_max, Media& media,
-            LaneReport& report, Doorbell& doorbell);
+            LaneReport& report, Doorbell& doorbell, LaneTap& tap);
 
   [[nodiscard]] const std::shared_ptr<PendingPool>& pool() const noexcept { return pool_; }
   /// Copies large replies without `lock`, which each caller holds.
@@ -69,6 +69,7 @@ class OpenCalls {
   Media& media_;
   LaneReport& report_;
   Doorbell& doorbell_;
+  LaneTap& tap_;
   transport::WaitLock* lock_ = nullptr;  ///< Null: the lane has one thread.
   /// Streams with items for which a turn had no time left, the one that waits longest first. Sized
   /// once.

@@ -58,6 +58,7 @@ PendingCall* PendingPool::take() noexcept {
   found->written_count.store(0, std::memory_order_relaxed);
   found->sent_count.store(0, std::memory_order_relaxed);
   found->item_end = 0;
+  found->tap_mark = {};
   found->has_refused_large = found->is_blocked = false;
   return found;
 }

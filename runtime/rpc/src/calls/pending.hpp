@@ -13,6 +13,7 @@
 #include "rtpm/rpc/deferred.hpp"
 #include "rtpm/rt/lazy_memory.hpp"
 #include "rtpm/wire/server_sessions.hpp"
+#include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
 
@@ -37,6 +38,7 @@ struct PendingCall {
   bool is_running = false;      ///< Or waits for a thread: not to be ended yet.
   bool waits_for_room = false;  ///< It ended with a large reply for which there was no room yet.
   bool is_deferred = false;     ///< It counts as such; of the method's thread while that runs.
+  TapMark tap_mark{};           ///< Of the thread that ran the method, then under the Lead.
 
   /// A call that came over a wire; the request's payload stays where it is.
   void take_in(const wire::Request& its_request, wire::ServerSessions& its_sessions) noexcept {

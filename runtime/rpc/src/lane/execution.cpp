@@ -112,7 +112,7 @@ ConstBytes Execution::run_confirmed(Lead& lead, wire::ServerSessions& sessions,
 }
 
 DispatchResult Execution::serve(Lead& lead, const wire::Request& request, MutableBytes reply,
-                                Deferral& deferral) noexcept {
+                                CallDeferral& deferral) noexcept {
   if (request.header.service == wire::kSessionService) {
     return parts_.dispatch.serve_session(request, reply);
   }
@@ -122,7 +122,7 @@ DispatchResult Execution::serve(Lead& lead, const wire::Request& request, Mutabl
 }
 
 DispatchResult Execution::run_method(Lead& lead, const Object& object, const wire::Request& request,
-                                     MutableBytes reply, Deferral& deferral) noexcept {
+                                     MutableBytes reply, CallDeferral& deferral) noexcept {
   ServerCounters& counters = parts_.report.counters(lead);
   ++counters.call_count;
   parts_.idling.on_call(request.header.session, request.received);

@@ -80,7 +80,7 @@ class Execution {
   [[nodiscard]] ConstBytes run_now(Lead&, wire::ServerSessions& sessions,
                                    const wire::Request& request) noexcept;
   [[nodiscard]] DispatchResult run_method(Lead&, const Object& object, const wire::Request& request,
-                                          MutableBytes reply, Deferral& deferral) noexcept;
+                                          MutableBytes reply, CallDeferral& deferral) noexcept;
 
   const LaneParts parts_;
 
@@ -93,7 +93,7 @@ class Execution {
                                     const wire::Request& request, const CallDeferral& deferral,
                                     DispatchResult result) noexcept;
   [[nodiscard]] DispatchResult serve(Lead&, const wire::Request& request, MutableBytes reply,
-                                     Deferral& deferral) noexcept;
+                                     CallDeferral& deferral) noexcept;
 
   rt::RealtimeMode realtime_ = rt::RealtimeMode::kPrefer;
   rt::CpuKeeper* keeper_ = nullptr;

@@ -52,10 +52,10 @@ Lane::Lane(const LaneSetup& setup, transport::UdpPort port,
                                            setup.sessions.message_size_max, setup.stream_byte_max,
                                            ThreadPool::is_wanted(setup.config, setup.borrows),
                                            doorbell_),
-             call_count_max(setup), media_, report_, *doorbell_),
+             call_count_max(setup), media_, report_, *doorbell_, tap_),
       gate_(std::make_shared<LocalGate>(doorbell_, *this, setup.local_oneway_count_max,
                                         setup.sessions.message_size_max)),
-      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this),
+      dispatch_(*setup.objects, setup.inbound_priority, setup.config.priority, *this, tap_),
       idling_(setup.config.wait) {
   const LaneParts parts{*this,  config_, is_stopping_, *setup.slot, dispatch_,
                         calls_, report_, idling_,      *wait_set_};

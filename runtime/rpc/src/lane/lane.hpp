@@ -14,6 +14,7 @@
 #include "lane/setup.hpp"
 #include "lane/throttling.hpp"
 #include "local/local.hpp"
+#include "tap/lane_tap.hpp"
 
 namespace rtpm::rpc {
 
@@ -61,6 +62,7 @@ class Lane {
   [[nodiscard]] DispatchResult run_nested(const LocalChannel& channel) noexcept;
   [[nodiscard]] const Band& band() const noexcept { return band_; }
   [[nodiscard]] ServerCounters counters() const noexcept { return report_.read(); }
+  [[nodiscard]] LaneTap& tap() noexcept { return tap_; }
 
   /// Serves until stop(), or until another thread is to lead.
   /// @threads  the lane's, one at a time
@@ -85,6 +87,7 @@ class Lane {
   std::unique_ptr<transport::WaitSet> wait_set_;
   std::shared_ptr<Doorbell> doorbell_;
   LaneReport report_;
+  LaneTap tap_;
   Media media_;
   OpenCalls calls_;
   std::shared_ptr<LocalGate> gate_;

@@ -99,6 +99,13 @@ std::uint32_t write_similar_paths(std::span<const Object> objects, std::string_v
 
 }  // namespace
 
+std::vector<std::string> ObjectTable::paths() const {
+  std::vector<std::string> paths;
+  for (const Object& object : objects_)
+    paths.push_back(object.path);
+  return paths;
+}
+
 DispatchResult ObjectTable::bind(ConstBytes request, MutableBytes reply) const noexcept {
   const auto wanted = wire::decode_bind_request(request);
   if (!wanted) return {wire::Status::kBadRequest, 0};

@@ -19,6 +19,7 @@
 #include "server/lane_table_owner.hpp"
 #include "server/object_table.hpp"
 #include "server/policy.hpp"
+#include "tap/server_tap.hpp"
 
 namespace rtpm::rpc {
 namespace {
@@ -134,6 +135,7 @@ class ServerImpl final : public Server {
     return "rtpm://" + config_.host + ":" + std::to_string(port_) + "/" + std::string(path);
   }
   ServerCounters counters() const noexcept override;
+  std::shared_ptr<CallTap> tap() noexcept override { return tap_; }
 
  private:
   expected<std::vector<transport::UdpPort>, SetupError> open_ports(std::uint16_t port);
@@ -145,6 +147,7 @@ class ServerImpl final : public Server {
   ServerConfig config_;
   std::uint16_t port_ = 0;
   ObjectTable objects_;
+  std::shared_ptr<ServerTap> tap_ = std::make_shared<ServerTap>(objects_);
   std::unique_ptr<Acceptor> acceptor_;
   rt::PublicMemory lane_table_;
   std::map<int, std::unique_ptr<rt::CpuKeeper>> keepers_;  ///< By CPU; they outlive the lanes.
@@ -266,6 +269,7 @@ expected<void, SetupError> ServerImpl::make_lanes(std::vector<transport::UdpPort
           "(vm.overcommit_memory), or lower message_size_max, large_message_count_max, "
           "deferred_call_count_max or stream_count_max");
     }
+    tap_->add(lanes_.back()->tap());
     if (!config_.borrows) continue;
     setup.lower = lanes_.back().get();
     setup.lendable_thread_count += setup.config.static_threads + setup.config.dynamic_threads;
@@ -345,6 +349,7 @@ void ServerImpl::stop() noexcept {
   keepers_.clear();
   for (const auto& lane : lanes_)
     lane->close();
+  tap_->close();
 }
 
 ServerCounters ServerImpl::counters() const noexcept {

@@ -13,6 +13,7 @@
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/interface.hpp"
 #include "rtpm/rpc/servant.hpp"
+#include "rtpm/rpc/tap.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/rt/wait.hpp"
 
@@ -166,6 +167,8 @@ class Server {
   /// What was served and dropped so far, over all lanes.
   /// @realtime alloc-free
   [[nodiscard]] virtual ServerCounters counters() const noexcept = 0;
+  /// Records the server's calls while it is on, see tap.hpp.
+  [[nodiscard]] virtual std::shared_ptr<CallTap> tap() noexcept = 0;
 
  protected:
   Server() = default;

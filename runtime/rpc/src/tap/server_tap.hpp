@@ -1,0 +1,55 @@
+#pragma once
+
+#include <atomic>
+#include <deque>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "rtpm/rpc/tap.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "server/object_table.hpp"
+#include "tap/lane_tap.hpp"
+
+namespace rtpm::rpc {
+
+/// The tap of all lanes of a server.
+/// @threads  as CallTap says; add() and close() the server's
+/// @realtime none
+class ServerTap final : public CallTap {
+ public:
+  explicit ServerTap(const ObjectTable& objects) noexcept : objects_(&objects) {}
+  ~ServerTap() override { switch_off(); }
+
+  /// Before the first switch_on().
+  void add(LaneTap& lane) { lanes_.push_back(&lane); }
+  /// The server ends: after its lanes have, and before they and its objects are freed.
+  void close() noexcept;
+
+  expected<void, SetupError> switch_on(const TapConfig& config) override;
+  void switch_off() noexcept override;
+  bool is_on() const noexcept override { return is_on_.load(std::memory_order_relaxed); }
+  std::optional<TappedCall> next() noexcept override;
+  TapLosses losses() const noexcept override;
+  const std::vector<std::string>& objects() const noexcept override { return paths_; }
+
+ private:
+  [[nodiscard]] expected<void, SetupError> make_filter(const TapConfig& config);
+  [[nodiscard]] bool wait_for_lanes() const noexcept;
+  void disconnect() noexcept;
+
+  /// Of lanes_, objects_ and tapes_ against close(), which comes from another thread.
+  mutable rt::PiMutex mutex_;
+  const ObjectTable* objects_;     ///< Null: the server has stopped.
+  std::vector<LaneTap*> lanes_{};  ///< Empty then.
+  std::atomic<bool> is_on_{false};
+  std::uint64_t generation_ = 0;
+  std::vector<std::string> paths_{};
+  TapFilter filter_{};
+  std::vector<std::uint32_t> next_numbers_{};  ///< Of each lane: goes on where an earlier tap ended.
+  std::deque<LaneTape> tapes_{};               ///< Of each lane.
+  std::size_t turn_ = 0;                       ///< The tape to be read next.
+  TapRing* held_ = nullptr;                    ///< Whose front record next() handed out.
+};
+
+}  // namespace rtpm::rpc
