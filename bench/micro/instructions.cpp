@@ -17,6 +17,7 @@
 #include "rtpm/base/histogram.hpp"
 #include "rtpm/base/latest.hpp"
 #include "rtpm/base/ring.hpp"
+#include "served_tip.hpp"
 #include "tip.hpp"
 #include "wire_subjects.hpp"
 
@@ -41,6 +42,25 @@ void repeat(Step step) {
 struct State {
   std::array<double, 40> values{};
 };
+
+ServedTip& local_tip() {
+  static ServedTip served(rpc::Transport::kLocal);
+  return served;
+}
+ServedTip& memory_tip() {
+  static ServedTip served(rpc::Transport::kSharedMemory);
+  return served;
+}
+ServedTip& udp_tip() {
+  static ServedTip served(rpc::Transport::kUdp);
+  return served;
+}
+/// Switches the tap, which is no part of what is counted.
+template <ServedTip& (*served)(), bool is_tapped>
+void prepare() {
+  static_cast<void>(served().read_tap());
+  served().tap(is_tapped);
+}
 
 }  // namespace
 
@@ -150,6 +170,25 @@ extern "C" {
     keep(is_done);
   });
 }
+
+[[gnu::noinline]] void counted_local_call_48_bytes() {
+  repeat([&served = local_tip()] { served.call(); });
+}
+[[gnu::noinline]] void counted_local_call_while_tapped() {
+  repeat([&served = local_tip()] { served.call(); });
+}
+[[gnu::noinline]] void counted_memory_call_48_bytes() {
+  repeat([&served = memory_tip()] { served.call(); });
+}
+[[gnu::noinline]] void counted_memory_call_while_tapped() {
+  repeat([&served = memory_tip()] { served.call(); });
+}
+[[gnu::noinline]] void counted_udp_call_48_bytes() {
+  repeat([&served = udp_tip()] { served.call(); });
+}
+[[gnu::noinline]] void counted_udp_call_while_tapped() {
+  repeat([&served = udp_tip()] { served.call(); });
+}
 }  // extern "C"
 
 namespace {
@@ -157,6 +196,7 @@ namespace {
 struct Subject {
   const char* name;
   void (*run)();
+  void (*prepare)() = nullptr;  ///< Before it runs, not counted.
 };
 constexpr Subject kSubjects[] = {
     {"counted_encode_header", counted_encode_header},
@@ -171,6 +211,13 @@ constexpr Subject kSubjects[] = {
     {"counted_events_match_by_field", counted_events_match_by_field},
     {"counted_events_queue", counted_events_queue},
     {"counted_generated_call_48_bytes", counted_generated_call_48_bytes},
+    {"counted_local_call_48_bytes", counted_local_call_48_bytes, prepare<local_tip, false>},
+    {"counted_local_call_while_tapped", counted_local_call_while_tapped, prepare<local_tip, true>},
+    {"counted_memory_call_48_bytes", counted_memory_call_48_bytes, prepare<memory_tip, false>},
+    {"counted_memory_call_while_tapped", counted_memory_call_while_tapped,
+     prepare<memory_tip, true>},
+    {"counted_udp_call_48_bytes", counted_udp_call_48_bytes, prepare<udp_tip, false>},
+    {"counted_udp_call_while_tapped", counted_udp_call_while_tapped, prepare<udp_tip, true>},
 };
 
 void print_key() {
@@ -197,8 +244,10 @@ int main(int argc, char** argv) {
       std::printf("%s\n", subject.name);
   } else {
     for (int run = 0; run < 2; ++run) {
-      for (const auto& subject : rtpm::bench::micro::kSubjects)
+      for (const auto& subject : rtpm::bench::micro::kSubjects) {
+        if (subject.prepare != nullptr) subject.prepare();
         subject.run();
+      }
     }
   }
   return 0;

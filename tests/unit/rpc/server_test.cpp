@@ -329,6 +329,21 @@ TEST(ServerSetUp, RefusesASpinningLaneWhereTheKernelStopsItIfThatIsRequired) {
   EXPECT_EQ(std::ranges::count(rt::setup_report(), "spin of 'greedy'", &rt::SetupNote::subject), 1);
 }
 
+// Here, as an exception allocates, which the guards of the tap's own tests forbid.
+TEST(Server, TapsAMethodThatThrows) {
+  EchoServer server;
+  Node node(quiet_node());
+  Binding binding = bind_echo(node, server);
+  const auto tap = server.server->tap();
+  ASSERT_TRUE(tap->switch_on({}));
+  EXPECT_FALSE(binding.call(echo::kFail, bytes_of("throw")));
+  const auto call = tap->next();
+  ASSERT_TRUE(call);
+  EXPECT_EQ(call->status, wire::Status::kServantFailed);
+  EXPECT_EQ(call->request.size(), 5U);
+  EXPECT_EQ(call->reply_size, 0U);
+}
+
 TEST(ServerWithoutTheRight, ServesTimeSharedWhenRealTimeIsPreferred) {
   const rtpm::test::ChildResult child = rtpm::test::run_in_child([]() -> std::string {
     rtpm::test::drop_realtime_rights();

@@ -1,0 +1,64 @@
+#pragma once
+
+#include <cstdlib>
+#include <memory>
+#include <utility>
+
+#include "rtpm/rpc/node.hpp"
+#include "rtpm/rpc/server.hpp"
+#include "tip.hpp"
+
+/// What is counted of whole calls: of the caller's thread and of the lane's.
+namespace rtpm::bench::micro {
+
+/// A server with one lane and its caller, both in this program.
+class ServedTip {
+ public:
+  /// @param transport  kLocal: none
+  explicit ServedTip(rpc::Transport transport)
+      : node_({.wait = {.strategy = rt::WaitStrategy::kBlock},
+               .transport = transport,
+               .collocates = transport == rpc::Transport::kLocal}) {
+    rpc::ServerConfig config;
+    config.lanes = {{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
+    config.realtime = rt::RealtimeMode::kOff;
+    server_ = needed(rpc::Server::create(std::move(config)));
+    if (!server_->add("tip", tip_) || !server_->start()) std::abort();
+    client_ = std::make_unique<TipClient>(needed(TipClient::bind(node_, server_->url("tip"))));
+  }
+  ~ServedTip() { server_->stop(); }
+
+  bool call() {
+    const auto reply = client_->exchange(wrench_);
+    if (reply) wrench_ = *reply;
+    return reply.has_value();
+  }
+  void tap(bool is_on) {
+    const auto tap = server_->tap();
+    if (!is_on) return tap->switch_off();
+    if (!tap->is_on() && !tap->switch_on({})) std::abort();
+  }
+  /// Takes what was tapped; so many calls.
+  int read_tap() {
+    const auto tap = server_->tap();
+    int count = 0;
+    while (tap->next())
+      ++count;
+    return count;
+  }
+
+ private:
+  template <class Made>
+  static auto needed(Made made) {
+    if (!made) std::abort();
+    return std::move(*made);
+  }
+
+  Tip tip_{};
+  std::unique_ptr<rpc::Server> server_;
+  rpc::Node node_;
+  std::unique_ptr<TipClient> client_;
+  Wrench wrench_{1, 2, 3, 4, 5, 6};
+};
+
+}  // namespace rtpm::bench::micro
