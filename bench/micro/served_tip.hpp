@@ -11,6 +11,12 @@
 /// What is counted of whole calls: of the caller's thread and of the lane's.
 namespace rtpm::bench::micro {
 
+template <class Made>
+auto needed(Made made) {
+  if (!made) std::abort();
+  return std::move(*made);
+}
+
 /// A server with one lane and its caller, both in this program.
 class ServedTip {
  public:
@@ -48,12 +54,6 @@ class ServedTip {
   }
 
  private:
-  template <class Made>
-  static auto needed(Made made) {
-    if (!made) std::abort();
-    return std::move(*made);
-  }
-
   Tip tip_{};
   std::unique_ptr<rpc::Server> server_;
   rpc::Node node_;

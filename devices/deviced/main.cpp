@@ -95,7 +95,7 @@ expected<void, SetupError> start(Devices& devices, rpc::Server& server,
   for (const auto& device : devices) {
     if (auto added = device->add_to(server, catalog); !added) return added;
   }
-  if (auto added = server.add(introspection::kPath, catalog); !added) return added;
+  if (auto added = catalog.serve(server); !added) return added;
   for (const auto& device : devices) {
     if (auto started = device->start(); !started) return started;
     if (!device->has_sample()) {

@@ -40,7 +40,7 @@ int serve(const Configuration& configuration) {
   }
   rtpm::introspection::Catalog catalog;
   catalog.add(std::string(rtpm::names::kRegistryPath), *registry);
-  if (const auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
+  if (const auto added = catalog.serve(**server); !added) {
     return fail(added.error().text());
   }
   if (const auto started = (*server)->start(); !started) return fail(started.error().text());

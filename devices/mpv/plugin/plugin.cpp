@@ -63,7 +63,7 @@ class Service {
     server_ = std::move(*server);
     if (auto added = server_->add(name, device_->servant()); !added) return added;
     catalog_.add(name, device_->servant());
-    if (auto added = server_->add(introspection::kPath, catalog_); !added) return added;
+    if (auto added = catalog_.serve(*server_); !added) return added;
     if (auto started = publisher_->start(); !started) return started;
     if (auto started = device_->start(); !started) return started;
     if (auto started = server_->start(); !started) return started;

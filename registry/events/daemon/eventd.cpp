@@ -84,7 +84,7 @@ int serve(const Configuration& configuration) {
   }
   rtpm::introspection::Catalog catalog;
   catalog.add(std::string(rtpm::events::kHubPath), (*hub)->servant());
-  if (auto added = (*server)->add(rtpm::introspection::kPath, catalog); !added) {
+  if (auto added = catalog.serve(**server); !added) {
     return fail(added.error().text());
   }
   if (auto started = (*server)->start(); !started) return fail(started.error().text());

@@ -3,7 +3,19 @@
 #include <utility>
 #include <vector>
 
+#include "tap_server.hpp"
+
 namespace rtpm::introspection {
+
+Catalog::Catalog() = default;
+Catalog::~Catalog() = default;
+
+expected<void, SetupError> Catalog::serve(rpc::Server& server) {
+  if (auto added = server.add(kPath, *this); !added) return added;
+  tap_ = std::make_unique<TapServer>(server.tap());
+  if (auto added = server.add(kTapPath, *tap_); !added) return added;
+  return tap_->start();
+}
 
 void Catalog::add(std::string path, const rpc::Servant& servant) {
   objects_.insert_or_assign(std::move(path), &servant.interface());

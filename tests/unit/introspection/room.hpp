@@ -59,7 +59,7 @@ struct Room {
     server = std::move(*created);
     catalog.add("room/light", light);
     EXPECT_TRUE(server->add("room/light", light));
-    EXPECT_TRUE(server->add(kPath, catalog));
+    EXPECT_TRUE(catalog.serve(*server));
     EXPECT_TRUE(server->start());
   }
   ~Room() { server->stop(); }

@@ -21,7 +21,7 @@ expected<std::unique_ptr<HubServer>, SetupError> HubServer::create(rpc::Node& no
   }
   served->catalog_ = std::make_unique<introspection::Catalog>();
   served->catalog_->add(std::string(kHubPath), served->hub_->servant());
-  if (auto added = served->server_->add(introspection::kPath, *served->catalog_); !added) {
+  if (auto added = served->catalog_->serve(*served->server_); !added) {
     return unexpected{std::move(added.error())};
   }
   if (auto started = served->server_->start(); !started) {

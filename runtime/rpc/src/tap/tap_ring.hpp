@@ -33,18 +33,21 @@ static_assert(sizeof(TapRecord) == 64);
 /// The first word of a record, which says that it is whole.
 struct TapWord {
   std::uint32_t unit_count = 0;
-  std::uint8_t stage = 0;  ///< 0: padding up to the ring's end.
+  std::uint8_t stage = 0;
   std::uint8_t status = 0;
   bool has_request = false;
   bool has_reply = false;
+  bool is_padding = false;  ///< Up to the ring's end.
 
   [[nodiscard]] static constexpr TapWord of(std::uint64_t word) noexcept {
     return {static_cast<std::uint32_t>(word), static_cast<std::uint8_t>(word >> 32),
-            static_cast<std::uint8_t>(word >> 40), (word >> 48 & 1) != 0, (word >> 49 & 1) != 0};
+            static_cast<std::uint8_t>(word >> 40), (word >> 48 & 1) != 0, (word >> 49 & 1) != 0,
+            (word >> 50 & 1) != 0};
   }
   [[nodiscard]] constexpr std::uint64_t value() const noexcept {
     return std::uint64_t{unit_count} | std::uint64_t{stage} << 32 | std::uint64_t{status} << 40 |
-           std::uint64_t{has_request} << 48 | std::uint64_t{has_reply} << 49;
+           std::uint64_t{has_request} << 48 | std::uint64_t{has_reply} << 49 |
+           std::uint64_t{is_padding} << 50;
   }
 };
 
@@ -87,7 +90,7 @@ class TapRing {
       const std::uint64_t next = ((tail >> 32) + (counts ? 1 : 0)) << 32 |
                                  static_cast<std::uint32_t>(position + padding + unit_count);
       if (!tail_.compare_exchange_weak(tail, next, std::memory_order_relaxed)) continue;
-      if (padding > 0) commit(*at(index), {.unit_count = padding});
+      if (padding > 0) commit(*at(index), {.unit_count = padding, .is_padding = true});
       return {at(padding > 0 ? 0 : index), static_cast<std::uint32_t>(tail >> 32)};
     }
     return {};
@@ -105,7 +108,7 @@ class TapRing {
       // SYNC POINT tap-whole
       const std::uint64_t word = std::atomic_ref(record.word).load(std::memory_order_acquire);
       if (word == 0) return nullptr;
-      if (TapWord::of(word).stage != 0) return &record;
+      if (!TapWord::of(word).is_padding) return &record;
       pop();
     }
   }

@@ -35,10 +35,10 @@ struct TapConfig {
 
 /// How much of a call a record has.
 enum class TapStage : std::uint8_t {
-  kWhole = 1,  ///< Request and reply.
-  kBegun = 2,  ///< The request of a call that is answered later or by a stream.
-  kItem = 3,   ///< An item of a stream, as the reply.
-  kEnded = 4,  ///< The end of a call that had begun.
+  kWhole,  ///< Request and reply.
+  kBegun,  ///< The request of a call that is answered later or by a stream.
+  kItem,   ///< An item of a stream, as the reply.
+  kEnded,  ///< The end of a call that had begun.
 };
 
 /// One record of the tap.
