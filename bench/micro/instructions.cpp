@@ -43,23 +43,14 @@ struct State {
   std::array<double, 40> values{};
 };
 
-ServedTip& local_tip() {
-  static ServedTip served(rpc::Transport::kLocal);
-  return served;
-}
-ServedTip& memory_tip() {
-  static ServedTip served(rpc::Transport::kSharedMemory);
-  return served;
-}
-ServedTip& udp_tip() {
-  static ServedTip served(rpc::Transport::kUdp);
-  return served;
-}
-/// Switches the tap, which is no part of what is counted.
-template <ServedTip& (*served)(), bool is_tapped>
-void prepare() {
-  static_cast<void>(served().read_tap());
-  served().tap(is_tapped);
+/// A whole call of 48 bytes, over a transport or within the program. The tap's ring holds all runs.
+template <rpc::Transport transport, bool is_tapped>
+void call_served_tip() {
+  static ServedTip served(transport, is_tapped);
+  repeat([] {
+    bool is_done = served.call();
+    keep(is_done);
+  });
 }
 
 }  // namespace
@@ -172,22 +163,22 @@ extern "C" {
 }
 
 [[gnu::noinline]] void counted_local_call_48_bytes() {
-  repeat([&served = local_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kLocal, false>();
 }
 [[gnu::noinline]] void counted_local_call_while_tapped() {
-  repeat([&served = local_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kLocal, true>();
 }
 [[gnu::noinline]] void counted_memory_call_48_bytes() {
-  repeat([&served = memory_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kSharedMemory, false>();
 }
 [[gnu::noinline]] void counted_memory_call_while_tapped() {
-  repeat([&served = memory_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kSharedMemory, true>();
 }
 [[gnu::noinline]] void counted_udp_call_48_bytes() {
-  repeat([&served = udp_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kUdp, false>();
 }
 [[gnu::noinline]] void counted_udp_call_while_tapped() {
-  repeat([&served = udp_tip()] { served.call(); });
+  call_served_tip<rpc::Transport::kUdp, true>();
 }
 }  // extern "C"
 
@@ -196,7 +187,6 @@ namespace {
 struct Subject {
   const char* name;
   void (*run)();
-  void (*prepare)() = nullptr;  ///< Before it runs, not counted.
 };
 constexpr Subject kSubjects[] = {
     {"counted_encode_header", counted_encode_header},
@@ -211,13 +201,12 @@ constexpr Subject kSubjects[] = {
     {"counted_events_match_by_field", counted_events_match_by_field},
     {"counted_events_queue", counted_events_queue},
     {"counted_generated_call_48_bytes", counted_generated_call_48_bytes},
-    {"counted_local_call_48_bytes", counted_local_call_48_bytes, prepare<local_tip, false>},
-    {"counted_local_call_while_tapped", counted_local_call_while_tapped, prepare<local_tip, true>},
-    {"counted_memory_call_48_bytes", counted_memory_call_48_bytes, prepare<memory_tip, false>},
-    {"counted_memory_call_while_tapped", counted_memory_call_while_tapped,
-     prepare<memory_tip, true>},
-    {"counted_udp_call_48_bytes", counted_udp_call_48_bytes, prepare<udp_tip, false>},
-    {"counted_udp_call_while_tapped", counted_udp_call_while_tapped, prepare<udp_tip, true>},
+    {"counted_local_call_48_bytes", counted_local_call_48_bytes},
+    {"counted_local_call_while_tapped", counted_local_call_while_tapped},
+    {"counted_memory_call_48_bytes", counted_memory_call_48_bytes},
+    {"counted_memory_call_while_tapped", counted_memory_call_while_tapped},
+    {"counted_udp_call_48_bytes", counted_udp_call_48_bytes},
+    {"counted_udp_call_while_tapped", counted_udp_call_while_tapped},
 };
 
 void print_key() {
@@ -244,10 +233,8 @@ int main(int argc, char** argv) {
       std::printf("%s\n", subject.name);
   } else {
     for (int run = 0; run < 2; ++run) {
-      for (const auto& subject : rtpm::bench::micro::kSubjects) {
-        if (subject.prepare != nullptr) subject.prepare();
+      for (const auto& subject : rtpm::bench::micro::kSubjects)
         subject.run();
-      }
     }
   }
   return 0;

@@ -21,9 +21,9 @@ auto needed(Made made) {
 class ServedTip {
  public:
   /// @param transport  kLocal: none
-  explicit ServedTip(rpc::Transport transport)
+  ServedTip(rpc::Transport transport, bool is_tapped)
       : node_({.wait = {.strategy = rt::WaitStrategy::kBlock},
-               .transport = transport,
+               .transport = transport == rpc::Transport::kLocal ? rpc::Transport::kAuto : transport,
                .collocates = transport == rpc::Transport::kLocal}) {
     rpc::ServerConfig config;
     config.lanes = {{.wait = {.strategy = rt::WaitStrategy::kBlock}}};
@@ -31,6 +31,7 @@ class ServedTip {
     server_ = needed(rpc::Server::create(std::move(config)));
     if (!server_->add("tip", tip_) || !server_->start()) std::abort();
     client_ = std::make_unique<TipClient>(needed(TipClient::bind(node_, server_->url("tip"))));
+    if (is_tapped && !server_->tap()->switch_on({})) std::abort();
   }
   ~ServedTip() { server_->stop(); }
 
@@ -38,19 +39,6 @@ class ServedTip {
     const auto reply = client_->exchange(wrench_);
     if (reply) wrench_ = *reply;
     return reply.has_value();
-  }
-  void tap(bool is_on) {
-    const auto tap = server_->tap();
-    if (!is_on) return tap->switch_off();
-    if (!tap->is_on() && !tap->switch_on({})) std::abort();
-  }
-  /// Takes what was tapped; so many calls.
-  int read_tap() {
-    const auto tap = server_->tap();
-    int count = 0;
-    while (tap->next())
-      ++count;
-    return count;
   }
 
  private:

@@ -77,7 +77,7 @@ class OpenCallsTest : public testing::Test {
   std::shared_ptr<Doorbell> doorbell_ = std::make_shared<Doorbell>(*wait_set_);
   std::shared_ptr<PendingPool> pool_ =
       std::make_shared<PendingPool>(8, 8, kMessageSize, 0, /*keeps_requests=*/true, doorbell_);
-  LaneTap tap_{};
+  LaneTap tap_{/*has_pool=*/false};
   OpenCalls calls_{pool_, 8, media_, report_, *doorbell_, tap_};
   ScriptedLock lock_;
   ThreadPool threads_{LaneConfig{}, 8, *wait_set_};

@@ -107,7 +107,7 @@ TEST_P(TapOverATransport, RecordsAllOfACall) {
   const TappedCall& second = calls[1].call;
   EXPECT_EQ(second.session, place.session);
   EXPECT_EQ(to_ns(second.received), place.received_ns);
-  EXPECT_EQ(second.number, first.number + 1);
+  EXPECT_GT(second.number, first.number);
   EXPECT_EQ(calls[1].request, "");
   EXPECT_EQ(second.reply_size, sizeof place);
   EXPECT_TRUE(read_all(*tap_).empty());
@@ -436,7 +436,7 @@ TEST(Tap, IsSwitchedOnAndOffUnderLoad) {
       EXPECT_TRUE(call.request.starts_with(std::to_string(call.call.priority.value()) + ' '))
           << call.request;
       std::uint64_t& last = last_numbers[call.call.priority > Priority{20'000}];
-      // In a pool a thread may take its number before another one and have its record read later.
+      // A pool's threads write to several rings, which are read in turn.
       if (buffered_requests() == 0) {
         EXPECT_GT(call.call.number, last);
       }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstdint>
 #include <vector>
@@ -13,21 +14,18 @@ namespace rtpm::rpc {
 
 /// Which calls are wanted, of each object by its number. Constant while lanes use it.
 struct TapFilter {
-  struct Wish {
-    bool is_wanted = false;
-    std::vector<std::uint16_t> methods{};  ///< Empty: all.
-  };
+  enum class Wish : std::uint8_t { kNone, kSome, kAll };
   std::vector<Wish> wishes{};
+  std::vector<std::vector<std::uint16_t>> methods{};  ///< Of each object with kSome.
   bool has_payloads = true;
-  std::uint32_t payload_byte_max = 0;
+  std::uint32_t payload_byte_max = 0;  ///< 0 without payloads.
 
   [[nodiscard]] bool wants(const wire::Header& header) const noexcept {
     // hp-6: the session service is 0, and has no object.
     const std::uint32_t index = header.service - 1;
-    if (index >= wishes.size() || !wishes[index].is_wanted) return false;
-    const std::vector<std::uint16_t>& methods = wishes[index].methods;
-    return methods.empty() ||
-           std::ranges::find(methods, header.method) != methods.end();
+    if (index >= wishes.size()) return false;
+    if (wishes[index] != Wish::kSome) [[likely]] return wishes[index] == Wish::kAll;
+    return std::ranges::count(methods[index], header.method) > 0;
   }
 };
 
@@ -44,25 +42,29 @@ struct TapDraft {
   wire::Status status;
   ConstBytes request_payload;
   ConstBytes reply_payload;
+  std::uint64_t number;  ///< 0: the next.
+  MonotonicTime finished;
 };
 
-/// What one lane records while the tap is on.
-struct LaneTape {
-  LaneTape(const TapFilter& its_filter, std::uint32_t ring_byte_count, std::uint32_t first_number,
-           std::uint64_t its_generation, std::uint32_t its_lane, std::uint32_t its_lane_count)
+/// What one writer of a lane records while the tap is on.
+/// @threads  write() one at a time; the rest any
+/// @realtime write(): wait-free, alloc-free
+struct TapTrack {
+  TapTrack(const TapFilter& its_filter, std::uint64_t its_generation, std::uint64_t its_first_number,
+           std::uint64_t its_number_step, std::uint32_t ring_byte_count)
       : filter(its_filter),
         generation(its_generation),
-        lane(its_lane),
-        lane_count(its_lane_count),
-        ring(ring_byte_count, first_number) {}
+        next_number(its_first_number),
+        number_step(its_number_step),
+        ring(ring_byte_count) {}
 
   /// @return the call's number; 0: nothing was written
-  std::uint64_t write(const TapDraft& draft, std::uint64_t known_number) noexcept;
+  std::uint64_t write(const TapDraft& draft) noexcept;
 
   const TapFilter& filter;
   std::uint64_t generation;
-  std::uint32_t lane;
-  std::uint32_t lane_count;
+  std::uint64_t next_number;  ///< The writer's.
+  std::uint64_t number_step;
   TapRing ring;
   std::atomic<std::uint64_t> dropped_count{0};
   std::atomic<std::uint64_t> omitted_payload_count{0};
@@ -73,33 +75,51 @@ struct LaneTape {
 /// @realtime wait-free, alloc-free, no syscall
 class LaneTap {
  public:
+  /// How many threads of a pool may write at the same time; a lane of one thread has one.
+  static constexpr std::uint32_t kWriterCountMax = 4;
+
+  explicit LaneTap(bool has_pool) noexcept : writer_count_(has_pool ? kWriterCountMax : 1) {}
+
   [[nodiscard]] bool is_on() const noexcept {
-    return tape_.load(std::memory_order_relaxed) != nullptr;
+    return is_on_.load(std::memory_order_relaxed);
   }
   /// A call that has been answered.
-  void on_whole(const wire::Request& request, wire::Status status, ConstBytes reply) noexcept;
+  [[gnu::noinline]] void on_whole(const wire::Request& request, wire::Status status,
+                                  ConstBytes reply) noexcept;
   /// A call whose method returned, and that goes on.
-  [[nodiscard]] TapMark on_begun(const wire::Request& request) noexcept;
+  [[nodiscard, gnu::noinline]] TapMark on_begun(const wire::Request& request) noexcept;
   /// An item of such a call.
   void on_item(const TapMark& mark, const wire::Request& request, ConstBytes item) noexcept;
   /// Such a call has been answered.
   void on_ended(const TapMark& mark, const wire::Request& request, wire::Status status,
                 ConstBytes reply) noexcept;
 
-  void connect(LaneTape& tape) noexcept { tape_.store(&tape, std::memory_order_seq_cst); }
-  void disconnect() noexcept { tape_.store(nullptr, std::memory_order_seq_cst); }
-  /// Whether a thread may still use the tape from before disconnect().
-  [[nodiscard]] bool is_in_use() const noexcept {
-    // SYNC POINT tap-off
-    return writer_count_.load(std::memory_order_seq_cst) != 0;
+  [[nodiscard]] std::uint32_t writer_count() const noexcept { return writer_count_; }
+  /// `track`: of the writer with that number.
+  void connect(std::uint32_t number, TapTrack& track) noexcept {
+    writers_[number].track.store(&track, std::memory_order_seq_cst);
+    is_on_.store(true, std::memory_order_relaxed);
+  }
+  void disconnect() noexcept;
+  /// Whether a thread may still use a track from before disconnect().
+  [[nodiscard]] bool is_in_use() const noexcept;
+  /// Calls for which all writers were busy, since the last time.
+  [[nodiscard]] std::uint64_t take_busy_count() noexcept {
+    return busy_count_.exchange(0, std::memory_order_relaxed);
   }
 
  private:
-  /// @param mark  of the call, if it had begun before
-  TapMark record(const TapDraft& draft, const TapMark& mark) noexcept;
+  struct alignas(64) Writer {
+    std::atomic<bool> is_busy{false};
+    std::atomic<TapTrack*> track{nullptr};  ///< Null: the tap is off.
+  };
+  template <class Use>
+  void with_track(Use use) noexcept;
 
-  std::atomic<LaneTape*> tape_{nullptr};
-  alignas(64) std::atomic<std::uint32_t> writer_count_{0};
+  std::atomic<bool> is_on_{false};
+  std::uint32_t writer_count_;
+  std::atomic<std::uint64_t> busy_count_{0};
+  std::array<Writer, kWriterCountMax> writers_{};
 };
 
 }  // namespace rtpm::rpc

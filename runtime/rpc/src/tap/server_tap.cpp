@@ -40,9 +40,8 @@ ConstBytes taken_from(const std::byte*& at, bool is_there, std::uint32_t size) n
 }
 
 TappedCall call_of(const TapRecord& record) noexcept {
-  const TapWord word = TapWord::of(record.word);
-  TappedCall call{.stage = static_cast<TapStage>(word.stage),
-                  .status = static_cast<wire::Status>(word.status),
+  TappedCall call{.stage = static_cast<TapStage>(record.stage),
+                  .status = static_cast<wire::Status>(record.status),
                   .number = record.number,
                   .service = record.service,
                   .method = record.method,
@@ -54,8 +53,8 @@ TappedCall call_of(const TapRecord& record) noexcept {
                   .request_size = record.request_size,
                   .reply_size = record.reply_size};
   const auto* at = reinterpret_cast<const std::byte*>(&record + 1);
-  call.request = taken_from(at, word.has_request, record.request_size);
-  call.reply = taken_from(at, word.has_reply, record.reply_size);
+  call.request = taken_from(at, record.has_request, record.request_size);
+  call.reply = taken_from(at, record.has_reply, record.reply_size);
   return call;
 }
 
@@ -63,21 +62,23 @@ TappedCall call_of(const TapRecord& record) noexcept {
 
 expected<void, SetupError> ServerTap::make_filter(const TapConfig& config) {
   paths_ = objects_->paths();
-  filter_ = {.has_payloads = config.has_payloads, .payload_byte_max = config.payload_byte_max};
-  filter_.wishes.resize(paths_.size());
-  for (TapFilter::Wish& wish : filter_.wishes)
-    wish.is_wanted = config.objects.empty();
+  filter_ = {.has_payloads = config.has_payloads,
+             .payload_byte_max = config.has_payloads ? config.payload_byte_max : 0};
+  using Wish = TapFilter::Wish;
+  filter_.wishes.assign(paths_.size(), config.objects.empty() ? Wish::kAll : Wish::kNone);
+  filter_.methods.resize(paths_.size());
   for (const TappedObject& wanted : config.objects) {
     const auto found = std::ranges::find(paths_, wanted.path);
     if (found == paths_.end()) {
       return setup_error("the server has no object '" + wanted.path + "' to tap");
     }
-    TapFilter::Wish& wish = filter_.wishes[static_cast<std::size_t>(found - paths_.begin())];
-    wish = {.is_wanted = true, .methods = wanted.methods};
+    const auto index = static_cast<std::size_t>(found - paths_.begin());
+    filter_.wishes[index] = wanted.methods.empty() ? Wish::kAll : Wish::kSome;
+    filter_.methods[index] = wanted.methods;
   }
   const auto excluded = std::ranges::find(paths_, config.excluded_path);
   if (excluded != paths_.end()) {
-    filter_.wishes[static_cast<std::size_t>(excluded - paths_.begin())].is_wanted = false;
+    filter_.wishes[static_cast<std::size_t>(excluded - paths_.begin())] = Wish::kNone;
   }
   return {};
 }
@@ -92,17 +93,21 @@ expected<void, SetupError> ServerTap::switch_on(const TapConfig& config) {
   if (auto checked = check(config); !checked) return checked;
   if (auto made = make_filter(config); !made) return made;
   ++generation_;
-  next_numbers_.resize(lanes_.size());
-  tapes_.clear();
-  const auto lane_count = static_cast<std::uint32_t>(lanes_.size());
-  for (std::uint32_t lane = 0; lane < lane_count; ++lane) {
-    tapes_.emplace_back(filter_, config.ring_byte_count, next_numbers_[lane], generation_, lane,
-                        lane_count);
-  }
+  tracks_.clear();
+  std::uint64_t step = 0;
+  for (const LaneTap* const lane : lanes_)
+    step += lane->writer_count();
+  for (std::uint64_t number = next_number_; number < next_number_ + step; ++number)
+    tracks_.emplace_back(filter_, generation_, number, step, config.ring_byte_count);
   turn_ = 0;
+  busy_count_ = 0;
   is_on_.store(true, std::memory_order_relaxed);
-  for (std::uint32_t lane = 0; lane < lane_count; ++lane)
-    lanes_[lane]->connect(tapes_[lane]);
+  auto track = tracks_.begin();
+  for (LaneTap* const lane : lanes_) {
+    static_cast<void>(lane->take_busy_count());
+    for (std::uint32_t writer = 0; writer < lane->writer_count(); ++writer)
+      lane->connect(writer, *track++);
+  }
   return {};
 }
 
@@ -131,9 +136,9 @@ void ServerTap::switch_off() noexcept {
   disconnect();
   // Else the next switch_on() frees them, once the lanes are done.
   if (!wait_for_lanes()) return;
-  for (std::size_t lane = 0; lane < std::min(tapes_.size(), next_numbers_.size()); ++lane)
-    next_numbers_[lane] = tapes_[lane].ring.next_number();
-  tapes_.clear();
+  for (const TapTrack& track : tracks_)
+    next_number_ = std::max(next_number_, track.next_number);
+  tracks_.clear();
 }
 
 void ServerTap::close() noexcept {
@@ -144,25 +149,31 @@ void ServerTap::close() noexcept {
 }
 
 std::optional<TappedCall> ServerTap::next() noexcept {
-  if (held_ != nullptr) held_->pop();
+  if (held_ != nullptr) held_->pop(*held_record_);
   held_ = nullptr;
-  for (std::size_t i = 0; i < tapes_.size(); ++i) {
-    TapRing& ring = tapes_[(turn_ + i) % tapes_.size()].ring;
-    const TapRecord* const record = ring.front();
-    if (record == nullptr) continue;
+  const std::size_t count = tracks_.size();
+  for (std::size_t i = 0; i < count; ++i) {
+    // Each track in turn, so that a busy one does not fill the others' rings.
+    if (++turn_ >= count) turn_ = 0;
+    TapRing& ring = tracks_[turn_].ring;
+    held_record_ = ring.front();
+    if (held_record_ == nullptr) continue;
     held_ = &ring;
-    // Each lane in turn, so that a busy one does not fill the others' rings.
-    turn_ = (turn_ + i + 1) % tapes_.size();
-    return call_of(*record);
+    return call_of(*held_record_);
   }
   return std::nullopt;
 }
 
-TapLosses ServerTap::losses() const noexcept {
-  TapLosses losses;
-  for (const LaneTape& tape : tapes_) {
-    losses.dropped_count += tape.dropped_count.load(std::memory_order_relaxed);
-    losses.omitted_payload_count += tape.omitted_payload_count.load(std::memory_order_relaxed);
+TapLosses ServerTap::losses() noexcept {
+  {
+    const std::lock_guard lock(mutex_);
+    for (LaneTap* const lane : lanes_)
+      busy_count_ += lane->take_busy_count();
+  }
+  TapLosses losses{.dropped_count = busy_count_};
+  for (const TapTrack& track : tracks_) {
+    losses.dropped_count += track.dropped_count.load(std::memory_order_relaxed);
+    losses.omitted_payload_count += track.omitted_payload_count.load(std::memory_order_relaxed);
   }
   return losses;
 }

@@ -30,7 +30,7 @@ class ServerTap final : public CallTap {
   void switch_off() noexcept override;
   bool is_on() const noexcept override { return is_on_.load(std::memory_order_relaxed); }
   std::optional<TappedCall> next() noexcept override;
-  TapLosses losses() const noexcept override;
+  TapLosses losses() noexcept override;
   const std::vector<std::string>& objects() const noexcept override { return paths_; }
 
  private:
@@ -38,7 +38,7 @@ class ServerTap final : public CallTap {
   [[nodiscard]] bool wait_for_lanes() const noexcept;
   void disconnect() noexcept;
 
-  /// Of lanes_, objects_ and tapes_ against close(), which comes from another thread.
+  /// Of lanes_ and objects_ against close(), which comes from another thread.
   mutable rt::PiMutex mutex_;
   const ObjectTable* objects_;     ///< Null: the server has stopped.
   std::vector<LaneTap*> lanes_{};  ///< Empty then.
@@ -46,10 +46,12 @@ class ServerTap final : public CallTap {
   std::uint64_t generation_ = 0;
   std::vector<std::string> paths_{};
   TapFilter filter_{};
-  std::vector<std::uint32_t> next_numbers_{};  ///< Of each lane: goes on where an earlier tap ended.
-  std::deque<LaneTape> tapes_{};               ///< Of each lane.
-  std::size_t turn_ = 0;                       ///< The tape to be read next.
-  TapRing* held_ = nullptr;                    ///< Whose front record next() handed out.
+  std::deque<TapTrack> tracks_{};        ///< Of each writer of each lane.
+  std::uint64_t next_number_ = 1;        ///< Of the next tap's first call.
+  std::uint64_t busy_count_ = 0;         ///< Records for which all writers of a lane were busy.
+  std::size_t turn_ = 0;                 ///< The track to be read next.
+  TapRing* held_ = nullptr;              ///< Whose record next() handed out.
+  const TapRecord* held_record_ = nullptr;
 };
 
 }  // namespace rtpm::rpc

@@ -29,7 +29,8 @@ struct TapConfig {
   bool has_payloads = true;
   /// A larger payload is left out and counted. At most an eighth of the ring.
   std::uint32_t payload_byte_max = 64 * 1024;
-  /// Of each lane: a power of two, 4 KiB…256 MiB. A call that finds it full is dropped and counted.
+  /// Of a ring: a power of two, 4 KiB…256 MiB. A call that finds it full is dropped and counted. A
+  /// lane of one thread has one ring, a lane with a pool four.
   std::uint32_t ring_byte_count = 1024 * 1024;
 };
 
@@ -45,7 +46,9 @@ enum class TapStage : std::uint8_t {
 struct TappedCall {
   TapStage stage = TapStage::kWhole;
   wire::Status status = wire::Status::kOk;  ///< Of a whole or ended call.
-  std::uint64_t number = 0;  ///< From 1, ascending in a lane; all records of a call have the same.
+  /// From 1; all records of a call have the same. Ascending in a lane of one thread; a server with
+  /// one such lane leaves none out.
+  std::uint64_t number = 0;
   std::uint32_t service = 0;  ///< Of the object, as bound: the index in objects(), plus 1.
   std::uint16_t method = 0;
   Priority priority{};
@@ -63,11 +66,11 @@ struct TappedCall {
 
 /// What a tap lost since it was switched on.
 struct TapLosses {
-  std::uint64_t dropped_count = 0;          ///< Records that found the ring full.
+  std::uint64_t dropped_count = 0;  ///< Records that found the ring full, or all rings in use.
   std::uint64_t omitted_payload_count = 0;  ///< Payloads that were too long.
 };
 
-/// The tap of a server: while it is on, each lane copies its calls into a ring of its own, from
+/// The tap of a server: while it is on, each lane copies its calls into rings of its own, from
 /// which one thread reads them. A lane never waits for it, allocates nothing and makes no system
 /// call. What the tap records are calls that reached a method, also those within the program;
 /// refused calls are in the server's counters.
@@ -81,7 +84,7 @@ class CallTap {
   CallTap& operator=(const CallTap&) = delete;
   virtual ~CallTap() = default;
 
-  /// Allocates a ring for each lane, and has the lanes record from now on.
+  /// Allocates the rings, and has the lanes record from now on.
   /// @errors   it is on already; the server has stopped; no such object; a size out of range
   [[nodiscard]] virtual expected<void, SetupError> switch_on(const TapConfig& config) = 0;
   /// Frees the rings, after at most a second for lanes that just write there. Does nothing when
@@ -91,7 +94,7 @@ class CallTap {
   [[nodiscard]] virtual bool is_on() const noexcept = 0;
   /// The next record, valid until the next call; nothing while there is none.
   [[nodiscard]] virtual std::optional<TappedCall> next() noexcept = 0;
-  [[nodiscard]] virtual TapLosses losses() const noexcept = 0;
+  [[nodiscard]] virtual TapLosses losses() noexcept = 0;
   /// The paths of the server's objects, as of switch_on().
   [[nodiscard]] virtual const std::vector<std::string>& objects() const noexcept = 0;
 };
