@@ -44,8 +44,8 @@ class TapServer final : public TapServant {
 
   std::shared_ptr<rpc::CallTap> tap_;
   rt::PiMutex mutex_{};
-  std::optional<Client> arriving_{};   ///< Under the mutex.
-  std::atomic<bool> is_busy_{false};   ///< A client arrives or is served.
+  std::optional<Client> arriving_{};  ///< Under the mutex.
+  std::atomic<bool> is_busy_{false};  ///< A client arrives or is served.
   std::atomic<bool> is_ending_{false};
   rt::Semaphore wake_{};
   // The thread's own.

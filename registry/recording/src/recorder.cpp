@@ -238,6 +238,17 @@ expected<std::uint16_t, SetupError> Recorder::add_channel(const Channel& channel
   return impl_->writer->add_channel(channel);
 }
 
+expected<void, SetupError> Recorder::write(const Metadata& metadata) {
+  const std::lock_guard lock(impl_->mutex);
+  if (!impl_->problem) impl_->keep(impl_->writer->write(metadata));
+  if (impl_->problem) return unexpected{*impl_->problem};
+  return {};
+}
+
+std::size_t Recorder::message_byte_max() const noexcept {
+  return impl_->config.message_byte_max;
+}
+
 Recorder::Track& Recorder::add_track() {
   auto track = std::unique_ptr<Track>(
       new Track(std::make_unique<Track::Impl>(impl_->config, impl_->drop_counts)));

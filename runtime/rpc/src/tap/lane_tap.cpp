@@ -24,9 +24,9 @@ constexpr std::uint32_t units_of(std::uint32_t size) noexcept {
     if (request_size > filter.payload_byte_max) kept_request_size = 0;
     if (reply_size > filter.payload_byte_max) kept_reply_size = 0;
     if (filter.has_payloads) {
-      omitted_payload_count.fetch_add((kept_request_size < request_size ? 1U : 0U) +
-                                          (kept_reply_size < reply_size ? 1U : 0U),
-                                      std::memory_order_relaxed);
+      omitted_payload_count.fetch_add(
+          (kept_request_size < request_size ? 1U : 0U) + (kept_reply_size < reply_size ? 1U : 0U),
+          std::memory_order_relaxed);
     }
   }
   constexpr std::uint32_t kHeadUnits = sizeof(TapRecord) / TapRing::kUnit;
@@ -76,7 +76,8 @@ template <class Use>
   for (Writer* writer = writers_.data(); writer != writers_.data() + writer_count_; ++writer) {
     // SYNC POINT tap-off: the lane takes the writer, then looks whether the tap is on; the reader
     // does the reverse. Sequentially consistent, so that at least one sees the other.
-    if (writer->is_busy.exchange(true, std::memory_order_seq_cst)) [[unlikely]] continue;
+    if (writer->is_busy.exchange(true, std::memory_order_seq_cst)) [[unlikely]]
+      continue;
     if (TapTrack* const track = writer->track.load(std::memory_order_seq_cst)) use(*track);
     writer->is_busy.store(false, std::memory_order_release);
     return;
@@ -98,8 +99,8 @@ TapMark LaneTap::on_begun(const wire::Request& request) noexcept {
   TapMark mark;
   with_track([&](TapTrack& track) {
     if (!track.filter.wants(request.header)) return;
-    mark.number = track.write(
-        {request, TapStage::kBegun, wire::Status::kOk, request.payload, {}, 0, now});
+    mark.number =
+        track.write({request, TapStage::kBegun, wire::Status::kOk, request.payload, {}, 0, now});
     mark.generation = track.generation;
   });
   return mark;

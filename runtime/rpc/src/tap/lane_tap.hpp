@@ -24,7 +24,8 @@ struct TapFilter {
     // hp-6: the session service is 0, and has no object.
     const std::uint32_t index = header.service - 1;
     if (index >= wishes.size()) return false;
-    if (wishes[index] != Wish::kSome) [[likely]] return wishes[index] == Wish::kAll;
+    if (wishes[index] != Wish::kSome) [[likely]]
+      return wishes[index] == Wish::kAll;
     return std::ranges::count(methods[index], header.method) > 0;
   }
 };
@@ -50,8 +51,9 @@ struct TapDraft {
 /// @threads  write() one at a time; the rest any
 /// @realtime write(): wait-free, alloc-free
 struct TapTrack {
-  TapTrack(const TapFilter& its_filter, std::uint64_t its_generation, std::uint64_t its_first_number,
-           std::uint64_t its_number_step, std::uint32_t ring_byte_count)
+  TapTrack(const TapFilter& its_filter, std::uint64_t its_generation,
+           std::uint64_t its_first_number, std::uint64_t its_number_step,
+           std::uint32_t ring_byte_count)
       : filter(its_filter),
         generation(its_generation),
         next_number(its_first_number),
@@ -80,9 +82,7 @@ class LaneTap {
 
   explicit LaneTap(bool has_pool) noexcept : writer_count_(has_pool ? kWriterCountMax : 1) {}
 
-  [[nodiscard]] bool is_on() const noexcept {
-    return is_on_.load(std::memory_order_relaxed);
-  }
+  [[nodiscard]] bool is_on() const noexcept { return is_on_.load(std::memory_order_relaxed); }
   /// A call that has been answered.
   [[gnu::noinline]] void on_whole(const wire::Request& request, wire::Status status,
                                   ConstBytes reply) noexcept;

@@ -86,7 +86,8 @@ expected<void, SetupError> ServerTap::make_filter(const TapConfig& config) {
 expected<void, SetupError> ServerTap::switch_on(const TapConfig& config) {
   const std::lock_guard lock(mutex_);
   if (objects_ == nullptr) return setup_error("the server has stopped, so that nothing is tapped");
-  if (is_on()) return setup_error("the server's calls are tapped already", "", "end that tap first");
+  if (is_on())
+    return setup_error("the server's calls are tapped already", "", "end that tap first");
   if (!wait_for_lanes()) {
     return setup_error("a lane still writes for the last tap", "", "try again");
   }

@@ -46,11 +46,11 @@ class ServerTap final : public CallTap {
   std::uint64_t generation_ = 0;
   std::vector<std::string> paths_{};
   TapFilter filter_{};
-  std::deque<TapTrack> tracks_{};        ///< Of each writer of each lane.
-  std::uint64_t next_number_ = 1;        ///< Of the next tap's first call.
-  std::uint64_t busy_count_ = 0;         ///< Records for which all writers of a lane were busy.
-  std::size_t turn_ = 0;                 ///< The track to be read next.
-  TapRing* held_ = nullptr;              ///< Whose record next() handed out.
+  std::deque<TapTrack> tracks_{};  ///< Of each writer of each lane.
+  std::uint64_t next_number_ = 1;  ///< Of the next tap's first call.
+  std::uint64_t busy_count_ = 0;   ///< Records for which all writers of a lane were busy.
+  std::size_t turn_ = 0;           ///< The track to be read next.
+  TapRing* held_ = nullptr;        ///< Whose record next() handed out.
   const TapRecord* held_record_ = nullptr;
 };
 

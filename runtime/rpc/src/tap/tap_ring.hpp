@@ -51,7 +51,8 @@ class TapRing {
     const auto size = static_cast<std::uint32_t>(units_.size());
     const std::uint32_t tail = tail_.load(std::memory_order_relaxed);
     const std::uint32_t index = tail & (size - 1);
-    if (index + unit_count > size) [[unlikely]] return reserve_at_begin(unit_count);
+    if (index + unit_count > size) [[unlikely]]
+      return reserve_at_begin(unit_count);
     if (tail + unit_count - known_head_ > size && !learn_head(unit_count)) [[unlikely]] {
       return nullptr;
     }

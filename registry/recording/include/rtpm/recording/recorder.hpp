@@ -70,6 +70,11 @@ class Recorder {
   /// @realtime set-up only
   [[nodiscard]] expected<std::uint16_t, SetupError> add_schema(const Schema& schema);
   [[nodiscard]] expected<std::uint16_t, SetupError> add_channel(const Channel& channel);
+  /// Puts metadata into the file, behind the messages that were written until now.
+  /// @errors   as FileWriter's; also an earlier one
+  [[nodiscard]] expected<void, SetupError> write(const Metadata& metadata);
+  /// The longest message.
+  [[nodiscard]] std::size_t message_byte_max() const noexcept;
   /// A track, which lives as long as the recorder. Allocates its ring.
   /// @realtime set-up only
   [[nodiscard]] Track& add_track();

@@ -76,7 +76,8 @@ struct TapLosses {
 /// refused calls are in the server's counters.
 /// @ownership may outlive its server, whose end switches it off for good
 /// @threads  one at a time
-/// @realtime none of its own; of a lane: wait-free, alloc-free, no syscall; off: a load and a branch
+/// @realtime none of its own; of a lane: wait-free, alloc-free, no syscall; off: a load and a
+/// branch
 class CallTap {
  public:
   CallTap() = default;

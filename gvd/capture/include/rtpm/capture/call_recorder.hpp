@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/recording/recorder.hpp"
+#include "rtpm/rpc/node.hpp"
+
+namespace rtpm::capture {
+
+/// What a recorder of calls did so far.
+struct CallRecorderStatus {
+  std::uint64_t call_count = 0;     ///< Calls that ended while they were recorded.
+  std::uint64_t dropped_count = 0;  ///< Records that the server had to drop, as it has told.
+  std::uint64_t omitted_payload_count = 0;  ///< Payloads that were too long, by the server.
+  std::uint64_t unreadable_count = 0;       ///< Payloads that did not match their schema.
+  std::optional<std::string> problem{};     ///< Why no more calls come.
+};
+
+/// Records the calls of objects of one server, by its tap, without generated code: requests and
+/// replies in channels "lab/arm0/read/request" and "lab/arm0/read/response", how each call went in
+/// "lab/arm0/calls". Payloads are FlatBuffers whose root is the method's table. A message's
+/// sequence is the call's number; its publish time when the request was taken up or the method had
+/// ended, on this host's clock; its log time when it came here.
+///
+/// What was lost is written into the file as metadata "rtpm.calls", when it grew and at the end.
+/// @ownership refers to its recorder and node, which must outlive it; owns its thread
+/// @threads  any
+class CallRecorder {
+ public:
+  /// Begins to record, once the server has switched its tap on.
+  /// @param urls  of the objects, all of one server
+  /// @realtime set-up only
+  /// @errors   no server, no such object, an object without a published schema, a server without a
+  ///           tap or with one in use, the file's
+  [[nodiscard]] static expected<std::unique_ptr<CallRecorder>, SetupError> open(
+      recording::Recorder& recorder, rpc::Node& node, const std::vector<std::string>& urls,
+      Duration deadline = std::chrono::seconds{1});
+  CallRecorder(const CallRecorder&) = delete;
+  CallRecorder& operator=(const CallRecorder&) = delete;
+  /// Ends the tap.
+  ~CallRecorder();
+
+  [[nodiscard]] CallRecorderStatus status() const;
+
+ private:
+  struct Impl;
+  explicit CallRecorder(std::unique_ptr<Impl> impl) noexcept;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace rtpm::capture

@@ -1,0 +1,237 @@
+#include "rtpm/capture/call_recorder.hpp"
+
+#include <atomic>
+#include <chrono>
+#include <introspection.rtpm.hpp>
+#include <map>
+#include <mutex>
+#include <span>
+#include <utility>
+
+#include "call_channels.hpp"
+#include "rtpm/base/assert.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/introspection/catalog.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "rtpm/wire/clock_sync.hpp"
+#include "rtpm/wire/url.hpp"
+
+namespace rtpm::capture {
+namespace {
+
+using introspection::TapBatch;
+using introspection::TapClient;
+using introspection::TappedCall;
+using TapStream = rpc::TableStream<TapBatch>;
+
+constexpr Duration kLookInterval = std::chrono::milliseconds{100};
+constexpr Duration kNoteInterval = std::chrono::seconds{1};
+/// With its table around it, a payload is to fit a message of the recorder.
+constexpr std::size_t kTableByteMax = 1024;
+
+/// Binds the tap of the server, or says why it can't be.
+expected<TapClient, SetupError> bind_tap(rpc::Node& node, const std::string& server) {
+  const std::string url = server + "/" + std::string(introspection::kTapPath);
+  const auto tried = rpc::Binding::bind(node, url, TapClient::interface());
+  if (!tried && tried.error().cause == rpc::CallError::kNoSuchObject) {
+    return setup_error(
+        server + " has no tap", "",
+        "let its program serve its catalog by rtpm::introspection::Catalog::serve()");
+  }
+  return TapClient::bind(node, url);
+}
+
+std::string text(const flatbuffers::String* string) {
+  return string == nullptr ? std::string() : string->str();
+}
+
+}  // namespace
+
+struct CallRecorder::Impl {
+  Impl(recording::Recorder& its_recorder, Duration its_deadline)
+      : recorder(its_recorder), track(its_recorder.add_track()), deadline(its_deadline) {}
+
+  [[nodiscard]] expected<void, SetupError> open(rpc::Node& node,
+                                                const std::vector<std::string>& urls);
+  [[nodiscard]] expected<void, SetupError> begin(introspection::TapRequestT request);
+  void run();
+  void take(const TapBatch& batch);
+  void take_call(const TappedCall& call, ConstBytes& payloads);
+  void learn_clock();
+  void note_losses();
+  [[nodiscard]] std::uint64_t log_time(std::int64_t server_time_ns) const {
+    return recorder.log_time_ns(time_from_ns(server_time_ns) - offset);
+  }
+
+  recording::Recorder& recorder;
+  recording::Recorder::Track& track;
+  Duration deadline;
+  std::string server{};
+  std::optional<TapClient> client{};
+  std::optional<TapStream> stream{};
+  std::map<std::string, std::unique_ptr<CallChannels>> objects{};
+  std::vector<CallChannels*> by_number{};  ///< As the server counts its objects.
+  Duration offset{};                       ///< The server's clock minus this host's.
+  mutable std::mutex mutex{};
+  CallRecorderStatus status{};        ///< Under the mutex.
+  CallRecorderStatus noted_status{};  ///< In the file.
+  std::atomic<bool> is_stopping{false};
+  rt::Thread thread{};
+};
+
+expected<void, SetupError> CallRecorder::Impl::open(rpc::Node& node,
+                                                    const std::vector<std::string>& urls) {
+  introspection::TapRequestT request;
+  const std::size_t payload_byte_max = recorder.message_byte_max() - kTableByteMax;
+  request.payload_byte_max = static_cast<std::uint32_t>(payload_byte_max);
+  for (const std::string& url : urls) {
+    const auto parts = wire::parse_url(url);
+    if (!parts) return setup_error("'" + url + "' is no URL", "", "write rtpm://host:port/path");
+    server = "rtpm://" + parts->host + ':' + std::to_string(parts->port);
+    auto object = dynamic::RemoteObject::open(node, url);
+    if (!object) return unexpected{std::move(object.error())};
+    auto channels = CallChannels::create(recorder, track, parts->path, std::move(*object));
+    if (!channels) return unexpected{std::move(channels.error())};
+    objects[parts->path] = std::move(*channels);
+    auto wanted = std::make_unique<introspection::TappedObjectT>();
+    wanted->path = parts->path;
+    request.objects.push_back(std::move(wanted));
+  }
+  auto bound = bind_tap(node, server);
+  if (!bound) return unexpected{std::move(bound.error())};
+  client.emplace(std::move(*bound));
+  learn_clock();
+  return begin(std::move(request));
+}
+
+// Waits for the first item, which says whether the tap is on.
+expected<void, SetupError> CallRecorder::Impl::begin(introspection::TapRequestT request) {
+  auto opened = client->tap(request);
+  if (!opened) return setup_error("the tap of " + server, opened.error());
+  stream.emplace(std::move(*opened));
+  const auto first = stream->next(rt::now() + deadline);
+  if (!first) return setup_error("the tap of " + server, first.error());
+  if (*first == nullptr) return setup_error("the tap of " + server + " ended at once");
+  if ((*first)->refusal() != nullptr) {
+    return setup_error("the tap of " + server, printable(text((*first)->refusal())));
+  }
+  if ((*first)->objects() == nullptr)
+    return setup_error("the tap of " + server + " has no objects");
+  for (const flatbuffers::String* path : *(*first)->objects()) {
+    const auto found = objects.find(text(path));
+    by_number.push_back(found == objects.end() ? nullptr : found->second.get());
+  }
+  auto started = rt::Thread::start({.name = "rtpm-calls", .realtime = rt::RealtimeMode::kOff},
+                                   [this] { run(); });
+  if (!started) return unexpected{std::move(started.error())};
+  thread = std::move(*started);
+  return {};
+}
+
+void CallRecorder::Impl::run() {
+  MonotonicTime note_time = rt::now() + kNoteInterval;
+  while (!is_stopping.load(std::memory_order_acquire)) {
+    const auto item = stream->next(rt::now() + kLookInterval);
+    if (item && *item != nullptr) {
+      take(**item);
+    } else if (item || item.error() != rpc::CallError::kTimeout || !stream->is_open()) {
+      const std::lock_guard lock(mutex);
+      status.problem = server + ": the tap ended: " +
+                       (item ? "the server stops" : std::string(to_string(item.error())));
+      break;
+    }
+    if (rt::now() < note_time) continue;
+    note_time = rt::now() + kNoteInterval;
+    learn_clock();
+    note_losses();
+  }
+  note_losses();
+}
+
+void CallRecorder::Impl::take(const TapBatch& batch) {
+  ConstBytes payloads;
+  if (batch.payloads() != nullptr) {
+    payloads = std::as_bytes(std::span(batch.payloads()->data(), batch.payloads()->size()));
+  }
+  if (batch.calls() != nullptr) {
+    for (const TappedCall* call : *batch.calls())
+      take_call(*call, payloads);
+  }
+  const std::lock_guard lock(mutex);
+  status.dropped_count = batch.dropped_count();
+  status.omitted_payload_count = batch.omitted_payload_count();
+}
+
+// Takes the call's payloads from the front of `payloads`.
+void CallRecorder::Impl::take_call(const TappedCall& call, ConstBytes& payloads) {
+  const auto take_front = [&](bool is_there, std::uint32_t size) {
+    const ConstBytes front =
+        payloads.first(is_there ? std::min<std::size_t>(size, payloads.size()) : 0);
+    payloads = payloads.subspan(front.size());
+    return front;
+  };
+  const ConstBytes request = take_front(call.has_request(), call.request_size());
+  const ConstBytes reply = take_front(call.has_reply(), call.reply_size());
+  CallChannels* const object =
+      call.object() < by_number.size() ? by_number[call.object()] : nullptr;
+  if (object == nullptr) return;
+  const CallTimes times{.received_ns = log_time(call.received_ns()),
+                        .finished_ns = log_time(call.finished_ns()),
+                        .log_ns = recorder.log_time_ns(rt::now())};
+  const int unreadable_count = object->record(call, request, reply, times);
+  const bool is_end = call.stage() == introspection::TapStage::Whole ||
+                      call.stage() == introspection::TapStage::Ended;
+  const std::lock_guard lock(mutex);
+  status.call_count += is_end ? 1 : 0;
+  status.unreadable_count += static_cast<std::uint64_t>(unreadable_count);
+}
+
+void CallRecorder::Impl::learn_clock() {
+  const auto clock = client->binding().ping({.deadline = deadline});
+  if (clock && clock->uncertainty < Duration::max()) offset = clock->offset;
+}
+
+// Puts the counts into the file, where they have changed.
+void CallRecorder::Impl::note_losses() {
+  CallRecorderStatus now;
+  {
+    const std::lock_guard lock(mutex);
+    now = status;
+  }
+  if (now.dropped_count == noted_status.dropped_count &&
+      now.omitted_payload_count == noted_status.omitted_payload_count &&
+      now.unreadable_count == noted_status.unreadable_count) {
+    return;
+  }
+  const auto written = recorder.write(recording::Metadata{
+      .name = "rtpm.calls",
+      .values = {{"server", server},
+                 {"dropped", std::to_string(now.dropped_count)},
+                 {"omitted_payloads", std::to_string(now.omitted_payload_count)},
+                 {"unreadable_payloads", std::to_string(now.unreadable_count)}}});
+  // A file that takes no more says so by the recorder's status.
+  if (written) noted_status = now;
+}
+
+CallRecorder::CallRecorder(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+
+CallRecorder::~CallRecorder() {
+  impl_->is_stopping.store(true, std::memory_order_release);
+  impl_->thread.join();
+}
+
+expected<std::unique_ptr<CallRecorder>, SetupError> CallRecorder::open(
+    recording::Recorder& recorder, rpc::Node& node, const std::vector<std::string>& urls,
+    Duration deadline) {
+  auto impl = std::make_unique<Impl>(recorder, deadline);
+  if (auto opened = impl->open(node, urls); !opened) return unexpected{std::move(opened.error())};
+  return std::unique_ptr<CallRecorder>(new CallRecorder(std::move(impl)));
+}
+
+CallRecorderStatus CallRecorder::status() const {
+  const std::lock_guard lock(impl_->mutex);
+  return impl_->status;
+}
+
+}  // namespace rtpm::capture
