@@ -28,7 +28,7 @@ const std::vector<Part>& parts() {
       {"runtime/rpc/", "rpc", {"base", "wire", "rt", "transport"}},
       {"runtime/options/", "options", {"base", "wire", "rt", "rpc"}},
       {"registry/names/", "names", {"base", "wire", "rt", "transport", "rpc", "options"}},
-      {"registry/introspection/", "introspection", {"base", "wire", "rpc"}},
+      {"registry/introspection/", "introspection", {"base", "wire", "rt", "rpc"}},
       {"registry/dynamic/",
        "dynamic",
        {"base", "wire", "rt", "rpc", "options", "names", "introspection", "schema"}},

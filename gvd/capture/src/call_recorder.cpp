@@ -26,6 +26,8 @@ using introspection::TappedCall;
 using TapStream = rpc::TableStream<TapBatch>;
 
 constexpr Duration kLookInterval = std::chrono::milliseconds{100};
+/// A server reads its rings each 5 ms.
+constexpr Duration kRestTime = std::chrono::milliseconds{30};
 constexpr Duration kNoteInterval = std::chrono::seconds{1};
 /// With its table around it, a payload is to fit a message of the recorder.
 constexpr std::size_t kTableByteMax = 1024;
@@ -56,6 +58,7 @@ struct CallRecorder::Impl {
                                                 const std::vector<std::string>& urls);
   [[nodiscard]] expected<void, SetupError> begin(introspection::TapRequestT request);
   void run();
+  void take_rest();
   void take(const TapBatch& batch);
   void take_call(const TappedCall& call, ConstBytes& payloads);
   void learn_clock();
@@ -146,7 +149,18 @@ void CallRecorder::Impl::run() {
     learn_clock();
     note_losses();
   }
+  take_rest();
   note_losses();
+}
+
+// What the server sends until it has read its rings once more.
+void CallRecorder::Impl::take_rest() {
+  const MonotonicTime end = rt::now() + kRestTime;
+  while (true) {
+    const auto item = stream->next(end);
+    if (!item || *item == nullptr) break;
+    take(**item);
+  }
 }
 
 void CallRecorder::Impl::take(const TapBatch& batch) {
@@ -217,8 +231,13 @@ void CallRecorder::Impl::note_losses() {
 CallRecorder::CallRecorder(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 
 CallRecorder::~CallRecorder() {
+  stop();
+}
+
+void CallRecorder::stop() noexcept {
   impl_->is_stopping.store(true, std::memory_order_release);
   impl_->thread.join();
+  if (impl_->stream) impl_->stream->cancel();
 }
 
 expected<std::unique_ptr<CallRecorder>, SetupError> CallRecorder::open(

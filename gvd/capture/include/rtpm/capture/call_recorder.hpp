@@ -42,9 +42,12 @@ class CallRecorder {
       Duration deadline = std::chrono::seconds{1});
   CallRecorder(const CallRecorder&) = delete;
   CallRecorder& operator=(const CallRecorder&) = delete;
-  /// Ends the tap.
+  /// As stop().
   ~CallRecorder();
 
+  /// Records what has ended until now, and ends the tap. May be called twice.
+  /// @threads  that of open()
+  void stop() noexcept;
   [[nodiscard]] CallRecorderStatus status() const;
 
  private:
