@@ -13,6 +13,7 @@
 #include "rtpm/base/printable.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/rt/thread.hpp"
 #include "rtpm/wire/clock_sync.hpp"
 #include "rtpm/wire/url.hpp"
@@ -76,7 +77,7 @@ struct CallRecorder::Impl {
   std::map<std::string, std::unique_ptr<CallChannels>> objects{};
   std::vector<CallChannels*> by_number{};  ///< As the server counts its objects.
   Duration offset{};                       ///< The server's clock minus this host's.
-  mutable std::mutex mutex{};
+  mutable rt::PiMutex mutex{};
   CallRecorderStatus status{};        ///< Under the mutex.
   CallRecorderStatus noted_status{};  ///< In the file.
   std::atomic<bool> is_stopping{false};

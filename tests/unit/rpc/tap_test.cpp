@@ -214,7 +214,7 @@ class LateServant final : public Servant {
   std::atomic<bool> has_begun{false};
 };
 
-class TapOfLateAnswers : public testing::TestWithParam<Transport> {
+class TapOfDeferredReplies : public testing::TestWithParam<Transport> {
  protected:
   void SetUp() override {
     server_ = std::move(*Server::create(quiet_config()));
@@ -234,12 +234,12 @@ class TapOfLateAnswers : public testing::TestWithParam<Transport> {
   std::shared_ptr<CallTap> tap_;
 };
 
-INSTANTIATE_TEST_SUITE_P(All, TapOfLateAnswers,
+INSTANTIATE_TEST_SUITE_P(All, TapOfDeferredReplies,
                          testing::Values(Transport::kUdp, Transport::kSharedMemory,
                                          Transport::kLocal),
                          [](const auto& row) { return std::string(to_string(row.param)); });
 
-TEST_P(TapOfLateAnswers, RecordsARequestAndThenItsReply) {
+TEST_P(TapOfDeferredReplies, RecordsARequestAndThenItsReply) {
   ASSERT_TRUE(tap_->switch_on({}));
   std::thread caller(
       [&] { EXPECT_TRUE(binding_->call(LateServant::kDefer, bytes_of("question"))); });
@@ -258,7 +258,7 @@ TEST_P(TapOfLateAnswers, RecordsARequestAndThenItsReply) {
   EXPECT_TRUE(read_all(*tap_).empty());
 }
 
-TEST_P(TapOfLateAnswers, RecordsTheItemsOfAStream) {
+TEST_P(TapOfDeferredReplies, RecordsTheItemsOfAStream) {
   ASSERT_TRUE(tap_->switch_on({}));
   auto reader = binding_->open_stream(LateServant::kStream, bytes_of("from here"));
   ASSERT_TRUE(reader);
@@ -281,7 +281,7 @@ TEST_P(TapOfLateAnswers, RecordsTheItemsOfAStream) {
 }
 
 // Its request is not in the new tap, nor its number.
-TEST_P(TapOfLateAnswers, LeavesOutACallOfAnEarlierTap) {
+TEST_P(TapOfDeferredReplies, LeavesOutACallOfAnEarlierTap) {
   ASSERT_TRUE(tap_->switch_on({}));
   std::thread caller([&] { EXPECT_TRUE(binding_->call(LateServant::kDefer, bytes_of("old"))); });
   static_cast<void>(read(*tap_, 1));

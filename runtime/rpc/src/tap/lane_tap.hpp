@@ -14,8 +14,8 @@ namespace rtpm::rpc {
 
 /// Which calls are wanted, of each object by its number. Constant while lanes use it.
 struct TapFilter {
-  enum class Wish : std::uint8_t { kNone, kSome, kAll };
-  std::vector<Wish> wishes{};
+  enum class Interest : std::uint8_t { kNone, kSome, kAll };
+  std::vector<Interest> interests{};
   std::vector<std::vector<std::uint16_t>> methods{};  ///< Of each object with kSome.
   bool has_payloads = true;
   std::uint32_t payload_byte_max = 0;  ///< 0 without payloads.
@@ -23,9 +23,9 @@ struct TapFilter {
   [[nodiscard]] bool wants(const wire::Header& header) const noexcept {
     // hp-6: the session service is 0, and has no object.
     const std::uint32_t index = header.service - 1;
-    if (index >= wishes.size()) return false;
-    if (wishes[index] != Wish::kSome) [[likely]]
-      return wishes[index] == Wish::kAll;
+    if (index >= interests.size()) return false;
+    if (interests[index] != Interest::kSome) [[likely]]
+      return interests[index] == Interest::kAll;
     return std::ranges::count(methods[index], header.method) > 0;
   }
 };

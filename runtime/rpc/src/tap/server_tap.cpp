@@ -64,8 +64,9 @@ expected<void, SetupError> ServerTap::make_filter(const TapConfig& config) {
   paths_ = objects_->paths();
   filter_ = {.has_payloads = config.has_payloads,
              .payload_byte_max = config.has_payloads ? config.payload_byte_max : 0};
-  using Wish = TapFilter::Wish;
-  filter_.wishes.assign(paths_.size(), config.objects.empty() ? Wish::kAll : Wish::kNone);
+  using Interest = TapFilter::Interest;
+  filter_.interests.assign(paths_.size(),
+                           config.objects.empty() ? Interest::kAll : Interest::kNone);
   filter_.methods.resize(paths_.size());
   for (const TappedObject& wanted : config.objects) {
     const auto found = std::ranges::find(paths_, wanted.path);
@@ -73,12 +74,12 @@ expected<void, SetupError> ServerTap::make_filter(const TapConfig& config) {
       return setup_error("the server has no object '" + wanted.path + "' to tap");
     }
     const auto index = static_cast<std::size_t>(found - paths_.begin());
-    filter_.wishes[index] = wanted.methods.empty() ? Wish::kAll : Wish::kSome;
+    filter_.interests[index] = wanted.methods.empty() ? Interest::kAll : Interest::kSome;
     filter_.methods[index] = wanted.methods;
   }
   const auto excluded = std::ranges::find(paths_, config.excluded_path);
   if (excluded != paths_.end()) {
-    filter_.wishes[static_cast<std::size_t>(excluded - paths_.begin())] = Wish::kNone;
+    filter_.interests[static_cast<std::size_t>(excluded - paths_.begin())] = Interest::kNone;
   }
   return {};
 }

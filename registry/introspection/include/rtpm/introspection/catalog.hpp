@@ -23,7 +23,8 @@ class TapServer;
 ///     Catalog catalog;
 ///     catalog.add("lab/arm0", arm);
 ///     catalog.serve(*server);
-/// @ownership must outlive the server's stop(); refers to the constant interface descriptors, not to the servants
+/// @ownership must outlive the server's stop(); refers to the constant interface descriptors, not
+/// to the servants
 /// @threads  add() before the server's start(), calls from any lane
 /// @realtime none; runs at the lowest priority
 class Catalog final : public IntrospectionServant {
