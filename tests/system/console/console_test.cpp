@@ -96,10 +96,8 @@ TEST_F(Consoles, StopDevicesAndArmThemAgain) {
   const Json stopped = client->call("console/estop", Json::object());
   EXPECT_EQ(stopped["stopped"], Json::array({"lab/arm0"}));
   EXPECT_TRUE(stopped["failed"].empty()) << stopped;
-  Json event;
-  do {
-    event = client->next_message("lab/arm0/event").json();
-  } while (event["type"] != "rtpm.device.StopChanged" && event.is_object());
+  const Json event = client->await_message(
+      "lab/arm0/event", [](const Json& one) { return one["type"] == "rtpm.device.StopChanged"; });
   EXPECT_EQ(event["payload"]["is_stopped"], true);
   EXPECT_EQ(event["device"], "lab/arm0");
   static_cast<void>(client->await_state(
@@ -239,8 +237,8 @@ TEST_F(Consoles, ShowTheLogOfAFilter) {
   EXPECT_EQ(line["device"], "lab/arm0");
   EXPECT_TRUE(line["payload"].contains("position_m")) << line;
   // A kilohertz is above what is shown, and that is told.
-  while (line.is_object() && !line.contains("omitted"))
-    line = client->next_message("console/log").json();
+  line =
+      client->await_message("console/log", [](const Json& one) { return one.contains("omitted"); });
   EXPECT_GT(line["omitted"], 0);
   EXPECT_EQ(client->call("console/log_filter", {{"filter", nullptr}}), Json({{"ok", true}}));
 }

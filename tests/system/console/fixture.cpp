@@ -127,15 +127,20 @@ ConsoleClient::Message ConsoleClient::next_message(const std::string& topic) {
   return found;
 }
 
-Json ConsoleClient::await_state(const std::function<bool(const Json&)>& is_met) {
+Json ConsoleClient::await_message(const std::string& topic,
+                                  const std::function<bool(const Json&)>& is_met) {
   const auto end = Clock::now() + kPatience;
-  Json state;
+  Json message;
   do {
-    state = next_message("console/state").json();
-    if (is_met(state)) return state;
-  } while (Clock::now() < end && !state.is_discarded());
-  ADD_FAILURE() << "the state does not become so: " << state;
-  return state;
+    message = next_message(topic).json();
+    if (message.is_object() && is_met(message)) return message;
+  } while (Clock::now() < end && !message.is_discarded());
+  ADD_FAILURE() << topic << " has no such message, the last is " << message;
+  return message;
+}
+
+Json ConsoleClient::await_state(const std::function<bool(const Json&)>& is_met) {
+  return await_message("console/state", is_met);
 }
 
 std::optional<std::string> ConsoleClient::call_as(const std::string& service,
@@ -252,8 +257,8 @@ std::unique_ptr<ConsoleClient> ConsoleSystem::connect() const {
 std::unique_ptr<ConsoleClient> ConsoleSystem::connect_to_arm() const {
   auto client = connect();
   client->subscribe("console/state");
-  static_cast<void>(
-      client->await_state([](const Json& state) { return is_live(state, "lab/arm0"); }));
+  static_cast<void>(client->await_state(
+      [](const Json& state) { return is_live(state, "lab/arm0") && state["hub"]["ok"] == true; }));
   return client;
 }
 

@@ -57,6 +57,9 @@ class ConsoleClient {
   void subscribe(const std::string& topic);
   /// The next message of a topic; the test fails if none comes.
   [[nodiscard]] Message next_message(const std::string& topic);
+  /// The first message of a topic, in JSON, that `is_met` accepts; the test fails if none comes.
+  [[nodiscard]] Json await_message(const std::string& topic,
+                                   const std::function<bool(const Json&)>& is_met);
   /// The first State that `is_met` accepts; the test fails if none comes.
   [[nodiscard]] Json await_state(const std::function<bool(const Json&)>& is_met);
   /// The answer to a call; {"failure": "…"} if it failed.
@@ -103,7 +106,7 @@ class ConsoleSystem : public testing::Test {
   [[nodiscard]] std::vector<std::string> console_arguments() const;
   [[nodiscard]] std::optional<Daemon> start_devices(std::uint16_t port = 0) const;
   [[nodiscard]] std::unique_ptr<ConsoleClient> connect() const;
-  /// The same, and waits until the console reads the arm.
+  /// The same, and waits until the console reads the arm and hears the hub.
   [[nodiscard]] std::unique_ptr<ConsoleClient> connect_to_arm() const;
   [[nodiscard]] test::Process::End rtpm(std::vector<std::string> arguments) const;
 
