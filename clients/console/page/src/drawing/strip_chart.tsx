@@ -1,0 +1,181 @@
+import {useEffect, useRef} from 'preact/hooks';
+import uPlot from 'uplot';
+import {fixed} from '../parts/text';
+import {eachFrame} from '../store/frames';
+import type {Series} from '../store/series';
+import {colour, themeVersion} from '../store/theme';
+
+export interface Curve {
+  readonly column: number;
+  readonly label: string;
+  /** A colour's name in the style sheet. */
+  readonly paint: string;
+}
+
+export interface ChartSource {
+  readonly series: Series;
+  readonly endS: number;
+  /** The newest row is recent. */
+  readonly isFresh: boolean;
+}
+
+interface Props {
+  title: string;
+  unit: string;
+  /** From the series' unit to the shown one. */
+  factor: number;
+  digits: number;
+  curves: readonly Curve[];
+  windowS: number;
+  /** At least so much of y shows, so that noise does not fill the chart. */
+  spanMin: number;
+  isLogarithmic?: boolean;
+  /** Horizontal lines with names. */
+  marks?: readonly {readonly value: number; readonly label: string}[];
+  gapS: number;
+  source: () => ChartSource | null;
+}
+
+const kPaintMs = 50;
+const kPointMax = 900;
+
+type Range = [number, number];
+
+function rangeOf(low: number | null, high: number | null, spanMin: number): Range {
+  const from = low ?? 0;
+  const to = high ?? 0;
+  const margin = Math.max(0.08 * (to - from), (spanMin - (to - from)) / 2, 0);
+  return [from - margin, to + margin];
+}
+
+function optionsOf(props: Props, width: number, height: number): uPlot.Options {
+  const axis = {
+    stroke: colour('quiet'), font: '12px system-ui, sans-serif',
+    grid: {stroke: colour('line'), width: 1}, ticks: {show: false},
+  };
+  const isLogarithmic = props.isLogarithmic ?? false;
+  return {
+    width,
+    height,
+    legend: {show: false},
+    cursor: {show: false},
+    padding: [8, 12, 0, 0],
+    scales: {
+      x: {time: false, auto: false, range: () => [-props.windowS, 0] as Range},
+      y: isLogarithmic
+        ? {distr: 3, range: (_, low, high) =>
+          [Math.min(10, low ?? 10), Math.max(2000, high ?? 0)] as Range}
+        : {range: (_, low, high) => rangeOf(low, high, props.spanMin)},
+    },
+    axes: [
+      {...axis, size: 24, values: (_, ticks) => ticks.map((tick) => secondsText(tick))},
+      {...axis, size: 52, ...(isLogarithmic ? {filter: (_: uPlot, ticks: number[]) =>
+        ticks.map((tick) => (Number.isInteger(Math.log10(tick)) ? tick : null))} : {space: 28})},
+    ],
+    series: [
+      {},
+      ...props.curves.map((curve) => ({
+        stroke: colour(curve.paint), width: 1.75, spanGaps: false, points: {show: false},
+      })),
+    ],
+    hooks: {draw: [(chart) => drawMarks(chart, props)]},
+  };
+}
+
+function secondsText(seconds: number): string {
+  if (seconds === 0) return 'now';
+  return seconds <= -120 ? `${Math.round(seconds / 6) / 10} min` : `${seconds} s`;
+}
+
+function drawMarks(chart: uPlot, props: Props): void {
+  const context = chart.ctx;
+  for (const mark of props.marks ?? []) {
+    const y = chart.valToPos(mark.value, 'y', true);
+    if (y < chart.bbox.top || y > chart.bbox.top + chart.bbox.height) continue;
+    context.save();
+    context.strokeStyle = context.fillStyle = colour('quiet');
+    context.setLineDash([4, 4]);
+    context.beginPath();
+    context.moveTo(chart.bbox.left, y);
+    context.lineTo(chart.bbox.left + chart.bbox.width, y);
+    context.stroke();
+    context.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    context.fillText(mark.label, chart.bbox.left + 6, y - 4);
+    context.restore();
+  }
+}
+
+/** Curves over the last seconds, with their newest values. */
+export function StripChart(props: Props) {
+  const holder = useRef<HTMLDivElement>(null);
+  const values = useRef<HTMLDivElement>(null);
+  const figure = useRef<HTMLElement>(null);
+  const latest = useRef(props);
+  latest.current = props;
+  const version = themeVersion.value;
+  const key = props.curves.map((curve) => curve.label).join();
+
+  useEffect(() => {
+    const target = holder.current;
+    if (target === null) return undefined;
+    const empty: uPlot.AlignedData = [[], ...props.curves.map(() => [])];
+    const chart = new uPlot(
+      optionsOf(props, target.clientWidth, target.clientHeight), empty, target);
+    const observer = new ResizeObserver(() =>
+      chart.setSize({width: target.clientWidth, height: target.clientHeight}));
+    observer.observe(target);
+    let lastMs = 0;
+    const stop = eachFrame((nowMs) => {
+      if (nowMs - lastMs < kPaintMs) return;
+      lastMs = nowMs;
+      paint(chart, latest.current, values.current, figure.current);
+    });
+    return () => {
+      stop();
+      observer.disconnect();
+      chart.destroy();
+    };
+  }, [version, props.windowS, key]);
+
+  return (
+    <figure ref={figure} class="strip" data-testid={`strip-${props.title.toLowerCase()}`}>
+      <figcaption class="strip-head">
+        <span class="strip-title">{props.title} <span class="unit">{props.unit}</span></span>
+        <div ref={values} class="strip-values">
+          {props.curves.map((curve) => (
+            <span key={curve.label} class="strip-value">
+              <i style={{background: `var(--${curve.paint})`}} />{curve.label} <b>–</b>
+            </span>
+          ))}
+        </div>
+      </figcaption>
+      <div ref={holder} class="strip-plot" role="img"
+        aria-label={`${props.title} over the last ${props.windowS} seconds; values above`} />
+      <p class="strip-stale">not live</p>
+    </figure>
+  );
+}
+
+function paint(
+  chart: uPlot, props: Props, values: HTMLElement | null, figure: HTMLElement | null,
+): void {
+  const source = props.source();
+  figure?.classList.toggle('is-stale', source === null || !source.isFresh);
+  if (source === null) {
+    chart.setData([[], ...props.curves.map(() => [])]);
+    return;
+  }
+  const picked = props.curves.map((curve) => curve.column);
+  const columns = source.series.window(source.endS, props.windowS, picked, kPointMax, props.gapS);
+  if (props.factor !== 1) {
+    for (const column of columns.slice(1) as (number | null)[][]) {
+      column.forEach((value, i) => (column[i] = value === null ? null : value * props.factor));
+    }
+  }
+  chart.setData(columns);
+  const last = source.series.size - 1;
+  values?.querySelectorAll('b').forEach((cell, i) => {
+    const value = source.isFresh ? source.series.valueAt(last, picked[i] ?? 0) : NaN;
+    cell.textContent = fixed(value * props.factor, props.digits);
+  });
+}

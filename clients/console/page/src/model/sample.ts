@@ -1,0 +1,80 @@
+import type {Decoded, DecodedTable} from '../flatbuffers/decode';
+import type {Json} from '../protocol/json';
+
+/** What the page uses of rtpm.device.Sampled and rtpm.touch.Touched. */
+
+export type Vector3 = readonly [number, number, number];
+
+export interface Sample {
+  readonly positionM: Vector3;
+  readonly orientation: readonly [number, number, number, number];
+  readonly forceNewton: Vector3;
+  readonly joints: readonly number[];
+  readonly analogs: readonly number[];
+  readonly buttons: number;
+}
+
+export type Shape = 'plane' | 'sphere' | 'texture';
+
+export interface Touch {
+  readonly deviceM: Vector3;
+  readonly proxyM: Vector3;
+  readonly forceNewton: Vector3;
+  readonly faceM: number;
+  readonly shape: Shape;
+}
+
+const kShapes: readonly Shape[] = ['plane', 'sphere', 'texture'];
+
+type Value = Decoded | Json | undefined;
+
+function table(value: Value): DecodedTable | null {
+  return value !== null && typeof value === 'object' && !Array.isArray(value)
+    ? (value as DecodedTable)
+    : null;
+}
+
+function real(value: Value): number {
+  return typeof value === 'bigint' ? Number(value) : typeof value === 'number' ? value : 0;
+}
+
+function reals(value: Value): number[] {
+  return Array.isArray(value) ? value.map(real) : [];
+}
+
+function vector(value: Value): Vector3 {
+  const fields = table(value);
+  return [real(fields?.['x']), real(fields?.['y']), real(fields?.['z'])];
+}
+
+export function length(vector: Vector3): number {
+  return Math.hypot(vector[0], vector[1], vector[2]);
+}
+
+/** null where the payload has no sample. */
+export function readSample(value: DecodedTable | Json): Sample | null {
+  const sample = table(table(value)?.['sample']);
+  if (sample === null) return null;
+  const turn = table(sample['orientation']);
+  return {
+    positionM: vector(sample['position_m']),
+    orientation: [real(turn?.['x']), real(turn?.['y']), real(turn?.['z']), real(turn?.['w'])],
+    forceNewton: vector(sample['force_newton']),
+    joints: reals(sample['joints']),
+    analogs: reals(sample['analogs']),
+    buttons: real(sample['buttons']),
+  };
+}
+
+/** null where the payload has no state of a touch. */
+export function readTouch(value: DecodedTable | Json): Touch | null {
+  const state = table(table(value)?.['state']);
+  if (state === null) return null;
+  return {
+    deviceM: vector(state['device_m']),
+    proxyM: vector(state['proxy_m']),
+    forceNewton: vector(state['force_newton']),
+    faceM: real(state['face_m']),
+    shape: kShapes[real(state['shape'])] ?? 'plane',
+  };
+}

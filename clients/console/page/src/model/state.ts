@@ -1,0 +1,233 @@
+import {flag, list, number, numberOrNull, numbers, object, text, texts} from '../protocol/fields';
+import type {Json, JsonObject} from '../protocol/json';
+
+/** What `console/state` says: the whole system, as the console sees it. */
+
+export interface Lane {
+  readonly name: string;
+  readonly band: readonly number[];
+  readonly schedule: string;
+  readonly wait: string;
+  readonly callsPerSecond: number;
+  readonly dropsPerSecond: number;
+  readonly longestCycleUs: number | null;
+  readonly queued: number;
+  readonly busy: number;
+}
+
+export interface Server {
+  readonly name: string;
+  readonly host: string;
+  readonly port: number;
+  readonly processId: number;
+  readonly isAlive: boolean;
+  readonly lanes: readonly Lane[];
+}
+
+export interface Scale {
+  readonly name: string;
+  readonly unit: string;
+  readonly low: number;
+  readonly high: number;
+}
+
+export interface Axis {
+  readonly name: string;
+  readonly isSensed: boolean;
+  readonly isActuated: boolean;
+}
+
+export interface Device {
+  readonly name: string;
+  readonly model: string;
+  readonly serial: string;
+  readonly className: string;
+  readonly url: string;
+  readonly isOk: boolean;
+  readonly problem: string;
+  readonly ageMs: number | null;
+  readonly lifecycle: string;
+  readonly faults: readonly string[];
+  readonly successRate: number | null;
+  readonly samplesPerSecond: number;
+  readonly rateHz: number;
+  readonly forceMaxNewton: number;
+  readonly workspaceLowM: readonly number[];
+  readonly workspaceHighM: readonly number[];
+  readonly axes: readonly Axis[];
+  readonly buttons: readonly string[];
+  readonly analogs: readonly Scale[];
+  readonly joints: readonly Scale[];
+  readonly lease: {readonly state: string; readonly sinceS: number | null};
+  readonly isStopped: boolean;
+  readonly hasConfig: boolean;
+}
+
+export interface Recording {
+  readonly file: string | null;
+  readonly timeS: number;
+  readonly messageCount: number;
+  readonly byteCount: number;
+  readonly dropCount: number;
+  readonly problem: string;
+}
+
+export interface Replay {
+  readonly file: string;
+  readonly beginNs: number;
+  readonly endNs: number;
+  readonly timeNs: number;
+  readonly speed: number;
+  readonly isPlaying: boolean;
+  readonly topics: readonly string[];
+}
+
+export interface ConsoleState {
+  readonly timeNs: number;
+  readonly uptimeS: number;
+  readonly registry: {readonly url: string; readonly isOk: boolean; readonly problem: string};
+  readonly hub: {
+    readonly name: string;
+    readonly isOk: boolean;
+    readonly problem: string;
+    readonly consumerCount: number;
+    readonly eventsPerSecond: number;
+  };
+  readonly servers: readonly Server[];
+  readonly objects: readonly {
+    readonly name: string; readonly interface: string; readonly url: string;
+  }[];
+  readonly devices: readonly Device[];
+  readonly recording: Recording;
+  readonly replay: Replay | null;
+  readonly clients: {readonly count: number; readonly droppedCount: number};
+}
+
+/** A device whose newest sample is older is stale. */
+export const kStaleMs = 1000;
+
+export type Freshness = 'live' | 'stale' | 'lost';
+
+export function freshness(device: Device): Freshness {
+  if (!device.isOk) return 'lost';
+  return device.ageMs === null || device.ageMs > kStaleMs ? 'stale' : 'live';
+}
+
+export function readState(value: Json): ConsoleState {
+  const state = object(value);
+  const registry = object(state['registry']);
+  const hub = object(state['hub']);
+  const clients = object(state['clients']);
+  return {
+    timeNs: number(state['time_ns']),
+    uptimeS: number(state['uptime_s']),
+    registry: {
+      url: text(registry['url']), isOk: flag(registry['ok']), problem: text(registry['problem']),
+    },
+    hub: {
+      name: text(hub['name']),
+      isOk: flag(hub['ok']),
+      problem: text(hub['problem']),
+      consumerCount: number(hub['consumer_count']),
+      eventsPerSecond: number(hub['event_per_s']),
+    },
+    servers: list(state['servers']).map((one) => readServer(object(one))),
+    objects: list(state['objects']).map(object).map((one) => ({
+      name: text(one['name']), interface: text(one['interface']), url: text(one['url']),
+    })),
+    devices: list(state['devices']).map((one) => readDevice(object(one))),
+    recording: readRecording(object(state['recording'])),
+    replay: readReplay(object(state['replay'])),
+    clients: {count: number(clients['count']), droppedCount: number(clients['dropped_count'])},
+  };
+}
+
+function readServer(server: JsonObject): Server {
+  return {
+    name: text(server['name']),
+    host: text(server['host']),
+    port: number(server['port']),
+    processId: number(server['process_id']),
+    isAlive: flag(server['alive']),
+    lanes: list(server['lanes']).map(object).map((lane) => ({
+      name: text(lane['name']),
+      band: numbers(lane['band']),
+      schedule: text(lane['schedule']),
+      wait: text(lane['wait']),
+      callsPerSecond: number(lane['calls_per_s']),
+      dropsPerSecond: number(lane['drops_per_s']),
+      longestCycleUs: numberOrNull(lane['longest_cycle_us']),
+      queued: number(lane['queued']),
+      busy: number(lane['busy']),
+    })),
+  };
+}
+
+function readScale(value: Json): Scale {
+  const scale = object(value);
+  return {
+    name: text(scale['name']),
+    unit: text(scale['unit']),
+    low: number(scale['low']),
+    high: number(scale['high']),
+  };
+}
+
+function readDevice(device: JsonObject): Device {
+  const lease = object(device['lease']);
+  return {
+    name: text(device['name']),
+    model: text(device['model']),
+    serial: text(device['serial']),
+    className: text(device['class']).toLowerCase(),
+    url: text(device['url']),
+    isOk: flag(device['ok']),
+    problem: text(device['problem']),
+    ageMs: numberOrNull(device['age_ms']),
+    lifecycle: text(device['lifecycle'], 'unknown'),
+    faults: texts(device['faults']),
+    successRate: numberOrNull(device['success_rate']),
+    samplesPerSecond: number(device['sample_per_s']),
+    rateHz: number(device['rate_hz']),
+    forceMaxNewton: number(device['force_newton_max']),
+    workspaceLowM: numbers(device['workspace_low_m']),
+    workspaceHighM: numbers(device['workspace_high_m']),
+    axes: list(device['axes']).map(object).map((axis) => ({
+      name: text(axis['name']),
+      isSensed: flag(axis['is_sensed']),
+      isActuated: flag(axis['is_actuated']),
+    })),
+    buttons: texts(device['buttons']),
+    analogs: list(device['analogs']).map(readScale),
+    joints: list(device['joints']).map(readScale),
+    lease: {state: text(lease['state'], 'unknown'), sinceS: numberOrNull(lease['since_s'])},
+    isStopped: flag(device['is_stopped']),
+    hasConfig: flag(device['has_config']),
+  };
+}
+
+function readRecording(recording: JsonObject): Recording {
+  const file = text(recording['file']);
+  return {
+    file: file === '' ? null : file,
+    timeS: number(recording['time_s']),
+    messageCount: number(recording['message_count']),
+    byteCount: number(recording['byte_count']),
+    dropCount: number(recording['drop_count']),
+    problem: text(recording['problem']),
+  };
+}
+
+function readReplay(replay: JsonObject): Replay | null {
+  const file = text(replay['file']);
+  if (file === '') return null;
+  return {
+    file,
+    beginNs: number(replay['begin_ns']),
+    endNs: number(replay['end_ns']),
+    timeNs: number(replay['time_ns']),
+    speed: number(replay['speed'], 1),
+    isPlaying: flag(replay['is_playing']),
+    topics: texts(replay['topics']),
+  };
+}

@@ -1,0 +1,79 @@
+import {length, readSample, readTouch, type Sample, type Touch} from '../model/sample';
+import type {Message} from '../protocol/client';
+import {Series} from './series';
+
+/** Rows of five minutes at 60 Hz. */
+export const kRowMax = 18000;
+/** So many devices are followed at most. */
+export const kTrackMax = 16;
+export const kSlots = 8;
+
+/** The columns of a track's series. */
+export const kColumn = {position: 0, force: 3, forceLength: 6, joint: 7, analog: 7 + kSlots} as const;
+const kColumnCount = kColumn.analog + kSlots;
+
+/** One device's newest sample and touch, and its last minutes. */
+export class Track {
+  readonly series = new Series(kRowMax, kColumnCount);
+  sample: Sample | null = null;
+  touch: Touch | null = null;
+  /** When they came, by the page's own clock. */
+  sampleMs = -Infinity;
+  touchMs = -Infinity;
+  private readonly row = new Float64Array(kColumnCount);
+
+  takeSample(message: Message, nowMs: number): void {
+    const sample = readSample(message.value);
+    if (sample === null) return;
+    this.sample = sample;
+    this.sampleMs = nowMs;
+    this.row.set(sample.positionM, kColumn.position);
+    this.row.set(sample.forceNewton, kColumn.force);
+    this.row[kColumn.forceLength] = length(sample.forceNewton);
+    for (let i = 0; i < kSlots; ++i) {
+      this.row[kColumn.joint + i] = sample.joints[i] ?? NaN;
+      this.row[kColumn.analog + i] = sample.analogs[i] ?? NaN;
+    }
+    this.series.push(Number(message.timeNs) / 1e9, this.row);
+  }
+
+  takeTouch(message: Message, nowMs: number): void {
+    const touch = readTouch(message.value);
+    if (touch === null) return;
+    this.touch = touch;
+    this.touchMs = nowMs;
+  }
+
+  /** The present on the samples' clock: it goes on while none come. */
+  endS(nowMs: number): number | null {
+    const last = this.series.lastS;
+    return last === null ? null : last + Math.max(0, nowMs - this.sampleMs) / 1000;
+  }
+}
+
+/** The tracks of all devices of one source: the live system, or a recording. */
+export class Motion {
+  private readonly tracks = new Map<string, Track>();
+
+  track(device: string): Track | null {
+    return this.tracks.get(device) ?? null;
+  }
+
+  /** null where too many are followed already. */
+  trackFor(device: string): Track | null {
+    const known = this.tracks.get(device);
+    if (known !== undefined) return known;
+    if (this.tracks.size >= kTrackMax) return null;
+    const track = new Track();
+    this.tracks.set(device, track);
+    return track;
+  }
+
+  names(): string[] {
+    return [...this.tracks.keys()].sort();
+  }
+
+  clear(): void {
+    this.tracks.clear();
+  }
+}

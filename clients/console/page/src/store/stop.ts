@@ -1,0 +1,82 @@
+import {signal, type Signal} from '@preact/signals';
+import {list, object, text, texts} from '../protocol/fields';
+import {CallError} from '../protocol/client';
+import type {Link} from './link';
+
+/** What became of the newest emergency stop that was asked for here. */
+export type StopReport =
+  | {readonly phase: 'none'}
+  | {readonly phase: 'asked'}
+  | {readonly phase: 'done'; readonly stopped: readonly string[]}
+  | {readonly phase: 'failed'; readonly words: string}
+  /** No connection: it is sent as soon as there is one, unless that takes too long. */
+  | {readonly phase: 'waiting'};
+
+const kTimeoutMs = 2000;
+/** A stop that could not be sent for so long is not sent any more: the operator was told. */
+const kWaitMs = 30000;
+
+/** The emergency stop: asked for by the button or the key, for one device or for all. */
+export class Stop {
+  readonly report: Signal<StopReport> = signal({phase: 'none'});
+  private waiting: {readonly sinceMs: number; readonly device: string | undefined} | null = null;
+
+  constructor(private readonly link: Link, private readonly nowMs: () => number) {
+    this.link.services.subscribe((services) => {
+      if (services.has('console/estop')) this.sendWaiting();
+    });
+  }
+
+  /** Stops the device; without one, all devices of all servers. */
+  async press(device?: string): Promise<void> {
+    this.report.value = {phase: 'asked'};
+    try {
+      const request = device === undefined ? {} : {device};
+      const reply = object(await this.link.call('console/estop', request, kTimeoutMs));
+      const failed = list(reply['failed']).map(object)
+        .map((one) => `${text(one['device'], 'a device')}: ${text(one['why'], 'no reason given')}`);
+      this.report.value = failed.length === 0
+        ? {phase: 'done', stopped: texts(reply['stopped'])}
+        : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`};
+    } catch (error) {
+      this.fail(error as Error, device);
+    }
+  }
+
+  dismiss(): void {
+    this.waiting = null;
+    this.report.value = {phase: 'none'};
+  }
+
+  private fail(error: Error, device: string | undefined): void {
+    if (error instanceof CallError && error.isLost) {
+      // Asked for one device and then for another: all are stopped.
+      const isSame = this.waiting === null || this.waiting.device === device;
+      this.waiting = {
+        sinceMs: this.waiting?.sinceMs ?? this.nowMs(), device: isSame ? device : undefined,
+      };
+      this.report.value = {phase: 'waiting'};
+    } else {
+      this.report.value = {phase: 'failed', words: `Not confirmed: ${error.message}.`};
+    }
+  }
+
+  private sendWaiting(): void {
+    if (this.waiting === null) return;
+    const {sinceMs, device} = this.waiting;
+    this.waiting = null;
+    if (this.nowMs() - sinceMs <= kWaitMs) {
+      void this.press(device);
+    } else {
+      const words = 'Not sent: there was no connection for too long. Press again if it is needed.';
+      this.report.value = {phase: 'failed', words};
+    }
+  }
+}
+
+/** Ctrl+Shift+Space: two modifiers, so that no typing hits it. */
+export function isStopKey(event: KeyboardEvent): boolean {
+  return event.code === 'Space' && event.ctrlKey && event.shiftKey && !event.altKey;
+}
+
+export const kStopKeyText = 'Ctrl+Shift+Space';

@@ -1,0 +1,121 @@
+import {useEffect, useRef, useState} from 'preact/hooks';
+import {useApp} from '../store/app';
+import type {FilterFault, LogRow} from '../store/log';
+import {Card, Empty, Notice} from '../parts/parts';
+import {thousands, timeOfDay} from '../parts/text';
+
+const kExamples = [
+  'type(rtpm.device.ButtonChanged, rtpm.device.ContactChanged)',
+  'type(rtpm.device.StopChanged, rtpm.device.FaultChanged, rtpm.device.LifecycleChanged)',
+  'type(rtpm.device.ConfigurationChanged)',
+];
+
+/** The events that pass a filter, as they come. */
+export function EventsView() {
+  const app = useApp();
+  const {log} = app;
+  const [draft, setDraft] = useState(log.filter.value ?? kExamples[0] ?? 'all');
+  const isUsable = app.isLive.value && app.link.services.value.has('console/log_filter');
+  const submit = (event: Event) => {
+    event.preventDefault();
+    if (isUsable) void log.set(draft);
+  };
+  return (
+    <div class="events">
+      <Card title="Filter">
+        <form class="filter" onSubmit={submit}>
+          <label for="filter">Which events? <span class="quiet">
+            For example: type(lab.Touched) and force.z &gt; 2</span></label>
+          <div class="input-row">
+            <input id="filter" type="text" class="code" value={draft} autocomplete="off"
+              spellcheck={false} aria-invalid={log.fault.value !== null}
+              aria-describedby="filter-fault"
+              onInput={(event) => setDraft(event.currentTarget.value)} />
+            <button type="submit" class="strong" disabled={!isUsable}>Show</button>
+          </div>
+          <div id="filter-fault" aria-live="polite"><Fault fault={log.fault.value} /></div>
+          {log.problem.value !== '' && <Notice tone="bad">{log.problem.value}</Notice>}
+          <div class="examples">
+            {kExamples.map((one) => (
+              <button key={one} type="button" class="quiet-button code" onClick={() => setDraft(one)}>
+                {one}
+              </button>
+            ))}
+          </div>
+        </form>
+      </Card>
+      <LogCard />
+    </div>
+  );
+}
+
+/** The filter once more, with a caret below the character where it is wrong. */
+function Fault({fault}: {fault: FilterFault | null}) {
+  if (fault === null) return null;
+  return (
+    <div class="fault" data-testid="filter-fault">
+      <pre>{fault.filter}{'\n'}{' '.repeat(Math.max(0, fault.offset))}^</pre>
+      <p class="problem">{fault.what}</p>
+    </div>
+  );
+}
+
+function LogCard() {
+  const app = useApp();
+  const {log} = app;
+  const list = useRef<HTMLDivElement>(null);
+  const rows = log.rows.value;
+  const isAtEnd = useRef(true);
+  useEffect(() => {
+    const target = list.current;
+    if (target !== null && isAtEnd.current) target.scrollTop = target.scrollHeight;
+  }, [rows]);
+  const onScroll = () => {
+    const target = list.current;
+    if (target === null) return;
+    isAtEnd.current = target.scrollHeight - target.scrollTop - target.clientHeight < 24;
+  };
+  const head = (
+    <div class="row">
+      <span class="quiet small">{log.filter.value === null ? 'no filter set'
+        : `${thousands(log.count.value)} events`}</span>
+      <button type="button" aria-pressed={log.isPaused.value}
+        onClick={() => (log.isPaused.value = !log.isPaused.value)}>Pause</button>
+      <button type="button" disabled={log.filter.value === null}
+        onClick={() => void log.set(null)}>End</button>
+      <button type="button" onClick={() => log.clear()}>Clear</button>
+    </div>
+  );
+  return (
+    <Card title="Events" aside={head} class="log-card">
+      {rows.length === 0
+        ? <Empty>{log.filter.value === null ? 'Set a filter to see events.' : 'Nothing has passed the filter yet.'}</Empty>
+        : <div ref={list} class="log scroll" tabIndex={0} role="region" aria-label="Events, newest last"
+          onScroll={onScroll}>
+          <table>
+            <thead>
+              <tr><th scope="col">Time</th><th scope="col">Type</th><th scope="col">From</th>
+                <th scope="col" class="number">Number</th><th scope="col">Payload</th></tr>
+            </thead>
+            <tbody>{rows.map((row) => <Row key={row.key} row={row} />)}</tbody>
+          </table>
+        </div>}
+    </Card>
+  );
+}
+
+function Row({row}: {row: LogRow}) {
+  if (row.type === '') {
+    return <tr class="omitted"><td colSpan={5}>{thousands(row.omittedCount)} events left out</td></tr>;
+  }
+  const millis = String(Math.floor((row.timeS * 1000) % 1000)).padStart(3, '0');
+  return (
+    <tr>
+      <td class="time">{timeOfDay(row.timeS * 1000)}.{millis}</td>
+      <td>{row.type}</td>
+      <td>{row.from}</td>
+      <td class="number">{row.sequence}</td>
+      <td class="payload">{row.payload}</td>
+    </tr>
+  );
+}

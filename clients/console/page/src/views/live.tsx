@@ -1,0 +1,168 @@
+import {signal} from '@preact/signals';
+import {kLatencyColumn, useApp} from '../store/app';
+import {writeRoute} from '../store/route';
+import {kStaleMs, freshness, type Device} from '../model/state';
+import {kColumn, type Track} from '../store/motion';
+import {Histogram} from '../drawing/histogram';
+import {SpaceView} from '../drawing/space_view';
+import {StripChart, type ChartSource, type Curve} from '../drawing/strip_chart';
+import {Card, Choice, Empty} from '../parts/parts';
+import {CommandCard} from './commands';
+import {Readings} from './readings';
+
+const kWindows = [
+  {value: 10, label: '10 s'}, {value: 30, label: '30 s'}, {value: 60, label: '1 min'},
+  {value: 300, label: '5 min'},
+];
+const kGapS = 0.5;
+/** console/latency comes once a second. */
+const kLatencyGapS = 3.5;
+const windowS = signal(30);
+
+const kPosition: readonly Curve[] = ['x', 'y', 'z'].map((label, i) =>
+  ({column: kColumn.position + i, label, paint: label}));
+const kForce: readonly Curve[] = [
+  ...['x', 'y', 'z'].map((label, i) => ({column: kColumn.force + i, label, paint: label})),
+  {column: kColumn.forceLength, label: 'total', paint: 'force'},
+];
+const kLatency: readonly Curve[] = [
+  {column: kLatencyColumn.p50, label: 'p50', paint: 'z'},
+  {column: kLatencyColumn.p99, label: 'p99', paint: 'force'},
+  {column: kLatencyColumn.max, label: 'max', paint: 'x'},
+];
+const kPaints = ['z', 'force', 'y', 'x', 'proxy', 'replay', 'quiet', 'text'];
+
+/** One device: motion and force in 3-D and over time, its latency, and its commands. */
+export function LiveView() {
+  const app = useApp();
+  const isReplay = app.showsReplay.value;
+  const replayNames = isReplay ? app.shown.names() : [];
+  // A recording may have devices that are not there now. Reading the state keeps this up to date.
+  const names = [...new Set([...app.devices.value.map((one) => one.name), ...replayNames])];
+  const {subject} = app.route.value;
+  const preferred = app.devices.value.find((one) => one.className === 'haptic')?.name ?? names[0];
+  const name = subject !== '' ? subject : preferred;
+  if (name === undefined) return <Empty>No device is at the registry.</Empty>;
+  const known = names.includes(name) ? names : [...names, name];
+  return (
+    <div class="live">
+      <DevicePicker names={known} chosen={name} />
+      <OneDevice key={name} name={name} device={app.device(name)} />
+    </div>
+  );
+}
+
+function DevicePicker({names, chosen}: {names: readonly string[]; chosen: string}) {
+  return (
+    <div class="picker">
+      <nav class="choice" aria-label="Device">
+        {names.map((name) => (
+          <a key={name} href={writeRoute('live', name)}
+            {...(name === chosen ? {'aria-current': 'true' as const} : {})}>{name}</a>
+        ))}
+      </nav>
+      <Choice label="Time shown" options={kWindows} value={windowS.value}
+        onChange={(value) => (windowS.value = value)} />
+    </div>
+  );
+}
+
+function OneDevice({name, device}: {name: string; device: Device | null}) {
+  const app = useApp();
+  const isReplay = app.showsReplay.value;
+  const isLive = app.isLive.value && device !== null && freshness(device) !== 'lost';
+  const hasMotion = device === null || device.axes.some((axis) => axis.isSensed);
+  const source = () => sourceOf(app.shown.track(name), app.nowMs(), isReplay, app.isLive.value);
+  return (
+    <div class={`live-grid ${isLive || isReplay ? '' : 'is-dead'}`}>
+      <div class="live-main">
+        {hasMotion && (
+          <SpaceView name={name} device={device} motion={app.shown} nowMs={app.nowMs}
+            isLive={isLive} isReplay={isReplay} />
+        )}
+        <Charts name={name} device={device} hasMotion={hasMotion} source={source} />
+      </div>
+      <div class="live-side">
+        {isReplay ? <ReplayCard /> : <CommandCard name={name} device={device} />}
+        <Readings name={name} device={device} source={source} />
+        <Card title="Latency of reads" class="live-zone">
+          <Histogram latency={app.latency.value} name={name} />
+        </Card>
+      </div>
+    </div>
+  );
+}
+
+function sourceOf(
+  track: Track | null, nowMs: number, isReplay: boolean, isLinked: boolean,
+): ChartSource | null {
+  if (track === null) return null;
+  const lastS = track.series.lastS;
+  if (lastS === null) return null;
+  if (isReplay) return {series: track.series, endS: lastS, isFresh: true};
+  // A lost connection stops the charts where they were.
+  const endS = isLinked ? track.endS(nowMs) ?? lastS : lastS;
+  return {series: track.series, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
+}
+
+interface ChartsProps {
+  name: string;
+  device: Device | null;
+  hasMotion: boolean;
+  source: () => ChartSource | null;
+}
+
+function Charts({name, device, hasMotion, source}: ChartsProps) {
+  const app = useApp();
+  const common = {windowS: windowS.value, gapS: kGapS, source, factor: 1};
+  const latency = (): ChartSource | null => {
+    const series = app.latencySeries.get(name);
+    const lastS = series?.lastS ?? null;
+    if (series === undefined || lastS === null) return null;
+    const quietS = (app.nowMs() - app.latencyMs) / 1000;
+    return {series, endS: lastS + (app.isLive.peek() ? quietS : 0), isFresh: quietS < kLatencyGapS};
+  };
+  const curvesOf = (scales: readonly {name: string; unit: string}[], first: number) =>
+    scales.slice(0, 8).map((scale, i) => ({
+      column: first + i, label: `${scale.name} ${scale.unit}`, paint: kPaints[i] ?? 'text'}));
+  const joints = device?.joints ?? [];
+  const analogs = device?.analogs ?? [];
+  return (
+    <section class="card charts" aria-label="Charts">
+      {hasMotion && (
+        <StripChart {...common} title="Position" unit="mm" factor={1000} digits={1} spanMin={10}
+          curves={kPosition} />
+      )}
+      {(device === null || device.forceMaxNewton > 0) && (
+        <StripChart {...common} title="Force" unit="N" digits={2} spanMin={1} curves={kForce} />
+      )}
+      {joints.length > 0 && (
+        <StripChart {...common} title="Joints" unit="" digits={3} spanMin={0.1}
+          curves={curvesOf(joints, kColumn.joint)} />
+      )}
+      {analogs.length > 0 && (
+        <StripChart {...common} title="Inputs" unit="" digits={3} spanMin={0.1}
+          curves={curvesOf(analogs, kColumn.analog)} />
+      )}
+      <StripChart {...common} title="Latency" unit="µs" digits={0} spanMin={10} curves={kLatency}
+        isLogarithmic gapS={kLatencyGapS} source={latency}
+        marks={[{value: 58, label: 'paper 58 µs'}, {value: 1000, label: 'paper 1 ms'}]} />
+    </section>
+  );
+}
+
+function ReplayCard() {
+  const app = useApp();
+  const replay = app.state.value?.replay ?? null;
+  return (
+    <Card title="Replay" class="replay-card">
+      <p>
+        Recorded motion{replay === null ? '' : ` of ${replay.file}`}. Commands are not shown here,
+        so that nobody takes it for the device. The stop above works as ever.
+      </p>
+      <button type="button" onClick={() => (app.showsReplay.value = false)}>
+        Show the devices live
+      </button>
+    </Card>
+  );
+}

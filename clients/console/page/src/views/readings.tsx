@@ -1,0 +1,73 @@
+import {useEffect, useRef} from 'preact/hooks';
+import type {Device} from '../model/state';
+import type {ChartSource} from '../drawing/strip_chart';
+import {eachFrame} from '../store/frames';
+import {kColumn} from '../store/motion';
+import {Card} from '../parts/parts';
+import {fixed} from '../parts/text';
+
+interface Row {
+  readonly name: string;
+  readonly unit: string;
+  readonly column: number;
+  readonly factor: number;
+  readonly digits: number;
+}
+
+const kPaintMs = 100;
+
+function rowsOf(device: Device | null): Row[] {
+  const rows: Row[] = [];
+  if (device === null || device.axes.some((axis) => axis.isSensed)) {
+    ['x', 'y', 'z'].forEach((name, i) =>
+      rows.push({name, unit: 'mm', column: kColumn.position + i, factor: 1000, digits: 1}));
+  }
+  if (device === null || device.forceMaxNewton > 0) {
+    rows.push({name: 'force', unit: 'N', column: kColumn.forceLength, factor: 1, digits: 2});
+  }
+  device?.joints.slice(0, 8).forEach(({name, unit}, i) =>
+    rows.push({name, unit, column: kColumn.joint + i, factor: 1, digits: 3}));
+  device?.analogs.slice(0, 8).forEach(({name, unit}, i) =>
+    rows.push({name, unit, column: kColumn.analog + i, factor: 1, digits: 3}));
+  return rows;
+}
+
+interface Props {
+  name: string;
+  device: Device | null;
+  source: () => ChartSource | null;
+}
+
+/** The newest numbers, large. */
+export function Readings({name, device, source}: Props) {
+  const list = useRef<HTMLDListElement>(null);
+  const rows = rowsOf(device);
+  const latest = useRef({rows, source});
+  latest.current = {rows, source};
+  useEffect(() => {
+    let lastMs = 0;
+    return eachFrame((nowMs) => {
+      if (nowMs - lastMs < kPaintMs) return;
+      lastMs = nowMs;
+      const shown = latest.current.source();
+      list.current?.querySelectorAll('b').forEach((cell, i) => {
+        const row = latest.current.rows[i];
+        const value = shown === null || row === undefined || !shown.isFresh
+          ? NaN : shown.series.valueAt(shown.series.size - 1, row.column) * row.factor;
+        cell.textContent = fixed(value, row?.digits ?? 0);
+      });
+    });
+  }, [name]);
+  if (rows.length === 0) return null;
+  return (
+    <Card title="Now" class="now">
+      <dl ref={list} class="readings" data-testid="readings">
+        {rows.map((row) => (
+          <div key={row.name} data-reading={row.name}>
+            <dt>{row.name}</dt><dd><b>–</b> <span class="unit">{row.unit}</span></dd>
+          </div>
+        ))}
+      </dl>
+    </Card>
+  );
+}

@@ -1,0 +1,57 @@
+import type {ComponentChildren} from 'preact';
+import {useEffect, useRef} from 'preact/hooks';
+import {useApp} from '../store/app';
+import type {View} from '../store/route';
+import {writeRoute} from '../store/route';
+import {Banners} from './banners';
+import {EventsView} from './events';
+import {Header} from './header';
+import {LiveView} from './live';
+import {OverviewView} from './overview';
+import {ParametersView} from './parameters';
+import {RecordingsView} from './recordings';
+import {Timeline} from './timeline';
+
+const kTitles: Readonly<Record<View, string>> = {
+  overview: 'Overview', live: 'Live', parameters: 'Parameters', recordings: 'Recordings',
+  events: 'Events',
+};
+
+/** The page's frame: header with the stop, what must be known at once, and one view. */
+export function Shell() {
+  const app = useApp();
+  const {view, subject} = app.route.value;
+  const main = useRef<HTMLElement>(null);
+  useEffect(() => {
+    const isStopped = app.stopped.value.length > 0;
+    const state = !app.isLive.value ? 'not connected: ' : isStopped ? 'STOPPED: ' : '';
+    document.title = `${state}${kTitles[view]}${subject === '' ? '' : ` ${subject}`} · RTPM console`;
+  });
+  const skip = (event: Event) => {
+    event.preventDefault();
+    main.current?.focus();
+  };
+  return (
+    <div class="shell" data-link={app.link.state.value.phase}
+      data-replay={app.showsReplay.value ? 'yes' : 'no'}>
+      <a class="skip" href={writeRoute(view, subject)} onClick={skip}>Skip to the content</a>
+      <Header titles={kTitles} />
+      <Banners />
+      <main id="main" ref={main} tabIndex={-1}>
+        <h1 class="visually-hidden">{kTitles[view]}</h1>
+        <Shown view={view} />
+      </main>
+      <Timeline />
+    </div>
+  );
+}
+
+function Shown({view}: {view: View}): ComponentChildren {
+  switch (view) {
+    case 'overview': return <OverviewView />;
+    case 'live': return <LiveView />;
+    case 'parameters': return <ParametersView />;
+    case 'recordings': return <RecordingsView />;
+    case 'events': return <EventsView />;
+  }
+}
