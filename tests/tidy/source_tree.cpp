@@ -100,9 +100,11 @@ std::vector<SourceFile> read_tree(const fs::path& root) {
   }
   for (const std::string_view folder : kFolders) {
     if (!fs::exists(root / folder)) continue;
-    for (const auto& entry : fs::recursive_directory_iterator(root / folder)) {
-      if (entry.is_regular_file() && is_text(entry.path())) {
-        files.push_back(read(root, entry.path()));
+    for (fs::recursive_directory_iterator entry(root / folder); entry != fs::end(entry); ++entry) {
+      // What npm installs beside the console's page for work on it.
+      if (entry->path().filename() == "node_modules") entry.disable_recursion_pending();
+      if (entry->is_regular_file() && is_text(entry->path())) {
+        files.push_back(read(root, entry->path()));
       }
     }
   }

@@ -37,8 +37,8 @@ const kRidgeSpacingM = 0.015;
 const kForceShare = 0.45;
 
 const kDirections: Readonly<Record<ViewName, Triple>> = {
-  corner: [0.9, -1.35, 0.8], front: [0, -1.75, 0.0001], side: [1.75, 0, 0.0001],
-  top: [0, -0.0001, 1.75],
+  corner: [0.95, -1.45, 0.85], front: [0, -1.9, 0.0001], side: [1.9, 0, 0.0001],
+  top: [0, -0.0001, 1.9],
 };
 
 type Colour = (name: string) => string;
@@ -75,7 +75,7 @@ export class Space {
     this.controls.addEventListener('change', () => (this.isDirty = true));
     this.controls.minDistance = 0.3 * this.size;
     this.controls.maxDistance = 6 * this.size;
-    const unit = this.size / 100;
+    const unit = this.size / 70;
     this.addRoom();
     this.addTool(unit);
     this.proxy = new Mesh(new SphereGeometry(1.6 * unit, 24, 16), this.solid('proxy'));
@@ -99,7 +99,7 @@ export class Space {
     const centre = this.centre();
     const [x, y, z] = kDirections[view];
     this.controls.target.copy(centre);
-    this.camera.position.copy(centre).add(new Vector3(x, y, z).multiplyScalar(1.35 * this.size));
+    this.camera.position.copy(centre).add(new Vector3(x, y, z).multiplyScalar(1.42 * this.size));
     this.controls.update();
     this.isDirty = true;
   }

@@ -152,5 +152,5 @@ function factsOf(positionM: Vector3 | null, isFresh: boolean, hasTouch: boolean)
   if (positionM === null) return 'no samples yet';
   if (!isFresh) return 'last known position; not live';
   const [x, y, z] = positionM.map((one) => fixed(1000 * one, 1).padStart(6, '\u2007'));
-  return `x ${x}  y ${y}  z ${z} mm${hasTouch ? '' : '  ·  nothing virtual to touch'}`;
+  return `x${x}   y${y}   z${z}   mm${hasTouch ? '' : '   (no force node)'}`;
 }

@@ -45,14 +45,23 @@ export interface Answer {
 const kTypes: readonly ParameterType[] = ['Bool', 'Integer', 'Real', 'Text', 'Choice', 'Vector'];
 const kMutabilities: readonly Mutability[] = ['AnyTime', 'Inactive', 'ReadOnly'];
 
+/** No quantity is as large. */
+const kUnlimited = 1e300;
+
 /** An enum comes by its name or its number; absent it is the first. */
 function pick<T extends string>(names: readonly T[], value: Json | undefined): T {
   const byName = names.find((name) => name === value);
   return byName ?? names[number(value)] ?? (names[0] as T);
 }
 
-function bound(value: Json | undefined): number {
+function real(value: Json | undefined): number {
   return typeof value === 'number' ? value : number(value);
+}
+
+/** A bound: what is beyond all numbers may come as null, as JSON has no word for it. */
+function bound(value: Json | undefined, unlimited: number): number {
+  const limit = value === null ? unlimited : real(value);
+  return Math.abs(limit) > kUnlimited ? unlimited : limit;
 }
 
 export function readValue(type: ParameterType, value: Json | undefined): Value {
@@ -60,8 +69,8 @@ export function readValue(type: ParameterType, value: Json | undefined): Value {
   switch (type) {
     case 'Bool': return flag(fields['flag']);
     case 'Integer': return whole(fields['integer']);
-    case 'Real': return bound(fields['real']);
-    case 'Vector': return list(fields['elements']).map(bound);
+    case 'Real': return real(fields['real']);
+    case 'Vector': return list(fields['elements']).map(real);
     default: return text(fields['text']);
   }
 }
@@ -73,8 +82,8 @@ function readParameter(fields: JsonObject): Parameter {
     type,
     valueType: pick(kTypes, object(fields['value'])['type']),
     unit: text(fields['unit']),
-    low: bound(fields['low']),
-    high: bound(fields['high']),
+    low: bound(fields['low'], -Infinity),
+    high: bound(fields['high'], Infinity),
     choices: texts(fields['choices']),
     vectorSize: number(fields['vector_size']),
     defaultValue: readValue(type, fields['default_value']),

@@ -24,8 +24,7 @@ export function EventsView() {
     <div class="events">
       <Card title="Filter">
         <form class="filter" onSubmit={submit}>
-          <label for="filter">Which events? <span class="quiet">
-            For example: type(lab.Touched) and force.z &gt; 2</span></label>
+          <label for="filter">Which events? <span class="quiet">Choose one below, or type.</span></label>
           <div class="input-row">
             <input id="filter" type="text" class="code" value={draft} autocomplete="off"
               spellcheck={false} aria-invalid={log.fault.value !== null}
