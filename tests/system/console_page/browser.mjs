@@ -1,0 +1,80 @@
+// Chromium beside the console's page: what tests see, do and keep of it.
+import {mkdirSync} from 'node:fs';
+import {createRequire} from 'node:module';
+import {chromium} from 'playwright-core';
+
+const kAxe = createRequire(import.meta.url).resolve('axe-core/axe.min.js');
+export const kPatienceMs = 30_000;
+
+export const kSizes = {
+  desktop: {width: 1440, height: 1000},
+  landscape: {width: 1024, height: 768},
+  portrait: {width: 768, height: 1024},
+};
+
+export async function launch(path) {
+  return chromium.launch({executablePath: path, args: [
+    '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']});
+}
+
+/** A page of the console, with what its program complained of. */
+export async function open(browser, url, options = {}) {
+  const context = await browser.newContext({viewport: kSizes.desktop, ...options});
+  const page = await context.newPage();
+  page.setDefaultTimeout(kPatienceMs);
+  page.faults = [];
+  page.on('pageerror', (error) => page.faults.push(String(error.stack)));
+  page.on('console', (message) => {
+    // A connection that is refused while the console is down is what the page is tested for.
+    if (message.type() === 'error' && !message.text().includes('WebSocket connection')) {
+      page.faults.push(message.text());
+    }
+  });
+  await page.goto(url);
+  await page.locator('.link-live').waitFor();
+  return page;
+}
+
+export async function show(page, view) {
+  await page.evaluate((hash) => (window.location.hash = hash), `#/${view}`);
+}
+
+/** The newest number of a reading, such as "force"; NaN where none is live. */
+export async function reading(page, name) {
+  const text = await page.locator(`[data-reading="${name}"] b`).textContent();
+  return Number(text.replace('−', '-').replace('–', 'NaN'));
+}
+
+/** Waits until `isTrue(value)` holds for what `read` gives, and returns it. */
+export async function until(what, read, isTrue = Boolean) {
+  const endMs = Date.now() + kPatienceMs;
+  for (;;) {
+    const value = await read();
+    if (isTrue(value)) return value;
+    if (Date.now() > endMs) throw new Error(`${what}: still ${JSON.stringify(value)}`);
+    await new Promise((resolve) => setTimeout(resolve, 20));
+  }
+}
+
+/** Serious and critical findings of axe-core, in words. */
+export async function accessibilityFaults(page) {
+  await page.addScriptTag({path: kAxe});
+  const found = await page.evaluate(() => window.axe.run(document, {
+    runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
+  }));
+  return found.violations.filter((one) => ['serious', 'critical'].includes(one.impact))
+    .map((one) => `${one.id}: ${one.nodes.map((node) => node.html).slice(0, 3).join(' | ')}`);
+}
+
+/** Buttons and links that are smaller than a finger. */
+export async function smallTargets(page) {
+  return page.evaluate(() => [...document.querySelectorAll('button, .header nav a, .choice a')]
+    .filter((one) => one.checkVisibility())
+    .filter((one) => one.getBoundingClientRect().height < 44)
+    .map((one) => one.outerHTML.slice(0, 100)));
+}
+
+export async function keep(page, folder, name) {
+  mkdirSync(folder, {recursive: true});
+  await page.screenshot({path: `${folder}/${name}.png`, animations: 'disabled'});
+}

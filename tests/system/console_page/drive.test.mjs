@@ -1,0 +1,336 @@
+// Drives the console's page in Chromium beside the running system. The cases stand in one order:
+// each leaves the system as the next one needs it.
+import assert from 'node:assert/strict';
+import {after, before, describe, it} from 'node:test';
+import {
+  accessibilityFaults, keep, kSizes, launch, open, reading, show, smallTargets, until,
+} from './browser.mjs';
+import {System} from './programs.mjs';
+
+const folder = process.env.RTPM_PROGRAM_FOLDER;
+const artefacts = process.env.RTPM_ARTEFACTS;
+const system = new System({
+  folder, scratch: process.env.RTPM_SCRATCH, stroke: process.env.RTPM_STROKE});
+let browser;
+let page;
+
+const byId = (name) => page.getByTestId(name);
+const button = (name) => page.getByRole('button', {name, exact: true});
+const force = () => reading(page, 'force');
+
+before(async () => {
+  await system.start();
+  browser = await launch(process.env.RTPM_CHROMIUM);
+  page = await open(browser, system.url);
+});
+
+after(async () => {
+  await browser?.close();
+  await system.end();
+});
+
+describe('the page', () => {
+  it('hides the token, and may command', async () => {
+    assert.ok(!page.url().includes('token'));
+    await page.getByText('may command').waitFor();
+    // The token is kept for a reload.
+    await page.reload();
+    await page.getByText('may command').waitFor();
+  });
+
+  it('shows hosts, servers, lanes, devices and objects', async () => {
+    await show(page, 'overview');
+    for (const name of ['lab/arm0', 'lab/gaze0', 'lab/biometric0', 'lab/knob0']) {
+      await byId(name).getByText('active', {exact: true}).waitFor();
+    }
+    await page.getByRole('region', {name: 'Servers and lanes'}).getByText('haptic').first().waitFor();
+    await page.getByRole('region', {name: 'Objects'}).getByText('rtpm.events.Hub').waitFor();
+    await page.getByText('4 of 4 live').waitFor();
+  });
+
+  it('sees the tool move', async () => {
+    await show(page, 'live/lab/arm0');
+    const first = await until('a position', () => reading(page, 'x'), Number.isFinite);
+    await until('another position', () => reading(page, 'x'), (x) => Math.abs(x - first) > 2);
+    await until('a force', force, (newton) => newton > 0.05);
+    await page.locator('.space-label').waitFor();
+    await page.getByText('paper 58 µs').first().waitFor();
+    await until('strip charts', () => page.locator('.strip:not(.is-stale)').count(),
+      (count) => count === 3);
+  });
+
+  it('shows dials and inputs of devices without a pose', async () => {
+    await show(page, 'live/lab/biometric0');
+    await page.locator('.strip[data-testid="strip-inputs"]:not(.is-stale)').waitFor();
+    await show(page, 'live/lab/knob0');
+    await page.locator('.strip[data-testid="strip-joints"]:not(.is-stale)').waitFor();
+  });
+});
+
+describe('parameters', () => {
+  const field = (name) => page.locator(`[data-parameter="${name}"]`);
+
+  it('a greater stiffness makes a greater force', async () => {
+    await show(page, 'parameters/lab/servo');
+    const stiffness = field('wall.stiffness_newton_per_m');
+    await stiffness.getByText('N/m', {exact: true}).waitFor();
+    await stiffness.getByRole('textbox').fill('600');
+    await byId('apply').click();
+    await page.getByText('Applied 1 change to lab/servo.').waitFor();
+    await show(page, 'live/lab/arm0');
+    // 60 N/m gave less than 1 N at the deepest.
+    await until('a greater force', force, (newton) => newton > 2);
+  });
+
+  it('out of range is said in the form, and nothing is sent', async () => {
+    await show(page, 'parameters/lab/arm0');
+    const ramp = field('safety.ramp_s');
+    await ramp.getByRole('textbox').fill('3');
+    await ramp.getByText('3 is above the range: 0 to 0.02 s.').waitFor();
+    assert.ok(await byId('apply').isDisabled());
+    await ramp.getByRole('textbox').press('Escape');
+    await ramp.getByText('not applied yet').waitFor({state: 'detached'});
+  });
+
+  it("the server's refusal is shown at the field", async () => {
+    const low = field('workspace.low_m');
+    await low.getByRole('textbox').fill('0.09 0.09 0.09');
+    const high = field('workspace.high_m');
+    await high.getByRole('textbox').fill('-0.09 -0.09 -0.09');
+    await byId('apply').click();
+    await page.locator('.field .problem').getByText('Refused:').waitFor();
+    await button('Discard what I typed').click();
+  });
+
+  it("another operator's change is said, and what was typed is kept", async () => {
+    const ramp = field('safety.ramp_s');
+    await ramp.getByRole('textbox').fill('0.01');
+    const other = await open(browser, system.url);
+    await show(other, 'parameters/lab/arm0');
+    await other.locator('[data-parameter="safety.ramp_s"]').getByRole('textbox').fill('0.015');
+    await other.getByTestId('apply').click();
+    await other.getByText('Applied 1 change').waitFor();
+    await other.context().close();
+    await ramp.getByText('Changed elsewhere meanwhile, from 0.02 to 0.015.').waitFor();
+    assert.equal(await ramp.getByRole('textbox').inputValue(), '0.01');
+    await byId('apply').click();
+    await page.getByText('Applied 1 change to lab/arm0.').waitFor();
+    await button('Save').click();
+    await page.getByText('Saved for the next start of the device server.').waitFor();
+  });
+
+  it('a calibration runs, asks, and is kept', async () => {
+    await button('Calibrate lab/arm0').click();
+    await page.locator('.offers li', {hasText: 'workspace'}).getByRole('button').click();
+    const phase = byId('calibration-phase');
+    await phase.getByText('Waits for you').waitFor();
+    await keep(page, artefacts, 'calibration-desktop-light');
+    await page.locator('.dialogue .strong').first().click();
+    await until('its end', async () => {
+      const text = await phase.textContent();
+      if (text.includes('Waits for you')) await page.locator('.dialogue .strong').first().click();
+      return text;
+    }, (text) => /Done|Failed/.test(text));
+    await button('Keep').click();
+    await phase.getByText('The result is kept').waitFor();
+    await button('Close').click();
+  });
+});
+
+describe('recordings', () => {
+  it('are made, listed and replayed in the same views', async () => {
+    await show(page, 'recordings');
+    await byId('record').click();
+    await page.locator('.rec').waitFor();
+    await until('messages', () => page.locator('.record-facts').textContent(),
+      (text) => Number(/([\d\u202f]+) messages/.exec(text)?.[1].replace('\u202f', '')) > 4000);
+    await byId('record').click();
+    await page.getByText('is complete').waitFor();
+    await page.getByRole('button', {name: /^Replay .*\.mcap$/}).first().click();
+    await page.locator('.space.is-replay').waitFor();
+    await page.getByText('Commands are not shown here').waitFor();
+    await until('recorded motion', () => reading(page, 'x'), Number.isFinite);
+    await keep(page, artefacts, 'replay-desktop-light');
+  });
+
+  it('pause, and seek', async () => {
+    const time = () => byId('replay-time').textContent();
+    await until('its end, or a pause', async () => {
+      if (await button('Pause').count() > 0) await button('Pause').click();
+      return button('Play').count();
+    });
+    const slider = page.getByRole('slider', {name: 'Time of the replay'});
+    await slider.fill('0');
+    await until('the beginning', time, (text) => text.startsWith('0:00.0'));
+    await byId('play').click();
+    await until('motion', time, (text) => !text.startsWith('0:00.0'));
+    await page.locator('.timeline').getByRole('button', {name: 'Close'}).click();
+    await page.locator('.timeline').waitFor({state: 'detached'});
+    await page.locator('.space.is-replay').waitFor({state: 'detached'});
+  });
+});
+
+describe('events', () => {
+  it('a fault in the filter is shown at its character', async () => {
+    await show(page, 'events');
+    await page.getByLabel('Which events?').fill('type(rtpm.device.ContactChange)');
+    await button('Show').click();
+    const fault = byId('filter-fault').locator('pre');
+    await fault.waitFor();
+    assert.match(await fault.textContent(), /^type\(rtpm\.device\.ContactChange\)\n {5}\^$/);
+  });
+
+  it('that pass the filter are listed', async () => {
+    await page.getByLabel('Which events?').fill('type(rtpm.device.ContactChanged)');
+    await button('Show').click();
+    await page.locator('.log').getByText('rtpm.device.ContactChanged').first().waitFor();
+    await keep(page, artefacts, 'events-desktop-light');
+    await button('End').click();
+  });
+});
+
+describe('looks', () => {
+  const kViews = ['overview', 'live/lab/arm0', 'parameters/lab/arm0', 'recordings', 'events'];
+
+  for (const scheme of ['light', 'dark']) {
+    for (const size of Object.keys(kSizes)) {
+      it(`well in ${scheme}, ${size}, and to everybody`, async () => {
+        const other = await open(browser, system.url, {
+          viewport: kSizes[size], colorScheme: scheme, hasTouch: size !== 'desktop',
+          isMobile: false});
+        for (const view of kViews) {
+          await show(other, view);
+          await other.locator('main > *:not(h1)').first().waitFor();
+          if (view.startsWith('live')) {
+            // As much of a curve as shows what the charts are for.
+            await until('a force', () => reading(other, 'force'), (newton) => newton > 1.5);
+          }
+          await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
+          assert.deepEqual(await accessibilityFaults(other), [], view);
+          if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
+          const isWide = await other.evaluate(() =>
+            document.documentElement.scrollWidth > document.documentElement.clientWidth);
+          assert.equal(isWide, false, `${view} scrolls sideways`);
+        }
+        assert.deepEqual(other.faults, []);
+        await other.context().close();
+      });
+    }
+  }
+
+  it('can be reached by the keyboard', async () => {
+    await show(page, 'overview');
+    await page.reload();
+    await page.locator('.link-live').waitFor();
+    await page.keyboard.press('Tab');
+    assert.equal(await page.evaluate(() => document.activeElement.className), 'skip');
+    await page.keyboard.press('Enter');
+    assert.equal(await page.evaluate(() => document.activeElement.id), 'main');
+  });
+});
+
+describe('without a token', () => {
+  it('is read only, and says so', async () => {
+    const other = await open(browser, `http://127.0.0.1:${system.port}/#/live/lab/arm0`);
+    await other.getByText('read only', {exact: true}).waitFor();
+    await until('a position', () => reading(other, 'x'), Number.isFinite);
+    assert.ok(await other.getByTestId('stop').isDisabled());
+    assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
+    await other.context().close();
+  });
+});
+
+describe('the connection', () => {
+  it('is lost visibly, comes back by itself, and what was typed stays', async () => {
+    await show(page, 'parameters/lab/arm0');
+    const soft = page.locator('[data-parameter="safety.soft_start_s"]').getByRole('textbox');
+    await soft.fill('0.4');
+    await system.console.end('SIGKILL');
+    await page.locator('.link-lost').waitFor();
+    await page.getByText('The connection to the console is lost').waitFor();
+    assert.ok(await byId('apply').isDisabled());
+    await show(page, 'live/lab/arm0');
+    await until('no live number', force, Number.isNaN);
+    await page.locator('.strip.is-stale').first().waitFor();
+    await keep(page, artefacts, 'lost-desktop-light');
+    await page.keyboard.press('Control+Shift+Space');
+    await page.getByText('The emergency stop was NOT sent').waitFor();
+    await page.getByRole('button', {name: 'Dismiss'}).click();
+    await system.startConsole(system.port);
+    await page.locator('.link-live').waitFor();
+    await until('a live number', force, Number.isFinite);
+    await show(page, 'parameters/lab/arm0');
+    assert.equal(await soft.inputValue(), '0.4');
+    await until('a form that can be applied', () => byId('apply').isEnabled());
+    await button('Discard what I typed').click();
+  });
+});
+
+describe('operators', () => {
+  it('two at once: the second is refused, and may take over', async () => {
+    await show(page, 'live/lab/knob0');
+    await button('Take over').click();
+    await byId('lease').getByText('this console').waitFor();
+    const other = await open(browser, system.url);
+    await show(other, 'live/lab/knob0');
+    await other.getByRole('button', {name: 'Deactivate'}).click();
+    await other.getByText('another browser').waitFor();
+    await keep(other, artefacts, 'refused-desktop-light');
+    await other.getByRole('button', {name: 'Take over all the same'}).click();
+    await other.getByText('Done: this console holds the lease.').waitFor();
+    await other.getByRole('button', {name: 'Deactivate'}).click();
+    await other.getByTestId('lifecycle').getByText('inactive').waitFor();
+    await other.getByRole('button', {name: 'Activate', exact: true}).click();
+    await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
+    await other.getByRole('button', {name: 'Release'}).click();
+    await other.getByTestId('lease').getByText('free').waitFor();
+    await other.context().close();
+  });
+});
+
+describe('the emergency stop', () => {
+  async function rearm() {
+    await byId('stopped').getByRole('button', {name: 'Rearm all…'}).click();
+    await byId('stopped').getByRole('button', {name: /^Rearm \d+ devices$/}).click();
+    await byId('stopped').waitFor({state: 'detached'});
+  }
+
+  it('by the button takes the force away, and stays until rearmed', async () => {
+    await show(page, 'live/lab/arm0');
+    await until('a force', force, (newton) => newton > 0.5);
+    await byId('stop').click();
+    await byId('stopped').waitFor();
+    await byId('faults').getByText('emergency stop').waitFor();
+    await until('no force', force, (newton) => newton === 0);
+    await page.locator('.stop.is-latched').waitFor();
+    await keep(page, artefacts, 'stopped-desktop-light');
+    assert.deepEqual(await accessibilityFaults(page), []);
+    await rearm();
+  });
+
+  it('by the key works from within a text field, too', async () => {
+    await show(page, 'events');
+    const filter = page.getByLabel('Which events?');
+    await filter.fill('all');
+    await filter.press('Control+Shift+Space');
+    await byId('stopped').waitFor();
+    assert.equal(await filter.inputValue(), 'all');
+    await rearm();
+    assert.deepEqual(page.faults, []);
+  });
+});
+
+describe('a device that vanishes', () => {
+  it('is said to be lost, while its form keeps what was typed', async () => {
+    await show(page, 'parameters/lab/arm0');
+    const soft = page.locator('[data-parameter="safety.soft_start_s"]').getByRole('textbox');
+    await soft.fill('0.4');
+    await system.devices.end('SIGKILL');
+    await show(page, 'overview');
+    await until('nothing live', () => page.locator('.device-live').count(), (count) => count === 0);
+    await keep(page, artefacts, 'devices-lost-desktop-light');
+    await show(page, 'parameters/lab/arm0');
+    assert.equal(await soft.inputValue(), '0.4');
+    assert.deepEqual(page.faults, []);
+  });
+});

@@ -1,0 +1,89 @@
+// The running system that the page is tested with: registry, devices with a hub, force node, console.
+import {spawn} from 'node:child_process';
+import {mkdirSync} from 'node:fs';
+import {createInterface} from 'node:readline';
+
+const kPatienceMs = 30_000;
+
+/** A program of RTPM. It is ready when it has printed what `ready` finds. */
+export class Program {
+  #process;
+  #ended;
+
+  static async start(path, args, ready) {
+    const program = new Program();
+    program.#process = spawn(path, args, {stdio: ['ignore', 'pipe', 'inherit']});
+    program.#ended = new Promise((resolve) => program.#process.once('exit', resolve));
+    const lines = createInterface({input: program.#process.stdout});
+    program.found = await new Promise((resolve, reject) => {
+      const timer = setTimeout(
+        () => reject(new Error(`${path} did not become ready`)), kPatienceMs);
+      lines.on('line', (line) => {
+        const found = ready.exec(line);
+        if (found === null) return;
+        clearTimeout(timer);
+        resolve(found[0]);
+      });
+      program.#ended.then((code) => reject(new Error(`${path} ended with ${code}`)));
+    });
+    return program;
+  }
+
+  async end(signal = 'SIGTERM') {
+    this.#process.kill(signal);
+    const timer = setTimeout(() => this.#process.kill('SIGKILL'), kPatienceMs);
+    await this.#ended;
+    clearTimeout(timer);
+  }
+}
+
+const kToken = 'token-of-the-page-test';
+const kRtpm = /rtpm:\/\/\S+/;
+
+export class System {
+  #folder;
+  #scratch;
+  #stroke;
+  #programs = [];
+
+  constructor({folder, scratch, stroke}) {
+    this.#folder = folder;
+    this.#scratch = scratch;
+    this.#stroke = stroke;
+  }
+
+  async start() {
+    mkdirSync(`${this.#scratch}/recordings`, {recursive: true});
+    const registry = await this.#launch('rtpm-registryd', ['--port', '0'], kRtpm);
+    this.registry = registry.found;
+    this.devices = await this.#launch('rtpm-deviced', ['--port', '0', '--registry', this.registry,
+      '--serve-events', '--devices', 'arm0,gaze0,biometric0,knob0', '--device-arm0-hand',
+      this.#stroke, '--settings', `${this.#scratch}/settings`], kRtpm);
+    await this.startServo();
+    await this.startConsole('0');
+  }
+
+  /** Soft, so that a greater stiffness shows in the force. */
+  async startServo() {
+    this.servo = await this.#launch('rtpm-servo', ['--registry', this.registry, '--scene', 'sphere',
+      '--events', 'rtpm/events', ...(process.env.NOSERVE ? [] : ['--serve', 'lab/servo']), '--stiffness', '60', '--seconds', '100000',
+      '--live', 'off'], /lab\/arm0/);
+  }
+
+  async startConsole(port) {
+    this.console = await this.#launch('rtpm-console', ['--port', port, '--registry', this.registry,
+      '--token', kToken, '--recordings', `${this.#scratch}/recordings`], /http:\/\/\S+/);
+    this.url = this.console.found;
+    this.port = new URL(this.url).port;
+  }
+
+  async end() {
+    for (const program of this.#programs.reverse()) await program.end();
+  }
+
+  async #launch(name, args, ready) {
+    const program = await Program.start(`${this.#folder}/${name}`, args, ready);
+    this.#programs.push(program);
+    return program;
+  }
+}
