@@ -1,9 +1,10 @@
 // Chromium beside the console's page: what tests see, do and keep of it.
-import {mkdirSync} from 'node:fs';
+import {mkdirSync, readFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {chromium} from 'playwright-core';
 
-const kAxe = createRequire(import.meta.url).resolve('axe-core/axe.min.js');
+const axe = readFileSync(
+  createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 export const kPatienceMs = 30_000;
 
 export const kSizes = {
@@ -58,7 +59,7 @@ export async function until(what, read, isTrue = Boolean) {
 
 /** Serious and critical findings of axe-core, in words. */
 export async function accessibilityFaults(page) {
-  await page.addScriptTag({path: kAxe});
+  await page.evaluate(axe);
   const found = await page.evaluate(() => window.axe.run(document, {
     runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
   }));

@@ -1,7 +1,7 @@
 // Drives the console's page in Chromium beside the running system. The cases stand in one order:
 // each leaves the system as the next one needs it.
 import assert from 'node:assert/strict';
-import {after, before, describe, it} from 'node:test';
+import {after, afterEach, before, describe, it} from 'node:test';
 import {
   accessibilityFaults, keep, kSizes, launch, open, reading, show, smallTargets, until,
 } from './browser.mjs';
@@ -22,6 +22,13 @@ before(async () => {
   await system.start();
   browser = await launch(process.env.RTPM_CHROMIUM);
   page = await open(browser, system.url);
+});
+
+// What a case opens ends with it, also where it fails.
+afterEach(async () => {
+  for (const context of browser.contexts()) {
+    if (context !== page.context()) await context.close();
+  }
 });
 
 after(async () => {
@@ -110,7 +117,6 @@ describe('parameters', () => {
     await other.locator('[data-parameter="safety.ramp_s"]').getByRole('textbox').fill('0.015');
     await other.getByTestId('apply').click();
     await other.getByText('Applied 1 change').waitFor();
-    await other.context().close();
     await ramp.getByText('Changed elsewhere meanwhile, from 0.02 to 0.015.').waitFor();
     assert.equal(await ramp.getByRole('textbox').inputValue(), '0.01');
     await byId('apply').click();
@@ -125,12 +131,7 @@ describe('parameters', () => {
     const phase = byId('calibration-phase');
     await phase.getByText('Waits for you').waitFor();
     await keep(page, artefacts, 'calibration-desktop-light');
-    await page.locator('.dialogue .strong').first().click();
-    await until('its end', async () => {
-      const text = await phase.textContent();
-      if (text.includes('Waits for you')) await page.locator('.dialogue .strong').first().click();
-      return text;
-    }, (text) => /Done|Failed/.test(text));
+    await page.getByRole('dialog').getByRole('button', {name: 'done'}).click();
     await button('Keep').click();
     await phase.getByText('The result is kept').waitFor();
     await button('Close').click();
@@ -192,28 +193,28 @@ describe('events', () => {
 describe('looks', () => {
   const kViews = ['overview', 'live/lab/arm0', 'parameters/lab/arm0', 'recordings', 'events'];
 
+  async function look(other, view, size, scheme) {
+    await show(other, view);
+    await other.locator('main > *:not(h1)').first().waitFor();
+    // As much of a curve as shows what the charts are for.
+    if (view.startsWith('live')) {
+      await until('a force', () => reading(other, 'force'), (newton) => newton > 1.5);
+    }
+    await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
+    assert.deepEqual(await accessibilityFaults(other), [], view);
+    if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
+    const isWide = await other.evaluate(() =>
+      document.documentElement.scrollWidth > document.documentElement.clientWidth);
+    assert.equal(isWide, false, `${view} scrolls sideways`);
+  }
+
   for (const scheme of ['light', 'dark']) {
     for (const size of Object.keys(kSizes)) {
       it(`well in ${scheme}, ${size}, and to everybody`, async () => {
         const other = await open(browser, system.url, {
-          viewport: kSizes[size], colorScheme: scheme, hasTouch: size !== 'desktop',
-          isMobile: false});
-        for (const view of kViews) {
-          await show(other, view);
-          await other.locator('main > *:not(h1)').first().waitFor();
-          if (view.startsWith('live')) {
-            // As much of a curve as shows what the charts are for.
-            await until('a force', () => reading(other, 'force'), (newton) => newton > 1.5);
-          }
-          await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
-          assert.deepEqual(await accessibilityFaults(other), [], view);
-          if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
-          const isWide = await other.evaluate(() =>
-            document.documentElement.scrollWidth > document.documentElement.clientWidth);
-          assert.equal(isWide, false, `${view} scrolls sideways`);
-        }
+          viewport: kSizes[size], colorScheme: scheme, hasTouch: size !== 'desktop'});
+        for (const view of kViews) await look(other, view, size, scheme);
         assert.deepEqual(other.faults, []);
-        await other.context().close();
       });
     }
   }
@@ -236,7 +237,6 @@ describe('without a token', () => {
     await until('a position', () => reading(other, 'x'), Number.isFinite);
     assert.ok(await other.getByTestId('stop').isDisabled());
     assert.ok(await other.getByRole('button', {name: 'Deactivate'}).isDisabled());
-    await other.context().close();
   });
 });
 
@@ -284,7 +284,6 @@ describe('operators', () => {
     await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
     await other.getByRole('button', {name: 'Release'}).click();
     await other.getByTestId('lease').getByText('free').waitFor();
-    await other.context().close();
   });
 });
 

@@ -136,7 +136,7 @@ export class System {
         return {...done, revision: list.revision, settings: []};
       }
       case 'calibrations':
-        return {calibrations: [{name: 'encoder_offset',
+        return {calibrations: name !== 'lab/arm0' ? [] : [{name: 'encoder_offset',
           description: 'Finds encoder.offset_m: put the arm at rest in its home position.'}],
         run: this.run?.run ?? 0};
       default: return this.calibrate(method, request);

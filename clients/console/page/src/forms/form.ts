@@ -159,10 +159,12 @@ export class Form {
         + 'above are the present ones; what you typed is kept. Check it, and apply again.');
       return;
     }
-    if (answer.parameter !== '') {
-      this.refusals.value = new Map([[answer.parameter, wordsOf(answer)]]);
-    }
-    this.tell(false, `Nothing was changed: ${wordsOf(answer)}`);
+    // A refusal of several together names them in its words.
+    const words = wordsOf(answer);
+    const names = answer.parameter !== '' ? [answer.parameter]
+      : [...this.drafts.value.keys()].filter((name) => words.includes(name));
+    this.refusals.value = new Map(names.map((name) => [name, words]));
+    this.tell(false, `Nothing was changed: ${words}`);
   }
 
   private tell(isGood: boolean, words: string): void {

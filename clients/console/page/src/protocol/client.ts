@@ -245,6 +245,9 @@ export class Client {
       schemaName: text(one['schemaName']),
       schema: text(one['schema']),
     };
+    const before = this.channels.get(channel.topic);
+    // A topic whose schema became known later goes on as another channel.
+    if (before !== undefined && before.id !== channel.id) this.removeChannels(new Set([before.id]));
     this.channels.set(channel.topic, channel);
   }
 

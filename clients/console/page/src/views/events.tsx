@@ -77,7 +77,7 @@ function LogCard() {
   const head = (
     <div class="row">
       <span class="quiet small">{log.filter.value === null ? 'no filter set'
-        : `${thousands(log.count.value)} events`}</span>
+        : `${thousands(log.count.value)} ${log.count.value === 1 ? 'event' : 'events'}`}</span>
       <button type="button" aria-pressed={log.isPaused.value}
         onClick={() => (log.isPaused.value = !log.isPaused.value)}>Pause</button>
       <button type="button" disabled={log.filter.value === null}

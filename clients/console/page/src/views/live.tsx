@@ -85,9 +85,11 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
       <div class="live-side">
         {isReplay ? <ReplayCard /> : <CommandCard name={name} device={device} />}
         <Readings name={name} device={device} source={source} />
-        <Card title="Latency of reads" class="live-zone">
-          <Histogram latency={app.latency.value} name={name} />
-        </Card>
+        {!isReplay && (
+          <Card title="Latency of reads" class="live-zone">
+            <Histogram latency={app.latency.value} name={name} />
+          </Card>
+        )}
       </div>
     </div>
   );
@@ -144,9 +146,11 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
         <StripChart {...common} title="Inputs" unit="" digits={3} spanMin={0.1}
           curves={curvesOf(analogs, kColumn.analog)} />
       )}
-      <StripChart {...common} title="Latency" unit="µs" digits={0} spanMin={10} curves={kLatency}
-        isLogarithmic gapS={kLatencyGapS} source={latency}
-        marks={[{value: 58, label: 'paper 58 µs'}, {value: 1000, label: 'paper 1 ms'}]} />
+      {!app.showsReplay.value && (
+        <StripChart {...common} title="Latency" unit="µs" digits={0} spanMin={10} curves={kLatency}
+          isLogarithmic gapS={kLatencyGapS} source={latency}
+          marks={[{value: 58, label: 'paper 58 µs'}, {value: 1000, label: 'paper 1 ms'}]} />
+      )}
     </section>
   );
 }
