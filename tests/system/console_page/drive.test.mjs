@@ -47,12 +47,12 @@ describe('the page', () => {
 
   it('shows hosts, servers, lanes, devices and objects', async () => {
     await show(page, 'overview');
-    for (const name of ['lab/arm0', 'lab/gaze0', 'lab/biometric0', 'lab/knob0']) {
+    for (const name of ['lab/arm0', 'lab/arm1', 'lab/gaze0', 'lab/biometric0', 'lab/knob0']) {
       await byId(name).getByText('active', {exact: true}).waitFor();
     }
     await page.getByRole('region', {name: 'Servers and lanes'}).getByText('haptic').first().waitFor();
     await page.getByRole('region', {name: 'Objects'}).getByText('rtpm.events.Hub').waitFor();
-    await page.getByText('4 of 4 live').waitFor();
+    await page.getByText('5 of 5 live').waitFor();
   });
 
   it('sees the tool move', async () => {
@@ -105,7 +105,7 @@ describe('parameters', () => {
     const high = field('workspace.high_m');
     await high.getByRole('textbox').fill('-0.09 -0.09 -0.09');
     await byId('apply').click();
-    await page.locator('.field .problem').getByText('Refused:').waitFor();
+    await page.locator('.field .problem').getByText('Refused:').first().waitFor();
     await button('Discard what I typed').click();
   });
 
@@ -126,12 +126,13 @@ describe('parameters', () => {
   });
 
   it('a calibration runs, asks, and is kept', async () => {
-    await button('Calibrate lab/arm0').click();
-    await page.locator('.offers li', {hasText: 'workspace'}).getByRole('button').click();
+    await show(page, 'parameters/lab/arm1');
+    await button('Calibrate lab/arm1').click();
+    await page.locator('.offers li', {hasText: 'encoder_offset'}).getByRole('button').click();
     const phase = byId('calibration-phase');
     await phase.getByText('Waits for you').waitFor();
     await keep(page, artefacts, 'calibration-desktop-light');
-    await page.getByRole('dialog').getByRole('button', {name: 'done'}).click();
+    await page.getByRole('dialog').getByRole('button', {name: 'ready'}).click();
     await button('Keep').click();
     await phase.getByText('The result is kept').waitFor();
     await button('Close').click();

@@ -57,8 +57,8 @@ export class System {
     const registry = await this.#launch('rtpm-registryd', ['--port', '0'], kRtpm);
     this.registry = registry.found;
     this.devices = await this.#launch('rtpm-deviced', ['--port', '0', '--registry', this.registry,
-      '--serve-events', '--devices', 'arm0,gaze0,biometric0,knob0', '--device-arm0-hand',
-      this.#stroke, '--settings', `${this.#scratch}/settings`], kRtpm);
+      '--serve-events', '--devices', 'arm0,arm1,gaze0,biometric0,knob0', '--device-arm0-hand',
+      this.#stroke, '--device-arm1-driver', 'arm', '--device-arm1-free', '--settings', `${this.#scratch}/settings`], kRtpm);
     await this.startServo();
     await this.startConsole('0');
   }
@@ -66,7 +66,7 @@ export class System {
   /** Soft, so that a greater stiffness shows in the force. */
   async startServo() {
     this.servo = await this.#launch('rtpm-servo', ['--registry', this.registry, '--scene', 'sphere',
-      '--events', 'rtpm/events', ...(process.env.NOSERVE ? [] : ['--serve', 'lab/servo']), '--stiffness', '60', '--seconds', '100000',
+      '--events', 'rtpm/events', '--serve', 'lab/servo', '--stiffness', '60', '--seconds', '100000',
       '--live', 'off'], /lab\/arm0/);
   }
 

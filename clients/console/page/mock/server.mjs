@@ -216,7 +216,7 @@ setInterval(() => publish('console/latency', system.latency(system.devices.map((
 function move(time, topicOf, timeMs) {
   const {position, proxy, force, face} = system.arm(time);
   const sequence = Math.round(time * 1000);
-  publish(topicOf('rtpm.device.Sampled'), samplePayload({sequence, position, force}), timeMs);
+  publish(topicOf('rtpm.device.Sampled'), samplePayload({sequence, time: timeMs / 1000, position, force}), timeMs);
   publish(topicOf('rtpm.touch.Touched'),
     touchPayload({sequence, device: position, proxy, force, face, shape: 1}), timeMs);
   return force;
@@ -227,7 +227,7 @@ setInterval(() => {
   const time = (Date.now() - start) / 1000;
   const force = move(time, (type) => (type === 'rtpm.device.Sampled' ? 'lab/arm0/sample'
     : `${type}/${kSource}`), Date.now());
-  const still = {sequence: Math.round(time * 1000), position: [0, 0, 0], force: [0, 0, 0]};
+  const still = {sequence: Math.round(time * 1000), time, position: [0, 0, 0], force: [0, 0, 0]};
   publish('lab/gaze0/sample', samplePayload(still));
   publish('lab/knob0/sample', samplePayload({...still, joints: [time % 6.28]}));
   publish('lab/biometric0/sample',

@@ -136,6 +136,16 @@ describe('Form', () => {
     expect(form.refusals.value.size).toBe(0);
   });
 
+  it('shows a refusal of several together at each of them', async () => {
+    const {form, server} = await opened();
+    server.reply = {answer: {outcome: 'RefusedByDevice',
+      what: 'workspace.low_m is above workspace.high_m in a direction'}};
+    form.type(parameter('workspace.low_m'), '0.09 0.09 0.09');
+    form.type(parameter('workspace.high_m'), '-0.09 -0.09 -0.09');
+    await form.apply();
+    expect([...form.refusals.value.keys()]).toEqual(['workspace.low_m', 'workspace.high_m']);
+  });
+
   it('says that another client was first, shows its values, and keeps the draft', async () => {
     const {form, server} = await opened();
     form.type(parameter('safety.ramp_s'), '0.01');

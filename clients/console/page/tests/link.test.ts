@@ -176,6 +176,16 @@ describe('Link', () => {
     expect(link.state.value.phase).toBe('live');
   });
 
+  it('follows a topic to another channel', () => {
+    link.subscribe('lab/arm0/sample', () => undefined);
+    const socket = connect();
+    socket.say({op: 'advertise', channels: [{...kSampled, id: 9}]});
+    socket.say({op: 'unadvertise', channelIds: [3]});
+    const subscribed = socket.ops().filter((one) => one.op === 'subscribe');
+    expect(subscribed.map((one) => one.subscriptions?.[0]?.channelId)).toEqual([3, 9]);
+    expect(link.channels.value.get('lab/arm0/sample')?.id).toBe(9);
+  });
+
   it('ends a subscription with its last handler', () => {
     const first = link.subscribe('lab/arm0/sample', () => undefined);
     const second = link.subscribe('lab/arm0/sample', () => undefined);

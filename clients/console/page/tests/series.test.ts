@@ -38,6 +38,14 @@ describe('Series', () => {
     expect(x.every((one, i) => i === 0 || one > (x[i - 1] ?? 0))).toBe(true);
   });
 
+  it('leaves out what comes late', () => {
+    const series = filled(50);
+    series.push(4.85, [9, 9]);
+    series.push(4.9, [9, 9]);
+    expect(series.size).toBe(50);
+    expect(series.valueAt(49, 0)).toBe(49);
+  });
+
   it('begins anew when the time goes back', () => {
     const series = filled(50);
     series.push(1, [5, 5]);

@@ -42,7 +42,10 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
           const width = Math.max(1, xOf(bin.toUs) - x - 1);
           const tone = bin.toUs <= latency.paperBestUs ? 'fast'
             : bin.toUs <= latency.paperCycleUs ? 'fair' : 'slow';
-          return <rect key={bin.fromUs} class={tone} x={x} width={width} y={base - height} height={height} />;
+          return (
+            <rect key={bin.fromUs} class={tone} x={x} width={width} y={base - height}
+              height={height} />
+          );
         })}
         <line class="axis" x1={0} x2={kWidth} y1={base} y2={base} />
         {[latency.paperBestUs, latency.paperCycleUs].map((us) => (
@@ -51,7 +54,9 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
       </svg>
       <div class="histogram-labels" aria-hidden="true">
         {kTicks.map((us) => (
-          <span key={us} class="tick" style={{left: `${(100 * xOf(us)) / kWidth}%`}}>{micros(us)}</span>
+          <span key={us} class="tick" style={{left: `${(100 * xOf(us)) / kWidth}%`}}>
+            {us < 1000 ? `${us} µs` : `${us / 1000} ms`}
+          </span>
         ))}
         {[latency.paperBestUs, latency.paperCycleUs].map((us) => (
           <span key={us} class="mark" style={{left: `${(100 * xOf(us)) / kWidth}%`}}>

@@ -33,8 +33,8 @@ const kTrailMax = 300;
 const kBallM = 0.03;
 const kRidgeM = 0.003;
 const kRidgeSpacingM = 0.015;
-/** A quarter of the room's size is drawn for the greatest force. */
-const kForceShare = 0.45;
+/** So much of the room's size is drawn for the greatest force. */
+const kForceShare = 0.8;
 
 const kDirections: Readonly<Record<ViewName, Triple>> = {
   corner: [0.95, -1.45, 0.85], front: [0, -1.9, 0.0001], side: [1.9, 0, 0.0001],
@@ -83,7 +83,7 @@ export class Space {
     this.trail = new Line(
       lineOf(kTrailMax, true), new LineBasicMaterial({vertexColors: true, transparent: true}));
     this.trail.frustumCulled = this.link.frustumCulled = false;
-    this.shaft = new Mesh(new CylinderGeometry(0.8 * unit, 0.8 * unit, 1, 16), this.solid('force'));
+    this.shaft = new Mesh(new CylinderGeometry(0.9 * unit, 0.9 * unit, 1, 16), this.solid('force'));
     this.head = new Mesh(new ConeGeometry(2.2 * unit, 5 * unit, 20), this.solid('force'));
     this.arrow.add(this.shaft, this.head);
     this.scene.add(this.proxy, this.link, this.trail, this.arrow);
@@ -219,7 +219,7 @@ export class Space {
     this.shaft.position.set(0, shaftLength / 2, 0);
     this.head.scale.setScalar(headLength / (0.05 * this.size));
     this.head.position.set(0, length - headLength / 2, 0);
-    this.tip.set(...at).addScaledVector(direction, length + 0.03 * this.size);
+    this.tip.set(...at).addScaledVector(direction, length + 0.06 * this.size);
   }
 
   private showSurface(touch: Touch | null): void {
@@ -297,10 +297,15 @@ export class Space {
 
   private addTool(unit: number): void {
     const ball = new Mesh(new SphereGeometry(2 * unit, 24, 16), this.solid('tool'));
-    const grip = new Mesh(new CylinderGeometry(0.8 * unit, 1.1 * unit, 9 * unit, 16), this.solid('grip'));
-    grip.rotateX(Math.PI / 2);
-    grip.position.set(0, 0, 6.5 * unit);
-    this.tool.add(ball, grip);
+    this.tool.add(ball);
+    // Its orientation, as three short rods.
+    ['x', 'y', 'z'].forEach((name, axis) => {
+      const rod = new Mesh(new CylinderGeometry(0.5 * unit, 0.5 * unit, 6 * unit, 10), this.solid(name));
+      if (axis === 0) rod.rotateZ(Math.PI / 2);
+      if (axis === 2) rod.rotateX(Math.PI / 2);
+      rod.position.setComponent(axis, 3 * unit);
+      this.tool.add(rod);
+    });
     this.scene.add(this.tool);
   }
 

@@ -6,6 +6,8 @@ import type {Json} from '../protocol/json';
 export type Vector3 = readonly [number, number, number];
 
 export interface Sample {
+  /** The time of the measurement on the device host's clock; 0 if it is not known. */
+  readonly hostTimeS: number;
   readonly positionM: Vector3;
   readonly orientation: readonly [number, number, number, number];
   readonly forceNewton: Vector3;
@@ -57,6 +59,7 @@ export function readSample(value: DecodedTable | Json): Sample | null {
   if (sample === null) return null;
   const turn = table(sample['orientation']);
   return {
+    hostTimeS: real(sample['host_time_ns']) / 1e9,
     positionM: vector(sample['position_m']),
     orientation: [real(turn?.['x']), real(turn?.['y']), real(turn?.['z']), real(turn?.['w'])],
     forceNewton: vector(sample['force_newton']),

@@ -41,6 +41,8 @@ export function bytes(count: number): string {
 export function micros(us: number | null): string {
   if (us === null) return '–';
   if (us >= 1e6) return `${(us / 1e6).toFixed(2)} s`;
+  if (us >= 1e5) return `${(us / 1000).toFixed(0)} ms`;
+  if (us >= 1e4) return `${(us / 1000).toFixed(1)} ms`;
   return us >= 1000 ? `${(us / 1000).toFixed(2)} ms` : `${us.toFixed(us < 10 ? 1 : 0)} µs`;
 }
 

@@ -1,10 +1,16 @@
 import {effect, signal, type ReadonlySignal} from '@preact/signals';
-import {feedOf} from '../model/names';
+import {feedOf, type Feed} from '../model/names';
 import type {Channel, Message} from '../protocol/client';
 import type {Link} from './link';
 import type {Motion} from './motion';
 
 const kReplay = 'replay/';
+
+/** The console may have a device's samples twice: by its name, and by its source. */
+function isRepeated(topic: string, feed: Feed, channels: ReadonlyMap<string, Channel>): boolean {
+  const named = `${topic.startsWith(kReplay) ? kReplay : ''}${feed.device}/sample`;
+  return feed.kind === 'sample' && topic !== named && channels.has(named);
+}
 
 /**
  * Subscribes to the samples and touches that the page shows: of the live system, and of a recording
@@ -36,7 +42,7 @@ export class Feeds {
       for (const topic of channels.keys()) {
         const isReplay = topic.startsWith(kReplay);
         const feed = feedOf(isReplay ? topic.slice(kReplay.length) : topic, names);
-        if (feed === null) continue;
+        if (feed === null || isRepeated(topic, feed, channels)) continue;
         // The source's number is known to be a device's as soon as the device is.
         const key = `${topic}\n${feed.device}`;
         wanted.add(key);
@@ -51,7 +57,7 @@ export class Feeds {
   }
 
   private take(
-    topic: string, feed: {kind: 'sample' | 'touch'; device: string}, isReplay: boolean,
+    topic: string, feed: Feed, isReplay: boolean,
   ): () => void {
     const motion = isReplay ? this.replay : this.live;
     return this.link.subscribe(topic, (message: Message) => {

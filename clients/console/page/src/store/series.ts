@@ -1,6 +1,8 @@
 /** Columns over x, as uPlot takes them. */
 export type Columns = [number[], ...(number | null)[][]];
 
+const kLateS = 0.2;
+
 /** Numbers over time in a ring: the newest `capacity` rows, oldest first. */
 export class Series {
   private readonly times: Float64Array;
@@ -21,10 +23,16 @@ export class Series {
     return this.count === 0 ? null : this.timeAt(this.count - 1);
   }
 
-  /** A row that is older than the newest one begins anew: the clock or the replay went back. */
+  /**
+   * A row that is a little older than the newest one came late, and is left out. One that is much
+   * older begins anew: the clock or the replay went back.
+   */
   push(timeS: number, values: ArrayLike<number>): void {
     const last = this.lastS;
-    if (last !== null && timeS < last) this.clear();
+    if (last !== null && timeS <= last) {
+      if (last - timeS < kLateS) return;
+      this.clear();
+    }
     const at = (this.begin + this.count) % this.capacity;
     this.times[at] = timeS;
     this.columns.forEach((column, i) => (column[at] = values[i] ?? NaN));
