@@ -27,7 +27,7 @@ export async function open(browser, url, options = {}) {
   page.on('pageerror', (error) => page.faults.push(String(error.stack)));
   page.on('console', (message) => {
     // A connection that is refused while the console is down is what the page is tested for.
-    if (message.type() === 'error' && !message.text().includes('WebSocket connection')) {
+    if (message.type() === 'error' && !/WebSocket|CONNECTION_REFUSED/.test(message.text())) {
       page.faults.push(message.text());
     }
   });

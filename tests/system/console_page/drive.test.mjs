@@ -85,8 +85,8 @@ describe('parameters', () => {
     await byId('apply').click();
     await page.getByText('Applied 1 change to lab/servo.').waitFor();
     await show(page, 'live/lab/arm0');
-    // 60 N/m gave less than 1 N at the deepest.
-    await until('a greater force', force, (newton) => newton > 2);
+    // The stroke goes 9 mm deep at most, where 60 N/m gave about half a newton.
+    await until('a greater force', force, (newton) => newton > 0.9);
   });
 
   it('out of range is said in the form, and nothing is sent', async () => {
@@ -199,7 +199,7 @@ describe('looks', () => {
     await other.locator('main > *:not(h1)').first().waitFor();
     // As much of a curve as shows what the charts are for.
     if (view.startsWith('live')) {
-      await until('a force', () => reading(other, 'force'), (newton) => newton > 1.5);
+      await until('a force', () => reading(other, 'force'), (newton) => newton > 0.9);
     }
     await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
     assert.deepEqual(await accessibilityFaults(other), [], view);
@@ -269,11 +269,13 @@ describe('the connection', () => {
 
 describe('operators', () => {
   it('two at once: the second is refused, and may take over', async () => {
+    const other = await open(browser, system.url);
+    await show(other, 'live/lab/knob0');
+    await other.getByTestId('lifecycle').getByText('active', {exact: true}).waitFor();
+    // A lease without commands ends after 10 s, so that all of this follows at once.
     await show(page, 'live/lab/knob0');
     await button('Take over').click();
     await byId('lease').getByText('this console').waitFor();
-    const other = await open(browser, system.url);
-    await show(other, 'live/lab/knob0');
     await other.getByRole('button', {name: 'Deactivate'}).click();
     await other.getByText('another browser').waitFor();
     await keep(other, artefacts, 'refused-desktop-light');
@@ -297,7 +299,7 @@ describe('the emergency stop', () => {
 
   it('by the button takes the force away, and stays until rearmed', async () => {
     await show(page, 'live/lab/arm0');
-    await until('a force', force, (newton) => newton > 0.5);
+    await until('a force', force, (newton) => newton > 0.05);
     await byId('stop').click();
     await byId('stopped').waitFor();
     await byId('faults').getByText('emergency stop').waitFor();

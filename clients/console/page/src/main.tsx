@@ -31,6 +31,8 @@ window.addEventListener('keydown', (event) => {
 app.setVisible(!document.hidden);
 document.addEventListener('visibilitychange', () => app.setVisible(!document.hidden));
 link.start();
+// The 3-D view is there, too, when it is first shown after the connection was lost.
+window.addEventListener('load', () => void import('./drawing/space'), {once: true});
 
 const root = document.getElementById('root');
 if (root !== null) {

@@ -104,7 +104,7 @@ export function SpaceView(props: Props) {
       <div ref={facts} class="space-facts" data-testid="space-facts" />
       {problem !== '' && (
         <p class="space-problem" role="status">
-          The 3-D view needs WebGL, which this browser refuses ({problem}). The numbers are correct.
+          The 3-D view does not start: {problem}. It needs WebGL. The numbers are correct.
         </p>
       )}
       <div class="space-legend" aria-hidden="true">

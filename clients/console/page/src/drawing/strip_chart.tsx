@@ -69,8 +69,7 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
     },
     axes: [
       {...axis, size: 24, values: (_, ticks) => ticks.map((tick) => secondsText(tick))},
-      {...axis, size: 52, ...(isLogarithmic ? {filter: (_: uPlot, ticks: number[]) =>
-        ticks.map((tick) => (Number.isInteger(Math.log10(tick)) ? tick : null))} : {space: 28})},
+      {...axis, size: 52, ...(isLogarithmic ? decades(axis.grid) : {space: 28})},
     ],
     series: [
       {},
@@ -80,6 +79,15 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
     ],
     hooks: {draw: [(chart) => drawMarks(chart, props)]},
   };
+}
+
+/** Of a logarithmic axis of microseconds: lines and words at powers of ten only. */
+function decades(grid: uPlot.Axis.Grid): uPlot.Axis {
+  const filter = (_: uPlot, ticks: number[]) =>
+    ticks.map((tick) => (Number.isInteger(Math.log10(tick)) ? tick : null));
+  const values = (_: uPlot, ticks: (number | null)[]) => ticks.map((tick) =>
+    (tick === null ? '' : tick < 1e3 ? `${tick} µs` : tick < 1e6 ? `${tick / 1e3} ms` : `${tick / 1e6} s`));
+  return {filter, values, grid: {...grid, filter}};
 }
 
 function secondsText(seconds: number): string {
@@ -100,6 +108,8 @@ function drawMarks(chart: uPlot, props: Props): void {
     context.lineTo(chart.bbox.left + chart.bbox.width, y);
     context.stroke();
     context.font = `${12 * devicePixelRatio}px system-ui, sans-serif`;
+    context.textAlign = 'left';
+    context.textBaseline = 'alphabetic';
     context.fillText(mark.label, chart.bbox.left + 6, y - 4);
     context.restore();
   }
