@@ -29,8 +29,8 @@ if(STEP STREQUAL install)
   if(is_done)
     file(TOUCH "${WORK}/installed")
   else()
-    message(NOTICE "npm can't install the packages of ${SOURCE}, so that is left out. Remedy: build "
-                   "again where npm reaches its registry. npm said: ${output}")
+    message(NOTICE "npm can't install the packages of ${SOURCE}, so that is left out. Remedy: "
+                   "build again where npm reaches its registry. npm said: ${output}")
   endif()
 elseif(STEP STREQUAL build)
   file(REMOVE "${WORK}/built")

@@ -3,8 +3,7 @@ import {mkdirSync, readFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {chromium} from 'playwright-core';
 
-const axe = readFileSync(
-  createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
+const axe = readFileSync(createRequire(import.meta.url).resolve('axe-core/axe.min.js'), 'utf8');
 export const kPatienceMs = 30_000;
 
 export const kSizes = {
@@ -14,8 +13,15 @@ export const kSizes = {
 };
 
 export async function launch(path) {
-  return chromium.launch({executablePath: path, args: [
-    '--no-sandbox', '--use-gl=angle', '--use-angle=swiftshader', '--enable-unsafe-swiftshader']});
+  return chromium.launch({
+    executablePath: path,
+    args: [
+      '--no-sandbox',
+      '--use-gl=angle',
+      '--use-angle=swiftshader',
+      '--enable-unsafe-swiftshader',
+    ],
+  });
 }
 
 /** A page of the console, with what its program complained of. */
@@ -60,19 +66,30 @@ export async function until(what, read, isTrue = Boolean) {
 /** Serious and critical findings of axe-core, in words. */
 export async function accessibilityFaults(page) {
   await page.evaluate(axe);
-  const found = await page.evaluate(() => window.axe.run(document, {
-    runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
-  }));
-  return found.violations.filter((one) => ['serious', 'critical'].includes(one.impact))
-    .map((one) => `${one.id}: ${one.nodes.map((node) => node.html).slice(0, 3).join(' | ')}`);
+  const found = await page.evaluate(() =>
+    window.axe.run(document, {
+      runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'best-practice'],
+    }),
+  );
+  return found.violations
+    .filter((one) => ['serious', 'critical'].includes(one.impact))
+    .map(
+      (one) =>
+        `${one.id}: ${one.nodes
+          .map((node) => node.html)
+          .slice(0, 3)
+          .join(' | ')}`,
+    );
 }
 
 /** Buttons and links that are smaller than a finger. */
 export async function smallTargets(page) {
-  return page.evaluate(() => [...document.querySelectorAll('button, .header nav a, .choice a')]
-    .filter((one) => one.checkVisibility())
-    .filter((one) => one.getBoundingClientRect().height < 44)
-    .map((one) => one.outerHTML.slice(0, 100)));
+  return page.evaluate(() =>
+    [...document.querySelectorAll('button, .header nav a, .choice a')]
+      .filter((one) => one.checkVisibility())
+      .filter((one) => one.getBoundingClientRect().height < 44)
+      .map((one) => one.outerHTML.slice(0, 100)),
+  );
 }
 
 export async function keep(page, folder, name) {

@@ -3,14 +3,25 @@
 import assert from 'node:assert/strict';
 import {after, afterEach, before, describe, it} from 'node:test';
 import {
-  accessibilityFaults, keep, kSizes, launch, open, reading, show, smallTargets, until,
+  accessibilityFaults,
+  keep,
+  kSizes,
+  launch,
+  open,
+  reading,
+  show,
+  smallTargets,
+  until,
 } from './browser.mjs';
 import {System} from './programs.mjs';
 
 const folder = process.env.RTPM_PROGRAM_FOLDER;
 const artefacts = process.env.RTPM_ARTEFACTS;
 const system = new System({
-  folder, scratch: process.env.RTPM_SCRATCH, stroke: process.env.RTPM_STROKE});
+  folder,
+  scratch: process.env.RTPM_SCRATCH,
+  stroke: process.env.RTPM_STROKE,
+});
 let browser;
 let page;
 
@@ -50,7 +61,11 @@ describe('the page', () => {
     for (const name of ['lab/arm0', 'lab/arm1', 'lab/gaze0', 'lab/biometric0', 'lab/knob0']) {
       await byId(name).getByText('active', {exact: true}).waitFor();
     }
-    await page.getByRole('region', {name: 'Servers and lanes'}).getByText('haptic').first().waitFor();
+    await page
+      .getByRole('region', {name: 'Servers and lanes'})
+      .getByText('haptic')
+      .first()
+      .waitFor();
     await page.getByRole('region', {name: 'Objects'}).getByText('rtpm.events.Hub').waitFor();
     await page.getByText('5 of 5 live').waitFor();
   });
@@ -58,12 +73,19 @@ describe('the page', () => {
   it('sees the tool move', async () => {
     await show(page, 'live/lab/arm0');
     const first = await until('a position', () => reading(page, 'x'), Number.isFinite);
-    await until('another position', () => reading(page, 'x'), (x) => Math.abs(x - first) > 2);
+    await until(
+      'another position',
+      () => reading(page, 'x'),
+      (x) => Math.abs(x - first) > 2,
+    );
     await until('a force', force, (newton) => newton > 0.05);
     await page.locator('.space-label').waitFor();
     await page.getByText('paper 58 µs').first().waitFor();
-    await until('strip charts', () => page.locator('.strip:not(.is-stale)').count(),
-      (count) => count === 3);
+    await until(
+      'strip charts',
+      () => page.locator('.strip:not(.is-stale)').count(),
+      (count) => count === 3,
+    );
   });
 
   it('shows dials and inputs of devices without a pose', async () => {
@@ -144,11 +166,17 @@ describe('recordings', () => {
     await show(page, 'recordings');
     await byId('record').click();
     await page.locator('.rec').waitFor();
-    await until('messages', () => page.locator('.record-facts').textContent(),
-      (text) => Number(/([\d\u202f]+) messages/.exec(text)?.[1].replace('\u202f', '')) > 4000);
+    await until(
+      'messages',
+      () => page.locator('.record-facts').textContent(),
+      (text) => Number(/([\d\u202f]+) messages/.exec(text)?.[1].replace('\u202f', '')) > 4000,
+    );
     await byId('record').click();
     await page.getByText('is complete').waitFor();
-    await page.getByRole('button', {name: /^Replay .*\.mcap$/}).first().click();
+    await page
+      .getByRole('button', {name: /^Replay .*\.mcap$/})
+      .first()
+      .click();
     await page.locator('.space.is-replay').waitFor();
     await page.getByText('Commands are not shown here').waitFor();
     await until('recorded motion', () => reading(page, 'x'), Number.isFinite);
@@ -158,7 +186,7 @@ describe('recordings', () => {
   it('pause, and seek', async () => {
     const time = () => byId('replay-time').textContent();
     await until('its end, or a pause', async () => {
-      if (await button('Pause').count() > 0) await button('Pause').click();
+      if ((await button('Pause').count()) > 0) await button('Pause').click();
       return button('Play').count();
     });
     const slider = page.getByRole('slider', {name: 'Time of the replay'});
@@ -199,13 +227,18 @@ describe('looks', () => {
     await other.locator('main > *:not(h1)').first().waitFor();
     // As much of a curve as shows what the charts are for.
     if (view.startsWith('live')) {
-      await until('a force', () => reading(other, 'force'), (newton) => newton > 0.9);
+      await until(
+        'a force',
+        () => reading(other, 'force'),
+        (newton) => newton > 0.9,
+      );
     }
     await keep(other, artefacts, `${view.split('/')[0]}-${size}-${scheme}`);
     assert.deepEqual(await accessibilityFaults(other), [], view);
     if (size !== 'desktop') assert.deepEqual(await smallTargets(other), [], view);
-    const isWide = await other.evaluate(() =>
-      document.documentElement.scrollWidth > document.documentElement.clientWidth);
+    const isWide = await other.evaluate(
+      () => document.documentElement.scrollWidth > document.documentElement.clientWidth,
+    );
     assert.equal(isWide, false, `${view} scrolls sideways`);
   }
 
@@ -213,7 +246,10 @@ describe('looks', () => {
     for (const size of Object.keys(kSizes)) {
       it(`well in ${scheme}, ${size}, and to everybody`, async () => {
         const other = await open(browser, system.url, {
-          viewport: kSizes[size], colorScheme: scheme, hasTouch: size !== 'desktop'});
+          viewport: kSizes[size],
+          colorScheme: scheme,
+          hasTouch: size !== 'desktop',
+        });
         for (const view of kViews) await look(other, view, size, scheme);
         assert.deepEqual(other.faults, []);
       });
@@ -293,7 +329,9 @@ describe('operators', () => {
 describe('the emergency stop', () => {
   async function rearm() {
     await byId('stopped').getByRole('button', {name: 'Rearm all…'}).click();
-    await byId('stopped').getByRole('button', {name: /^Rearm \d+ devices$/}).click();
+    await byId('stopped')
+      .getByRole('button', {name: /^Rearm \d+ devices$/})
+      .click();
     await byId('stopped').waitFor({state: 'detached'});
   }
 
@@ -329,7 +367,11 @@ describe('a device that vanishes', () => {
     await soft.fill('0.4');
     await system.devices.end('SIGKILL');
     await show(page, 'overview');
-    await until('nothing live', () => page.locator('.device-live').count(), (count) => count === 0);
+    await until(
+      'nothing live',
+      () => page.locator('.device-live').count(),
+      (count) => count === 0,
+    );
     await keep(page, artefacts, 'devices-lost-desktop-light');
     await show(page, 'parameters/lab/arm0');
     assert.equal(await soft.inputValue(), '0.4');

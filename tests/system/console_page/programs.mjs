@@ -1,4 +1,4 @@
-// The running system that the page is tested with: registry, devices with a hub, force node, console.
+// The running system beside which the page is tested: registry, devices, force node, console.
 import {spawn} from 'node:child_process';
 import {mkdirSync} from 'node:fs';
 import {createInterface} from 'node:readline';
@@ -17,7 +17,9 @@ export class Program {
     const lines = createInterface({input: program.#process.stdout});
     program.found = await new Promise((resolve, reject) => {
       const timer = setTimeout(
-        () => reject(new Error(`${path} did not become ready`)), kPatienceMs);
+        () => reject(new Error(`${path} did not become ready`)),
+        kPatienceMs,
+      );
       lines.on('line', (line) => {
         const found = ready.exec(line);
         if (found === null) return;
@@ -56,23 +58,69 @@ export class System {
     mkdirSync(`${this.#scratch}/recordings`, {recursive: true});
     const registry = await this.#launch('rtpm-registryd', ['--port', '0'], kRtpm);
     this.registry = registry.found;
-    this.devices = await this.#launch('rtpm-deviced', ['--port', '0', '--registry', this.registry,
-      '--serve-events', '--devices', 'arm0,arm1,gaze0,biometric0,knob0', '--device-arm0-hand',
-      this.#stroke, '--device-arm1-driver', 'arm', '--device-arm1-free', '--settings', `${this.#scratch}/settings`], kRtpm);
+    this.devices = await this.#launch(
+      'rtpm-deviced',
+      [
+        '--port',
+        '0',
+        '--registry',
+        this.registry,
+        '--serve-events',
+        '--devices',
+        'arm0,arm1,gaze0,biometric0,knob0',
+        '--device-arm0-hand',
+        this.#stroke,
+        '--device-arm1-driver',
+        'arm',
+        '--device-arm1-free',
+        '--settings',
+        `${this.#scratch}/settings`,
+      ],
+      kRtpm,
+    );
     await this.startServo();
     await this.startConsole('0');
   }
 
   /** Soft, so that a greater stiffness shows in the force. */
   async startServo() {
-    this.servo = await this.#launch('rtpm-servo', ['--registry', this.registry, '--scene', 'sphere',
-      '--events', 'rtpm/events', '--serve', 'lab/servo', '--stiffness', '60', '--seconds', '100000',
-      '--live', 'off'], /lab\/arm0/);
+    this.servo = await this.#launch(
+      'rtpm-servo',
+      [
+        '--registry',
+        this.registry,
+        '--scene',
+        'sphere',
+        '--events',
+        'rtpm/events',
+        '--serve',
+        'lab/servo',
+        '--stiffness',
+        '60',
+        '--seconds',
+        '100000',
+        '--live',
+        'off',
+      ],
+      /lab\/arm0/,
+    );
   }
 
   async startConsole(port) {
-    this.console = await this.#launch('rtpm-console', ['--port', port, '--registry', this.registry,
-      '--token', kToken, '--recordings', `${this.#scratch}/recordings`], /http:\/\/\S+/);
+    this.console = await this.#launch(
+      'rtpm-console',
+      [
+        '--port',
+        port,
+        '--registry',
+        this.registry,
+        '--token',
+        kToken,
+        '--recordings',
+        `${this.#scratch}/recordings`,
+      ],
+      /http:\/\/\S+/,
+    );
     this.url = this.console.found;
     this.port = new URL(this.url).port;
   }

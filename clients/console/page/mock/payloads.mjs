@@ -2,7 +2,8 @@
 import {readFileSync} from 'node:fs';
 
 const recorded = JSON.parse(
-  readFileSync(new URL('../tests/fixtures/recorded.json', import.meta.url), 'utf8'));
+  readFileSync(new URL('../tests/fixtures/recorded.json', import.meta.url), 'utf8'),
+);
 
 export const schemas = recorded.schemas;
 

@@ -13,14 +13,27 @@ const start = Date.now();
 const kSource = 3571832195; // lab/arm0
 let recording = null;
 let replay = null;
-const files = [{file: 'run-1.mcap', byte_count: 5_242_880, begin_ns: (start - 600_000) * 1e6,
-  end_ns: (start - 570_000) * 1e6, message_count: 92_114, is_complete: true}];
+const files = [
+  {
+    file: 'run-1.mcap',
+    byte_count: 5_242_880,
+    begin_ns: (start - 600_000) * 1e6,
+    end_ns: (start - 570_000) * 1e6,
+    message_count: 92_114,
+    is_complete: true,
+  },
+];
 
 const channels = [];
 function addChannel(topic, schemaName = '') {
-  channels.push({id: channels.length + 1, topic, encoding: schemaName ? 'flatbuffer' : 'json',
-    schemaName, schema: schemas[schemaName] ?? '',
-    ...(schemaName ? {schemaEncoding: 'flatbuffer'} : {})});
+  channels.push({
+    id: channels.length + 1,
+    topic,
+    encoding: schemaName ? 'flatbuffer' : 'json',
+    schemaName,
+    schema: schemas[schemaName] ?? '',
+    ...(schemaName ? {schemaEncoding: 'flatbuffer'} : {}),
+  });
 }
 ['console/state', 'console/latency', 'console/log'].forEach((topic) => addChannel(topic));
 system.devices.forEach(({name}) => addChannel(`${name}/sample`, 'rtpm.device.Sampled'));
@@ -28,15 +41,45 @@ addChannel(`rtpm.touch.Touched/${kSource}`, 'rtpm.touch.Touched');
 const kLiveCount = channels.length;
 
 const services = [
-  ...['estop', 'rearm', 'take_over', 'release', 'activate', 'deactivate', 'recover', 'log_filter',
-    'record_start', 'record_stop', 'recordings', 'replay_open', 'replay_seek', 'replay_play',
-    'replay_pause', 'replay_close'].map((name) => `console/${name}`),
+  ...[
+    'estop',
+    'rearm',
+    'take_over',
+    'release',
+    'activate',
+    'deactivate',
+    'recover',
+    'log_filter',
+    'record_start',
+    'record_stop',
+    'recordings',
+    'replay_open',
+    'replay_seek',
+    'replay_play',
+    'replay_pause',
+    'replay_close',
+  ].map((name) => `console/${name}`),
   ...Object.keys(system.lists).flatMap((name) =>
-    ['list', 'apply', 'save', 'reset', 'calibrations', 'calibrate', 'calibration', 'answer', 'keep',
-      'discard'].map((method) => `${name}/config/${method}`)),
-].map((name, i) => ({id: i + 1, name, type: name,
+    [
+      'list',
+      'apply',
+      'save',
+      'reset',
+      'calibrations',
+      'calibrate',
+      'calibration',
+      'answer',
+      'keep',
+      'discard',
+    ].map((method) => `${name}/config/${method}`),
+  ),
+].map((name, i) => ({
+  id: i + 1,
+  name,
+  type: name,
   request: {encoding: 'json', schemaName: name, schema: ''},
-  response: {encoding: 'json', schemaName: name, schema: ''}}));
+  response: {encoding: 'json', schemaName: name, schema: ''},
+}));
 
 // The built page beside it, for looking at it without the rest of RTPM.
 const kTypes = {html: 'text/html', js: 'text/javascript', css: 'text/css', svg: 'image/svg+xml'};
@@ -45,13 +88,19 @@ const pages = createServer((request, response) => {
   const file = createReadStream(fileURLToPath(new URL(`../dist${path}`, import.meta.url)));
   file.on('error', () => response.writeHead(404).end());
   file.on('open', () => {
-    response.setHeader('content-type', kTypes[path.split('.').at(-1)] ?? 'application/octet-stream');
+    response.setHeader(
+      'content-type',
+      kTypes[path.split('.').at(-1)] ?? 'application/octet-stream',
+    );
     file.pipe(response);
   });
 }).listen(port, '127.0.0.1', () =>
-  console.log(`mock of rtpm-console at http://127.0.0.1:${pages.address().port}/?token=mock`));
-const server = new WebSocketServer({server: pages,
-  handleProtocols: (offered) => (offered.has('foxglove.sdk.v1') ? 'foxglove.sdk.v1' : false)});
+  console.log(`mock of rtpm-console at http://127.0.0.1:${pages.address().port}/?token=mock`),
+);
+const server = new WebSocketServer({
+  server: pages,
+  handleProtocols: (offered) => (offered.has('foxglove.sdk.v1') ? 'foxglove.sdk.v1' : false),
+});
 const clients = new Set();
 
 function publish(topic, payload, timeMs = Date.now()) {
@@ -128,9 +177,18 @@ const kCommands = {
   replay_open({file}) {
     const found = files.find((one) => one.file === file);
     if (!found) throw new Error(`there is no recording ${file}`);
-    const topics = ['rtpm.device.Sampled', 'rtpm.touch.Touched'].map((type) => `${type}/${kSource}`);
-    replay = {file, begin_ns: found.begin_ns, end_ns: found.end_ns, time_ns: found.begin_ns,
-      speed: 1, is_playing: false, topics};
+    const topics = ['rtpm.device.Sampled', 'rtpm.touch.Touched'].map(
+      (type) => `${type}/${kSource}`,
+    );
+    replay = {
+      file,
+      begin_ns: found.begin_ns,
+      end_ns: found.end_ns,
+      time_ns: found.begin_ns,
+      speed: 1,
+      is_playing: false,
+      topics,
+    };
     topics.forEach((topic) => addChannel(`replay/${topic}`, topic.split('/')[0]));
     broadcast({op: 'advertise', channels: channels.slice(kLiveCount)});
     return {begin_ns: found.begin_ns, end_ns: found.end_ns, topics};
@@ -162,7 +220,8 @@ function call(client, serviceId, callId, request) {
     client.socket.send(Buffer.concat([head, encoding, Buffer.from(JSON.stringify(reply))]));
   } catch (error) {
     client.socket.send(
-      JSON.stringify({op: 'serviceCallFailure', serviceId, callId, message: error.message}));
+      JSON.stringify({op: 'serviceCallFailure', serviceId, callId, message: error.message}),
+    );
   }
 }
 
@@ -171,18 +230,29 @@ server.on('connection', (socket, request) => {
   const client = {socket, subscriptions: new Map(), filter: null};
   clients.add(client);
   const send = (message) => socket.send(JSON.stringify(message));
-  send({op: 'serverInfo', name: 'rtpm-console',
+  send({
+    op: 'serverInfo',
+    name: 'rtpm-console',
     capabilities: ['parameters', 'parametersSubscribe', ...(mayCommand ? ['services'] : [])],
-    supportedEncodings: ['json', 'flatbuffer'], sessionId: String(start),
-    metadata: {'rtpm.access': mayCommand ? 'command' : 'observe', 'rtpm.version': 'mock',
-      'rtpm.host': 'lab-pc'}});
+    supportedEncodings: ['json', 'flatbuffer'],
+    sessionId: String(start),
+    metadata: {
+      'rtpm.access': mayCommand ? 'command' : 'observe',
+      'rtpm.version': 'mock',
+      'rtpm.host': 'lab-pc',
+    },
+  });
   send({op: 'advertise', channels});
   if (mayCommand) send({op: 'advertiseServices', services});
   socket.on('message', (data, isBinary) => {
     if (isBinary) {
       const encodingSize = data.readUInt32LE(9);
-      call(client, data.readUInt32LE(1), data.readUInt32LE(5),
-        JSON.parse(data.subarray(13 + encodingSize).toString() || '{}'));
+      call(
+        client,
+        data.readUInt32LE(1),
+        data.readUInt32LE(5),
+        JSON.parse(data.subarray(13 + encodingSize).toString() || '{}'),
+      );
       return;
     }
     const message = JSON.parse(data.toString());
@@ -197,52 +267,95 @@ server.on('connection', (socket, request) => {
 
 setInterval(() => {
   const now = Date.now();
-  const recorded = recording && {file: recording.file, time_s: (now - recording.since) / 1000,
-    message_count: (now - recording.since) * 3, byte_count: (now - recording.since) * 170,
-    drop_count: 0, problem: ''};
+  const recorded = recording && {
+    file: recording.file,
+    time_s: (now - recording.since) / 1000,
+    message_count: (now - recording.since) * 3,
+    byte_count: (now - recording.since) * 170,
+    drop_count: 0,
+    problem: '',
+  };
   publish('console/state', {
-    time_ns: now * 1e6, uptime_s: (now - start) / 1000,
+    time_ns: now * 1e6,
+    uptime_s: (now - start) / 1000,
     registry: {url: 'rtpm://127.0.0.1:7420/rtpm/names', ok: true, problem: ''},
     hub: {name: 'rtpm/events', ok: true, problem: '', consumer_count: 2, event_per_s: 3512},
-    servers: system.servers(), objects: system.objects(), devices: system.devices,
-    recording: recorded ?? {file: null, time_s: 0, message_count: 0, byte_count: 0, drop_count: 0,
-      problem: ''},
-    replay: replay ?? {file: null}, clients: {count: clients.size, dropped_count: 0}});
+    servers: system.servers(),
+    objects: system.objects(),
+    devices: system.devices,
+    recording: recorded ?? {
+      file: null,
+      time_s: 0,
+      message_count: 0,
+      byte_count: 0,
+      drop_count: 0,
+      problem: '',
+    },
+    replay: replay ?? {file: null},
+    clients: {count: clients.size, dropped_count: 0},
+  });
 }, 250);
 
-setInterval(() => publish('console/latency', system.latency(system.devices.map((one) => one.name))),
-  1000);
+setInterval(
+  () => publish('console/latency', system.latency(system.devices.map((one) => one.name))),
+  1000,
+);
 
 function move(time, topicOf, timeMs) {
   const {position, proxy, force, face} = system.arm(time);
   const sequence = Math.round(time * 1000);
-  publish(topicOf('rtpm.device.Sampled'), samplePayload({sequence, time: timeMs / 1000, position, force}), timeMs);
-  publish(topicOf('rtpm.touch.Touched'),
-    touchPayload({sequence, device: position, proxy, force, face, shape: 1}), timeMs);
+  publish(
+    topicOf('rtpm.device.Sampled'),
+    samplePayload({sequence, time: timeMs / 1000, position, force}),
+    timeMs,
+  );
+  publish(
+    topicOf('rtpm.touch.Touched'),
+    touchPayload({sequence, device: position, proxy, force, face, shape: 1}),
+    timeMs,
+  );
   return force;
 }
 
 let wasTouching = false;
 setInterval(() => {
   const time = (Date.now() - start) / 1000;
-  const force = move(time, (type) => (type === 'rtpm.device.Sampled' ? 'lab/arm0/sample'
-    : `${type}/${kSource}`), Date.now());
+  const force = move(
+    time,
+    (type) => (type === 'rtpm.device.Sampled' ? 'lab/arm0/sample' : `${type}/${kSource}`),
+    Date.now(),
+  );
   const still = {sequence: Math.round(time * 1000), time, position: [0, 0, 0], force: [0, 0, 0]};
   publish('lab/gaze0/sample', samplePayload(still));
   publish('lab/knob0/sample', samplePayload({...still, joints: [time % 6.28]}));
-  publish('lab/biometric0/sample',
-    samplePayload({...still, analogs: [1.2 + 0.1 * Math.sin(time), 0.4 + 0.05 * Math.sin(time / 3)]}));
+  publish(
+    'lab/biometric0/sample',
+    samplePayload({
+      ...still,
+      analogs: [1.2 + 0.1 * Math.sin(time), 0.4 + 0.05 * Math.sin(time / 3)],
+    }),
+  );
   const isTouching = Math.hypot(...force) > 0;
   if (isTouching !== wasTouching && [...clients].some((client) => client.filter !== null)) {
-    publish('console/log', {time_ns: Date.now() * 1e6, type: 'rtpm.device.ContactChanged',
-      source: kSource, device: 'lab/arm0', sequence: still.sequence,
-      payload: {cycle: still.sequence, force_newton: Math.hypot(...force), is_touching: isTouching}});
+    publish('console/log', {
+      time_ns: Date.now() * 1e6,
+      type: 'rtpm.device.ContactChanged',
+      source: kSource,
+      device: 'lab/arm0',
+      sequence: still.sequence,
+      payload: {cycle: still.sequence, force_newton: Math.hypot(...force), is_touching: isTouching},
+    });
   }
   wasTouching = isTouching;
   if (replay?.is_playing) {
-    replay.time_ns += replay.speed * 1e9 / 60;
-    if (replay.time_ns >= replay.end_ns) Object.assign(replay, {is_playing: false, time_ns: replay.end_ns});
-    move(replay.time_ns / 1e9 % 1000, (type) => `replay/${type}/${kSource}`, replay.time_ns / 1e6);
+    replay.time_ns += (replay.speed * 1e9) / 60;
+    if (replay.time_ns >= replay.end_ns)
+      Object.assign(replay, {is_playing: false, time_ns: replay.end_ns});
+    move(
+      (replay.time_ns / 1e9) % 1000,
+      (type) => `replay/${type}/${kSource}`,
+      replay.time_ns / 1e6,
+    );
   }
 }, 1000 / 60);
 

@@ -6,42 +6,91 @@ const kAxes = ['x', 'y', 'z'].map((name) => ({name, is_sensed: true, is_actuated
 
 function device(name, model, kind, more = {}) {
   return {
-    name, model, serial: `sim-${name.slice(4)}`, class: kind, url: `rtpm://127.0.0.1:7421/${name}`,
-    ok: true, problem: '', age_ms: 4, lifecycle: 'active', faults: [], success_rate: 1,
-    sample_per_s: 1000, rate_hz: 1000, force_newton_max: 0, workspace_low_m: [0, 0, 0],
-    workspace_high_m: [0, 0, 0], axes: [], buttons: [], analogs: [], joints: [], outputs: [],
-    lease: {state: 'free', since_s: null}, is_stopped: false, has_config: true, ...more,
+    name,
+    model,
+    serial: `sim-${name.slice(4)}`,
+    class: kind,
+    url: `rtpm://127.0.0.1:7421/${name}`,
+    ok: true,
+    problem: '',
+    age_ms: 4,
+    lifecycle: 'active',
+    faults: [],
+    success_rate: 1,
+    sample_per_s: 1000,
+    rate_hz: 1000,
+    force_newton_max: 0,
+    workspace_low_m: [0, 0, 0],
+    workspace_high_m: [0, 0, 0],
+    axes: [],
+    buttons: [],
+    analogs: [],
+    joints: [],
+    outputs: [],
+    lease: {state: 'free', since_s: null},
+    is_stopped: false,
+    has_config: true,
+    ...more,
   };
 }
 
 function parameter(name, unit, low, high, value, description, more = {}) {
   const real = {type: 'Real', real: value};
-  return {name, type: 'Real', unit, low, high, default_value: real, value: real, description,
-    mutability: 'AnyTime', ...more};
+  return {
+    name,
+    type: 'Real',
+    unit,
+    low,
+    high,
+    default_value: real,
+    value: real,
+    description,
+    mutability: 'AnyTime',
+    ...more,
+  };
 }
 
 function arm_list() {
-  const text = readFileSync(new URL('../tests/fixtures/arm_config_list.json', import.meta.url), 'utf8');
-  return JSON.parse(text.replaceAll(/: (-?)inf/g, ': $11e308').replace(/"revision": \d+/, '"revision": 7'));
+  const text = readFileSync(
+    new URL('../tests/fixtures/arm_config_list.json', import.meta.url),
+    'utf8',
+  );
+  return JSON.parse(
+    text.replaceAll(/: (-?)inf/g, ': $11e308').replace(/"revision": \d+/, '"revision": 7'),
+  );
 }
 
 export class System {
   devices = [
     device('lab/arm0', 'RTPM simulated arm', 'Haptic', {
-      axes: kAxes, buttons: ['stylus'], force_newton_max: 9,
-      workspace_low_m: [-0.1, -0.1, -0.1], workspace_high_m: [0.1, 0.1, 0.1]}),
+      axes: kAxes,
+      buttons: ['stylus'],
+      force_newton_max: 9,
+      workspace_low_m: [-0.1, -0.1, -0.1],
+      workspace_high_m: [0.1, 0.1, 0.1],
+    }),
     device('lab/gaze0', 'RTPM simulated gaze', 'Tracker', {rate_hz: 250, sample_per_s: 250}),
     device('lab/biometric0', 'RTPM simulated biometrics', 'Biometric', {
-      rate_hz: 250, sample_per_s: 250,
-      analogs: [{name: 'pulse', unit: 'Hz', low: 0, high: 4},
-        {name: 'skin', unit: 'S', low: 0, high: 1}]}),
+      rate_hz: 250,
+      sample_per_s: 250,
+      analogs: [
+        {name: 'pulse', unit: 'Hz', low: 0, high: 4},
+        {name: 'skin', unit: 'S', low: 0, high: 1},
+      ],
+    }),
     device('lab/knob0', 'RTPM simulated knob', 'Dial', {
-      joints: [{name: 'dial', unit: 'rad', low: 0, high: 0}], buttons: ['push']}),
+      joints: [{name: 'dial', unit: 'rad', low: 0, high: 0}],
+      buttons: ['push'],
+    }),
   ];
   lists = {
     'lab/arm0': {...arm_list(), is_persistent: true},
     'lab/servo': {
-      model: 'rtpm-servo', serial: 'servo', revision: 1, is_active: true, is_persistent: false,
+      model: 'rtpm-servo',
+      serial: 'servo',
+      revision: 1,
+      is_active: true,
+      is_persistent: false,
       is_unsaved: false,
       parameters: [
         parameter('wall.stiffness_newton_per_m', 'N/m', 0, 1250, 600, 'Of the wall.'),
@@ -62,37 +111,65 @@ export class System {
 
   /** The arm, and what it touches, at a time in seconds. */
   arm(time) {
-    const position = [0.035 * Math.sin(0.9 * time), 0.03 * Math.sin(1.7 * time),
-      kBall.face - 0.002 + 0.02 * Math.sin(0.55 * time)];
+    const position = [
+      0.035 * Math.sin(0.9 * time),
+      0.03 * Math.sin(1.7 * time),
+      kBall.face - 0.002 + 0.02 * Math.sin(0.55 * time),
+    ];
     const centre = [0, 0, kBall.face - kBall.radius];
     const offset = position.map((one, i) => one - centre[i]);
     const distance = Math.hypot(...offset);
     const depth = kBall.radius - distance;
     const isInside = depth > 0 && !this.named('lab/arm0').is_stopped;
     const stiffness = this.setting('lab/servo', 'wall.stiffness_newton_per_m');
-    const proxy = depth > 0
-      ? offset.map((one, i) => centre[i] + (one / distance) * kBall.radius) : position;
+    const proxy =
+      depth > 0 ? offset.map((one, i) => centre[i] + (one / distance) * kBall.radius) : position;
     const force = isInside
-      ? offset.map((one) => (one / distance) * Math.min(9, stiffness * depth)) : [0, 0, 0];
+      ? offset.map((one) => (one / distance) * Math.min(9, stiffness * depth))
+      : [0, 0, 0];
     return {position, proxy, force, face: kBall.face};
   }
 
   servers() {
-    const lane = (name, low, high, busy) => ({name, band: [low, high], schedule: 'fifo',
-      wait: 'adaptive', calls_per_s: busy, drops_per_s: 0, longest_cycle_us: 84, queued: 0, busy: 0});
+    const lane = (name, low, high, busy) => ({
+      name,
+      band: [low, high],
+      schedule: 'fifo',
+      wait: 'adaptive',
+      calls_per_s: busy,
+      drops_per_s: 0,
+      longest_cycle_us: 84,
+      queued: 0,
+      busy: 0,
+    });
     return [
-      {name: 'rtpm-deviced', host: 'lab-pc', port: 7421, process_id: 4021, alive: true,
-        lanes: [lane('rest', 0, 16383, 12), lane('haptic', 16384, 32767, 2004)]},
-      {name: 'rtpm-registryd', host: 'lab-pc', port: 7420, process_id: 4012, alive: true,
-        lanes: [lane('names', 0, 32767, 3)]},
+      {
+        name: 'rtpm-deviced',
+        host: 'lab-pc',
+        port: 7421,
+        process_id: 4021,
+        alive: true,
+        lanes: [lane('rest', 0, 16383, 12), lane('haptic', 16384, 32767, 2004)],
+      },
+      {
+        name: 'rtpm-registryd',
+        host: 'lab-pc',
+        port: 7420,
+        process_id: 4012,
+        alive: true,
+        lanes: [lane('names', 0, 32767, 3)],
+      },
     ];
   }
 
   objects() {
     return [
       ...this.devices.map(({name, url}) => ({name, interface: 'rtpm.device.Device', url})),
-      {name: 'lab/servo', interface: 'rtpm.configuration.Configuration',
-        url: 'rtpm://127.0.0.1:7425/lab/servo'},
+      {
+        name: 'lab/servo',
+        interface: 'rtpm.configuration.Configuration',
+        url: 'rtpm://127.0.0.1:7425/lab/servo',
+      },
       {name: 'rtpm/events', interface: 'rtpm.events.Hub', url: 'rtpm://127.0.0.1:7421/rtpm/events'},
     ];
   }
@@ -101,14 +178,22 @@ export class System {
     const bins = [];
     for (let from = 10; from < 3000; from *= 1.25) {
       const spread = (Math.log(from) - Math.log(46)) / 0.32;
-      const count = Math.round(1500 * Math.exp(-spread * spread / 2) + (from > 200 ? 3 : 0));
+      const count = Math.round(1500 * Math.exp((-spread * spread) / 2) + (from > 200 ? 3 : 0));
       bins.push({from_us: from, to_us: from * 1.25, count});
     }
     const wobble = 1 + 0.2 * Math.random();
     return {
-      targets: targets.map((name) => ({name, p50_us: 46 * wobble, p90_us: 71 * wobble,
-        p99_us: 139 * wobble, p999_us: 655, max_us: 1320, count: 6000, failed_count: 0,
-        histogram: bins})),
+      targets: targets.map((name) => ({
+        name,
+        p50_us: 46 * wobble,
+        p90_us: 71 * wobble,
+        p99_us: 139 * wobble,
+        p999_us: 655,
+        max_us: 1320,
+        count: 6000,
+        failed_count: 0,
+        histogram: bins,
+      })),
       paper: {best_us: 58, cycle_us: 1000},
     };
   }
@@ -118,15 +203,23 @@ export class System {
     const list = this.lists[name];
     const done = {answer: {outcome: 'Done'}};
     switch (method) {
-      case 'list': return list;
+      case 'list':
+        return list;
       case 'save':
         if (!list.is_persistent) {
-          return {answer: {outcome: 'NotPersistent', what: name, why: 'its server has no folder to '
-            + 'save to', remedy: 'start it with --settings FOLDER.'}};
+          return {
+            answer: {
+              outcome: 'NotPersistent',
+              what: name,
+              why: 'its server has no folder to ' + 'save to',
+              remedy: 'start it with --settings FOLDER.',
+            },
+          };
         }
         list.is_unsaved = false;
         return done;
-      case 'apply': return this.apply(name, list, request);
+      case 'apply':
+        return this.apply(name, list, request);
       case 'reset': {
         const names = request.names ?? list.parameters.map((one) => one.name);
         for (const one of list.parameters) {
@@ -136,25 +229,51 @@ export class System {
         return {...done, revision: list.revision, settings: []};
       }
       case 'calibrations':
-        return {calibrations: name !== 'lab/arm0' ? [] : [{name: 'encoder_offset',
-          description: 'Finds encoder.offset_m: put the arm at rest in its home position.'}],
-        run: this.run?.run ?? 0};
-      default: return this.calibrate(method, request);
+        return {
+          calibrations:
+            name !== 'lab/arm0'
+              ? []
+              : [
+                  {
+                    name: 'encoder_offset',
+                    description:
+                      'Finds encoder.offset_m: put the arm at rest in its home position.',
+                  },
+                ],
+          run: this.run?.run ?? 0,
+        };
+      default:
+        return this.calibrate(method, request);
     }
   }
 
   apply(name, list, request) {
     if (request.revision !== list.revision) {
-      return {answer: {outcome: 'StaleRevision', what: name}, revision: list.revision, settings: []};
+      return {
+        answer: {outcome: 'StaleRevision', what: name},
+        revision: list.revision,
+        settings: [],
+      };
     }
     for (const {name: wanted, value} of request.settings) {
       const one = list.parameters.find((candidate) => candidate.name === wanted);
       // Stands for a rule that no range says.
-      if (wanted === 'safety.force_newton_continuous'
-          && value.real > this.lists[name].parameters
-            .find((candidate) => candidate.name === 'safety.force_newton_max').value.real) {
-        return {answer: {outcome: 'RefusedByDevice', parameter: wanted, what: wanted,
-          why: 'it is above safety.force_newton_max', remedy: 'choose a smaller force.'}};
+      if (
+        wanted === 'safety.force_newton_continuous' &&
+        value.real >
+          this.lists[name].parameters.find(
+            (candidate) => candidate.name === 'safety.force_newton_max',
+          ).value.real
+      ) {
+        return {
+          answer: {
+            outcome: 'RefusedByDevice',
+            parameter: wanted,
+            what: wanted,
+            why: 'it is above safety.force_newton_max',
+            remedy: 'choose a smaller force.',
+          },
+        };
       }
       one.value = {...one.value, ...value};
     }
@@ -167,21 +286,35 @@ export class System {
     const done = {answer: {outcome: 'Done'}};
     const now = Date.now();
     if (method === 'calibrate') {
-      this.run = {run: 41, name: request.name, phase: 'Prompt', progress: 0, prompt: 1,
+      this.run = {
+        run: 41,
+        name: request.name,
+        phase: 'Prompt',
+        progress: 0,
+        prompt: 1,
         text: 'Put the arm at rest in its home position, then continue.',
-        answers: ['continue', 'cancel'], since: now};
+        answers: ['continue', 'cancel'],
+        since: now,
+      };
     } else if (method === 'answer') {
-      Object.assign(this.run, request.text === 'continue'
-        ? {phase: 'Running', answers: [], text: '', since: now}
-        : {phase: 'Failed', answers: [], text: 'cancelled by the operator'});
+      Object.assign(
+        this.run,
+        request.text === 'continue'
+          ? {phase: 'Running', answers: [], text: '', since: now}
+          : {phase: 'Failed', answers: [], text: 'cancelled by the operator'},
+      );
     } else if (method === 'keep' || method === 'discard') {
       this.run.phase = method === 'keep' ? 'Kept' : 'Discarded';
     } else if (this.run?.phase === 'Running') {
       this.run.progress = Math.min(1, (now - this.run.since) / 2000);
       if (this.run.progress === 1) {
-        Object.assign(this.run, {phase: 'Done', text: 'The offset is 0.4 mm from the present one.',
-          settings: [{name: 'encoder.offset_m',
-            value: {type: 'Vector', elements: [0.0004, 0, -0.0001]}}]});
+        Object.assign(this.run, {
+          phase: 'Done',
+          text: 'The offset is 0.4 mm from the present one.',
+          settings: [
+            {name: 'encoder.offset_m', value: {type: 'Vector', elements: [0.0004, 0, -0.0001]}},
+          ],
+        });
       }
     }
     const reply = {...done, ...this.run};

@@ -21,12 +21,16 @@ const link = new Link({
 const app = new App(link, routeSignal(), nowMs);
 
 // Before any field or dialogue sees the key.
-window.addEventListener('keydown', (event) => {
-  if (!isStopKey(event)) return;
-  event.preventDefault();
-  event.stopPropagation();
-  if (!event.repeat) void app.stop.press();
-}, {capture: true});
+window.addEventListener(
+  'keydown',
+  (event) => {
+    if (!isStopKey(event)) return;
+    event.preventDefault();
+    event.stopPropagation();
+    if (!event.repeat) void app.stop.press();
+  },
+  {capture: true},
+);
 
 app.setVisible(!document.hidden);
 document.addEventListener('visibilitychange', () => app.setVisible(!document.hidden));
@@ -36,5 +40,10 @@ window.addEventListener('load', () => void import('./drawing/space'), {once: tru
 
 const root = document.getElementById('root');
 if (root !== null) {
-  render(<AppContext.Provider value={app}><Shell /></AppContext.Provider>, root);
+  render(
+    <AppContext.Provider value={app}>
+      <Shell />
+    </AppContext.Provider>,
+    root,
+  );
 }

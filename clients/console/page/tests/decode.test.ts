@@ -29,10 +29,13 @@ function withoutShape(value: unknown): unknown {
 }
 
 describe('what C++ recorded', () => {
-  it.each(recorded)('decodes as rtpm echo printed it: $topic', ({schemaName, payload, expected}) => {
-    const decoded = Decoder.of(schemaBytes(schemaName), schemaName).decode(payload);
-    expectAlike(withoutShape(inner(decoded)), withoutShape(expected));
-  });
+  it.each(recorded)(
+    'decodes as rtpm echo printed it: $topic',
+    ({schemaName, payload, expected}) => {
+      const decoded = Decoder.of(schemaBytes(schemaName), schemaName).decode(payload);
+      expectAlike(withoutShape(inner(decoded)), withoutShape(expected));
+    },
+  );
 
   it('is read as samples and touches', () => {
     const touched = recorded.find((one) => one.schemaName === 'rtpm.touch.Touched');

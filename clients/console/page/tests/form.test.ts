@@ -29,7 +29,8 @@ class Server {
   set(name: string, real: number, revision: bigint): void {
     const list = this.list as JsonObject;
     const parameters = (list['parameters'] as JsonObject[]).map((one) =>
-      (one['name'] === name ? {...one, value: {type: 'Real', real}} : one));
+      one['name'] === name ? {...one, value: {type: 'Real', real}} : one,
+    );
     this.list = {...list, revision, parameters};
   }
 }
@@ -52,7 +53,10 @@ describe('descriptions of parameters', () => {
   it('may leave out what is the default of FlatBuffers', () => {
     const list = readParameterList({parameters: [{name: 'is_on', default_value: {}, value: {}}]});
     expect(list.parameters[0]).toMatchObject({
-      type: 'Bool', value: false, mutability: 'AnyTime', low: 0,
+      type: 'Bool',
+      value: false,
+      mutability: 'AnyTime',
+      low: 0,
     });
     expect(list.isActive).toBe(false);
   });
@@ -60,9 +64,12 @@ describe('descriptions of parameters', () => {
 
 describe('what is typed', () => {
   it.each([
-    ['safety.ramp_s', '0.01', 0.01], ['safety.ramp_s', ' 2e-3 ', 0.002],
-    ['safety.ramp_s', '0', 0], ['velocity.cycle_count', '8', 8],
-    ['workspace.low_m', '-0.1 -0.05, 0', [-0.1, -0.05, 0]], ['safety.watchdog', 'off', 'off'],
+    ['safety.ramp_s', '0.01', 0.01],
+    ['safety.ramp_s', ' 2e-3 ', 0.002],
+    ['safety.ramp_s', '0', 0],
+    ['velocity.cycle_count', '8', 8],
+    ['workspace.low_m', '-0.1 -0.05, 0', [-0.1, -0.05, 0]],
+    ['safety.watchdog', 'off', 'off'],
   ])('is taken: %s %s', (name, draft, value) => {
     expect(check(parameter(name), draft)).toEqual({isValid: true, value});
   });
@@ -103,13 +110,18 @@ describe('Form', () => {
     form.type(parameter('safety.ramp_s'), '0.01');
     form.type(parameter('safety.watchdog'), 'off');
     await form.apply();
-    expect(server.requests).toEqual([{method: 'apply', request: {
-      revision: 17259269746184945665n,
-      settings: [
-        {name: 'safety.ramp_s', value: {type: 'Real', real: 0.01}},
-        {name: 'safety.watchdog', value: {type: 'Text', text: 'off'}},
-      ],
-    }}]);
+    expect(server.requests).toEqual([
+      {
+        method: 'apply',
+        request: {
+          revision: 17259269746184945665n,
+          settings: [
+            {name: 'safety.ramp_s', value: {type: 'Real', real: 0.01}},
+            {name: 'safety.watchdog', value: {type: 'Text', text: 'off'}},
+          ],
+        },
+      },
+    ]);
     expect(form.drafts.value.size).toBe(0);
     expect(form.verdict.value).toEqual({isGood: true, words: 'Applied 2 changes to lab/arm0.'});
   });
@@ -125,12 +137,20 @@ describe('Form', () => {
 
   it("shows the server's refusal at the field, and keeps the draft", async () => {
     const {form, server} = await opened();
-    server.reply = {answer: {outcome: 'RefusedByDevice', parameter: 'safety.ramp_s',
-      what: 'safety.ramp_s', why: 'too short for this arm', remedy: 'choose 5 ms or more.'}};
+    server.reply = {
+      answer: {
+        outcome: 'RefusedByDevice',
+        parameter: 'safety.ramp_s',
+        what: 'safety.ramp_s',
+        why: 'too short for this arm',
+        remedy: 'choose 5 ms or more.',
+      },
+    };
     form.type(parameter('safety.ramp_s'), '0.001');
     await form.apply();
-    expect(form.refusals.value.get('safety.ramp_s'))
-      .toBe('safety.ramp_s: too short for this arm. Choose 5 ms or more.');
+    expect(form.refusals.value.get('safety.ramp_s')).toBe(
+      'safety.ramp_s: too short for this arm. Choose 5 ms or more.',
+    );
     expect(form.draftOf(parameter('safety.ramp_s'))).toBe('0.001');
     form.type(parameter('safety.ramp_s'), '0.005');
     expect(form.refusals.value.size).toBe(0);
@@ -138,8 +158,12 @@ describe('Form', () => {
 
   it('shows a refusal of several together at each of them', async () => {
     const {form, server} = await opened();
-    server.reply = {answer: {outcome: 'RefusedByDevice',
-      what: 'workspace.low_m is above workspace.high_m in a direction'}};
+    server.reply = {
+      answer: {
+        outcome: 'RefusedByDevice',
+        what: 'workspace.low_m is above workspace.high_m in a direction',
+      },
+    };
     form.type(parameter('workspace.low_m'), '0.09 0.09 0.09');
     form.type(parameter('workspace.high_m'), '-0.09 -0.09 -0.09');
     await form.apply();
@@ -162,8 +186,9 @@ describe('Form', () => {
   it('keeps what was typed while the device is gone', async () => {
     const server = new Server();
     let isGone = false;
-    const form = new Form('lab/arm0', (method, request) => (isGone
-      ? Promise.reject(new Error('the connection is lost')) : server.call(method, request)));
+    const form = new Form('lab/arm0', (method, request) =>
+      isGone ? Promise.reject(new Error('the connection is lost')) : server.call(method, request),
+    );
     await form.refresh();
     form.type(parameter('safety.ramp_s'), '0.01');
     isGone = true;
@@ -186,8 +211,13 @@ describe('Form', () => {
   });
 
   it('finds what has parameters by the services', () => {
-    const services = new Set(['console/estop', 'lab/servo/config/list', 'lab/arm0/config/list',
-      'lab/arm0/config/apply', 'lab/arm0/read']);
+    const services = new Set([
+      'console/estop',
+      'lab/servo/config/list',
+      'lab/arm0/config/list',
+      'lab/arm0/config/apply',
+      'lab/arm0/read',
+    ]);
     expect(configNames(services)).toEqual(['lab/arm0', 'lab/servo']);
   });
 });

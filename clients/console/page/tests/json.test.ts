@@ -5,20 +5,26 @@ describe('JSON', () => {
   it('keeps whole numbers beyond 2^53 exact, both ways', () => {
     const text = '{"revision":9306168900263608321,"low":-9223372036854775808,"count":12}';
     expect(parseJson(text)).toEqual({
-      revision: 9306168900263608321n, low: -9223372036854775808n, count: 12,
+      revision: 9306168900263608321n,
+      low: -9223372036854775808n,
+      count: 12,
     });
     expect(writeJson(parseJson(text))).toBe(text);
   });
 
   it('leaves digits within strings alone', () => {
     const text = '{"why":"got 9306168900263608321, \\"inf\\" and -inf","x":1.5e300}';
-    expect(writeJson(parseJson(text))).toBe('{"why":"got 9306168900263608321, \\"inf\\" and -inf",'
-      + '"x":1.5e+300}');
+    expect(writeJson(parseJson(text))).toBe(
+      '{"why":"got 9306168900263608321, \\"inf\\" and -inf",' + '"x":1.5e+300}',
+    );
   });
 
   it("reads FlatBuffers' inf, -inf and nan", () => {
-    expect(parseJson('{"low": -inf, "high": inf, "value": nan}'))
-      .toEqual({low: -Infinity, high: Infinity, value: NaN});
+    expect(parseJson('{"low": -inf, "high": inf, "value": nan}')).toEqual({
+      low: -Infinity,
+      high: Infinity,
+      value: NaN,
+    });
   });
 
   it('refuses what is not JSON', () => {

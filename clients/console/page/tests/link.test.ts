@@ -32,14 +32,18 @@ class FakeSocket implements Socket {
   }
 
   ops(): {op: string; subscriptions?: {id: number; channelId: number}[]}[] {
-    return this.sent.filter((one): one is string => typeof one === 'string')
+    return this.sent
+      .filter((one): one is string => typeof one === 'string')
       .map((one) => JSON.parse(one) as {op: string});
   }
 }
 
 const kService = {id: 7, name: 'console/estop', type: ''};
 const kSampled = {
-  id: 3, topic: 'lab/arm0/sample', encoding: 'flatbuffer', schemaName: 'rtpm.device.Sampled',
+  id: 3,
+  topic: 'lab/arm0/sample',
+  encoding: 'flatbuffer',
+  schemaName: 'rtpm.device.Sampled',
   schema: schemaText('rtpm.device.Sampled'),
 };
 
@@ -196,11 +200,15 @@ describe('Link', () => {
     expect(socket.ops().map((one) => one.op)).toContain('unsubscribe');
   });
 
-  it('fails calls with the words of the server, by deadline, and when the connection is lost', async () => {
+  it('fails calls by the words of the server, a deadline, or a lost connection', async () => {
     const socket = connect();
     const refused = link.call('console/estop', {});
-    socket.say({op: 'serviceCallFailure', serviceId: 7, callId: lastCall(socket).id,
-      message: 'another browser (connection 3) operates lab/arm0; take over first'});
+    socket.say({
+      op: 'serviceCallFailure',
+      serviceId: 7,
+      callId: lastCall(socket).id,
+      message: 'another browser (connection 3) operates lab/arm0; take over first',
+    });
     await expect(refused).rejects.toThrow('another browser (connection 3)');
     const late = link.call('console/estop', {}, 200);
     vi.advanceTimersByTime(200);
@@ -247,7 +255,13 @@ describe('Stop', () => {
 
   it('has a key that typing does not hit', () => {
     const key = (change: Partial<KeyboardEvent>) =>
-      isStopKey({code: 'Space', ctrlKey: true, shiftKey: true, altKey: false, ...change} as KeyboardEvent);
+      isStopKey({
+        code: 'Space',
+        ctrlKey: true,
+        shiftKey: true,
+        altKey: false,
+        ...change,
+      } as KeyboardEvent);
     expect(key({})).toBe(true);
     expect(key({ctrlKey: false})).toBe(false);
     expect(key({shiftKey: false})).toBe(false);

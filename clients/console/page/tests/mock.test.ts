@@ -27,9 +27,11 @@ beforeAll(async () => {
   const path = fileURLToPath(new URL('../mock/server.mjs', import.meta.url));
   mock = spawn(process.execPath, [path, '0'], {stdio: ['ignore', 'pipe', 'inherit', 'ipc']});
   const port = await new Promise<string>((resolve) =>
-    mock.stdout?.on('data', (text: Buffer) => resolve(/:(\d+)\//.exec(text.toString())?.[1] ?? '')));
+    mock.stdout?.on('data', (text: Buffer) => resolve(/:(\d+)\//.exec(text.toString())?.[1] ?? '')),
+  );
   const link = new Link({
-    open: () => new WebSocket(`ws://127.0.0.1:${port}/?token=mock`, kSubprotocols) as unknown as Socket,
+    open: () =>
+      new WebSocket(`ws://127.0.0.1:${port}/?token=mock`, kSubprotocols) as unknown as Socket,
     nowMs: () => performance.now(),
   });
   app = new App(link, signal({view: 'live', subject: ''}), () => performance.now());

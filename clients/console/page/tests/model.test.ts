@@ -13,10 +13,14 @@ describe('names', () => {
   it('are found in the topics of the console and of recordings', () => {
     const names = ['lab/arm0'];
     expect(feedOf('lab/arm0/sample', names)).toEqual({kind: 'sample', device: 'lab/arm0'});
-    expect(feedOf('rtpm.device.Sampled/3571832195', names))
-      .toEqual({kind: 'sample', device: 'lab/arm0'});
-    expect(feedOf('rtpm.touch.Touched/3571832195', names))
-      .toEqual({kind: 'touch', device: 'lab/arm0'});
+    expect(feedOf('rtpm.device.Sampled/3571832195', names)).toEqual({
+      kind: 'sample',
+      device: 'lab/arm0',
+    });
+    expect(feedOf('rtpm.touch.Touched/3571832195', names)).toEqual({
+      kind: 'touch',
+      device: 'lab/arm0',
+    });
     expect(feedOf('rtpm.touch.Touched/5', names)).toEqual({kind: 'touch', device: 'source 5'});
     expect(feedOf('console/state', names)).toBeNull();
   });
@@ -24,10 +28,14 @@ describe('names', () => {
 
 describe('state', () => {
   it('says of a device whether it is live, stale or lost', () => {
-    const devices = readState({devices: [
-      {name: 'a', ok: true, age_ms: 4}, {name: 'b', ok: true, age_ms: 1200},
-      {name: 'c', ok: true, age_ms: null}, {name: 'd', ok: false, age_ms: 3},
-    ]}).devices;
+    const devices = readState({
+      devices: [
+        {name: 'a', ok: true, age_ms: 4},
+        {name: 'b', ok: true, age_ms: 1200},
+        {name: 'c', ok: true, age_ms: null},
+        {name: 'd', ok: false, age_ms: 3},
+      ],
+    }).devices;
     expect(devices.map(freshness)).toEqual(['live', 'stale', 'stale', 'lost']);
   });
 
@@ -40,7 +48,10 @@ describe('state', () => {
 
 describe('latency', () => {
   it('has its share within a bound', () => {
-    const bins = [{fromUs: 10, toUs: 50, count: 60}, {fromUs: 50, toUs: 100, count: 40}];
+    const bins = [
+      {fromUs: 10, toUs: 50, count: 60},
+      {fromUs: 50, toUs: 100, count: 40},
+    ];
     expect(shareWithin(bins, 50)).toBeCloseTo(0.6);
     expect(shareWithin(bins, 75)).toBeCloseTo(0.8);
     expect(shareWithin([], 50)).toBeNull();
@@ -50,8 +61,7 @@ describe('latency', () => {
 describe('calibrations', () => {
   it('come with enums by name, by number, or absent', () => {
     expect(readRun({run: 3, phase: 'Prompt', answers: ['go']}).phase).toBe('Prompt');
-    expect(readRun({run: 3, phase: 2, progress: 7}))
-      .toMatchObject({phase: 'Done', progress: 1});
+    expect(readRun({run: 3, phase: 2, progress: 7})).toMatchObject({phase: 'Done', progress: 1});
     expect(readRun({run: 3}).phase).toBe('Running');
   });
 });
@@ -60,7 +70,11 @@ describe('text', () => {
   it('is as people read numbers and times', () => {
     expect([fixed(-0.001, 1), fixed(null, 1), fixed(-2, 0)]).toEqual(['0.0', '–', '−2']);
     expect([clock(61.5, 1), clock(5)]).toEqual(['1:01.5', '0:05']);
-    expect([duration(0.004), duration(75), duration(7300)]).toEqual(['4 ms', '1 min 15 s', '2 h 1 min']);
+    expect([duration(0.004), duration(75), duration(7300)]).toEqual([
+      '4 ms',
+      '1 min 15 s',
+      '2 h 1 min',
+    ]);
     expect([micros(46.2), micros(1320)]).toEqual(['46 µs', '1.32 ms']);
   });
 });

@@ -12,7 +12,9 @@ export interface Recorded {
 interface File {
   readonly schemas: Readonly<Record<string, string>>;
   readonly messages: readonly {
-    readonly topic: string; readonly schemaName: string; readonly payload: string;
+    readonly topic: string;
+    readonly schemaName: string;
+    readonly payload: string;
     readonly expected: unknown;
   }[];
 }
@@ -32,5 +34,6 @@ export function schemaBytes(name: string): Uint8Array {
 }
 
 export const recorded: readonly Recorded[] = file.messages.map((one) => ({
-  ...one, payload: new Uint8Array(Buffer.from(one.payload, 'base64')),
+  ...one,
+  payload: new Uint8Array(Buffer.from(one.payload, 'base64')),
 }));

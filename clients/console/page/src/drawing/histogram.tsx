@@ -31,22 +31,38 @@ export function Histogram({latency, name}: {latency: Latency | null; name: strin
   const base = kHeight - kBottom;
   return (
     <div class="histogram">
-      <svg viewBox={`0 0 ${kWidth} ${kHeight}`} role="img" preserveAspectRatio="none"
-        aria-label={words(target, latency)}>
+      <svg
+        viewBox={`0 0 ${kWidth} ${kHeight}`}
+        role="img"
+        preserveAspectRatio="none"
+        aria-label={words(target, latency)}
+      >
         {kTicks.map((us) => (
           <line key={us} class="grid" x1={xOf(us)} x2={xOf(us)} y1={kTop} y2={base} />
         ))}
-        {target.bins.filter((bin) => bin.count > 0).map((bin) => {
-          const height = heightOf(bin.count, most);
-          const x = xOf(Math.max(kLowUs, bin.fromUs));
-          const width = Math.max(1, xOf(bin.toUs) - x - 1);
-          const tone = bin.toUs <= latency.paperBestUs ? 'fast'
-            : bin.toUs <= latency.paperCycleUs ? 'fair' : 'slow';
-          return (
-            <rect key={bin.fromUs} class={tone} x={x} width={width} y={base - height}
-              height={height} />
-          );
-        })}
+        {target.bins
+          .filter((bin) => bin.count > 0)
+          .map((bin) => {
+            const height = heightOf(bin.count, most);
+            const x = xOf(Math.max(kLowUs, bin.fromUs));
+            const width = Math.max(1, xOf(bin.toUs) - x - 1);
+            const tone =
+              bin.toUs <= latency.paperBestUs
+                ? 'fast'
+                : bin.toUs <= latency.paperCycleUs
+                  ? 'fair'
+                  : 'slow';
+            return (
+              <rect
+                key={bin.fromUs}
+                class={tone}
+                x={x}
+                width={width}
+                y={base - height}
+                height={height}
+              />
+            );
+          })}
         <line class="axis" x1={0} x2={kWidth} y1={base} y2={base} />
         {[latency.paperBestUs, latency.paperCycleUs].map((us) => (
           <line key={us} class="paper" x1={xOf(us)} x2={xOf(us)} y1={kTop - 4} y2={base} />
@@ -74,25 +90,35 @@ function percent(share: number | null): string {
 }
 
 function words(target: Target, latency: Latency): string {
-  return `Latency of ${thousands(target.count)} reads: half within ${micros(target.p50Us)}, `
-    + `${percent(shareWithin(target.bins, latency.paperBestUs))} within the paper's `
-    + `${latency.paperBestUs} microseconds`;
+  return (
+    `Latency of ${thousands(target.count)} reads: half within ${micros(target.p50Us)}, ` +
+    `${percent(shareWithin(target.bins, latency.paperBestUs))} within the paper's ` +
+    `${latency.paperBestUs} microseconds`
+  );
 }
 
 function Table({target, latency}: {target: Target; latency: Latency}) {
   const rows: [string, string][] = [
-    ['p50', micros(target.p50Us)], ['p90', micros(target.p90Us)], ['p99', micros(target.p99Us)],
-    ['p99.9', micros(target.p999Us)], ['max', micros(target.maxUs)],
+    ['p50', micros(target.p50Us)],
+    ['p90', micros(target.p90Us)],
+    ['p99', micros(target.p99Us)],
+    ['p99.9', micros(target.p999Us)],
+    ['max', micros(target.maxUs)],
   ];
   const within = (us: number) => percent(shareWithin(target.bins, us));
   return (
     <>
       <dl class="figures">
-        {rows.map(([name, value]) => <div key={name}><dt>{name}</dt><dd>{value}</dd></div>)}
+        {rows.map(([name, value]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd>{value}</dd>
+          </div>
+        ))}
       </dl>
       <p class="quiet small">
-        {within(latency.paperBestUs)} of {thousands(target.count)} reads by this console within
-        58 µs (paper: 91 %), {within(latency.paperCycleUs)} within 1 ms (paper: 99.8 %)
+        {within(latency.paperBestUs)} of {thousands(target.count)} reads by this console within 58
+        µs (paper: 91 %), {within(latency.paperCycleUs)} within 1 ms (paper: 99.8 %)
         {target.failedCount > 0 ? `; ${thousands(target.failedCount)} failed` : ''}.
       </p>
     </>

@@ -1,9 +1,33 @@
 import {
-  BoxGeometry, BufferAttribute, BufferGeometry, CanvasTexture, Color, ConeGeometry,
-  CylinderGeometry, DirectionalLight, DoubleSide, EdgesGeometry, GridHelper, Group, HemisphereLight,
-  Line, LineBasicMaterial, LineSegments, Mesh, MeshStandardMaterial, Object3D, PerspectiveCamera,
-  PlaneGeometry, Quaternion, Scene, SphereGeometry, Sprite, SpriteMaterial, Vector3,
-  WebGLRenderer, type Material,
+  BoxGeometry,
+  BufferAttribute,
+  BufferGeometry,
+  CanvasTexture,
+  Color,
+  ConeGeometry,
+  CylinderGeometry,
+  DirectionalLight,
+  DoubleSide,
+  EdgesGeometry,
+  GridHelper,
+  Group,
+  HemisphereLight,
+  Line,
+  LineBasicMaterial,
+  LineSegments,
+  Mesh,
+  MeshStandardMaterial,
+  Object3D,
+  PerspectiveCamera,
+  PlaneGeometry,
+  Quaternion,
+  Scene,
+  SphereGeometry,
+  Sprite,
+  SpriteMaterial,
+  Vector3,
+  WebGLRenderer,
+  type Material,
 } from 'three';
 import {OrbitControls} from 'three/addons/controls/OrbitControls.js';
 import type {Shape, Touch, Vector3 as Triple} from '../model/sample';
@@ -37,7 +61,9 @@ const kRidgeSpacingM = 0.015;
 const kForceShare = 0.8;
 
 const kDirections: Readonly<Record<ViewName, Triple>> = {
-  corner: [0.95, -1.45, 0.85], front: [0, -1.9, 0.0001], side: [1.9, 0, 0.0001],
+  corner: [0.95, -1.45, 0.85],
+  front: [0, -1.9, 0.0001],
+  side: [1.9, 0, 0.0001],
   top: [0, -0.0001, 1.9],
 };
 
@@ -64,7 +90,8 @@ export class Space {
   private readonly size: number;
 
   constructor(
-    private readonly canvas: HTMLCanvasElement, private readonly room: Room,
+    private readonly canvas: HTMLCanvasElement,
+    private readonly room: Room,
     private readonly colour: Colour,
   ) {
     this.renderer = new WebGLRenderer({canvas, antialias: true, alpha: true});
@@ -81,7 +108,9 @@ export class Space {
     this.proxy = new Mesh(new SphereGeometry(1.6 * unit, 24, 16), this.solid('proxy'));
     this.link = new Line(lineOf(2), new LineBasicMaterial({color: this.paint('proxy')}));
     this.trail = new Line(
-      lineOf(kTrailMax, true), new LineBasicMaterial({vertexColors: true, transparent: true}));
+      lineOf(kTrailMax, true),
+      new LineBasicMaterial({vertexColors: true, transparent: true}),
+    );
     this.trail.frustumCulled = this.link.frustumCulled = false;
     this.shaft = new Mesh(new CylinderGeometry(0.9 * unit, 0.9 * unit, 1, 16), this.solid('force'));
     this.head = new Mesh(new ConeGeometry(2.2 * unit, 5 * unit, 20), this.solid('force'));
@@ -145,7 +174,8 @@ export class Space {
     if (!this.arrow.visible) return null;
     const at = this.tip.clone().project(this.camera);
     return {
-      x: ((at.x + 1) / 2) * this.canvas.clientWidth, y: ((1 - at.y) / 2) * this.canvas.clientHeight,
+      x: ((at.x + 1) / 2) * this.canvas.clientWidth,
+      y: ((1 - at.y) / 2) * this.canvas.clientHeight,
     };
   }
 
@@ -170,7 +200,7 @@ export class Space {
     }
     this.placeTrail(track, endS);
     this.placeTouch(touch, sample?.positionM ?? null);
-    this.placeForce(sample?.positionM ?? null, isFresh ? sample?.forceNewton ?? null : null);
+    this.placeForce(sample?.positionM ?? null, isFresh ? (sample?.forceNewton ?? null) : null);
   }
 
   private placeTrail(track: Track | null, endS: number | null): void {
@@ -214,7 +244,9 @@ export class Space {
     const headLength = Math.min(0.05 * this.size, length);
     const shaftLength = Math.max(1e-6, length - headLength);
     this.arrow.position.set(...at);
-    this.arrow.quaternion.copy(new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), direction));
+    this.arrow.quaternion.copy(
+      new Quaternion().setFromUnitVectors(new Vector3(0, 1, 0), direction),
+    );
     this.shaft.scale.set(1, shaftLength, 1);
     this.shaft.position.set(0, shaftLength / 2, 0);
     this.head.scale.setScalar(headLength / (0.05 * this.size));
@@ -232,10 +264,17 @@ export class Space {
       this.surface = null;
     }
     if (touch === null) return;
-    this.surface = new Mesh(this.surfaceOf(touch.shape), new MeshStandardMaterial({
-      color: this.paint('wall'), transparent: true, opacity: 0.55, roughness: 0.8,
-      side: DoubleSide, depthWrite: false,
-    }));
+    this.surface = new Mesh(
+      this.surfaceOf(touch.shape),
+      new MeshStandardMaterial({
+        color: this.paint('wall'),
+        transparent: true,
+        opacity: 0.55,
+        roughness: 0.8,
+        side: DoubleSide,
+        depthWrite: false,
+      }),
+    );
     this.surface.position.set(0, 0, touch.shape === 'sphere' ? touch.faceM - kBallM : touch.faceM);
     this.scene.add(this.surface);
   }
@@ -262,13 +301,19 @@ export class Space {
     if (!isAssumed) {
       const box = new BoxGeometry(...extent);
       const edges = new LineSegments(
-        new EdgesGeometry(box), new LineBasicMaterial({color: this.paint('edge')}));
+        new EdgesGeometry(box),
+        new LineBasicMaterial({color: this.paint('edge')}),
+      );
       box.dispose();
       edges.position.copy(centre);
       this.scene.add(edges);
     }
     const grid = new GridHelper(
-      Math.max(extent[0], extent[1]), 10, this.paint('grid'), this.paint('grid'));
+      Math.max(extent[0], extent[1]),
+      10,
+      this.paint('grid'),
+      this.paint('grid'),
+    );
     grid.rotateX(Math.PI / 2);
     grid.position.set(centre.x, centre.y, low[2]);
     this.scene.add(grid);
@@ -300,7 +345,10 @@ export class Space {
     this.tool.add(ball);
     // Its orientation, as three short rods.
     ['x', 'y', 'z'].forEach((name, axis) => {
-      const rod = new Mesh(new CylinderGeometry(0.5 * unit, 0.5 * unit, 6 * unit, 10), this.solid(name));
+      const rod = new Mesh(
+        new CylinderGeometry(0.5 * unit, 0.5 * unit, 6 * unit, 10),
+        this.solid(name),
+      );
       if (axis === 0) rod.rotateZ(Math.PI / 2);
       if (axis === 2) rod.rotateX(Math.PI / 2);
       rod.position.setComponent(axis, 3 * unit);

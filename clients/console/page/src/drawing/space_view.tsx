@@ -12,22 +12,28 @@ const kAssumedM = 0.1;
 const kAssumedNewton = 5;
 const kTurnDegrees = 10;
 const kViews: readonly {readonly value: ViewName; readonly label: string}[] = [
-  {value: 'corner', label: 'Corner'}, {value: 'front', label: 'Front'},
-  {value: 'side', label: 'Side'}, {value: 'top', label: 'Top'},
+  {value: 'corner', label: 'Corner'},
+  {value: 'front', label: 'Front'},
+  {value: 'side', label: 'Side'},
+  {value: 'top', label: 'Top'},
 ];
 
 export function roomOf(device: Device | null): Room {
   const low = device?.workspaceLowM ?? [];
   const high = device?.workspaceHighM ?? [];
-  const isKnown = low.length === 3 && high.length === 3 && high.some((one, i) => one > (low[i] ?? 0));
-  const at = (numbers: readonly number[]): Vector3 =>
-    [numbers[0] ?? 0, numbers[1] ?? 0, numbers[2] ?? 0];
+  const isKnown =
+    low.length === 3 && high.length === 3 && high.some((one, i) => one > (low[i] ?? 0));
+  const at = (numbers: readonly number[]): Vector3 => [
+    numbers[0] ?? 0,
+    numbers[1] ?? 0,
+    numbers[2] ?? 0,
+  ];
   const assumed: Vector3 = [kAssumedM, kAssumedM, kAssumedM];
   return {
     low: isKnown ? at(low) : [-kAssumedM, -kAssumedM, -kAssumedM],
     high: isKnown ? at(high) : assumed,
-    forceMaxNewton: device !== null && device.forceMaxNewton > 0
-      ? device.forceMaxNewton : kAssumedNewton,
+    forceMaxNewton:
+      device !== null && device.forceMaxNewton > 0 ? device.forceMaxNewton : kAssumedNewton,
     isAssumed: !isKnown,
   };
 }
@@ -61,17 +67,25 @@ export function SpaceView(props: Props) {
     if (target === null) return undefined;
     let isEnded = false;
     const ends: (() => void)[] = [];
-    void import('./space').then(({Space: Loaded}) => {
-      if (isEnded) return;
-      const made = new Loaded(target, JSON.parse(roomKey) as Room, colour);
-      space.current = made;
-      setPerNewton(made.millimetresPerNewton);
-      const observer = new ResizeObserver(() => made.resize(target.clientWidth, target.clientHeight));
-      observer.observe(target);
-      made.resize(target.clientWidth, target.clientHeight);
-      const stop = eachFrame(() => paint(made, latest.current, label.current, facts.current));
-      ends.push(stop, () => observer.disconnect(), () => made.dispose());
-    }).catch((error: Error) => setProblem(error.message));
+    void import('./space')
+      .then(({Space: Loaded}) => {
+        if (isEnded) return;
+        const made = new Loaded(target, JSON.parse(roomKey) as Room, colour);
+        space.current = made;
+        setPerNewton(made.millimetresPerNewton);
+        const observer = new ResizeObserver(() =>
+          made.resize(target.clientWidth, target.clientHeight),
+        );
+        observer.observe(target);
+        made.resize(target.clientWidth, target.clientHeight);
+        const stop = eachFrame(() => paint(made, latest.current, label.current, facts.current));
+        ends.push(
+          stop,
+          () => observer.disconnect(),
+          () => made.dispose(),
+        );
+      })
+      .catch((error: Error) => setProblem(error.message));
     return () => {
       isEnded = true;
       space.current = null;
@@ -97,9 +111,15 @@ export function SpaceView(props: Props) {
 
   return (
     <div class={`space ${props.isReplay ? 'is-replay' : ''}`}>
-      <canvas key={`${roomKey} ${version}`} ref={canvas} class="space-canvas" tabIndex={0} role="img"
+      <canvas
+        key={`${roomKey} ${version}`}
+        ref={canvas}
+        class="space-canvas"
+        tabIndex={0}
+        role="img"
         aria-label={`3-D view of ${props.name}; arrow keys turn it, plus and minus zoom`}
-        onKeyDown={onKeyDown} />
+        onKeyDown={onKeyDown}
+      />
       <div ref={label} class="space-label" hidden />
       <div ref={facts} class="space-facts" data-testid="space-facts" />
       {problem !== '' && (
@@ -125,17 +145,20 @@ export function SpaceView(props: Props) {
 }
 
 function paint(
-  space: Space, props: Props, label: HTMLElement | null, facts: HTMLElement | null,
+  space: Space,
+  props: Props,
+  label: HTMLElement | null,
+  facts: HTMLElement | null,
 ): void {
   const now = props.nowMs();
   const track = props.motion.track(props.name);
-  const isFresh = props.isReplay
-    || (props.isLive && track !== null && now - track.sampleMs <= kStaleMs);
-  const hasTouch = track !== null
-    && (props.isReplay || (isFresh && now - track.touchMs <= kStaleMs));
+  const isFresh =
+    props.isReplay || (props.isLive && track !== null && now - track.sampleMs <= kStaleMs);
+  const hasTouch =
+    track !== null && (props.isReplay || (isFresh && now - track.touchMs <= kStaleMs));
   const at = space.paint3d({
     track,
-    endS: props.isReplay ? track?.series.lastS ?? null : track?.endS(now) ?? null,
+    endS: props.isReplay ? (track?.series.lastS ?? null) : (track?.endS(now) ?? null),
     touch: hasTouch ? track.touch : null,
     isFresh,
   });

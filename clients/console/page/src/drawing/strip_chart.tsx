@@ -50,8 +50,10 @@ function rangeOf(low: number | null, high: number | null, spanMin: number): Rang
 
 function optionsOf(props: Props, width: number, height: number): uPlot.Options {
   const axis = {
-    stroke: colour('quiet'), font: '12px system-ui, sans-serif',
-    grid: {stroke: colour('line'), width: 1}, ticks: {show: false},
+    stroke: colour('quiet'),
+    font: '12px system-ui, sans-serif',
+    grid: {stroke: colour('line'), width: 1},
+    ticks: {show: false},
   };
   const isLogarithmic = props.isLogarithmic ?? false;
   return {
@@ -63,8 +65,10 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
     scales: {
       x: {time: false, auto: false, range: () => [-props.windowS, 0] as Range},
       y: isLogarithmic
-        ? {distr: 3, range: (_, low, high) =>
-          [Math.min(10, low ?? 10), Math.max(2000, high ?? 0)] as Range}
+        ? {
+            distr: 3,
+            range: (_, low, high) => [Math.min(10, low ?? 10), Math.max(2000, high ?? 0)] as Range,
+          }
         : {range: (_, low, high) => rangeOf(low, high, props.spanMin)},
     },
     axes: [
@@ -74,7 +78,10 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
     series: [
       {},
       ...props.curves.map((curve) => ({
-        stroke: colour(curve.paint), width: 1.75, spanGaps: false, points: {show: false},
+        stroke: colour(curve.paint),
+        width: 1.75,
+        spanGaps: false,
+        points: {show: false},
       })),
     ],
     hooks: {draw: [(chart) => drawMarks(chart, props)]},
@@ -85,8 +92,16 @@ function optionsOf(props: Props, width: number, height: number): uPlot.Options {
 function decades(grid: uPlot.Axis.Grid): uPlot.Axis {
   const filter = (_: uPlot, ticks: number[]) =>
     ticks.map((tick) => (Number.isInteger(Math.log10(tick)) ? tick : null));
-  const values = (_: uPlot, ticks: (number | null)[]) => ticks.map((tick) =>
-    (tick === null ? '' : tick < 1e3 ? `${tick} µs` : tick < 1e6 ? `${tick / 1e3} ms` : `${tick / 1e6} s`));
+  const values = (_: uPlot, ticks: (number | null)[]) =>
+    ticks.map((tick) =>
+      tick === null
+        ? ''
+        : tick < 1e3
+          ? `${tick} µs`
+          : tick < 1e6
+            ? `${tick / 1e3} ms`
+            : `${tick / 1e6} s`,
+    );
   return {filter, values, grid: {...grid, filter}};
 }
 
@@ -130,9 +145,13 @@ export function StripChart(props: Props) {
     if (target === null) return undefined;
     const empty: uPlot.AlignedData = [[], ...props.curves.map(() => [])];
     const chart = new uPlot(
-      optionsOf(props, target.clientWidth, target.clientHeight), empty, target);
+      optionsOf(props, target.clientWidth, target.clientHeight),
+      empty,
+      target,
+    );
     const observer = new ResizeObserver(() =>
-      chart.setSize({width: target.clientWidth, height: target.clientHeight}));
+      chart.setSize({width: target.clientWidth, height: target.clientHeight}),
+    );
     observer.observe(target);
     let lastMs = 0;
     const stop = eachFrame((nowMs) => {
@@ -150,24 +169,34 @@ export function StripChart(props: Props) {
   return (
     <figure ref={figure} class="strip" data-testid={`strip-${props.title.toLowerCase()}`}>
       <figcaption class="strip-head">
-        <span class="strip-title">{props.title} <span class="unit">{props.unit}</span></span>
+        <span class="strip-title">
+          {props.title} <span class="unit">{props.unit}</span>
+        </span>
         <div ref={values} class="strip-values">
           {props.curves.map((curve) => (
             <span key={curve.label} class="strip-value">
-              <i style={{background: `var(--${curve.paint})`}} />{curve.label} <b>–</b>
+              <i style={{background: `var(--${curve.paint})`}} />
+              {curve.label} <b>–</b>
             </span>
           ))}
         </div>
       </figcaption>
-      <div ref={holder} class="strip-plot" role="img"
-        aria-label={`${props.title} over the last ${props.windowS} seconds; values above`} />
+      <div
+        ref={holder}
+        class="strip-plot"
+        role="img"
+        aria-label={`${props.title} over the last ${props.windowS} seconds; values above`}
+      />
       <p class="strip-stale">not live</p>
     </figure>
   );
 }
 
 function paint(
-  chart: uPlot, props: Props, values: HTMLElement | null, figure: HTMLElement | null,
+  chart: uPlot,
+  props: Props,
+  values: HTMLElement | null,
+  figure: HTMLElement | null,
 ): void {
   const source = props.source();
   figure?.classList.toggle('is-stale', source === null || !source.isFresh);

@@ -3,13 +3,28 @@ import {BaseType, readSchema, type FieldType, type Schema, type SchemaObject} fr
 
 /** A decoded payload. Whole numbers beyond 2^53 are bigints; enums are numbers. */
 export type Decoded =
-  | null | boolean | number | bigint | string | readonly Decoded[] | {readonly [key: string]: Decoded};
+  | null
+  | boolean
+  | number
+  | bigint
+  | string
+  | readonly Decoded[]
+  | {readonly [key: string]: Decoded};
 export type DecodedTable = {readonly [key: string]: Decoded};
 
 const kSizes: Readonly<Partial<Record<BaseType, number>>> = {
-  [BaseType.UType]: 1, [BaseType.Bool]: 1, [BaseType.Byte]: 1, [BaseType.UByte]: 1,
-  [BaseType.Short]: 2, [BaseType.UShort]: 2, [BaseType.Int]: 4, [BaseType.UInt]: 4,
-  [BaseType.Float]: 4, [BaseType.Long]: 8, [BaseType.ULong]: 8, [BaseType.Double]: 8,
+  [BaseType.UType]: 1,
+  [BaseType.Bool]: 1,
+  [BaseType.Byte]: 1,
+  [BaseType.UByte]: 1,
+  [BaseType.Short]: 2,
+  [BaseType.UShort]: 2,
+  [BaseType.Int]: 4,
+  [BaseType.UInt]: 4,
+  [BaseType.Float]: 4,
+  [BaseType.Long]: 8,
+  [BaseType.ULong]: 8,
+  [BaseType.Double]: 8,
 };
 const kDepthMax = 32;
 
@@ -27,9 +42,13 @@ export class Decoder {
     return new Decoder(readSchema(schemaBytes), rootName);
   }
 
-  constructor(private readonly schema: Schema, rootName: string) {
+  constructor(
+    private readonly schema: Schema,
+    rootName: string,
+  ) {
     const root = schema.objects.find((one) => one.name === rootName);
-    if (root === undefined || root.isStruct) throw new RangeError(`no table ${rootName} in its schema`);
+    if (root === undefined || root.isStruct)
+      throw new RangeError(`no table ${rootName} in its schema`);
     this.root = root;
   }
 
@@ -86,10 +105,19 @@ export class Decoder {
   }
 
   private elements(
-    bytes: Bytes, type: FieldType, start: number, count: number, depth: number,
+    bytes: Bytes,
+    type: FieldType,
+    start: number,
+    count: number,
+    depth: number,
   ): Decoded[] {
     const size = this.elementSize(type);
-    const one: FieldType = {base: type.element, element: BaseType.None, index: type.index, count: 0};
+    const one: FieldType = {
+      base: type.element,
+      element: BaseType.None,
+      index: type.index,
+      count: 0,
+    };
     return Array.from({length: count}, (_, i) => this.value(bytes, one, start + i * size, depth));
   }
 
@@ -128,18 +156,30 @@ function absent(type: FieldType, whole: bigint, real: number): Decoded {
 
 function scalar(view: DataView, type: BaseType, at: number): Decoded {
   switch (type) {
-    case BaseType.Bool: return view.getUint8(at) !== 0;
-    case BaseType.Byte: return view.getInt8(at);
+    case BaseType.Bool:
+      return view.getUint8(at) !== 0;
+    case BaseType.Byte:
+      return view.getInt8(at);
     case BaseType.UType:
-    case BaseType.UByte: return view.getUint8(at);
-    case BaseType.Short: return view.getInt16(at, true);
-    case BaseType.UShort: return view.getUint16(at, true);
-    case BaseType.Int: return view.getInt32(at, true);
-    case BaseType.UInt: return view.getUint32(at, true);
-    case BaseType.Long: return exact(view.getBigInt64(at, true));
-    case BaseType.ULong: return exact(view.getBigUint64(at, true));
-    case BaseType.Float: return view.getFloat32(at, true);
-    case BaseType.Double: return view.getFloat64(at, true);
-    default: return null;
+    case BaseType.UByte:
+      return view.getUint8(at);
+    case BaseType.Short:
+      return view.getInt16(at, true);
+    case BaseType.UShort:
+      return view.getUint16(at, true);
+    case BaseType.Int:
+      return view.getInt32(at, true);
+    case BaseType.UInt:
+      return view.getUint32(at, true);
+    case BaseType.Long:
+      return exact(view.getBigInt64(at, true));
+    case BaseType.ULong:
+      return exact(view.getBigUint64(at, true));
+    case BaseType.Float:
+      return view.getFloat32(at, true);
+    case BaseType.Double:
+      return view.getFloat64(at, true);
+    default:
+      return null;
   }
 }

@@ -3,8 +3,24 @@ import {Bytes} from './bytes';
 /** A schema, as FlatBuffers' reflection.fbs describes it. */
 
 export const enum BaseType {
-  None, UType, Bool, Byte, UByte, Short, UShort, Int, UInt, Long, ULong, Float, Double, String,
-  Vector, Obj, Union, Array,
+  None,
+  UType,
+  Bool,
+  Byte,
+  UByte,
+  Short,
+  UShort,
+  Int,
+  UInt,
+  Long,
+  ULong,
+  Float,
+  Double,
+  String,
+  Vector,
+  Obj,
+  Union,
+  Array,
 }
 
 export interface FieldType {
@@ -41,11 +57,22 @@ export interface Schema {
 
 /** Offsets in the vtables of reflection.fbs: 4 + 2 * the field's number. */
 const kField = {
-  objects: 4, enums: 6, // Schema
-  name: 4, fields: 6, isStruct: 8, byteCount: 12, // Object
-  type: 6, offset: 10, whole: 12, real: 14, // Field
-  base: 4, element: 6, index: 8, count: 10, // Type
-  values: 6, value: 6, // Enum, EnumVal
+  objects: 4,
+  enums: 6, // Schema
+  name: 4,
+  fields: 6,
+  isStruct: 8,
+  byteCount: 12, // Object
+  type: 6,
+  offset: 10,
+  whole: 12,
+  real: 14, // Field
+  base: 4,
+  element: 6,
+  index: 8,
+  count: 10, // Type
+  values: 6,
+  value: 6, // Enum, EnumVal
 } as const;
 
 class Reader {

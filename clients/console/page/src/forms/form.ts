@@ -1,7 +1,13 @@
 import {computed, signal, type ReadonlySignal, type Signal} from '@preact/signals';
 import type {Json} from '../protocol/json';
 import {
-  isSame, readAnswer, readParameterList, wordsOf, writeSetting, type Answer, type Parameter,
+  isSame,
+  readAnswer,
+  readParameterList,
+  wordsOf,
+  writeSetting,
+  type Answer,
+  type Parameter,
   type ParameterList,
 } from './parameter';
 import {check, lockOf, valueText} from './validate';
@@ -36,11 +42,16 @@ export class Form {
 
   /** Drafts that differ from what the device has, and are valid. */
   readonly changes: ReadonlySignal<readonly Parameter[]> = computed(() =>
-    (this.list.value?.parameters ?? []).filter((one) => this.isChanged(one)));
-  readonly invalidCount: ReadonlySignal<number> = computed(() =>
-    (this.list.value?.parameters ?? []).filter((one) => this.problemOf(one) !== null).length);
+    (this.list.value?.parameters ?? []).filter((one) => this.isChanged(one)),
+  );
+  readonly invalidCount: ReadonlySignal<number> = computed(
+    () => (this.list.value?.parameters ?? []).filter((one) => this.problemOf(one) !== null).length,
+  );
 
-  constructor(readonly name: string, private readonly call: CallConfig) {}
+  constructor(
+    readonly name: string,
+    private readonly call: CallConfig,
+  ) {}
 
   /** Reads the list anew; drafts stay. */
   async refresh(): Promise<void> {
@@ -113,14 +124,19 @@ export class Form {
     const request = names === null ? {revision: list.revision} : {revision: list.revision, names};
     await this.change('reset', request, () => {
       this.discard(names ?? undefined);
-      this.tell(true, names === null ? 'All parameters have their defaults.'
-        : `${names.join(', ')} ${names.length === 1 ? 'has its default' : 'have their defaults'}.`);
+      this.tell(
+        true,
+        names === null
+          ? 'All parameters have their defaults.'
+          : `${names.join(', ')} ${names.length === 1 ? 'has its default' : 'have their defaults'}.`,
+      );
     });
   }
 
   async save(): Promise<void> {
     await this.change('save', {}, () =>
-      this.tell(true, 'Saved for the next start of the device server.'));
+      this.tell(true, 'Saved for the next start of the device server.'),
+    );
   }
 
   private isChanged(parameter: Parameter): boolean {
@@ -131,9 +147,7 @@ export class Form {
     return checked.isValid && !isSame(checked.value, parameter.value);
   }
 
-  private async change(
-    method: string, request: Json, done: () => void,
-  ): Promise<void> {
+  private async change(method: string, request: Json, done: () => void): Promise<void> {
     this.isBusy.value = true;
     this.refusals.value = new Map();
     try {
@@ -155,14 +169,19 @@ export class Form {
   private async refuse(answer: Answer): Promise<void> {
     await this.refresh();
     if (answer.outcome === 'StaleRevision') {
-      this.tell(false, 'Nothing was changed: another client changed parameters first. The values '
-        + 'above are the present ones; what you typed is kept. Check it, and apply again.');
+      this.tell(
+        false,
+        'Nothing was changed: another client changed parameters first. The values ' +
+          'above are the present ones; what you typed is kept. Check it, and apply again.',
+      );
       return;
     }
     // A refusal of several together names them in its words.
     const words = wordsOf(answer);
-    const names = answer.parameter !== '' ? [answer.parameter]
-      : [...this.drafts.value.keys()].filter((name) => words.includes(name));
+    const names =
+      answer.parameter !== ''
+        ? [answer.parameter]
+        : [...this.drafts.value.keys()].filter((name) => words.includes(name));
     this.refusals.value = new Map(names.map((name) => [name, words]));
     this.tell(false, `Nothing was changed: ${words}`);
   }
@@ -180,8 +199,13 @@ function without<T>(map: ReadonlyMap<string, T>, names: readonly string[]): Read
 
 /** Whether what can change without a new revision is the same. */
 function isAlike(a: ParameterList, b: ParameterList | null): boolean {
-  return b !== null && a.isActive === b.isActive && a.isUnsaved === b.isUnsaved
-    && a.isPersistent === b.isPersistent && a.parameters.length === b.parameters.length;
+  return (
+    b !== null &&
+    a.isActive === b.isActive &&
+    a.isUnsaved === b.isUnsaved &&
+    a.isPersistent === b.isPersistent &&
+    a.parameters.length === b.parameters.length
+  );
 }
 
 export function count(number: number, noun: string): string {
@@ -191,7 +215,8 @@ export function count(number: number, noun: string): string {
 /** The names of objects that have parameters, by the services that the console offers. */
 export function configNames(services: ReadonlySet<string>): string[] {
   const end = '/config/list';
-  return [...services].filter((name) => name.endsWith(end))
-    .map((name) => name.slice(0, -end.length)).sort();
+  return [...services]
+    .filter((name) => name.endsWith(end))
+    .map((name) => name.slice(0, -end.length))
+    .sort();
 }
-

@@ -67,11 +67,16 @@ function bound(value: Json | undefined, unlimited: number): number {
 export function readValue(type: ParameterType, value: Json | undefined): Value {
   const fields = object(value);
   switch (type) {
-    case 'Bool': return flag(fields['flag']);
-    case 'Integer': return whole(fields['integer']);
-    case 'Real': return real(fields['real']);
-    case 'Vector': return list(fields['elements']).map(real);
-    default: return text(fields['text']);
+    case 'Bool':
+      return flag(fields['flag']);
+    case 'Integer':
+      return whole(fields['integer']);
+    case 'Real':
+      return real(fields['real']);
+    case 'Vector':
+      return list(fields['elements']).map(real);
+    default:
+      return text(fields['text']);
   }
 }
 
@@ -107,9 +112,22 @@ export function readParameterList(reply: Json): ParameterList {
 }
 
 const kOutcomes = [
-  'Done', 'UnknownParameter', 'WrongType', 'OutOfRange', 'ReadOnly', 'WrongState',
-  'RepeatedParameter', 'StaleRevision', 'Busy', 'RefusedByDevice', 'NotPersistent',
-  'StorageFailed', 'UnknownCalibration', 'NoSuchRun', 'WrongAnswer', 'NoResult',
+  'Done',
+  'UnknownParameter',
+  'WrongType',
+  'OutOfRange',
+  'ReadOnly',
+  'WrongState',
+  'RepeatedParameter',
+  'StaleRevision',
+  'Busy',
+  'RefusedByDevice',
+  'NotPersistent',
+  'StorageFailed',
+  'UnknownCalibration',
+  'NoSuchRun',
+  'WrongAnswer',
+  'NoResult',
 ] as const;
 
 export function readAnswer(reply: Json): Answer {

@@ -31,19 +31,25 @@ export function readLatency(value: Json): Latency {
   const latency = object(value);
   const paper = object(latency['paper']);
   return {
-    targets: list(latency['targets']).map(object).map((target) => ({
-      name: text(target['name']),
-      p50Us: numberOrNull(target['p50_us']),
-      p90Us: numberOrNull(target['p90_us']),
-      p99Us: numberOrNull(target['p99_us']),
-      p999Us: numberOrNull(target['p999_us']),
-      maxUs: numberOrNull(target['max_us']),
-      count: number(target['count']),
-      failedCount: number(target['failed_count']),
-      bins: list(target['histogram']).map(object).map((bin) => ({
-        fromUs: number(bin['from_us']), toUs: number(bin['to_us']), count: number(bin['count']),
+    targets: list(latency['targets'])
+      .map(object)
+      .map((target) => ({
+        name: text(target['name']),
+        p50Us: numberOrNull(target['p50_us']),
+        p90Us: numberOrNull(target['p90_us']),
+        p99Us: numberOrNull(target['p99_us']),
+        p999Us: numberOrNull(target['p999_us']),
+        maxUs: numberOrNull(target['max_us']),
+        count: number(target['count']),
+        failedCount: number(target['failed_count']),
+        bins: list(target['histogram'])
+          .map(object)
+          .map((bin) => ({
+            fromUs: number(bin['from_us']),
+            toUs: number(bin['to_us']),
+            count: number(bin['count']),
+          })),
       })),
-    })),
     paperBestUs: number(paper['best_us'], 58),
     paperCycleUs: number(paper['cycle_us'], 1000),
   };

@@ -95,7 +95,9 @@ export interface ConsoleState {
   };
   readonly servers: readonly Server[];
   readonly objects: readonly {
-    readonly name: string; readonly interface: string; readonly url: string;
+    readonly name: string;
+    readonly interface: string;
+    readonly url: string;
   }[];
   readonly devices: readonly Device[];
   readonly recording: Recording;
@@ -122,7 +124,9 @@ export function readState(value: Json): ConsoleState {
     timeNs: number(state['time_ns']),
     uptimeS: number(state['uptime_s']),
     registry: {
-      url: text(registry['url']), isOk: flag(registry['ok']), problem: text(registry['problem']),
+      url: text(registry['url']),
+      isOk: flag(registry['ok']),
+      problem: text(registry['problem']),
     },
     hub: {
       name: text(hub['name']),
@@ -132,9 +136,13 @@ export function readState(value: Json): ConsoleState {
       eventsPerSecond: number(hub['event_per_s']),
     },
     servers: list(state['servers']).map((one) => readServer(object(one))),
-    objects: list(state['objects']).map(object).map((one) => ({
-      name: text(one['name']), interface: text(one['interface']), url: text(one['url']),
-    })),
+    objects: list(state['objects'])
+      .map(object)
+      .map((one) => ({
+        name: text(one['name']),
+        interface: text(one['interface']),
+        url: text(one['url']),
+      })),
     devices: list(state['devices']).map((one) => readDevice(object(one))),
     recording: readRecording(object(state['recording'])),
     replay: readReplay(object(state['replay'])),
@@ -149,17 +157,19 @@ function readServer(server: JsonObject): Server {
     port: number(server['port']),
     processId: number(server['process_id']),
     isAlive: flag(server['alive']),
-    lanes: list(server['lanes']).map(object).map((lane) => ({
-      name: text(lane['name']),
-      band: numbers(lane['band']),
-      schedule: text(lane['schedule']),
-      wait: text(lane['wait']),
-      callsPerSecond: number(lane['calls_per_s']),
-      dropsPerSecond: number(lane['drops_per_s']),
-      longestCycleUs: numberOrNull(lane['longest_cycle_us']),
-      queued: number(lane['queued']),
-      busy: number(lane['busy']),
-    })),
+    lanes: list(server['lanes'])
+      .map(object)
+      .map((lane) => ({
+        name: text(lane['name']),
+        band: numbers(lane['band']),
+        schedule: text(lane['schedule']),
+        wait: text(lane['wait']),
+        callsPerSecond: number(lane['calls_per_s']),
+        dropsPerSecond: number(lane['drops_per_s']),
+        longestCycleUs: numberOrNull(lane['longest_cycle_us']),
+        queued: number(lane['queued']),
+        busy: number(lane['busy']),
+      })),
   };
 }
 
@@ -192,11 +202,13 @@ function readDevice(device: JsonObject): Device {
     forceMaxNewton: number(device['force_newton_max']),
     workspaceLowM: numbers(device['workspace_low_m']),
     workspaceHighM: numbers(device['workspace_high_m']),
-    axes: list(device['axes']).map(object).map((axis) => ({
-      name: text(axis['name']),
-      isSensed: flag(axis['is_sensed']),
-      isActuated: flag(axis['is_actuated']),
-    })),
+    axes: list(device['axes'])
+      .map(object)
+      .map((axis) => ({
+        name: text(axis['name']),
+        isSensed: flag(axis['is_sensed']),
+        isActuated: flag(axis['is_actuated']),
+      })),
     buttons: texts(device['buttons']),
     analogs: list(device['analogs']).map(readScale),
     joints: list(device['joints']).map(readScale),

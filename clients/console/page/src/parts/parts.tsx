@@ -35,10 +35,20 @@ export function Card({title, aside, children, class: extra = ''}: CardProps) {
   );
 }
 
-export function Notice({tone, children, role}: {
-  tone: Tone; children: ComponentChildren; role?: 'alert' | 'status';
+export function Notice({
+  tone,
+  children,
+  role,
+}: {
+  tone: Tone;
+  children: ComponentChildren;
+  role?: 'alert' | 'status';
 }) {
-  return <div class={`notice notice-${tone}`} {...(role ? {role} : {})}>{children}</div>;
+  return (
+    <div class={`notice notice-${tone}`} {...(role ? {role} : {})}>
+      {children}
+    </div>
+  );
 }
 
 export function Empty({children}: {children: ComponentChildren}) {
@@ -67,8 +77,15 @@ export function Confirm(props: ConfirmProps) {
   }, [isAsking]);
   if (!isAsking) {
     return (
-      <button ref={opener} type="button" class={props.class} disabled={props.disabled}
-        onClick={() => setAsking(true)}>{props.label}…</button>
+      <button
+        ref={opener}
+        type="button"
+        class={props.class}
+        disabled={props.disabled}
+        onClick={() => setAsking(true)}
+      >
+        {props.label}…
+      </button>
     );
   }
   const onKeyDown = (event: JSX.TargetedKeyboardEvent<HTMLDivElement>) => {
@@ -82,7 +99,9 @@ export function Confirm(props: ConfirmProps) {
     <div class="confirm" role="group" aria-label={props.label} onKeyDown={onKeyDown}>
       <p>{props.question}</p>
       <div class="row">
-        <button ref={first} type="button" onClick={() => setAsking(false)}>Cancel</button>
+        <button ref={first} type="button" onClick={() => setAsking(false)}>
+          Cancel
+        </button>
         <button type="button" class="strong" disabled={props.disabled} onClick={act}>
           {props.confirm}
         </button>
@@ -99,12 +118,23 @@ interface ChoiceProps<T extends string | number> {
 }
 
 /** A few options side by side, of which one is chosen. */
-export function Choice<T extends string | number>({label, options, value, onChange}: ChoiceProps<T>) {
+export function Choice<T extends string | number>({
+  label,
+  options,
+  value,
+  onChange,
+}: ChoiceProps<T>) {
   return (
     <div class="choice" role="group" aria-label={label}>
       {options.map((one) => (
-        <button type="button" key={one.value} aria-pressed={one.value === value}
-          onClick={() => onChange(one.value)}>{one.label}</button>
+        <button
+          type="button"
+          key={one.value}
+          aria-pressed={one.value === value}
+          onClick={() => onChange(one.value)}
+        >
+          {one.label}
+        </button>
       ))}
     </div>
   );

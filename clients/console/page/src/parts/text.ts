@@ -47,7 +47,9 @@ export function micros(us: number | null): string {
 }
 
 export function thousands(count: number): string {
-  return Math.round(count).toString().replace(/\B(?=(\d{3})+$)/g, '\u202f');
+  return Math.round(count)
+    .toString()
+    .replace(/\B(?=(\d{3})+$)/g, '\u202f');
 }
 
 export function rate(perSecond: number): string {

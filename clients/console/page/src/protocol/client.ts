@@ -48,7 +48,10 @@ export interface Listener {
 
 /** A call that failed: the server's own words, or that the connection is lost. */
 export class CallError extends Error {
-  constructor(message: string, readonly isLost = false) {
+  constructor(
+    message: string,
+    readonly isLost = false,
+  ) {
     super(message);
   }
 }
@@ -203,11 +206,15 @@ export class Client {
       }
       case 'parameterValues':
         this.listener.onParameters(
-          list(message['parameters']).map((one) => text(object(one)['name'])));
+          list(message['parameters']).map((one) => text(object(one)['name'])),
+        );
         break;
       case 'serviceCallFailure':
         this.finish(number(message['callId']), (call) =>
-          call.reject(new CallError(text(message['message'], 'the console refused, without words'))));
+          call.reject(
+            new CallError(text(message['message'], 'the console refused, without words')),
+          ),
+        );
         break;
     }
   }
@@ -221,9 +228,10 @@ export class Client {
       const subscription = this.subscriptions.get(frame.subscriptionId);
       if (subscription === undefined) return;
       const {channel, decoder} = subscription;
-      const value = decoder !== null
-        ? decoder.decode(frame.payload)
-        : parseJson(new TextDecoder().decode(frame.payload));
+      const value =
+        decoder !== null
+          ? decoder.decode(frame.payload)
+          : parseJson(new TextDecoder().decode(frame.payload));
       const handlers = this.interests.get(channel.topic);
       handlers?.forEach((handle) => handle({channel, timeNs: frame.timeNs, value}));
     }
@@ -265,5 +273,8 @@ export class Client {
 function decoderOf(channel: Channel): Decoder | null {
   if (channel.encoding !== 'flatbuffer') return null;
   const binary = atob(channel.schema);
-  return Decoder.of(Uint8Array.from(binary, (one) => one.charCodeAt(0)), channel.schemaName);
+  return Decoder.of(
+    Uint8Array.from(binary, (one) => one.charCodeAt(0)),
+    channel.schemaName,
+  );
 }

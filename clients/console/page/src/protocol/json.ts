@@ -3,13 +3,7 @@
  * FlatBuffers' JSON has of its own, are read, too.
  */
 export type Json =
-  | null
-  | boolean
-  | number
-  | bigint
-  | string
-  | readonly Json[]
-  | {readonly [key: string]: Json};
+  null | boolean | number | bigint | string | readonly Json[] | {readonly [key: string]: Json};
 
 export type JsonObject = {readonly [key: string]: Json};
 
@@ -37,7 +31,8 @@ export function writeJson(value: Json): string {
   if (Array.isArray(value)) return `[${value.map(writeJson).join(',')}]`;
   if (value !== null && typeof value === 'object') {
     const fields = Object.entries(value).map(
-      ([key, one]) => `${JSON.stringify(key)}:${writeJson(one)}`);
+      ([key, one]) => `${JSON.stringify(key)}:${writeJson(one)}`,
+    );
     return `{${fields.join(',')}}`;
   }
   return JSON.stringify(value);

@@ -48,7 +48,11 @@ export class App {
   private readonly calibrations = new Map<string, Calibration>();
   private readonly feeds: Feeds;
 
-  constructor(readonly link: Link, readonly route: Signal<Route>, readonly nowMs: () => number) {
+  constructor(
+    readonly link: Link,
+    readonly route: Signal<Route>,
+    readonly nowMs: () => number,
+  ) {
     this.commands = new Commands(link);
     this.stop = new Stop(link, nowMs);
     this.log = new Log(link);
@@ -60,7 +64,8 @@ export class App {
     this.configurable = this.rememberConfigurable();
     link.subscribe('console/state', ({value}) => this.takeState(readState(value as Json)));
     link.subscribe('console/latency', ({value, timeNs}) =>
-      this.takeLatency(readLatency(value as Json), Number(timeNs) / 1e9));
+      this.takeLatency(readLatency(value as Json), Number(timeNs) / 1e9),
+    );
     link.onParameterChange = (changed) => this.refreshForms(changed);
   }
 

@@ -4,8 +4,7 @@ import type {Json} from '../protocol/json';
 import {readAnswer, readValue, wordsOf, type ParameterType, type Value} from '../forms/parameter';
 import type {CallConfig} from '../forms/form';
 
-export type CalibrationPhase =
-  | 'Running' | 'Prompt' | 'Done' | 'Failed' | 'Kept' | 'Discarded';
+export type CalibrationPhase = 'Running' | 'Prompt' | 'Done' | 'Failed' | 'Kept' | 'Discarded';
 
 export interface Run {
   readonly run: number | bigint;
@@ -23,8 +22,14 @@ export interface Offer {
   readonly description: string;
 }
 
-const kPhases: readonly CalibrationPhase[] =
-  ['Running', 'Prompt', 'Done', 'Failed', 'Kept', 'Discarded'];
+const kPhases: readonly CalibrationPhase[] = [
+  'Running',
+  'Prompt',
+  'Done',
+  'Failed',
+  'Kept',
+  'Discarded',
+];
 const kTypes: readonly ParameterType[] = ['Bool', 'Integer', 'Real', 'Text', 'Choice', 'Vector'];
 /** The server cancels a run about which nobody asked for 30 s. */
 const kAskMs = 200;
@@ -34,17 +39,21 @@ export function readRun(reply: Json): Run {
   return {
     run: whole(fields['run']),
     name: text(fields['name']),
-    phase: kPhases.find((one) => one === fields['phase']) ?? kPhases[number(fields['phase'])]
-      ?? 'Running',
+    phase:
+      kPhases.find((one) => one === fields['phase']) ??
+      kPhases[number(fields['phase'])] ??
+      'Running',
     progress: Math.min(1, Math.max(0, number(fields['progress']))),
     prompt: number(fields['prompt']),
     text: text(fields['text']),
     answers: texts(fields['answers']),
-    settings: list(fields['settings']).map(object).map((setting) => {
-      const value = object(setting['value']);
-      const type = kTypes.find((one) => one === value['type']) ?? kTypes[number(value['type'])];
-      return {name: text(setting['name']), value: readValue(type ?? 'Real', value)};
-    }),
+    settings: list(fields['settings'])
+      .map(object)
+      .map((setting) => {
+        const value = object(setting['value']);
+        const type = kTypes.find((one) => one === value['type']) ?? kTypes[number(value['type'])];
+        return {name: text(setting['name']), value: readValue(type ?? 'Real', value)};
+      }),
   };
 }
 
@@ -59,15 +68,21 @@ export class Calibration {
   readonly problem: Signal<string> = signal('');
   private timer: ReturnType<typeof setTimeout> | null = null;
 
-  constructor(private readonly call: CallConfig, private readonly changed: () => void) {}
+  constructor(
+    private readonly call: CallConfig,
+    private readonly changed: () => void,
+  ) {}
 
   /** Reads what is offered; a run that is going on, from another page perhaps, is taken up. */
   async open(): Promise<void> {
     try {
       const reply = object(await this.call('calibrations', {}));
-      this.offers.value = list(reply['calibrations']).map(object).map((one) => ({
-        name: text(one['name']), description: text(one['description']),
-      }));
+      this.offers.value = list(reply['calibrations'])
+        .map(object)
+        .map((one) => ({
+          name: text(one['name']),
+          description: text(one['description']),
+        }));
       const run = whole(reply['run']);
       this.problem.value = '';
       if (run !== 0 && this.run.value === null) await this.ask('calibration', {run});

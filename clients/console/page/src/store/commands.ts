@@ -40,8 +40,7 @@ export class Commands {
     } catch (error) {
       const words = (error as Error).message;
       const isForceable = !isForced && /another browser|operates/.test(words);
-      this.refusals.value =
-        new Map(this.refusals.value).set(device, {command, words, isForceable});
+      this.refusals.value = new Map(this.refusals.value).set(device, {command, words, isForceable});
       return false;
     } finally {
       const pending = new Set(this.pending.value);

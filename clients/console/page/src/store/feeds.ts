@@ -35,7 +35,9 @@ export class Feeds {
   }
 
   private follow(
-    channels: ReadonlyMap<string, Channel>, names: readonly string[], isVisible: boolean,
+    channels: ReadonlyMap<string, Channel>,
+    names: readonly string[],
+    isVisible: boolean,
   ): void {
     const wanted = new Set<string>();
     if (isVisible) {
@@ -56,9 +58,7 @@ export class Feeds {
     }
   }
 
-  private take(
-    topic: string, feed: Feed, isReplay: boolean,
-  ): () => void {
+  private take(topic: string, feed: Feed, isReplay: boolean): () => void {
     const motion = isReplay ? this.replay : this.live;
     return this.link.subscribe(topic, (message: Message) => {
       const track = motion.trackFor(feed.device);

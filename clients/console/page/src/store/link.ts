@@ -1,6 +1,12 @@
 import {signal, type Signal} from '@preact/signals';
 import {
-  CallError, Client, type Channel, type Listener, type Message, type ServerInfo, type Socket,
+  CallError,
+  Client,
+  type Channel,
+  type Listener,
+  type Message,
+  type ServerInfo,
+  type Socket,
 } from '../protocol/client';
 import type {Json} from '../protocol/json';
 
@@ -81,7 +87,7 @@ export class Link implements Listener {
     return this.state.value.phase === 'live';
   }
 
-  /** Calls `handle` with each message of the topic while it is advertised; returns how to end it. */
+  /** Calls `handle` with each message of the topic while it is advertised; returns its end. */
   subscribe(topic: string, handle: Handler): () => void {
     const handlers = this.interests.get(topic) ?? new Set();
     handlers.add(handle);

@@ -66,7 +66,9 @@ export class Log {
         this.filter.value = filter;
       } else {
         this.fault.value = {
-          filter: filter ?? '', offset: number(reply['offset']), what: text(reply['what']),
+          filter: filter ?? '',
+          offset: number(reply['offset']),
+          what: text(reply['what']),
         };
       }
     } catch (error) {

@@ -9,7 +9,13 @@ export const kTrackMax = 16;
 export const kSlots = 8;
 
 /** The columns of a track's series. */
-export const kColumn = {position: 0, force: 3, forceLength: 6, joint: 7, analog: 7 + kSlots} as const;
+export const kColumn = {
+  position: 0,
+  force: 3,
+  forceLength: 6,
+  joint: 7,
+  analog: 7 + kSlots,
+} as const;
 const kColumnCount = kColumn.analog + kSlots;
 
 /** One device's newest sample and touch, and its last minutes. */
@@ -35,7 +41,10 @@ export class Track {
       this.row[kColumn.analog + i] = sample.analogs[i] ?? NaN;
     }
     // The way here takes now longer, now shorter: the measurement's own time draws true curves.
-    this.series.push(sample.hostTimeS > 0 ? sample.hostTimeS : Number(message.timeNs) / 1e9, this.row);
+    this.series.push(
+      sample.hostTimeS > 0 ? sample.hostTimeS : Number(message.timeNs) / 1e9,
+      this.row,
+    );
   }
 
   takeTouch(message: Message, nowMs: number): void {

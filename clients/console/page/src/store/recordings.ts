@@ -23,14 +23,17 @@ export class Recordings {
   async refresh(): Promise<void> {
     const reply = await this.ask('recordings', {}, true);
     if (reply === null) return;
-    this.entries.value = list(object(reply)['files']).map(object).map((one) => ({
-      file: text(one['file']),
-      byteCount: number(one['byte_count']),
-      beginNs: number(one['begin_ns']),
-      endNs: number(one['end_ns']),
-      messageCount: number(one['message_count']),
-      isComplete: flag(one['is_complete']),
-    })).sort((a, b) => b.beginNs - a.beginNs);
+    this.entries.value = list(object(reply)['files'])
+      .map(object)
+      .map((one) => ({
+        file: text(one['file']),
+        byteCount: number(one['byte_count']),
+        beginNs: number(one['begin_ns']),
+        endNs: number(one['end_ns']),
+        messageCount: number(one['message_count']),
+        isComplete: flag(one['is_complete']),
+      }))
+      .sort((a, b) => b.beginNs - a.beginNs);
   }
 
   async start(): Promise<void> {
@@ -43,8 +46,9 @@ export class Recordings {
     if (reply === null) return;
     const end = object(reply);
     const dropCount = number(end['drop_count']);
-    this.done.value = `${text(end['file'])} is complete: ${number(end['message_count'])} messages`
-      + (dropCount > 0 ? `, ${dropCount} dropped.` : ', none dropped.');
+    this.done.value =
+      `${text(end['file'])} is complete: ${number(end['message_count'])} messages` +
+      (dropCount > 0 ? `, ${dropCount} dropped.` : ', none dropped.');
     await this.refresh();
   }
 

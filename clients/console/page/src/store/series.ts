@@ -10,7 +10,10 @@ export class Series {
   private begin = 0;
   private count = 0;
 
-  constructor(readonly capacity: number, columnCount: number) {
+  constructor(
+    readonly capacity: number,
+    columnCount: number,
+  ) {
     this.times = new Float64Array(capacity);
     this.columns = Array.from({length: columnCount}, () => new Float32Array(capacity));
   }
@@ -67,10 +70,14 @@ export class Series {
   /**
    * The rows of the `windowS` seconds before `endS`, as seconds relative to `endS`. More than
    * `pointMax` rows become the lowest and the highest value of equal spans, which lie at multiples
-   * of their length, so that a curve does not flicker. Where nothing came for `gapS` there is a gap.
+   * of their length, so that a curve does not flicker. Where nothing came for `gapS` is a gap.
    */
   window(
-    endS: number, windowS: number, picked: readonly number[], pointMax: number, gapS: number,
+    endS: number,
+    windowS: number,
+    picked: readonly number[],
+    pointMax: number,
+    gapS: number,
   ): Columns {
     const first = this.rowAt(endS - windowS);
     const last = this.rowAt(endS + 1e-9);
@@ -80,9 +87,10 @@ export class Series {
     for (let row = first; row < last;) {
       const timeS = this.timeAt(row);
       if (timeS - before > gapS) this.addGap(result, before - endS + 1e-3);
-      row = spanS === 0
-        ? this.addRow(result, picked, row, endS)
-        : this.addSpan(result, picked, row, last, spanS, endS);
+      row =
+        spanS === 0
+          ? this.addRow(result, picked, row, endS)
+          : this.addSpan(result, picked, row, last, spanS, endS);
       before = this.timeAt(row - 1);
     }
     return result;
@@ -103,7 +111,11 @@ export class Series {
   }
 
   private addSpan(
-    result: Columns, picked: readonly number[], first: number, last: number, spanS: number,
+    result: Columns,
+    picked: readonly number[],
+    first: number,
+    last: number,
+    spanS: number,
     endS: number,
   ): number {
     const spanEndS = (Math.floor(this.timeAt(first) / spanS) + 1) * spanS;

@@ -21,7 +21,10 @@ export class Stop {
   readonly report: Signal<StopReport> = signal({phase: 'none'});
   private waiting: {readonly sinceMs: number; readonly device: string | undefined} | null = null;
 
-  constructor(private readonly link: Link, private readonly nowMs: () => number) {
+  constructor(
+    private readonly link: Link,
+    private readonly nowMs: () => number,
+  ) {
     this.link.services.subscribe((services) => {
       if (services.has('console/estop')) this.sendWaiting();
     });
@@ -33,11 +36,13 @@ export class Stop {
     try {
       const request = device === undefined ? {} : {device};
       const reply = object(await this.link.call('console/estop', request, kTimeoutMs));
-      const failed = list(reply['failed']).map(object)
+      const failed = list(reply['failed'])
+        .map(object)
         .map((one) => `${text(one['device'], 'a device')}: ${text(one['why'], 'no reason given')}`);
-      this.report.value = failed.length === 0
-        ? {phase: 'done', stopped: texts(reply['stopped'])}
-        : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`};
+      this.report.value =
+        failed.length === 0
+          ? {phase: 'done', stopped: texts(reply['stopped'])}
+          : {phase: 'failed', words: `Not stopped: ${failed.join('; ')}.`};
     } catch (error) {
       this.fail(error as Error, device);
     }
@@ -53,7 +58,8 @@ export class Stop {
       // Asked for one device and then for another: all are stopped.
       const isSame = this.waiting === null || this.waiting.device === device;
       this.waiting = {
-        sinceMs: this.waiting?.sinceMs ?? this.nowMs(), device: isSame ? device : undefined,
+        sinceMs: this.waiting?.sinceMs ?? this.nowMs(),
+        device: isSame ? device : undefined,
       };
       this.report.value = {phase: 'waiting'};
     } else {

@@ -21,8 +21,10 @@ function LinkBanner() {
   const {phase, lastMs} = app.link.state.value;
   if (phase === 'live' || (phase === 'connecting' && lastMs === null)) return null;
   const since = lastMs === null ? '' : ` since ${timeOfDay(lastMs)}`;
-  const what = phase === 'silent'
-    ? `The console is silent${since}.` : `The connection to the console is lost${since}.`;
+  const what =
+    phase === 'silent'
+      ? `The console is silent${since}.`
+      : `The connection to the console is lost${since}.`;
   return (
     <Notice tone="bad" role="alert">
       <b>{what}</b> Nothing below is live. What you typed is kept; the page reconnects by itself.
@@ -33,7 +35,11 @@ function LinkBanner() {
 function StopReportBanner() {
   const app = useApp();
   const report = app.stop.report.value;
-  const dismiss = <button type="button" onClick={() => app.stop.dismiss()}>Dismiss</button>;
+  const dismiss = (
+    <button type="button" onClick={() => app.stop.dismiss()}>
+      Dismiss
+    </button>
+  );
   if (report.phase === 'waiting') {
     return (
       <Notice tone="bad" role="alert">
@@ -63,23 +69,32 @@ function StoppedBanner() {
       if (!(await app.commands.run('rearm', name))) break;
     }
   };
-  const refusal = names.map((name) => app.commands.refusals.value.get(name))
+  const refusal = names
+    .map((name) => app.commands.refusals.value.get(name))
     .find((one) => one?.command === 'rearm');
   return (
     <div class="notice notice-bad stopped" role="alert" data-testid="stopped">
       <p>
         <b>Emergency stop is in force:</b>{' '}
         {names.map((name, i) => (
-          <span key={name}>{i > 0 && ', '}<a href={writeRoute('live', name)}>{name}</a></span>
+          <span key={name}>
+            {i > 0 && ', '}
+            <a href={writeRoute('live', name)}>{name}</a>
+          </span>
         ))}
         . No force, and no commands, until rearmed.
         {refusal !== undefined && <span class="refusal"> Not rearmed: {refusal.words}.</span>}
       </p>
-      <Confirm label={names.length === 1 ? 'Rearm' : 'Rearm all'} disabled={!isOperable}
-        question={'Is the cause removed, and is nobody in reach who does not expect force? The '
-          + 'force returns slowly after this.'}
+      <Confirm
+        label={names.length === 1 ? 'Rearm' : 'Rearm all'}
+        disabled={!isOperable}
+        question={
+          'Is the cause removed, and is nobody in reach who does not expect force? The ' +
+          'force returns slowly after this.'
+        }
         confirm={`Rearm ${names.length === 1 ? names[0] : `${names.length} devices`}`}
-        onConfirm={() => void rearmAll()} />
+        onConfirm={() => void rearmAll()}
+      />
     </div>
   );
 }
@@ -109,7 +124,9 @@ function Complaint() {
   return (
     <Notice tone="warn">
       The console says: {complaint.message}{' '}
-      <button type="button" onClick={() => (app.link.complaint.value = null)}>Dismiss</button>
+      <button type="button" onClick={() => (app.link.complaint.value = null)}>
+        Dismiss
+      </button>
     </Notice>
   );
 }

@@ -31,10 +31,17 @@ export function CalibrationPanel({name, isOpen, setOpen}: Props) {
   };
   return (
     <Card title="Calibration" class="calibration">
-      {isShown
-        ? <Dialogue calibration={calibration} isUsable={isServed && app.isLive.value}
-          onClose={close} />
-        : <button ref={opener} type="button" onClick={() => setOpen(true)}>Calibrate {name}</button>}
+      {isShown ? (
+        <Dialogue
+          calibration={calibration}
+          isUsable={isServed && app.isLive.value}
+          onClose={close}
+        />
+      ) : (
+        <button ref={opener} type="button" onClick={() => setOpen(true)}>
+          Calibrate {name}
+        </button>
+      )}
     </Card>
   );
 }
@@ -51,13 +58,26 @@ function Dialogue({calibration, isUsable, onClose}: DialogueProps) {
   const run = calibration.run.value;
   const problem = calibration.problem.value;
   return (
-    <div ref={box} class="dialogue" role="dialog" aria-label="Calibration" tabIndex={-1}
+    <div
+      ref={box}
+      class="dialogue"
+      role="dialog"
+      aria-label="Calibration"
+      tabIndex={-1}
       onKeyDown={(event) => {
         if (event.key === 'Escape' && (run === null || isOver(run.phase))) onClose();
-      }}>
-      {run === null ? <Offers {...{calibration, isUsable, onClose}} />
-        : <Running {...{calibration, isUsable, onClose, run}} />}
-      {problem !== '' && <Notice tone="bad" role="alert">{problem}</Notice>}
+      }}
+    >
+      {run === null ? (
+        <Offers {...{calibration, isUsable, onClose}} />
+      ) : (
+        <Running {...{calibration, isUsable, onClose, run}} />
+      )}
+      {problem !== '' && (
+        <Notice tone="bad" role="alert">
+          {problem}
+        </Notice>
+      )}
     </div>
   );
 }
@@ -69,20 +89,34 @@ function Offers({calibration, isUsable, onClose}: DialogueProps) {
       <ul class="offers">
         {calibration.offers.value.map((offer) => (
           <li key={offer.name}>
-            <div><code>{offer.name}</code><p class="about">{offer.description}</p></div>
-            <button type="button" disabled={!isUsable}
-              onClick={() => void calibration.start(offer.name)}>Start</button>
+            <div>
+              <code>{offer.name}</code>
+              <p class="about">{offer.description}</p>
+            </div>
+            <button
+              type="button"
+              disabled={!isUsable}
+              onClick={() => void calibration.start(offer.name)}
+            >
+              Start
+            </button>
           </li>
         ))}
       </ul>
-      <button type="button" onClick={onClose}>Close</button>
+      <button type="button" onClick={onClose}>
+        Close
+      </button>
     </>
   );
 }
 
 const kPhaseWords: Readonly<Record<Run['phase'], string>> = {
-  Running: 'Running', Prompt: 'Waits for you', Done: 'Done: keep the result?', Failed: 'Failed',
-  Kept: 'The result is kept', Discarded: 'Discarded',
+  Running: 'Running',
+  Prompt: 'Waits for you',
+  Done: 'Done: keep the result?',
+  Failed: 'Failed',
+  Kept: 'The result is kept',
+  Discarded: 'Discarded',
 };
 
 function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Run}) {
@@ -93,32 +127,67 @@ function Running({calibration, isUsable, onClose, run}: DialogueProps & {run: Ru
         <code>{run.name}</code> <b>{kPhaseWords[run.phase]}</b>
       </p>
       {(run.phase === 'Running' || run.phase === 'Prompt') && (
-        <div class="progress" role="progressbar" aria-label="Progress" aria-valuenow={percent}
-          aria-valuemin={0} aria-valuemax={100}><i style={{width: `${percent}%`}} /></div>
+        <div
+          class="progress"
+          role="progressbar"
+          aria-label="Progress"
+          aria-valuenow={percent}
+          aria-valuemin={0}
+          aria-valuemax={100}
+        >
+          <i style={{width: `${percent}%`}} />
+        </div>
       )}
       {run.text !== '' && <p class="run-text">{run.text}</p>}
       {run.settings.length > 0 && (
         <dl class="facts">
           {run.settings.map((one) => (
-            <div key={one.name}><dt><code>{one.name}</code></dt><dd>{valueText(one.value)}</dd></div>
+            <div key={one.name}>
+              <dt>
+                <code>{one.name}</code>
+              </dt>
+              <dd>{valueText(one.value)}</dd>
+            </div>
           ))}
         </dl>
       )}
       <div class="row">
-        {run.phase === 'Prompt' && run.answers.map((answer, i) => (
-          <button key={answer} type="button" class={i === 0 ? 'strong' : ''} disabled={!isUsable}
-            onClick={() => void calibration.answer(answer)}>{answer}</button>
-        ))}
+        {run.phase === 'Prompt' &&
+          run.answers.map((answer, i) => (
+            <button
+              key={answer}
+              type="button"
+              class={i === 0 ? 'strong' : ''}
+              disabled={!isUsable}
+              onClick={() => void calibration.answer(answer)}
+            >
+              {answer}
+            </button>
+          ))}
         {run.phase === 'Done' && (
-          <button type="button" class="strong" disabled={!isUsable}
-            onClick={() => void calibration.keep()}>Keep</button>
+          <button
+            type="button"
+            class="strong"
+            disabled={!isUsable}
+            onClick={() => void calibration.keep()}
+          >
+            Keep
+          </button>
         )}
         {!isOver(run.phase) && (
-          <Confirm label={run.phase === 'Done' ? 'Discard' : 'Cancel'} disabled={!isUsable}
-            confirm="Discard" question="The result of this calibration is lost."
-            onConfirm={() => void calibration.discard()} />
+          <Confirm
+            label={run.phase === 'Done' ? 'Discard' : 'Cancel'}
+            disabled={!isUsable}
+            confirm="Discard"
+            question="The result of this calibration is lost."
+            onConfirm={() => void calibration.discard()}
+          />
         )}
-        {isOver(run.phase) && <button type="button" onClick={onClose}>Close</button>}
+        {isOver(run.phase) && (
+          <button type="button" onClick={onClose}>
+            Close
+          </button>
+        )}
       </div>
     </>
   );

@@ -20,13 +20,30 @@ export function CommandCard({name, device}: {name: string; device: Device | null
   return (
     <Card title={name} aside={<Age device={device} isLive={app.isLive.value} />} class="live-zone">
       <dl class="facts">
-        <div><dt>State</dt><dd data-testid="lifecycle"><Lifecycle device={device} /></dd></div>
-        <div><dt>Lease</dt><dd data-testid="lease"><LeaseText device={device} /></dd></div>
+        <div>
+          <dt>State</dt>
+          <dd data-testid="lifecycle">
+            <Lifecycle device={device} />
+          </dd>
+        </div>
+        <div>
+          <dt>Lease</dt>
+          <dd data-testid="lease">
+            <LeaseText device={device} />
+          </dd>
+        </div>
         <div>
           <dt>Faults</dt>
           <dd data-testid="faults">
-            {device.faults.length === 0 ? <span class="quiet">none</span>
-              : device.faults.map((one) => <Badge key={one} tone="warn">{one}</Badge>)}
+            {device.faults.length === 0 ? (
+              <span class="quiet">none</span>
+            ) : (
+              device.faults.map((one) => (
+                <Badge key={one} tone="warn">
+                  {one}
+                </Badge>
+              ))
+            )}
           </dd>
         </div>
       </dl>
@@ -50,28 +67,62 @@ function Buttons({device}: {device: Device}) {
         <p class="quiet small">Read only: open the URL with the token that rtpm-console printed.</p>
       )}
       <div class="buttons">
-        {isHeld
-          ? <Confirm label="Take over" disabled={!isIdle} confirm="Take over"
-            question={`Another client commands ${device.name}. Its force falls to zero, and its `
-              + 'commands are refused from then on.'}
-            onConfirm={run('take_over')} />
-          : <button type="button" disabled={!isIdle || isOurs} onClick={run('take_over')}>
+        {isHeld ? (
+          <Confirm
+            label="Take over"
+            disabled={!isIdle}
+            confirm="Take over"
+            question={
+              `Another client commands ${device.name}. Its force falls to zero, and its ` +
+              'commands are refused from then on.'
+            }
+            onConfirm={run('take_over')}
+          />
+        ) : (
+          <button type="button" disabled={!isIdle || isOurs} onClick={run('take_over')}>
             Take over
-          </button>}
-        <button type="button" disabled={!isIdle || !isOurs} onClick={run('release')}>Release</button>
-        <button type="button" disabled={!isIdle || device.lifecycle !== 'inactive'}
-          onClick={run('activate')}>Activate</button>
-        <button type="button" disabled={!isIdle || device.lifecycle !== 'active'}
-          onClick={run('deactivate')}>Deactivate</button>
-        <button type="button" disabled={!isIdle} onClick={run('recover')}>Recover</button>
-        {device.isStopped && (
-          <Confirm label="Rearm" disabled={!isIdle} confirm={`Rearm ${device.name}`}
-            question={'Is the cause removed, and is nobody in reach who does not expect force? The '
-              + 'force returns slowly after this.'}
-            onConfirm={run('rearm')} />
+          </button>
         )}
-        <button type="button" class="danger" disabled={!isReachable}
-          onClick={() => void app.stop.press(device.name)}>Stop {device.name}</button>
+        <button type="button" disabled={!isIdle || !isOurs} onClick={run('release')}>
+          Release
+        </button>
+        <button
+          type="button"
+          disabled={!isIdle || device.lifecycle !== 'inactive'}
+          onClick={run('activate')}
+        >
+          Activate
+        </button>
+        <button
+          type="button"
+          disabled={!isIdle || device.lifecycle !== 'active'}
+          onClick={run('deactivate')}
+        >
+          Deactivate
+        </button>
+        <button type="button" disabled={!isIdle} onClick={run('recover')}>
+          Recover
+        </button>
+        {device.isStopped && (
+          <Confirm
+            label="Rearm"
+            disabled={!isIdle}
+            confirm={`Rearm ${device.name}`}
+            question={
+              'Is the cause removed, and is nobody in reach who does not expect force? The ' +
+              'force returns slowly after this.'
+            }
+            onConfirm={run('rearm')}
+          />
+        )}
+        <button
+          type="button"
+          class="danger"
+          disabled={!isReachable}
+          onClick={() => void app.stop.press(device.name)}
+        >
+          Stop {device.name}
+        </button>
       </div>
     </>
   );
@@ -86,14 +137,22 @@ function Outcome({device}: {device: Device}) {
       <Notice tone="bad" role="alert">
         {refusal.words}{' '}
         {refusal.isForceable && (
-          <button type="button"
-            onClick={() => void app.commands.run('take_over', device.name, true)}>
+          <button
+            type="button"
+            onClick={() => void app.commands.run('take_over', device.name, true)}
+          >
             Take over all the same
           </button>
         )}
-        <button type="button" onClick={() => app.commands.forget(device.name)}>Dismiss</button>
+        <button type="button" onClick={() => app.commands.forget(device.name)}>
+          Dismiss
+        </button>
       </Notice>
     );
   }
-  return <p class="quiet small" role="status">{done === undefined ? '' : `Done: ${done}.`}</p>;
+  return (
+    <p class="quiet small" role="status">
+      {done === undefined ? '' : `Done: ${done}.`}
+    </p>
+  );
 }

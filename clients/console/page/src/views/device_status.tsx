@@ -3,7 +3,11 @@ import {Badge, type Tone} from '../parts/parts';
 import {duration} from '../parts/text';
 
 const kLifecycleTones: Readonly<Record<string, Tone>> = {
-  active: 'good', inactive: 'plain', fault: 'bad', unconfigured: 'warn', finalized: 'warn',
+  active: 'good',
+  inactive: 'plain',
+  fault: 'bad',
+  unconfigured: 'warn',
+  finalized: 'warn',
 };
 
 /** How old what is known of a device is, in words. */
@@ -13,8 +17,11 @@ export function Age({device, isLive}: {device: Device; isLive: boolean}) {
   if (state === 'lost') return <Badge tone="bad">lost</Badge>;
   if (device.ageMs === null) return <Badge tone="warn">no samples</Badge>;
   const age = duration(device.ageMs / 1000);
-  return state === 'stale' ? <Badge tone="warn">stale for {age}</Badge>
-    : <span class="age">{age} old</span>;
+  return state === 'stale' ? (
+    <Badge tone="warn">stale for {age}</Badge>
+  ) : (
+    <span class="age">{age} old</span>
+  );
 }
 
 export function Lifecycle({device}: {device: Device}) {
@@ -22,14 +29,18 @@ export function Lifecycle({device}: {device: Device}) {
   return <Badge tone={kLifecycleTones[device.lifecycle] ?? 'plain'}>{device.lifecycle}</Badge>;
 }
 
-/** A freed lease is plain; a lease that others hold is a warning, since commands would be refused. */
+/** Which client holds the lease, and since when. */
 export function LeaseText({device}: {device: Device}) {
   const {state, sinceS} = device.lease;
   const since = sinceS === null ? '' : ` for ${duration(sinceS)}`;
   switch (state) {
-    case 'held by this console': return <span>this console{since}</span>;
-    case 'held': return <span>another client{since}</span>;
-    case 'free': return <span class="quiet">free</span>;
-    default: return <span class="quiet">{state}</span>;
+    case 'held by this console':
+      return <span>this console{since}</span>;
+    case 'held':
+      return <span>another client{since}</span>;
+    case 'free':
+      return <span class="quiet">free</span>;
+    default:
+      return <span class="quiet">{state}</span>;
   }
 }

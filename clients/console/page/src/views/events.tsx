@@ -24,19 +24,37 @@ export function EventsView() {
     <div class="events">
       <Card title="Filter">
         <form class="filter" onSubmit={submit}>
-          <label for="filter">Which events? <span class="quiet">Choose one below, or type.</span></label>
+          <label for="filter">
+            Which events? <span class="quiet">Choose one below, or type.</span>
+          </label>
           <div class="input-row">
-            <input id="filter" type="text" class="code" value={draft} autocomplete="off"
-              spellcheck={false} aria-invalid={log.fault.value !== null}
+            <input
+              id="filter"
+              type="text"
+              class="code"
+              value={draft}
+              autocomplete="off"
+              spellcheck={false}
+              aria-invalid={log.fault.value !== null}
               aria-describedby="filter-fault"
-              onInput={(event) => setDraft(event.currentTarget.value)} />
-            <button type="submit" class="strong" disabled={!isUsable}>Show</button>
+              onInput={(event) => setDraft(event.currentTarget.value)}
+            />
+            <button type="submit" class="strong" disabled={!isUsable}>
+              Show
+            </button>
           </div>
-          <div id="filter-fault" aria-live="polite"><Fault fault={log.fault.value} /></div>
+          <div id="filter-fault" aria-live="polite">
+            <Fault fault={log.fault.value} />
+          </div>
           {log.problem.value !== '' && <Notice tone="bad">{log.problem.value}</Notice>}
           <div class="examples">
             {kExamples.map((one) => (
-              <button key={one} type="button" class="quiet-button code" onClick={() => setDraft(one)}>
+              <button
+                key={one}
+                type="button"
+                class="quiet-button code"
+                onClick={() => setDraft(one)}
+              >
                 {one}
               </button>
             ))}
@@ -53,7 +71,11 @@ function Fault({fault}: {fault: FilterFault | null}) {
   if (fault === null) return null;
   return (
     <div class="fault" data-testid="filter-fault">
-      <pre>{fault.filter}{'\n'}{' '.repeat(Math.max(0, fault.offset))}^</pre>
+      <pre>
+        {fault.filter}
+        {'\n'}
+        {' '.repeat(Math.max(0, fault.offset))}^
+      </pre>
       <p class="problem">{fault.what}</p>
     </div>
   );
@@ -76,41 +98,81 @@ function LogCard() {
   };
   const head = (
     <div class="row">
-      <span class="quiet small">{log.filter.value === null ? 'no filter set'
-        : `${thousands(log.count.value)} ${log.count.value === 1 ? 'event' : 'events'}`}</span>
-      <button type="button" aria-pressed={log.isPaused.value}
-        onClick={() => (log.isPaused.value = !log.isPaused.value)}>Pause</button>
-      <button type="button" disabled={log.filter.value === null}
-        onClick={() => void log.set(null)}>End</button>
-      <button type="button" onClick={() => log.clear()}>Clear</button>
+      <span class="quiet small">
+        {log.filter.value === null
+          ? 'no filter set'
+          : `${thousands(log.count.value)} ${log.count.value === 1 ? 'event' : 'events'}`}
+      </span>
+      <button
+        type="button"
+        aria-pressed={log.isPaused.value}
+        onClick={() => (log.isPaused.value = !log.isPaused.value)}
+      >
+        Pause
+      </button>
+      <button type="button" disabled={log.filter.value === null} onClick={() => void log.set(null)}>
+        End
+      </button>
+      <button type="button" onClick={() => log.clear()}>
+        Clear
+      </button>
     </div>
   );
   return (
     <Card title="Events" aside={head} class="log-card">
-      {rows.length === 0
-        ? <Empty>{log.filter.value === null ? 'Set a filter to see events.' : 'Nothing has passed the filter yet.'}</Empty>
-        : <div ref={list} class="log scroll" tabIndex={0} role="region" aria-label="Events, newest last"
-          onScroll={onScroll}>
+      {rows.length === 0 ? (
+        <Empty>
+          {log.filter.value === null
+            ? 'Set a filter to see events.'
+            : 'Nothing has passed the filter yet.'}
+        </Empty>
+      ) : (
+        <div
+          ref={list}
+          class="log scroll"
+          tabIndex={0}
+          role="region"
+          aria-label="Events, newest last"
+          onScroll={onScroll}
+        >
           <table>
             <thead>
-              <tr><th scope="col">Time</th><th scope="col">Type</th><th scope="col">From</th>
-                <th scope="col" class="number">Number</th><th scope="col">Payload</th></tr>
+              <tr>
+                <th scope="col">Time</th>
+                <th scope="col">Type</th>
+                <th scope="col">From</th>
+                <th scope="col" class="number">
+                  Number
+                </th>
+                <th scope="col">Payload</th>
+              </tr>
             </thead>
-            <tbody>{rows.map((row) => <Row key={row.key} row={row} />)}</tbody>
+            <tbody>
+              {rows.map((row) => (
+                <Row key={row.key} row={row} />
+              ))}
+            </tbody>
           </table>
-        </div>}
+        </div>
+      )}
     </Card>
   );
 }
 
 function Row({row}: {row: LogRow}) {
   if (row.type === '') {
-    return <tr class="omitted"><td colSpan={5}>{thousands(row.omittedCount)} events left out</td></tr>;
+    return (
+      <tr class="omitted">
+        <td colSpan={5}>{thousands(row.omittedCount)} events left out</td>
+      </tr>
+    );
   }
   const millis = String(Math.floor((row.timeS * 1000) % 1000)).padStart(3, '0');
   return (
     <tr>
-      <td class="time">{timeOfDay(row.timeS * 1000)}.{millis}</td>
+      <td class="time">
+        {timeOfDay(row.timeS * 1000)}.{millis}
+      </td>
       <td>{row.type}</td>
       <td>{row.from}</td>
       <td class="number">{row.sequence}</td>

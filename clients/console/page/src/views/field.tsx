@@ -29,15 +29,27 @@ export function Field({form, parameter}: Props) {
         <code>{shortName}</code>
         {isTyped && <Badge tone="accent">not applied yet</Badge>}
       </label>
-      <p id={`${id}-about`} class="about">{parameter.description}</p>
+      <p id={`${id}-about`} class="about">
+        {parameter.description}
+      </p>
       <div class="input-row">
-        <Input {...{form, parameter, id}} isLocked={lock !== null}
-          isWrong={problem !== null || refusal !== undefined} />
-        {parameter.unit !== '' && parameter.unit !== '1' && <span class="unit">{parameter.unit}</span>}
-        <button type="button" class="quiet-button" disabled={lock !== null
-            || (isDefault && !isTyped)}
+        <Input
+          {...{form, parameter, id}}
+          isLocked={lock !== null}
+          isWrong={problem !== null || refusal !== undefined}
+        />
+        {parameter.unit !== '' && parameter.unit !== '1' && (
+          <span class="unit">{parameter.unit}</span>
+        )}
+        <button
+          type="button"
+          class="quiet-button"
+          disabled={lock !== null || (isDefault && !isTyped)}
           aria-label={`Type the default of ${parameter.name}`}
-          onClick={() => form.type(parameter, defaultText)}>Default</button>
+          onClick={() => form.type(parameter, defaultText)}
+        >
+          Default
+        </button>
       </div>
       <p id={`${id}-range`} class="range">
         {range !== '' && <span>{range}</span>}
@@ -70,26 +82,43 @@ function Input({form, parameter, id, isLocked, isWrong}: InputProps) {
   const draft = form.draftOf(parameter);
   if (parameter.type === 'Bool') {
     return (
-      <input {...common} type="checkbox" checked={draft === 'true'}
-        onChange={(event) => form.type(parameter, String(event.currentTarget.checked))} />
+      <input
+        {...common}
+        type="checkbox"
+        checked={draft === 'true'}
+        onChange={(event) => form.type(parameter, String(event.currentTarget.checked))}
+      />
     );
   }
   if (parameter.type === 'Choice') {
     return (
-      <select {...common} value={draft}
-        onChange={(event) => form.type(parameter, event.currentTarget.value)}>
-        {parameter.choices.map((one) => <option key={one} value={one}>{one}</option>)}
+      <select
+        {...common}
+        value={draft}
+        onChange={(event) => form.type(parameter, event.currentTarget.value)}
+      >
+        {parameter.choices.map((one) => (
+          <option key={one} value={one}>
+            {one}
+          </option>
+        ))}
       </select>
     );
   }
   const isNumber = parameter.type === 'Integer' || parameter.type === 'Real';
   return (
-    <input {...common} type="text" value={draft} autocomplete="off" spellcheck={false}
+    <input
+      {...common}
+      type="text"
+      value={draft}
+      autocomplete="off"
+      spellcheck={false}
       inputMode={isNumber ? 'decimal' : 'text'}
       onInput={(event) => form.type(parameter, event.currentTarget.value)}
       onKeyDown={(event) => {
         if (event.key === 'Escape') form.discard([parameter.name]);
         if (event.key === 'Enter' && form.invalidCount.value === 0) void form.apply();
-      }} />
+      }}
+    />
   );
 }

@@ -23,17 +23,27 @@ export function Header({titles}: {titles: Readonly<Record<View, string>>}) {
       </div>
       <nav aria-label="Views">
         {kViews.map((one) => (
-          <a key={one} href={writeRoute(one, subjectOf(one))}
-            {...(one === view ? {'aria-current': 'page' as const} : {})}>{titles[one]}</a>
+          <a
+            key={one}
+            href={writeRoute(one, subjectOf(one))}
+            {...(one === view ? {'aria-current': 'page' as const} : {})}
+          >
+            {titles[one]}
+          </a>
         ))}
       </nav>
       <div class="standing">
         <LinkStatus />
         <RecordStatus />
-        <button type="button" class="theme" onClick={nextTheme}
-          aria-label={`Colours: ${kThemeNames[theme.value]}; change`}>
+        <button
+          type="button"
+          class="theme"
+          onClick={nextTheme}
+          aria-label={`Colours: ${kThemeNames[theme.value]}; change`}
+        >
           <svg viewBox="0 0 20 20" aria-hidden="true">
-            <circle cx="10" cy="10" r="7" /><path d="M10 3a7 7 0 0 1 0 14z" />
+            <circle cx="10" cy="10" r="7" />
+            <path d="M10 3a7 7 0 0 1 0 14z" />
           </svg>
           {kThemeNames[theme.value]}
         </button>
@@ -46,14 +56,20 @@ export function Header({titles}: {titles: Readonly<Record<View, string>>}) {
 function LinkStatus() {
   const app = useApp();
   const words = {
-    connecting: 'Connecting', live: 'Live', silent: 'No data', lost: 'Not connected',
+    connecting: 'Connecting',
+    live: 'Live',
+    silent: 'No data',
+    lost: 'Not connected',
   } as const;
   const {phase} = app.link.state.value;
   const access = app.mayCommand.value ? 'may command' : 'read only';
   return (
     <p class={`link link-${phase}`} data-testid="link">
       <i aria-hidden="true" />
-      <span><b>{words[phase]}</b>{phase === 'live' && <span class="access">{access}</span>}</span>
+      <span>
+        <b>{words[phase]}</b>
+        {phase === 'live' && <span class="access">{access}</span>}
+      </span>
     </p>
   );
 }
@@ -63,9 +79,13 @@ function RecordStatus() {
   const recording = app.state.value?.recording;
   if (recording === undefined || recording.file === null || !app.isLive.value) return null;
   return (
-    <a class="rec" href={writeRoute('recordings')}
-      aria-label={`Recording ${recording.file}, ${Math.floor(recording.timeS)} seconds`}>
-      <i aria-hidden="true" />REC {clock(recording.timeS)}
+    <a
+      class="rec"
+      href={writeRoute('recordings')}
+      aria-label={`Recording ${recording.file}, ${Math.floor(recording.timeS)} seconds`}
+    >
+      <i aria-hidden="true" />
+      REC {clock(recording.timeS)}
     </a>
   );
 }
@@ -77,9 +97,14 @@ function StopButton() {
   const isAsked = app.stop.report.value.phase === 'asked';
   const mayStop = app.mayCommand.value || app.link.info.value === null;
   return (
-    <button type="button" class={`stop ${isStopped ? 'is-latched' : ''}`} data-testid="stop"
-      disabled={!mayStop} onClick={() => void app.stop.press()}
-      aria-keyshortcuts="Control+Shift+Space">
+    <button
+      type="button"
+      class={`stop ${isStopped ? 'is-latched' : ''}`}
+      data-testid="stop"
+      disabled={!mayStop}
+      onClick={() => void app.stop.press()}
+      aria-keyshortcuts="Control+Shift+Space"
+    >
       <span class="stop-word">{isAsked ? 'STOPPING' : isStopped ? 'STOPPED' : 'STOP ALL'}</span>
       <span class="stop-key">{mayStop ? kStopKeyText : 'read only: use the hardware stop'}</span>
     </button>

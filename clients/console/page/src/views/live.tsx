@@ -11,7 +11,9 @@ import {CommandCard} from './commands';
 import {Readings} from './readings';
 
 const kWindows = [
-  {value: 10, label: '10 s'}, {value: 30, label: '30 s'}, {value: 60, label: '1 min'},
+  {value: 10, label: '10 s'},
+  {value: 30, label: '30 s'},
+  {value: 60, label: '1 min'},
   {value: 300, label: '5 min'},
 ];
 const kGapS = 0.5;
@@ -19,8 +21,11 @@ const kGapS = 0.5;
 const kLatencyGapS = 3.5;
 const windowS = signal(30);
 
-const kPosition: readonly Curve[] = ['x', 'y', 'z'].map((label, i) =>
-  ({column: kColumn.position + i, label, paint: label}));
+const kPosition: readonly Curve[] = ['x', 'y', 'z'].map((label, i) => ({
+  column: kColumn.position + i,
+  label,
+  paint: label,
+}));
 const kForce: readonly Curve[] = [
   ...['x', 'y', 'z'].map((label, i) => ({column: kColumn.force + i, label, paint: label})),
   {column: kColumn.forceLength, label: 'total', paint: 'force'},
@@ -57,12 +62,21 @@ function DevicePicker({names, chosen}: {names: readonly string[]; chosen: string
     <div class="picker">
       <nav class="choice" aria-label="Device">
         {names.map((name) => (
-          <a key={name} href={writeRoute('live', name)}
-            {...(name === chosen ? {'aria-current': 'true' as const} : {})}>{name}</a>
+          <a
+            key={name}
+            href={writeRoute('live', name)}
+            {...(name === chosen ? {'aria-current': 'true' as const} : {})}
+          >
+            {name}
+          </a>
         ))}
       </nav>
-      <Choice label="Time shown" options={kWindows} value={windowS.value}
-        onChange={(value) => (windowS.value = value)} />
+      <Choice
+        label="Time shown"
+        options={kWindows}
+        value={windowS.value}
+        onChange={(value) => (windowS.value = value)}
+      />
     </div>
   );
 }
@@ -77,8 +91,14 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
     <div class={`live-grid ${isLive || isReplay ? '' : 'is-dead'}`}>
       <div class="live-main">
         {hasMotion && (
-          <SpaceView name={name} device={device} motion={app.shown} nowMs={app.nowMs}
-            isLive={isLive} isReplay={isReplay} />
+          <SpaceView
+            name={name}
+            device={device}
+            motion={app.shown}
+            nowMs={app.nowMs}
+            isLive={isLive}
+            isReplay={isReplay}
+          />
         )}
         <Charts name={name} device={device} hasMotion={hasMotion} source={source} />
       </div>
@@ -96,14 +116,17 @@ function OneDevice({name, device}: {name: string; device: Device | null}) {
 }
 
 function sourceOf(
-  track: Track | null, nowMs: number, isReplay: boolean, isLinked: boolean,
+  track: Track | null,
+  nowMs: number,
+  isReplay: boolean,
+  isLinked: boolean,
 ): ChartSource | null {
   if (track === null) return null;
   const lastS = track.series.lastS;
   if (lastS === null) return null;
   if (isReplay) return {series: track.series, endS: lastS, isFresh: true};
   // A lost connection stops the charts where they were.
-  const endS = isLinked ? track.endS(nowMs) ?? lastS : lastS;
+  const endS = isLinked ? (track.endS(nowMs) ?? lastS) : lastS;
   return {series: track.series, endS, isFresh: isLinked && nowMs - track.sampleMs <= kStaleMs};
 }
 
@@ -126,30 +149,64 @@ function Charts({name, device, hasMotion, source}: ChartsProps) {
   };
   const curvesOf = (scales: readonly {name: string; unit: string}[], first: number) =>
     scales.slice(0, 8).map((scale, i) => ({
-      column: first + i, label: `${scale.name} ${scale.unit}`, paint: kPaints[i] ?? 'text'}));
+      column: first + i,
+      label: `${scale.name} ${scale.unit}`,
+      paint: kPaints[i] ?? 'text',
+    }));
   const joints = device?.joints ?? [];
   const analogs = device?.analogs ?? [];
   return (
     <section class="card charts" aria-label="Charts">
       {hasMotion && (
-        <StripChart {...common} title="Position" unit="mm" factor={1000} digits={1} spanMin={10}
-          curves={kPosition} />
+        <StripChart
+          {...common}
+          title="Position"
+          unit="mm"
+          factor={1000}
+          digits={1}
+          spanMin={10}
+          curves={kPosition}
+        />
       )}
       {(device === null || device.forceMaxNewton > 0) && (
         <StripChart {...common} title="Force" unit="N" digits={2} spanMin={1} curves={kForce} />
       )}
       {joints.length > 0 && (
-        <StripChart {...common} title="Joints" unit="" digits={3} spanMin={0.1}
-          curves={curvesOf(joints, kColumn.joint)} />
+        <StripChart
+          {...common}
+          title="Joints"
+          unit=""
+          digits={3}
+          spanMin={0.1}
+          curves={curvesOf(joints, kColumn.joint)}
+        />
       )}
       {analogs.length > 0 && (
-        <StripChart {...common} title="Inputs" unit="" digits={3} spanMin={0.1}
-          curves={curvesOf(analogs, kColumn.analog)} />
+        <StripChart
+          {...common}
+          title="Inputs"
+          unit=""
+          digits={3}
+          spanMin={0.1}
+          curves={curvesOf(analogs, kColumn.analog)}
+        />
       )}
       {!app.showsReplay.value && (
-        <StripChart {...common} title="Latency" unit="µs" digits={0} spanMin={10} curves={kLatency}
-          isLogarithmic gapS={kLatencyGapS} source={latency}
-          marks={[{value: 58, label: 'paper 58 µs'}, {value: 1000, label: 'paper 1 ms'}]} />
+        <StripChart
+          {...common}
+          title="Latency"
+          unit="µs"
+          digits={0}
+          spanMin={10}
+          curves={kLatency}
+          isLogarithmic
+          gapS={kLatencyGapS}
+          source={latency}
+          marks={[
+            {value: 58, label: 'paper 58 µs'},
+            {value: 1000, label: 'paper 1 ms'},
+          ]}
+        />
       )}
     </section>
   );

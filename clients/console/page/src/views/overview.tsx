@@ -14,27 +14,56 @@ export function OverviewView() {
   return (
     <div class="overview live-zone">
       <div class="tiles">
-        <Tile name="Registry" isOk={registry.isOk} value={registry.isOk ? 'answers' : 'silent'}
-          more={registry.isOk ? registry.url : registry.problem} />
-        <Tile name="Events" isOk={hub.isOk} value={hub.isOk ? rate(hub.eventsPerSecond) : 'silent'}
-          more={hub.isOk ? `${hub.name}, ${hub.consumerCount} consumers` : hub.problem} />
-        <Tile name="Devices" isOk={state.devices.every((one) => freshness(one) === 'live')}
-          value={`${state.devices.filter((one) => freshness(one) === 'live').length} of `
-            + `${state.devices.length} live`}
-          more={state.devices.length === 0 ? 'none at the registry' : 'samples within the last second'} />
-        <Tile name="Console" isOk value={`up ${duration(state.uptimeS)}`}
-          more={`${state.clients.count} ${state.clients.count === 1 ? 'browser' : 'browsers'}, `
-            + `${thousands(state.clients.droppedCount)} messages dropped`} />
+        <Tile
+          name="Registry"
+          isOk={registry.isOk}
+          value={registry.isOk ? 'answers' : 'silent'}
+          more={registry.isOk ? registry.url : registry.problem}
+        />
+        <Tile
+          name="Events"
+          isOk={hub.isOk}
+          value={hub.isOk ? rate(hub.eventsPerSecond) : 'silent'}
+          more={hub.isOk ? `${hub.name}, ${hub.consumerCount} consumers` : hub.problem}
+        />
+        <Tile
+          name="Devices"
+          isOk={state.devices.every((one) => freshness(one) === 'live')}
+          value={
+            `${state.devices.filter((one) => freshness(one) === 'live').length} of ` +
+            `${state.devices.length} live`
+          }
+          more={
+            state.devices.length === 0 ? 'none at the registry' : 'samples within the last second'
+          }
+        />
+        <Tile
+          name="Console"
+          isOk
+          value={`up ${duration(state.uptimeS)}`}
+          more={
+            `${state.clients.count} ${state.clients.count === 1 ? 'browser' : 'browsers'}, ` +
+            `${thousands(state.clients.droppedCount)} messages dropped`
+          }
+        />
       </div>
       <Card title="Devices">
-        {state.devices.length === 0
-          ? <Empty>No device is at the registry. Start one: rtpm-deviced --serve-events.</Empty>
-          : <div class="devices">
-            {state.devices.map((one) => <DeviceCard key={one.name} device={one} />)}
-          </div>}
+        {state.devices.length === 0 ? (
+          <Empty>No device is at the registry. Start one: rtpm-deviced --serve-events.</Empty>
+        ) : (
+          <div class="devices">
+            {state.devices.map((one) => (
+              <DeviceCard key={one.name} device={one} />
+            ))}
+          </div>
+        )}
       </Card>
       <Card title="Servers and lanes">
-        {state.servers.length === 0 ? <Empty>No server answers.</Empty> : <Lanes servers={state.servers} />}
+        {state.servers.length === 0 ? (
+          <Empty>No server answers.</Empty>
+        ) : (
+          <Lanes servers={state.servers} />
+        )}
       </Card>
       <Card title="Objects">
         <Objects />
@@ -47,7 +76,10 @@ function Tile(props: {name: string; isOk: boolean; value: string; more: string})
   return (
     <div class={`tile ${props.isOk ? '' : 'is-bad'}`}>
       <span class="tile-name">{props.name}</span>
-      <strong>{!props.isOk && <span aria-hidden="true">⚠ </span>}{props.value}</strong>
+      <strong>
+        {!props.isOk && <span aria-hidden="true">⚠ </span>}
+        {props.value}
+      </strong>
       <span class="tile-more">{props.more}</span>
     </div>
   );
@@ -67,21 +99,41 @@ function DeviceCard({device}: {device: Device}) {
       <div class="device-head">
         <div>
           <h3>{device.name}</h3>
-          <p class="quiet small">{device.model}, {device.serial} · {device.className}</p>
+          <p class="quiet small">
+            {device.model}, {device.serial} · {device.className}
+          </p>
         </div>
-        <div class="device-state"><Lifecycle device={device} /><Age device={device} isLive={app.isLive.value} /></div>
+        <div class="device-state">
+          <Lifecycle device={device} />
+          <Age device={device} isLive={app.isLive.value} />
+        </div>
       </div>
       {device.problem !== '' && <p class="problem">{device.problem}</p>}
       {device.faults.length > 0 && (
-        <p class="faults">{device.faults.map((one) => <Badge key={one} tone="warn">{one}</Badge>)}</p>
+        <p class="faults">
+          {device.faults.map((one) => (
+            <Badge key={one} tone="warn">
+              {one}
+            </Badge>
+          ))}
+        </p>
       )}
       <dl class="facts">
-        {facts.map(([name, value]) => <div key={name}><dt>{name}</dt><dd>{value}</dd></div>)}
+        {facts.map(([name, value]) => (
+          <div key={name}>
+            <dt>{name}</dt>
+            <dd>{value}</dd>
+          </div>
+        ))}
       </dl>
       <div class="row">
-        <a class="button" href={writeRoute('live', device.name)}>Live</a>
+        <a class="button" href={writeRoute('live', device.name)}>
+          Live
+        </a>
         {device.hasConfig && (
-          <a class="button" href={writeRoute('parameters', device.name)}>Parameters</a>
+          <a class="button" href={writeRoute('parameters', device.name)}>
+            Parameters
+          </a>
         )}
       </div>
     </article>
@@ -95,19 +147,40 @@ function Lanes({servers}: {servers: readonly Server[]}) {
       <table>
         <thead>
           <tr>
-            <th scope="col">Server</th><th scope="col">Lane</th><th scope="col">Priorities</th>
-            <th scope="col">Schedule</th><th scope="col">Wait</th>
-            <th scope="col" class="number">Calls</th><th scope="col" class="number">Drops</th>
-            <th scope="col" class="number">Longest cycle</th>
-            <th scope="col" class="number">Queued</th><th scope="col" class="number">Busy</th>
+            <th scope="col">Server</th>
+            <th scope="col">Lane</th>
+            <th scope="col">Priorities</th>
+            <th scope="col">Schedule</th>
+            <th scope="col">Wait</th>
+            <th scope="col" class="number">
+              Calls
+            </th>
+            <th scope="col" class="number">
+              Drops
+            </th>
+            <th scope="col" class="number">
+              Longest cycle
+            </th>
+            <th scope="col" class="number">
+              Queued
+            </th>
+            <th scope="col" class="number">
+              Busy
+            </th>
           </tr>
         </thead>
         {hosts.map((host) => (
           <tbody key={host}>
-            <tr class="host"><th scope="rowgroup" colSpan={10}>Host {host}</th></tr>
-            {servers.filter((one) => one.host === host).map((server) => (
-              <ServerRows key={`${server.name} ${server.processId}`} server={server} />
-            ))}
+            <tr class="host">
+              <th scope="rowgroup" colSpan={10}>
+                Host {host}
+              </th>
+            </tr>
+            {servers
+              .filter((one) => one.host === host)
+              .map((server) => (
+                <ServerRows key={`${server.name} ${server.processId}`} server={server} />
+              ))}
           </tbody>
         ))}
       </table>
@@ -118,12 +191,27 @@ function Lanes({servers}: {servers: readonly Server[]}) {
 function ServerRows({server}: {server: Server}) {
   const name = (
     <th scope="row">
-      {server.name} <span class="quiet">:{server.port}, process {server.processId}</span>
-      {!server.isAlive && <> <Badge tone="bad">lost</Badge></>}
+      {server.name}{' '}
+      <span class="quiet">
+        :{server.port}, process {server.processId}
+      </span>
+      {!server.isAlive && (
+        <>
+          {' '}
+          <Badge tone="bad">lost</Badge>
+        </>
+      )}
     </th>
   );
   if (server.lanes.length === 0) {
-    return <tr class={server.isAlive ? '' : 'is-lost'}>{name}<td colSpan={9} class="quiet">no lanes known</td></tr>;
+    return (
+      <tr class={server.isAlive ? '' : 'is-lost'}>
+        {name}
+        <td colSpan={9} class="quiet">
+          no lanes known
+        </td>
+      </tr>
+    );
   }
   return (
     <>
@@ -135,7 +223,9 @@ function ServerRows({server}: {server: Server}) {
           <td>{lane.schedule}</td>
           <td>{lane.wait}</td>
           <td class="number">{rate(lane.callsPerSecond)}</td>
-          <td class={`number ${lane.dropsPerSecond > 0 ? 'is-warn' : ''}`}>{rate(lane.dropsPerSecond)}</td>
+          <td class={`number ${lane.dropsPerSecond > 0 ? 'is-warn' : ''}`}>
+            {rate(lane.dropsPerSecond)}
+          </td>
           <td class="number">{micros(lane.longestCycleUs)}</td>
           <td class="number">{lane.queued}</td>
           <td class="number">{lane.busy}</td>
@@ -154,14 +244,21 @@ function Objects() {
     <div class="scroll" tabIndex={0} role="region" aria-label="Objects">
       <table>
         <thead>
-          <tr><th scope="col">Name</th><th scope="col">Interface</th><th scope="col">Where</th></tr>
+          <tr>
+            <th scope="col">Name</th>
+            <th scope="col">Interface</th>
+            <th scope="col">Where</th>
+          </tr>
         </thead>
         <tbody>
           {objects.map((one) => (
             <tr key={one.name}>
               <th scope="row">
-                {configurable.has(one.name)
-                  ? <a href={writeRoute('parameters', one.name)}>{one.name}</a> : one.name}
+                {configurable.has(one.name) ? (
+                  <a href={writeRoute('parameters', one.name)}>{one.name}</a>
+                ) : (
+                  one.name
+                )}
               </th>
               <td>{one.interface}</td>
               <td class="quiet">{one.url}</td>

@@ -19,7 +19,8 @@ export function ParametersView() {
   if (name === undefined) {
     return (
       <Empty>
-        {app.mayCommand.value || !app.isLive.value ? 'Nothing that has parameters is at the registry.'
+        {app.mayCommand.value || !app.isLive.value
+          ? 'Nothing that has parameters is at the registry.'
           : 'Read only: open the URL with the token that rtpm-console printed to see parameters.'}
       </Empty>
     );
@@ -30,8 +31,13 @@ export function ParametersView() {
       <div class="picker">
         <nav class="choice" aria-label="Parameters of">
           {known.map((one) => (
-            <a key={one} href={writeRoute('parameters', one)}
-              {...(one === name ? {'aria-current': 'true' as const} : {})}>{one}</a>
+            <a
+              key={one}
+              href={writeRoute('parameters', one)}
+              {...(one === name ? {'aria-current': 'true' as const} : {})}
+            >
+              {one}
+            </a>
           ))}
         </nav>
       </div>
@@ -66,28 +72,44 @@ function FormCard({form}: {form: Form}) {
   if (list === null) {
     return (
       <Card title={form.name}>
-        {form.problem.value !== ''
-          ? <Notice tone="bad" role="alert">{form.problem.value}</Notice>
-          : <Empty>{isServed ? 'Reading the parameters.' : `${form.name} is not there now.`}</Empty>}
+        {form.problem.value !== '' ? (
+          <Notice tone="bad" role="alert">
+            {form.problem.value}
+          </Notice>
+        ) : (
+          <Empty>{isServed ? 'Reading the parameters.' : `${form.name} is not there now.`}</Empty>
+        )}
       </Card>
     );
   }
   const isUsable = isServed && app.isLive.value;
   return (
     <div class="form-grid">
-      <Card title={form.name} class={isUsable ? '' : 'is-dead'} aside={
-        <span class="quiet small">
-          {list.model}, {list.serial}{list.isActive ? ' · active' : ' · inactive'}
-          {list.isUnsaved && <> · <Badge tone="warn">changed since saved</Badge></>}
-        </span>
-      }>
+      <Card
+        title={form.name}
+        class={isUsable ? '' : 'is-dead'}
+        aside={
+          <span class="quiet small">
+            {list.model}, {list.serial}
+            {list.isActive ? ' · active' : ' · inactive'}
+            {list.isUnsaved && (
+              <>
+                {' '}
+                · <Badge tone="warn">changed since saved</Badge>
+              </>
+            )}
+          </span>
+        }
+      >
         {!isServed && app.isLive.value && (
           <Notice tone="warn" role="alert">
             {form.name} is gone. What you typed is kept, and can be applied when it is back.
           </Notice>
         )}
         {form.problem.value !== '' && isUsable && (
-          <Notice tone="warn" role="alert">Not read anew: {form.problem.value}</Notice>
+          <Notice tone="warn" role="alert">
+            Not read anew: {form.problem.value}
+          </Notice>
         )}
         <Groups form={form} parameters={list.parameters} />
         <Footer form={form} isUsable={isUsable} />
@@ -111,9 +133,11 @@ function Groups({form, parameters}: {form: Form; parameters: readonly Parameter[
         <fieldset key={group} class="group">
           <legend>{group === '' ? 'general' : group}</legend>
           <div class="fields">
-            {parameters.filter((one) => groupOf(one) === group).map((one) => (
-              <Field key={one.name} form={form} parameter={one} />
-            ))}
+            {parameters
+              .filter((one) => groupOf(one) === group)
+              .map((one) => (
+                <Field key={one.name} form={form} parameter={one} />
+              ))}
           </div>
         </fieldset>
       ))}
@@ -138,19 +162,37 @@ function Footer({form, isUsable}: {form: Form; isUsable: boolean}) {
         <p class="problem">{count(invalidCount, 'field')} can't be sent as typed; see above.</p>
       )}
       <div class="row">
-        <button type="button" class="strong" data-testid="apply"
+        <button
+          type="button"
+          class="strong"
+          data-testid="apply"
           disabled={isBlocked || changeCount === 0 || invalidCount > 0}
-          onClick={() => void form.apply()}>
+          onClick={() => void form.apply()}
+        >
           {changeCount === 0 ? 'Apply' : `Apply ${count(changeCount, 'change')}`}
         </button>
-        <button type="button" disabled={form.drafts.value.size === 0}
-          onClick={() => form.discard()}>Discard what I typed</button>
+        <button
+          type="button"
+          disabled={form.drafts.value.size === 0}
+          onClick={() => form.discard()}
+        >
+          Discard what I typed
+        </button>
         <span class="spring" />
-        <Confirm label="Reset all" disabled={isBlocked} confirm="Reset all"
+        <Confirm
+          label="Reset all"
+          disabled={isBlocked}
+          confirm="Reset all"
           question={`Sets every parameter of ${form.name} to its default, at once.`}
-          onConfirm={() => void form.reset(null)} />
-        <button type="button" disabled={isBlocked || list?.isPersistent !== true}
-          onClick={() => void form.save()}>Save</button>
+          onConfirm={() => void form.reset(null)}
+        />
+        <button
+          type="button"
+          disabled={isBlocked || list?.isPersistent !== true}
+          onClick={() => void form.save()}
+        >
+          Save
+        </button>
       </div>
       {list?.isPersistent === false && (
         <p class="quiet small">Can't be saved: its server has no folder for settings.</p>

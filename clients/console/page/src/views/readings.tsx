@@ -20,15 +20,22 @@ function rowsOf(device: Device | null): Row[] {
   const rows: Row[] = [];
   if (device === null || device.axes.some((axis) => axis.isSensed)) {
     ['x', 'y', 'z'].forEach((name, i) =>
-      rows.push({name, unit: 'mm', column: kColumn.position + i, factor: 1000, digits: 1}));
+      rows.push({name, unit: 'mm', column: kColumn.position + i, factor: 1000, digits: 1}),
+    );
   }
   if (device === null || device.forceMaxNewton > 0) {
     rows.push({name: 'force', unit: 'N', column: kColumn.forceLength, factor: 1, digits: 2});
   }
-  device?.joints.slice(0, 8).forEach(({name, unit}, i) =>
-    rows.push({name, unit, column: kColumn.joint + i, factor: 1, digits: 3}));
-  device?.analogs.slice(0, 8).forEach(({name, unit}, i) =>
-    rows.push({name, unit, column: kColumn.analog + i, factor: 1, digits: 3}));
+  device?.joints
+    .slice(0, 8)
+    .forEach(({name, unit}, i) =>
+      rows.push({name, unit, column: kColumn.joint + i, factor: 1, digits: 3}),
+    );
+  device?.analogs
+    .slice(0, 8)
+    .forEach(({name, unit}, i) =>
+      rows.push({name, unit, column: kColumn.analog + i, factor: 1, digits: 3}),
+    );
   return rows;
 }
 
@@ -52,8 +59,10 @@ export function Readings({name, device, source}: Props) {
       const shown = latest.current.source();
       list.current?.querySelectorAll('b').forEach((cell, i) => {
         const row = latest.current.rows[i];
-        const value = shown === null || row === undefined || !shown.isFresh
-          ? NaN : shown.series.valueAt(shown.series.size - 1, row.column) * row.factor;
+        const value =
+          shown === null || row === undefined || !shown.isFresh
+            ? NaN
+            : shown.series.valueAt(shown.series.size - 1, row.column) * row.factor;
         cell.textContent = fixed(value, row?.digits ?? 0);
       });
     });
@@ -64,7 +73,10 @@ export function Readings({name, device, source}: Props) {
       <dl ref={list} class="readings" data-testid="readings">
         {rows.map((row) => (
           <div key={row.name} data-reading={row.name}>
-            <dt>{row.name}</dt><dd><b>–</b> <span class="unit">{row.unit}</span></dd>
+            <dt>{row.name}</dt>
+            <dd>
+              <b>–</b> <span class="unit">{row.unit}</span>
+            </dd>
           </div>
         ))}
       </dl>

@@ -17,12 +17,28 @@ export function RecordingsView() {
   return (
     <div class="recordings">
       <RecordCard />
-      <Card title="Recordings" aside={
-        <button type="button" disabled={!hasService}
-          onClick={() => void app.recordings.refresh()}>Read the list anew</button>
-      }>
-        {problem.value !== '' && <Notice tone="bad" role="alert">{problem.value}</Notice>}
-        {done.value !== '' && <Notice tone="good" role="status">{done.value}</Notice>}
+      <Card
+        title="Recordings"
+        aside={
+          <button
+            type="button"
+            disabled={!hasService}
+            onClick={() => void app.recordings.refresh()}
+          >
+            Read the list anew
+          </button>
+        }
+      >
+        {problem.value !== '' && (
+          <Notice tone="bad" role="alert">
+            {problem.value}
+          </Notice>
+        )}
+        {done.value !== '' && (
+          <Notice tone="good" role="status">
+            {done.value}
+          </Notice>
+        )}
         <List entries={app.recordings.entries.value} hasService={hasService} />
       </Card>
     </div>
@@ -37,22 +53,48 @@ function RecordCard() {
   return (
     <Card title="Record" class="live-zone">
       <div class="row">
-        {isOn
-          ? <button type="button" class="record is-on" data-testid="record" disabled={!isUsable}
-            onClick={() => void app.recordings.stop()}><i aria-hidden="true" />Stop recording</button>
-          : <button type="button" class="record" data-testid="record" disabled={!isUsable}
-            onClick={() => void app.recordings.start()}><i aria-hidden="true" />Record</button>}
-        {isOn
-          ? <p class="record-facts">
-            <b>{recording.file}</b> {clock(recording.timeS)} · {thousands(recording.messageCount)} messages
-            {' '}· {bytes(recording.byteCount)}
-            {recording.dropCount > 0
-              && <> · <Badge tone="warn">{thousands(recording.dropCount)} dropped</Badge></>}
+        {isOn ? (
+          <button
+            type="button"
+            class="record is-on"
+            data-testid="record"
+            disabled={!isUsable}
+            onClick={() => void app.recordings.stop()}
+          >
+            <i aria-hidden="true" />
+            Stop recording
+          </button>
+        ) : (
+          <button
+            type="button"
+            class="record"
+            data-testid="record"
+            disabled={!isUsable}
+            onClick={() => void app.recordings.start()}
+          >
+            <i aria-hidden="true" />
+            Record
+          </button>
+        )}
+        {isOn ? (
+          <p class="record-facts">
+            <b>{recording.file}</b> {clock(recording.timeS)} · {thousands(recording.messageCount)}{' '}
+            messages · {bytes(recording.byteCount)}
+            {recording.dropCount > 0 && (
+              <>
+                {' '}
+                · <Badge tone="warn">{thousands(recording.dropCount)} dropped</Badge>
+              </>
+            )}
           </p>
-          : <p class="quiet">All events of the hub, with samples and touches, in one MCAP file.</p>}
+        ) : (
+          <p class="quiet">All events of the hub, with samples and touches, in one MCAP file.</p>
+        )}
       </div>
       {recording !== undefined && recording.problem !== '' && (
-        <Notice tone="bad" role="alert">{recording.problem}</Notice>
+        <Notice tone="bad" role="alert">
+          {recording.problem}
+        </Notice>
       )}
     </Card>
   );
@@ -60,7 +102,11 @@ function RecordCard() {
 
 function List({entries, hasService}: {entries: readonly Entry[] | null; hasService: boolean}) {
   if (entries === null) {
-    return <Empty>{hasService ? 'Reading the list.' : 'The list needs a connection that may command.'}</Empty>;
+    return (
+      <Empty>
+        {hasService ? 'Reading the list.' : 'The list needs a connection that may command.'}
+      </Empty>
+    );
   }
   if (entries.length === 0) return <Empty>No recordings yet.</Empty>;
   return (
@@ -68,12 +114,27 @@ function List({entries, hasService}: {entries: readonly Entry[] | null; hasServi
       <table>
         <thead>
           <tr>
-            <th scope="col">File</th><th scope="col">From</th><th scope="col" class="number">Length</th>
-            <th scope="col" class="number">Messages</th><th scope="col" class="number">Size</th>
-            <th scope="col"><span class="visually-hidden">Replay</span></th>
+            <th scope="col">File</th>
+            <th scope="col">From</th>
+            <th scope="col" class="number">
+              Length
+            </th>
+            <th scope="col" class="number">
+              Messages
+            </th>
+            <th scope="col" class="number">
+              Size
+            </th>
+            <th scope="col">
+              <span class="visually-hidden">Replay</span>
+            </th>
           </tr>
         </thead>
-        <tbody>{entries.map((entry) => <Row key={entry.file} entry={entry} />)}</tbody>
+        <tbody>
+          {entries.map((entry) => (
+            <Row key={entry.file} entry={entry} />
+          ))}
+        </tbody>
       </table>
     </div>
   );
@@ -97,8 +158,12 @@ function Row({entry}: {entry: Entry}) {
       <td class="number">{thousands(entry.messageCount)}</td>
       <td class="number">{bytes(entry.byteCount)}</td>
       <td class="number">
-        <button type="button" disabled={!app.isLive.value || !app.mayCommand.value}
-          aria-label={`Replay ${entry.file}`} onClick={() => void open()}>
+        <button
+          type="button"
+          disabled={!app.isLive.value || !app.mayCommand.value}
+          aria-label={`Replay ${entry.file}`}
+          onClick={() => void open()}
+        >
           {isOpen ? 'Replay again' : 'Replay'}
         </button>
       </td>

@@ -13,7 +13,10 @@ import {RecordingsView} from './recordings';
 import {Timeline} from './timeline';
 
 const kTitles: Readonly<Record<View, string>> = {
-  overview: 'Overview', live: 'Live', parameters: 'Parameters', recordings: 'Recordings',
+  overview: 'Overview',
+  live: 'Live',
+  parameters: 'Parameters',
+  recordings: 'Recordings',
   events: 'Events',
 };
 
@@ -32,9 +35,14 @@ export function Shell() {
     main.current?.focus();
   };
   return (
-    <div class="shell" data-link={app.link.state.value.phase}
-      data-replay={app.showsReplay.value ? 'yes' : 'no'}>
-      <a class="skip" href={writeRoute(view, subject)} onClick={skip}>Skip to the content</a>
+    <div
+      class="shell"
+      data-link={app.link.state.value.phase}
+      data-replay={app.showsReplay.value ? 'yes' : 'no'}
+    >
+      <a class="skip" href={writeRoute(view, subject)} onClick={skip}>
+        Skip to the content
+      </a>
       <Header titles={kTitles} />
       <Banners />
       <main id="main" ref={main} tabIndex={-1}>
@@ -48,10 +56,15 @@ export function Shell() {
 
 function Shown({view}: {view: View}): ComponentChildren {
   switch (view) {
-    case 'overview': return <OverviewView />;
-    case 'live': return <LiveView />;
-    case 'parameters': return <ParametersView />;
-    case 'recordings': return <RecordingsView />;
-    case 'events': return <EventsView />;
+    case 'overview':
+      return <OverviewView />;
+    case 'live':
+      return <LiveView />;
+    case 'parameters':
+      return <ParametersView />;
+    case 'recordings':
+      return <RecordingsView />;
+    case 'events':
+      return <EventsView />;
   }
 }

@@ -33,23 +33,44 @@ export function Timeline() {
   return (
     <footer class="timeline" aria-label="Replay">
       <span class="timeline-mark">REPLAY</span>
-      <button type="button" disabled={!isUsable} class="play" data-testid="play"
-        onClick={() => void (replay.isPlaying ? recordings.pause() : play())}>
+      <button
+        type="button"
+        disabled={!isUsable}
+        class="play"
+        data-testid="play"
+        onClick={() => void (replay.isPlaying ? recordings.pause() : play())}
+      >
         {replay.isPlaying ? 'Pause' : 'Play'}
       </button>
-      <input type="range" min={0} max={lengthS} step={Math.max(0.001, lengthS / 2000)}
-        value={timeS} disabled={!isUsable} aria-label="Time of the replay"
+      <input
+        type="range"
+        min={0}
+        max={lengthS}
+        step={Math.max(0.001, lengthS / 2000)}
+        value={timeS}
+        disabled={!isUsable}
+        aria-label="Time of the replay"
         aria-valuetext={`${clock(timeS)} of ${clock(lengthS)}`}
         onInput={(event) => seek(Number(event.currentTarget.value), false)}
-        onChange={(event) => seek(Number(event.currentTarget.value), true)} />
-      <output class="timeline-time" data-testid="replay-time">{clock(timeS, 1)} / {clock(lengthS, 1)}</output>
+        onChange={(event) => seek(Number(event.currentTarget.value), true)}
+      />
+      <output class="timeline-time" data-testid="replay-time">
+        {clock(timeS, 1)} / {clock(lengthS, 1)}
+      </output>
       <label class="speed">
         <span class="visually-hidden">Speed</span>
-        <select value={String(replay.speed)} disabled={!isUsable}
-          onChange={(event) => void recordings.play(Number(event.currentTarget.value))}>
-          {[...new Set([...kSpeeds, replay.speed])].sort((a, b) => a - b).map((one) => (
-            <option key={one} value={String(one)}>{one}×</option>
-          ))}
+        <select
+          value={String(replay.speed)}
+          disabled={!isUsable}
+          onChange={(event) => void recordings.play(Number(event.currentTarget.value))}
+        >
+          {[...new Set([...kSpeeds, replay.speed])]
+            .sort((a, b) => a - b)
+            .map((one) => (
+              <option key={one} value={String(one)}>
+                {one}×
+              </option>
+            ))}
         </select>
       </label>
       <button type="button" disabled={!isUsable} onClick={() => void recordings.close()}>
