@@ -121,6 +121,23 @@ beforeEach(() => {
 });
 
 describe('Link', () => {
+  it('has one connection at a time, also when it is looked after before it starts', () => {
+    const fresh: FakeSocket[] = [];
+    const other = new Link({
+      open: () => {
+        fresh.push(new FakeSocket());
+        return fresh.at(-1) as FakeSocket;
+      },
+      nowMs: () => nowMs,
+    });
+    other.check();
+    other.start();
+    other.start();
+    other.check();
+    expect(fresh).toHaveLength(1);
+    other.stop();
+  });
+
   it('is live while something comes, and silent within a tenth of a second after one', () => {
     const socket = connect();
     expect(link.state.value.phase).toBe('live');

@@ -61,6 +61,7 @@ export class Link implements Listener {
   constructor(private readonly options: LinkOptions) {}
 
   start(): void {
+    if (this.timer !== null) return;
     this.connect();
     this.timer = setInterval(() => this.check(), kCheckMs);
   }
@@ -73,6 +74,7 @@ export class Link implements Listener {
 
   /** Judges the connection by the clock; also when a hidden page shows again. */
   check(): void {
+    if (this.timer === null) return;
     const now = this.options.nowMs();
     if (this.client === null) {
       if (now >= this.retryMs) this.connect();
