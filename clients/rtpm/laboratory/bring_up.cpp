@@ -16,6 +16,7 @@
 #include "laboratory/state_folder.hpp"
 #include "laboratory/view.hpp"
 #include "rtpm/options/duration.hpp"
+#include "rtpm/rt/log.hpp"
 
 namespace rtpm::tool {
 namespace {
@@ -178,6 +179,8 @@ int bring_up(Context& context, const Plan& plan, const BringUpOptions& options) 
   if (!folder) return context.fail(folder.error());
   const auto record = Record::create(*folder, plan.name);
   if (!record) return context.fail(record.error());
+  for (const std::string& name : plan.left_out)
+    rt::print_error("rtpm", "the program '" + name + "' is left out: it is not installed");
   if (options.is_detached) return detach(context, plan, options, *folder, *record);
   return guard(context, plan, options, *folder, *record, Handle());
 }

@@ -1,6 +1,7 @@
 #include <unistd.h>
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <system_error>
 
@@ -16,9 +17,11 @@ namespace {
 constexpr const char* kFile = "demo.toml";
 /// Besides the time that the programs are given.
 constexpr Duration kStartAndEndTime = std::chrono::seconds{15};
+/// Where nobody could press Ctrl-C.
+constexpr int kSecondsWithoutTerminal = 10;
 
 struct DemoRequest {
-  int seconds = 10;
+  std::optional<int> seconds{};  ///< 0: until Ctrl-C.
   std::string hand{};
 };
 
@@ -30,17 +33,21 @@ int demo(Context& context, const DemoRequest& request) {
                          "there is no " + file.folders.own + "/../share/rtpm/" + kFile,
                          "install RTPM's programs again"});
   }
-  file.variables["seconds"] = std::to_string(request.seconds);
+  const bool is_watched = is_terminal() && !context.json;
+  const int seconds = request.seconds.value_or(is_watched ? 0 : kSecondsWithoutTerminal);
+  file.variables["seconds"] = std::to_string(seconds);
+  std::error_code error;
+  file.variables["recordings"] = std::filesystem::current_path(error).string();
   if (!request.hand.empty()) {
-    std::error_code error;
     file.variables["hand"] = std::filesystem::absolute(request.hand, error).string();
   }
-  if (is_terminal() && !context.json) file.variables["live"] = "rewrite";
+  if (is_watched) file.variables["live"] = "rewrite";
   const auto plan = laboratory::read_plan(path, file);
   if (!plan) return refuse_file(context, plan.error());
+  if (seconds == 0) return bring_up(context, *plan, {});
   return bring_up(
       context, *plan,
-      {.time = std::chrono::seconds{request.seconds} + kStartAndEndTime, .must_end_before = true});
+      {.time = std::chrono::seconds{seconds} + kStartAndEndTime, .must_end_before = true});
 }
 
 }  // namespace
@@ -51,12 +58,16 @@ void add_demo(CLI::App& program, Context& context) {
       program, context, "demo", "Show four simulated devices and a 1 kHz force loop",
       "  rtpm demo --seconds 20\n"
       "Brings up share/rtpm/demo.toml: a registry, a server with an arm, a gaze tracker, a\n"
-      "biometric sensor and a knob, a force loop that lets the arm touch a virtual wall, and a\n"
-      "display of their events. At the end comes what the loop's calls and cycles took.\n",
+      "biometric sensor and a knob, a force loop that lets the arm touch a virtual wall, a "
+      "console\n"
+      "at the URL that it prints, for a browser, and a display of the devices' events. What the\n"
+      "console records is kept in the present folder. At the end comes what the loop's calls and\n"
+      "cycles took.\n",
       [request](Context& c) { return demo(c, *request); });
-  command.add_option("--seconds", request->seconds, "How long")
-      ->check(CLI::Range(1, 99'999))
-      ->capture_default_str()
+  command
+      .add_option("--seconds", request->seconds,
+                  "How long; 0: until Ctrl-C. Without: 0 on a terminal, else 10")
+      ->check(CLI::Range(0, 99'999))
       ->type_name("N");
   const auto check = [](const std::string& path) {
     return ::access(path.c_str(), R_OK) == 0

@@ -44,14 +44,15 @@ class PlanReader {
     top.refuse_unknown();
     if (laboratory != nullptr) read_name(*laboratory);
     read_variables(top, variables);
-    if (programs == nullptr || programs->items.empty()) {
+    const Value present = programs == nullptr ? Value{} : without_missing(*programs);
+    if (present.items.empty()) {
       if (mistakes_.empty()) top.refuse({}, "the file has no program", "add a table [[program]]");
     } else {
-      read_names(top, *programs);
+      read_names(top, present);
     }
     if (laboratory != nullptr) read_laboratory(*laboratory);
     for (std::size_t i = 0; i < plan_.programs.size(); ++i)
-      read_program(i, programs->items[i]);
+      read_program(i, present.items[i]);
     if (mistakes_.empty()) order(top);
     if (mistakes_.empty()) return std::move(plan_);
     std::ranges::stable_sort(mistakes_, {}, [](const Mistake& mistake) {
@@ -94,6 +95,21 @@ class PlanReader {
     }
     scope_.variables["laboratory.name"] = plan_.name;
     scope_.variables["laboratory.folder"] = folder_;
+  }
+
+  /// The programs without those optional ones that are not installed.
+  Value without_missing(Value programs) {
+    std::erase_if(programs.items, [this](const Value& item) {
+      const Value* const optional = item.find("optional");
+      const Value* const run = item.find("run");
+      const Value* const name = item.find("name");
+      if (optional == nullptr || !optional->boolean || name == nullptr) return false;
+      if (run == nullptr || run->items.empty()) return false;
+      if (context_.folders.find(run->items.front().text, folder_)) return false;
+      plan_.left_out.push_back(name->text);
+      return true;
+    });
+    return programs;
   }
 
   void read_names(TableReader& top, const Value& programs) {
@@ -178,6 +194,8 @@ class PlanReader {
                  {"none", Output::kNone}});
     reader.read("main", program.is_main);
     reader.read("needed", program.is_needed);
+    bool is_optional = false;  // See without_missing().
+    reader.read("optional", is_optional);
     reader.refuse_unknown();
     check(reader, table, program);
   }
@@ -269,6 +287,7 @@ class PlanReader {
       return;
     }
     for (const Value& item : is_text ? std::vector<Value>{*value} : value->items) {
+      if (std::ranges::find(plan_.left_out, item.text) != plan_.left_out.end()) continue;
       const auto found = std::ranges::find(scope_.programs, item.text);
       if (item.kind != Value::Kind::kText || found == scope_.programs.end()) {
         reader.refuse(item.position, "'after' has " + item.kind_text() +

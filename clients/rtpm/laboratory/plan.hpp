@@ -89,6 +89,7 @@ struct Plan {
   std::string registry_url{};           ///< Without a program of that kind; empty: the caller's.
   std::vector<ProgramPlan> programs{};  ///< In the order of the file.
   std::vector<std::size_t> order{};     ///< Of start.
+  std::vector<std::string> left_out{};  ///< Optional programs that are not installed.
 
   [[nodiscard]] bool has_terminal() const;
   /// How long an orderly end takes at most, of all programs one after the other.

@@ -38,7 +38,8 @@ constexpr std::array kEarly{"had no time for it", "within the deadline", "has no
 constexpr const char* kSampled = "--filter type(rtpm.device.Sampled)";
 
 /// In an order in which one command prepares for the next. RUN is a whole recording, DEVICES
-/// one of a device, BROKEN the first half of RUN, NEW1 and NEW2 paths where nothing is.
+/// one of a device, BROKEN the first half of RUN, LABORATORY a file for `rtpm up`, NEW1 and NEW2
+/// paths where nothing is.
 std::vector<Case> cases() {
   const std::string sampled = kSampled;
   return {
@@ -59,6 +60,8 @@ std::vector<Case> cases() {
       {"bag check", "RUN", "is whole", "NONE", 1, "No such file"},
       {"bag recover", "BROKEN -o NEW1", "messages", "BROKEN -o RUN", 1, "exists already"},
       {"bag cut", "RUN -o NEW1 --to 10ms", "messages", "RUN -o NEW1 --topics x", 1, "no topic 'x'"},
+      {"up", "LABORATORY --check", "is right", "NONE", 2, "can't be read"},
+      {"demo", "--seconds 1", "samples shown", "--seconds -1", 2, "--seconds"},
       {"config list", "lab/arm0", "safety.ramp_s", "lab/arm", 3, "most like it: lab/arm0"},
       {"config get", "lab/arm0 safety.ramp_s", "safety.ramp_s=0.02", "lab/arm0 safety.rampe_s", 1,
        "did you mean 'safety.ramp_s'?"},
@@ -107,6 +110,9 @@ class Commands : public testing::Test {
               0);
     const std::string content = recording::content_of(whole_);
     recording::put_content(broken_, std::string_view(content).substr(0, content.size() / 2));
+    recording::put_content(laboratory_,
+                           "[laboratory]\nname = \"cell\"\n[[program]]\nname = \"registry\"\n"
+                           "run = [\"rtpm-registryd\"]\n");
   }
 
   /// With the names of the table's files replaced.
@@ -116,6 +122,7 @@ class Commands : public testing::Test {
       if (word == "RUN") word = whole_;
       if (word == "DEVICES") word = devices_;
       if (word == "BROKEN") word = broken_;
+      if (word == "LABORATORY") word = laboratory_;
       if (word == "NONE") word = folder_.fresh("none");
       if (word == "NEW1") word = folder_.fresh("new");
     }
@@ -170,6 +177,7 @@ class Commands : public testing::Test {
   std::string whole_ = folder_.fresh("whole");
   std::string devices_ = folder_.fresh("devices");
   std::string broken_ = folder_.fresh("broken");
+  std::string laboratory_ = folder_.fresh("laboratory");
   std::optional<Daemon> registry_{};
   std::optional<Daemon> device_{};
 };
@@ -182,6 +190,8 @@ TEST(CommandTable, HasEveryCommandOfTheProgramOnce) {
   for (const std::string& command : commands_below("")) {
     if (commands_below(command).empty()) known.insert(command);
   }
+  // It needs a laboratory that is up: laboratory_test.cpp.
+  EXPECT_EQ(known.erase("down"), 1u);
   EXPECT_EQ(tested, known) << "the table above has a row for each command";
 }
 

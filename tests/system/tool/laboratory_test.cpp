@@ -405,10 +405,21 @@ TEST_F(Up, ShowsTheDemo) {
       test::run({"env", "RTPM_REALTIME=off", path_of("rtpm"), "demo", "--seconds", "2"}, kPatience);
   ASSERT_TRUE(end);
   EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
-  for (const char* words : {"lab/arm0", "lab/gaze0", "lab/biometric0", "lab/knob0", "samples shown",
-                            "latency in us", "one cycle of two calls"})
+  for (const char* words :
+       {"lab/arm0", "lab/gaze0", "lab/biometric0", "lab/knob0", "samples shown", "latency in us",
+        "one cycle of two calls", "console | serving http://127.0.0.1:"})
     EXPECT_NE(end->output.find(words), std::string::npos) << words << " is not in\n" << end->output;
   EXPECT_LT(end->output.find("samples shown"), end->output.find("latency in us"));
+}
+
+TEST_F(Up, EndsTheDemoInOrderAtCtrlC) {
+  test::Process demo({"env", "RTPM_REALTIME=off", path_of("rtpm"), "demo", "--seconds", "0"});
+  ASSERT_TRUE(demo.wait_for_output("lab/knob0", kPatience)) << demo.errors();
+  demo.send_signal(SIGINT);
+  const auto end = demo.wait(kPatience);
+  ASSERT_TRUE(end) << "it goes on";
+  EXPECT_EQ(end->exit_code, 0) << end->output << end->errors;
+  EXPECT_NE(end->output.find("one cycle of two calls"), std::string::npos) << end->output;
 }
 
 TEST_F(Up, TakesARecordedHandForTheDemo) {
@@ -422,7 +433,7 @@ TEST_F(Up, TakesARecordedHandForTheDemo) {
   for (const Json& event : events_in(end->output))
     EXPECT_TRUE(event.is_object()) << end->output;
   expect_one_sentence(run_program("rtpm", {"demo", "--hand", "/nowhere.csv"}), 2, {"/nowhere.csv"});
-  expect_one_sentence(run_program("rtpm", {"demo", "--seconds", "0"}), 2, {"--seconds"});
+  expect_one_sentence(run_program("rtpm", {"demo", "--seconds", "-1"}), 2, {"--seconds"});
 }
 
 }  // namespace

@@ -236,6 +236,20 @@ TEST_F(File, TellsWhereAProgramWasLookedFor) {
   expect_mistake("[[program]]\nname = \"a\"\nrun = [\"./tool\"]\n", 3, 8, {folder_ / "tool"});
 }
 
+TEST_F(File, LeavesOutAnOptionalProgramThatIsNotInstalled) {
+  const std::string text =
+      "[[program]]\nname = \"a\"\nrun = [\"sh\"]\n"
+      "[[program]]\nname = \"extra\"\nrun = [\"rtpm-nothing\"]\noptional = true\n"
+      "[[program]]\nname = \"b\"\nrun = [\"sh\"]\n"
+      "[[program]]\nname = \"c\"\nrun = [\"sh\"]\nafter = [\"a\", \"extra\"]\noptional = true\n";
+  const Plan plan = plan_of(text);
+  EXPECT_EQ(plan.left_out, std::vector<std::string>{"extra"});
+  ASSERT_EQ(plan.programs.size(), 3u);
+  EXPECT_EQ(plan.programs[1].after, std::vector<std::size_t>{0});
+  EXPECT_EQ(plan.programs[2].after, std::vector<std::size_t>{0});
+  expect_mistake_in("optional = 1", 12, {"true or false"});
+}
+
 TEST_F(File, TellsWhichProgramsWaitForEachOther) {
   expect_mistake(
       "[[program]]\nname = \"a\"\nrun = [\"sh\"]\nafter = \"b\"\n"
@@ -301,7 +315,7 @@ TEST_F(File, OfTheDemoIsRight) {
     return read ? std::move(*read) : Plan{};
   }();
   EXPECT_EQ(plan.name, "demo");
-  EXPECT_EQ(plan.programs.size(), 4u);
+  EXPECT_EQ(plan.programs.size() + plan.left_out.size(), 5u);
   EXPECT_TRUE(plan.has_terminal());
 }
 
