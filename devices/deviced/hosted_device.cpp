@@ -5,6 +5,7 @@
 
 #include "drivers.hpp"
 #include "rtpm/configuration/client.hpp"
+#include "rtpm/gvd/offer.hpp"
 
 namespace rtpm::deviced {
 namespace {
@@ -83,6 +84,7 @@ expected<std::unique_ptr<HostedDevice>, SetupError> HostedDevice::create(
   auto server = gvd::DeviceServer::create(std::move(*driver), std::move(config));
   if (!server) return setup_error(hosted->name_, std::move(server.error()));
   hosted->server_ = std::move(*server);
+  hosted->rate_hz_ = *rate_hz;
   events.add(*hosted->server_);
   if (auto configured = hosted->configure(configuration); !configured) {
     return unexpected{configured.error()};
@@ -128,7 +130,8 @@ expected<void, SetupError> HostedDevice::bind(rpc::Node& node, rpc::Server& serv
   auto bound = names::Registration::create(
       node, configuration.registry, name_, server.url(name_),
       std::string(server_->servant().interface().name), names::Registration::kDefaultLease, {},
-      configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused);
+      configuration.allows_takeover ? names::Takeover::kAllowed : names::Takeover::kRefused,
+      gvd::properties_of(server_->descriptor(), rate_hz_));
   if (!bound) return unexpected{bound.error()};
   registration_ = std::move(*bound);
   return {};

@@ -49,6 +49,20 @@ int Context::fail(std::string_view what, ExitCode code) const {
   return fail(SetupError{std::string(what)}, code);
 }
 
+int Context::fail_at(std::string_view what, const std::string& text,
+                     const predicate::TextError& error) const {
+  if (!json) {
+    const std::string picture = error.picture(text);
+    const std::size_t end = picture.find('\n');
+    rt::print_error("rtpm", picture.substr(0, end));
+    rt::print_error("rtpm", picture.substr(end + 1) + " " + error.what);
+    return kMisused;
+  }
+  return fail("the " + std::string(what) + ", at character " + std::to_string(error.offset) + ": " +
+                  error.what,
+              kMisused);
+}
+
 int Context::not_reached(const SetupError& error) const {
   const bool is_own_lack = error.cause == rpc::CallError::kNoResources ||
                            error.cause.category() == std::generic_category();

@@ -12,6 +12,7 @@
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/resolver.hpp"
 #include "rtpm/options/stop_signal.hpp"
+#include "rtpm/predicate/text_error.hpp"
 #include "rtpm/rpc/binding.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -53,6 +54,9 @@ class Context {
   /// @return `code`
   int fail(const SetupError& error, ExitCode code = kFailed) const;
   int fail(std::string_view what, ExitCode code = kFailed) const;
+  /// Tells a mistake in `text`, which is a `what` such as "filter", with its place.
+  int fail_at(std::string_view what, const std::string& text,
+              const predicate::TextError& error) const;
   /// As fail(), for a target that was not found or does not answer.
   /// Where this process lacks memory or descriptors for it, it just failed.
   int not_reached(const SetupError& error) const;

@@ -13,19 +13,6 @@ namespace {
 
 using events::EventDescriptor;
 
-/// Tells a mistake with its place.
-int fail_at(const Context& context, const std::string& text, const events::FilterTextError& error) {
-  if (!context.json) {
-    const std::string picture = error.picture(text);
-    const std::size_t end = picture.find('\n');
-    rt::print_error("rtpm", picture.substr(0, end));
-    rt::print_error("rtpm", picture.substr(end + 1) + " " + error.what);
-    return kMisused;
-  }
-  return context.fail(
-      "the filter, at character " + std::to_string(error.offset) + ": " + error.what, kMisused);
-}
-
 }  // namespace
 
 void add_event_options(CLI::App& command, EventRequest& request) {
@@ -50,7 +37,7 @@ std::unique_ptr<Subscription> Subscription::open(Context& context, const EventRe
   }
   const auto filter = events::parse_filter(request.filter, types->list());
   if (!filter) {
-    exit_code = fail_at(context, request.filter, filter.error());
+    exit_code = context.fail_at("filter", request.filter, filter.error());
     return nullptr;
   }
   std::unique_ptr<Subscription> opened(

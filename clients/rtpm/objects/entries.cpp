@@ -7,12 +7,36 @@
 
 namespace rtpm::tool {
 
+namespace {
+
+Json json_of(const names::PropertyValue& value) {
+  return std::visit(
+      [](const auto& held) -> Json {
+        if constexpr (std::is_same_v<std::decay_t<decltype(held)>, names::PropertyList>) {
+          Json list = Json::array();
+          for (const auto& item : held.items)
+            list.push_back(std::visit([](const auto& each) { return Json(each); }, item));
+          return list;
+        } else {
+          return held;
+        }
+      },
+      value);
+}
+
+}  // namespace
+
 Json json_of(const names::NameEntry& entry) {
-  return {{"name", entry.name},
-          {"interface", entry.interface},
-          {"url", entry.url},
-          {"lease_left_s", std::chrono::duration<double>(entry.lease_left).count()},
-          {"revision", entry.revision}};
+  Json json{{"name", entry.name},
+            {"interface", entry.interface},
+            {"url", entry.url},
+            {"lease_left_s", std::chrono::duration<double>(entry.lease_left).count()},
+            {"revision", entry.revision}};
+  for (const names::Property& property : entry.properties) {
+    json["properties"][property.name] = json_of(property.value);
+    if (!property.unit.empty()) json["units"][property.name] = property.unit;
+  }
+  return json;
 }
 
 std::string table_of(const std::vector<names::NameEntry>& entries) {

@@ -9,6 +9,7 @@
 #include "objects/commands.hpp"
 #include "objects/entries.hpp"
 #include "rtpm/options/suggestion.hpp"
+#include "rtpm/rt/log.hpp"
 #include "rtpm/wire/url.hpp"
 
 namespace rtpm::tool {
@@ -18,6 +19,9 @@ struct FindOptions {
   std::string name = "*";
   std::string interface = "*";
   std::string host = "*";
+  std::string predicate{};
+  std::string preference{};
+  std::uint32_t limit = 0;
 };
 
 bool fits(const std::string& pattern, const std::string& text) {
@@ -40,14 +44,45 @@ std::string similar_interface(const std::vector<names::NameEntry>& entries,
   return is_there ? std::string{} : options::suggestion(wanted, interfaces);
 }
 
+bool has_wildcard(const std::string& pattern) {
+  return pattern.find_first_of("*?[\\") != std::string::npos;
+}
+
+/// Asks the registry, which evaluates predicate and preference; patterns are this program's.
+expected<std::vector<names::NameEntry>, int> ask(Context& context, const FindOptions& wanted) {
+  names::Directory directory(context.node(), context.registry);
+  if (wanted.predicate.empty() && wanted.preference.empty()) {
+    auto entries = directory.list();
+    if (!entries) return unexpected{context.not_reached(entries.error())};
+    return std::move(*entries);
+  }
+  const std::string interface = has_wildcard(wanted.interface) ? "" : wanted.interface;
+  auto found = directory.find({interface, wanted.predicate, wanted.preference});
+  if (!found) {
+    const names::DirectoryError& error = found.error();
+    if (!error.text_error) return unexpected{context.not_reached(error)};
+    const bool is_predicate = error.outcome == names::Outcome::kBadPredicate;
+    return unexpected{context.fail_at(is_predicate ? "predicate" : "preference",
+                                      is_predicate ? wanted.predicate : wanted.preference,
+                                      *error.text_error)};
+  }
+  if (!found->note.empty()) rt::print_error("rtpm", found->note);
+  if (found->entries.size() < found->accepted_count) {
+    rt::print_error("rtpm", std::to_string(found->accepted_count - found->entries.size()) +
+                                " more names fit than a reply takes");
+  }
+  return std::move(found->entries);
+}
+
 int find(Context& context, const FindOptions& wanted) {
-  const auto entries = names::Directory(context.node(), context.registry).list();
-  if (!entries) return context.not_reached(entries.error());
+  const auto entries = ask(context, wanted);
+  if (!entries) return entries.error();
   std::vector<names::NameEntry> found;
   std::ranges::copy_if(*entries, std::back_inserter(found), [&](const names::NameEntry& entry) {
     return fits(wanted.name, entry.name) && fits(wanted.interface, entry.interface) &&
            fits(wanted.host, host_of(entry));
   });
+  if (wanted.limit != 0 && found.size() > wanted.limit) found.resize(wanted.limit);
   print_entries(found, context.json);
   if (!found.empty()) return kDone;
   return context.fail("none of the registry's " + std::to_string(entries->size()) + " names fits" +
@@ -59,8 +94,9 @@ int find(Context& context, const FindOptions& wanted) {
 void add_find(CLI::App& program, Context& context) {
   const auto wanted = std::make_shared<FindOptions>();
   CLI::App& command =
-      add_command(program, context, "find", "Find names by their form, interface and host",
+      add_command(program, context, "find", "Find names by form, interface, host and properties",
                   "  rtpm find 'lab/*'\n  rtpm find --interface rtpm.device.Device\n"
+                  "  rtpm find --where \"class == 'haptic' and force_newton_max >= 3\"\n"
                   "In patterns * stands for any text, also with '/', ? for a character. The exit\n"
                   "code is 1 if nothing fits.\n",
                   [wanted](Context& c) { return find(c, *wanted); });
@@ -69,6 +105,11 @@ void add_find(CLI::App& program, Context& context) {
       ->capture_default_str();
   command.add_option("--host", wanted->host, "Pattern of the host in the URL")
       ->capture_default_str();
+  command.add_option("--where", wanted->predicate,
+                     "Of the properties: \"'x' in axes and rate_hz > 500\"");
+  command.add_option("--prefer", wanted->preference,
+                     "Which come first: 'min E', 'max E', 'with E', random, first");
+  command.add_option("--limit", wanted->limit, "How many at most; 0: all")->capture_default_str();
 }
 
 }  // namespace rtpm::tool

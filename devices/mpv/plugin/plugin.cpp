@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "inside_driver.hpp"
+#include "rtpm/gvd/offer.hpp"
 #include "rtpm/gvd/publisher.hpp"
 #include "rtpm/gvd/server.hpp"
 #include "rtpm/introspection/catalog.hpp"
@@ -67,8 +68,11 @@ class Service {
     if (auto started = publisher_->start(); !started) return started;
     if (auto started = device_->start(); !started) return started;
     if (auto started = server_->start(); !started) return started;
-    auto bound = names::Registration::create(node_, registry, name, server_->url(name),
-                                             std::string(device_->servant().interface().name));
+    auto bound = names::Registration::create(
+        node_, registry, name, server_->url(name),
+        std::string(device_->servant().interface().name), names::Registration::kDefaultLease, {},
+        names::Takeover::kRefused,
+        gvd::properties_of(device_->descriptor(), device_->descriptor().rate_hz));
     if (!bound) return unexpected{bound.error()};
     registration_ = std::move(*bound);
     std::printf("serving %s at %s\n", name.c_str(), server_->url(name).c_str());

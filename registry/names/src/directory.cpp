@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "idl.hpp"
+#include "rtpm/base/printable.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/rpc/tables.hpp"
 #include "rtpm/rt/clock.hpp"
@@ -13,13 +14,13 @@
 namespace rtpm::names {
 namespace {
 
-std::string text_of(const flatbuffers::String* text) {
-  return text == nullptr ? std::string() : text->str();
-}
-
 NameEntry entry_of(const Entry& entry) {
-  return {text_of(entry.name()), text_of(entry.url()), text_of(entry.interface()),
-          duration_of(entry.lease_left_ns()), entry.revision()};
+  return {text_of(entry.name()),
+          text_of(entry.url()),
+          text_of(entry.interface()),
+          duration_of(entry.lease_left_ns()),
+          entry.revision(),
+          properties_of(entry.properties()).value_or(std::vector<Property>{})};
 }
 
 DirectoryError refused(const Answer& answer, std::string_view name) {
@@ -69,6 +70,30 @@ class Directory::Impl {
     return {};
   }
 
+  /// One entry, by resolve or describe.
+  template <class Operation>
+  [[nodiscard]] expected<NameEntry, DirectoryError> look_up(std::string_view name,
+                                                            MonotonicTime deadline,
+                                                            Operation operation) {
+    Request request;
+    const ConstBytes bytes =
+        request.finished(CreateResolveRequest(request.builder, request.text(name)));
+    const auto reply = ask(std::min(deadline, usual_end()),
+                           [&](NamesClient& client, const rpc::CallOptions& options) {
+                             return operation(client, bytes, options);
+                           });
+    if (!reply) return unexpected{reply.error()};
+    const ResolveReply& found = **reply;
+    if (outcome_of(*found.answer()) != Outcome::kDone) {
+      return unexpected{refused(*found.answer(), name)};
+    }
+    if (found.entry() == nullptr) {
+      return unexpected{DirectoryError{
+          {"the registry at " + registry_url_ + " answers without an entry", "it is no RTPM one"}}};
+    }
+    return entry_of(*found.entry());
+  }
+
   /// Deadline of an operation that begins now.
   [[nodiscard]] MonotonicTime usual_end() const { return rt::now() + deadline_; }
 
@@ -78,11 +103,12 @@ class Directory::Impl {
     const auto name = request.text(claim.name);
     const auto url = request.text(claim.url);
     const auto interface = request.text(claim.interface);
+    const auto properties = write_properties(request.builder, claim.properties);
     const ConstBytes bytes = request.finished(
-        CreateBindRequest(request.builder, name, url, interface, &owner, ns_of(claim.lease),
-                          claim.holder_revision, claim.allows_takeover));
+        CreateOfferRequest(request.builder, name, url, interface, &owner, ns_of(claim.lease),
+                           replaces, claim.holder_revision, claim.allows_takeover, properties));
     const auto reply = ask(usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
-      return replaces ? client.rebind_encoded(bytes, options) : client.bind_encoded(bytes, options);
+      return client.offer_encoded(bytes, options);
     });
     if (!reply) return unexpected{reply.error()};
     const BindReply& answer = **reply;
@@ -187,23 +213,48 @@ expected<void, DirectoryError> Directory::renew(std::string_view name, Owner own
 
 expected<NameEntry, DirectoryError> Directory::resolve(std::string_view name,
                                                        MonotonicTime deadline) {
+  return impl_->look_up(name, deadline, [](NamesClient& client, auto bytes, const auto& options) {
+    return client.resolve_encoded(bytes, options);
+  });
+}
+
+expected<NameEntry, DirectoryError> Directory::describe(std::string_view name,
+                                                        MonotonicTime deadline) {
+  return impl_->look_up(name, deadline, [](NamesClient& client, auto bytes, const auto& options) {
+    return client.describe_encoded(bytes, options);
+  });
+}
+
+expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   Request request;
-  const ConstBytes bytes =
-      request.finished(CreateResolveRequest(request.builder, request.text(name)));
-  const auto reply = impl_->ask(std::min(deadline, impl_->usual_end()),
-                                [&](NamesClient& client, const rpc::CallOptions& options) {
-                                  return client.resolve_encoded(bytes, options);
-                                });
+  const auto interface = request.text(query.interface);
+  const auto predicate = request.text(query.predicate);
+  const auto preference = request.text(query.preference);
+  const ConstBytes bytes = request.finished(
+      CreateFindRequest(request.builder, interface, predicate, preference, query.limit));
+  const auto reply =
+      impl_->ask(impl_->usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
+        return client.find_encoded(bytes, options);
+      });
   if (!reply) return unexpected{reply.error()};
-  const ResolveReply& found = **reply;
-  if (outcome_of(*found.answer()) != Outcome::kDone) {
-    return unexpected{refused(*found.answer(), name)};
+  const FindReply& answer = **reply;
+  const Outcome outcome = outcome_of(*answer.answer());
+  if (outcome != Outcome::kDone) {
+    DirectoryError error = refused(*answer.answer(), query.interface);
+    const bool is_text = outcome == Outcome::kBadPredicate || outcome == Outcome::kBadPreference;
+    if (is_text) {
+      error.text_error = {answer.error_offset(), printable(text_of(answer.error_text()))};
+      error.why = error.text_error->what;
+    }
+    return unexpected{std::move(error)};
   }
-  if (found.entry() == nullptr) {
-    return unexpected{DirectoryError{
-        {"the registry at " + registry_url() + " answers without an entry", "it is no RTPM one"}}};
-  }
-  return entry_of(*found.entry());
+  FoundNames found;
+  for (flatbuffers::uoffset_t i = 0; answer.entries() != nullptr && i < answer.entries()->size();
+       ++i)
+    found.entries.push_back(entry_of(*answer.entries()->Get(i)));
+  found.accepted_count = answer.accepted_count();
+  found.note = printable(text_of(answer.note()));
+  return found;
 }
 
 expected<std::string, DirectoryError> Directory::url_of(std::string_view name,

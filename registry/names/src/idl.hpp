@@ -2,6 +2,11 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <optional>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "names.rtpm.hpp"
 #include "store.hpp"
@@ -34,6 +39,21 @@ namespace rtpm::names {
   return {static_cast<OutcomeCode>(outcome), component};
 }
 
+using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
+
+/// nullopt: one has a type that is not known.
+[[nodiscard]] std::optional<std::vector<Property>> properties_of(const PropertyTables* tables);
+/// Null if there are none.
+[[nodiscard]] flatbuffers::Offset<PropertyTables> write_properties(
+    flatbuffers::FlatBufferBuilder& builder, std::span<const Property> properties);
+
+[[nodiscard]] inline std::string_view view_of(const flatbuffers::String* text) noexcept {
+  return text == nullptr ? std::string_view{} : text->string_view();
+}
+[[nodiscard]] inline std::string text_of(const flatbuffers::String* text) {
+  return std::string(view_of(text));
+}
+
 // The two lists of outcomes are one.
 static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);
 static_assert(static_cast<Outcome>(OutcomeCode::BadName) == Outcome::kBadName);
@@ -52,6 +72,12 @@ static_assert(static_cast<Outcome>(OutcomeCode::OwnerFull) == Outcome::kOwnerFul
 static_assert(static_cast<Outcome>(OutcomeCode::HostFull) == Outcome::kHostFull);
 static_assert(static_cast<Outcome>(OutcomeCode::HostOwnersFull) == Outcome::kHostOwnersFull);
 static_assert(static_cast<Outcome>(OutcomeCode::StaleRevision) == Outcome::kStaleRevision);
-static_assert(OutcomeCode::MAX == OutcomeCode::StaleRevision);
+static_assert(static_cast<Outcome>(OutcomeCode::BadProperty) == Outcome::kBadProperty);
+static_assert(static_cast<Outcome>(OutcomeCode::OwnerPropertiesFull) ==
+              Outcome::kOwnerPropertiesFull);
+static_assert(static_cast<Outcome>(OutcomeCode::PropertiesFull) == Outcome::kPropertiesFull);
+static_assert(static_cast<Outcome>(OutcomeCode::BadPredicate) == Outcome::kBadPredicate);
+static_assert(static_cast<Outcome>(OutcomeCode::BadPreference) == Outcome::kBadPreference);
+static_assert(OutcomeCode::MAX == OutcomeCode::BadPreference);
 
 }  // namespace rtpm::names

@@ -1,6 +1,7 @@
 #include "rtpm/names/outcome.hpp"
 
 #include "name.hpp"
+#include "rtpm/names/property.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -24,6 +25,14 @@ std::string bad_name_text(std::string_view name, std::size_t index) {
   }
   return "component " + std::to_string(index + 1) + " of " + which + ", " + quoted(component) +
          ", is not 1 to " + std::to_string(kComponentSizeMax) + " letters, digits, '.', '_' or '-'";
+}
+
+std::string bad_property_text(const std::string& it, std::size_t index) {
+  return "property " + std::to_string(index + 1) + " of " + it +
+         " is not a name of letters, digits, '_' and '.' that predicates do not use, once there, "
+         "with a finite number or at most " +
+         std::to_string(kPropertyTextSizeMax) +
+         " printable bytes, or is beyond the limits of a binding";
 }
 
 }  // namespace
@@ -74,6 +83,16 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
     case Outcome::kStaleRevision:
       return it +
              " is held by another server than the one to be replaced: resolve the name and retry";
+    case Outcome::kBadProperty:
+      return bad_property_text(it, component);
+    case Outcome::kOwnerPropertiesFull:
+      return it + " has more properties than the registry has memory for of one server: drop some";
+    case Outcome::kPropertiesFull:
+      return it + " finds the registry's memory for properties full: drop some";
+    case Outcome::kBadPredicate:
+      return "the text is no predicate";
+    case Outcome::kBadPreference:
+      return "the text is no preference";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

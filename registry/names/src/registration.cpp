@@ -38,7 +38,8 @@ bool is_held_by_another(const DirectoryError& error) {
 class Registration::Impl {
  public:
   Impl(rpc::Node& node, std::string registry_url, std::string name, std::string url,
-       std::string interface, Duration lease, Report report, Takeover takeover)
+       std::string interface, Duration lease, Report report, Takeover takeover,
+       std::vector<Property> properties)
       : node_(node),
         registry_url_(std::move(registry_url)),
         name_(std::move(name)),
@@ -47,7 +48,8 @@ class Registration::Impl {
         owner_(owner_of(url_)),
         lease_(lease),
         report_(report ? std::move(report) : report_to_standard_error),
-        takeover_(takeover) {}
+        takeover_(takeover),
+        properties_(std::move(properties)) {}
 
   Impl(const Impl&) = delete;
   Impl& operator=(const Impl&) = delete;
@@ -87,16 +89,35 @@ class Registration::Impl {
 
   [[nodiscard]] bool is_bound() const noexcept { return is_bound_; }
 
+  [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties) {
+    {
+      const std::lock_guard lock(mutex_);
+      properties_ = std::move(properties);
+    }
+    Directory directory(node_, registry_url_, kBindDeadline);
+    auto bound = bind(directory);
+    if (!bound) return unexpected{std::move(bound.error())};
+    return {};
+  }
+
  private:
   [[nodiscard]] expected<void, DirectoryError> bind(Directory& directory,
                                                     Takeover takeover = Takeover::kRefused) {
+    std::vector<Property> properties;
+    {
+      const std::lock_guard lock(mutex_);
+      properties = properties_;
+    }
     Claim claim{name_, url_, interface_, owner_, lease_};
+    claim.properties = properties;
     claim.allows_takeover = takeover == Takeover::kAllowed;
     const auto granted = claim.allows_takeover ? directory.rebind(claim) : directory.bind(claim);
     if (!granted) return unexpected{granted.error()};
+    const std::lock_guard lock(mutex_);
     first_lease_ = granted->lease > Duration{0} ? std::min(granted->lease, lease_) : lease_;
     // After the registry did, so that this estimate is never early.
-    bound_ = rt::now();
+    if (granted->revision != revision_ || bound_ == MonotonicTime{}) bound_ = rt::now();
+    revision_ = granted->revision;
     return {};
   }
 
@@ -108,9 +129,9 @@ class Registration::Impl {
   /// Renews every third of the lease, with that as the deadline: two attempts may fail before the
   /// name is lost.
   void keep() {
+    std::unique_lock lock(mutex_);
     Directory directory(node_, registry_url_, std::min(first_lease_ / 3, kBindDeadline));
     MonotonicTime next = rt::now();
-    std::unique_lock lock(mutex_);
     for (;;) {
       next = std::max(next + lease_at(next) / 3, rt::now());
       if (ending_.wait_for(lock, next - rt::now(), [this] { return is_ending_; })) return;
@@ -142,12 +163,13 @@ class Registration::Impl {
   const Duration lease_;
   const Report report_;
   const Takeover takeover_;
-  // Of the creating thread, then of the renewing one.
+  std::atomic<bool> is_bound_ = false;
+  // Plain: no real-time thread takes it. Guards what follows.
+  std::mutex mutex_;
+  std::vector<Property> properties_;
   Duration first_lease_{};
   MonotonicTime bound_{};
-  std::atomic<bool> is_bound_ = false;
-  // Plain: shared by the creating and the time-shared renewing thread only.
-  std::mutex mutex_;
+  std::uint64_t revision_ = 0;  ///< Of the bind at `bound_`.
   std::condition_variable ending_;
   bool is_ending_ = false;
   rt::Thread thread_;
@@ -155,15 +177,21 @@ class Registration::Impl {
 
 expected<std::unique_ptr<Registration>, SetupError> Registration::create(
     rpc::Node& node, std::string registry_url, std::string name, std::string url,
-    std::string interface, Duration lease, Report report, Takeover takeover) {
+    std::string interface, Duration lease, Report report, Takeover takeover,
+    std::vector<Property> properties) {
   auto impl = std::make_unique<Impl>(node, std::move(registry_url), std::move(name), std::move(url),
-                                     std::move(interface), lease, std::move(report), takeover);
+                                     std::move(interface), lease, std::move(report), takeover,
+                                     std::move(properties));
   if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
   return std::unique_ptr<Registration>(new Registration(std::move(impl)));
 }
 
 Registration::Registration(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
 Registration::~Registration() = default;
+
+expected<void, SetupError> Registration::set_properties(std::vector<Property> properties) {
+  return impl_->set_properties(std::move(properties));
+}
 
 bool Registration::is_bound() const noexcept {
   return impl_->is_bound();

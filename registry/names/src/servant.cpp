@@ -1,5 +1,6 @@
 #include "rtpm/names/servant.hpp"
 
+#include <algorithm>
 #include <array>
 #include <mutex>
 #include <optional>
@@ -9,6 +10,7 @@
 
 #include "idl.hpp"
 #include "name.hpp"
+#include "query.hpp"
 #include "rtpm/rt/clock.hpp"
 #include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
@@ -20,11 +22,8 @@ namespace rtpm::names {
 namespace {
 
 /// Requests in the store's types.
-std::string_view view_of(const flatbuffers::String* text) {
-  return text == nullptr ? std::string_view{} : text->string_view();
-}
-
-Claim claim_of(const BindRequest& request, rpc::CallerHost caller) {
+template <class Request>
+Claim claim_of(const Request& request, rpc::CallerHost caller) {
   return {.name = view_of(request.name()),
           .url = view_of(request.url()),
           .interface = view_of(request.interface()),
@@ -37,7 +36,8 @@ Claim claim_of(const BindRequest& request, rpc::CallerHost caller) {
 
 bool is_limit(Outcome outcome) noexcept {
   return outcome == Outcome::kFull || outcome == Outcome::kOwnerFull ||
-         outcome == Outcome::kHostFull || outcome == Outcome::kHostOwnersFull;
+         outcome == Outcome::kHostFull || outcome == Outcome::kHostOwnersFull ||
+         outcome == Outcome::kOwnerPropertiesFull || outcome == Outcome::kPropertiesFull;
 }
 
 /// One sentence per second: its suffix, which counts those held back; nullopt: it is held back.
@@ -53,11 +53,15 @@ Answer answer_of(const expected<void, Refusal>& result) {
 }
 
 flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
-                                       const Record& record, MonotonicTime now) {
+                                       const Record& record, MonotonicTime now,
+                                       bool has_properties = false) {
   const auto name = builder.CreateString(record.name);
   const auto url = builder.CreateString(record.url);
   const auto interface = builder.CreateString(record.interface);
-  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision);
+  flatbuffers::Offset<PropertyTables> properties{};
+  if (has_properties) properties = write_properties(builder, record.properties);
+  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision,
+                     properties);
 }
 
 // Upper bounds of FlatBuffers' overhead, so that a page is known to fit before it is written: a
@@ -79,11 +83,17 @@ constexpr std::size_t kEntrySizeMax =
 static_assert(kPageOverheadMax + kEntrySizeMax <= kPageSizeMax,
               "a page holds at least one entry, else list() would not end");
 
+/// Of a reply to find(): entries, and bytes after which no further entry is added.
+constexpr std::size_t kFoundCountMax = 1000;
+constexpr std::size_t kFoundSizeMax = std::size_t{256} * 1024;
+
 /// Upper bound of names per page.
 constexpr std::size_t kPageCountMax = kPageSizeMax / kEntryOverheadMax;
 
 /// Every method allocates: the lane of a registry is not real-time. See make_servant().
 class RegistryServant final : public NamesServant {
+  using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
+
  public:
   // Random, so that revisions of two starts differ.
   RegistryServant(Limits limits, RegistryReport report)
@@ -108,21 +118,57 @@ class RegistryServant final : public NamesServant {
                                   duration_of(request.lease_ns()), rt::now()));
   }
 
+  rpc::Result<void> offer(const OfferRequest& request, rpc::ReplyBuilder<BindReply>& reply,
+                          const rpc::CallContext& context) override {
+    const rt::AllowAllocationScope not_real_time;
+    Claim claim = claim_of(request, context.caller);
+    const auto properties = properties_of(request.properties());
+    if (!properties) return unexpected{rpc::Refusal::kBadRequest};
+    claim.properties = *properties;
+    const Bind bind_in_store = request.replaces() ? Bind{&Store::rebind} : Bind{&Store::bind};
+    return bind(claim, reply, bind_in_store);
+  }
+
   rpc::Result<void> resolve(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
                             const rpc::CallContext&) override {
+    return look_up(request, reply, /*has_properties=*/false);
+  }
+  rpc::Result<void> describe(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
+                             const rpc::CallContext&) override {
+    return look_up(request, reply, /*has_properties=*/true);
+  }
+
+  rpc::Result<void> find(const FindRequest& request, rpc::ReplyBuilder<FindReply>& reply,
+                         const rpc::CallContext&) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
-    const auto record = store_.resolve(view_of(request.name()), now);
+    const QueryTexts texts{view_of(request.interface()), view_of(request.predicate()),
+                           view_of(request.preference())};
+    const std::size_t limit = request.limit() == 0
+                                  ? kFoundCountMax
+                                  : std::min<std::size_t>(request.limit(), kFoundCountMax);
+    const auto found = names::find(store_.index(now), texts, limit, rt::random_u64());
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
-    flatbuffers::Offset<Entry> entry;
-    Answer answer = names::answer_of(Outcome::kDone);
-    if (record) {
-      entry = write_entry(builder, **record, now);
-    } else {
-      answer = names::answer_of(record.error().outcome, record.error().component);
+    if (!found) {
+      const QueryError& error = found.error();
+      const Answer answer = names::answer_of(error.outcome);
+      const auto why = builder.CreateString(error.error.what);
+      reply.finish(CreateFindReply(builder, &answer, 0, 0,
+                                   static_cast<std::uint32_t>(error.error.offset), why));
+      return {};
     }
-    reply.finish(CreateResolveReply(builder, &answer, entry));
+    std::vector<flatbuffers::Offset<Entry>> entries;
+    for (const Record* record : found->records) {
+      if (builder.GetSize() > kFoundSizeMax) break;
+      entries.push_back(write_entry(builder, *record, now, /*has_properties=*/true));
+    }
+    const Answer answer = names::answer_of(Outcome::kDone);
+    const auto list = builder.CreateVector(entries);
+    flatbuffers::Offset<flatbuffers::String> note{};
+    if (!found->note.empty()) note = builder.CreateString(found->note);
+    reply.finish(CreateFindReply(builder, &answer, list,
+                                 static_cast<std::uint32_t>(found->accepted_count), 0, 0, note));
     return {};
   }
 
@@ -183,7 +229,24 @@ class RegistryServant final : public NamesServant {
   }
 
  private:
-  using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
+  rpc::Result<void> look_up(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
+                            bool has_properties) {
+    const rt::AllowAllocationScope not_real_time;
+    const std::lock_guard lock(mutex_);
+    const MonotonicTime now = rt::now();
+    const auto record = store_.resolve(view_of(request.name()), now);
+    flatbuffers::FlatBufferBuilder& builder = reply.builder();
+    flatbuffers::Offset<Entry> entry;
+    Answer answer = names::answer_of(Outcome::kDone);
+    if (record) {
+      entry = write_entry(builder, **record, now, has_properties);
+    } else {
+      answer = names::answer_of(record.error().outcome, record.error().component);
+    }
+    reply.finish(CreateResolveReply(builder, &answer, entry));
+    return {};
+  }
+
   /// Fits a datagram together with all outcomes.
   static constexpr std::size_t kReportedHostMax = 8;
 

@@ -1,8 +1,9 @@
 #include "store.hpp"
 
-#include "name.hpp"
-
 #include <algorithm>
+
+#include "name.hpp"
+#include "properties.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -150,13 +151,15 @@ void Store::expire(MonotonicTime now) {
 void Store::erase(Records::iterator place) {
   const Record& record = place->second;
   ends_.erase({record.expires, record.name});
-  const auto drop_one = [](auto& counts, std::uint64_t owner) {
-    const auto count = counts.find(owner);
-    if (--count->second == 0) counts.erase(count);
-  };
-  drop_one(count_of_owner_, record.owner.id);
+  index_.remove(record);
+  const std::size_t byte_count = names::byte_count(record.properties);
+  property_byte_count_ -= byte_count;
+  const auto owner = owners_.find(record.owner.id);
+  owner->second.property_byte_count -= byte_count;
+  if (--owner->second.name_count == 0) owners_.erase(owner);
   const auto host = hosts_.find(record.host);
-  drop_one(host->second.count_of_owner, record.owner.id);
+  const auto count = host->second.count_of_owner.find(record.owner.id);
+  if (--count->second == 0) host->second.count_of_owner.erase(count);
   if (--host->second.name_count == 0) hosts_.erase(host);
   records_.erase(place);
 }
@@ -176,9 +179,15 @@ Granted Store::put(const Claim& claim, const Record* kept, MonotonicTime now) {
             now + lease,
             revision,
             bound,
-            claim.host};
+            claim.host,
+            {claim.properties.begin(), claim.properties.end()}};
   ends_.emplace(record.expires, record.name);
-  ++count_of_owner_[claim.owner.id];
+  index_.add(record);
+  const std::size_t byte_count = names::byte_count(record.properties);
+  property_byte_count_ += byte_count;
+  OwnerUse& owner = owners_[claim.owner.id];
+  ++owner.name_count;
+  owner.property_byte_count += byte_count;
   Host& host = hosts_[claim.host];
   ++host.name_count;
   ++host.count_of_owner[claim.owner.id];
@@ -192,6 +201,12 @@ expected<void, Refusal> Store::check_claim(const Claim& claim) const {
   if (claim.owner.id == 0) return refuse(Outcome::kBadOwner);
   if (claim.lease < limits_.lease_min || claim.lease > limits_.lease_max) {
     return refuse(Outcome::kBadLease);
+  }
+  if (const auto bad = first_bad_property(claim.properties)) {
+    return refuse(Outcome::kBadProperty, *bad);
+  }
+  if (byte_count(claim.properties) > limits_.property_byte_max) {
+    return refuse(Outcome::kBadProperty, claim.properties.size() - 1);
   }
   return {};
 }
@@ -209,13 +224,31 @@ expected<void, Refusal> Store::check_place(std::string_view name) const {
 // Checks limits, without `held`, the record to be replaced, if not null.
 expected<void, Refusal> Store::check_room(const Claim& claim, const Record* held) const {
   if (held == nullptr && records_.size() >= limits_.name_count_max) return refuse(Outcome::kFull);
-  const auto count = count_of_owner_.find(claim.owner.id);
+  const auto owner = owners_.find(claim.owner.id);
   const bool is_more = held == nullptr || held->owner.id != claim.owner.id;
-  if (is_more && count != count_of_owner_.end() &&
-      count->second >= limits_.name_count_per_owner_max) {
+  if (is_more && owner != owners_.end() &&
+      owner->second.name_count >= limits_.name_count_per_owner_max) {
     return refuse(Outcome::kOwnerFull);
   }
+  if (auto checked = check_properties(claim, held); !checked) return checked;
   return check_host(claim, held);
+}
+
+expected<void, Refusal> Store::check_properties(const Claim& claim, const Record* held) const {
+  const std::size_t wanted = byte_count(claim.properties);
+  const std::size_t freed = held == nullptr ? 0 : byte_count(held->properties);
+  // Fewer than before are never too many.
+  const bool is_own = held != nullptr && held->owner.id == claim.owner.id;
+  if (wanted == 0 || (is_own && wanted <= freed)) return {};
+  const auto owner = owners_.find(claim.owner.id);
+  const std::size_t owned = owner == owners_.end() ? 0 : owner->second.property_byte_count;
+  if (owned - (is_own ? freed : 0) + wanted > limits_.property_byte_per_owner_max) {
+    return refuse(Outcome::kOwnerPropertiesFull);
+  }
+  if (property_byte_count_ - freed + wanted > limits_.property_byte_in_all_max) {
+    return refuse(Outcome::kPropertiesFull);
+  }
+  return {};
 }
 
 expected<void, Refusal> Store::check_host(const Claim& claim, const Record* held) const {

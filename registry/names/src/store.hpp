@@ -12,6 +12,7 @@
 #include <utility>
 #include <vector>
 
+#include "interface_index.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/claim.hpp"
@@ -31,12 +32,13 @@ struct Record {
   std::uint64_t revision = 0;
   MonotonicTime bound{};   ///< When this start of its owner bound it.
   std::uint32_t host = 0;  ///< See Claim::host.
+  std::vector<Property> properties{};
 };
 
 /// Why an operation was refused.
 struct Refusal {
   Outcome outcome = Outcome::kDone;
-  /// The offending component of the name, from 0.
+  /// The offending component of the name, or property of kBadProperty, from 0.
   std::uint8_t component = 0;
   /// The holder, for kAlreadyBound, kStaleEpoch and kNotOwner; valid until the next call.
   const Record* holder = nullptr;
@@ -61,8 +63,8 @@ class Store {
   /// later start takes the name at once from the same host; from another host, which is not
   /// trusted, only after the lease.
   /// @errors   kAlreadyBound, kStaleEpoch with the holder · kNotADirectory, kIsADirectory · kFull,
-  ///           kOwnerFull, kHostFull, kHostOwnersFull · kBadName, kBadUrl, kBadInterface,
-  ///           kBadOwner, kBadLease
+  ///           kOwnerFull, kHostFull, kHostOwnersFull, kOwnerPropertiesFull, kPropertiesFull ·
+  ///           kBadName, kBadUrl, kBadInterface, kBadOwner, kBadLease, kBadProperty
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, MonotonicTime now);
 
   /// As bind(), but takes the name from another owner if the claim names its revision or allows any
@@ -93,6 +95,12 @@ class Store {
   [[nodiscard]] expected<Page, Refusal> list(std::string_view directory, std::string_view after,
                                              std::size_t count_max, MonotonicTime now);
 
+  /// Names by interface and properties, see query.hpp; drops expired ones first.
+  [[nodiscard]] const InterfaceIndex& index(MonotonicTime now) {
+    expire(now);
+    return index_;
+  }
+
   /// Bound names, including those that expired since the last operation.
   [[nodiscard]] std::size_t size() const noexcept { return records_.size(); }
 
@@ -105,7 +113,7 @@ class Store {
   /// The `count_max` hosts with the most names, most first.
   [[nodiscard]] std::vector<HostUse> hosts(std::size_t count_max) const;
   /// Owners of names.
-  [[nodiscard]] std::size_t owner_count() const noexcept { return count_of_owner_.size(); }
+  [[nodiscard]] std::size_t owner_count() const noexcept { return owners_.size(); }
   [[nodiscard]] const Limits& limits() const noexcept { return limits_; }
 
  private:
@@ -121,6 +129,8 @@ class Store {
   [[nodiscard]] expected<void, Refusal> check_claim(const Claim& claim) const;
   [[nodiscard]] expected<void, Refusal> check_place(std::string_view name) const;
   [[nodiscard]] expected<void, Refusal> check_room(const Claim& claim, const Record* held) const;
+  [[nodiscard]] expected<void, Refusal> check_properties(const Claim& claim,
+                                                         const Record* held) const;
   [[nodiscard]] expected<void, Refusal> check_host(const Claim& claim, const Record* held) const;
   [[nodiscard]] expected<Records::iterator, Refusal> find(std::string_view name);
   [[nodiscard]] bool is_directory(std::string_view name) const;
@@ -130,7 +140,13 @@ class Store {
   Records records_{};
   /// By the end of the lease, so that expiry does not visit other names.
   std::set<std::pair<MonotonicTime, std::string_view>> ends_{};
-  std::unordered_map<std::uint64_t, std::size_t> count_of_owner_{};
+  struct OwnerUse {
+    std::size_t name_count = 0;
+    std::size_t property_byte_count = 0;
+  };
+  std::unordered_map<std::uint64_t, OwnerUse> owners_{};  ///< Those of names.
+  std::size_t property_byte_count_ = 0;
+  InterfaceIndex index_{};
   struct Host {
     std::size_t name_count = 0;
     std::unordered_map<std::uint64_t, std::size_t> count_of_owner{};

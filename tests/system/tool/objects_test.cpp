@@ -77,6 +77,25 @@ TEST_F(Objects, AreFoundByPatterns) {
                       {"none of the registry's 1 names fits", "'rtpm.device.Device'"});
 }
 
+TEST_F(Objects, AreFoundByTheirProperties) {
+  const auto found = rtpm({"find", "--where", "'x' in axes and force_newton_max > 1"});
+  EXPECT_EQ(found.exit_code, 0) << found.errors;
+  EXPECT_EQ(found.output, "lab/arm0  rtpm.device.Device  " + device_->url + "\n");
+  const Json json = json_of({"find", "--where", "class == 'haptic'", "--prefer", "max rate_hz"});
+  ASSERT_EQ(json.size(), 1u) << json;
+  EXPECT_EQ(json[0]["properties"]["rate_hz"], 1000.0);
+  EXPECT_EQ(json[0]["units"]["force_newton_max"], "newton");
+  const auto none = rtpm({"find", "--where", "class == 'tracker' or force_newtons > 3"});
+  EXPECT_EQ(none.exit_code, 1);
+  EXPECT_NE(none.errors.find("has the property 'force_newtons' (did you mean"), std::string::npos)
+      << none.errors;
+  const auto wrong = rtpm({"find", "--where", "class = 'haptic'"});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_EQ(wrong.errors, "rtpm: class = 'haptic'\nrtpm:       ^ write '=='\n");
+  const auto misused = rtpm({"find", "--prefer", "max class + 1", "--json"});
+  EXPECT_EQ(misused.exit_code, 2);
+}
+
 TEST_F(Objects, ThatComeAndGoAreWatched) {
   test::Process watch({path_of("rtpm"), "watch", "--json", "--registry", registry_->url});
   ASSERT_TRUE(watch.wait_for_output("\"bound\"", kPatience)) << watch.errors();

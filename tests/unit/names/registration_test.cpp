@@ -209,11 +209,23 @@ TEST_F(RegistrationTest, SaysWhatIsWrongWithWhatItWasGiven) {
 /// A registry with scripted answers.
 class WilfulRegistry final : public NamesServant {
  public:
-  rpc::Result<void> bind(const BindRequest&, rpc::ReplyBuilder<BindReply>& reply,
-                         const rpc::CallContext&) override {
+  rpc::Result<void> offer(const OfferRequest&, rpc::ReplyBuilder<BindReply>& reply,
+                          const rpc::CallContext&) override {
     const Answer answer{is_refusing ? OutcomeCode::AlreadyBound : OutcomeCode::Done, 0};
     reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, granted_ns));
     return {};
+  }
+  rpc::Result<void> bind(const BindRequest&, rpc::ReplyBuilder<BindReply>&,
+                         const rpc::CallContext&) override {
+    return unexpected{rpc::Refusal::kFailed};
+  }
+  rpc::Result<void> describe(const ResolveRequest&, rpc::ReplyBuilder<ResolveReply>&,
+                             const rpc::CallContext&) override {
+    return unexpected{rpc::Refusal::kFailed};
+  }
+  rpc::Result<void> find(const FindRequest&, rpc::ReplyBuilder<FindReply>&,
+                         const rpc::CallContext&) override {
+    return unexpected{rpc::Refusal::kFailed};
   }
   rpc::Result<void> rebind(const BindRequest&, rpc::ReplyBuilder<BindReply>&,
                            const rpc::CallContext&) override {

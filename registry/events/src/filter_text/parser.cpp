@@ -1,24 +1,21 @@
 #include <algorithm>
-#include <charconv>
-#include <cmath>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "filter/operand.hpp"
-#include "filter_text/lexer.hpp"
-#include "rtpm/base/printable.hpp"
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/options/duration.hpp"
 #include "rtpm/options/suggestion.hpp"
+#include "rtpm/predicate/comparison.hpp"
+#include "rtpm/predicate/number.hpp"
+#include "rtpm/predicate/token_reader.hpp"
 
 namespace rtpm::events {
 namespace {
 
 using Kind = Filter::Kind;
-
-/// Parentheses and "not" in each other: the parser's own depth.
-constexpr int kNestingMax = 100;
+using predicate::Token;
 
 /// A number of a type or source with its mask; mask 0: any.
 struct Masked {
@@ -26,71 +23,27 @@ struct Masked {
   std::uint32_t mask = 0;
 };
 
-std::optional<std::uint64_t> parse_natural(std::string_view text) {
-  const bool is_hex = text.starts_with("0x") || text.starts_with("0X");
-  if (is_hex) text.remove_prefix(2);
-  std::uint64_t value = 0;
-  const auto [end, error] =
-      std::from_chars(text.data(), text.data() + text.size(), value, is_hex ? 16 : 10);
-  const bool is_whole = error == std::errc{} && end == text.data() + text.size();
-  return is_whole ? std::optional(value) : std::nullopt;
-}
-
 std::optional<Scalar> parse_scalar(std::string_view text) {
   if (text == "true") return Scalar::of(true);
   if (text == "false") return Scalar::of(false);
-  if (const auto natural = parse_natural(text)) {
-    const bool is_small = *natural <= static_cast<std::uint64_t>(INT64_MAX);
-    return is_small ? Scalar::of(static_cast<std::int64_t>(*natural)) : Scalar::of(*natural);
-  }
-  std::int64_t integer = 0;
-  const char* const end = text.data() + text.size();
-  if (const auto read = std::from_chars(text.data(), end, integer);
-      read.ec == std::errc{} && read.ptr == end) {
-    return Scalar::of(integer);
-  }
-  double real = 0;
-  if (const auto read = std::from_chars(text.data(), end, real);
-      read.ec == std::errc{} && read.ptr == end && std::isfinite(real)) {
-    return Scalar::of(real);
-  }
-  return std::nullopt;
+  const auto number = predicate::parse_number(text);
+  if (!number) return std::nullopt;
+  return std::visit([](auto value) { return Scalar::of(value); }, *number);
 }
-
-std::optional<Comparison> comparison_of(std::string_view symbol) {
-  constexpr std::pair<std::string_view, Comparison> kComparisons[] = {
-      {"==", Comparison::kEqual},   {"!=", Comparison::kNotEqual},
-      {"<", Comparison::kLess},     {"<=", Comparison::kLessOrEqual},
-      {">", Comparison::kGreater},  {">=", Comparison::kGreaterOrEqual},
-      {"&", Comparison::kHasAnyBit}};
-  for (const auto& [text, comparison] : kComparisons) {
-    if (text == symbol) return comparison;
-  }
-  return std::nullopt;
-}
-
-/// A parsed part: a node, and where it stands.
-struct Part {
-  Filter filter{};
-  std::size_t offset = 0;
-};
 
 /// A field whose type is not known yet: where it stands, and where its node does in the tree.
 bool is_unresolved(const Filter& filter) {
   return filter.kind == Kind::kWhere && filter.type == 0;
 }
 
-/// Recursive descent; each function leaves the token behind its part in `token_`. The first error
-/// ends the parsing: from then on the token is kEnd.
-class Parser {
+/// Recursive descent; each function leaves the token behind its part in `token_`.
+class Parser : predicate::TokenReader {
  public:
   Parser(std::string_view text, std::span<const EventDescriptor* const> types)
-      : text_(text), types_(types), lexer_(text) {
-    token_ = lexer_.next();
-  }
+      : TokenReader(text), types_(types) {}
 
   expected<Filter, FilterTextError> parse() {
-    if (text_.size() > kFilterTextSizeMax) {
+    if (text().size() > kFilterTextSizeMax) {
       return unexpected{
           FilterTextError{kFilterTextSizeMax,
                           "a filter has at most " + std::to_string(kFilterTextSizeMax) + " bytes"}};
@@ -106,30 +59,6 @@ class Parser {
   }
 
  private:
-  // ---- tokens ------------------------------------------------------------------------------
-
-  void fail(const Token& at, std::string what) {
-    if (!error_) error_ = FilterTextError{at.offset, std::move(what)};
-    token_ = {Token::Kind::kEnd, {}, text_.size()};
-  }
-  static std::string shown(const Token& token) {
-    return token.kind == Token::Kind::kEnd ? "the end" : "'" + printable(token.text) + "'";
-  }
-  void advance() {
-    if (!error_) token_ = lexer_.next();
-  }
-  [[nodiscard]] bool is_at(std::string_view text) const {
-    return token_.kind != Token::Kind::kEnd && token_.text == text;
-  }
-  bool take(std::string_view text) {
-    const bool is_there = is_at(text);
-    if (is_there) advance();
-    return is_there;
-  }
-  void require(std::string_view text) {
-    if (!take(text)) fail(token_, "expected '" + std::string(text) + "', not " + shown(token_));
-  }
-
   Filter made(Filter filter, const Token& at) {
     if (++node_count_ > kFilterNodeCountMax) {
       fail(at, "a filter has at most " + std::to_string(kFilterNodeCountMax) + " parts");
@@ -181,12 +110,6 @@ class Parser {
     return made(all_of(std::move(children)), begin);
   }
 
-  /// `symbol` is what users of other languages try.
-  bool take_operator(std::string_view word, std::string_view symbol) {
-    if (is_at(symbol)) fail(token_, "write '" + std::string(word) + "'");
-    return take(word);
-  }
-
   /// "type(T) and source(S)" is one node.
   void add_to_all(std::vector<Filter>& children, Filter child) {
     const bool is_source = child.kind == Kind::kMatch && child.type_mask == 0;
@@ -202,12 +125,8 @@ class Parser {
 
   Filter parse_not() {
     const Token begin = token_;
-    if (is_at("!")) fail(begin, "write 'not'");
-    if (!take("not")) return parse_primary();
-    if (++nesting_ > kNestingMax) fail(begin, "it is nested too deeply");
-    Filter child = error_ ? Filter{} : parse_not();
-    --nesting_;
-    return made(none_of(std::move(child)), begin);
+    if (!take_not()) return parse_primary();
+    return made(none_of(nested(begin, [this] { return parse_not(); })), begin);
   }
 
   // ---- primaries ---------------------------------------------------------------------------
@@ -215,9 +134,7 @@ class Parser {
   Filter parse_primary() {
     const Token begin = token_;
     if (take("(")) {
-      if (++nesting_ > kNestingMax) fail(begin, "it is nested too deeply");
-      Filter inner = error_ ? Filter{} : parse_correlation();
-      --nesting_;
+      Filter inner = nested(begin, [this] { return parse_correlation(); });
       require(")");
       return inner;
     }
@@ -334,7 +251,7 @@ class Parser {
   Filter parse_comparison_of(EventType type, const Token& field, const Token& begin) {
     Filter filter = made({.kind = Kind::kWhere, .type = type}, begin);
     filter.field = std::string(field.text);
-    const auto comparison = comparison_of(token_.text);
+    const auto comparison = predicate::comparison_of(token_.text);
     if (!comparison) {
       fail(token_, is_at("=") ? "write '=='"
                               : "expected ==, !=, <, <=, >, >= or & behind " + shown(field) +
@@ -388,7 +305,7 @@ class Parser {
   }
 
   std::uint64_t parse_number(const char* what, std::uint64_t value_max) {
-    const auto value = parse_natural(token_.text);
+    const auto value = predicate::parse_natural(token_.text);
     if (token_.kind != Token::Kind::kNumber || !value) {
       fail(token_, "expected " + std::string(what) + ", not " + shown(token_));
       return 0;
@@ -481,14 +398,9 @@ class Parser {
     if (!fitting) fail(place.operand, fitting.error().reason());
   }
 
-  std::string_view text_;
   std::span<const EventDescriptor* const> types_;
-  Lexer lexer_;
-  Token token_{};
-  std::optional<FilterTextError> error_{};
   std::vector<Place> places_{};
   std::size_t node_count_ = 0;
-  int nesting_ = 0;
 };
 
 }  // namespace
@@ -496,13 +408,6 @@ class Parser {
 expected<Filter, FilterTextError> parse_filter(std::string_view text,
                                                std::span<const EventDescriptor* const> types) {
   return Parser(text, types).parse();
-}
-
-std::string FilterTextError::picture(std::string_view text) const {
-  const std::string before = printable(text.substr(0, offset), kShownWhole);
-  const std::string after = printable(text.substr(std::min(offset, text.size())), kShownWhole);
-  const auto width = std::ranges::count_if(before, [](char b) { return (b & 0xc0) != 0x80; });
-  return before + after + "\n" + std::string(static_cast<std::size_t>(width), ' ') + "^";
 }
 
 }  // namespace rtpm::events

@@ -5,6 +5,7 @@
 
 #include "rtpm/events/filter_text.hpp"
 #include "rtpm/options/duration.hpp"
+#include "rtpm/predicate/comparison.hpp"
 
 namespace rtpm::events {
 namespace {
@@ -39,11 +40,6 @@ std::string text_of(const Scalar& scalar) {
   return text;
 }
 
-std::string_view symbol_of(Comparison comparison) {
-  constexpr std::array<std::string_view, 7> kSymbols{"==", "!=", "<", "<=", ">", ">=", "&"};
-  return kSymbols[static_cast<std::size_t>(comparison)];
-}
-
 class Printer {
  public:
   explicit Printer(std::span<const EventDescriptor* const> types) noexcept : types_(types) {}
@@ -65,7 +61,8 @@ class Printer {
         return correlation(filter);
       case Kind::kWhere:
         return {type_text(filter.type, kWholeNumber) + ":" + filter.field + " " +
-                std::string(symbol_of(filter.comparison)) + " " + text_of(filter.operand)};
+                std::string(predicate::symbol_of(filter.comparison)) + " " +
+                text_of(filter.operand)};
       case Kind::kOnce:
         return timeout("once", filter);
       case Kind::kEvery:

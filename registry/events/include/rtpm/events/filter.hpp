@@ -10,6 +10,7 @@
 #include "rtpm/base/time.hpp"
 #include "rtpm/events/event.hpp"
 #include "rtpm/events/scalar.hpp"
+#include "rtpm/predicate/comparison.hpp"
 
 namespace rtpm::events {
 
@@ -23,15 +24,7 @@ inline constexpr Duration kTimeoutMin = std::chrono::microseconds{100};
 inline constexpr Duration kTimeoutMax = std::chrono::hours{24};
 
 /// Comparison of a payload field with an operand.
-enum class Comparison : std::uint8_t {
-  kEqual,
-  kNotEqual,
-  kLess,
-  kLessOrEqual,
-  kGreater,
-  kGreaterOrEqual,
-  kHasAnyBit,  ///< Integers: any bit of the operand is set.
-};
+using Comparison = predicate::Comparison;
 
 /// Accepts events whose type and source equal these in the bits of the masks.
 struct Match {

@@ -8,6 +8,7 @@
 #include "rtpm/base/expected.hpp"
 #include "rtpm/events/filter.hpp"
 #include "rtpm/events/scalar.hpp"
+#include "rtpm/predicate/text_error.hpp"
 
 /// Filters as text, the same for tools, files and programs: registry/events/FILTERS.md.
 ///
@@ -17,14 +18,7 @@ namespace rtpm::events {
 /// Bytes of a filter's text.
 inline constexpr std::size_t kFilterTextSizeMax = 16 * 1024;
 
-/// Where and why a text is no filter.
-struct FilterTextError {
-  std::size_t offset = 0;  ///< In bytes, from 0; the text's size: at its end.
-  std::string what{};      ///< A clause: "no type is named 'lab.Tuched' (did you mean …?)".
-
-  /// The text, and below it a caret at the offset: two lines. Foreign characters are escaped.
-  [[nodiscard]] std::string picture(std::string_view text) const;
-};
+using FilterTextError = predicate::TextError;
 
 /// Reads a filter. Names of types and of fields are those of `types`; a type may also be a number.
 /// @realtime set-up only

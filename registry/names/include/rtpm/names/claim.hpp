@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <span>
 #include <string_view>
 
 #include "rtpm/base/time.hpp"
+#include "rtpm/names/property.hpp"
 
 namespace rtpm::names {
 
@@ -28,6 +30,8 @@ struct Claim {
   bool allows_takeover = false;
   /// Set by the registry: the calling host (rpc::CallerHost::ipv4).
   std::uint32_t host = 0;
+  /// Replace those of an earlier bind.
+  std::span<const Property> properties{};
 };
 
 /// Result of a bind.

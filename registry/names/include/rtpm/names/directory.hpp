@@ -12,6 +12,8 @@
 #include "rtpm/names/claim.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/outcome.hpp"
+#include "rtpm/names/property.hpp"
+#include "rtpm/predicate/text_error.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::names {
@@ -21,8 +23,29 @@ struct NameEntry {
   std::string name;
   std::string url;
   std::string interface;
-  Duration lease_left{};       ///< At the time of the reply.
-  std::uint64_t revision = 0;  ///< Of its holder; see Claim::holder_revision.
+  Duration lease_left{};               ///< At the time of the reply.
+  std::uint64_t revision = 0;          ///< Of its holder; see Claim::holder_revision.
+  std::vector<Property> properties{};  ///< Of describe() and find() only.
+};
+
+/// What find() looks for. The grammar is in registry/predicate/README.md:
+///
+///     {.interface = "rtpm.device.Device",
+///      .predicate = "class == 'haptic' and force_newton_max >= 3",
+///      .preference = "max force_newton_max"}
+struct NameQuery {
+  std::string_view interface {};  ///< Empty: any.
+  std::string_view predicate{};   ///< Empty: every name.
+  std::string_view preference{};  ///< Empty: the first in the order of the names.
+  std::uint32_t limit = 0;        ///< 0: as many as a reply takes.
+};
+
+/// What find() found, preferred names first.
+struct FoundNames {
+  std::vector<NameEntry> entries{};
+  std::uint32_t accepted_count = 0;  ///< With those that exceed the limit.
+  /// Properties that no name of the interface has, and similar ones; empty: there are none.
+  std::string note{};
 };
 
 /// Why an operation on the registry failed.
@@ -33,6 +56,8 @@ struct DirectoryError : SetupError {
   std::string holder_url{};
   Duration holder_lease_left{};
   std::uint64_t holder_revision = 0;
+  /// For kBadPredicate and kBadPreference: where in the text, and why.
+  std::optional<predicate::TextError> text_error{};
 };
 
 /// A client of the registry: one request per operation. The next operation finds a restarted
@@ -66,6 +91,13 @@ class Directory {
   /// @errors   kNotFound, kNotADirectory, kIsADirectory
   [[nodiscard]] expected<NameEntry, DirectoryError> resolve(std::string_view name,
                                                             MonotonicTime deadline = kNever);
+  /// As resolve(), with the properties.
+  [[nodiscard]] expected<NameEntry, DirectoryError> describe(std::string_view name,
+                                                             MonotonicTime deadline = kNever);
+  /// Names by interface and properties. A name without a property that the predicate needs does not
+  /// fit.
+  /// @errors   kBadPredicate, kBadPreference: text_error says where
+  [[nodiscard]] expected<FoundNames, DirectoryError> find(const NameQuery& query);
   /// The URL that a name stands for. Below a bound name that is the object below that name's:
   /// "lab/arm0/config" is /config below the URL of "lab/arm0". Ends by `deadline`.
   /// @errors   kNotFound, kIsADirectory

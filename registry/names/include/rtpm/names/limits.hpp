@@ -17,6 +17,10 @@ struct Limits {
   /// The same for the registry's own host.
   std::size_t name_count_own_host_max = 2048;
   std::size_t owner_count_own_host_max = 512;
+  /// Bytes of the properties of one binding, of all bindings of an owner, and of all.
+  std::size_t property_byte_max = std::size_t{4} * 1024;
+  std::size_t property_byte_per_owner_max = std::size_t{256} * 1024;
+  std::size_t property_byte_in_all_max = std::size_t{64} * 1024 * 1024;
   Duration lease_min = std::chrono::milliseconds{100};
   Duration lease_max = std::chrono::hours{1};
   /// Bounds the leases of a name until it has been held for that long, so that unrenewed names

@@ -26,10 +26,15 @@ enum class Outcome : std::uint8_t {
   kHostFull = 14,        ///< The calling host's limit of names.
   kHostOwnersFull = 15,  ///< The calling host's limit of owners.
   kStaleRevision = 16,   ///< The holder is not the one with the given revision.
+  kBadProperty = 17,     ///< A property is malformed, reserved, twice there, or beyond a limit.
+  kOwnerPropertiesFull = 18,  ///< The owner's limit of properties.
+  kPropertiesFull = 19,       ///< The registry's limit of properties.
+  kBadPredicate = 20,         ///< The text is no predicate.
+  kBadPreference = 21,        ///< The text is no preference.
 };
 
 /// A clause for people: what is wrong with which component, and the remedy. `component` counts from
-/// 0.
+/// 0; of kBadProperty it is the property.
 /// @realtime set-up only
 [[nodiscard]] std::string outcome_text(Outcome outcome, std::string_view name,
                                        std::uint8_t component);

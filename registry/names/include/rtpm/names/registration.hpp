@@ -6,10 +6,12 @@
 #include <memory>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "rtpm/base/setup_error.hpp"
 #include "rtpm/base/time.hpp"
 #include "rtpm/names/defaults.hpp"
+#include "rtpm/names/property.hpp"
 #include "rtpm/rpc/error.hpp"
 #include "rtpm/rpc/node.hpp"
 
@@ -46,13 +48,19 @@ class Registration {
   [[nodiscard]] static expected<std::unique_ptr<Registration>, SetupError> create(
       rpc::Node& node, std::string registry_url, std::string name, std::string url,
       std::string interface, Duration lease = kDefaultLease, Report report = {},
-      Takeover takeover = Takeover::kRefused);
+      Takeover takeover = Takeover::kRefused, std::vector<Property> properties = {});
 
   Registration(const Registration&) = delete;
   Registration& operator=(const Registration&) = delete;
   /// Unbinds the name if the registry answers within 200 ms, else lets the lease expire. Waits for
   /// a running renewal, at most a third of the lease and 1 s.
   ~Registration();
+
+  /// Replaces the properties, also for binds to come; blocks at most 1 s.
+  /// @threads  any
+  /// @errors   a malformed property; a limit of the registry; it does not answer: then the next
+  ///           bind has them
+  [[nodiscard]] expected<void, SetupError> set_properties(std::vector<Property> properties);
 
   /// Whether the name was bound at the last renewal.
   [[nodiscard]] bool is_bound() const noexcept;

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <cstddef>
+
+#include "rtpm/predicate/value.hpp"
+
+namespace rtpm::names {
+
+/// A typed value that a binding has, for find(): {"force_newton_max", 3.3, "newton"}.
+///
+/// Its name has letters, digits, '_' and '.', and begins with no digit. A text, also in a list, has
+/// at most kPropertyTextSizeMax printable bytes of UTF-8; numbers are finite. Predicates also know
+/// the texts `name`, `url`, `interface` and `host` (of the URL) of every binding.
+using predicate::Property;
+using PropertyList = predicate::List;
+using PropertyType = predicate::Type;
+using PropertyValue = predicate::Value;
+
+inline constexpr std::size_t kPropertyCountMax = 32;  ///< Of a binding.
+inline constexpr std::size_t kPropertyNameSizeMax = 64;
+inline constexpr std::size_t kPropertyUnitSizeMax = 32;
+inline constexpr std::size_t kPropertyTextSizeMax = 256;
+inline constexpr std::size_t kPropertyListSizeMax = 64;
+
+}  // namespace rtpm::names

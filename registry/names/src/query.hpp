@@ -1,0 +1,47 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "interface_index.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/names/outcome.hpp"
+#include "rtpm/predicate/predicate.hpp"
+#include "rtpm/predicate/text_error.hpp"
+
+namespace rtpm::names {
+
+/// What find() looks for.
+struct QueryTexts {
+  std::string_view interface {};  ///< Empty: any.
+  std::string_view predicate{};
+  std::string_view preference{};
+};
+
+/// What it found, preferred records first.
+struct Found {
+  std::vector<const Record*> records{};  ///< Valid until the next change.
+  std::size_t accepted_count = 0;        ///< With those left out.
+  std::string note{};                    ///< On properties that no name has; empty: none.
+};
+
+/// Why a text is refused.
+struct QueryError {
+  Outcome outcome = Outcome::kBadPredicate;  ///< Or kBadPreference.
+  predicate::TextError error{};
+};
+
+/// Checks types by the index. A property that no name has is no error: such a name may come.
+/// @errors   the predicate or the preference is malformed, or compares what has no comparison
+[[nodiscard]] expected<predicate::Predicate, QueryError> parse_predicate(
+    const InterfaceIndex& index, std::string_view interface, std::string_view text);
+
+/// At most `count_max` records; `random` draws the order of the preference "random".
+/// @errors   as parse_predicate()
+[[nodiscard]] expected<Found, QueryError> find(const InterfaceIndex& index, const QueryTexts& texts,
+                                               std::size_t count_max, std::uint64_t random);
+
+}  // namespace rtpm::names

@@ -1,0 +1,44 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string_view>
+
+namespace rtpm::predicate {
+
+/// A piece of a predicate's or filter's text.
+struct Token {
+  enum class Kind : unsigned char {
+    kEnd,
+    kWord,     ///< A name or a keyword; may have dots.
+    kNumber,   ///< Digits, with what follows without a space: "12", "0x1f", "2.5e3", "5ms".
+    kText,     ///< In single or double quotes, which are part of it.
+    kSymbol,   ///< A comparison, or one of ( ) , / : * & + - ~.
+    kUnknown,  ///< A character of none of these.
+  };
+  Kind kind = Kind::kEnd;
+  std::string_view text{};
+  std::size_t offset = 0;
+};
+
+/// What a '-' before a digit is.
+enum class Minus : std::uint8_t {
+  kSign,    ///< The number's: "-1" is one token.
+  kSymbol,  ///< Arithmetic: "-1" is two tokens.
+};
+
+/// Cuts a text into tokens.
+/// @ownership refers to the text
+class Lexer {
+ public:
+  explicit Lexer(std::string_view text, Minus minus = Minus::kSign) noexcept
+      : text_(text), minus_(minus) {}
+  [[nodiscard]] Token next() noexcept;
+
+ private:
+  std::string_view text_;
+  Minus minus_;
+  std::size_t offset_ = 0;
+};
+
+}  // namespace rtpm::predicate

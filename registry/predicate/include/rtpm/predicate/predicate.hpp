@@ -1,0 +1,72 @@
+#pragma once
+
+#include <cstddef>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/predicate/operand.hpp"
+#include "rtpm/predicate/text_error.hpp"
+#include "rtpm/predicate/value.hpp"
+
+namespace rtpm::predicate {
+
+inline constexpr std::size_t kPredicateSizeMax = 4096;  ///< Bytes of a text.
+inline constexpr std::size_t kPredicateNodeCountMax = 256;
+inline constexpr std::size_t kListSizeMax = 64;  ///< Items of a list in a predicate.
+
+/// The type of the properties of a name; nullopt: not known, or not the same everywhere.
+using TypeOfProperty = std::function<std::optional<Type>(std::string_view name)>;
+
+/// A parsed expression over properties.
+/// @ownership a value; copies share the parsed text
+/// @threads  any, several at once
+class Expression {
+ public:
+  /// Reads a text; an empty one is true. Grammar: registry/predicate/README.md.
+  /// @realtime set-up only
+  /// @errors   malformed; a limit; an operator with an operand of a type that it does not take, as
+  ///           far as `type_of_property` knows the types
+  [[nodiscard]] static expected<Expression, TextError> parse(
+      std::string_view text, const TypeOfProperty& type_of_property);
+
+  /// Undefined: a property is missing or of another type, or a division is by 0.
+  /// @realtime alloc-free
+  [[nodiscard]] Operand value(const PropertySource& properties) const noexcept;
+  /// nullopt: it depends on properties whose type is not known.
+  [[nodiscard]] std::optional<Type> type() const noexcept;
+
+  /// A property that the text names.
+  struct Mention {
+    std::string name;
+    std::size_t offset = 0;
+  };
+  [[nodiscard]] std::vector<Mention> mentions() const;
+
+ private:
+  struct Parsed;
+  explicit Expression(std::shared_ptr<const Parsed> parsed) noexcept;
+  std::shared_ptr<const Parsed> parsed_;
+};
+
+/// An expression that is true or not.
+class Predicate {
+ public:
+  /// @errors   as Expression::parse(); the whole is not of bool
+  [[nodiscard]] static expected<Predicate, TextError> parse(
+      std::string_view text, const TypeOfProperty& type_of_property = {});
+  /// Whether it is true; undefined is not, also behind `not`.
+  /// @realtime alloc-free
+  [[nodiscard]] bool accepts(const PropertySource& properties) const noexcept;
+  [[nodiscard]] const Expression& expression() const noexcept { return expression_; }
+
+ private:
+  explicit Predicate(Expression expression) noexcept : expression_(std::move(expression)) {}
+  Expression expression_;
+};
+
+}  // namespace rtpm::predicate

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/predicate/predicate.hpp"
+
+namespace rtpm::predicate {
+
+/// Which of what a predicate accepts comes first: "min EXPRESSION", "max EXPRESSION",
+/// "with PREDICATE", "random", "first".
+class Preference {
+ public:
+  /// Reads a text; an empty one is "first".
+  /// @realtime set-up only
+  /// @errors   no such preference; as Expression::parse(), with offsets into `text`; min and max
+  ///           of what is no number or text, with of what is no bool
+  [[nodiscard]] static expected<Preference, TextError> parse(
+      std::string_view text, const TypeOfProperty& type_of_property = {});
+
+  /// The order of the candidates, as their numbers. Those with equal values keep their order; those
+  /// for which the expression is undefined come last.
+  /// @param random  draws the order of "random"
+  [[nodiscard]] std::vector<std::size_t> order(const std::vector<const PropertySource*>& candidates,
+                                               std::uint64_t random) const;
+  /// Whether the first candidates found are the ones wanted.
+  [[nodiscard]] bool is_first() const noexcept { return kind_ == Kind::kFirst; }
+
+ private:
+  enum class Kind : std::uint8_t { kFirst, kMin, kMax, kWith, kRandom };
+  Preference(Kind kind, std::optional<Expression> expression) noexcept
+      : kind_(kind), expression_(std::move(expression)) {}
+
+  Kind kind_;
+  std::optional<Expression> expression_;
+};
+
+}  // namespace rtpm::predicate

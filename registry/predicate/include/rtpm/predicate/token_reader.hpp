@@ -1,0 +1,56 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <string_view>
+
+#include "rtpm/predicate/lexer.hpp"
+#include "rtpm/predicate/text_error.hpp"
+
+namespace rtpm::predicate {
+
+/// What parsers by recursive descent share: the current token, the first error, which ends the
+/// parsing (from then on the token is kEnd), and the operators `or`, `and`, `not` and parentheses.
+/// Predicates of names and filters of events derive from it.
+class TokenReader {
+ protected:
+  /// Parentheses and "not" in each other: the parser's own depth.
+  static constexpr int kNestingMax = 100;
+
+  explicit TokenReader(std::string_view text, Minus minus = Minus::kSign) noexcept
+      : text_(text), lexer_(text, minus) {
+    token_ = lexer_.next();
+  }
+
+  void fail(const Token& at, std::string what);
+  /// "'word'", or "the end".
+  [[nodiscard]] static std::string shown(const Token& token);
+  void advance();
+  [[nodiscard]] bool is_at(std::string_view text) const;
+  bool take(std::string_view text);
+  void require(std::string_view text);
+  /// Takes `word`; refuses `symbol`, which users of other languages try.
+  bool take_operator(std::string_view word, std::string_view symbol);
+  /// Takes "not"; refuses "!".
+  bool take_not();
+  /// Calls `inner` behind `begin`, which opens a nested part, unless that would be too deep.
+  template <class Inner>
+  auto nested(const Token& begin, Inner inner) -> decltype(inner()) {
+    if (++nesting_ > kNestingMax) fail(begin, "it is nested too deeply");
+    decltype(inner()) result = error_ ? decltype(inner()){} : inner();
+    --nesting_;
+    return result;
+  }
+
+  [[nodiscard]] std::string_view text() const noexcept { return text_; }
+
+  Token token_{};
+  std::optional<TextError> error_{};
+
+ private:
+  std::string_view text_;
+  Lexer lexer_;
+  int nesting_ = 0;
+};
+
+}  // namespace rtpm::predicate

@@ -1,0 +1,18 @@
+#pragma once
+
+#include <optional>
+
+#include "expression.hpp"
+#include "rtpm/base/expected.hpp"
+#include "rtpm/predicate/predicate.hpp"
+#include "rtpm/predicate/text_error.hpp"
+
+namespace rtpm::predicate {
+
+/// The type of the whole; nullopt: it depends on properties whose type `type_of_property` does not
+/// know.
+/// @errors   an operator has an operand of a type that it does not take
+[[nodiscard]] expected<std::optional<Type>, TextError> check_types(
+    const Nodes& nodes, const TypeOfProperty& type_of_property);
+
+}  // namespace rtpm::predicate

@@ -1,0 +1,49 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "rtpm/predicate/comparison.hpp"
+#include "rtpm/predicate/operand.hpp"
+#include "rtpm/predicate/value.hpp"
+
+namespace rtpm::predicate {
+
+/// A part of an expression.
+struct Node {
+  enum class Kind : std::uint8_t {
+    kConstant,
+    kProperty,
+    kExists,
+    kNot,
+    kNegate,
+    kAnd,
+    kOr,
+    kCompare,
+    kAdd,
+    kSubtract,
+    kMultiply,
+    kDivide,
+    kIn,
+    kContained,  ///< The left text is a part of the right one.
+  };
+  Kind kind = Kind::kConstant;
+  std::size_t offset = 0;  ///< In the text.
+  Comparison comparison = Comparison::kEqual;
+  Value constant{};
+  std::string property{};
+  std::uint32_t left = 0;  ///< Operands, by their numbers; unary operators have the left one.
+  std::uint32_t right = 0;
+};
+
+/// A parsed text: operands precede their operators, the last node is the whole.
+using Nodes = std::vector<Node>;
+
+/// The value of the whole. Undefined: a property is missing or of another type, or a division is by
+/// 0. `and` and `or` are defined where one side decides.
+/// @realtime alloc-free
+[[nodiscard]] Operand evaluate(const Nodes& nodes, const PropertySource& properties) noexcept;
+
+}  // namespace rtpm::predicate

@@ -1,0 +1,20 @@
+#pragma once
+
+#include <compare>
+
+#include "rtpm/predicate/operand.hpp"
+
+namespace rtpm::predicate {
+
+/// Of numbers, texts or truths; unordered: of different types, or undefined. Exact between integers
+/// and reals.
+/// @realtime alloc-free
+[[nodiscard]] std::partial_ordering order_of(const Operand& left, const Operand& right) noexcept;
+
+/// Whether it is a number or a text.
+[[nodiscard]] inline bool is_ordered(const Operand& operand) noexcept {
+  return std::holds_alternative<std::int64_t>(operand) || std::holds_alternative<double>(operand) ||
+         std::holds_alternative<std::string_view>(operand);
+}
+
+}  // namespace rtpm::predicate
