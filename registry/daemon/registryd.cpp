@@ -70,6 +70,10 @@ int main(int argc, char** argv) {
   server.port = rtpm::names::kDefaultRegistryPort;
   // One blocking lane: names are not resolved in real-time loops.
   server.lanes = {{.name = "registry", .wait = {.strategy = rtpm::rt::WaitStrategy::kBlock}}};
+  // Each watch is a stream.
+  server.deferred_call_count_max = static_cast<std::uint32_t>(limits.watch_count_max) + 32;
+  server.stream_count_max = static_cast<std::uint32_t>(limits.watch_count_max);
+  server.stream_byte_max = 64 * 1024;
   rtpm::options::add_server(options, configuration.settings);
   options.add("names-max", name_count_max, "Maximum number of names", kCounts);
   options.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",

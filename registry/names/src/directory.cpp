@@ -14,15 +14,6 @@
 namespace rtpm::names {
 namespace {
 
-NameEntry entry_of(const Entry& entry) {
-  return {text_of(entry.name()),
-          text_of(entry.url()),
-          text_of(entry.interface()),
-          duration_of(entry.lease_left_ns()),
-          entry.revision(),
-          properties_of(entry.properties()).value_or(std::vector<Property>{})};
-}
-
 DirectoryError refused(const Answer& answer, std::string_view name) {
   return {{outcome_text(outcome_of(answer), name, answer.component())}, outcome_of(answer)};
 }
@@ -91,7 +82,7 @@ class Directory::Impl {
       return unexpected{DirectoryError{
           {"the registry at " + registry_url_ + " answers without an entry", "it is no RTPM one"}}};
     }
-    return entry_of(*found.entry());
+    return names::entry_of(*found.entry());
   }
 
   /// Deadline of an operation that begins now.
@@ -251,13 +242,13 @@ expected<FoundNames, DirectoryError> Directory::find(const NameQuery& query) {
   FoundNames found;
   for (flatbuffers::uoffset_t i = 0; answer.entries() != nullptr && i < answer.entries()->size();
        ++i)
-    found.entries.push_back(entry_of(*answer.entries()->Get(i)));
+    found.entries.push_back(names::entry_of(*answer.entries()->Get(i)));
   found.accepted_count = answer.accepted_count();
   found.note = printable(text_of(answer.note()));
   return found;
 }
 
-expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
+expected<NameEntry, DirectoryError> Directory::entry_of(std::string_view name,
                                                         MonotonicTime deadline) {
   std::string_view bound = name;
   auto entry = resolve(bound, deadline);
@@ -267,8 +258,14 @@ expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
     bound = bound.substr(0, slash);
     entry = resolve(bound, deadline);
   }
-  if (!entry) return unexpected{std::move(entry.error())};
-  return entry->url + std::string(name.substr(bound.size()));
+  return entry;
+}
+
+expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
+                                                        MonotonicTime deadline) {
+  const auto entry = entry_of(name, deadline);
+  if (!entry) return unexpected{entry.error()};
+  return entry->url + std::string(name.substr(entry->name.size()));
 }
 
 expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner) {
@@ -304,7 +301,7 @@ expected<std::vector<NameEntry>, DirectoryError> Directory::list(std::string_vie
       for (const Entry* entry : *page.entries()) {
         // Only ascending names, so that no registry can make this endless.
         if (entries.empty() || entries.back().name < entry->name()->string_view()) {
-          entries.push_back(entry_of(*entry));
+          entries.push_back(names::entry_of(*entry));
         }
       }
     }

@@ -129,4 +129,13 @@ flatbuffers::Offset<PropertyTables> write_properties(flatbuffers::FlatBufferBuil
   return tables.empty() ? flatbuffers::Offset<PropertyTables>{} : builder.CreateVector(tables);
 }
 
+NameEntry entry_of(const Entry& entry) {
+  return {text_of(entry.name()),
+          text_of(entry.url()),
+          text_of(entry.interface()),
+          duration_of(entry.lease_left_ns()),
+          entry.revision(),
+          properties_of(entry.properties()).value_or(std::vector<Property>{})};
+}
+
 }  // namespace rtpm::names

@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "names.rtpm.hpp"
+#include "rtpm/names/directory.hpp"
 #include "store.hpp"
 
 /// Between the library's types and those that the IDL generates.
@@ -54,6 +55,8 @@ using PropertyTables = flatbuffers::Vector<flatbuffers::Offset<PropertyEntry>>;
   return std::string(view_of(text));
 }
 
+[[nodiscard]] NameEntry entry_of(const Entry& entry);
+
 // The two lists of outcomes are one.
 static_assert(static_cast<Outcome>(OutcomeCode::Done) == Outcome::kDone);
 static_assert(static_cast<Outcome>(OutcomeCode::BadName) == Outcome::kBadName);
@@ -78,6 +81,7 @@ static_assert(static_cast<Outcome>(OutcomeCode::OwnerPropertiesFull) ==
 static_assert(static_cast<Outcome>(OutcomeCode::PropertiesFull) == Outcome::kPropertiesFull);
 static_assert(static_cast<Outcome>(OutcomeCode::BadPredicate) == Outcome::kBadPredicate);
 static_assert(static_cast<Outcome>(OutcomeCode::BadPreference) == Outcome::kBadPreference);
-static_assert(OutcomeCode::MAX == OutcomeCode::BadPreference);
+static_assert(static_cast<Outcome>(OutcomeCode::TooManyWatches) == Outcome::kTooManyWatches);
+static_assert(OutcomeCode::MAX == OutcomeCode::TooManyWatches);
 
 }  // namespace rtpm::names

@@ -93,6 +93,8 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
       return "the text is no predicate";
     case Outcome::kBadPreference:
       return "the text is no preference";
+    case Outcome::kTooManyWatches:
+      return "the registry has as many watches as it may: end others";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

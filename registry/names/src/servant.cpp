@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "entries.hpp"
 #include "idl.hpp"
 #include "name.hpp"
 #include "query.hpp"
@@ -17,6 +18,7 @@
 #include "rtpm/rt/memory.hpp"
 #include "rtpm/rt/pi_mutex.hpp"
 #include "rtpm/wire/limits.hpp"
+#include "watches.hpp"
 
 namespace rtpm::names {
 namespace {
@@ -50,18 +52,6 @@ std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
 Answer answer_of(const expected<void, Refusal>& result) {
   return result ? names::answer_of(Outcome::kDone)
                 : names::answer_of(result.error().outcome, result.error().component);
-}
-
-flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
-                                       const Record& record, MonotonicTime now,
-                                       bool has_properties = false) {
-  const auto name = builder.CreateString(record.name);
-  const auto url = builder.CreateString(record.url);
-  const auto interface = builder.CreateString(record.interface);
-  flatbuffers::Offset<PropertyTables> properties{};
-  if (has_properties) properties = write_properties(builder, record.properties);
-  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision,
-                     properties);
 }
 
 // Upper bounds of FlatBuffers' overhead, so that a page is known to fit before it is written: a
@@ -172,6 +162,13 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
+  void watch(const WatchRequest& request, rpc::TableWriter<WatchItem> items,
+             const rpc::CallContext& context) override {
+    const rt::AllowAllocationScope not_real_time;
+    const std::lock_guard lock(mutex_);
+    watches_.add(request, std::move(items), context.caller.ipv4);
+  }
+
   rpc::Result<void> list(const ListRequest& request, rpc::ReplyBuilder<ListReply>& reply,
                          const rpc::CallContext&) override {
     const rt::AllowAllocationScope not_real_time;
@@ -201,7 +198,10 @@ class RegistryServant final : public NamesServant {
   rpc::Result<Answer> unbind(const UnbindRequest& request, const rpc::CallContext&) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
-    return answer_of(store_.unbind(view_of(request.name()), owner_of(*request.owner()), rt::now()));
+    const auto unbound =
+        store_.unbind(view_of(request.name()), owner_of(*request.owner()), rt::now());
+    watches_.wake();
+    return answer_of(unbound);
   }
 
   rpc::Result<void> report(rpc::ReplyBuilder<Report>& reply, const rpc::CallContext&) override {
@@ -224,7 +224,8 @@ class RegistryServant final : public NamesServant {
     const auto host_list = builder.CreateVector(hosts);
     reply.finish(CreateReport(builder, static_cast<std::uint32_t>(store_.size()),
                               static_cast<std::uint32_t>(store_.owner_count()), takeover_count_,
-                              refused_list, host_list));
+                              refused_list, host_list, static_cast<std::uint32_t>(watches_.count()),
+                              watches_.cut_off_count()));
     return {};
   }
 
@@ -264,6 +265,7 @@ class RegistryServant final : public NamesServant {
         sentence = note_refusal(claim, bound.error(), now);
         write_refusal(bound.error(), reply, now);
       } else {
+        watches_.wake();
         if (bound->is_takeover) sentence = note_takeover(claim, former, now);
         const Answer answer = names::answer_of(Outcome::kDone);
         reply.finish(CreateBindReply(reply.builder(), &answer, 0, 0, 0, ns_of(bound->lease),
@@ -308,6 +310,7 @@ class RegistryServant final : public NamesServant {
 
   rt::PiMutex mutex_;
   Store store_;
+  Watches watches_{mutex_, store_, rt::random_u64()};
   RegistryReport report_;
   std::array<std::uint64_t, static_cast<std::size_t>(OutcomeCode::MAX) + 1> refused_counts_{};
   std::uint64_t takeover_count_ = 0;

@@ -38,7 +38,9 @@ expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_
 }  // namespace
 
 Store::Store(Limits limits, std::uint64_t first_revision)
-    : limits_(limits), next_revision_(first_revision) {}
+    : limits_(limits),
+      next_revision_(first_revision),
+      log_(limits.history_count_max, limits.history_byte_max, first_revision - 1) {}
 
 expected<Granted, Refusal> Store::bind(const Claim& claim, MonotonicTime now) {
   return bind(claim, /*replaces=*/false, now);
@@ -58,15 +60,17 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
   if (place == records_.end()) {
     if (auto checked = check_place(claim.name); !checked) return unexpected{checked.error()};
     if (auto checked = check_room(claim, nullptr); !checked) return unexpected{checked.error()};
-    return put(claim, nullptr, now);
+    return put(claim, nullptr, nullptr, now);
   }
-  const Record held = place->second;
+  const auto former = std::make_shared<const Record>(place->second);
+  const Record& held = *former;
   if (auto checked = check_holder(claim, place->second, replaces); !checked) {
     return unexpected{checked.error()};
   }
   if (auto checked = check_room(claim, &held); !checked) return unexpected{checked.error()};
   erase(place);
-  Granted granted = put(claim, held.owner == claim.owner ? &held : nullptr, now);
+  const bool is_kept = held.owner == claim.owner;
+  Granted granted = put(claim, is_kept ? &held : nullptr, former, now);
   granted.is_takeover = held.owner.id != claim.owner.id;
   return granted;
 }
@@ -114,7 +118,7 @@ expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, Monoto
   const auto place = find(name);
   if (!place) return unexpected{place.error()};
   auto checked = check_owner((*place)->second, owner, /*may_be_later=*/true);
-  if (checked) erase(*place);
+  if (checked) drop(*place);
   return checked;
 }
 
@@ -144,8 +148,14 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
 
 void Store::expire(MonotonicTime now) {
   while (!ends_.empty() && ends_.begin()->first <= now) {
-    erase(records_.find(ends_.begin()->second));
+    drop(records_.find(ends_.begin()->second));
   }
+}
+
+void Store::drop(Records::iterator place) {
+  auto former = std::make_shared<const Record>(place->second);
+  erase(place);
+  log_.add({next_revision_++, std::move(former), nullptr});
 }
 
 void Store::erase(Records::iterator place) {
@@ -164,10 +174,16 @@ void Store::erase(Records::iterator place) {
   records_.erase(place);
 }
 
-// `kept`: the present record of this start of the owner.
-Granted Store::put(const Claim& claim, const Record* kept, MonotonicTime now) {
+// `kept`: the former record, if it is of this start of the owner. A bind that changes nothing but
+// the lease is no change.
+Granted Store::put(const Claim& claim, const Record* kept, std::shared_ptr<const Record> former,
+                   MonotonicTime now) {
+  const bool is_same = kept != nullptr && kept->url == claim.url &&
+                       kept->interface == claim.interface &&
+                       std::ranges::equal(kept->properties, claim.properties);
+  const std::uint64_t change = is_same ? kept->change : next_revision_++;
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
-  const std::uint64_t revision = kept != nullptr ? kept->revision : next_revision_++;
+  const std::uint64_t revision = kept != nullptr ? kept->revision : change;
   const bool is_settled = now - bound >= limits_.first_lease_max;
   const Duration lease = is_settled ? claim.lease : std::min(claim.lease, limits_.first_lease_max);
   const std::string name(claim.name);
@@ -180,7 +196,9 @@ Granted Store::put(const Claim& claim, const Record* kept, MonotonicTime now) {
             revision,
             bound,
             claim.host,
-            {claim.properties.begin(), claim.properties.end()}};
+            {claim.properties.begin(), claim.properties.end()},
+            change};
+  if (!is_same) log_.add({change, std::move(former), std::make_shared<const Record>(record)});
   ends_.emplace(record.expires, record.name);
   index_.add(record);
   const std::size_t byte_count = names::byte_count(record.properties);

@@ -5,6 +5,7 @@
 #include <cstdint>
 #include <functional>
 #include <map>
+#include <memory>
 #include <set>
 #include <string>
 #include <string_view>
@@ -12,6 +13,7 @@
 #include <utility>
 #include <vector>
 
+#include "change_log.hpp"
 #include "interface_index.hpp"
 #include "rtpm/base/expected.hpp"
 #include "rtpm/base/time.hpp"
@@ -33,6 +35,8 @@ struct Record {
   MonotonicTime bound{};   ///< When this start of its owner bound it.
   std::uint32_t host = 0;  ///< See Claim::host.
   std::vector<Property> properties{};
+  /// Of the last change, other than a renewal; counted together with the holders' revisions.
+  std::uint64_t change = 0;
 };
 
 /// Why an operation was refused.
@@ -101,6 +105,26 @@ class Store {
     return index_;
   }
 
+  /// The changes so far.
+  [[nodiscard]] const ChangeLog& log() const noexcept { return log_; }
+  /// Calls `visit` for the names that are `directory` or below it (empty: all) and sort after
+  /// `after`, in byte order, until it returns false; whether it got to the end.
+  template <class Visit>
+  [[nodiscard]] bool for_each_after(std::string_view after, std::string_view directory,
+                                    Visit visit) const {
+    auto place = after.empty() ? records_.lower_bound(directory) : records_.upper_bound(after);
+    for (; place != records_.end() && place->first.starts_with(directory); ++place) {
+      if (!visit(place->second)) return std::next(place) == records_.end();
+    }
+    return true;
+  }
+  /// Drops names whose lease has ended; every operation does so first.
+  void expire(MonotonicTime now);
+  /// When the next lease ends.
+  [[nodiscard]] MonotonicTime next_expiry() const noexcept {
+    return ends_.empty() ? kNever : ends_.begin()->first;
+  }
+
   /// Bound names, including those that expired since the last operation.
   [[nodiscard]] std::size_t size() const noexcept { return records_.size(); }
 
@@ -119,9 +143,11 @@ class Store {
  private:
   using Records = std::map<std::string, Record, std::less<>>;
 
-  void expire(MonotonicTime now);
+  /// Logs that the name has gone.
+  void drop(Records::iterator place);
   void erase(Records::iterator place);
-  [[nodiscard]] Granted put(const Claim& claim, const Record* kept, MonotonicTime now);
+  [[nodiscard]] Granted put(const Claim& claim, const Record* kept,
+                            std::shared_ptr<const Record> former, MonotonicTime now);
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, bool replaces,
                                                 MonotonicTime now);
   [[nodiscard]] expected<void, Refusal> check_holder(const Claim& claim, const Record& held,
@@ -153,6 +179,7 @@ class Store {
   };
   std::unordered_map<std::uint32_t, Host> hosts_{};  ///< Those that hold names.
   std::uint64_t next_revision_;
+  ChangeLog log_;
 };
 
 }  // namespace rtpm::names

@@ -227,6 +227,10 @@ class WilfulRegistry final : public NamesServant {
                          const rpc::CallContext&) override {
     return unexpected{rpc::Refusal::kFailed};
   }
+  void watch(const WatchRequest&, rpc::TableWriter<WatchItem> items,
+             const rpc::CallContext&) override {
+    items.finish();
+  }
   rpc::Result<void> rebind(const BindRequest&, rpc::ReplyBuilder<BindReply>&,
                            const rpc::CallContext&) override {
     return unexpected{rpc::Refusal::kFailed};

@@ -26,8 +26,13 @@ class ServedRegistry {
 
   void start() {
     if (other_ == nullptr) servant_ = make_servant(limits_);
-    auto server = rpc::Server::create(
-        {.name = "registry", .port = port_, .lanes = lanes_, .realtime = rt::RealtimeMode::kOff});
+    auto server = rpc::Server::create({.name = "registry",
+                                       .port = port_,
+                                       .lanes = lanes_,
+                                       .realtime = rt::RealtimeMode::kOff,
+                                       .deferred_call_count_max = 160,
+                                       .stream_count_max = 128,
+                                       .stream_byte_max = 64 * 1024});
     ASSERT_TRUE(server) << server.error().text();
     server_ = std::move(*server);
     const auto added = server_->add(kRegistryPath, other_ != nullptr ? *other_ : *servant_);

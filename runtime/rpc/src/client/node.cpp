@@ -91,6 +91,10 @@ void Node::use(Resolver& resolver) noexcept {
 void Node::forget(Resolver& resolver) noexcept {
   if (impl_->resolver() == &resolver) impl_->rebinder().use(nullptr);
 }
+void Node::look_again(std::string_view name) noexcept {
+  impl_->rebinder().look_again(name);
+}
+
 const NodeConfig& Node::config() const noexcept {
   return impl_->config;
 }

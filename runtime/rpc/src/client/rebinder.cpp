@@ -57,6 +57,21 @@ void Rebinder::remove(Binding::Impl& binding) noexcept {
   const Lock is_done(working_);
 }
 
+void Rebinder::look_again(std::string_view at) noexcept {
+  {
+    const Lock lock(mutex_);
+    for (auto& [text, name] : names_) {
+      const bool is_below =
+          text.size() > at.size() && text.starts_with(at) && text[at.size()] == '/';
+      if (text != at && !is_below) continue;
+      name.leads_elsewhere = true;
+      for (Binding::Impl* const binding : name.bindings)
+        binding->asks_for_name.store(true, std::memory_order_release);
+    }
+  }
+  bell_.post();
+}
+
 void Rebinder::use(Resolver* resolver) noexcept {
   {
     const Lock lock(mutex_);
@@ -92,8 +107,9 @@ MonotonicTime Rebinder::serve(Lock& lock) {
     }
     if (!name.is_wanted()) continue;
     if (now - name.last >= kCalm) name.interval = kFirstInterval;
-    if (name.last != MonotonicTime{} && now < name.last + name.interval) {
-      next = std::min(next, name.last + name.interval);
+    const Duration interval = name.leads_elsewhere ? kPromptInterval : name.interval;
+    if (name.last != MonotonicTime{} && now < name.last + interval) {
+      next = std::min(next, name.last + interval);
     } else {
       due.push_back(text);
     }
@@ -107,6 +123,7 @@ MonotonicTime Rebinder::serve(Lock& lock) {
 
 void Rebinder::look_up(Lock& lock, const std::string& text) {
   Name& name = names_[text];
+  name.leads_elsewhere = false;
   name.interval = name.last == MonotonicTime{} || rt::now() - name.last >= kCalm
                       ? kFirstInterval
                       : std::min(2 * name.interval, kLongestInterval);

@@ -5,6 +5,7 @@
 #include <map>
 #include <mutex>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "rtpm/base/setup_error.hpp"
@@ -30,6 +31,8 @@ class Rebinder {
   static constexpr Duration kLongestInterval = std::chrono::seconds{4};
   /// After so long without a look the next outage is a new one.
   static constexpr Duration kCalm = std::chrono::seconds{10};
+  /// A name that is known to lead elsewhere is looked up at most so often.
+  static constexpr Duration kPromptInterval = std::chrono::milliseconds{50};
   /// How long one look may take, without the bind that follows.
   static constexpr Duration kResolveDeadline = std::chrono::seconds{1};
 
@@ -45,6 +48,8 @@ class Rebinder {
   /// A binding asks for its name.
   /// @realtime alloc-free, at most one syscall
   void wake() noexcept { bell_.post(); }
+  /// As Node::look_again().
+  void look_again(std::string_view name) noexcept;
   /// Takes another resolver, null for none, and waits until no one asks the former.
   void use(Resolver* resolver) noexcept;
   [[nodiscard]] Resolver* resolver() const noexcept {
@@ -56,6 +61,7 @@ class Rebinder {
     std::vector<Binding::Impl*> bindings{};
     MonotonicTime last{};  ///< When it was looked up.
     Duration interval = kFirstInterval;
+    bool leads_elsewhere = false;  ///< Since the last look; it waits for no interval.
     [[nodiscard]] bool is_wanted() const noexcept;
   };
   using Names = std::map<std::string, Name>;

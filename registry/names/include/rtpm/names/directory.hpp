@@ -103,6 +103,10 @@ class Directory {
   /// @errors   kNotFound, kIsADirectory
   [[nodiscard]] expected<std::string, DirectoryError> url_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
+  /// The entry of the name itself or, below a bound name, of that. Ends by `deadline`.
+  /// @errors   as url_of()
+  [[nodiscard]] expected<NameEntry, DirectoryError> entry_of(std::string_view name,
+                                                             MonotonicTime deadline = kNever);
   /// Unbinds a name of this or an earlier start of the owner.
   /// @errors   as renew()
   [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner);

@@ -21,6 +21,14 @@ struct Limits {
   std::size_t property_byte_max = std::size_t{4} * 1024;
   std::size_t property_byte_per_owner_max = std::size_t{256} * 1024;
   std::size_t property_byte_in_all_max = std::size_t{64} * 1024 * 1024;
+  /// Watches in all, and of one remote host.
+  std::size_t watch_count_max = 256;
+  std::size_t watch_count_per_host_max = 64;
+  /// Changes that a watch may be behind before it is cut off; and those that the registry keeps, so
+  /// that it can resume.
+  std::size_t watch_backlog_max = 4096;
+  std::size_t history_count_max = 16384;
+  std::size_t history_byte_max = std::size_t{16} * 1024 * 1024;
   Duration lease_min = std::chrono::milliseconds{100};
   Duration lease_max = std::chrono::hours{1};
   /// Bounds the leases of a name until it has been held for that long, so that unrenewed names

@@ -31,6 +31,7 @@ enum class Outcome : std::uint8_t {
   kPropertiesFull = 19,       ///< The registry's limit of properties.
   kBadPredicate = 20,         ///< The text is no predicate.
   kBadPreference = 21,        ///< The text is no preference.
+  kTooManyWatches = 22,       ///< The registry's or the host's limit of watches.
 };
 
 /// A clause for people: what is wrong with which component, and the remedy. `component` counts from

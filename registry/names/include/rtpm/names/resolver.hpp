@@ -1,14 +1,20 @@
 #pragma once
 
+#include <map>
+#include <memory>
+#include <mutex>
 #include <string>
 #include <string_view>
 
 #include "rtpm/names/directory.hpp"
+#include "rtpm/names/watch.hpp"
 #include "rtpm/rpc/node.hpp"
 
 namespace rtpm::names {
 
-/// Resolves a node's names at the registry: `node.use(resolver)`.
+/// Resolves a node's names at the registry: `node.use(resolver)`. It watches the names that it has
+/// resolved (NameWatch), so that bindings follow a server that moved or restarted as soon as the
+/// registry knows. Where the registry takes no further watch, they look when a call fails.
 /// @ownership refers to its node, which must outlive it; when destroyed it detaches, and bindings
 ///            stay with their servers
 /// @threads  any, several at once
@@ -28,9 +34,27 @@ class RegistryResolver final : public rpc::Resolver {
   [[nodiscard]] expected<std::string, SetupError> resolve(std::string_view name,
                                                           MonotonicTime deadline) override;
 
+  /// How often a watched name was found to lead elsewhere.
+  [[nodiscard]] std::uint64_t move_count() const;
+
  private:
+  /// Where a bound name led when it was resolved or told.
+  struct Lead {
+    std::string url{};
+    std::uint64_t revision = 0;
+    friend bool operator==(const Lead&, const Lead&) = default;
+  };
+
+  void watch(std::string_view name, const NameEntry& entry, MonotonicTime deadline);
+  void note(const NameChange& change);
+
   rpc::Node& node_;
   Directory directory_;
+  mutable std::mutex mutex_;  ///< Of what follows; not for real-time threads.
+  std::map<std::string, Lead, std::less<>> leads_{};  ///< By names that may be bound.
+  std::uint64_t move_count_ = 0;
+  std::mutex starting_;  ///< Held while the watch starts.
+  std::unique_ptr<NameWatch> watch_{};
 };
 
 }  // namespace rtpm::names

@@ -80,6 +80,12 @@ class Node {
   /// @realtime set-up only
   void forget(Resolver& resolver) noexcept;
 
+  /// The name leads elsewhere now, or to another start of its server: its bindings, and those of
+  /// names below it, look it up at once, at most every 50 ms. Without bindings nothing happens.
+  /// @threads  any
+  /// @realtime set-up only
+  void look_again(std::string_view name) noexcept;
+
   [[nodiscard]] const NodeConfig& config() const noexcept;
 
   class Impl;

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <memory>
+
+namespace rtpm::names {
+
+struct Record;
+
+/// One change of a name: what it was and what it is, null: not bound.
+struct LoggedChange {
+  std::uint64_t revision = 0;
+  std::shared_ptr<const Record> before{};
+  std::shared_ptr<const Record> after{};
+};
+
+/// The latest changes, in the order of their revisions, bounded by number and bytes.
+/// @threads  one at a time
+class ChangeLog {
+ public:
+  /// `revision`: of the last change before the log begins.
+  ChangeLog(std::size_t count_max, std::size_t byte_max, std::uint64_t revision) noexcept
+      : count_max_(count_max), byte_max_(byte_max), forgotten_(revision), newest_(revision) {}
+
+  /// Drops the oldest changes beyond the bounds.
+  void add(LoggedChange change);
+  /// Whether every change after `revision` is still there; false also for one to come.
+  [[nodiscard]] bool reaches(std::uint64_t revision) const noexcept {
+    return revision >= forgotten_ && revision <= newest_;
+  }
+  /// The first change after `revision`; null: none yet.
+  [[nodiscard]] const LoggedChange* after(std::uint64_t revision) const noexcept;
+  /// How many changes there are after `revision`.
+  [[nodiscard]] std::size_t count_after(std::uint64_t revision) const noexcept;
+  /// Of the last change.
+  [[nodiscard]] std::uint64_t revision() const noexcept { return newest_; }
+
+ private:
+  [[nodiscard]] std::size_t index_after(std::uint64_t revision) const noexcept;
+
+  std::size_t count_max_;
+  std::size_t byte_max_;
+  std::size_t byte_count_ = 0;
+  std::uint64_t forgotten_;  ///< The newest revision that was dropped.
+  std::uint64_t newest_;
+  std::deque<LoggedChange> changes_{};
+};
+
+}  // namespace rtpm::names

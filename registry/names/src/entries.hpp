@@ -1,0 +1,22 @@
+#pragma once
+
+#include "idl.hpp"
+#include "rtpm/base/time.hpp"
+#include "store.hpp"
+
+namespace rtpm::names {
+
+/// A record as callers get it.
+[[nodiscard]] inline flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
+                                                            const Record& record, MonotonicTime now,
+                                                            bool has_properties = false) {
+  const auto name = builder.CreateString(record.name);
+  const auto url = builder.CreateString(record.url);
+  const auto interface = builder.CreateString(record.interface);
+  flatbuffers::Offset<PropertyTables> properties{};
+  if (has_properties) properties = write_properties(builder, record.properties);
+  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision,
+                     properties);
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,303 @@
+#include "rtpm/names/watch.hpp"
+
+#include <algorithm>
+#include <atomic>
+#include <condition_variable>
+#include <map>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "idl.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rpc/tables.hpp"
+#include "rtpm/rt/clock.hpp"
+#include "rtpm/rt/thread.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+// How long one poll of the stream waits, and so how soon the watch ends or takes other names.
+constexpr Duration kPollMax = 50ms;
+// Between attempts to reach the registry; a restarted one usually is there within a second.
+constexpr Duration kRetryFirst = 20ms;
+constexpr Duration kRetryMax = 1s;
+
+using Stream = rpc::TableStream<WatchItem>;
+
+}  // namespace
+
+class NameWatch::Impl {
+ public:
+  Impl(rpc::Node& node, std::string registry_url, WatchConfig config, WatchHandlers handlers)
+      : node_(node),
+        registry_url_(std::move(registry_url)),
+        handlers_(std::move(handlers)),
+        config_(std::move(config)) {}
+  Impl(const Impl&) = delete;
+  Impl& operator=(const Impl&) = delete;
+  ~Impl() {
+    {
+      const std::lock_guard lock(mutex_);
+      is_stopping_ = true;
+    }
+    ending_.notify_all();
+    if (thread_.is_running()) thread_.join();
+  }
+
+  [[nodiscard]] expected<void, DirectoryError> begin() {
+    auto opened = open();
+    if (!opened) return unexpected{std::move(opened.error())};
+    stream_.emplace(std::move(*opened));
+    auto thread = rt::Thread::start({.name = "rtpm-watch", .realtime = rt::RealtimeMode::kOff},
+                                    [this] { run(); });
+    if (!thread) return unexpected{DirectoryError{std::move(thread.error())}};
+    thread_ = std::move(*thread);
+    return {};
+  }
+
+  void set_names(std::vector<std::string> names) {
+    const std::lock_guard lock(mutex_);
+    config_.names = std::move(names);
+    has_new_names_ = true;
+  }
+
+  std::atomic<std::uint64_t> revision{0};
+  std::atomic<std::uint64_t> state_count{0};
+  std::atomic<bool> is_connected{false};
+
+ private:
+  /// Opens a stream and takes its first item.
+  [[nodiscard]] expected<Stream, DirectoryError> open() {
+    WatchConfig config;
+    {
+      const std::lock_guard lock(mutex_);
+      config = config_;
+      has_new_names_ = false;
+    }
+    auto client = NamesClient::bind(node_, registry_url_, {.deadline = config.deadline});
+    if (!client) {
+      return unexpected{
+          DirectoryError{{"no registry answers at " + registry_url_, client.error().reason(),
+                          "start rtpm-registryd, or give --registry URL"}}};
+    }
+    WatchRequestT request;
+    request.directory = config.directory;
+    request.names = config.names;
+    request.interface = config.interface;
+    request.predicate = config.predicate;
+    request.history = history_;
+    request.after = revision;
+    auto stream = client->watch(request);
+    const auto first = stream
+                           ? stream->next(rt::now() + config.deadline)
+                           : expected<const WatchItem*, rpc::CallError>(unexpected{stream.error()});
+    if (!first || *first == nullptr) {
+      const auto why = first ? "it ended the watch" : std::string(rpc::to_string(first.error()));
+      return unexpected{
+          DirectoryError{{"the registry at " + registry_url_ + " lets nobody watch", why}}};
+    }
+    if (outcome_of(*(*first)->answer()) != Outcome::kDone) return refused(**first, config);
+    client_.emplace(std::move(*client));
+    first_ = *first;
+    return std::move(*stream);
+  }
+
+  [[nodiscard]] static unexpected<DirectoryError> refused(const WatchItem& item,
+                                                          const WatchConfig& config) {
+    const Answer& answer = *item.answer();
+    DirectoryError error{{outcome_text(outcome_of(answer), config.directory, answer.component())},
+                         outcome_of(answer)};
+    if (error.outcome == Outcome::kBadPredicate) {
+      error.text_error = {item.error_offset(), printable(text_of(item.error_text()))};
+      error.why = error.text_error->what;
+    }
+    return unexpected{std::move(error)};
+  }
+
+  void run() {
+    for (;;) {
+      const std::string why = read();
+      is_connected = false;
+      if (is_over()) return;
+      if (!why.empty()) notify(why);
+      if (!reopen()) return;
+      if (!why.empty()) notify("the registry at " + registry_url_ + " is watched again");
+    }
+  }
+
+  // Takes items until the stream ends: why, empty: for other names, or at the end.
+  [[nodiscard]] std::string read() {
+    is_connected = true;
+    bool goes_on = take(*first_);
+    while (goes_on && !is_over() && !wants_other_names()) {
+      const auto item = stream_->next(rt::now() + kPollMax);
+      if (item && *item == nullptr) return "the registry at " + registry_url_ + " ended the watch";
+      if (item) {
+        goes_on = take(**item);
+      } else if (!stream_->is_open()) {
+        return "the registry at " + registry_url_ +
+               " is not watched: " + std::string(rpc::to_string(item.error()));
+      }
+    }
+    return goes_on ? std::string()
+                   : "the registry at " + registry_url_ +
+                         " cut this watch off as too slow; it resumes behind revision " +
+                         std::to_string(revision);
+  }
+
+  [[nodiscard]] bool reopen() {
+    stream_.reset();
+    is_fresh_ = false;
+    fresh_.clear();
+    for (Duration pause = kRetryFirst;; pause = std::min(2 * pause, kRetryMax)) {
+      if (auto opened = open()) {
+        stream_.emplace(std::move(*opened));
+        return true;
+      }
+      std::unique_lock lock(mutex_);
+      if (ending_.wait_for(lock, pause, [this] { return is_stopping_; })) return false;
+    }
+  }
+
+  // Whether the watch goes on.
+  [[nodiscard]] bool take(const WatchItem& item) {
+    if (item.phase() == WatchPhase::CutOff) return false;
+    const bool is_state = item.phase() == WatchPhase::State || item.phase() == WatchPhase::StateEnd;
+    if (is_state && !is_fresh_) {
+      is_fresh_ = true;
+      history_ = 0;  // Resumes by the state until that is whole.
+    }
+    if (item.changes() != nullptr) {
+      for (const Change* change : *item.changes())
+        take(*change, is_state);
+    }
+    if (item.phase() == WatchPhase::StateEnd) end_state();
+    if (!is_state || item.phase() == WatchPhase::StateEnd) {
+      history_ = item.history();
+      revision = item.revision();
+    }
+    return true;
+  }
+
+  void take(const Change& change, bool is_state) {
+    NameChange told{NameChange::Kind::kBound, entry_of(*change.entry())};
+    const auto known = known_.find(told.entry.name);
+    const bool is_known = known != known_.end();
+    if (is_state) fresh_.insert(told.entry.name);
+    if (change.kind() == ChangeKind::Gone) {
+      if (!is_known || known->second.revision >= change.revision()) return;
+      told.kind = NameChange::Kind::kGone;
+      known_.erase(known);
+    } else {
+      // A change that the state had is no further one; revisions of another history do not compare.
+      const bool is_same = is_known && known->second.history == now_history(is_state) &&
+                           known->second.revision >= change.revision();
+      if (is_same || (is_known && is_state && known->second.is_as(told.entry))) {
+        known->second.history = now_history(is_state);
+        known->second.revision = std::max(known->second.revision, change.revision());
+        return;
+      }
+      if (is_known) told.kind = NameChange::Kind::kChanged;
+      known_.insert_or_assign(told.entry.name,
+                              Known{told.entry, change.revision(), now_history(is_state)});
+    }
+    if (handlers_.on_change) handlers_.on_change(told);
+  }
+
+  // Counts states: revisions compare between changes since the same one.
+  [[nodiscard]] std::uint64_t now_history(bool is_state) const noexcept {
+    return state_count + (is_state ? 1 : 0);
+  }
+
+  // What is not in the state has gone.
+  void end_state() {
+    for (auto known = known_.begin(); known != known_.end();) {
+      if (fresh_.contains(known->first)) {
+        ++known;
+        continue;
+      }
+      const NameChange gone{NameChange::Kind::kGone, known->second.entry};
+      known = known_.erase(known);
+      if (handlers_.on_change) handlers_.on_change(gone);
+    }
+    fresh_.clear();
+    is_fresh_ = false;
+    ++state_count;
+    if (handlers_.on_state) handlers_.on_state();
+  }
+
+  void notify(const std::string& sentence) {
+    if (handlers_.on_notice) handlers_.on_notice(sentence);
+  }
+  [[nodiscard]] bool is_over() {
+    const std::lock_guard lock(mutex_);
+    return is_stopping_;
+  }
+  [[nodiscard]] bool wants_other_names() {
+    const std::lock_guard lock(mutex_);
+    if (has_new_names_) history_ = 0;  // The new ones' state is needed.
+    return has_new_names_;
+  }
+
+  /// What the handlers know of a name.
+  struct Known {
+    NameEntry entry{};
+    std::uint64_t revision = 0;  ///< Of its last change.
+    std::uint64_t history = 0;   ///< The number of the state that it belongs to.
+    [[nodiscard]] bool is_as(const NameEntry& other) const {
+      return entry.url == other.url && entry.interface == other.interface &&
+             entry.revision == other.revision && entry.properties == other.properties;
+    }
+  };
+
+  rpc::Node& node_;
+  const std::string registry_url_;
+  const WatchHandlers handlers_;
+  // Of the starting thread, then of the watch's.
+  std::optional<NamesClient> client_{};
+  std::optional<Stream> stream_{};
+  const WatchItem* first_ = nullptr;  ///< Of the stream, until the next one is read.
+  std::uint64_t history_ = 0;
+  std::map<std::string, Known, std::less<>> known_{};
+  std::set<std::string, std::less<>> fresh_{};  ///< Names of the state so far.
+  bool is_fresh_ = false;                       ///< A state is being read.
+  // Plain: no real-time thread takes it. Guards what follows.
+  std::mutex mutex_;
+  std::condition_variable ending_;
+  WatchConfig config_;
+  bool has_new_names_ = false;
+  bool is_stopping_ = false;
+  rt::Thread thread_;
+};
+
+NameWatch::NameWatch(std::unique_ptr<Impl> impl) noexcept : impl_(std::move(impl)) {}
+NameWatch::~NameWatch() = default;
+
+expected<std::unique_ptr<NameWatch>, DirectoryError> NameWatch::start(rpc::Node& node,
+                                                                      std::string registry_url,
+                                                                      WatchConfig config,
+                                                                      WatchHandlers handlers) {
+  auto impl =
+      std::make_unique<Impl>(node, std::move(registry_url), std::move(config), std::move(handlers));
+  if (auto begun = impl->begin(); !begun) return unexpected{std::move(begun.error())};
+  return std::unique_ptr<NameWatch>(new NameWatch(std::move(impl)));
+}
+
+void NameWatch::set_names(std::vector<std::string> names) {
+  impl_->set_names(std::move(names));
+}
+std::uint64_t NameWatch::revision() const noexcept {
+  return impl_->revision;
+}
+std::uint64_t NameWatch::state_count() const noexcept {
+  return impl_->state_count;
+}
+bool NameWatch::is_connected() const noexcept {
+  return impl_->is_connected;
+}
+
+}  // namespace rtpm::names

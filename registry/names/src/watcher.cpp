@@ -1,0 +1,123 @@
+#include "watcher.hpp"
+
+#include <algorithm>
+#include <optional>
+#include <utility>
+
+#include "entries.hpp"
+#include "rtpm/wire/limits.hpp"
+
+namespace rtpm::names {
+namespace {
+
+// One place stays free for the item that cuts the watcher off.
+constexpr std::uint32_t kWaitingMax = wire::kStreamWindow - 2;
+// Further changes go into the next item, so that most items take one datagram.
+constexpr std::size_t kItemSizeFull = 800;
+// How much is done for one watcher before the next one has its turn.
+constexpr int kItemCountPerTurn = 8;
+constexpr std::size_t kLookedAtPerItem = 256;
+
+}  // namespace
+
+Watcher::Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
+                 std::optional<std::uint64_t> after, std::uint64_t revision, std::uint32_t host)
+    : writer_(std::move(writer)),
+      filter_(std::move(filter)),
+      history_(history),
+      host_(host),
+      is_in_state_(!after),
+      position_(after.value_or(revision)) {}
+
+bool Watcher::has_capacity() const noexcept {
+  return writer_.waiting_count() < kWaitingMax;
+}
+
+Watcher::Outcome Watcher::pump(const Store& store, std::size_t backlog_max, MonotonicTime now) {
+  for (int i = 0; i < kItemCountPerTurn; ++i) {
+    if (!writer_.is_awaited()) return Outcome::kGone;
+    const ChangeLog& log = store.log();
+    const bool is_stuck = !has_capacity();
+    if (!log.reaches(position_) || (is_stuck && log.count_after(position_) > backlog_max)) {
+      begin_item();
+      static_cast<void>(send(WatchPhase::CutOff));
+      writer_.finish();
+      return Outcome::kTooSlow;
+    }
+    if (is_stuck) return Outcome::kBacklog;
+    begin_item();
+    if (is_in_state_) {
+      const bool is_whole = fill_state(store, now);
+      if (!send(is_whole ? WatchPhase::StateEnd : WatchPhase::State)) return Outcome::kGone;
+      is_in_state_ = !is_whole;
+    } else {
+      const bool is_whole = fill_changes(store, now);
+      const bool is_needed = !changes_.empty() || is_welcome_due_;
+      if (is_needed && !send(WatchPhase::Changes)) return Outcome::kGone;
+      if (is_whole) return Outcome::kDone;
+    }
+    is_welcome_due_ = false;
+  }
+  return Outcome::kMore;
+}
+
+void Watcher::begin_item() {
+  builder_.Clear();
+  changes_.clear();
+}
+
+// Whether this is the end of the state. A record that changed since the watch began is sent as it
+// is now; its change, which follows, then has no later revision.
+bool Watcher::fill_state(const Store& store, MonotonicTime now) {
+  std::size_t looked_at = 0;
+  const bool is_whole =
+      store.for_each_after(state_cursor_, filter_.directory, [&](const Record& record) {
+        state_cursor_ = record.name;
+        if (filter_.accepts(record)) add(ChangeKind::Bound, record, record.change, now);
+        return builder_.GetSize() < kItemSizeFull && ++looked_at < kLookedAtPerItem;
+      });
+  return is_whole;
+}
+
+// Whether these are all changes so far.
+bool Watcher::fill_changes(const Store& store, MonotonicTime now) {
+  std::size_t looked_at = 0;
+  while (const LoggedChange* const change = store.log().after(position_)) {
+    if (builder_.GetSize() >= kItemSizeFull || ++looked_at > kLookedAtPerItem) return false;
+    position_ = change->revision;
+    const bool was_in = change->before && filter_.accepts(*change->before);
+    const bool is_in = change->after && filter_.accepts(*change->after);
+    if (is_in) {
+      add(was_in ? ChangeKind::Changed : ChangeKind::Bound, *change->after, position_, now);
+    } else if (was_in) {
+      add(ChangeKind::Gone, *change->before, position_, now);
+    }
+  }
+  return true;
+}
+
+void Watcher::add(ChangeKind kind, const Record& record, std::uint64_t revision,
+                  MonotonicTime now) {
+  const auto entry = write_entry(builder_, record, now, /*has_properties=*/true);
+  changes_.push_back(CreateChange(builder_, kind, entry, revision));
+}
+
+bool Watcher::send(WatchPhase phase) {
+  const Answer answer = answer_of(names::Outcome::kDone);
+  const auto changes = builder_.CreateVector(changes_);
+  builder_.Finish(CreateWatchItem(builder_, &answer, phase, history_, position_, changes));
+  return writer_.write(builder_).has_value();
+}
+
+void refuse_watch(rpc::TableWriter<WatchItem>& writer, Outcome outcome,
+                  const predicate::TextError& error) {
+  flatbuffers::FlatBufferBuilder builder;
+  const Answer answer = answer_of(outcome);
+  const auto why = builder.CreateString(error.what);
+  builder.Finish(CreateWatchItem(builder, &answer, WatchPhase::CutOff, 0, 0, 0,
+                                 static_cast<std::uint32_t>(error.offset), why));
+  static_cast<void>(writer.write(builder));
+  writer.finish();
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,60 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "change_log.hpp"
+#include "idl.hpp"
+#include "rtpm/base/time.hpp"
+#include "store.hpp"
+#include "watch_filter.hpp"
+
+namespace rtpm::names {
+
+/// The registry's end of a watch: its stream, and how far its watcher has got.
+class Watcher {
+ public:
+  /// Result of pump().
+  enum class Outcome : std::uint8_t {
+    kDone,     ///< Everything was sent.
+    kMore,     ///< There is more to send at once.
+    kBacklog,  ///< The watcher takes no more now.
+    kGone,     ///< It is gone.
+    kTooSlow,  ///< It was cut off.
+  };
+
+  /// @param after  the revision to resume behind; nullopt: sends the state first
+  Watcher(rpc::TableWriter<WatchItem> writer, WatchFilter filter, std::uint64_t history,
+          std::optional<std::uint64_t> after, std::uint64_t revision, std::uint32_t host);
+
+  /// Sends some items. A watcher that takes none, with more than `backlog_max` changes to come, is
+  /// cut off.
+  [[nodiscard]] Outcome pump(const Store& store, std::size_t backlog_max, MonotonicTime now);
+
+  [[nodiscard]] std::uint32_t host() const noexcept { return host_; }
+
+ private:
+  [[nodiscard]] bool has_capacity() const noexcept;
+  [[nodiscard]] bool fill_state(const Store& store, MonotonicTime now);
+  [[nodiscard]] bool fill_changes(const Store& store, MonotonicTime now);
+  void add(ChangeKind kind, const Record& record, std::uint64_t revision, MonotonicTime now);
+  void begin_item();
+  [[nodiscard]] bool send(WatchPhase phase);
+
+  rpc::TableWriter<WatchItem> writer_;
+  WatchFilter filter_;
+  std::uint64_t history_;
+  std::uint32_t host_;
+  bool is_in_state_;
+  bool is_welcome_due_ = true;  ///< The first item goes out, also without changes.
+  std::string state_cursor_{};  ///< The last name of the state that was looked at.
+  std::uint64_t position_;      ///< Every change up to this revision was sent, or is in the state.
+  flatbuffers::FlatBufferBuilder builder_{};
+  std::vector<flatbuffers::Offset<Change>> changes_{};
+};
+
+/// Tells the caller why it gets no watch.
+void refuse_watch(rpc::TableWriter<WatchItem>& writer, Outcome outcome,
+                  const predicate::TextError& error = {});
+
+}  // namespace rtpm::names

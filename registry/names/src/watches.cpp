@@ -1,0 +1,121 @@
+#include "watches.hpp"
+
+#include <algorithm>
+#include <mutex>
+#include <optional>
+#include <utility>
+
+#include "name.hpp"
+#include "query.hpp"
+#include "rtpm/names/watch.hpp"
+#include "rtpm/rt/clock.hpp"
+
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+// How soon a watcher that was full is tried again: nothing tells that it has taken items.
+constexpr Duration kBacklogInterval = 10ms;
+// How soon a watcher that went away without a word is noticed.
+constexpr Duration kLookInterval = 1s;
+
+// The directory must be a name.
+std::optional<Outcome> check(const WatchRequest& request) {
+  const std::string_view directory = view_of(request.directory());
+  if (!directory.empty() && first_bad_component(directory)) return Outcome::kBadName;
+  if (request.names() == nullptr) return std::nullopt;
+  if (request.names()->size() > kWatchedNameCountMax) return Outcome::kBadName;
+  for (const auto* name : *request.names()) {
+    if (first_bad_component(name->string_view())) return Outcome::kBadName;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+Watches::~Watches() {
+  {
+    const std::lock_guard lock(mutex_);
+    is_stopping_ = true;
+  }
+  bell_.post();
+  if (thread_.is_running()) thread_.join();
+}
+
+bool Watches::is_full(std::uint32_t host) const noexcept {
+  const Limits& limits = store_.limits();
+  const auto here = static_cast<std::size_t>(std::ranges::count_if(
+      watchers_, [&](const auto& watcher) { return watcher->host() == host; }));
+  const bool is_own = host >> 24 == 127;
+  return watchers_.size() >= limits.watch_count_max ||
+         (!is_own && here >= limits.watch_count_per_host_max);
+}
+
+void Watches::add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer,
+                  std::uint32_t host) {
+  if (const auto bad = check(request)) return refuse_watch(writer, *bad);
+  const std::string interface = text_of(request.interface());
+  auto parsed = parse_predicate(store_.index(rt::now()), interface, view_of(request.predicate()));
+  if (!parsed) return refuse_watch(writer, Outcome::kBadPredicate, parsed.error().error);
+  if (is_full(host)) return refuse_watch(writer, Outcome::kTooManyWatches);
+  if (!thread_.is_running()) {
+    auto thread = rt::Thread::start({.name = "rtpm-watches", .realtime = rt::RealtimeMode::kOff},
+                                    [this] { run(); });
+    if (!thread) return refuse_watch(writer, Outcome::kTooManyWatches);
+    thread_ = std::move(*thread);
+  }
+  WatchFilter filter{.directory = text_of(request.directory()),
+                     .interface = interface,
+                     .predicate = std::move(*parsed)};
+  if (request.names() != nullptr) {
+    for (const auto* name : *request.names())
+      filter.names.insert(name->str());
+  }
+  std::optional<std::uint64_t> after;
+  const bool is_known = request.history() == history_ && store_.log().reaches(request.after());
+  if (is_known) after = request.after();
+  watchers_.push_back(std::make_unique<Watcher>(std::move(writer), std::move(filter), history_,
+                                                after, store_.log().revision(), host));
+  bell_.post();
+}
+
+void Watches::run() {
+  for (;;) {
+    const MonotonicTime next = turn();
+    {
+      const std::lock_guard lock(mutex_);
+      if (is_stopping_) return;
+    }
+    if (next > rt::now()) static_cast<void>(bell_.wait_until(next));
+  }
+}
+
+// Serves every watcher once; when there is more to do.
+MonotonicTime Watches::turn() {
+  const std::lock_guard lock(mutex_);
+  const MonotonicTime now = rt::now();
+  store_.expire(now);
+  MonotonicTime next = std::min(now + kLookInterval, store_.next_expiry());
+  std::erase_if(watchers_, [&](const auto& watcher) {
+    switch (watcher->pump(store_, store_.limits().watch_backlog_max, now)) {
+      case Watcher::Outcome::kMore:
+        next = now;
+        return false;
+      case Watcher::Outcome::kBacklog:
+        next = std::min(next, now + kBacklogInterval);
+        return false;
+      case Watcher::Outcome::kDone:
+        return false;
+      case Watcher::Outcome::kTooSlow:
+        ++cut_off_count_;
+        return true;
+      case Watcher::Outcome::kGone:
+        break;
+    }
+    return true;
+  });
+  return next;
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,55 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "idl.hpp"
+#include "rtpm/rt/pi_mutex.hpp"
+#include "rtpm/rt/semaphore.hpp"
+#include "rtpm/rt/thread.hpp"
+#include "store.hpp"
+#include "watcher.hpp"
+
+namespace rtpm::names {
+
+/// The watchers of a registry. A time-shared thread "rtpm-watches", which the first one starts,
+/// sends them changes and ends leases in time.
+/// @threads  the constructor, add() and the destructor as said; wake() any
+class Watches {
+ public:
+  /// `mutex` guards `store`.
+  Watches(rt::PiMutex& mutex, Store& store, std::uint64_t history) noexcept
+      : mutex_(mutex), store_(store), history_(history) {}
+  Watches(const Watches&) = delete;
+  Watches& operator=(const Watches&) = delete;
+  ~Watches();
+
+  /// Takes a caller's stream, or refuses it there. Call it with the mutex locked.
+  void add(const WatchRequest& request, rpc::TableWriter<WatchItem> writer, std::uint32_t host);
+  /// After a change.
+  void wake() noexcept {
+    if (thread_.is_running()) bell_.post();
+  }
+
+  /// With the mutex locked.
+  [[nodiscard]] std::size_t count() const noexcept { return watchers_.size(); }
+  [[nodiscard]] std::uint64_t cut_off_count() const noexcept { return cut_off_count_; }
+
+ private:
+  void run();
+  [[nodiscard]] MonotonicTime turn();
+  [[nodiscard]] bool is_full(std::uint32_t host) const noexcept;
+
+  rt::PiMutex& mutex_;
+  Store& store_;
+  std::uint64_t history_;
+  std::vector<std::unique_ptr<Watcher>> watchers_{};
+  std::uint64_t cut_off_count_ = 0;
+  bool is_stopping_ = false;
+  rt::Semaphore bell_;
+  rt::Thread thread_;
+};
+
+}  // namespace rtpm::names
