@@ -1,9 +1,15 @@
 // rtpm-registryd: serves the registry of names.
 #include <cstdint>
 #include <cstdio>
+#include <iostream>
+#include <iterator>
+#include <memory>
 #include <string>
 #include <string_view>
+#include <utility>
 
+#include "rtpm/file_store/file_storage.hpp"
+#include "rtpm/file_store/json.hpp"
 #include "rtpm/introspection/catalog.hpp"
 #include "rtpm/names/defaults.hpp"
 #include "rtpm/names/servant.hpp"
@@ -11,13 +17,19 @@
 #include "rtpm/options/server_options.hpp"
 #include "rtpm/options/stop_signal.hpp"
 #include "rtpm/rpc/server.hpp"
+#include "rtpm/rt/host.hpp"
 #include "rtpm/rt/log.hpp"
 
 namespace {
 
+constexpr std::string_view kMemory = "memory";
+
 struct Configuration {
   rtpm::options::ServerSettings settings{};
   rtpm::names::Limits limits{};
+  std::string store{kMemory};
+  bool dumps = false;
+  bool loads = false;
 };
 
 int fail(const std::string& text) {
@@ -25,13 +37,50 @@ int fail(const std::string& text) {
   return 1;
 }
 
+void report(std::string_view sentence) {
+  rtpm::rt::print_error("rtpm-registryd", sentence);
+}
+
+std::unique_ptr<rtpm::names::Storage> storage_of(const Configuration& configuration) {
+  if (configuration.store == kMemory) return nullptr;
+  return rtpm::file_store::make_file_storage(configuration.store);
+}
+
+int dump(rtpm::names::Storage& storage) {
+  const auto content = storage.load();
+  if (!content) return fail(content.error().text());
+  for (const std::string& fault : content->faults)
+    report(fault);
+  std::fputs(rtpm::file_store::to_json(content->names).c_str(), stdout);
+  return 0;
+}
+
+int load(rtpm::names::Storage& storage, const Configuration& configuration) {
+  const std::string text{std::istreambuf_iterator<char>(std::cin), {}};
+  const auto names = rtpm::file_store::parse_json(text, {rtpm::rt::random_u64(), 1});
+  if (!names) return fail(names.error().text());
+  const auto count = rtpm::names::import_names(storage, *names, configuration.limits);
+  if (!count) return fail(count.error().text());
+  std::printf("%zu names\n", *count);
+  return 0;
+}
+
+/// `--dump` and `--load`: works on the file, and serves nothing.
+int transfer(const Configuration& configuration) {
+  const auto storage = storage_of(configuration);
+  if (!storage) return fail("--dump and --load need --store FILE");
+  if (configuration.dumps && configuration.loads) return fail("give either --dump or --load");
+  return configuration.dumps ? dump(*storage) : load(*storage, configuration);
+}
+
 int serve(const Configuration& configuration) {
   const rtpm::options::StopSignal stop;
-  const auto registry = rtpm::names::make_servant(
-      configuration.limits,
-      [](std::string_view sentence) { rtpm::rt::print_error("rtpm-registryd", sentence); });
   const auto prepared = rtpm::options::prepare(configuration.settings);
   if (!prepared) return fail(prepared.error().text());
+  auto made = rtpm::names::make_registry(
+      {.limits = configuration.limits, .report = report, .storage = storage_of(configuration)});
+  if (!made) return fail(made.error().text());
+  const auto registry = std::move(*made);
   auto server = rtpm::rpc::Server::create(configuration.settings.server);
   if (!server) return fail(server.error().text());
   const rtpm::rpc::ObjectOptions lowest{.model = rtpm::rpc::PriorityModel::kServerDeclared};
@@ -75,6 +124,11 @@ int main(int argc, char** argv) {
   server.stream_count_max = static_cast<std::uint32_t>(limits.watch_count_max);
   server.stream_byte_max = 64 * 1024;
   rtpm::options::add_server(options, configuration.settings);
+  options.add("store", configuration.store,
+              "Where names are kept: memory, or the file of a SQLite database");
+  options.add("dump", configuration.dumps, "Print the permanent names of --store as JSON, and end");
+  options.add("load", configuration.loads,
+              "Bind the names of such JSON on standard input in --store, and end");
   options.add("names-max", name_count_max, "Maximum number of names", kCounts);
   options.add("names-per-server-max", name_count_per_server_max, "Maximum names of one server",
               kCounts);
@@ -92,5 +146,6 @@ int main(int argc, char** argv) {
   limits.owner_count_per_host_max = server_count_per_host_max;
   limits.name_count_own_host_max = name_count_own_host_max;
   limits.owner_count_own_host_max = server_count_own_host_max;
-  return serve(configuration);
+  return configuration.dumps || configuration.loads ? transfer(configuration)
+                                                    : serve(configuration);
 }

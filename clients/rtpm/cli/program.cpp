@@ -115,6 +115,9 @@ std::unique_ptr<CLI::App> make_program(Context& context) {
   add_info(*program, context);
   add_find(*program, context);
   add_watch(*program, context);
+  add_bind(*program, context);
+  add_unbind(*program, context);
+  add_resolve(*program, context);
   add_call(*program, context);
   add_ping(*program, context);
   add_echo(*program, context);

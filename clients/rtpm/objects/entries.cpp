@@ -30,8 +30,12 @@ Json json_of(const names::NameEntry& entry) {
   Json json{{"name", entry.name},
             {"interface", entry.interface},
             {"url", entry.url},
-            {"lease_left_s", std::chrono::duration<double>(entry.lease_left).count()},
             {"revision", entry.revision}};
+  if (entry.is_permanent) {
+    json["is_permanent"] = true;
+  } else {
+    json["lease_left_s"] = std::chrono::duration<double>(entry.lease_left).count();
+  }
   for (const names::Property& property : entry.properties) {
     json["properties"][property.name] = json_of(property.value);
     if (!property.unit.empty()) json["units"][property.name] = property.unit;

@@ -95,9 +95,9 @@ class Directory::Impl {
     const auto url = request.text(claim.url);
     const auto interface = request.text(claim.interface);
     const auto properties = write_properties(request.builder, claim.properties);
-    const ConstBytes bytes = request.finished(
-        CreateOfferRequest(request.builder, name, url, interface, &owner, ns_of(claim.lease),
-                           replaces, claim.holder_revision, claim.allows_takeover, properties));
+    const ConstBytes bytes = request.finished(CreateOfferRequest(
+        request.builder, name, url, interface, &owner, ns_of(claim.lease), replaces,
+        claim.holder_revision, claim.allows_takeover, properties, claim.is_permanent));
     const auto reply = ask(usual_end(), [&](NamesClient& client, const rpc::CallOptions& options) {
       return client.offer_encoded(bytes, options);
     });
@@ -268,11 +268,12 @@ expected<std::string, DirectoryError> Directory::url_of(std::string_view name,
   return entry->url + std::string(name.substr(entry->name.size()));
 }
 
-expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner) {
+expected<void, DirectoryError> Directory::unbind(std::string_view name, Owner owner,
+                                                 std::uint64_t holder_revision) {
   Request request;
   const OwnerId id = id_of(owner);
-  const ConstBytes bytes =
-      request.finished(CreateUnbindRequest(request.builder, request.text(name), &id));
+  const ConstBytes bytes = request.finished(
+      CreateUnbindRequest(request.builder, request.text(name), &id, holder_revision));
   return impl_->confirm(name, [&](NamesClient& client, const rpc::CallOptions& options) {
     return client.unbind_encoded(bytes, options);
   });

@@ -6,6 +6,10 @@
 
 namespace rtpm::names {
 
+[[nodiscard]] inline Duration lease_left(const Record& record, MonotonicTime now) noexcept {
+  return record.is_permanent() ? Duration::max() : record.expires - now;
+}
+
 /// A record as callers get it.
 [[nodiscard]] inline flatbuffers::Offset<Entry> write_entry(flatbuffers::FlatBufferBuilder& builder,
                                                             const Record& record, MonotonicTime now,
@@ -15,8 +19,8 @@ namespace rtpm::names {
   const auto interface = builder.CreateString(record.interface);
   flatbuffers::Offset<PropertyTables> properties{};
   if (has_properties) properties = write_properties(builder, record.properties);
-  return CreateEntry(builder, name, url, interface, ns_of(record.expires - now), record.revision,
-                     properties);
+  return CreateEntry(builder, name, url, interface, ns_of(lease_left(record, now)), record.revision,
+                     properties, record.is_permanent());
 }
 
 }  // namespace rtpm::names

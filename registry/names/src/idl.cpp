@@ -135,7 +135,8 @@ NameEntry entry_of(const Entry& entry) {
           text_of(entry.interface()),
           duration_of(entry.lease_left_ns()),
           entry.revision(),
-          properties_of(entry.properties()).value_or(std::vector<Property>{})};
+          properties_of(entry.properties()).value_or(std::vector<Property>{}),
+          entry.is_permanent()};
 }
 
 }  // namespace rtpm::names

@@ -82,6 +82,10 @@ static_assert(static_cast<Outcome>(OutcomeCode::PropertiesFull) == Outcome::kPro
 static_assert(static_cast<Outcome>(OutcomeCode::BadPredicate) == Outcome::kBadPredicate);
 static_assert(static_cast<Outcome>(OutcomeCode::BadPreference) == Outcome::kBadPreference);
 static_assert(static_cast<Outcome>(OutcomeCode::TooManyWatches) == Outcome::kTooManyWatches);
-static_assert(OutcomeCode::MAX == OutcomeCode::TooManyWatches);
+static_assert(static_cast<Outcome>(OutcomeCode::ReadOnly) == Outcome::kReadOnly);
+static_assert(static_cast<Outcome>(OutcomeCode::StorageFull) == Outcome::kStorageFull);
+static_assert(static_cast<Outcome>(OutcomeCode::NotStored) == Outcome::kNotStored);
+static_assert(static_cast<Outcome>(OutcomeCode::Denied) == Outcome::kDenied);
+static_assert(OutcomeCode::MAX == OutcomeCode::Denied);
 
 }  // namespace rtpm::names

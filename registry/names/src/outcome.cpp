@@ -95,6 +95,14 @@ std::string outcome_text(Outcome outcome, std::string_view name, std::uint8_t co
       return "the text is no preference";
     case Outcome::kTooManyWatches:
       return "the registry has as many watches as it may: end others";
+    case Outcome::kReadOnly:
+      return it + " stays as it is, because the registry's database is damaged: see its log";
+    case Outcome::kStorageFull:
+      return it + " was not changed, because the registry's disk is full: free some space there";
+    case Outcome::kNotStored:
+      return it + " was not changed, because the registry can't write its database: see its log";
+    case Outcome::kDenied:
+      return it + " is not for this caller, says the registry's policy: ask its operator";
   }
   return it + " got the unknown outcome " + std::to_string(static_cast<int>(outcome)) +
          ": the registry is newer than this program";

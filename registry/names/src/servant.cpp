@@ -42,6 +42,11 @@ bool is_limit(Outcome outcome) noexcept {
          outcome == Outcome::kOwnerPropertiesFull || outcome == Outcome::kPropertiesFull;
 }
 
+bool is_of_storage(Outcome outcome) noexcept {
+  return outcome == Outcome::kReadOnly || outcome == Outcome::kStorageFull ||
+         outcome == Outcome::kNotStored;
+}
+
 /// One sentence per second: its suffix, which counts those held back; nullopt: it is held back.
 std::optional<std::string> admit(LogLimit& limit, MonotonicTime now) {
   if (!limit.admit(now)) return std::nullopt;
@@ -85,25 +90,33 @@ class RegistryServant final : public NamesServant {
   using Bind = expected<Granted, Refusal> (Store::*)(const Claim&, MonotonicTime);
 
  public:
-  // Random, so that revisions of two starts differ.
-  RegistryServant(Limits limits, RegistryReport report)
-      : store_(limits, rt::random_u64() >> 1 | 1),
-        report_(report ? std::move(report) : [](std::string_view sentence) {
+  RegistryServant(RegistryConfig config, StoredContent content)
+      : storage_(std::move(config.storage)),
+        policy_(config.policy ? std::move(config.policy) : std::make_unique<const OpenPolicy>()),
+        store_(config.limits, content.first_revision, storage_.get()),
+        report_(config.report ? std::move(config.report) : [](std::string_view sentence) {
           rt::print_error("rtpm-names", sentence);
-        }) {}
+        }) {
+    store_.restore(std::move(content.names), rt::now());
+    for (const std::string& fault : content.faults)
+      report_(fault);
+  }
 
   rpc::Result<void> bind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                          const rpc::CallContext& context) override {
-    return bind(claim_of(request, context.caller), reply, &Store::bind);
+    return bind(claim_of(request, context.caller), reply, &Store::bind, context);
   }
   rpc::Result<void> rebind(const BindRequest& request, rpc::ReplyBuilder<BindReply>& reply,
                            const rpc::CallContext& context) override {
-    return bind(claim_of(request, context.caller), reply, &Store::rebind);
+    return bind(claim_of(request, context.caller), reply, &Store::rebind, context);
   }
 
-  rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext&) override {
+  rpc::Result<Answer> renew(const RenewRequest& request, const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
+    if (!allows(context, Operation::kRenew, view_of(request.name()), owner_of(*request.owner()))) {
+      return names::answer_of(Outcome::kDenied);
+    }
     return answer_of(store_.renew(view_of(request.name()), owner_of(*request.owner()),
                                   duration_of(request.lease_ns()), rt::now()));
   }
@@ -115,21 +128,22 @@ class RegistryServant final : public NamesServant {
     const auto properties = properties_of(request.properties());
     if (!properties) return unexpected{rpc::Refusal::kBadRequest};
     claim.properties = *properties;
+    claim.is_permanent = request.is_permanent();
     const Bind bind_in_store = request.replaces() ? Bind{&Store::rebind} : Bind{&Store::bind};
-    return bind(claim, reply, bind_in_store);
+    return bind(claim, reply, bind_in_store, context);
   }
 
   rpc::Result<void> resolve(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
-                            const rpc::CallContext&) override {
-    return look_up(request, reply, /*has_properties=*/false);
+                            const rpc::CallContext& context) override {
+    return look_up(request, reply, context, /*has_properties=*/false);
   }
   rpc::Result<void> describe(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
-                             const rpc::CallContext&) override {
-    return look_up(request, reply, /*has_properties=*/true);
+                             const rpc::CallContext& context) override {
+    return look_up(request, reply, context, /*has_properties=*/true);
   }
 
   rpc::Result<void> find(const FindRequest& request, rpc::ReplyBuilder<FindReply>& reply,
-                         const rpc::CallContext&) override {
+                         const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
@@ -138,7 +152,9 @@ class RegistryServant final : public NamesServant {
     const std::size_t limit = request.limit() == 0
                                   ? kFoundCountMax
                                   : std::min<std::size_t>(request.limit(), kFoundCountMax);
-    const auto found = names::find(store_.index(now), texts, limit, rt::random_u64());
+    const auto found = allows(context, Operation::kList, {})
+                           ? names::find(store_.index(now), texts, limit, rt::random_u64())
+                           : expected<Found, QueryError>(unexpected{QueryError{Outcome::kDenied}});
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     if (!found) {
       const QueryError& error = found.error();
@@ -166,16 +182,21 @@ class RegistryServant final : public NamesServant {
              const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
+    if (!allows(context, Operation::kList, view_of(request.directory()))) {
+      return refuse_watch(items, Outcome::kDenied);
+    }
     watches_.add(request, std::move(items), context.caller.ipv4);
   }
 
   rpc::Result<void> list(const ListRequest& request, rpc::ReplyBuilder<ListReply>& reply,
-                         const rpc::CallContext&) override {
+                         const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
-    const auto page =
-        store_.list(view_of(request.directory()), view_of(request.after()), kPageCountMax, now);
+    const std::string_view directory = view_of(request.directory());
+    const auto page = allows(context, Operation::kList, directory)
+                          ? store_.list(directory, view_of(request.after()), kPageCountMax, now)
+                          : expected<Page, Refusal>(unexpected{denied()});
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     if (!page) {
       const Answer answer = names::answer_of(page.error().outcome, page.error().component);
@@ -195,18 +216,25 @@ class RegistryServant final : public NamesServant {
     return {};
   }
 
-  rpc::Result<Answer> unbind(const UnbindRequest& request, const rpc::CallContext&) override {
+  rpc::Result<Answer> unbind(const UnbindRequest& request,
+                             const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
-    const auto unbound =
-        store_.unbind(view_of(request.name()), owner_of(*request.owner()), rt::now());
+    if (!allows(context, Operation::kUnbind, view_of(request.name()), owner_of(*request.owner()))) {
+      return names::answer_of(Outcome::kDenied);
+    }
+    const auto unbound = store_.unbind(view_of(request.name()), owner_of(*request.owner()),
+                                       rt::now(), request.holder_revision());
+    if (!unbound && is_of_storage(unbound.error().outcome)) report_trouble(rt::now());
     watches_.wake();
     return answer_of(unbound);
   }
 
-  rpc::Result<void> report(rpc::ReplyBuilder<Report>& reply, const rpc::CallContext&) override {
+  rpc::Result<void> report(rpc::ReplyBuilder<Report>& reply,
+                           const rpc::CallContext& context) override {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
+    if (!allows(context, Operation::kReport, {})) return unexpected{rpc::Refusal::kFailed};
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     std::vector<flatbuffers::Offset<OutcomeCount>> refused;
     for (std::size_t code = 0; code < refused_counts_.size(); ++code) {
@@ -231,11 +259,13 @@ class RegistryServant final : public NamesServant {
 
  private:
   rpc::Result<void> look_up(const ResolveRequest& request, rpc::ReplyBuilder<ResolveReply>& reply,
-                            bool has_properties) {
+                            const rpc::CallContext& context, bool has_properties) {
     const rt::AllowAllocationScope not_real_time;
     const std::lock_guard lock(mutex_);
     const MonotonicTime now = rt::now();
-    const auto record = store_.resolve(view_of(request.name()), now);
+    const auto record = allows(context, Operation::kResolve, view_of(request.name()))
+                            ? store_.resolve(view_of(request.name()), now)
+                            : expected<const Record*, Refusal>(unexpected{denied()});
     flatbuffers::FlatBufferBuilder& builder = reply.builder();
     flatbuffers::Offset<Entry> entry;
     Answer answer = names::answer_of(Outcome::kDone);
@@ -252,7 +282,7 @@ class RegistryServant final : public NamesServant {
   static constexpr std::size_t kReportedHostMax = 8;
 
   rpc::Result<void> bind(const Claim& claim, rpc::ReplyBuilder<BindReply>& reply,
-                         Bind bind_in_store) {
+                         Bind bind_in_store, const rpc::CallContext& context) {
     const rt::AllowAllocationScope not_real_time;
     std::optional<std::string> sentence;
     {
@@ -260,7 +290,9 @@ class RegistryServant final : public NamesServant {
       const MonotonicTime now = rt::now();
       const auto before = store_.resolve(claim.name, now);
       const Record former = before ? **before : Record{};
-      const auto bound = (store_.*bind_in_store)(claim, now);
+      const auto bound = allows(context, Operation::kBind, claim.name, claim.owner)
+                             ? (store_.*bind_in_store)(claim, now)
+                             : expected<Granted, Refusal>(unexpected{denied()});
       if (!bound) {
         sentence = note_refusal(claim, bound.error(), now);
         write_refusal(bound.error(), reply, now);
@@ -284,13 +316,14 @@ class RegistryServant final : public NamesServant {
     if (holder != nullptr) url = builder.CreateString(holder->url);
     const Answer answer = names::answer_of(refusal.outcome, refusal.component);
     reply.finish(CreateBindReply(builder, &answer, url,
-                                 holder == nullptr ? 0 : ns_of(holder->expires - now),
+                                 holder == nullptr ? 0 : ns_of(lease_left(*holder, now)),
                                  holder == nullptr ? 0 : holder->revision));
   }
 
   std::optional<std::string> note_refusal(const Claim& claim, const Refusal& refusal,
                                           MonotonicTime now) {
     ++refused_counts_[static_cast<std::size_t>(refusal.outcome)];
+    if (is_of_storage(refusal.outcome)) report_trouble(now);
     if (!is_limit(refusal.outcome)) return std::nullopt;
     const auto more = admit(limit_log_, now);
     if (!more) return std::nullopt;
@@ -308,7 +341,19 @@ class RegistryServant final : public NamesServant {
            " from " + to_string(rpc::CallerHost{claim.host}) + *more;
   }
 
+  [[nodiscard]] bool allows(const rpc::CallContext& context, Operation operation,
+                            std::string_view name, Owner owner = {}) const {
+    return policy_->allows({context.caller, context.session, owner}, operation, name);
+  }
+  [[nodiscard]] static Refusal denied() { return {Outcome::kDenied}; }
+
+  void report_trouble(MonotonicTime now) {
+    if (const auto more = admit(storage_log_, now)) report_(store_.storage_trouble() + *more);
+  }
+
   rt::PiMutex mutex_;
+  std::unique_ptr<Storage> storage_;
+  std::unique_ptr<const Policy> policy_;
   Store store_;
   Watches watches_{mutex_, store_, rt::random_u64()};
   RegistryReport report_;
@@ -316,12 +361,26 @@ class RegistryServant final : public NamesServant {
   std::uint64_t takeover_count_ = 0;
   LogLimit limit_log_{{.burst = 2}};
   LogLimit takeover_log_{{.burst = 2}};
+  LogLimit storage_log_{{.burst = 2}};
 };
 
 }  // namespace
 
 std::unique_ptr<rpc::Servant> make_servant(Limits limits, RegistryReport report) {
-  return std::make_unique<RegistryServant>(limits, std::move(report));
+  // Random, so that revisions of two starts differ.
+  return std::make_unique<RegistryServant>(
+      RegistryConfig{limits, std::move(report)},
+      StoredContent{.first_revision = rt::random_u64() >> 1 | 1});
+}
+
+expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(RegistryConfig config) {
+  StoredContent content{.first_revision = rt::random_u64() >> 1 | 1};
+  if (config.storage) {
+    auto loaded = config.storage->load();
+    if (!loaded) return unexpected{std::move(loaded.error())};
+    content = std::move(*loaded);
+  }
+  return std::make_unique<RegistryServant>(std::move(config), std::move(content));
 }
 
 }  // namespace rtpm::names

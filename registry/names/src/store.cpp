@@ -37,10 +37,28 @@ expected<void, Refusal> check_owner(const Record& record, Owner owner, bool may_
 
 }  // namespace
 
-Store::Store(Limits limits, std::uint64_t first_revision)
+Store::Store(Limits limits, std::uint64_t first_revision, Storage* storage)
     : limits_(limits),
       next_revision_(first_revision),
-      log_(limits.history_count_max, limits.history_byte_max, first_revision - 1) {}
+      log_(limits.history_count_max, limits.history_byte_max, first_revision - 1),
+      storage_(storage) {}
+
+void Store::restore(std::vector<StoredName> names, MonotonicTime now) {
+  for (StoredName& stored : names) {
+    const Duration lease = std::min(stored.lease, limits_.first_lease_max);
+    insert({.name = std::move(stored.name),
+            .url = std::move(stored.url),
+            .interface = std::move(stored.interface),
+            .owner = stored.owner,
+            .expires = stored.is_permanent() ? kNever : now + lease,
+            .revision = stored.revision,
+            .bound = now,
+            .host = stored.host,
+            .properties = std::move(stored.properties),
+            .change = stored.change,
+            .lease = stored.lease});
+  }
+}
 
 expected<Granted, Refusal> Store::bind(const Claim& claim, MonotonicTime now) {
   return bind(claim, /*replaces=*/false, now);
@@ -60,19 +78,15 @@ expected<Granted, Refusal> Store::bind(const Claim& from_anywhere, bool replaces
   if (place == records_.end()) {
     if (auto checked = check_place(claim.name); !checked) return unexpected{checked.error()};
     if (auto checked = check_room(claim, nullptr); !checked) return unexpected{checked.error()};
-    return put(claim, nullptr, nullptr, now);
+    return put(claim, place, now);
   }
-  const auto former = std::make_shared<const Record>(place->second);
-  const Record& held = *former;
   if (auto checked = check_holder(claim, place->second, replaces); !checked) {
     return unexpected{checked.error()};
   }
-  if (auto checked = check_room(claim, &held); !checked) return unexpected{checked.error()};
-  erase(place);
-  const bool is_kept = held.owner == claim.owner;
-  Granted granted = put(claim, is_kept ? &held : nullptr, former, now);
-  granted.is_takeover = held.owner.id != claim.owner.id;
-  return granted;
+  if (auto checked = check_room(claim, &place->second); !checked) {
+    return unexpected{checked.error()};
+  }
+  return put(claim, place, now);
 }
 
 // Whether the claim may take a held name.
@@ -99,6 +113,7 @@ expected<void, Refusal> Store::renew(std::string_view name, Owner owner, Duratio
   if (!place) return unexpected{place.error()};
   Record& record = (*place)->second;
   if (auto checked = check_owner(record, owner, /*may_be_later=*/false); !checked) return checked;
+  if (record.is_permanent()) return {};
   ends_.erase({record.expires, record.name});
   const bool is_settled = now - record.bound >= limits_.first_lease_max;
   record.expires = now + (is_settled ? lease : std::min(lease, limits_.first_lease_max));
@@ -113,13 +128,20 @@ expected<const Record*, Refusal> Store::resolve(std::string_view name, Monotonic
   return &(*place)->second;
 }
 
-expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, MonotonicTime now) {
+expected<void, Refusal> Store::unbind(std::string_view name, Owner owner, MonotonicTime now,
+                                      std::uint64_t holder_revision) {
   expire(now);
   const auto place = find(name);
   if (!place) return unexpected{place.error()};
-  auto checked = check_owner((*place)->second, owner, /*may_be_later=*/true);
-  if (checked) drop(*place);
-  return checked;
+  const Record& record = (*place)->second;
+  if (holder_revision == 0) {
+    if (auto checked = check_owner(record, owner, /*may_be_later=*/true); !checked) return checked;
+  } else if (record.revision != holder_revision) {
+    return refuse(Outcome::kStaleRevision, last_component(name), &record);
+  }
+  auto stored = commit({record.name, nullptr, next_revision_, record.is_permanent()});
+  if (stored) drop(*place);
+  return stored;
 }
 
 expected<Page, Refusal> Store::list(std::string_view directory, std::string_view after,
@@ -148,7 +170,11 @@ expected<Page, Refusal> Store::list(std::string_view directory, std::string_view
 
 void Store::expire(MonotonicTime now) {
   while (!ends_.empty() && ends_.begin()->first <= now) {
-    drop(records_.find(ends_.begin()->second));
+    const auto place = records_.find(ends_.begin()->second);
+    // A storage that fails does not lengthen a lease. What it still has is leased again after a
+    // restart, and ends.
+    static_cast<void>(commit({place->first, nullptr, next_revision_, /*is_durable=*/false}));
+    drop(place);
   }
 }
 
@@ -174,42 +200,85 @@ void Store::erase(Records::iterator place) {
   records_.erase(place);
 }
 
-// `kept`: the former record, if it is of this start of the owner. A bind that changes nothing but
-// the lease is no change.
-Granted Store::put(const Claim& claim, const Record* kept, std::shared_ptr<const Record> former,
-                   MonotonicTime now) {
-  const bool is_same = kept != nullptr && kept->url == claim.url &&
-                       kept->interface == claim.interface &&
-                       std::ranges::equal(kept->properties, claim.properties);
-  const std::uint64_t change = is_same ? kept->change : next_revision_++;
+// `kept`: the present record, if it is of this start of the owner.
+Record Store::record_of(const Claim& claim, const Record* kept, MonotonicTime now) const {
   const MonotonicTime bound = kept != nullptr ? kept->bound : now;
-  const std::uint64_t revision = kept != nullptr ? kept->revision : change;
   const bool is_settled = now - bound >= limits_.first_lease_max;
   const Duration lease = is_settled ? claim.lease : std::min(claim.lease, limits_.first_lease_max);
-  const std::string name(claim.name);
-  Record& record = records_[name];
-  record = {name,
-            std::string(claim.url),
-            std::string(claim.interface),
-            claim.owner,
-            now + lease,
-            revision,
-            bound,
-            claim.host,
-            {claim.properties.begin(), claim.properties.end()},
-            change};
-  if (!is_same) log_.add({change, std::move(former), std::make_shared<const Record>(record)});
+  return {.name = std::string(claim.name),
+          .url = std::string(claim.url),
+          .interface = std::string(claim.interface),
+          .owner = claim.owner,
+          .expires = claim.is_permanent ? kNever : now + lease,
+          .revision = kept != nullptr ? kept->revision : next_revision_,
+          .bound = bound,
+          .host = claim.host,
+          .properties = {claim.properties.begin(), claim.properties.end()},
+          .change = next_revision_,
+          .lease = claim.is_permanent ? Duration{0} : lease};
+}
+
+expected<Granted, Refusal> Store::put(const Claim& claim, Records::iterator held,
+                                      MonotonicTime now) {
+  std::shared_ptr<const Record> former;
+  if (held != records_.end()) former = std::make_shared<const Record>(held->second);
+  const bool is_kept = former && former->owner == claim.owner;
+  Record next = record_of(claim, is_kept ? former.get() : nullptr, now);
+  // A bind that changes nothing but the lease is no change.
+  const bool is_same = is_kept && former->url == next.url && former->interface == next.interface &&
+                       former->properties == next.properties &&
+                       former->is_permanent() == next.is_permanent();
+  if (is_same) {
+    next.change = former->change;
+  } else {
+    const StoredName stored{next.name,   next.url,  next.interface, next.owner,     next.revision,
+                            next.change, next.host, next.lease,     next.properties};
+    const bool is_durable = next.is_permanent() || (former && former->is_permanent());
+    if (auto kept = commit({next.name, &stored, next.change, is_durable}); !kept) {
+      return unexpected{kept.error()};
+    }
+    ++next_revision_;
+    log_.add({next.change, former, std::make_shared<const Record>(next)});
+  }
+  const Granted granted{.lease = next.is_permanent() ? Duration::max() : next.lease,
+                        .revision = next.revision,
+                        .is_takeover = former && former->owner.id != claim.owner.id};
+  if (former) erase(held);
+  insert(std::move(next));
+  return granted;
+}
+
+void Store::insert(Record next) {
+  std::string name = next.name;
+  const auto [place, is_new] = records_.emplace(std::move(name), std::move(next));
+  if (!is_new) return;
+  const Record& record = place->second;
   ends_.emplace(record.expires, record.name);
   index_.add(record);
   const std::size_t byte_count = names::byte_count(record.properties);
   property_byte_count_ += byte_count;
-  OwnerUse& owner = owners_[claim.owner.id];
+  OwnerUse& owner = owners_[record.owner.id];
   ++owner.name_count;
   owner.property_byte_count += byte_count;
-  Host& host = hosts_[claim.host];
+  Host& host = hosts_[record.host];
   ++host.name_count;
-  ++host.count_of_owner[claim.owner.id];
-  return {.lease = lease, .revision = revision};
+  ++host.count_of_owner[record.owner.id];
+}
+
+expected<void, Refusal> Store::commit(const StoredChange& change) {
+  if (storage_ == nullptr) return {};
+  const auto stored = storage_->commit(change);
+  if (stored) return {};
+  storage_trouble_ = stored.error().text();
+  switch (stored.error().kind) {
+    case StorageError::Kind::kFull:
+      return refuse(Outcome::kStorageFull);
+    case StorageError::Kind::kReadOnly:
+      return refuse(Outcome::kReadOnly);
+    case StorageError::Kind::kFailed:
+      break;
+  }
+  return refuse(Outcome::kNotStored);
 }
 
 expected<void, Refusal> Store::check_claim(const Claim& claim) const {
@@ -217,9 +286,8 @@ expected<void, Refusal> Store::check_claim(const Claim& claim) const {
   if (!is_url(claim.url)) return refuse(Outcome::kBadUrl);
   if (!is_interface(claim.interface)) return refuse(Outcome::kBadInterface);
   if (claim.owner.id == 0) return refuse(Outcome::kBadOwner);
-  if (claim.lease < limits_.lease_min || claim.lease > limits_.lease_max) {
-    return refuse(Outcome::kBadLease);
-  }
+  const bool is_lease = claim.lease >= limits_.lease_min && claim.lease <= limits_.lease_max;
+  if (!claim.is_permanent && !is_lease) return refuse(Outcome::kBadLease);
   if (const auto bad = first_bad_property(claim.properties)) {
     return refuse(Outcome::kBadProperty, *bad);
   }

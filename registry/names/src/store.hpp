@@ -20,10 +20,11 @@
 #include "rtpm/names/claim.hpp"
 #include "rtpm/names/limits.hpp"
 #include "rtpm/names/outcome.hpp"
+#include "rtpm/names/storage.hpp"
 
 namespace rtpm::names {
 
-/// One bound name.
+/// One bound name. What a renewal changes is not stored.
 struct Record {
   std::string name;
   std::string url;
@@ -37,6 +38,9 @@ struct Record {
   std::vector<Property> properties{};
   /// Of the last change, other than a renewal; counted together with the holders' revisions.
   std::uint64_t change = 0;
+  Duration lease{};  ///< As granted by the last bind; 0: it is permanent.
+
+  [[nodiscard]] bool is_permanent() const noexcept { return lease == Duration{0}; }
 };
 
 /// Why an operation was refused.
@@ -61,7 +65,14 @@ struct Page {
 class Store {
  public:
   /// Revisions count from `first_revision`; choose another range for each start of a registry.
-  explicit Store(Limits limits = {}, std::uint64_t first_revision = 1);
+  /// A change happens only after `storage` has it; null: none keeps it.
+  explicit Store(Limits limits = {}, std::uint64_t first_revision = 1, Storage* storage = nullptr);
+
+  /// Binds what a storage had, before anything else, whatever the limits are. Leased names get a
+  /// lease as for a first bind, so that their owners have the time to renew them.
+  void restore(std::vector<StoredName> names, MonotonicTime now);
+  /// Why the last change that was refused with kReadOnly, kStorageFull or kNotStored was, in words.
+  [[nodiscard]] const std::string& storage_trouble() const noexcept { return storage_trouble_; }
 
   /// Binds `claim.name`. If the same start of the owner holds it, replaces record and lease. A
   /// later start takes the name at once from the same host; from another host, which is not
@@ -87,10 +98,12 @@ class Store {
   /// @errors   kNotFound, kNotADirectory, kIsADirectory, kBadName
   [[nodiscard]] expected<const Record*, Refusal> resolve(std::string_view name, MonotonicTime now);
 
-  /// Unbinds the name, for its owner or a later start of it.
-  /// @errors   as renew() without a lease
+  /// Unbinds the name, for its owner or a later start of it; with `holder_revision` for any caller,
+  /// if the holder is that one.
+  /// @errors   as renew() without a lease · kStaleRevision · of the storage
   [[nodiscard]] expected<void, Refusal> unbind(std::string_view name, Owner owner,
-                                               MonotonicTime now);
+                                               MonotonicTime now,
+                                               std::uint64_t holder_revision = 0);
 
   /// Up to `count_max` records that are `directory` or below it (empty: all) and sort after
   /// `after`, in byte order. To continue, pass the last name as `after`; concurrent changes affect
@@ -146,8 +159,12 @@ class Store {
   /// Logs that the name has gone.
   void drop(Records::iterator place);
   void erase(Records::iterator place);
-  [[nodiscard]] Granted put(const Claim& claim, const Record* kept,
-                            std::shared_ptr<const Record> former, MonotonicTime now);
+  [[nodiscard]] Record record_of(const Claim& claim, const Record* kept, MonotonicTime now) const;
+  /// Binds a checked claim in place of `held`, or, if that is the end, newly.
+  [[nodiscard]] expected<Granted, Refusal> put(const Claim& claim, Records::iterator held,
+                                               MonotonicTime now);
+  void insert(Record record);
+  [[nodiscard]] expected<void, Refusal> commit(const StoredChange& change);
   [[nodiscard]] expected<Granted, Refusal> bind(const Claim& claim, bool replaces,
                                                 MonotonicTime now);
   [[nodiscard]] expected<void, Refusal> check_holder(const Claim& claim, const Record& held,
@@ -180,6 +197,8 @@ class Store {
   std::unordered_map<std::uint32_t, Host> hosts_{};  ///< Those that hold names.
   std::uint64_t next_revision_;
   ChangeLog log_;
+  Storage* storage_;
+  std::string storage_trouble_{};
 };
 
 }  // namespace rtpm::names

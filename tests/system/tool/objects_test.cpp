@@ -77,6 +77,32 @@ TEST_F(Objects, AreFoundByPatterns) {
                       {"none of the registry's 1 names fits", "'rtpm.device.Device'"});
 }
 
+TEST_F(Objects, GetPermanentNamesFromPeople) {
+  const std::vector<std::string> bind{"bind",         "lab/camera", "rtpm://10.0.0.7:7500/camera",
+                                      "--interface",  "lab.Camera", "--property",
+                                      "rate:hertz=30"};
+  const auto bound = rtpm(bind);
+  EXPECT_EQ(bound.exit_code, 0) << bound.errors;
+  EXPECT_EQ(rtpm({"resolve", "lab/camera/settings"}).output,
+            "rtpm://10.0.0.7:7500/camera/settings\n");
+  const Json resolved = json_of({"resolve", "lab/camera"});
+  EXPECT_EQ(resolved["is_permanent"], true);
+  EXPECT_EQ(resolved["properties"]["rate"], 30);
+  EXPECT_EQ(resolved["units"]["rate"], "hertz");
+  expect_one_sentence(rtpm(bind), 1, {"'lab/camera' is held by another", "--replace takes it"});
+  std::vector<std::string> replace = bind;
+  replace[2] = "rtpm://10.0.0.8:7500/camera";
+  replace.emplace_back("--replace");
+  EXPECT_TRUE(json_of(replace).contains("revision"));
+  EXPECT_EQ(rtpm({"resolve", "lab/camera"}).output, "rtpm://10.0.0.8:7500/camera\n");
+  expect_one_sentence(
+      rtpm({"bind", "lab/b", "rtpm://h:1/p", "--interface", "lab.B", "--property", "rate"}), 2,
+      {"'rate' is no property"});
+  EXPECT_TRUE(json_of({"unbind", "lab/camera"}).contains("revision"));
+  EXPECT_EQ(rtpm({"unbind", "lab/camera"}).exit_code, 1);
+  EXPECT_EQ(rtpm({"resolve", "lab/camera"}).exit_code, 1);
+}
+
 TEST_F(Objects, AreFoundByTheirProperties) {
   const auto found = rtpm({"find", "--where", "'x' in axes and force_newton_max > 1"});
   EXPECT_EQ(found.exit_code, 0) << found.errors;

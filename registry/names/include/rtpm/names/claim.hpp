@@ -32,11 +32,14 @@ struct Claim {
   std::uint32_t host = 0;
   /// Replace those of an earlier bind.
   std::span<const Property> properties{};
+  /// It has no lease, and stays until it is unbound, also over restarts of a registry with a file.
+  bool is_permanent = false;
 };
 
 /// Result of a bind.
 struct Granted {
-  /// As requested, but at most Limits::first_lease_max until the name has been held for that long.
+  /// Duration::max() of a permanent name, else as requested, but at most Limits::first_lease_max
+  /// until the name has been held for that long.
   Duration lease{};
   std::uint64_t revision = 0;
   bool is_takeover = false;  ///< Another owner held the name.

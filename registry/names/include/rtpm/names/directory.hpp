@@ -25,7 +25,8 @@ struct NameEntry {
   std::string interface;
   Duration lease_left{};               ///< At the time of the reply.
   std::uint64_t revision = 0;          ///< Of its holder; see Claim::holder_revision.
-  std::vector<Property> properties{};  ///< Of describe() and find() only.
+  std::vector<Property> properties{};  ///< Of describe(), find() and watches only.
+  bool is_permanent = false;           ///< It has no lease: lease_left says nothing.
 };
 
 /// What find() looks for. The grammar is in registry/predicate/README.md:
@@ -107,9 +108,11 @@ class Directory {
   /// @errors   as url_of()
   [[nodiscard]] expected<NameEntry, DirectoryError> entry_of(std::string_view name,
                                                              MonotonicTime deadline = kNever);
-  /// Unbinds a name of this or an earlier start of the owner.
-  /// @errors   as renew()
-  [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner);
+  /// Unbinds a name of this or an earlier start of the owner, or, with `holder_revision`, that
+  /// holder's, whose ever it is.
+  /// @errors   as renew(); kStaleRevision
+  [[nodiscard]] expected<void, DirectoryError> unbind(std::string_view name, Owner owner,
+                                                      std::uint64_t holder_revision = 0);
   /// All names that are `directory` or below it; empty: all.
   [[nodiscard]] expected<std::vector<NameEntry>, DirectoryError> list(
       std::string_view directory = {});

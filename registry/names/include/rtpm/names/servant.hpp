@@ -5,6 +5,8 @@
 #include <string_view>
 
 #include "rtpm/names/limits.hpp"
+#include "rtpm/names/policy.hpp"
+#include "rtpm/names/storage.hpp"
 #include "rtpm/rpc/servant.hpp"
 
 namespace rtpm::names {
@@ -12,6 +14,21 @@ namespace rtpm::names {
 /// Receives a sentence for each takeover and each refusal by a limit, on the lane; at most one of
 /// each kind per second, with the number of suppressed ones.
 using RegistryReport = std::function<void(std::string_view sentence)>;
+
+/// A registry's parts.
+struct RegistryConfig {
+  Limits limits{};
+  RegistryReport report{};  ///< Empty: writes to standard error.
+  /// Null: names are in memory only.
+  std::unique_ptr<Storage> storage{};
+  /// Null: OpenPolicy.
+  std::unique_ptr<const Policy> policy{};
+};
+
+/// As make_servant(), with the names of a storage. What this lost is reported.
+/// @errors   as Storage::load()
+[[nodiscard]] expected<std::unique_ptr<rpc::Servant>, SetupError> make_registry(
+    RegistryConfig config);
 
 /// The registry as an object, to be served under kRegistryPath. An empty `report` writes to
 /// standard error.

@@ -1,0 +1,24 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "rtpm/base/setup_error.hpp"
+#include "rtpm/names/storage.hpp"
+
+/// Permanent names as JSON, to move them between registries:
+///
+///     {"version": 1, "names": [{"name": "lab/arm0", "url": "rtpm://…", "interface": "lab.Arm",
+///       "properties": [{"name": "force", "type": "real", "value": 3.5, "unit": "newton"}]}]}
+namespace rtpm::file_store {
+
+/// The permanent ones of `names`.
+[[nodiscard]] std::string to_json(const std::vector<names::StoredName>& names);
+
+/// Names to be bound: without revisions, of the owner `owner`.
+/// @errors   the text is no JSON of this form; the sentence says where
+[[nodiscard]] expected<std::vector<names::StoredName>, SetupError> parse_json(std::string_view text,
+                                                                              names::Owner owner);
+
+}  // namespace rtpm::file_store

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <sqlite3.h>
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <string_view>
+
+namespace rtpm::file_store {
+
+struct CloseDatabase {
+  void operator()(sqlite3* database) const noexcept { sqlite3_close_v2(database); }
+};
+struct FinalizeStatement {
+  void operator()(sqlite3_stmt* statement) const noexcept { sqlite3_finalize(statement); }
+};
+
+/// A prepared statement. Columns and parameters count as SQLite does: from 0 and from 1.
+class Statement {
+ public:
+  Statement() = default;
+  Statement(sqlite3* database, const char* sql);
+  [[nodiscard]] explicit operator bool() const noexcept { return statement_ != nullptr; }
+
+  void bind(int number, std::int64_t value) noexcept;
+  /// @ownership `text` must stay until reset()
+  void bind(int number, std::string_view text) noexcept;
+  /// SQLITE_ROW, SQLITE_DONE or an error.
+  [[nodiscard]] int step() noexcept;
+  void reset() noexcept;
+  /// Runs a statement without rows: SQLITE_DONE or an error.
+  [[nodiscard]] int run() noexcept;
+
+  [[nodiscard]] std::int64_t integer(int column) const noexcept;
+  [[nodiscard]] std::string_view text(int column) const noexcept;
+
+ private:
+  std::unique_ptr<sqlite3_stmt, FinalizeStatement> statement_{};
+};
+
+/// An open database.
+class Database {
+ public:
+  /// SQLITE_OK or an error; text() has it in words either way.
+  [[nodiscard]] int open(const std::string& path, const std::string& vfs);
+  void close() noexcept { database_.reset(); }
+  [[nodiscard]] bool is_open() const noexcept { return database_ != nullptr; }
+  [[nodiscard]] sqlite3* get() const noexcept { return database_.get(); }
+
+  [[nodiscard]] int execute(const char* sql) noexcept;
+  [[nodiscard]] Statement prepare(const char* sql) { return {database_.get(), sql}; }
+  /// The integer that a query gives in its only row, else `otherwise`.
+  [[nodiscard]] std::int64_t integer_of(const char* sql, std::int64_t otherwise);
+  /// The last error in words.
+  [[nodiscard]] std::string text() const;
+
+ private:
+  std::unique_ptr<sqlite3, CloseDatabase> database_{};
+};
+
+}  // namespace rtpm::file_store

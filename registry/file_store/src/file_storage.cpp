@@ -1,0 +1,284 @@
+#include "rtpm/file_store/file_storage.hpp"
+
+#include <algorithm>
+#include <utility>
+
+#include "database.hpp"
+#include "row.hpp"
+#include "rtpm/base/printable.hpp"
+#include "rtpm/rt/host.hpp"
+
+namespace rtpm::file_store {
+namespace {
+
+using names::StorageError;
+using names::StoredName;
+
+/// "RTPM", so that no other program's database is taken.
+constexpr std::int64_t kApplicationId = 0x5254'504d;
+constexpr std::int64_t kSchemaVersion = 1;
+/// Revisions of leased names that a power cut lost stay unused.
+constexpr std::uint64_t kRevisionsPerStart = std::uint64_t{1} << 20;
+/// How many rows are tried behind a damaged page.
+constexpr int kSkippedRowMax = 100'000;
+
+constexpr const char* kCreate =
+    "BEGIN IMMEDIATE;"
+    "CREATE TABLE names(id INTEGER PRIMARY KEY, name TEXT UNIQUE NOT NULL, url TEXT NOT NULL, "
+    "interface TEXT NOT NULL, owner_id INTEGER NOT NULL, owner_epoch INTEGER NOT NULL, "
+    "revision INTEGER NOT NULL, change INTEGER NOT NULL, host INTEGER NOT NULL, "
+    "lease_ns INTEGER NOT NULL, properties BLOB NOT NULL, checksum INTEGER NOT NULL);"
+    "CREATE TABLE facts(id INTEGER PRIMARY KEY CHECK(id = 1), revision INTEGER NOT NULL, "
+    "clock INTEGER NOT NULL);"
+    "INSERT INTO facts VALUES(1, 0, 0);"
+    "PRAGMA application_id = 1381257293;"
+    "PRAGMA user_version = 1;"
+    "COMMIT;";
+static_assert(kApplicationId == 1381257293 && kSchemaVersion == 1);
+
+class FileStorage final : public names::Storage {
+ public:
+  FileStorage(std::string path, std::string vfs) : path_(std::move(path)), vfs_(std::move(vfs)) {}
+
+  expected<names::StoredContent, SetupError> load() override {
+    names::StoredContent content;
+    if (auto opened = open(content); !opened) return unexpected{std::move(opened.error())};
+    if (content.faults.empty()) check_structure(content);
+    if (database_.is_open()) read_names(content);
+    const auto revision =
+        static_cast<std::uint64_t>(database_.integer_of("SELECT revision FROM facts", 0));
+    content.first_revision = revision;
+    for (const StoredName& each : content.names)
+      content.first_revision = std::max({content.first_revision, each.revision, each.change});
+    content.first_revision += kRevisionsPerStart;
+    is_read_only_ = !content.faults.empty();
+    if (is_read_only_) {
+      // Nothing is written to it any more, when it is closed neither.
+      static_cast<void>(database_.execute("PRAGMA query_only = 1"));
+      static_cast<void>(
+          sqlite3_db_config(database_.get(), SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr));
+      content.faults.push_back(
+          "Nothing can be changed. To go on with what is sound, save it by "
+          "`--dump`, move " +
+          printable(path_) + " away, and give it back by `--load`.");
+      return content;
+    }
+    if (auto begun = begin(content); !begun) return unexpected{std::move(begun.error())};
+    return content;
+  }
+
+  expected<void, StorageError> commit(const names::StoredChange& change) override {
+    if (is_read_only_ || is_failed_) {
+      const char* const why = is_read_only_ ? "it was found damaged" : "writing it failed before";
+      return unexpected{
+          StorageError{{"the database " + printable(path_) + " can't be changed", why}, kReadOnly}};
+    }
+    if (const int result = write(change); result != SQLITE_DONE) {
+      const std::string why = database_.text();
+      if (sqlite3_get_autocommit(database_.get()) == 0) {
+        static_cast<void>(database_.execute("ROLLBACK"));
+      }
+      return unexpected{failure(result, why)};
+    }
+    return {};
+  }
+
+ private:
+  static constexpr auto kReadOnly = StorageError::Kind::kReadOnly;
+
+  [[nodiscard]] SetupError unusable(const std::string& why, const std::string& remedy) const {
+    return {"the database " + printable(path_) + " can't be used", why, remedy};
+  }
+
+  // Opens the database, creating its tables in an empty one.
+  expected<void, SetupError> open(names::StoredContent& content) {
+    int result = database_.open(path_, vfs_);
+    if (result == SQLITE_OK) {
+      static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
+      // The journal of the change to write-ahead logging must be gone for good before the log has
+      // a commit: after a power cut it would take that back.
+      set_durable(true);
+      result = database_.execute("PRAGMA journal_mode = WAL");
+    }
+    if (result == SQLITE_OK) {
+      // The first read takes the lock for good.
+      result = database_.execute("BEGIN IMMEDIATE; COMMIT");
+    }
+    const int primary = result & 0xff;
+    if (primary == SQLITE_BUSY) {
+      return unexpected{unusable("another program has it open", "end that one")};
+    }
+    if (primary == SQLITE_NOTADB || primary == SQLITE_CORRUPT) {
+      content.faults.push_back("The database " + printable(path_) +
+                               " is damaged: " + database_.text() + ".");
+      return {};
+    }
+    if (result != SQLITE_OK) {
+      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
+    }
+    return check_kind();
+  }
+
+  expected<void, SetupError> check_kind() {
+    const std::int64_t kind = database_.integer_of("PRAGMA application_id", -1);
+    const std::int64_t version = database_.integer_of("PRAGMA user_version", -1);
+    const std::int64_t table_count = database_.integer_of("SELECT count(*) FROM sqlite_master", -1);
+    if (kind == 0 && version == 0 && table_count == 0) {
+      if (database_.execute(kCreate) == SQLITE_OK) return {};
+      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
+    }
+    if (kind != kApplicationId) {
+      return unexpected{unusable("it is another program's", "give --store another file")};
+    }
+    if (version > kSchemaVersion) {
+      return unexpected{unusable("it is of a newer release, whose format " +
+                                     std::to_string(version) + " this one does not know",
+                                 "start that release")};
+    }
+    return {};
+  }
+
+  void check_structure(names::StoredContent& content) {
+    Statement check = database_.prepare("PRAGMA integrity_check(3)");
+    int result = check.step();
+    for (; result == SQLITE_ROW; result = check.step()) {
+      if (check.text(0) == "ok") return;
+      content.faults.push_back("The database " + printable(path_) +
+                               " is damaged: " + printable(check.text(0)) + ".");
+    }
+    if (content.faults.empty()) {
+      content.faults.push_back("The database " + printable(path_) +
+                               " is damaged: " + database_.text() + ".");
+    }
+  }
+
+  // All rows that can be read, and whose checksum is right. Leased ones of an earlier start of the
+  // machine are over.
+  void read_names(names::StoredContent& content) {
+    const bool is_same_boot =
+        clock() != 0 && database_.integer_of("SELECT clock FROM facts", 0) == clock();
+    const std::string sql =
+        "SELECT id, " + std::string(kColumns) + " FROM names WHERE id > ? ORDER BY id";
+    Statement rows = database_.prepare(sql.c_str());
+    std::int64_t last = -1;
+    int damaged_count = 0;
+    int skipped_count = 0;
+    rows.bind(1, last);
+    for (;;) {
+      const int result = rows.step();
+      if (result == SQLITE_DONE) break;
+      if (result == SQLITE_ROW) {
+        last = rows.integer(0);
+        auto stored = read_row(rows, 1);
+        if (!stored) {
+          ++damaged_count;
+        } else if (stored->is_permanent() || is_same_boot) {
+          content.names.push_back(std::move(*stored));
+        }
+        continue;
+      }
+      // A damaged page: goes on behind its next row.
+      if (++skipped_count > kSkippedRowMax) break;
+      rows.reset();
+      rows.bind(1, ++last);
+    }
+    if (damaged_count > 0) {
+      content.faults.push_back(std::to_string(damaged_count) + " rows of " + printable(path_) +
+                               " are damaged, and left out.");
+    }
+    if (skipped_count > 0) {
+      content.faults.push_back("Some rows of " + printable(path_) +
+                               " can't be read, and are left out: " + database_.text() + ".");
+    }
+  }
+
+  // Prepares for changes, and notes this start.
+  expected<void, SetupError> begin(const names::StoredContent& content) {
+    begin_ = database_.prepare("BEGIN IMMEDIATE");
+    commit_ = database_.prepare("COMMIT");
+    put_ = database_.prepare(
+        "INSERT INTO names(name, url, interface, owner_id, owner_epoch, revision, change, host, "
+        "lease_ns, properties, checksum) VALUES(?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?) "
+        "ON CONFLICT(name) DO UPDATE SET url = excluded.url, interface = excluded.interface, "
+        "owner_id = excluded.owner_id, owner_epoch = excluded.owner_epoch, "
+        "revision = excluded.revision, change = excluded.change, host = excluded.host, "
+        "lease_ns = excluded.lease_ns, properties = excluded.properties, "
+        "checksum = excluded.checksum");
+    erase_ = database_.prepare("DELETE FROM names WHERE name = ?");
+    advance_ = database_.prepare("UPDATE facts SET revision = ?");
+    const std::string note =
+        "BEGIN IMMEDIATE; UPDATE facts SET revision = " + std::to_string(content.first_revision) +
+        ", clock = " + std::to_string(clock()) + "; DELETE FROM names WHERE lease_ns > 0 AND " +
+        (database_.integer_of("SELECT clock FROM facts", 0) == clock() ? std::string("0")
+                                                                       : std::string("1")) +
+        "; COMMIT";
+    const bool is_ready = begin_ && commit_ && put_ && erase_ && advance_ &&
+                          database_.execute(note.c_str()) == SQLITE_OK;
+    if (!is_ready) {
+      return unexpected{unusable(database_.text(), "check its folder, rights and space")};
+    }
+    return {};
+  }
+
+  /// SQLITE_DONE or an error.
+  int write(const names::StoredChange& change) {
+    set_durable(change.is_durable);
+    if (const int begun = begin_.run(); begun != SQLITE_DONE) return begun;
+    int result = SQLITE_DONE;
+    if (change.stored != nullptr) {
+      const std::string properties = properties_text(change.stored->properties);
+      bind_row(put_, *change.stored, properties);
+      result = put_.run();
+    } else {
+      erase_.bind(1, change.name);
+      result = erase_.run();
+    }
+    if (result != SQLITE_DONE) return result;
+    advance_.bind(1, static_cast<std::int64_t>(change.revision));
+    if (const int advanced = advance_.run(); advanced != SQLITE_DONE) return advanced;
+    return commit_.run();
+  }
+
+  // Whether a commit waits for the disk.
+  void set_durable(bool is_durable) {
+    if (is_durable_ == is_durable) return;
+    static_cast<void>(database_.execute(is_durable ? "PRAGMA synchronous = EXTRA"
+                                                   : "PRAGMA synchronous = NORMAL"));
+    is_durable_ = is_durable;
+  }
+
+  [[nodiscard]] StorageError failure(int result, const std::string& why) {
+    const int primary = result & 0xff;
+    const std::string what = "the database " + printable(path_) + " was not written";
+    if (primary == SQLITE_FULL) {
+      return {{what, why, "free some space"}, StorageError::Kind::kFull};
+    }
+    // What the disk has after a failed write is unknown: the next start finds out.
+    if (primary == SQLITE_IOERR || primary == SQLITE_CORRUPT) is_failed_ = true;
+    return {{what, why, "check the disk, and start again"}, StorageError::Kind::kFailed};
+  }
+
+  [[nodiscard]] static std::int64_t clock() noexcept {
+    return static_cast<std::int64_t>(rt::clock_domain());
+  }
+
+  std::string path_;
+  std::string vfs_;
+  Database database_{};
+  Statement begin_{};
+  Statement commit_{};
+  Statement put_{};
+  Statement erase_{};
+  Statement advance_{};
+  bool is_durable_ = false;
+  bool is_read_only_ = false;
+  bool is_failed_ = false;
+};
+
+}  // namespace
+
+std::unique_ptr<names::Storage> make_file_storage(std::string path, std::string vfs) {
+  return std::make_unique<FileStorage>(std::move(path), std::move(vfs));
+}
+
+}  // namespace rtpm::file_store

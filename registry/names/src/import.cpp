@@ -1,0 +1,64 @@
+#include <limits>
+#include <utility>
+
+#include "rtpm/names/outcome.hpp"
+#include "rtpm/names/storage.hpp"
+#include "store.hpp"
+
+namespace rtpm::names {
+namespace {
+
+/// Waits for the disk with the last change only, which takes the earlier ones along.
+class DurableAtTheEnd final : public Storage {
+ public:
+  explicit DurableAtTheEnd(Storage& storage) noexcept : storage_(storage) {}
+  expected<StoredContent, SetupError> load() override { return storage_.load(); }
+  expected<void, StorageError> commit(const StoredChange& change) override {
+    StoredChange passed = change;
+    passed.is_durable = is_last;
+    return storage_.commit(passed);
+  }
+  bool is_last = false;
+
+ private:
+  Storage& storage_;
+};
+
+}  // namespace
+
+expected<std::size_t, SetupError> import_names(Storage& storage,
+                                               const std::vector<StoredName>& names,
+                                               const Limits& limits) {
+  auto content = storage.load();
+  if (!content) return unexpected{std::move(content.error())};
+  if (!content->faults.empty()) return setup_error(content->faults.front());
+  DurableAtTheEnd durable(storage);
+  // The limits of one server and one host are for callers, not for the operator.
+  Limits own = limits;
+  constexpr std::size_t kNone = std::numeric_limits<std::size_t>::max();
+  own.name_count_per_owner_max = kNone;
+  own.name_count_per_host_max = kNone;
+  own.owner_count_per_host_max = kNone;
+  own.property_byte_per_owner_max = kNone;
+  Store store(own, content->first_revision, &durable);
+  store.restore(std::move(content->names), MonotonicTime{});
+  std::size_t count = 0;
+  for (const StoredName& name : names) {
+    Claim claim{name.name, name.url, name.interface, name.owner};
+    claim.properties = name.properties;
+    claim.is_permanent = true;
+    claim.allows_takeover = true;
+    durable.is_last = count + 1 == names.size();
+    const auto bound = store.rebind(claim, MonotonicTime{});
+    if (!bound) {
+      const Refusal& refusal = bound.error();
+      return setup_error("after " + std::to_string(count) + " names, " +
+                             outcome_text(refusal.outcome, name.name, refusal.component),
+                         store.storage_trouble());
+    }
+    ++count;
+  }
+  return count;
+}
+
+}  // namespace rtpm::names

@@ -1,0 +1,183 @@
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "registry_fixture.hpp"
+#include "rtpm/names/directory.hpp"
+#include "rtpm/names/policy.hpp"
+#include "store.hpp"
+
+// Permanent names, storages, and who may do what.
+namespace rtpm::names {
+namespace {
+
+using namespace std::chrono_literals;
+
+constexpr Owner kOwner{.id = 1, .epoch = 1};
+constexpr Owner kOther{.id = 2, .epoch = 1};
+constexpr const char* kUrl = "rtpm://10.0.0.1:1/p";
+
+constexpr MonotonicTime at(Duration time) {
+  return MonotonicTime{time};
+}
+
+Claim permanent(std::string_view name, Owner owner = kOwner) {
+  Claim claim{name, kUrl, "lab.Arm", owner, {}};
+  claim.is_permanent = true;
+  return claim;
+}
+Claim leased(std::string_view name, Owner owner = kOwner) {
+  return {name, kUrl, "lab.Arm", owner, 2s};
+}
+
+/// A storage in memory that counts, and fails on demand.
+class CountingStorage final : public Storage {
+ public:
+  expected<StoredContent, SetupError> load() override {
+    StoredContent content{.first_revision = 100};
+    for (const auto& [name, stored] : names)
+      content.names.push_back(stored);
+    return content;
+  }
+  expected<void, StorageError> commit(const StoredChange& change) override {
+    if (failure) return unexpected{StorageError{{"the disk has a fault"}, *failure}};
+    ++(change.is_durable ? durable_count : other_count);
+    if (change.stored != nullptr) {
+      names.insert_or_assign(std::string(change.name), *change.stored);
+    } else {
+      names.erase(std::string(change.name));
+    }
+    return {};
+  }
+  std::map<std::string, StoredName> names{};
+  std::optional<StorageError::Kind> failure{};
+  int durable_count = 0;
+  int other_count = 0;
+};
+
+Outcome outcome_of(const auto& result) {
+  if (result) return Outcome::kDone;
+  return std::optional<Outcome>(result.error().outcome).value_or(Outcome::kDone);
+}
+
+TEST(Permanent, StaysWithoutALeaseUntilItIsUnbound) {
+  Store store;
+  const auto bound = store.bind(permanent("lab/arm0"), at(0s));
+  ASSERT_TRUE(bound);
+  EXPECT_EQ(bound->lease, Duration::max());
+  EXPECT_TRUE(store.resolve("lab/arm0", at(24h * 3650)));
+  EXPECT_TRUE(store.renew("lab/arm0", kOwner, 2s, at(24h)));
+  EXPECT_TRUE(store.resolve("lab/arm0", at(24h * 3650)));
+  EXPECT_EQ(outcome_of(store.bind(leased("lab/arm0", kOther), at(1s))), Outcome::kAlreadyBound);
+  // Its owner may give it a lease.
+  ASSERT_TRUE(store.bind(leased("lab/arm0"), at(24h * 3650)));
+  EXPECT_FALSE(store.resolve("lab/arm0", at(24h * 3651)));
+}
+
+TEST(Permanent, IsChangedByOthersWithItsRevisionOnly) {
+  Store store;
+  const auto bound = store.bind(permanent("lab/arm0"), at(0s));
+  Claim taking = permanent("lab/arm0", kOther);
+  EXPECT_EQ(outcome_of(store.rebind(taking, at(0s))), Outcome::kAlreadyBound);
+  taking.holder_revision = bound->revision + 1;
+  EXPECT_EQ(outcome_of(store.rebind(taking, at(0s))), Outcome::kStaleRevision);
+  taking.holder_revision = bound->revision;
+  const auto taken = store.rebind(taking, at(0s));
+  ASSERT_TRUE(taken);
+  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s))), Outcome::kNotOwner);
+  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s), bound->revision)),
+            Outcome::kStaleRevision);
+  EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s), taken->revision)), Outcome::kDone);
+}
+
+TEST(Stored, IsEveryChangeBeforeItHappens) {
+  CountingStorage storage;
+  Store store({}, 1, &storage);
+  ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
+  ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));  // Changes nothing.
+  EXPECT_EQ(storage.durable_count, 1);
+  ASSERT_TRUE(store.bind(leased("lab/arm1"), at(0s)));
+  ASSERT_TRUE(store.renew("lab/arm1", kOwner, 2s, at(1s)));
+  EXPECT_EQ(storage.other_count, 1) << "a renewal is not stored";
+  EXPECT_EQ(storage.names.size(), 2u);
+  store.expire(at(10s));
+  EXPECT_EQ(storage.names.size(), 1u);
+  ASSERT_TRUE(store.unbind("lab/arm0", kOwner, at(10s)));
+  EXPECT_EQ(storage.durable_count, 2);
+  EXPECT_TRUE(storage.names.empty());
+}
+
+TEST(Stored, DoesNotHappenWithoutTheStorage) {
+  CountingStorage storage;
+  Store store({}, 1, &storage);
+  ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
+  const std::uint64_t revision = store.log().revision();
+  for (const auto& [kind, outcome] :
+       {std::pair{StorageError::Kind::kFull, Outcome::kStorageFull},
+        std::pair{StorageError::Kind::kReadOnly, Outcome::kReadOnly},
+        std::pair{StorageError::Kind::kFailed, Outcome::kNotStored}}) {
+    storage.failure = kind;
+    EXPECT_EQ(outcome_of(store.bind(permanent("lab/arm1"), at(0s))), outcome);
+    EXPECT_EQ(outcome_of(store.unbind("lab/arm0", kOwner, at(0s))), outcome);
+    EXPECT_EQ(store.storage_trouble(), "the disk has a fault.");
+  }
+  EXPECT_TRUE(store.resolve("lab/arm0", at(0s)));
+  EXPECT_FALSE(store.resolve("lab/arm1", at(0s)));
+  EXPECT_EQ(store.log().revision(), revision) << "nothing has changed";
+}
+
+TEST(Stored, ComesBackAndLeasedNamesHaveTheTimeToBeRenewed) {
+  CountingStorage storage;
+  {
+    Store store({}, 1, &storage);
+    ASSERT_TRUE(store.bind(permanent("lab/arm0"), at(0s)));
+    ASSERT_TRUE(store.bind(leased("lab/arm1"), at(0s)));
+  }
+  auto content = storage.load();
+  Store store({}, content->first_revision, &storage);
+  store.restore(std::move(content->names), at(60s));
+  EXPECT_TRUE(store.renew("lab/arm1", kOwner, 2s, at(61s)));
+  EXPECT_EQ(outcome_of(store.bind(leased("lab/arm1", kOther), at(62s))), Outcome::kAlreadyBound);
+  EXPECT_FALSE(store.resolve("lab/arm1", at(63s)));
+  EXPECT_TRUE(store.resolve("lab/arm0", at(63s)));
+  EXPECT_GT(store.bind(permanent("lab/arm2"), at(63s))->revision, 100u);
+}
+
+// ---- who may do what -----------------------------------------------------------------------
+
+/// Lets owner 1 change names, and everybody but hosts elsewhere look.
+class OneOwner final : public Policy {
+ public:
+  bool allows(const Caller& caller, Operation operation, std::string_view name) const override {
+    if (name == "secret") return false;
+    const bool is_change = operation == Operation::kBind || operation == Operation::kUnbind ||
+                           operation == Operation::kRenew;
+    return caller.host.is_this_host() && caller.session != 0 &&
+           (!is_change || caller.owner.id == kOwner.id);
+  }
+};
+
+TEST(Policies, AreAskedWithTheCallerOfEveryOperation) {
+  auto registry = make_registry({.policy = std::make_unique<const OneOwner>()});
+  ASSERT_TRUE(registry);
+  ServedRegistry served(**registry);
+  rpc::Node node{{.wait = {.strategy = rt::WaitStrategy::kBlock}, .collocates = false}};
+  Directory directory(node, served.url());
+  ASSERT_TRUE(directory.bind(leased("lab/arm0")));
+  EXPECT_EQ(outcome_of(directory.bind(leased("lab/arm1", kOther))), Outcome::kDenied);
+  EXPECT_EQ(outcome_of(directory.renew("lab/arm0", kOther, 2s)), Outcome::kDenied);
+  EXPECT_EQ(outcome_of(directory.unbind("lab/arm0", kOther)), Outcome::kDenied);
+  EXPECT_EQ(outcome_of(directory.resolve("secret")), Outcome::kDenied);
+  EXPECT_EQ(outcome_of(directory.list("secret")), Outcome::kDenied);
+  EXPECT_TRUE(directory.renew("lab/arm0", kOwner, 2s));
+  EXPECT_TRUE(directory.resolve("lab/arm0"));
+  EXPECT_TRUE(directory.find({}));
+  EXPECT_TRUE(directory.unbind("lab/arm0", kOwner));
+}
+
+}  // namespace
+}  // namespace rtpm::names
