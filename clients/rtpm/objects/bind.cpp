@@ -63,7 +63,11 @@ int bind(Context& context, const BindOptions& wanted) {
     return error.outcome ? context.fail(error.text() + (is_held ? "; --replace takes it" : ""))
                          : context.not_reached(error);
   }
-  if (context.json) print_json({{"name", wanted.name}, {"revision", bound->revision}});
+  if (context.json) {
+    print_json({{"name", wanted.name}, {"revision", bound->revision}});
+  } else {
+    print_line(printable(wanted.name) + " is bound to " + printable(wanted.url));
+  }
   return kDone;
 }
 
@@ -73,7 +77,11 @@ int unbind(Context& context, const std::string& name) {
   if (!entry) return context.not_reached(entry.error());
   const auto unbound = directory.unbind(name, {rt::random_u64(), 1}, entry->revision);
   if (!unbound) return context.not_reached(unbound.error());
-  if (context.json) print_json({{"name", name}, {"revision", entry->revision}});
+  if (context.json) {
+    print_json({{"name", name}, {"revision", entry->revision}});
+  } else {
+    print_line(printable(name) + " is unbound");
+  }
   return kDone;
 }
 
