@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "database.hpp"
+#include "encoding.hpp"
 #include "row.hpp"
 #include "rtpm/base/printable.hpp"
 #include "rtpm/rt/host.hpp"
@@ -94,6 +95,8 @@ class FileStorage final : public names::Storage {
   expected<void, SetupError> open(names::StoredContent& content) {
     int result = database_.open(path_, vfs_);
     if (result == SQLITE_OK) {
+      // The check of its structure goes through all of it in any order: 64 MiB.
+      static_cast<void>(database_.execute("PRAGMA cache_size = -65536"));
       static_cast<void>(database_.execute("PRAGMA locking_mode = EXCLUSIVE"));
       // The journal of the change to write-ahead logging must be gone for good before the log has
       // a commit: after a power cut it would take that back.
@@ -226,7 +229,7 @@ class FileStorage final : public names::Storage {
     if (const int begun = begin_.run(); begun != SQLITE_DONE) return begun;
     int result = SQLITE_DONE;
     if (change.stored != nullptr) {
-      const std::string properties = properties_text(change.stored->properties);
+      const std::string properties = encode(change.stored->properties);
       bind_row(put_, *change.stored, properties);
       result = put_.run();
     } else {

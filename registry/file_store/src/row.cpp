@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "json_values.hpp"
+#include "encoding.hpp"
 #include "rtpm/base/hash.hpp"
 
 namespace rtpm::file_store {
@@ -31,10 +31,6 @@ std::uint64_t checksum_of(const names::StoredName& stored, std::string_view prop
 
 }  // namespace
 
-std::string properties_text(const std::vector<names::Property>& properties) {
-  return properties.empty() ? std::string() : json_of(properties).dump();
-}
-
 void bind_row(Statement& statement, const names::StoredName& stored,
               const std::string& properties) {
   int number = 0;
@@ -61,8 +57,7 @@ std::optional<names::StoredName> read_row(const Statement& statement, int first)
                            .lease = Duration{statement.integer(first + 8)}};
   const std::string properties = text(9);
   if (checksum_of(stored, properties) != number(10)) return std::nullopt;
-  if (properties.empty()) return stored;
-  auto read = properties_of(Json::parse(properties, nullptr, /*allow_exceptions=*/false));
+  auto read = decode(properties);
   if (!read) return std::nullopt;
   stored.properties = std::move(*read);
   return stored;

@@ -22,7 +22,4 @@ void bind_row(Statement& statement, const names::StoredName& stored, const std::
 /// that it was changed, or it has no valid properties.
 [[nodiscard]] std::optional<names::StoredName> read_row(const Statement& statement, int first);
 
-/// Properties as JSON.
-[[nodiscard]] std::string properties_text(const std::vector<names::Property>& properties);
-
 }  // namespace rtpm::file_store
