@@ -98,7 +98,7 @@ class NameWatch::Impl {
     if (!first || *first == nullptr) {
       const auto why = first ? "it ended the watch" : std::string(rpc::to_string(first.error()));
       return unexpected{
-          DirectoryError{{"the registry at " + registry_url_ + " lets nobody watch", why}}};
+          DirectoryError{{"the registry at " + registry_url_ + " does not serve watches", why}}};
     }
     if (outcome_of(*(*first)->answer()) != Outcome::kDone) return refused(**first, config);
     client_.emplace(std::move(*client));

@@ -1,8 +1,10 @@
 #include <gtest/gtest.h>
 
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <optional>
+#include <random>
 #include <string>
 
 #include "offer.hpp"
@@ -156,6 +158,29 @@ TEST(Predicate, BoundsItsTextPartsAndDepth) {
     ASSERT_FALSE(refused);
     EXPECT_NE(refused.error().what.find("nested too deeply"), std::string::npos) << opening;
   }
+}
+
+// Whatever the text is, it is a predicate or an error with a place in it.
+TEST(Predicate, TakesOrRefusesAnyText) {
+  constexpr const char* kPieces[] = {
+      "ppm", "cost", "model", "paper",  "dpi", "(",     ")",    ",", "and",    "or", "not",
+      "in",  "~",    "==",    "<",      "&",   "+",     "-",    "*", "/",      "1",  "2.5",
+      "'a'", "'",    "true",  "exists", "0x",  "1e999", "\xff", "=", "is_free"};
+  std::mt19937 random(1);
+  int accepted_count = 0;
+  for (int round = 0; round < 50'000; ++round) {
+    std::string text;
+    for (std::size_t size = random() % 9; size > 0; --size)
+      text += std::string(kPieces[random() % std::size(kPieces)]) + " ";
+    const auto predicate = Predicate::parse(text, printer().types());
+    if (predicate) {
+      accepted_count += predicate->accepts(printer()) ? 1 : 0;
+    } else {
+      ASSERT_LE(predicate.error().offset, text.size()) << text;
+      ASSERT_FALSE(predicate.error().what.empty()) << text;
+    }
+  }
+  EXPECT_GT(accepted_count, 0);
 }
 
 TEST(Predicate, ShowsAnErrorUnderItsCharacter) {

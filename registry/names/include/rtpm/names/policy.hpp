@@ -38,7 +38,7 @@ class Policy {
                                     std::string_view name) const = 0;
 };
 
-/// Everybody may do everything that the rules of names allow.
+/// Allows every operation; the rules of names still hold.
 class OpenPolicy final : public Policy {
  public:
   [[nodiscard]] bool allows(const Caller&, Operation, std::string_view) const override {
