@@ -99,8 +99,8 @@ TEST_F(Objects, GetPermanentNamesFromPeople) {
       rtpm({"bind", "lab/b", "rtpm://h:1/p", "--interface", "lab.B", "--property", "rate"}), 2,
       {"'rate' is no property"});
   EXPECT_TRUE(json_of({"unbind", "lab/camera"}).contains("revision"));
-  EXPECT_EQ(rtpm({"unbind", "lab/camera"}).exit_code, 1);
-  EXPECT_EQ(rtpm({"resolve", "lab/camera"}).exit_code, 1);
+  EXPECT_EQ(rtpm({"unbind", "lab/camera"}).exit_code, 3);
+  EXPECT_EQ(rtpm({"resolve", "lab/camera"}).exit_code, 3);
 }
 
 TEST_F(Objects, AreFoundByTheirProperties) {
