@@ -112,7 +112,7 @@ TEST_F(Calls, AreRecordedWithEvents) {
   EXPECT_NE(end.output.find(" calls, "), std::string::npos) << end.output;
   const auto info = rtpm({"bag", "info", file_});
   EXPECT_NE(info.output.find("lab/arm0/read/request"), std::string::npos) << info.output;
-  EXPECT_NE(info.output.find("rtpm.device.Sampled/"), std::string::npos) << info.output;
+  EXPECT_NE(info.output.find("lab/arm0/sampled"), std::string::npos) << info.output;
 }
 
 TEST_F(Calls, OfAnUnknownObjectAreNotRecorded) {
