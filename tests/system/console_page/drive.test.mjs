@@ -256,6 +256,13 @@ describe('looks', () => {
     }
   }
 
+  // clients/console/page.png is a copy of it: charts fill while the page is open.
+  it('well for the documents', async () => {
+    await show(page, 'live/lab/arm0');
+    await until('a force', force, (newton) => newton > 0.5);
+    await keep(page, artefacts, 'page');
+  });
+
   it('can be reached by the keyboard', async () => {
     await show(page, 'overview');
     await page.reload();
