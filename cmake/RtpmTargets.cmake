@@ -66,6 +66,14 @@ if(RTPM_PRECOMPILED_HEADERS)
   endif()
 endif()
 
+# rtpm_parts_headers(target headers…): precompiled headers of a program's parts, besides the common
+# ones: what most of its sources include of other libraries.
+function(rtpm_parts_headers target)
+  if(RTPM_PRECOMPILED_HEADERS)
+    target_precompile_headers(${target} PRIVATE ${rtpm_common_headers} ${ARGN})
+  endif()
+endfunction()
+
 # rtpm_library(NAME part [SOURCES …] [PUBLIC targets…] [PRIVATE targets…] [NOT_INSTALLED])
 # Makes rtpm_<part>, alias rtpm::<part>, with include/ public and src/ private. A library without
 # sources is header-only. NOT_INSTALLED: only programs of this tree use it. PUBLIC are the parts whose headers its own headers include: because a
