@@ -66,9 +66,14 @@ if(RTPM_PRECOMPILED_HEADERS)
   endif()
 endif()
 
-# rtpm_parts_headers(target headers…): precompiled headers of a program's parts, besides the common
-# ones: what most of its sources include of other libraries.
-function(rtpm_parts_headers target)
+# rtpm_program_parts(target headers…): the sources of a program that waits for people, not for cycles.
+# The headers, what most of them include of other libraries, are precompiled with the common ones.
+option(RTPM_QUICK_PROGRAMS "Compile such programs without optimisation, in a third less time" OFF)
+mark_as_advanced(RTPM_QUICK_PROGRAMS)
+function(rtpm_program_parts target)
+  if(RTPM_QUICK_PROGRAMS)
+    target_compile_options(${target} PRIVATE -O0)
+  endif()
   if(RTPM_PRECOMPILED_HEADERS)
     target_precompile_headers(${target} PRIVATE ${rtpm_common_headers} ${ARGN})
   endif()
