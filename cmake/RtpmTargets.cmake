@@ -68,7 +68,7 @@ endif()
 
 # rtpm_program_parts(target headers…): the sources of a program that waits for people, not for cycles.
 # The headers, what most of them include of other libraries, are precompiled with the common ones.
-option(RTPM_QUICK_PROGRAMS "Compile such programs without optimisation, in a third less time" OFF)
+option(RTPM_QUICK_PROGRAMS "Compile such programs without optimisation, which takes less time" OFF)
 mark_as_advanced(RTPM_QUICK_PROGRAMS)
 function(rtpm_program_parts target)
   if(RTPM_QUICK_PROGRAMS)
