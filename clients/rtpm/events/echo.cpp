@@ -13,7 +13,7 @@
 namespace rtpm::tool {
 namespace {
 
-constexpr Duration kPeriod = std::chrono::milliseconds{50};
+constexpr Duration kPrintPeriod = std::chrono::milliseconds{50};
 
 struct EchoRequest : EventRequest {
   std::uint64_t count = 0;  ///< 0: no limit.
@@ -82,7 +82,7 @@ int echo(Context& context, const EchoRequest& request) {
   const auto subscription = Subscription::open(context, request, echo, exit_code);
   if (!subscription) return exit_code;
   const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
-  while (!echo.is_done() && rt::now() < end && !stop.wait_for(kPeriod))
+  while (!echo.is_done() && rt::now() < end && !stop.wait_for(kPrintPeriod))
     subscription->care();
   subscription->care();
   return kDone;

@@ -17,7 +17,7 @@
 namespace rtpm::tool {
 namespace {
 
-constexpr Duration kPeriod = std::chrono::milliseconds{50};
+constexpr Duration kPollPeriod = std::chrono::milliseconds{50};
 
 class EchoSink final : public gvd::SampleSink {
  public:
@@ -65,7 +65,7 @@ int echo_device(Context& context, const DeviceEchoRequest& request) {
         named(request.device, with_similar_names(context, request.device, poller.error())));
   const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
   bool is_absence_told = false;
-  while (!sink.is_done() && rt::now() < end && !stop.wait_for(kPeriod)) {
+  while (!sink.is_done() && rt::now() < end && !stop.wait_for(kPollPeriod)) {
     const auto error = poller->last_error();
     if (error && !is_absence_told) {
       rt::print_error("rtpm", printable(request.device) +

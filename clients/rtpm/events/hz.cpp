@@ -19,7 +19,7 @@ namespace {
 
 using options::formatted;
 
-constexpr Duration kPeriod = std::chrono::seconds{1};
+constexpr Duration kReportPeriod = std::chrono::seconds{1};
 
 double microseconds(Duration duration) {
   return std::chrono::duration<double, std::micro>(duration).count();
@@ -123,7 +123,7 @@ int hz(Context& context, const EventRequest& request) {
   if (!subscription) return exit_code;
   const MonotonicTime end = request.time ? rt::now() + *request.time : kNever;
   const bool is_live = is_terminal() && !context.json;
-  while (rt::now() < end && !stop.wait_for(std::min(kPeriod, end - rt::now()))) {
+  while (rt::now() < end && !stop.wait_for(std::min(kReportPeriod, end - rt::now()))) {
     subscription->care();
     if (!is_live) continue;
     std::printf("\x1b[H\x1b[2J");

@@ -14,7 +14,7 @@ namespace {
 
 using options::formatted;
 
-constexpr Duration kPeriod = std::chrono::milliseconds{1};
+constexpr Duration kWakeUpPeriod = std::chrono::milliseconds{1};
 
 void sleep_until(MonotonicTime when) {
   const std::int64_t ns = to_ns(when);
@@ -24,9 +24,9 @@ void sleep_until(MonotonicTime when) {
 }
 
 void measure(Duration time, const options::StopSignal& stop, LatencyHistogram& lateness) {
-  MonotonicTime next = rt::now() + kPeriod;
+  MonotonicTime next = rt::now() + kWakeUpPeriod;
   for (const MonotonicTime end = rt::now() + time; next < end && !stop.is_requested();
-       next = std::max(next + kPeriod, rt::now())) {
+       next = std::max(next + kWakeUpPeriod, rt::now())) {
     sleep_until(next);
     lateness.record(rt::now() - next);
   }

@@ -9,7 +9,7 @@ namespace rtpm::tool {
 
 namespace {
 
-Json json_of(const names::PropertyValue& value) {
+Json value_json(const names::PropertyValue& value) {
   return std::visit(
       [](const auto& held) -> Json {
         if constexpr (std::is_same_v<std::decay_t<decltype(held)>, names::PropertyList>) {
@@ -37,7 +37,7 @@ Json json_of(const names::NameEntry& entry) {
     json["lease_left_s"] = std::chrono::duration<double>(entry.lease_left).count();
   }
   for (const names::Property& property : entry.properties) {
-    json["properties"][property.name] = json_of(property.value);
+    json["properties"][property.name] = value_json(property.value);
     if (!property.unit.empty()) json["units"][property.name] = property.unit;
   }
   return json;

@@ -24,7 +24,7 @@ namespace {
 
 using options::formatted;
 
-constexpr Duration kPeriod = std::chrono::milliseconds{100};
+constexpr Duration kPlayPeriod = std::chrono::milliseconds{100};
 constexpr const char* kNoHub = "none";
 
 struct PlayRequest {
@@ -135,7 +135,7 @@ int play_into(Context& context, const PlayRequest& request, const replay::Record
   if (const auto started = (*player)->start(); !started) return context.fail(started.error());
   {
     StatusLine line(context);
-    while (!(*player)->is_over() && !context.stop().wait_for(kPeriod))
+    while (!(*player)->is_over() && !context.stop().wait_for(kPlayPeriod))
       line.show(text_of(recorded, (*player)->status()));
   }
   const replay::PlayerStatus status = (*player)->status();

@@ -20,7 +20,7 @@ namespace {
 
 using options::formatted;
 
-constexpr Duration kPeriod = std::chrono::milliseconds{200};
+constexpr Duration kReportPeriod = std::chrono::milliseconds{200};
 
 struct RecordRequest : SourceRequest {
   std::string file{};
@@ -88,7 +88,7 @@ int wait_for_end(Context& context, const RecordRequest& request, recording::Reco
                  Sources& sources, MonotonicTime begin) {
   const MonotonicTime end = request.time ? begin + *request.time : kNever;
   StatusLine line(context);
-  while (rt::now() < end && !context.stop().wait_for(std::min(kPeriod, end - rt::now()))) {
+  while (rt::now() < end && !context.stop().wait_for(std::min(kReportPeriod, end - rt::now()))) {
     sources.care();
     const recording::RecorderStatus status = recorder.status();
     line.show(text_of(request, rt::now() - begin, status, sources.counts()));
