@@ -130,11 +130,12 @@ function(rtpm_program)
 endfunction()
 
 # rtpm_test(NAME name SOURCES … LINK targets… LABEL unit|conformance|system|… [TIMEOUT seconds] [SERIAL]
-#   [ALSO name=variable=value])
+#   [PROCESSES] [ALSO name=variable=value])
 # A GoogleTest binary whose cases are each a ctest. SERIAL: cases take the machine for themselves.
+# PROCESSES: they start processes, so one such case runs at a time, beside cases without.
 # ALSO: they run once more, as <name>.<case>, with this environment.
 function(rtpm_test)
-  cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK")
+  cmake_parse_arguments(PARSE_ARGV 0 A "SERIAL;PROCESSES" "NAME;LABEL;TIMEOUT;ALSO" "SOURCES;LINK")
   if(A_UNPARSED_ARGUMENTS OR NOT A_NAME OR NOT A_SOURCES OR NOT A_LABEL)
     message(FATAL_ERROR "rtpm_test: NAME, SOURCES and LABEL are required; got '${ARGV}'")
   endif()
@@ -148,6 +149,9 @@ function(rtpm_test)
   set(serial "")
   if(A_SERIAL)
     set(serial RUN_SERIAL TRUE)
+  elseif(A_PROCESSES)
+    # Started first: else many would be left when all others are done.
+    set(serial RESOURCE_LOCK processes COST 100)
   endif()
   gtest_discover_tests(${A_NAME} TEST_PREFIX "${A_NAME}." DISCOVERY_MODE PRE_TEST
     PROPERTIES LABELS ${A_LABEL} TIMEOUT ${A_TIMEOUT} SKIP_REGULAR_EXPRESSION "\\[  SKIPPED \\]" ${serial})
