@@ -22,6 +22,7 @@ struct Part {
 const std::vector<Part>& parts() {
   static const std::vector<Part> kParts{
       {"protocol/base/", "base", {}},
+      {"protocol/seal/", "seal", {"base"}},
       {"protocol/wire/", "wire", {"base"}},
       {"runtime/rt/", "rt", {"base"}},
       {"runtime/transport/", "transport", {"base", "wire", "rt"}},
@@ -115,6 +116,7 @@ const std::vector<Foreign>& foreigners() {
       {std::regex("(mosquitto|mqtt_protocol).*"), "libmosquitto", {"registry/mqtt/"}},
       {std::regex("(zlib|zstd|lz4frame)\\.h"), "zlib, zstd and lz4", {"registry/recording/src/"}},
       {std::regex("sqlite3.*"), "SQLite", {"registry/file_store/src/"}},
+      {std::regex("sodium.*"), "libsodium", {"protocol/seal/src/"}},
       {std::regex("mpv/.*"), "libmpv", {"devices/mpv/plugin/"}},
       {std::regex("libusb.*"), "libusb", {"devices/falcon/src/"}},
       {std::regex("hidapi.*"), "hidapi", {"devices/hid/src/"}},

@@ -1,0 +1,111 @@
+#pragma once
+
+#include <cstdint>
+#include <string_view>
+
+#include "rtpm/base/expected.hpp"
+#include "rtpm/seal/symmetric_state.hpp"
+
+namespace rtpm::seal {
+
+/// Why a message of a handshake was not taken. The handshake is over then; nothing is answered.
+enum class HandshakeError : std::uint8_t {
+  kBadSize,    ///< The message has a size that this handshake does not have.
+  kBadKey,     ///< A public key of small order: its secret would be known to everybody.
+  kNotSealed,  ///< Made with other keys, another prologue or suite, or changed on its way.
+  kOutOfTurn,  ///< This side has no such message to take or to give now.
+};
+[[nodiscard]] std::string_view to_string(HandshakeError error) noexcept;
+
+/// What a handshake agrees on: a key for each direction, and a number for it.
+struct SessionKeys {
+  Suite suite = Suite::kChaChaPoly;
+  Secret send;
+  Secret receive;
+  Digest handshake_hash{};  ///< Public; differs for each handshake.
+};
+
+/// 32 secret bytes that both sides have besides their keys; zeros: none.
+using PresharedKey = Secret;
+
+/// The size of message 1 and 2 with a payload of so many bytes.
+[[nodiscard]] constexpr std::size_t message_1_size(std::size_t payload_size) noexcept {
+  return 2 * kKeySize + kTagSize + payload_size + kTagSize;
+}
+[[nodiscard]] constexpr std::size_t message_2_size(std::size_t payload_size) noexcept {
+  return kKeySize + payload_size + kTagSize;
+}
+
+/// "Noise_IKpsk2_25519_AESGCM_SHA256", …
+[[nodiscard]] std::string_view protocol_name(Suite suite) noexcept;
+
+/// The client's side of Noise_IKpsk2. It is used once: write_message_1(), read_message_2(), keys().
+/// @threads  one at a time
+/// @realtime alloc-free; 100 µs for message 1, 100 µs for message 2: not on a lane
+/// @source   The Noise Protocol Framework, revision 34, 7.5 and 9
+class Initiator {
+ public:
+  /// @param own        the client's long-lived key
+  /// @param server     the server's, known from before
+  /// @param ephemeral  KeyPair::generate(); for this handshake alone, and never for a second
+  ///                   message 1 that differs in any byte or in its prologue
+  /// @param prologue   what both sides must have seen alike, which the handshake checks
+  Initiator(Suite suite, KeyPair own, const PublicKey& server, PresharedKey preshared,
+            KeyPair ephemeral, ConstBytes prologue) noexcept;
+
+  /// @param out  message_1_size(payload.size()) bytes
+  [[nodiscard]] expected<void, HandshakeError> write_message_1(ConstBytes payload,
+                                                               MutableBytes out) noexcept;
+  /// After an error that is not kOutOfTurn the handshake still waits for the right message 2, so
+  /// that a forged one does not end it.
+  /// @param payload  receives message.size() - message_2_size(0) bytes
+  [[nodiscard]] expected<void, HandshakeError> read_message_2(ConstBytes message,
+                                                              MutableBytes payload) noexcept;
+  /// Of a handshake whose message 2 was read; once.
+  [[nodiscard]] expected<SessionKeys, HandshakeError> keys() noexcept;
+
+ private:
+  enum class State : std::uint8_t { kFresh, kSent, kDone, kOver };
+  State state_ = State::kFresh;
+  Suite suite_;
+  KeyPair own_;
+  KeyPair ephemeral_;
+  PublicKey server_;
+  PresharedKey preshared_;
+  SymmetricState<Sha256> symmetric_;
+};
+
+/// The server's side: read_message_1(), then judge the client's key, then write_message_2(),
+/// keys().
+/// @threads  one at a time
+/// @realtime alloc-free; 100 µs for message 1, 140 µs for message 2: not on a lane
+class Responder {
+ public:
+  Responder(Suite suite, KeyPair own, PresharedKey preshared, ConstBytes prologue) noexcept;
+
+  /// @param payload  receives message.size() - message_1_size(0) bytes
+  /// @return the client's key. The client has proved to own it, but perhaps long ago: message 1 can
+  ///         be a replay, so nothing may change on it alone
+  [[nodiscard]] expected<PublicKey, HandshakeError> read_message_1(ConstBytes message,
+                                                                   MutableBytes payload) noexcept;
+  /// @param ephemeral  KeyPair::generate(); for this handshake alone
+  /// @param out        message_2_size(payload.size()) bytes
+  [[nodiscard]] expected<void, HandshakeError> write_message_2(KeyPair ephemeral,
+                                                               ConstBytes payload,
+                                                               MutableBytes out) noexcept;
+  /// Of a handshake whose message 2 was written; once. The client is proved to take part only by
+  /// its first sealed frame.
+  [[nodiscard]] expected<SessionKeys, HandshakeError> keys() noexcept;
+
+ private:
+  enum class State : std::uint8_t { kFresh, kReceived, kDone, kOver };
+  State state_ = State::kFresh;
+  Suite suite_;
+  KeyPair own_;
+  PublicKey client_{};
+  PublicKey client_ephemeral_{};
+  PresharedKey preshared_;
+  SymmetricState<Sha256> symmetric_;
+};
+
+}  // namespace rtpm::seal
