@@ -21,7 +21,7 @@ local STATUSES = {
   [0] = "ok", "overload", "expired", "no_such_method", "no_such_object", "bad_request",
   "not_lease_holder", "gone", "servant_failed", "too_large", "priority_not_allowed", "wrong_band",
   "unknown_session", "version_unsupported", "bad_limits", "wrong_interface", "cancelled", "stopping",
-  "lost",
+  "lost", "not_allowed",
 }
 local STATUS_OK, STATUS_EXPIRED, STATUS_WRONG_INTERFACE = 0, 2, 15
 

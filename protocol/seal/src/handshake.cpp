@@ -13,7 +13,8 @@ PublicKey key_at(ConstBytes message, std::size_t offset) noexcept {
   return key;
 }
 
-// Noise, 7.1: a DH token. Secrets that a point of small order makes are known to everybody.
+// Noise, 7.1: a DH token. sec-2-3: secrets that a point of small order makes are known to
+// everybody.
 [[nodiscard]] bool mix_shared(Symmetric& symmetric, const PrivateKey& ours,
                               const PublicKey& theirs) noexcept {
   Secret shared;
@@ -65,7 +66,7 @@ Initiator::Initiator(Suite suite, KeyPair own, const PublicKey& server, Preshare
   symmetric_.mix_hash(server_);
 }
 
-// -> e, es, s, ss
+// -> e, es, s, ss. sec-3-1: once, so that an ephemeral key serves one message.
 expected<void, HandshakeError> Initiator::write_message_1(ConstBytes payload,
                                                           MutableBytes out) noexcept {
   if (state_ != State::kFresh) return fail(HandshakeError::kOutOfTurn);
@@ -83,7 +84,7 @@ expected<void, HandshakeError> Initiator::write_message_1(ConstBytes payload,
   return {};
 }
 
-// <- e, ee, se, psk
+// <- e, ee, se, psk. sec-3-4: tried on a copy, as anybody may have sent it.
 expected<void, HandshakeError> Initiator::read_message_2(ConstBytes message,
                                                          MutableBytes payload) noexcept {
   if (state_ != State::kSent) return fail(HandshakeError::kOutOfTurn);

@@ -37,7 +37,7 @@ expected<void, SealError> SealedSession::seal(ConstBytes header, ConstBytes payl
   if (out.size() != header.size() + payload.size() + kTrailerSize) {
     return unexpected{SealError::kBadSize};
   }
-  // sec-5-2: the counter never repeats, so the session ends where there is no further one.
+  // sec-5-1, sec-5-2: the counter never repeats, so the session ends where there is no further one.
   const std::uint64_t counter = send_counter_;
   if (counter >= limits_.counter_end) {
     end();
@@ -62,7 +62,7 @@ void SealedSession::advance_send() noexcept {
   send_keys_[(after + 1) % send_keys_.size()].set_next_of(send_keys_[after % send_keys_.size()]);
 }
 
-// Cheap checks first: a frame that they refuse costs no cryptography.
+// sec-5-4, sec-5-5, sec-5-6, sec-5-7: a frame that these checks refuse costs no cryptography.
 expected<void, OpenError> SealedSession::judge(std::uint64_t counter) const noexcept {
   if (counter >= limits_.counter_end) return unexpected{OpenError::kBeyond};
   if (order_ == Order::kExact && counter != window_.next()) return unexpected{OpenError::kReplayed};

@@ -4,10 +4,10 @@ namespace rtpm::wire {
 
 std::string_view to_string(DropReason reason) noexcept {
   static constexpr std::array<std::string_view, kDropReasonCount> kNames{
-      "too_short",    "bad_magic",         "bad_version",     "bad_kind",
-      "reserved_set", "bad_priority",      "bad_length",      "bad_fragment",
-      "bad_payload",  "bad_cookie",        "unknown_session", "foreign_address",
-      "stale_call",   "duplicate_running", "unexpected",      "rate_limited"};
+      "too_short",       "bad_magic",       "bad_version",  "bad_kind",          "reserved_set",
+      "bad_priority",    "bad_length",      "bad_fragment", "bad_payload",       "bad_cookie",
+      "unknown_session", "foreign_address", "stale_call",   "duplicate_running", "unexpected",
+      "rate_limited",    "unsealed",        "bad_seal",     "replayed"};
   const auto index = static_cast<std::size_t>(reason);
   return index < kNames.size() ? kNames[index] : "unknown";
 }

@@ -67,7 +67,7 @@ void encode(const Welcome& welcome, MutableBytes to) noexcept {
 }
 
 // hp-4.3-1, except the checks against the client's priority and the header's session.
-std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
+std::optional<Welcome> decode_welcome(ConstBytes payload, std::uint32_t features) noexcept {
   if (payload.size() != Welcome::kSize) return std::nullopt;
   ByteReader reader(payload);
   Welcome welcome;
@@ -84,7 +84,7 @@ std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept {
   const bool is_second_zero = reader.take_zeros(12);
   if (!low || !high || !ceiling || *low > *high || !is_first_zero || !is_second_zero ||
       welcome.version != kVersion || !std::has_single_bit(welcome.window) ||
-      welcome.server_epoch == 0 || welcome.features != 0 ||
+      welcome.server_epoch == 0 || (welcome.features & ~features) != 0 ||
       welcome.message_size_max < kMessageSizeFloor ||
       welcome.message_size_max > kMessageSizeCeiling) {
     return std::nullopt;

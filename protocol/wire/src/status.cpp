@@ -23,7 +23,8 @@ std::string_view to_string(Status status) noexcept {
                                                                      "wrong_interface",
                                                                      "cancelled",
                                                                      "stopping",
-                                                                     "lost"};
+                                                                     "lost",
+                                                                     "not_allowed"};
   const auto index = static_cast<std::size_t>(status);
   return index < kNames.size() ? kNames[index] : "unknown";
 }

@@ -363,7 +363,7 @@ def unknown_status():
                  'A status that this version does not list: the call is over, and may have run.',
                  ['hp-5.1-7', 'hp-7'], roles=['client'])
     c.handshake()
-    for i, (status, name) in enumerate(((19, 'call'), (65535, 'call2'))):
+    for i, (status, name) in enumerate(((20, 'call'), (65535, 'call2'))):
         c.at((10 + 10 * i) * MS)
         c.client_calls(1, 2, '01')
         c.call(name, payload='01')

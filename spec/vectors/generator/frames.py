@@ -10,11 +10,11 @@ KINDS = {'HELLO': 1, 'COOKIE': 2, 'WELCOME': 3, 'REFUSE': 4, 'CALL': 5, 'REPLY':
 STATUSES = {name: number for number, name in enumerate(
     'ok overload expired no_such_method no_such_object bad_request not_lease_holder gone '
     'servant_failed too_large priority_not_allowed wrong_band unknown_session '
-    'version_unsupported bad_limits wrong_interface cancelled stopping lost'.split())}
+    'version_unsupported bad_limits wrong_interface cancelled stopping lost not_allowed'.split())}
 
 DROP_REASONS = ('too_short bad_magic bad_version bad_kind reserved_set bad_priority bad_length '
                 'bad_fragment bad_payload bad_cookie unknown_session foreign_address stale_call '
-                'duplicate_running unexpected rate_limited').split()
+                'duplicate_running unexpected rate_limited unsealed bad_seal replayed').split()
 
 REPEATED = 1
 ACK_WANTED = 2

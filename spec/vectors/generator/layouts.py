@@ -18,6 +18,9 @@ LAYOUTS = [
     ('hprotocol.md', 'hp-16.1', 0, 'shared memory request'),
     ('hprotocol.md', 'hp-16.1', 1, 'shared memory answer'),
     ('hprotocol.md', 'hp-16.2', 0, 'shared memory control words'),
+    ('security.md', 'sec-3.1', 0, 'sealed COOKIE'),
+    ('security.md', 'sec-3.2', 0, 'sealed HELLO'),
+    ('security.md', 'sec-3.3', 0, 'sealed WELCOME'),
     ('events.md', 'ev-2', 0, 'event'),
     ('events.md', 'ev-5.5', 0, 'news of a link'),
     ('events.md', 'ev-7.1', 0, 'multicast datagram'),
@@ -127,6 +130,7 @@ def layouts():
             size = fields[-1]['offset'] + fields[-1]['size']
         documents.append(dict(name=name, page=f'{page_name}#{section}', size=size, fields=fields))
     check_frames(documents)
-    return dict(subject='The layouts of hprotocol.md and events.md, read from their tables. Numbers '
+    return dict(subject='The layouts of hprotocol.md, security.md and events.md, read from their '
+                        'tables. Numbers '
                         'are little-endian.',
                 layouts=documents)

@@ -17,6 +17,11 @@ import single_frames
 import streams
 import versions
 
+try:
+    import sealed
+except ImportError:  # Without Python's `cryptography`, sealed.json is left as it is.
+    sealed = None
+
 FOLDER = pathlib.Path(__file__).resolve().parent.parent
 REMEDY = 'python3 spec/vectors/generator/make.py'
 
@@ -37,6 +42,8 @@ def files():
     yield 'fingerprints.json', fingerprints.fingerprints()
     yield 'versions.json', versions.versions()
     yield '../layouts.json', layouts.layouts()
+    if sealed:
+        yield 'sealed.json', sealed.sealed()
     for conversation in (conversations.conversations() + deliveries.conversations() +
                          streams.conversations() + sessions.conversations() +
                          bindings.conversations()):
@@ -71,6 +78,8 @@ def main():
     wanted = {(FOLDER / name).resolve(): lay_out(document) for name, document in files()}
     there = set(FOLDER.glob('*.json')) | set(FOLDER.glob('conversations/*.json'))
     there |= {path for path in wanted if path.exists()}
+    if not sealed:
+        there.discard(FOLDER / 'sealed.json')
     faults = []
     for path in sorted(there | set(wanted)):
         now = path.read_text() if path in there else None

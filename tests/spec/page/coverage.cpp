@@ -9,7 +9,7 @@
 namespace rtpm::spec {
 namespace {
 
-constexpr std::string_view kPages[] = {"spec/hprotocol.md", "spec/events.md"};
+constexpr std::string_view kPages[] = {"spec/hprotocol.md", "spec/events.md", "spec/security.md"};
 constexpr std::string_view kExemptions = "spec/exemptions.txt";
 
 /// Where a citation counts.
@@ -42,8 +42,8 @@ struct Page {
 };
 
 Page read_page(std::string_view text) {
-  static const std::regex kRule(R"(^- `\[((?:hp|ev)-[0-9.]+-[0-9]+)\]`)");
-  static const std::regex kSection(R"(\{#((?:hp|ev)-[0-9.]+)\})");
+  static const std::regex kRule(R"(^- `\[((?:hp|ev|sec)-[0-9.]+-[0-9]+)\]`)");
+  static const std::regex kSection(R"(\{#((?:hp|ev|sec)-[0-9.]+)\})");
   Page page;
   bool is_in_rule = false;
   bool is_in_section = false;  // What stands before the first one says what MUST means.
@@ -72,7 +72,7 @@ Page read_page(std::string_view text) {
 /// Calls `take(anchor)` for each anchor in `text`.
 template <class Take>
 void for_each_anchor(const std::string& text, const Take& take) {
-  static const std::regex kAnchor(R"(\b(hp|ev)-[0-9]+(\.[0-9]+)*(-[0-9]+)?)");
+  static const std::regex kAnchor(R"(\b(hp|ev|sec)-[0-9]+(\.[0-9]+)*(-[0-9]+)?)");
   for (std::sregex_iterator match(text.begin(), text.end(), kAnchor), end; match != end; ++match) {
     take(match->str());
   }
@@ -112,9 +112,10 @@ Citations read_citations(const std::vector<SourceFile>& files, const std::set<st
     const Place place = is_code(file) ? Place::kCode : Place::kTest;
     const std::vector<std::string> lines = tidy::lines_of(file.text);
     for (std::size_t i = 0; i < lines.size(); ++i) {
-      if (lines[i].find("hp-") == std::string::npos && lines[i].find("ev-") == std::string::npos) {
-        continue;
-      }
+      const auto has = [&](const char* prefix) {
+        return lines[i].find(prefix) != std::string::npos;
+      };
+      if (!has("hp-") && !has("ev-") && !has("sec-")) continue;
       for_each_anchor(citing_part(file, lines[i]), [&](const std::string& anchor) {
         if (known.contains(anchor)) {
           citations.anchors[place].insert(anchor);
@@ -135,7 +136,7 @@ struct Exemption {
 };
 
 std::vector<Exemption> read_exemptions(const SourceFile& file, std::vector<Fault>& faults) {
-  static const std::regex kLine(R"(^((?:hp|ev)-[0-9.]+-[0-9]+) (code|test): (\S.*\s\S.*)$)");
+  static const std::regex kLine(R"(^((?:hp|ev|sec)-[0-9.]+-[0-9]+) (code|test): (\S.*\s\S.*)$)");
   std::vector<Exemption> exemptions;
   const std::vector<std::string> lines = tidy::lines_of(file.text);
   for (std::size_t i = 0; i < lines.size(); ++i) {

@@ -7,9 +7,9 @@
 
 #include "source_tree.hpp"
 
-/// Whether the code and the tests keep up with the pages spec/hprotocol.md and spec/events.md: each
-/// rule with MUST is cited by its anchor where the code obeys it and where a test shows that it
-/// does.
+/// Whether the code and the tests keep up with the pages spec/hprotocol.md, spec/events.md and
+/// spec/security.md: each rule with MUST is cited by its anchor where the code obeys it and where a
+/// test shows that it does.
 ///
 /// A citation is the anchor in a comment, such as `// hp-X-1: why`. In the code it counts in
 /// protocol/, runtime/ and registry/; as a test in tests/, and in the `rules` of a vector in
@@ -21,7 +21,7 @@ using tidy::SourceFile;
 
 /// One rule of the page.
 struct Rule {
-  std::string anchor;  ///< "hp-" or "ev-", and the number of its section, then its own.
+  std::string anchor;  ///< "hp-", "ev-" or "sec-", and the number of its section, then its own.
   std::size_t line_index = 0;
   bool is_must = false;  ///< Says MUST or MUST NOT, and not only SHOULD or MAY.
 };
@@ -34,9 +34,8 @@ struct Rule {
 ///   a rule with MUST that no code or no test cites and that is not exempt;
 ///   a citation of an anchor that the page does not have;
 ///   an exemption without a reason, or that is not needed.
-/// `files` has the pages as spec/hprotocol.md and spec/events.md, and the exemptions as
-/// spec/exemptions.txt: lines `anchor code: reason` or `anchor test: reason`, empty lines, and
-/// comments from `#`.
+/// `files` has the pages under their paths, and the exemptions as spec/exemptions.txt: lines
+/// `anchor code: reason` or `anchor test: reason`, empty lines, and comments from `#`.
 [[nodiscard]] std::vector<Fault> find_uncovered(const std::vector<SourceFile>& files);
 
 }  // namespace rtpm::spec

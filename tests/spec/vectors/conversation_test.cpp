@@ -97,7 +97,7 @@ TEST(Vectors, HaveEveryKindStatusAndReason) {
   std::set<std::string> kinds, statuses, reasons;
   std::vector<Json> documents;
   for (const char* name : {"headers-good.json", "headers-bad.json", "hello.json", "cookie.json",
-                           "welcome.json", "bind-request.json", "bind-reply.json"}) {
+                           "welcome.json", "bind-request.json", "bind-reply.json", "sealed.json"}) {
     documents.push_back(read_vectors(name));
   }
   for (const std::string& name : conversation_names())

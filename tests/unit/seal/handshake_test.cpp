@@ -100,6 +100,7 @@ TEST_P(HandshakeTest, AnyFlippedBitOfMessage1IsRefused) {
   }
 }
 
+// sec-3-4
 TEST_P(HandshakeTest, ForgedMessages2LeaveTheHandshakeWaitingForTheRightOne) {
   Handshake handshake(GetParam());
   ASSERT_TRUE(handshake.read_1(handshake.write_1()));
@@ -136,6 +137,7 @@ TEST_P(HandshakeTest, NothingFitsAnotherPrologueServerSecretOrSuite) {
   EXPECT_FALSE(handshake.read_2(handshake.write_2()));
 }
 
+// sec-2-3
 TEST_P(HandshakeTest, KeysOfSmallOrderEndIt) {
   Handshake handshake(GetParam());
   Initiator initiator(GetParam(), handshake.client_key.clone(), PublicKey{}, Secret{},
@@ -149,6 +151,7 @@ TEST_P(HandshakeTest, KeysOfSmallOrderEndIt) {
   EXPECT_EQ(read.error(), HandshakeError::kBadKey);
 }
 
+// sec-3-1: no second message of one ephemeral key.
 TEST_P(HandshakeTest, MessagesHaveTheirSizeAndTheirTurn) {
   Handshake handshake(GetParam());
   Bytes message(message_1_size(4) - 1);

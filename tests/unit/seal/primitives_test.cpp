@@ -38,6 +38,7 @@ TEST(Primitives, AgreeAsInRfc7748) {
             public_of("422c8e7a6227d7bca1350b3e2bb7279f7897b87bb6854b783c60e80311ae3079"));
 }
 
+// sec-2-3
 TEST(Primitives, KeysOfSmallOrderAreRefused) {
   const KeyPair pair = KeyPair::generate();
   Secret shared;
@@ -88,6 +89,7 @@ TEST(Primitives, SealAsInTheProposalOfGcm) {
   EXPECT_EQ(tag, bytes_of_hex("d0d1c8a799996bf0265b98b5d48ab919"));
 }
 
+// sec-2-2
 TEST(Primitives, TheBetterSuiteNeedsBothSides) {
   const auto chacha = static_cast<std::uint8_t>(Suite::kChaChaPoly);
   const std::uint8_t both = 3;

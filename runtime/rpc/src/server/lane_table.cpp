@@ -20,7 +20,7 @@ constexpr std::size_t kTableSizeMax = std::size_t{1} << 20;
 static_assert(std::is_trivially_copyable_v<LaneSample>);
 static_assert(sizeof(LaneTableHeader) % alignof(LaneSlot) == 0, "the slots follow at once");
 // Another layout needs another version: readers of the old one would misread it.
-static_assert(sizeof(LaneSample) == 8 * 47 && kLaneTableVersion == 2);
+static_assert(sizeof(LaneSample) == 8 * 50 && kLaneTableVersion == 3);
 
 // What is checked is what is used: the compiler may not look a second time.
 template <class T>

@@ -281,10 +281,10 @@ TEST(Frame, WithAnyOneBitTurnedIsDroppedOrReadDifferently) {
 
 TEST(Names, AreTheSpecs) {
   constexpr std::array<std::string_view, kDropReasonCount> kReasons{
-      "too_short",    "bad_magic",         "bad_version",     "bad_kind",
-      "reserved_set", "bad_priority",      "bad_length",      "bad_fragment",
-      "bad_payload",  "bad_cookie",        "unknown_session", "foreign_address",
-      "stale_call",   "duplicate_running", "unexpected",      "rate_limited"};
+      "too_short",       "bad_magic",       "bad_version",  "bad_kind",          "reserved_set",
+      "bad_priority",    "bad_length",      "bad_fragment", "bad_payload",       "bad_cookie",
+      "unknown_session", "foreign_address", "stale_call",   "duplicate_running", "unexpected",
+      "rate_limited",    "unsealed",        "bad_seal",     "replayed"};
   for (std::size_t i = 0; i < kReasons.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<DropReason>(i)), kReasons[i]);
   }
@@ -307,7 +307,8 @@ TEST(Names, AreTheSpecs) {
                                                                  "wrong_interface",
                                                                  "cancelled",
                                                                  "stopping",
-                                                                 "lost"};
+                                                                 "lost",
+                                                                 "not_allowed"};
   for (std::size_t i = 0; i < kStatuses.size(); ++i) {
     EXPECT_EQ(to_string(static_cast<Status>(i)), kStatuses[i]);
   }

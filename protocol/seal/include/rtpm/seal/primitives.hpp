@@ -83,6 +83,7 @@ enum class Suite : std::uint8_t {
 };
 /// The bits of all suites that this machine has.
 [[nodiscard]] std::uint8_t suites_here() noexcept;
+// sec-2-2: all have ChaCha20-Poly1305.
 /// The suite for two sides that have these; ChaCha20-Poly1305 if there is nothing better.
 [[nodiscard]] constexpr Suite best_suite(std::uint8_t ours, std::uint8_t theirs) noexcept {
   const bool has_aes = (ours & theirs & static_cast<std::uint8_t>(Suite::kAesGcm)) != 0;

@@ -25,8 +25,11 @@ enum class DropReason : std::uint8_t {
   kDuplicateRunning,  ///< A repetition of a call that still runs.
   kUnexpected,        ///< A well-formed frame that fits no state, such as a stale answer.
   kRateLimited,       ///< Of no session; its host used up its quota of answers (hp-4.4-5).
+  kUnsealed,          ///< Not sealed, in a sealed session.
+  kBadSeal,           ///< Not sealed by the peer of its session, or changed on its way.
+  kReplayed,          ///< A sealed frame that was received before, or is older than the window.
 };
-inline constexpr std::size_t kDropReasonCount = 16;
+inline constexpr std::size_t kDropReasonCount = 19;
 
 /// The name in the specification.
 [[nodiscard]] std::string_view to_string(DropReason reason) noexcept;

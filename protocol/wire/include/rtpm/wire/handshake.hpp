@@ -20,7 +20,7 @@ struct Hello {
 
   std::uint16_t version_min = kVersion;  ///< The lowest version that the client supports.
   std::uint16_t version_max = kVersion;  ///< The highest one.
-  std::uint32_t features = 0;            ///< No optional features exist yet.
+  std::uint32_t features = 0;            ///< Optional features that the client offers.
   std::uint64_t client_epoch = 0;        ///< Random for each life of the client.
   std::uint64_t channel = 0;             ///< Distinguishes the channels of one client.
   std::uint64_t clock_domain = 0;        ///< Equal on both sides: one clock. 0: not known.
@@ -51,6 +51,8 @@ void encode(const Welcome& welcome, MutableBytes to) noexcept;
 /// @return nothing: the size or a reserved byte is wrong
 /// @realtime alloc-free
 [[nodiscard]] std::optional<Hello> decode_hello(ConstBytes payload) noexcept;
-[[nodiscard]] std::optional<Welcome> decode_welcome(ConstBytes payload) noexcept;
+/// @param features  bits that the client offered; others are wrong
+[[nodiscard]] std::optional<Welcome> decode_welcome(ConstBytes payload,
+                                                    std::uint32_t features = 0) noexcept;
 
 }  // namespace rtpm::wire

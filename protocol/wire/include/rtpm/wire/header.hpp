@@ -36,6 +36,8 @@ inline constexpr std::uint16_t kFlagAckWanted =
     2;                                            ///< On a fragment or CREDIT: asks for an answer.
 inline constexpr std::uint16_t kFlagNoReply = 4;  ///< On a CALL: a oneway without confirmation.
 inline constexpr std::uint16_t kFlagReplyOnReceipt = 8;  ///< On a CALL: reply before it runs.
+/// Of sealed sessions alone, see sealed.hpp: here it is a reserved bit.
+inline constexpr std::uint16_t kFlagSealed = 16;
 inline constexpr std::uint16_t kFlagsKnown =
     kFlagRepeated | kFlagAckWanted | kFlagNoReply | kFlagReplyOnReceipt;
 

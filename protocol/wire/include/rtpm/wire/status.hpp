@@ -27,8 +27,9 @@ enum class Status : std::uint16_t {
   kCancelled = 16,           ///< It ended early because its caller gave up.
   kStopping = 17,            ///< The server stops. A call that ran may have had an effect.
   kLost = 18,  ///< The stream ended because its client was silent for too long. It may have run.
+  kNotAllowed = 19,  ///< Not run: the caller's identity may not do this.
 };
-inline constexpr std::uint16_t kStatusCount = 19;
+inline constexpr std::uint16_t kStatusCount = 20;
 
 /// The name in the specification; "unknown" for a number that has none.
 [[nodiscard]] std::string_view to_string(Status status) noexcept;

@@ -23,7 +23,7 @@ namespace rtpm::rpc {
 /// The name of the memory, as rt::find_public_memory() takes it.
 inline constexpr std::string_view kLaneTableName = "lanes";
 inline constexpr std::uint64_t kLaneTableMagic = 0x5345'4e41'4c4d'5052;  // "RPMLANES"
-inline constexpr std::uint32_t kLaneTableVersion = 2;
+inline constexpr std::uint32_t kLaneTableVersion = 3;
 
 /// How many threads a lane has at most: 64 static ones, 64 dynamic ones, and who receives
 /// meanwhile.
